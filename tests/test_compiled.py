@@ -71,8 +71,8 @@ TOGETHER = """
 import numpy as np
 from dataclasses import replace
 from fitball.inference.calibrate import compile_ahead
+from fitball.environment import when_compiling
 from fitball.models.two_mass import KERNELS, to_be_compiled
-from fitball.first_compile import when_compiling
 from fitball.bench.problems import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)

@@ -14,8 +14,8 @@ import pytest
 
 import fitball
 from fitball import environment
+from fitball.environment import tell_nobody, when_compiling
 from fitball.errors import MemoryShortageError
-from fitball.first_compile import tell_nobody, when_compiling
 from fitball.models.kernels import compiled
 from fitball.models.kernels.compiled import KernelFiles
 from fitball.report.figures.canvas import rendered

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.force_file import ForceRecord
 from fitball.errors import FitError
-from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.pooling import GroupBias
+from fitball.inference.likelihood.force import force_information_rows, mean_forces
+from fitball.inference.problem.force_records import ForceRecords, averaged
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter
+from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import IncidentErrors, Problem
 from fitball.inference.results.results import Posterior, thinned
-from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
 from fitball.wording import option
 
-# Draws that stand for the posterior, and those of them at which derivatives are formed.
-DRAWS, DIFFERENTIATED = 4000, 160
+# Draws that stand for the posterior.
+DRAWS = 4000
 # The label of the group that planned impacts make where groups are biased: a new one.
 NEXT = "planned impacts"
 # Directions that the posterior leaves this much narrower than the widest one are held to be known.
@@ -125,24 +128,27 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
         )
     if problem.dimension == 0:
         raise FitError("no parameter of this fit is free: no measurement could tell more of any")
-    coordinates = problem.to_coordinates(thinned(posterior, DRAWS))
-    if problem.group_bias is None:
-        return Knowledge(problem, coordinates)
-    extended, added = _with_next_group(problem, problem.group_bias)
-    drawn = [parameter.prior.coordinate(parameter.prior.draw(rng, len(coordinates))) for parameter in added]
-    return Knowledge(extended, np.column_stack([coordinates, *drawn]))
-
-
-def _with_next_group(problem: Problem, bias: GroupBias) -> tuple[Problem, tuple[Parameter, ...]]:
-    """The problem with a further group, and the biases of that, which have the prior of all others."""
+    known = Knowledge(problem, problem.to_coordinates(thinned(posterior, DRAWS)))
+    bias = problem.group_bias
+    if bias is None:
+        return known
+    # A further group, whose biases have the prior of all others.
     by_name = {parameter.name: parameter for parameter in problem.parameters}
     added = []
     for observable in problem.observables:
         like = by_name[bias.name(observable.name, bias.labels[0])]
-        name = bias.name(observable.name, NEXT)
-        added.append(replace(like, spec=replace(like.spec, name=name), fixed=None))
-    wider = replace(bias, labels=(*bias.labels, NEXT))
-    return replace(problem, parameters=(*problem.parameters, *added), group_bias=wider), tuple(added)
+        spec = replace(like.spec, name=bias.name(observable.name, NEXT))
+        added.append(replace(like, spec=spec, fixed=None))
+    wider = replace(problem, group_bias=replace(bias, labels=(*bias.labels, NEXT)))
+    return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
+
+
+def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.random.Generator) -> Knowledge:
+    """What is known with parameters of which nothing is but their priors."""
+    problem = replace(known.problem, parameters=(*known.problem.parameters, *added))
+    priors = [parameter.prior for parameter in added if parameter.free]
+    drawn = [prior.coordinate(prior.draw(rng, len(known.coordinates))) for prior in priors]
+    return Knowledge(problem, np.column_stack([known.coordinates, *drawn]))
 
 
 def _alike(known: IncidentErrors, measured: Impacts, planned: Impacts) -> IncidentErrors:
@@ -165,6 +171,55 @@ def _turn(impacts: Impacts) -> FloatArray:
     return turn
 
 
-def solved(rebound: Rebound) -> NDArray[np.bool_]:
-    """Which draws can be evaluated at which impacts, (draws, impacts)."""
-    return np.asarray(rebound.status == 0)
+# A force plate under planned impacts. Its records are those of the fitted model itself, reduced as measured ones are.
+# What they tell of parameters is the information of the likelihood of records: the start of contact is found from
+# each, the sensor's noise is independent from sample to sample, and a slow misfit of the model's force, a nuisance,
+# counts once and not once a sample.
+
+# Time between samples [s], and shares of the contact that are recorded before and after it.
+STEP = 5.0e-5
+BEFORE, AFTER = 0.3, 0.3
+
+
+def with_plate(known: Knowledge, sd: float, rng: np.random.Generator) -> Knowledge:
+    """What is known where a plate with that noise `sd` [N] a sample is at hand: its misfit has its prior.
+
+    A fit that has records knows both already.
+    """
+    names = {parameter.name for parameter in known.problem.parameters}
+    if names.issuperset(FORCE_NOISE):
+        return known
+    added = []
+    for name, fixed in zip(FORCE_NOISE, (sd, None), strict=True):
+        spec = NOISE_SPECS[name]
+        added.append(Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), fixed))
+    return _with_parameters(known, added, rng)
+
+
+def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], root: FloatArray) -> FloatArray:
+    """Rows (draws, impacts, directions, directions) whose squares add up to what records of the planned impacts tell,
+    in the directions of `Knowledge.root`; zero where a draw is not `solved` (draws, impacts).
+    """
+    records = _records(planned, draws, solved)
+    slopes, growth = force_information_rows(planned, records, draws)
+    rows = np.concatenate([slopes, np.sqrt(2.0) * growth], axis=2)
+    known = solved & np.isfinite(rows).all(axis=(2, 3))
+    rows = np.where(known[..., None, None], rows, 0.0) @ (root if root.ndim == 2 else root[:, None])
+    # As many rows as there are directions say the same.
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _records(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_]) -> ForceRecords:
+    """The record of each impact by the draw of the middle contact time."""
+    times = np.where(solved, planned.rebound(planned.to_values(draws)).contact_time, np.nan)
+    made = []
+    for k in range(times.shape[1]):
+        order = np.argsort(times[:, k])
+        middle = int(order[np.count_nonzero(solved[:, k]) // 2])
+        length = float(times[middle, k])
+        columns = planned.all_values(planned.to_values(draws[middle : middle + 1]))
+        count = int((1.0 + BEFORE + AFTER) * length / STEP)
+        first, row = np.array([[-BEFORE * length]]), np.array([k])
+        force, _rate = mean_forces(planned, columns, row, first, np.array([STEP]), count)
+        made.append(averaged(ForceRecord(str(k), k, -BEFORE * length, STEP, np.real(force[0, 0]))))
+    return ForceRecords("planned", "", None, tuple(made))

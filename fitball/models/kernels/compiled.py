@@ -30,7 +30,7 @@ from numba.core.compiler_machinery import register_pass
 from numba.core.serialize import dumps
 from numba.core.types.functions import BaseFunction
 
-from fitball import first_compile
+from fitball import environment
 
 IDLE = (
     untyped_passes.InlineClosureLikes,
@@ -296,14 +296,14 @@ class _Compilations(event.Listener):
             self.collected = gc.isenabled()
             gc.disable()
             folder = dispatcher.stats.cache_path
-            first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
+            environment.tell(environment.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
             if self.collected:
                 gc.enable()
-            first_compile.tell(None)
+            environment.tell(None)
 
 
 event.register("numba:compile", _Compilations())

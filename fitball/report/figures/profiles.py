@@ -21,9 +21,8 @@ from fitball.report.figures.canvas import (
     verbatim,
 )
 from fitball.report.figures.quantities import ParameterAxis, parameter, parameter_axis
-from fitball.report.form.numbers import handy
+from fitball.report.form.numbers import handy, profile_interval
 from fitball.report.form.palette import GUIDE, MEASURED, MODEL
-from fitball.report.form.parameters import profile_interval
 from fitball.values import FloatArray
 from fitball.wording import short
 
@@ -129,7 +128,6 @@ def _draw(axis: Axes, panel: ProfilePanel, words: str) -> None:
     axis.set_ylim(LOWEST, 0.15)
     axis.set_title(verbatim(short(panel.name, 34)), fontsize=9, pad=3)
     axis.set_xlabel(panel.axis.label, labelpad=2)
-    axis.tick_params(labelsize=8)
 
 
 def missing(fit: Fit) -> str:

@@ -1,25 +1,28 @@
-"""What a fit found, as rows and lines of its report: parameters, predictions, balances, point fit and sampler, error
-budget.
+"""A fit as rows and lines: parameters, predictions, balances, point fit and sampler, error budget; in few words: its
+`repr`, a table for a notebook, a report in the manner of lmfit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from fitball.data.balances import Balance, Balances
-from fitball.inference.results.quantiles import ESSENTIALS, quantiles
-from fitball.inference.results.results import Diagnostics, ErrorBudget, Fit, RunStatus
+from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY, quantiles
+from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, RunStatus, Verdict
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.models.types import regime_name
 from fitball.report.figures.quantities import prediction, prediction_of
 from fitball.report.fit.judged import named
-from fitball.report.form.document import MOST_ROWS, Row, Table, term
+from fitball.report.form.document import MOST_ROWS, Row, Table, columns, term, wrapped
 from fitball.report.form.numbers import (
     THESIS,
+    ParameterRow,
+    Scale,
     decimals,
     digits,
     file_words,
@@ -27,15 +30,19 @@ from fitball.report.form.numbers import (
     handy,
     listed,
     output_scale,
+    parameter_row,
     percent,
     plus_minus,
+    rounded,
     significant,
+    verdict_cell,
 )
-from fitball.report.form.parameters import ParameterRow, parameter_row, rounded, verdict_cell
 from fitball.wording import spoken
 
 # Sequence of slip and grip that is named without its probability.
 SURE = 0.995
+# Correlations that a report lists.
+WORTH_TELLING = 0.5
 
 
 def parameter_table(fit: Fit) -> list[Row]:
@@ -148,50 +155,46 @@ def _regime(fit: Fit, k: int) -> str:
 
 def balance_table(balances: Balances) -> tuple[Table, list[str]]:
     """The balances that at least one impact has, value and one standard deviation, and a sentence for each."""
-    known = [balance for balance in balances.all if balance.known]
-    scales = [handy(item.name, item.unit) for item in known]
-    heads = [
-        f"{item.name} [{scale.unit}]" if scale.unit else item.name for item, scale in zip(known, scales, strict=True)
-    ]
+    known = [(item, handy(item.name, item.unit)) for item in balances.all if item.known]
+    heads = [f"{item.name} [{scale.unit}]" if scale.unit else item.name for item, scale in known]
     rows = [
-        [name, *(_balance(item, k, scale.factor) for item, scale in zip(known, scales, strict=True))]
+        [name, *(_balance(item, k, scale) for item, scale in known)]
         for k, name in enumerate(balances.ids[:MOST_ROWS])
     ]
     rest = file_words("`balances.csv`", len(balances.ids))
     table = Table("Model-free balances", [["impact", *heads], *rows], count=len(balances.ids), rest=rest)
-    return table, [term(item.name, item.meaning) for item in known]
+    return table, [term(item.name, item.meaning) for item, _scale in known]
 
 
-def _balance(balance: Balance, index: int, factor: float) -> str:
+def _balance(balance: Balance, index: int, scale: Scale) -> str:
     if balance.reasons[index]:
         return "-"
-    value, sd = balance.values[index] * factor, balance.sd[index] * factor
-    return plus_minus(value, sd) if sd > 0.0 else significant(value)
+    value, sd = balance.values[index], balance.sd[index]
+    return scale.plus_minus(value, sd) if sd > 0.0 else significant(value * scale.factor)
 
 
 def diagnosis_lines(fit: Fit) -> list[str]:
     """Sampler and point fit in sentences."""
     squares = fit.least_squares
-    rms = ", ".join(
-        f"{name} {significant(value * output_scale(name).factor)} {output_scale(name).unit}"
-        for name, value in squares.rms.items()
-    )
+    rms = ", ".join(f"{name} {output_scale(name).measured(value)}" for name, value in squares.rms.items())
+    starts, count = squares.starts, len(fit.point.optima)
+    # A fit that was read back does not know what its search found.
+    found = f", best of {starts} starts ({len(squares.optima)} distinct optima)" if starts else ""
+    optima = f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if starts else ""
     lines = [
         f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom"
-        + (f", best of {squares.starts} starts ({len(squares.optima)} distinct optima)" if squares.starts else "")
-        + f"; root mean square residuals: {rms}.",
-        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{_optima(fit)}.",
+        f"{found}; root mean square residuals: {rms}.",
+        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{optima}.",
     ]
-    diagnostics = fit.diagnostics
-    if diagnostics is not None:
-        k = diagnostics.pareto_k
-        pareto = "" if k is None else f", Pareto k of the weights {k:.2f}"
+    sampler = fit.diagnostics
+    if sampler is not None:
+        after, k = sampler.steps - sampler.warm_up, sampler.pareto_k
+        kept = "" if sampler.kept == after else f", {sampler.kept} of the other {after} kept"
         lines.append(
-            f"Sampling: {sampler_words(diagnostics)} "
-            f"({diagnostics.warm_up} of them warm-up{_thinning(diagnostics)}), acceptance "
-            f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size "
-            f"{diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
-            f"largest R-hat {diagnostics.max_r_hat:.4f}{pareto}."
+            f"Sampling: {sampler_words(sampler)} ({sampler.warm_up} of them warm-up{kept}), acceptance "
+            f"{np.mean(sampler.acceptance):.2f}, smallest effective sample size {sampler.min_ess_bulk:.0f} (bulk), "
+            f"{sampler.min_ess_tail:.0f} (tail), largest R-hat {sampler.max_r_hat:.4f}"
+            f"{'' if k is None else f', Pareto k of the weights {k:.2f}'}."
         )
     for cause in dict.fromkeys(squares.missing.values()):
         names = [name for name, why in squares.missing.items() if why == cause]
@@ -202,12 +205,6 @@ def diagnosis_lines(fit: Fit) -> list[str]:
     return lines
 
 
-def _optima(fit: Fit) -> str:
-    """What the search found, in words; nothing where a fit was read back, which does not know."""
-    count = len(fit.point.optima)
-    return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
-
-
 def sampler_words(diagnostics: Diagnostics) -> str:
     """How often was drawn by whom."""
     chains, steps = diagnostics.ensembles, diagnostics.steps
@@ -216,46 +213,146 @@ def sampler_words(diagnostics: Diagnostics) -> str:
     return f"{chains} ensembles of {diagnostics.walkers} walkers, {steps} steps"
 
 
-def _thinning(diagnostics: Diagnostics) -> str:
-    """That of a long run not all steps are kept, in words; nothing where they are."""
-    after = diagnostics.steps - diagnostics.warm_up
-    return "" if diagnostics.kept == after else f", {diagnostics.kept} of the other {after} kept"
-
-
 def budget_rows(budget: ErrorBudget) -> list[Row]:
     """A row for each output, in handy units."""
+
+    def power(value: float, form: str) -> str:
+        return format(value, form) if value > 0.0 else "none found"
+
     rows = []
     for name, line in budget.lines.items():
-        scale = output_scale(name)
-        width = "-" if line.posterior is None else digits(line.posterior * scale.factor, 2)
-        least = min(line.measurement, line.posterior or line.measurement)
+        scale, width = output_scale(name), line.posterior
+        least = min(line.measurement, width or line.measurement)
         rows.append(
             {
                 "output": name,
                 "unit": scale.unit,
-                "arithmetic, at most": _power(line.numerical * scale.factor, ".1e"),
+                "arithmetic, at most": power(line.numerical * scale.factor, ".1e"),
                 "measurement, one sd": digits(line.measurement * scale.factor, 2),
-                "parameters, half of 68 %": width,
-                "arithmetic over the smaller": _power(line.numerical / least, ".0e"),
+                "parameters, half of 68 %": "-" if width is None else digits(width * scale.factor, 2),
+                "arithmetic over the smaller": power(line.numerical / least, ".0e"),
             }
         )
     return rows
 
 
-def _power(value: float, form: str) -> str:
-    """An error as a power of ten; none at all where every compared digit is the same."""
-    return format(value, form) if value > 0.0 else "none found"
-
-
 def budget_sentence(budget: ErrorBudget) -> str:
     """What the table of the budget says."""
     measured = {not line.posterior or line.measurement > line.posterior for line in budget.lines.values()}
-    most = "the measurement limits some outputs, the uncertain parameters others"
-    if measured == {True}:
-        most = "the measurement limits every single impact"
-    elif measured == {False}:
-        most = "the uncertain parameters limit the prediction"
+    limits = "the measurement limits some outputs, the uncertain parameters others"
+    if len(measured) == 1:
+        one = "the measurement limits every single impact", "the uncertain parameters limit the prediction"
+        limits = one[False in measured]
     size = "no error of it was found"
     if budget.share > 0.0:
         size = f"its error is at most {budget.share:.0e} of the smaller of the other two"
-    return f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {most}."
+    return (
+        f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {limits}."
+    )
+
+
+def _head(fit: Fit) -> str:
+    table, free = fit.source, len(fit.free_names)
+    return (
+        f"{fit.fitted.model_name} to {table.name}: {table.impacts:,} impacts, {free} free parameter"
+        f"{'s' if free != 1 else ''}, {fit.status}"
+    )
+
+
+def _rows(fit: Fit) -> list[tuple[Estimate, ParameterRow]]:
+    return [(item, parameter_row(item)) for item in fit.parameters.values()]
+
+
+def _brief(fit: Fit) -> list[str]:
+    """Whether the model describes the table, and the parameters that were fitted by what the table says of them."""
+    adequacy, rows = fit.adequacy, _rows(fit)
+    lines = [] if adequacy is None else [f"does the model describe the table: {adequacy.answer}"]
+    for verdict in Verdict:
+        told = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
+        if told and verdict is not Verdict.FIXED:
+            lines.append(f"{verdict}: {'; '.join(told)}")
+    return lines
+
+
+def short_text(fit: Fit) -> str:
+    """What it is and what it found, in a few lines."""
+    return "\n".join([f"<Fit of {_head(fit)}>", *wrapped(_brief(fit), "  ", " " * 4)])
+
+
+def html_text(fit: Fit) -> str:
+    """The same as a table of HTML."""
+    heads = ("", "median", "sd", "95 %", "unit", "verdict")
+    lines = []
+    for item, row in _rows(fit):
+        cells = (item.name, row.best, row.sd, row.interval_95, row.unit, row.verdict)
+        shown = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
+        lines.append(f'<tr title="{escape(item.meaning)}"><th>{escape(item.name)}</th>{shown}</tr>')
+    top = "".join(f"<th>{head}</th>" for head in heads)
+    return (
+        f"<p><b>Fit of {escape(_head(fit))}</b>{''.join(f'<br>{escape(line)}' for line in _brief(fit)[:1])}</p>"
+        f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+    )
+
+
+def report_text(fit: Fit) -> str:
+    """Outcome, statistics, parameters, correlations and notes."""
+    measured = listed(fit.source.measurements)
+    head = f"{fit.fitted.model_name} on {fit.source.name}: {fit.source.impacts:,} impacts with {measured}"
+    closures = ", ".join(f"{name} = {value}" for name, value in fit.fitted.options.items())
+    lines = ["[[Fit]]", f"    {head}; {len(fit.free_names)} free parameters"]
+    lines += [f"    closures: {closures}"] if closures else []
+    lines += wrapped([fit.verdict], " " * 4, " " * 4)
+    lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(fit).items())]
+    cells = []
+    for item, row in _rows(fit):
+        prior = "" if item.verdict is Verdict.FIXED else item.prior
+        within = "" if row.interval_95 == "-" else row.interval_95
+        cells.append([f"{item.name}:", row.plus_minus, within, prior, row.verdict])
+    lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)"]
+    lines += [f"    {line}" for line in columns(cells, left=5)]
+    if fit.correlation is not None:
+        matrix, names = fit.correlation, fit.free_names
+        pairs = [(abs(matrix[i, j]), names[j], names[i], matrix[i, j]) for i in range(len(names)) for j in range(i)]
+        told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
+        lines += [f"[[Correlations]] (those above {WORTH_TELLING:g})"] * bool(told)
+        lines += [f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told]
+    if fit.notes:
+        lines += ["[[Notes]]", *wrapped(fit.notes, " " * 4, " " * 6)]
+    return "\n".join(lines)
+
+
+def _statistics(fit: Fit) -> dict[str, str]:
+    sampler = fit.diagnostics
+    told = {
+        "log posterior": f"{fit.log_posterior:.3f}",
+        "log likelihood": f"{fit.log_likelihood:.3f}",
+        "chi-square": f"{fit.least_squares.chi_square:.3f}",
+        "degrees of freedom": str(fit.least_squares.degrees_of_freedom),
+    }
+    if sampler is not None:
+        told |= {
+            "sampler": sampler_words(sampler),
+            "effective sample size": f"{min(sampler.min_ess_bulk, sampler.min_ess_tail):.0f}",
+            "R-hat": f"{sampler.max_r_hat:.4f}",
+        }
+    return told | {"seed": str(fit.seed)}
+
+
+def summary_rows(fit: Fit) -> list[dict[str, Any]]:
+    """One row per parameter, SI at full precision; None where a point fit has no number."""
+    squares = fit.least_squares
+    return [
+        {"parameter": it.name}
+        | {name: getattr(it, name) for name in ("unit", *SUMMARY, "point")}
+        | {"least_squares": squares.values[it.name], "least_squares_stderr": squares.stderr[it.name]}
+        | {"prior": it.prior, "contraction": it.contraction, "verdict": it.verdict_words}
+        | {name: getattr(it, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
+        for it in fit.estimates
+    ]
+
+
+def summary_columns(fit: Fit) -> Mapping[str, list[object]]:
+    """The same by column, without reasons and least squares."""
+    names = ("unit", *SUMMARY, "point", "prior", "contraction", "verdict", "ess_bulk", "ess_tail", "r_hat")
+    rows = summary_rows(fit)
+    return {name: [row[name] for row in rows] for name in names}
