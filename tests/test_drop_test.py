@@ -15,8 +15,7 @@ from fitball.data.heights import BALL_TYPES
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement
-from fitball.inference.prediction.drop_test import drop_test
-from fitball.inference.prediction.one_way import one_way, plain_mean
+from fitball.inference.prediction.drop_test import drop_test, one_way, plain_mean
 from fitball.inference.results.drop_test import (
     drag,
     fall_speed,
