@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize
 
 from fitball.errors import FitError
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import named_values, root_mean_squares
-from fitball.inference.point.gauss_newton import Searches, descend
-from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM, simplex
+from fitball.inference.point.gauss_newton import SAME_OPTIMUM, Searches, apart, descend
 from fitball.inference.point.surface import SEARCHED, Surface, surface_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
@@ -22,6 +22,8 @@ from fitball.values import FloatArray
 WORTH_KEEPING = 12.0
 # Change of the log posterior over a whole simplex below which it has settled: a hundredth of a sd or less.
 SETTLED = 1e-5
+# Edge of a simplex, in widths of the priors.
+SIMPLEX = 0.02
 # Distance in widths of the priors within which two starts that were optima of samples belong to one optimum.
 ONE_BASIN = 0.3
 # Log density per measurement by which a start may lie below another and still lead to the higher optimum.
@@ -54,11 +56,8 @@ def follow_maximum(problem: Problem, starts: FloatArray) -> PointFit:
     begun = problem.to_coordinates(starts)
     scores = log_posterior(problem, begun)
     measured = sum(observable.observed.size for observable in problem.observables)
-    followed: list[int] = []
-    for k in np.argsort(-scores, kind="stable"):
-        apart = np.max(np.abs(begun[followed] - begun[k]) / problem.prior.width, axis=1, initial=0.0)
-        if scores[k] >= scores.max() - HOPELESS_GAP * measured and np.all(apart > ONE_BASIN):
-            followed.append(int(k))
+    hopeful = [k for k in np.argsort(-scores, kind="stable") if scores[k] >= scores.max() - HOPELESS_GAP * measured]
+    followed = apart(begun / problem.prior.width, hopeful, ONE_BASIN)
     return _best_of(problem, maxima(problem, starts[followed]))
 
 
@@ -144,7 +143,18 @@ def _climb(problem: Problem, found: Candidate) -> Candidate:
 
     score = cost(np.zeros(problem.dimension))
     for _ in range(3):
-        step = simplex(cost, problem.dimension, size=0.02, tolerance=SETTLED)
+        step = minimize(
+            cost,
+            np.zeros(problem.dimension),
+            method="Nelder-Mead",
+            options={
+                "initial_simplex": np.vstack([np.zeros(problem.dimension), SIMPLEX * np.eye(problem.dimension)]),
+                "adaptive": True,
+                "maxfev": 1200,
+                "xatol": 1.0,
+                "fatol": SETTLED,
+            },
+        ).x
         following = cost(step)
         if following >= score - 10.0 * SETTLED:
             break
