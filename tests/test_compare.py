@@ -20,8 +20,7 @@ from fitball.inference.comparison.candidates import build_candidates, default_na
 from fitball.inference.comparison.compare import compare
 from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import starting_points
+from fitball.inference.point.point_fit import maximum_posterior, starting_points
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Schedule

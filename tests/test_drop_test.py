@@ -17,7 +17,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import Measurement
 from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.one_way import one_way, plain_mean
-from fitball.inference.results.drop_test import (
+from fitball.inference.results.lab import (
     drag,
     fall_speed,
     fall_speed_in_air,

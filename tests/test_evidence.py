@@ -19,7 +19,7 @@ from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.identifiability.power_scaling import CONFLICT
 from fitball.inference.identifiability.verdict import combine
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.results.evidence import (
     LEFT_OUT,
     End,

@@ -31,8 +31,8 @@ from fitball.inference.likelihood.force import (
     noise_held,
 )
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.point.point_fit import maximum_posterior
+from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.problem.subsample import thinned_problem, withheld
 from fitball.models.kernels.dual import STEP
 from fitball.models.registry import model

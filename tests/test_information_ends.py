@@ -21,7 +21,7 @@ from fitball.inference.identifiability.fisher import (
 from fitball.inference.identifiability.profile_path import best_top
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.point.surface import Surface
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Verdict

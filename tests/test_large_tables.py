@@ -24,8 +24,7 @@ from fitball.inference.likelihood.residuals import IMPOSSIBLE
 from fitball.inference.point import least_squares as least_squares_room
 from fitball.inference.point import point_fit as point
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import STARTS, point_fit, starting_points
+from fitball.inference.point.point_fit import STARTS, maximum_posterior, point_fit, starting_points
 from fitball.inference.prediction.posterior_predictive import predictive
 from fitball.inference.prediction.reach import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.problem import problem as asked

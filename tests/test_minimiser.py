@@ -14,8 +14,7 @@ from fitball.data.scene import load_scene
 from fitball.data.table import Measurement
 from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
 from fitball.inference.point.least_squares import Settling, least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import starting_points
+from fitball.inference.point.point_fit import maximum_posterior, starting_points
 from fitball.inference.problem.build import Choices, build_problem
 
 

@@ -18,7 +18,7 @@ from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.profile_path import best_top, profile_paths, searches, sweep
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.gauss_newton import constrained_step, descend
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.point.surface import Conditions, Surface
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.subsample import withheld

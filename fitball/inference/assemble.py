@@ -28,9 +28,8 @@ from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.prediction.reach import spanning_impacts
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.evidence import Profiles
+from fitball.inference.results.evidence import Adequacy, Profiles
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import MEDIAN_FIRST, SUMMARY, quantiles
 from fitball.inference.results.results import (

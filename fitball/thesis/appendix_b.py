@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fitball.data.published import fraction
-from fitball.inference.thesis import inputs as thesis_inputs
-from fitball.inference.thesis.inputs import DAMPING, INCH, INERTIA, STIFFNESS
+from fitball.inference.thesis import published_cases as thesis_inputs
+from fitball.inference.thesis.published_cases import DAMPING, INCH, INERTIA, STIFFNESS
 from fitball.models.thesis import Pair, ThesisContact, ThesisMotion, stray_impulse, thesis_motion
 from fitball.models.types import Status
 from fitball.thesis.appendix_c import COLUMNS

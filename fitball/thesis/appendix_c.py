@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.published import thesis_table
-from fitball.inference.thesis.inputs import printed_model, relative_error, row_parameters
+from fitball.inference.thesis.published_cases import printed_model, relative_error, row_parameters
 from fitball.values import FloatArray, impacts
 
 HEADS = {

@@ -12,7 +12,7 @@ import numpy as np
 
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.prediction.simulate import Simulation, simulate
-from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
+from fitball.inference.thesis.published_cases import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.published import SPINS, measured, thesis_table
-from fitball.inference.thesis.inputs import case_parameters, printed_model
-from fitball.inference.thesis.published_cases import set_name
+from fitball.inference.thesis.published_cases import case_parameters, printed_model, set_name
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.thesis import appendix_c

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fitball.data.published import thesis_rows
-from fitball.inference.thesis.inputs import INCH
+from fitball.inference.thesis.published_cases import INCH
 
 Impact = tuple[float, float, float]
 # Chapter III: 17 m/s with a topspin of 100 rad/s, at 18 and at 42 degrees; components as printed [m/s, m/s, rad/s].

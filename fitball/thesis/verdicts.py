@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from fitball.inference.thesis.inputs import C1
+from fitball.inference.thesis.published_cases import C1
 from fitball.report.form.numbers import listed
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
 from fitball.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED, SCALE, UNITS, Ranking

@@ -15,7 +15,7 @@ from scipy.special import betainc, fdtr, fdtrc, gammaln, kolmogorov, ndtr, stdtr
 
 from fitball.inference.adequacy.directions import LEAST_FREEDOM, WHOLE_TABLE, Direction, overlap
 from fitball.inference.adequacy.refit import EVERY, Refit
-from fitball.inference.results.adequacy import FALSE_EXCEPT
+from fitball.inference.results.evidence import FALSE_EXCEPT
 from fitball.values import FloatArray
 
 # Rows from which an order, a scatter, a correlation, a tail and a distribution can be looked at.

@@ -12,9 +12,8 @@ from fitball.data.force_file import ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
 from fitball.inference.problem.force_records import ForceRecords, averaged
-from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
 from fitball.inference.problem.pooling import GroupBias
-from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import IncidentErrors, Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.values import FloatArray, Impacts

@@ -11,8 +11,7 @@ import numpy as np
 
 from fitball.inference.identifiability.fisher import first_order_draws
 from fitball.inference.identifiability.posterior_verdict import Judgement, judged_draws
-from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import Parameter, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.kernels.vertical import ANCHOR_SPEED

@@ -67,7 +67,7 @@ def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> Sev
         return one
     objective = surface_of(problem)
     scene = problem.contact_time is not None
-    starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
+    starts = objective.from_values(problem.free_rows(optima))
     top, others = best_top(objective, starts, scene)
     kept, errors, costs = [top.x], [_errors(objective, top.x, scene)], [top.cost]
     for x in others:

@@ -53,7 +53,7 @@ def profiles(
     same.
     """
     objective = surface_of(problem)
-    starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
+    starts = objective.from_values(problem.free_rows(optima))
     columns = [k for k, name in enumerate(problem.free_names) if names is None or name in names]
     scene = scene and problem.contact_time is not None
     top, others = best_top(objective, starts, scene)

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from fitball.inference.identifiability.profile_path import Point, Top, free_searches, searches
 from fitball.inference.point.gauss_newton import descend
 from fitball.inference.point.surface import Surface
-from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import NOISE_SPECS, Prior
 from fitball.inference.results.evidence import Profile
 from fitball.values import FloatArray
 

@@ -7,8 +7,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from fitball.inference.identifiability.profile_ends import LEVELS, profile_contraction
-from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import Parameter, Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Evidence, InformationEvidence, Profile
 

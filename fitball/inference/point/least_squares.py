@@ -261,7 +261,7 @@ def _plain(name: str) -> str:
 
 def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, float]]) -> LeastSquares:
     """The known minimum, or a deeper one if a search from `starts` (all parameters by name) finds it."""
-    values = rows_of(problem, starts)
+    values = problem.free_rows(starts)
     try:
         tried = least_squares(problem, values)
     except FitError:
@@ -269,13 +269,8 @@ def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, 
     if not tried.chi_square < (1.0 - DEEPER) * known.chi_square:
         return known
     # Minima that are known are searched again only here, where it shows which of them are told beside the deeper one.
-    again = least_squares(problem, np.concatenate([values, rows_of(problem, known.optima)]))
+    again = least_squares(problem, np.concatenate([values, problem.free_rows(known.optima)]))
     return replace(again, starts=known.starts, evaluations=known.evaluations + tried.evaluations + again.evaluations)
-
-
-def rows_of(problem: Problem, optima: Sequence[Mapping[str, float]]) -> FloatArray:
-    """Free values (optima, free) of optima by name."""
-    return np.array([[optimum[name] for name in problem.free_names] for optimum in optima])
 
 
 def _standard_errors(fit: Settling, jacobian: FloatArray) -> tuple[dict[str, float | None], dict[str, str]]:

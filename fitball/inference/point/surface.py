@@ -39,8 +39,6 @@ Columns = Mapping[str, FloatArray]
 PRIOR_REACH = 8.0
 # Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
 STEP = 1e-6
-# Rows up to which a search begins from many places.
-SEARCHED = 1000
 
 
 def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:

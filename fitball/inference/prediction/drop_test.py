@@ -14,7 +14,7 @@ from fitball.inference.prediction.one_way import OneWay, one_way
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.drop_test import (
+from fitball.inference.results.lab import (
     BallRebound,
     DropTest,
     Level,

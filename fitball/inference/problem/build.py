@@ -12,12 +12,17 @@ from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_S
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.problem.force_records import ForceRecords, force_noise, records_for
-from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
 from fitball.inference.problem.noise import NoiseKind, noise_kind
-from fitball.inference.problem.observables import Observable, build_observables
-from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters
+from fitball.inference.problem.observables import (
+    Observable,
+    build_observables,
+    expected_sizes,
+    named_noise,
+    noise_by_column,
+    noise_parameters,
+)
+from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters, parse_prior
 from fitball.inference.problem.pooling import GroupBias, Pooling, build_group_bias, build_pooling
-from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Choices, IncidentErrors, Problem
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model

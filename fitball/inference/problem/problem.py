@@ -19,9 +19,8 @@ from fitball.data.table import ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.parameters import JointPrior, Parameter
 from fitball.inference.problem.pooling import GroupBias, Pooling
-from fitball.inference.problem.priors import JointPrior
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import LinearConstraint, Model, by_output
 from fitball.models.specs import BALL_PARAMETERS
@@ -36,7 +35,7 @@ class Choices:
     `noise` is one of `noise.KINDS`, `pool` maps parameters to the label column over whose levels they
     differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
     counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
-    `measurement_noise.noise_by_column`.
+    `observables.noise_by_column`.
     """
 
     model: str | None = None
@@ -133,6 +132,10 @@ class Problem:
     def to_coordinates(self, values: FloatArray) -> FloatArray:
         """Inverse of `to_values`."""
         return self.prior.coordinate(values)
+
+    def free_rows(self, named: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Free values (rows, free) of rows by name."""
+        return np.array([[row[name] for name in self.free_names] for row in named])
 
     def all_values(self, values: NumberArray) -> Mapping[str, NumberArray]:
         """Every parameter by name, free and fixed, as (draws,)."""

@@ -15,7 +15,8 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
-# Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
+# Rows beyond which a table is long, some ten thousand cells. What is of first order looks at so many: sums over the
+# others are alike. Searches begin from few places, and the posterior is nearly normal: its draws are weighed.
 LOOKED_AT = 3000
 # Impacts with a force record, or a measurement of a column with gaps, that are kept in any part of a table.
 RECORDED = 20

@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.drop_test import DropTest
-from fitball.inference.results.evidence import Identifiability
+from fitball.inference.results.evidence import Adequacy, Identifiability
 from fitball.inference.results.fitted_model import PREDICTING, FittedModel
-from fitball.inference.results.pace_rating import CourtPace
+from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.source import Counted, NotNegative, Share, Source, Whole
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, same

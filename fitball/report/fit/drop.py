@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.inference.results.drop_test import DropTest, StandardRebound
+from fitball.inference.results.lab import DropTest, StandardRebound
 from fitball.inference.results.quantiles import Spread
 from fitball.report.form.document import Part, Row, Table, Words
 from fitball.report.form.numbers import digits, inner, percent, ranged, significant

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fitball.inference.results.adequacy import Adequacy
-from fitball.inference.results.pace_rating import (
+from fitball.inference.results.evidence import Adequacy
+from fitball.inference.results.lab import (
     PACE_CONSTANT,
     PER_DEGREE,
     PER_KELVIN,
