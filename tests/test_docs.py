@@ -42,8 +42,8 @@ from fitball.inference.prediction.reach import SLACK
 from fitball.inference.problem import force_records, observables
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results import evidence, fitted_model
 from fitball.inference.results import assumptions as assumption_values
+from fitball.inference.results import evidence, fitted_model
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.results.source import COUNTS, NUMBERS
 from fitball.inference.sampling import ensembles as sampling
