@@ -137,9 +137,8 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     force, _rate = mean_forces(problem, columns, records.rows, first, records.spacing, records.nodes)
     seen = np.where(records.mask, force, 0.0)
     information = np.sum((rotated(records, seen) / alignment.spread) ** 2)
-    blocks = np.array([record.block for record in records.records])
-    alone = np.sum(seen**2 * blocks[:, None] / (sd**2 + (misfit * records.peak[:, None]) ** 2))
-    samples = int(np.median([record.samples for record in records.records]))
+    alone = np.sum(seen**2 * records.block[:, None] / (sd**2 + (misfit * records.peak[:, None]) ** 2))
+    samples = int(np.median(records.samples))
     worth = samples * information / alone
     notes = [
         f"force records: sensor noise {sd:.3g} N a sample, misfit of the model's force {100.0 * misfit:.2g} % of the "
@@ -147,14 +146,9 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
         "independent from impact to impact: one that all share is not averaged away by more of them"
     ]
     rows = alignment.rows(records)[0, :, :-1]
-    excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records.records)))
-    ratios = np.array(
-        [
-            # Tiny where the record has none.
-            max(float(np.sum(record.means) * record.spacing), 1e-12) / float(np.sum(course) * record.spacing)
-            for record, course in zip(records.records, seen[0], strict=True)
-        ]
-    )
+    excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records)))
+    # Tiny where a record has none.
+    ratios = np.maximum(records.means.sum(axis=1) * records.spacing, 1e-12) / (seen[0].sum(axis=1) * records.spacing)
     typical = float(np.median(ratios))
     if misfit > LARGE:
         notes.append(

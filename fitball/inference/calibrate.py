@@ -132,7 +132,7 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "offsets": None
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],
-        "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
+        "incident": None if problem.incident is None else problem.incident.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed, settings.schedule.warm_up],
     }
     if problem.table.flipped:

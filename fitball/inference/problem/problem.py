@@ -50,27 +50,14 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class IncidentErrors:
-    """Errors of the incident state, which was measured too: `covariance` (impacts, 3, 3) of `(v_x1, v_y1, omega_1)`
-    in
-    SI. The true state is marginalised with a flat prior.
-    """
-
-    covariance: FloatArray
-
-    def take(self, rows: NDArray[np.int64]) -> IncidentErrors:
-        """The same for some of the impacts."""
-        return IncidentErrors(self.covariance[rows])
-
-
-@dataclass(frozen=True)
 class Problem:
     """A table, a model and priors: all that defines a posterior.
 
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
-    differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
-    incident state, `force` records of the force on the court. `noise` is that of the table, and
+    differ between surfaces or balls, `group_bias` of biases of whole groups; `incident` is the covariance
+    (impacts, 3, 3) of `(v_x1, v_y1, omega_1)` in SI where these were measured too, whose true values are marginalised
+    with a flat prior, `force` records of the force on the court. `noise` is that of the table, and
     `threads` share large batches. `choices` are what it was posed by, beside table and scene.
     """
 
@@ -84,7 +71,7 @@ class Problem:
     notes: tuple[str, ...]
     pooling: tuple[Pooling, ...] = ()
     group_bias: GroupBias | None = None
-    incident: IncidentErrors | None = None
+    incident: FloatArray | None = None
     force: ForceRecords | None = None
     noise: NoiseKind = NORMAL
     threads: int = 1

@@ -96,7 +96,7 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
         table=table,
         impacts=impacts,
         observables=observables,
-        incident=None if problem.incident is None else problem.incident.take(kept),
+        incident=None if problem.incident is None else problem.incident[kept],
         force=None if problem.force is None else problem.force.take(kept),
         pooling=tuple(pooling.take(kept) for pooling in problem.pooling),
         group_bias=None if problem.group_bias is None else problem.group_bias.take(kept),
