@@ -74,7 +74,7 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
         raise FitError(f"model {problem.model.name}: least squares found no parameters the model can evaluate")
     optima = surface.values(reached.x[chosen], given.take(chosen))
     weighting = Weighting(default_noise(problem), penalised=False)
-    others = np.sum(residuals(problem, optima[1:], weighting) ** 2, axis=1)
+    others = [float(np.sum(residuals(problem, values[None, :], weighting) ** 2)) for values in optima[1:]]
     settling = Settling(problem, weighting, optima[0])
     optima[0], chi_square, evaluations, jacobian = settling.settled()
     stderr, missing = _standard_errors(settling, jacobian)
@@ -91,7 +91,7 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
         rms=root_mean_squares(problem, optima[0]),
         starts=len(starts),
         optima=tuple(named_values(problem, values) for values in optima),
-        optima_chi_square=(chi_square, *others.tolist()),
+        optima_chi_square=(chi_square, *others),
         evaluations=evaluations,
     )
 
