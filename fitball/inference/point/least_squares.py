@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.environment import heavy_later
 from fitball.errors import FitError
 from fitball.inference.likelihood.residuals import (
     Weighting,
@@ -30,7 +31,6 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import PART, whole_of_parts
 from fitball.inference.results.results import LeastSquares
 from fitball.models.model import LinearConstraint
-from fitball.on_demand import heavy_later
 from fitball.values import FloatArray
 
 with heavy_later():
