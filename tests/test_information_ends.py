@@ -107,7 +107,7 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
 def stay(patch):
     """Searches stay where they begin: the fit is that at the end of the model."""
     patch.setattr("fitball.inference.point.least_squares.lmfit.Minimizer", Unmoved)
-    for module in ("least_squares", "maximum_posterior"):
+    for module in ("least_squares", "point_fit"):
         patch.setattr(f"fitball.inference.point.{module}.descend", unmoved)
 
 

@@ -39,6 +39,7 @@ def test_one_call_settles_what_was_searched_and_its_covariance_is_what_is_said(m
     for name in told.var_names:
         assert found.stderr[name] == pytest.approx(told.params[name].stderr, rel=1e-6)
         assert found.values[name] == told.params[name].value
+    np.testing.assert_allclose(found.covariance, told.covar, rtol=1e-6)
     assert (found.chi_square, found.evaluations) == (told.chisqr, told.nfev)
 
 

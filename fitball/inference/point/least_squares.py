@@ -4,7 +4,6 @@ reason why it has none.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -77,14 +76,15 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
     others = [float(np.sum(residuals(problem, values[None, :], weighting) ** 2)) for values in optima[1:]]
     settling = Settling(problem, weighting, optima[0])
     optima[0], chi_square, evaluations, jacobian = settling.settled()
-    stderr, missing = _standard_errors(settling, jacobian)
+    covariance, missing = _covariance(settling, jacobian)
+    errors = iter(np.sqrt(np.diagonal(covariance)).tolist())
     measured += problem.contact_time is not None
     if problem.force is not None:
         # The start of contact of each record is a residual, and fitted.
         measured += int(problem.force.mask.sum())
     return LeastSquares(
         values=named_values(problem, optima[0]),
-        stderr=stderr,
+        stderr={item.name: None if item.name in missing else next(errors) for item in problem.parameters},
         missing=missing,
         chi_square=chi_square,
         degrees_of_freedom=measured - len(settling.fitted),
@@ -93,6 +93,7 @@ def least_squares(problem: Problem, starts: FloatArray) -> LeastSquares:
         optima=tuple(named_values(problem, values) for values in optima),
         optima_chi_square=(chi_square, *others),
         evaluations=evaluations,
+        covariance=covariance,
     )
 
 
@@ -273,10 +274,11 @@ def deeper(problem: Problem, known: LeastSquares, starts: Sequence[Mapping[str, 
     return replace(again, starts=known.starts, evaluations=known.evaluations + tried.evaluations + again.evaluations)
 
 
-def _standard_errors(fit: Settling, jacobian: FloatArray) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Linear standard errors in SI at the stated noise, and for each one that does not exist the cause."""
+def _covariance(fit: Settling, jacobian: FloatArray) -> tuple[FloatArray, dict[str, str]]:
+    """Covariance in SI, at the stated noise, of the parameters that have a standard error, and why the others have
+    none.
+    """
     names = fit.problem.free_names
-    stderr: dict[str, float | None] = {parameter.name: None for parameter in fit.problem.parameters}
     missing: dict[str, str] = {}
     for parameter in fit.problem.parameters:
         if not parameter.free:
@@ -291,20 +293,19 @@ def _standard_errors(fit: Settling, jacobian: FloatArray) -> tuple[dict[str, flo
             missing.setdefault(names[k], "the best value lies on a bound, where no symmetric error exists")
         elif k in fit.ended:
             missing.setdefault(names[k], "the model ends next to the best value, where no symmetric error exists")
-    if not fit.varied:
-        return stderr, missing
     if len(jacobian) < len(fit.varied):
         for k in fit.varied:
             missing[names[k]] = f"{len(jacobian)} measurements cannot determine {len(fit.varied)} parameters"
-        return stderr, missing
-    _u, singular, directions = np.linalg.svd(jacobian * fit.width[fit.varied], full_matrices=False)
+    if all(names[k] in missing for k in fit.varied):
+        return np.zeros((0, 0)), missing
+    width = fit.width[fit.varied]
+    _u, singular, directions = np.linalg.svd(jacobian * width, full_matrices=False)
     known = singular >= max(OPEN, 1e-10 * singular[0])
     left_open = directions[~known]
     for position, k in enumerate(fit.varied):
         if np.max(np.abs(left_open[:, position]), initial=0.0) > INVOLVED:
             ranked = [names[fit.varied[j]] for j in np.argsort(-np.abs(left_open[0])) if j != position]
             missing[names[k]] = f"the residuals leave it open: it can move together with {', '.join(ranked[:2])}"
-            continue
-        variance = float(np.sum((directions[known, position] / singular[known]) ** 2))
-        stderr[names[k]] = math.sqrt(variance) * float(fit.width[k])
-    return stderr, missing
+    told = [position for position, k in enumerate(fit.varied) if names[k] not in missing]
+    roots = (directions[known] / singular[known, None] * width)[:, told]
+    return np.asarray(roots.T @ roots), missing

@@ -62,7 +62,8 @@ class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
     `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`. `rms` is the root mean square residual of each observable, in its unit.
+    `missing`; `covariance` is that of the parameters that have one, in their order, `evaluations` are those of lmfit.
+    `rms` is the root mean square residual of each observable, in its unit.
     """
 
     values: Mapping[str, float]
@@ -75,6 +76,7 @@ class LeastSquares:
     optima: tuple[Mapping[str, float], ...]
     optima_chi_square: tuple[float, ...]
     evaluations: int
+    covariance: FloatArray | None = None
 
 
 @dataclass(frozen=True)
