@@ -30,7 +30,7 @@ from fitball.cli.options import (
 )
 from fitball.cli.terminal import time_left
 from fitball.errors import ModelError, ParameterError, ResultFolderError
-from fitball.models.names import RANKED
+from fitball.models.specs import RANKED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
