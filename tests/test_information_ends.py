@@ -37,10 +37,6 @@ END = {
 }  # fmt: skip
 
 
-def row(problem, values):
-    return np.array([[values[name] for name in problem.free_names]])
-
-
 @pytest.fixture
 def at_end(tmp_path):
     problem = hard_sphere(tmp_path, "two-mass")
@@ -67,8 +63,8 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
     problem, _ = at_end
     with monkeypatch.context() as patched:
         stay(patched)
-        squares = least_squares(problem, row(problem, END))
-        point = maximum_posterior(problem, row(problem, END))
+        squares = least_squares(problem, problem.free_rows([END]))
+        point = maximum_posterior(problem, problem.free_rows([END]))
     assert point.values["mass_ratio"] == pytest.approx(1.0 - 1e-7, abs=1e-8)
     assert all(np.isfinite(value) for value in squares.stderr.values() if value is not None)
     monkeypatch.setattr(calibrate, "point_fit", lambda *_: (squares, point))
@@ -85,7 +81,7 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
 def test_a_profile_begins_with_finite_steps_where_there_is_no_derivative(at_end):
     problem, _ = at_end
     objective = Surface(problem)
-    top, _ = best_top(objective, objective.from_values(row(problem, END)))
+    top, _ = best_top(objective, objective.from_values(problem.free_rows([END])))
     assert np.all(top.errors > 0.0) and np.all(np.isfinite(top.errors))
 
 
@@ -95,12 +91,12 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
     wall = {"mu": 0.092, "e_x": 0.38, "offset": 0.0, "velocity_sd": 0.25, "spin_sd": 10.0}
     wall |= {"cor_10": 0.95, "cor_slope": (1.0 - 1e-9 - 0.95) / (SLOWEST - 10.0)}
     stay(monkeypatch)
-    found = least_squares(problem, row(problem, wall))
+    found = least_squares(problem, problem.free_rows([wall]))
     for name in ("cor_10", "cor_slope"):
         assert found.stderr[name] is None
         assert found.missing[name].startswith("the model ends next to the best value")
     assert found.stderr["mu"] > 0.01
-    inside = least_squares(problem, row(problem, wall | {"cor_slope": -0.005}))
+    inside = least_squares(problem, problem.free_rows([wall | {"cor_slope": -0.005}]))
     assert inside.stderr["cor_10"] > 0.01
 
 

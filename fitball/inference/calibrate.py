@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,8 +21,6 @@ from fitball.inference.point.least_squares import deeper
 from fitball.inference.point.point_fit import higher_maximum, point_fit
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT
-from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.convergence import convergence
@@ -102,8 +100,7 @@ def silent(_stage: str, _progress: Progress | None) -> None:
     """Tell nobody."""
 
 
-@dataclass(frozen=True)
-class Drawn:
+class Drawn(NamedTuple):
     """A sampled posterior: the best values, higher ones among the draws included, chains, draws, and what the search
     has to tell.
     """
@@ -159,19 +156,25 @@ def run(
     by name) too. With `assumptions` comes a look at what rests on them. Raises FitError, ParameterError,
     MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the chain kept.
     """
-    settings = effort.settings(problem)
     watch = Stopwatch()
     squares, point = search(problem, effort, watch, report, beside)
-    shared = replace(problem, threads=settings.cores)
-    if effort.point_only:
-        profiled = _profiles(problem, settings, squares, point, watch, report)
-        found = _assumptions(shared, effort, point, None, watch, report) if assumptions else None
-        return assemble(problem, effort, squares, point, profiled, None, None, watch, assumptions=found)
-    drawn = draw(problem, effort, squares, point, watch, report, chain_file, resume)
-    squares, point, posterior = drawn.squares, drawn.point, drawn.posterior
-    profiled = _profiles(problem, settings, squares, point, watch, report)
-    found = _assumptions(shared, effort, point, posterior, watch, report) if assumptions else None
-    return assemble(problem, effort, squares, point, profiled, drawn.sampled, posterior, watch, drawn.said, found)
+    shared = replace(problem, threads=effort.settings(problem).cores)
+    sampled, posterior, found = None, None, None
+    said: tuple[str, ...] = ()
+    if not effort.point_only:
+        squares, point, sampled, posterior, said = draw(
+            problem, effort, squares, point, watch, report, chain_file, resume
+        )
+    with watch.stage("profiles"):
+        optima = [*point.optima, *squares.optima]
+        profiled = profile_all(shared, point, optima, lambda stage: report(stage, None))
+    if assumptions:
+        report("assumptions", None)
+        with watch.stage("assumptions"):
+            found = look(shared, point, posterior, assumptions_generator(effort.seed))
+            constants = ball_constants(shared, point, posterior, _generator(effort, 2))
+            found = replace(found, constants=constants)
+    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said, found)
 
 
 def search(
@@ -295,30 +298,3 @@ def weigh(
 
 def _generator(effort: Effort, stage: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(effort.seed).spawn(3)[stage])
-
-
-def _assumptions(
-    problem: Problem,
-    effort: Effort,
-    point: PointFit,
-    posterior: Posterior | None,
-    watch: Stopwatch,
-    report: Tell,
-) -> Assumptions:
-    report("assumptions", None)
-    with watch.stage("assumptions"):
-        found = look(problem, point, posterior, assumptions_generator(effort.seed))
-        return replace(found, constants=ball_constants(problem, point, posterior, _generator(effort, 2)))
-
-
-def _profiles(
-    problem: Problem,
-    settings: Settings,
-    squares: LeastSquares,
-    point: PointFit,
-    watch: Stopwatch,
-    report: Tell,
-) -> tuple[Profiles, Profiles]:
-    with watch.stage("profiles"):
-        shared = replace(problem, threads=settings.cores)
-        return profile_all(shared, point, [*point.optima, *squares.optima], lambda stage: report(stage, None))
