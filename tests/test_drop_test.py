@@ -27,6 +27,7 @@ from fitball.inference.results.drop_test import (
 )
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.report.fit.itf_tests import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
+from fitball.report.form.numbers import percent
 from fitball.values import Ball, Impacts
 
 V0 = 7.058171
@@ -217,6 +218,8 @@ def test_balls_are_told_apart_from_noise_and_count_as_a_sample():
     assert passing.ball == pytest.approx(high - low, abs=0.06)
     assert passing.mean > 0.99
     assert ball_rows(found)[0]["ball"] == "b0"
+    said = f"another ball of the same make with {percent(passing.ball)}, one more measured drop lies within them with"
+    assert f"{said} {percent(passing.drop)}." in drop_lead(found)[-1]
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from fitball.errors import ResultFolderError
 from fitball.report.fit.document import render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
-from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed, parameter_row, significant
+from fitball.report.form.numbers import HANDY, THESIS, Scale, decimals, fixed, parameter_row, significant
 from fitball.report.saved.fit_file import fit_text
 
 
@@ -155,6 +155,9 @@ def test_what_a_person_reads_is_si_times_its_unit():
         "deg": math.pi / 180.0, "lb/in": 4.4482216152605 / 0.0254, "lb in/rad": 4.4482216152605 * 0.0254,
         "in": 0.0254, "in/(m/s)": 0.0254, "lb": 0.45359237, "s": 1.0,
     }  # fmt: skip
+    scale = Scale("mm", 1e3)
+    assert scale.interval(0.0012, 0.0034, 1) == "[1.2, 3.4]" and scale.measured(0.00123, 2) == "1.2 mm"
+    assert scale.plus_minus(0.0012, 0.00034) == "1.20 +- 0.34" and scale.fixed(None, 1) == "-"
     for scales in (HANDY, THESIS):
         for name, scale in scales.items():
             assert scale.factor * one[scale.unit] == pytest.approx(1.0, rel=1e-15), name
