@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 from fitball.api.fit import Fit
 from fitball.api.progress import Report, Wanted, reporting, silent
 from fitball.api.reading import PathLike, Reading, Table, checked_choices, given, read
-from fitball.data.force_file import find_force
+from fitball.data.force import find_force
 from fitball.data.scene import Scene
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import MAX_STEPS, Effort

@@ -14,7 +14,7 @@ from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, measured_outputs
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
-from fitball.models.names import DEFAULT_MODEL
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.report.compare.rows import (
     assumption_table,
     csv_rows,
