@@ -17,7 +17,7 @@ from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternati
 from fitball.inference.identifiability.information import about
 from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.prediction.new_impacts import predict_new, with_assumptions
 from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span, summary
 from fitball.inference.results.fitted_model import FittedModel

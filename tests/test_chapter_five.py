@@ -17,7 +17,7 @@ from fitball.cli.main import main
 from fitball.data.published import thesis_table
 from fitball.errors import TableError
 from fitball.inference.effort import Effort
-from fitball.inference.thesis import inputs as thesis_inputs
+from fitball.inference.thesis import published_cases as thesis_inputs
 from fitball.thesis import (
     appendices,
     chapter_five,

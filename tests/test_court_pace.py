@@ -16,7 +16,7 @@ from fitball.errors import FitError
 from fitball.exports.certificate import certificate
 from fitball.inference.design.asked import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
-from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
+from fitball.inference.results.lab import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.document import page, render
 from fitball.report.fit.folder import render_json

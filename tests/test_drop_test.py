@@ -16,7 +16,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement
 from fitball.inference.prediction.drop_test import drop_test, one_way, plain_mean
-from fitball.inference.results.drop_test import (
+from fitball.inference.results.lab import (
     drag,
     fall_speed,
     fall_speed_in_air,

@@ -23,7 +23,7 @@ from fitball.inference.identifiability.information import (
 )
 from fitball.inference.identifiability.verdict import CONFLICT, Marginal, Numbers, contraction_alone, judge
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.results.evidence import (
     LEFT_OUT,
     End,
