@@ -68,9 +68,14 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
     @cache
     def kinds() -> dict[str, Any]:
-        names = _Names(vars(sys.modules[function.__module__]))
-        named = {item.name: item.annotation for item in signature.parameters.values() if not _is_known(item)}
-        return {name: _resolved(annotation, names) for name, annotation in named.items()}
+        names, found = _Names(vars(sys.modules[function.__module__])), {}
+        for item in signature.parameters.values():
+            if item.name == "self" or (item.name in SPOKEN_FOR and item.kind is inspect.Parameter.KEYWORD_ONLY):
+                continue
+            kind = item.annotation
+            kind = eval(kind, {"__builtins__": {}}, names) if isinstance(kind, str) else kind
+            found[item.name] = Any if kind is inspect.Parameter.empty or isinstance(kind, _Elsewhere) else kind
+        return found
 
     @wraps(function)
     def wrapper(*args: P.args, **named: P.kwargs) -> T:
@@ -85,16 +90,6 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         return function(*args, **named)
 
     return wrapper
-
-
-def _is_known(item: inspect.Parameter) -> bool:
-    return item.name == "self" or (item.name in SPOKEN_FOR and item.kind is inspect.Parameter.KEYWORD_ONLY)
-
-
-def _resolved(annotation: Any, names: _Names) -> Any:
-    if isinstance(annotation, str):
-        annotation = eval(annotation, {"__builtins__": {}}, names)
-    return Any if annotation is inspect.Parameter.empty or isinstance(annotation, _Elsewhere) else annotation
 
 
 def _check(name: str, value: Any, kind: Any, how: Any) -> None:

@@ -27,6 +27,7 @@ from fitball.inference.results.lab import (
 )
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.report.fit.itf_tests import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
+from fitball.report.form.numbers import percent
 from fitball.values import Ball, Impacts
 
 V0 = 7.058171
@@ -220,6 +221,8 @@ def test_balls_are_told_apart_from_noise_and_count_as_a_sample():
     # To the slower landing in air the slope of the fit carries it, of which little is known.
     height, air = (item.q975 - item.q025 for item in (found.rebound.height, found.rebound.with_air))
     assert air > 1.2 * height
+    said = f"another ball of the same make with {percent(passing.ball)}, one more measured drop lies within them with"
+    assert f"{said} {percent(passing.drop)}." in drop_lead(found)[-1]
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,10 @@ import fitball
 from fitball.data.balances import scene_balances
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
-from fitball.report.fit.document import render
+from fitball.report.fit.document import fit_document, render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
-from fitball.report.form.numbers import HANDY, THESIS, decimals, fixed, parameter_row, significant
+from fitball.report.form.numbers import HANDY, THESIS, Scale, decimals, fixed, significant
 from fitball.report.saved.fit_file import fit_text
 
 
@@ -155,6 +155,9 @@ def test_what_a_person_reads_is_si_times_its_unit():
         "deg": math.pi / 180.0, "lb/in": 4.4482216152605 / 0.0254, "lb in/rad": 4.4482216152605 * 0.0254,
         "in": 0.0254, "in/(m/s)": 0.0254, "lb": 0.45359237, "s": 1.0,
     }  # fmt: skip
+    scale = Scale("mm", 1e3)
+    assert scale.interval(0.0012, 0.0034, 1) == "[1.2, 3.4]" and scale.measured(0.00123, 2) == "1.2 mm"
+    assert scale.plus_minus(0.0012, 0.00034) == "1.20 +- 0.34" and scale.fixed(None, 1) == "-"
     for scales in (HANDY, THESIS):
         for name, scale in scales.items():
             assert scale.factor * one[scale.unit] == pytest.approx(1.0, rel=1e-15), name
@@ -198,10 +201,10 @@ def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
 
 
 def test_rows_say_what_the_estimates_say(two_mass):
-    for row, item in ((parameter_row(item), item) for item in (*two_mass.estimates, *two_mass.derived.values())):
-        assert row.verdict == item.verdict_words
-        assert row.reason == item.reason
-        assert row.reason
+    sections = {section.name: section.parts for section in fit_document(two_mass).sections}
+    told = [str(text) for name in ("told", "not-told") for part in sections[name] for text in part.texts]
+    for item in (*two_mass.estimates, *two_mass.derived.values()):
+        assert item.reason and any(text.startswith(item.name) and item.reason in text for text in told), item.name
     row = prediction_table(two_mass)[0]
     assert [head.split(" ")[0] for head in row][3:-1] == ["v_x2", "v_y2", "omega_2"]
     measured = float(row["v_x2 [m/s]"].split(" | ")[0])

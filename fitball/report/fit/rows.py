@@ -41,7 +41,7 @@ from fitball.report.form.numbers import (
     parameter_row,
     percent,
     plus_minus,
-    rounded,
+    row_of,
     significant,
     verdict_cell,
 )
@@ -58,10 +58,11 @@ def parameter_table(fit: Fit) -> list[Row]:
     """Every parameter and what follows from several: value and intervals, prior, verdict."""
     sampled, rows = fit.posterior is not None, []
     for item in (*fit.estimates, *fit.derived.values()):
-        row = parameter_row(item)
+        known = None if item.median is None else item.contraction
         cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
-        cells |= row.numbers(sampled) | {"prior (SI)": item.prior}
-        rows.append(cells | ({"contraction": row.contraction} if sampled else {}) | {"verdict": verdict_cell(item)})
+        cells |= parameter_row(item).numbers(sampled) | {"prior (SI)": item.prior}
+        cells |= {"contraction": "-" if known is None else f"{known:.2f}"} if sampled else {}
+        rows.append(cells | {"verdict": verdict_cell(item)})
     return rows
 
 
@@ -77,7 +78,7 @@ def measured_lines(fit: Fit) -> list[str]:
             among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s measured"
             sure = " (95 %)" if row.median != "-" else ""
             lines.append(
-                f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}, {row.verdict}; {among}."
+                f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}, {item.verdict_words}; {among}."
             )
     return lines
 
@@ -88,7 +89,7 @@ def level_rows(fit: Fit) -> list[Row]:
     for level in fit.levels:
         scale = handy(level.parameter, level.unit)
         name = f"{level.parameter}[{level.label}]"
-        row = ParameterRow(name, scale.unit, **rounded(vars(level), scale.factor))
+        row = row_of(name, vars(level), scale)
         rows.append({"level": name, "unit": scale.unit, "impacts": str(level.impacts), **row.numbers()})
     return rows
 
@@ -116,7 +117,7 @@ def _offset_at_zero(fit: Fit) -> list[ParameterRow]:
     if fit.posterior is not None and {"eps_10", "eps_slope"} & set(fit.problem.free_names):
         draws = at_zero(fit.problem.all_values(fit.posterior.draws))
         numbers |= {"sd": float(np.std(draws)), **quantiles(draws)}
-    return [ParameterRow("C2", "in", **rounded(numbers, 1.0))]
+    return [row_of("C2", numbers, Scale("in"))]
 
 
 def prediction_table(fit: Fit) -> list[Row]:
@@ -293,7 +294,7 @@ def html_text(fit: Fit) -> str:
     heads = ("", "median", "sd", "95 %", "unit", "verdict")
     lines = []
     for item, row in _rows(fit):
-        cells = (item.name, row.best, row.sd, row.interval_95, row.unit, row.verdict)
+        cells = (item.name, row.best, row.sd, row.interval_95, row.unit, item.verdict_words)
         shown = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
         lines.append(f'<tr title="{escape(item.meaning)}"><th>{escape(item.name)}</th>{shown}</tr>')
     top = "".join(f"<th>{head}</th>" for head in heads)
@@ -339,7 +340,7 @@ def report_text(fit: Fit) -> str:
     for item, row in _rows(fit):
         prior = "" if item.verdict is Verdict.FIXED else item.prior
         within = "" if row.interval_95 == "-" else row.interval_95
-        cells.append([f"{item.name}:", row.plus_minus, within, prior, row.verdict])
+        cells.append([f"{item.name}:", row.plus_minus, within, prior, item.verdict_words])
     lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)"]
     lines += [f"    {line}" for line in columns(cells, left=5)]
     if fit.correlation is not None:

@@ -19,7 +19,7 @@ from uncertainties.formatting import PDG_precision
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.evidence import Profile
-from fitball.inference.results.quantiles import ESSENTIALS, Spread
+from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Estimate, Verdict
 from fitball.models.specs import SPECS
 from fitball.observables import OBSERVABLES
@@ -205,22 +205,15 @@ WIDE = 20.0
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter as text, in the unit of its row; "-" for what a run without posterior has not. `told` is its
-    verdict without and, on a page, with the assumptions that it rests on.
-    """
+    """One parameter as text, in the unit of its row; "-" for what a run without posterior has not."""
 
     name: str
     unit: str
-    median: str
-    sd: str
-    interval_68: str
-    interval_95: str
     point: str
-    prior: str = ""
-    contraction: str = "-"
-    told: str = ""
-    verdict: str = ""
-    reason: str = ""
+    median: str = "-"
+    sd: str = "-"
+    interval_68: str = "-"
+    interval_95: str = "-"
 
     @property
     def best(self) -> str:
@@ -243,34 +236,19 @@ class ParameterRow:
         return spread | {"point": self.point}
 
 
-def rounded(numbers: Mapping[str, Any], factor: float) -> dict[str, str]:
-    """Point, median, sd and intervals, times a factor, as text to the places that the sd tells."""
-    scaled = {name: None if numbers[name] is None else numbers[name] * factor for name in ("point", *ESSENTIALS)}
-    if scaled["median"] is None or scaled["sd"] is None:
-        absent = dict.fromkeys(("median", "sd", "interval_68", "interval_95"), "-")
-        return absent | {"point": significant(scaled["point"], 4)}
-    places = decimals(scaled["sd"])
-    return {
-        **{name: fixed(scaled[name], places) for name in ("median", "sd", "point")},
-        "interval_68": interval(scaled["q16"], scaled["q84"], places),
-        "interval_95": interval(scaled["q025"], scaled["q975"], places),
-    }
+def row_of(name: str, numbers: Mapping[str, Any], scale: Scale) -> ParameterRow:
+    """Point, median, sd and quantiles in SI as text in that unit, to the places that the sd tells."""
+    if numbers["median"] is None or numbers["sd"] is None:
+        return ParameterRow(name, scale.unit, significant(numbers["point"] * scale.factor, 4))
+    places = scale.decimals(numbers["sd"])
+    point, median, sd = (scale.fixed(numbers[it], places) for it in ("point", "median", "sd"))
+    ends = (scale.interval(numbers[low], numbers[high], places) for low, high in (("q16", "q84"), ("q025", "q975")))
+    return ParameterRow(name, scale.unit, point, median, sd, *ends)
 
 
 def parameter_row(estimate: Estimate, scale: Scale | None = None) -> ParameterRow:
-    """One parameter in handy multiples of SI, or as `scale` has it; its prior is quoted in SI itself."""
-    scale = scale or handy(estimate.name, estimate.unit)
-    contraction = None if estimate.median is None else estimate.contraction
-    return ParameterRow(
-        name=estimate.name,
-        unit=scale.unit,
-        prior=estimate.prior,
-        contraction="-" if contraction is None else f"{contraction:.2f}",
-        told=verdict_cell(estimate),
-        verdict=estimate.verdict_words,
-        reason=estimate.reason,
-        **rounded(vars(estimate), scale.factor),
-    )
+    """One parameter in handy multiples of SI, or as `scale` has it."""
+    return row_of(estimate.name, vars(estimate), scale or handy(estimate.name, estimate.unit))
 
 
 def verdict_cell(estimate: Estimate) -> Cell:
@@ -285,9 +263,10 @@ def told_line(estimate: Estimate) -> Cell:
         # A unit such as 1e-3 s/m is a factor to a reader.
         unit = f"{' x' * row.unit[:1].isdigit()} {row.unit}".rstrip()
         known = f" = {row.best}{unit}{'' if row.median == '-' else f' {row.interval_95} (95 %)'}"
-    coloured = judged(estimate.verdict, row.verdict).html
-    html = Markup("<b>{}</b>{}: {}; {}").format(row.name, known, coloured, row.reason.replace("+-", "\u00b1"))
-    return Cell(f"{row.name}{known}: {row.verdict}; {row.reason}", html)
+    verdict, reason = estimate.verdict_words, estimate.reason
+    coloured = judged(estimate.verdict, verdict).html
+    html = Markup("<b>{}</b>{}: {}; {}").format(row.name, known, coloured, reason.replace("+-", "\u00b1"))
+    return Cell(f"{row.name}{known}: {verdict}; {reason}", html)
 
 
 TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED, Verdict.CONDITIONAL)
