@@ -17,7 +17,7 @@ from test_total_bounce import ball_of
 
 from fitball.cli.main import main
 from fitball.exports.interactive import RPM, interactive_page, preset, round_impact
-from fitball.exports.port.course import total_moment
+from fitball.exports.port.face import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import make_port
 from fitball.inference.prediction.port_check import golden

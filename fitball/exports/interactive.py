@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from fitball.data.read import load_table
 from fitball.errors import ParameterError
-from fitball.exports.port.course import total_moment
+from fitball.exports.port.face import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import Port, make_port, range_sentences
 from fitball.inference.prediction.engine_fit import middle_impact
@@ -102,7 +102,7 @@ def _settings(port: Port, fitted: FittedModel, impact: Impacts, followed: bool) 
         "followed": followed,
         "toldCor": port.needs_cor,
         "place": {"mu": names.index("mu") if "mu" in values else None, "cor": names.index("cor_10") if own else None},
-        "ball": {"mass": fitted.ball.mass, "radius": port.radius, "inertia": fitted.ball.inertia},
+        "ball": {"mass": fitted.ball.mass, "radius": fitted.ball.radius, "inertia": fitted.ball.inertia},
         "phases": {int(code): name for code, name in PHASE_SYMBOL.items()},
         "sliders": sliders,
     }
