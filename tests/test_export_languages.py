@@ -13,7 +13,7 @@ import pytest
 from test_export_ports import differences, fitted, port_of, python_module, random_cases  # noqa: F401 - a fixture
 from test_total_bounce import ball_of
 
-from fitball.exports.port.languages import csharp_port, javascript_script, javascript_texts
+from fitball.exports.port.languages import csharp_port, javascript_port, javascript_script
 from fitball.inference.prediction.valid_range import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.values import Ball, Impacts
@@ -135,7 +135,7 @@ def js_kernel(folder, port):
 
 def js_faces(folder, ports):
     for k, port in enumerate(ports):
-        (folder / f"port{k}.js").write_text(javascript_texts(port)[".js"])
+        (folder / f"port{k}.js").write_text(javascript_port(port)[".js"])
     (folder / "check.js").write_text(JS)
     run([NODE, "check.js", "faces", str(len(ports))], folder)
 
@@ -229,7 +229,7 @@ def test_faces_give_the_total_bounce_by_name(language, tmp_path, balls):
 def test_the_script_and_the_module_check_themselves(tmp_path):
     """Also a negative control: a hair of friction too much."""
     port = port_of(fitted("grip-slip"))
-    for ending, text in javascript_texts(port, "red_clay_").items():
+    for ending, text in javascript_port(port, "red_clay_").items():
         (tmp_path / f"bounce{ending}").write_text(text)
     assert "passed" in run([NODE, "bounce.js"], tmp_path)
     script = 'import {rebound, selfTest, V_Y1_HIGH} from "./bounce.mjs";\n'
@@ -242,7 +242,7 @@ def test_the_script_and_the_module_check_themselves(tmp_path):
         "new Function(require('fs').readFileSync('bounce.js') + '; return RedClayBounce')().rebound(12, 9, 20).v_y2"
     )
     assert float(run([NODE, "-p", plain], tmp_path)) == found["v_y2"]
-    wrong = javascript_texts(port)[".js"].replace(repr(port.call.row[0]), repr(port.call.row[0] * (1.0 + 1e-10)))
+    wrong = javascript_port(port)[".js"].replace(repr(port.call.row[0]), repr(port.call.row[0] * (1.0 + 1e-10)))
     (tmp_path / "wrong.js").write_text(wrong)
     done = subprocess.run([NODE, tmp_path / "wrong.js"], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "FAILED" in done.stdout

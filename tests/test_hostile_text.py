@@ -21,7 +21,7 @@ from test_interactive import models  # noqa: F401 - a fixture
 from fitball import FitballError, load_fit
 from fitball.cli.main import main
 from fitball.exports.interactive import interactive_page, round_impact
-from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
+from fitball.exports.port.languages import c_port, csharp_port, javascript_port
 from fitball.exports.port.port import HARMLESS, python_port, source_text
 
 # What ends a comment, a string, a line or a script in some language, or goes on in the next line.
@@ -84,7 +84,7 @@ def run_c(folder, port):
 
 
 def run_javascript(folder, port):
-    for ending, text in javascript_texts(port).items():
+    for ending, text in javascript_port(port).items():
         (folder / f"bounce{ending}").write_text(text, encoding="utf-8")
     run([NODE, "--check", "bounce.mjs"], folder)
     return run([NODE, "bounce.js"], folder)

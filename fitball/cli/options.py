@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from fitball.errors import ParameterError
 from fitball.models.names import DEFAULT_MODEL, RANKED
@@ -279,6 +279,26 @@ def tell_notes(notes: Iterable[object]) -> None:
     """What one should know of a result, on stderr, each in a line."""
     for note in notes:
         print(one_line(f"note: {note}"), file=sys.stderr)
+
+
+class Told(Protocol):
+    """What every verb's result can be asked."""
+
+    def report(self) -> str:
+        """All of it as text."""
+
+    def json(self) -> Mapping[str, object]:
+        """All of it for machines."""
+
+
+def print_result(args: argparse.Namespace, result: Told, brief: object) -> None:
+    """A result as JSON, `brief` where the run is quiet, else as text."""
+    from fitball.report.form.files import json_text
+
+    if args.json:
+        print(json_text(result.json()), end="")
+    else:
+        print(brief if args.quiet else result.report())
 
 
 def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:

@@ -281,7 +281,7 @@ def write_page(args: argparse.Namespace) -> int:
 def _page_of_fit(place: str) -> tuple[FittedModel, str, str, str]:
     """The fitted model, a sentence and a phrase about it, its name."""
     from fitball.api import load_fit
-    from fitball.exports.formats import origin_of
+    from fitball.exports.port.port import origin_of
 
     saved = load_fit(place)
     table = saved.source

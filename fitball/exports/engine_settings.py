@@ -23,12 +23,12 @@ USUAL_CONTACT = 0.005
 STEPS = 20
 
 
-def engine_texts(saved: Fit, at: str | None, inertia_ratio: float) -> Mapping[str, str]:
+def engine_texts(saved: Fit, at: str | None = None, engine_inertia: float = 0.4) -> Mapping[str, str]:
     """The page and the JSON. Raises ParameterError for an operating point that is no one impact."""
     point = middle_impact(saved.fitted) if at is None else parse_impact(at)
     if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
         raise ParameterError("this fit is of drop tests and knows no friction: give v_y alone")
-    engine = fit_engine(saved.fitted, point, inertia_ratio)
+    engine = fit_engine(saved.fitted, point, engine_inertia)
     return {".md": _page(saved, engine), ".json": json_text(_content(saved, engine))}
 
 

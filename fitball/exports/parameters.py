@@ -18,6 +18,7 @@ from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunS
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
 from fitball.report.form.document import markdown_table
+from fitball.report.form.files import json_text
 from fitball.report.form.parameters import parameter_row
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
@@ -56,6 +57,11 @@ def parameter_content(saved: Fit) -> dict[str, Any]:
         "rebound": {name: column.tolist() for name, column in columns.items() if not np.isnan(column).any()},
     }
     return parameter_set
+
+
+def parameter_text(saved: Fit) -> str:
+    """The parameter set as JSON."""
+    return json_text(parameter_content(saved))
 
 
 def _levels(listed: Sequence[LevelEstimate]) -> dict[str, Any]:

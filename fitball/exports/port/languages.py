@@ -7,10 +7,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from fitball.errors import ParameterError
 from fitball.exports.port.kernel_source import Constant
-from fitball.exports.port.port import Port, translated_port
+from fitball.exports.port.port import Port, port_of, python_port, translated_port
 from fitball.exports.port.translate import Struct, Type, compound, fields_of, type_name
+from fitball.inference.results.results import Fit
+from fitball.wording import option
 
+# What names of a port begin with.
+PREFIX = "fitball_"
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "atan2")
 _TAKEN_CSHARP = """
 abstract as base bool break byte case catch char checked class const continue decimal default delegate do double
@@ -237,18 +242,44 @@ NAMES = (
 )  # fmt: skip
 
 
-def c_port(port: Port, prefix: str = "fitball_") -> str:
+def python_text(saved: Fit) -> str:
+    """A fit as a module that needs `math` alone."""
+    return python_port(port_of(saved))
+
+
+def c_text(saved: Fit, prefix: str = PREFIX) -> str:
+    """A fit as a header in which every name begins with `prefix`. Raises ParameterError for what begins none."""
+    return c_port(port_of(saved), _beginning(prefix))
+
+
+def csharp_text(saved: Fit, prefix: str = PREFIX) -> str:
+    """A fit as a class; see `c_text`."""
+    return csharp_port(port_of(saved), _beginning(prefix))
+
+
+def javascript_texts(saved: Fit, prefix: str = PREFIX) -> dict[str, str]:
+    """A fit as a script, and as an ES module; see `c_text`."""
+    return javascript_port(port_of(saved), _beginning(prefix))
+
+
+def _beginning(prefix: str) -> str:
+    if not (prefix.isascii() and prefix.lstrip("_").isidentifier()):
+        raise ParameterError(f"{option('prefix', prefix)}: expected the beginning of a name, such as clay_")
+    return prefix
+
+
+def c_port(port: Port, prefix: str = PREFIX) -> str:
     """The header's text; every name in it begins with `prefix`. Raises UnportableError."""
     text = translated_port(port, replace(C99, prefix=prefix))
     return text.replace("@@", prefix).replace("@UP@", prefix.upper())
 
 
-def csharp_port(port: Port, prefix: str = "fitball_") -> str:
+def csharp_port(port: Port, prefix: str = PREFIX) -> str:
     """The text of the class, called after `prefix`. Raises UnportableError."""
     return translated_port(port, CSHARP).replace("@@", camel_case(prefix))
 
 
-def javascript_texts(port: Port, prefix: str = "fitball_") -> dict[str, str]:
+def javascript_port(port: Port, prefix: str = PREFIX) -> dict[str, str]:
     """The script (a global called after `prefix`, or what `require` gives), the ES module. Raises UnportableError."""
     name = f"{camel_case(prefix)}Bounce"
     body = translated_port(port, JAVASCRIPT).replace("@@Bounce", name)

@@ -33,7 +33,7 @@ from fitball.exports.port.kernel_source import Constant, KernelSource, Unportabl
 from fitball.exports.port.translate import STRIDE, Program, compound, fields_of, translated
 from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Golden
+from fitball.inference.results.results import Fit, Golden
 from fitball.models.kernels.oscillator import SERIES_LENGTH
 from fitball.models.kernels.search import MAX_DEPTH, SIZE
 from fitball.models.kernels.vertical import ANCHOR_SPEED, TORSION, TORSION_RIGID
@@ -111,6 +111,19 @@ FITTED: Mapping[Convention, Callable[..., Any]] = {
     "two-mass": fitted_two_mass,
     "thesis": fitted_thesis,
 }
+
+
+def origin_of(saved: Fit) -> str:
+    """Which fit a port is of, in a line."""
+    table = saved.source
+    origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
+    pooled = sorted({item.parameter for item in saved.levels})
+    return f"{origin}, {', '.join(pooled)} at the value common to all levels" if pooled else origin
+
+
+def port_of(saved: Fit) -> Port:
+    """The port of a fit. Raises ModelError as `make_port` does."""
+    return make_port(saved.fitted, saved.golden, origin_of(saved))
 
 
 def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[Callable[..., Any]] = ()) -> Port:
