@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 from fitball.api.fit import Fit
 from fitball.api.progress import Report, Wanted, reporting, silent
-from fitball.api.reading import PathLike, Reading, Table, checked_choices, given, read
+from fitball.api.reading import (
+    DEFAULTS,
+    Fitting,
+    PathLike,
+    Reading,
+    Table,
+    choices_of,
+    effort_of,
+    read,
+    reading_of,
+)
 from fitball.data.force_file import find_force
 from fitball.data.scene import Scene
 from fitball.inference.calibrate import fingerprint, run
-from fitball.inference.effort import MAX_STEPS, Effort
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import build_records
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.kinds import checked
+from fitball.kinds import checked, spelled
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -43,14 +50,17 @@ class Run:
 
 
 def pose(
-    data: Table | Sequence[Table], choices: Choices, force: PathLike | None = None, **reading: Unpack[Reading]
+    data: Table | Sequence[Table],
+    choices: Choices,
+    force: PathLike | None = None,
+    scene: Scene | None = None,
+    **reading: Unpack[Reading],
 ) -> Problem:
     """The problem of a table, or of tables that are fitted together.
 
-    For `force` and `reading` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
+    For `force`, `scene` and `reading` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
     """
-    checked_choices(choices)
-    table, known, doubts, files = read(data, **reading)
+    table, known, doubts, files = read(data, scene, **reading)
     records, said = find_force(files, table, known, None if force is None else os.fspath(force))
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
@@ -70,31 +80,16 @@ def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = F
 
 
 @checked
+@spelled(Fitting, DEFAULTS)
 def calibrate(
     table: Table | Sequence[Table],
     model: str | None = None,
     *,
     scene: Scene | None = None,
-    config: PathLike | None = None,
-    units: Mapping[str, str] | None = None,
-    closures: Mapping[str, str] | None = None,
-    priors: Mapping[str, str] | None = None,
-    fix: Mapping[str, float] | None = None,
-    noise: str | None = None,
-    pool: Mapping[str, str] | None = None,
-    offsets: str | None = None,
-    incident_errors: bool = True,
-    velocity_noise: str | None = None,
     force: PathLike | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    seed: int = 1,
-    point_only: bool = False,
-    walkers: int | None = None,
-    max_steps: int = MAX_STEPS,
     cores: int | None = None,
     progress: Wanted = None,
+    **options: Unpack[Fitting],
 ) -> Fit:
     """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, an `ImpactTable`, or to
     several of them together.
@@ -119,21 +114,7 @@ def calibrate(
     >>> round(fit.parameters["mu"].point, 2)
     0.56
     """
-    choices = Choices(
-        model,
-        given(closures),
-        given(priors),
-        given(fix),
-        noise,
-        given(pool),
-        offsets,
-        incident_errors,
-        velocity_noise,
-    )
-    threads = (os.cpu_count() or 1) if cores is None else cores
-    effort = Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=threads)
-    asked = pose(
-        table, choices, force, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
-    )
+    effort = effort_of(options, (os.cpu_count() or 1) if cores is None else cores)
+    problem = pose(table, choices_of(model, options), force, scene, **reading_of(options))
     with reporting(progress) as report:
-        return Run(asked, effort).fit(report)
+        return Run(problem, effort).fit(report)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from fitball.api.fit import Fit
 from fitball.api.progress import Wanted, reporting
-from fitball.api.reading import PathLike, Reading, Table, read
+from fitball.api.reading import DEFAULTS, PathLike, Reading, Table, read
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.comparison import results
@@ -20,7 +20,7 @@ from fitball.inference.comparison.compare import compare as run_comparison
 from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
-from fitball.kinds import checked
+from fitball.kinds import checked, spelled
 from fitball.report.compare.document import render
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.compare.words import words
@@ -148,10 +148,11 @@ def contest(
     max_steps: int | None,
     cores: int | None,
     scheduler: str | None,
+    scene: Scene | None = None,
     **reading: Unpack[Reading],
 ) -> Contest:
     """A comparison of models on a table, see `compare`. Raises ParameterError before anything is fitted."""
-    table, known, doubts, _files = read(data, **reading)
+    table, known, doubts, _files = read(data, scene, **reading)
     workers = engine(cores, scheduler)
     effort = Effort(seed=seed, max_steps=MAX_STEPS if max_steps is None else max_steps, cores=1, ess=ESS)
     named = (models,) if isinstance(models, str) else models
@@ -164,22 +165,19 @@ def contest(
 
 
 @checked
+@spelled(Reading, DEFAULTS)
 def compare(
     data: Table | Sequence[Table],
     models: Sequence[str] | None = None,
     *,
     scene: Scene | None = None,
-    config: PathLike | None = None,
-    units: Mapping[str, str] | None = None,
     quick: bool = False,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
     seed: int = 1,
     max_steps: int | None = None,
     cores: int | None = None,
     scheduler: str | None = None,
     progress: Wanted = None,
+    **reading: Unpack[Reading],
 ) -> Comparison:
     """Compare models on a table by predictions of impacts left out, as the verb `compare` does.
 
@@ -196,7 +194,7 @@ def compare(
     """
     asked = contest(
         data, models, quick=quick, seed=seed, max_steps=max_steps, cores=cores, scheduler=scheduler, scene=scene,
-        config=config, units=units, flip=flip, columns=columns, as_read=as_read,
+        **reading,
     )  # fmt: skip
     with reporting(progress) as report:
         return asked.compare(lambda stage: report(stage, None))

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import COLUMNS, FLIP, READING, Option, Verb, option, reading_of, switch
+from fitball.cli.options import COLUMNS, FLIP, READING, Option, Verb, fitting_of, option, switch
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -91,9 +91,9 @@ def _show(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from fitball.api import check
+    from fitball.api.reading import check, reading_of
 
-    found = check(args.data, force=args.force, **reading_of(args))
+    found = check(args.data, force=args.force, **reading_of(fitting_of(args)))
     if args.json:
         notices = _notices(found.notices)
         _print_json({"source": args.data, "ok": found.ok, "faults": found.faults, "notices": notices})

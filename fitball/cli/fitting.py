@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
+    CONFIG,
     CORES,
     FITTING,
     READING,
     SCHEDULER,
+    SEED,
     Verb,
-    choices_of,
     either,
-    make_effort,
+    fitting_of,
     option,
     place,
-    reading_of,
     switch,
     tell_notes,
     whole,
@@ -43,6 +43,7 @@ def run_calibrate(args: argparse.Namespace) -> int:
     progress = args.progress
     progress("loading", None)
     from fitball.api import begin, pose
+    from fitball.api.reading import choices_of, effort_of, reading_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.fit.document import render
     from fitball.report.fit.folder import render_json, write_all
@@ -50,10 +51,11 @@ def run_calibrate(args: argparse.Namespace) -> int:
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
-    choices = choices_of(args)
-    problem = pose(args.data, choices, args.force, **reading_of(args))
+    asked = fitting_of(args)
+    choices = choices_of(args.model, asked)
+    problem = pose(args.data, choices, args.force, **reading_of(asked))
     folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
-    effort = make_effort(args, args.cores)
+    effort = effort_of(asked, args.cores)
     effort.settings(problem)
     with held(folder):
         begun = begin(problem, effort, folder, overwrite=args.overwrite, resume=args.resume)
@@ -121,6 +123,7 @@ def run_compare(args: argparse.Namespace) -> int:
     progress = args.progress
     progress("loading", None)
     from fitball.api.comparing import contest
+    from fitball.api.reading import reading_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.document import JSON_NAME, render, write_all
     from fitball.report.form.files import json_text
@@ -128,7 +131,7 @@ def run_compare(args: argparse.Namespace) -> int:
 
     asked = contest(
         args.data, None if args.models is None else model_names(args.models), quick=args.quick, seed=args.seed,
-        max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(args),
+        max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(fitting_of(args)),
     )  # fmt: skip
     folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
     with held(folder):
@@ -162,10 +165,10 @@ COMPARE = Verb(
     (
         option("data", "DATA", "a table (CSV, workbook, Parquet), or the name of a bundled one"),
         option("--models", "A,B,...", "models to compare (default: those that can differ here)"),
-        option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)"),
+        CONFIG,
         *READING,
         switch("--quick", "only the main models, and no exact refits of influential impacts"),
-        option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1),
+        SEED,
         option("--max-steps", "N", "steps of each ensemble at most (default 8000)", type=whole),
         option("--cores", "N", "processes, one model each (default: all)", type=whole),
         SCHEDULER,
@@ -192,16 +195,12 @@ did not converge.""",
 def run_batch(args: argparse.Namespace) -> int:
     """Fit what is not fitted yet, write the files of all, print what was found."""
     args.progress("loading", None)
-    from fitball.batch.many import FOLDER, batch_of
-    from fitball.batch.run import Plan
+    from fitball.batch.many import FOLDER, batch_of, plan_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.batch.rows import FAILED
 
     folder = Path(args.out) if args.out else FOLDER
-    plan = Plan(
-        folder, choices_of(args), make_effort(args, 1), args.config, tuple(args.flip), args.columns, {}, args.as_read,
-        args.full, args.overwrite,
-    )  # fmt: skip
+    plan = plan_of(folder, args.model, args.full, args.overwrite, **fitting_of(args))
     try:
         batch = batch_of(args.data, plan, args.cores, args.scheduler, telling(args), args.command)
     except KeyboardInterrupt:

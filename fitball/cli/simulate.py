@@ -28,7 +28,6 @@ def run_simulate(args: argparse.Namespace) -> int:
     if args.format not in FORMATS:
         raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     _check_together(args)
-    args.values = pairs("--set", args.values, float, "NAME=VALUE, as in mu=0.6")
     if args.map is not None:
         return run_map(args)
     if args.example == "list":
@@ -136,9 +135,9 @@ SIMULATE = Verb(
         option("--impact", "TEXT", 'the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'),
         option("--fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
         option("--model", "NAME", f"{either(marked(FOLLOWED))}, with +CLOSURE=OPTION for each one changed"),
-        option(
-            "--set", "NAME=VALUE", "a parameter of the model in SI units; repeatable", action="append", default=[],
-            dest="values",
+        pairs(
+            "--set", "NAME=VALUE", "a parameter of the model in SI units; repeatable", convert=float, dest="values",
+            form="NAME=VALUE, as in mu=0.6",
         ),
         option(
             "--map", "TEXT",

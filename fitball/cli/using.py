@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
     COLUMNS,
+    EXACT,
+    FIT,
     FLIP,
     SCHEDULER,
+    SEED,
     Verb,
     count,
     file_place,
@@ -141,7 +144,7 @@ def run_predict(args: argparse.Namespace) -> int:
 PREDICT = Verb(
     "predict", "predict rebounds of new impacts from a fit, with intervals",
     (
-        option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
+        FIT,
         option("data", "DATA", "impacts: a table, or the name of a bundled one", nargs="?"),
         option(
             "--impact", "TEXT",
@@ -150,7 +153,7 @@ PREDICT = Verb(
         ),
         FLIP,
         COLUMNS,
-        switch("--exact-incidence", "take the incident state as exact even where its sd is stated"),
+        switch(*EXACT),
         option("--out", "FILE.csv", "write every number to a CSV file", type=file_place),
         switch("--overwrite", "replace that file if it exists"),
         option("--seed", "N", "seed of the simulated noise (default 1)", type=whole, default=1),
@@ -175,7 +178,6 @@ prediction.""",
 
 def run_plan(args: argparse.Namespace) -> int:
     """Plan, write the folder, print what to do."""
-    cost = pairs("--cost", args.cost, float, "NAME=C, such as contact_time=2", "a number", last=True)
     args.progress("loading", None)
     from fitball.api import load_fit
     from fitball.report.form.files import json_text
@@ -184,7 +186,7 @@ def run_plan(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
     made = load_fit(place).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
-        sensors=args.sensor, cost=cost, seed=args.seed, progress=args.progress,
+        sensors=args.sensor, cost=args.cost, seed=args.seed, progress=args.progress,
     )  # fmt: skip
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
@@ -199,7 +201,7 @@ def run_plan(args: argparse.Namespace) -> int:
 PLAN = Verb(
     "plan", "what to measure next: the impacts and sensors that would tell most",
     (
-        option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
+        FIT,
         option(
             "--for", "TARGET",
             'what is to be known: parameters (k_theta,mu), "court pace", or impact="v=30 m/s, theta=16 deg" '
@@ -218,12 +220,13 @@ PLAN = Verb(
         option("--impacts", "N", "impacts to choose (default 5)", type=count, default=5),
         option("--repeats", "N", "times each is made (default 1)", type=count, default=1),
         option("--sensor", "NAME=VALUE", "another way of measuring, see below; repeatable", action="append"),
-        option(
+        pairs(
             "--cost", "NAME=C",
             "what an impact read by that sensor costs, one measured as before being 1: the batch is then chosen "
-            "among all sensors by gain for cost; repeatable", action="append", default=[],
+            "among all sensors by gain for cost; repeatable", convert=float, last=True, number="a number",
+            form="NAME=C, such as contact_time=2",
         ),
-        option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1),
+        SEED,
         option("--out", "DIR", "result folder (default: plan, beside fit.json)", type=place),
         switch("--overwrite", "replace an older plan in the folder"),
         switch("--json", "print plan.json (SI units, angles in radians)"),
@@ -277,7 +280,7 @@ EXPORT_LINES = "\n".join(f"  {name:10} {form.help}" for name, form in EXPORTS.it
 EXPORT = Verb(
     "export", "a fitted parameter set in another form: C, Python, JavaScript, C#, tables, engines",
     (
-        option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
+        FIT,
         option("--to", "FORMAT", ", ".join(EXPORTS), required=True),
         option("--out", "FILE", "file, or - for stdout (default: a name beside fit.json)", type=place),
         switch("--overwrite", "replace files that exist"),
