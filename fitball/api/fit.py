@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from fitball.api.planning import Plan, Span, parsed, planned
-from fitball.api.predicting import Course, course_of_fit, course_of_model, foretell
+from fitball.api.predicting import foretell
 from fitball.api.progress import Wanted
 from fitball.api.reading import PathLike
+from fitball.api.simulating import Course, Subject, course_of
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, suggestion
 from fitball.exports.formats import Exported, exported
@@ -223,7 +224,7 @@ class Fit(results.Fit):
     @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
         """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
-        return course_of_fit(self, impact, draws)
+        return course_of(Subject(self.fitted, self), impact, draws)
 
     @checked
     def plan(
@@ -392,8 +393,7 @@ def simulate(
     >>> fitball.simulate("v=17, theta=18, spin=100").to_frame().shape[0]
     401
     """
-    if fit is None:
-        return course_of_model(impact, model, values or {})
-    if model is not None or values:
+    if fit is not None and (model is not None or values):
         raise ParameterError("a fit brings its own model and parameters: leave out model and values")
-    return fit_of(fit).simulate(impact, draws=draws)
+    subject = Subject.of(None if fit is None else fit_of(fit), model, values or {})
+    return course_of(subject, impact, draws)
