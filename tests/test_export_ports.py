@@ -231,53 +231,6 @@ def test_a_wrong_port_fails_its_own_test(tmp_path):
     assert b"FAILED" in done.stdout
 
 
-@needs_cc
-def test_the_faces_agree_with_the_model_on_random_impacts(tmp_path):
-    """`rebound` of both ports, four models in one program, on impacts of every regime."""
-    names = ("brody", "grip-slip", "two-mass", "thesis-exact")
-    rng = np.random.default_rng(4)
-    given = Impacts(rng.uniform(-30, 30, 100), rng.uniform(9, 25, 100), rng.uniform(-500, 500, 100))
-    main, found = ["#include <stdio.h>"], {}
-    calls = []
-    for k, name in enumerate(names):
-        whole = fitted(name)
-        (tmp_path / f"p{k}.h").write_text(c_port(port_of(whole), f"p{k}_"))
-        found[name] = (whole.rebound(given), python_module(whole, tmp_path / f"p{k}.py"))
-        main.append(f'#include "p{k}.h"')
-        calls.append(
-            f"{{ const p{k}_rebound_t r = p{k}_rebound(x, y, w);"
-            ' printf("%.17g %.17g %.17g %.17g %lld %d\\n",'
-            " r.v_x2, r.v_y2, r.omega_2, r.contact_time, (long long)r.regime, r.status); }"
-        )
-    main += ["int main(void) {", "double x, y, w;", 'while (scanf("%lf %lf %lf", &x, &y, &w) == 3) {', *calls, "}}"]
-    (tmp_path / "main.c").write_text("\n".join(main))
-    built = subprocess.run(
-        [CC, *FLAGS, "main.c", "-lm", "-o", "main"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert built.returncode == 0, built.stderr
-    states = np.stack([given.v_x1, given.v_y1, given.omega_1], axis=1).tolist()
-    text = "\n".join(" ".join(map(repr, state)) for state in states)
-    done = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True)
-    rows = np.array([[float(cell) for cell in line.split()] for line in done.stdout.splitlines()])
-    speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (Ball().radius * given.omega_1) ** 2)
-    for k, name in enumerate(names):
-        expected, module = found[name]
-        assert np.all(expected.status == 0)
-        mine = rows[k :: len(names)]
-        solved = [module.solve(*item) for item in zip(given.v_x1, given.v_y1, given.omega_1, strict=True)]
-        theirs = np.array([(s.v_x2, s.v_y2, s.omega_2, s.contact_time, s.regime) for s in solved], dtype=float)
-        for got in (mine, theirs):
-            for column, weight, output in ((0, 1.0, "v_x2"), (1, 1.0, "v_y2"), (2, Ball().radius, "omega_2")):
-                error = weight * np.abs(got[:, column] - getattr(expected, output)[0]) / speed
-                assert error.max() < AGREEMENT, (name, output)
-            np.testing.assert_array_equal(got[:, 4], expected.regime[0])
-            if name in ("two-mass", "thesis-exact"):
-                np.testing.assert_allclose(got[:, 3], expected.contact_time[0], rtol=AGREEMENT)
-            else:
-                assert np.all(np.isnan(got[:, 3]))
-        assert np.all(mine[:, 5] == 0)
-
-
 def python_module(whole, place):
     place.write_text(python_port(port_of(whole)))
     spec = importlib.util.spec_from_file_location(place.stem, place)

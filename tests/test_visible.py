@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from fitball.cli import datasets
 from fitball.cli.main import main
 from fitball.errors import Fault, TableError
 from fitball.visible import EACH, LINE, LINES, folded, kind_of, one_line, visible
@@ -148,13 +147,13 @@ def test_errors_that_quote_files_and_options(
 def test_whatever_a_verb_prints_passes_through_one_place(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def say(_args: object) -> int:
+    def say() -> list[object]:
         print(HOSTILE)
         print(HOSTILE, file=sys.stderr)
         sys.stdout.write(HOSTILE)
-        return 0
+        return []
 
-    monkeypatch.setattr(datasets, "_list", say)
+    monkeypatch.setattr("fitball.data.bundled.bundled_tables", say)
     assert printed(capsys, 0, "datasets", "list").count("\\u001b") == 3
 
 

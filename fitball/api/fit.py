@@ -12,10 +12,8 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from fitball.api.planning import Plan, Span, parsed, planned
-from fitball.api.predicting import foretell
-from fitball.api.progress import Wanted
-from fitball.api.reading import PathLike
+from fitball.api.predicting import Plan, Span, foretell, parsed, planned
+from fitball.api.reading import PathLike, Wanted
 from fitball.api.simulating import Course, Subject, course_of
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, suggestion

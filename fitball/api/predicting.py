@@ -1,28 +1,38 @@
-"""Rebounds of new impacts from a fit: whatever tells of impacts goes in, a prediction with its table comes out."""
+"""What follows from a fit: rebounds of new impacts, whatever tells of these; and what to measure next."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from numbers import Integral
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitball.api.reading import flips
+from fitball.api.reading import Wanted, flips, reporting
 from fitball.data.header import naming, split_cell
-from fitball.data.lines import parse_uncertain_impact
+from fitball.data.lines import Range, checked_range, parse_range, parse_uncertain_impact
 from fitball.data.read import framed, in_memory, load_table, written_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, check_whole
+from fitball.inference.design import results
+from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
 from fitball.inference.prediction.outputs import ObservableScore, scores
 from fitball.inference.prediction.over_assumptions import with_assumptions
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.inference.results.source import Source
+from fitball.kinds import checked
 from fitball.observables import OBSERVABLES
+from fitball.report.form.folders import clear_folder, held
+from fitball.report.plan.document import render
+from fitball.report.plan.rows import plan_json, plan_rows
 from fitball.report.predict import prediction_csv_rows
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.wording import option
@@ -30,6 +40,7 @@ from fitball.wording import option
 if TYPE_CHECKING:
     import pandas as pd
 
+    from fitball.report.figures.canvas import Figure
 
 DRAWN = "the incident state is uncertain: it is drawn anew for each draw of the parameters"
 IGNORED = "the stated uncertainty of the incident state is not used"
@@ -198,3 +209,90 @@ def _other_flips(fitted: Source | ImpactTable, table: ImpactTable) -> tuple[str,
     return (
         f"the fit was made with {made} flipped, these impacts are read with {here} flipped ({option('flip', '...')})",
     )
+
+
+# A range as text, as its ends in SI, or one value in SI.
+Span = str | float | tuple[float, float]
+NOT_CONVERGED = "The sampler of this fit did not converge: gains may change."
+NOT_DESCRIBED = "The model does not describe the fitted table: gains hold within the model only."
+
+
+class Plan:
+    """What to measure next: impacts in the order of their worth, ways of measuring, and what they would tell."""
+
+    def __init__(self, result: results.Plan, problem: Problem) -> None:
+        self.result = result
+        self._problem = problem
+
+    @property
+    def gain(self) -> float:
+        """Nats that all chosen impacts are expected to tell of the target, to first order."""
+        return self.result.gain
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row an impact, as `plan.csv` has it: with empty columns for what is to be measured."""
+        import pandas as pd
+
+        return pd.DataFrame(plan_rows(self.result, self._problem)).set_index("id")
+
+    @checked
+    def report(self, folder: Path | None = None) -> str:
+        """All of it as text, with the `folder` that it was saved in."""
+        return render(self.result, self._problem, folder)
+
+    def json(self) -> Mapping[str, object]:
+        """All of it as `plan.json` has it."""
+        return plan_json(self.result)
+
+    def plot(self) -> Figure:
+        """The map of gains, as a matplotlib Figure that pyplot does not know."""
+        from fitball.report.plan.document import title_of
+        from fitball.report.plan.figure import plan_figure
+
+        return plan_figure(self.result, title_of(self._problem))
+
+    @checked
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, command: str | None = None) -> Path:
+        """Write `plan.json`, `plan.csv`, `plan.png` and `plan.html`. Raises ResultFolderError."""
+        from fitball.report.plan.document import JSON_NAME, write_all
+
+        path = Path(folder)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, self._problem, path, command)
+        return path
+
+    def __repr__(self) -> str:
+        chosen = self.result.chosen
+        return f"<Plan of {len(chosen)} impacts about {self.result.target}: {self.gain:.2f} nats>"
+
+    def _repr_html_(self) -> str:
+        """The impacts, as a notebook shows them."""
+        return f"<p>{repr(self)[1:-1]}</p>{self.to_frame().to_html(notebook=True)}"
+
+
+def planned(fit: Fit, asked: Asked, progress: Wanted) -> Plan:
+    """A plan from a fit; see `api.fit.Fit.plan`. Raises FitError and ParameterError as `make_plan` does."""
+    cautions = []
+    if fit.status is RunStatus.NOT_CONVERGED:
+        cautions.append(NOT_CONVERGED)
+    if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
+        cautions.append(NOT_DESCRIBED)
+    with reporting(progress) as report:
+        made = make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
+    return Plan(made, fit.problem)
+
+
+def parsed(quantity: str, given: Span | None) -> Range | None:
+    """What a caller says of a range. Raises ParameterError."""
+    if given is None:
+        return None
+    if isinstance(given, str):
+        return parse_range(quantity, given)
+    try:
+        low, high = (given, given) if isinstance(given, int | float | Integral) else (float(end) for end in given)
+    except (TypeError, ValueError):
+        raise ParameterError(
+            f"{option(quantity, str(given))}: expected a text such as '5:20', a number, or two (low, high), in SI"
+        ) from None
+    return checked_range(quantity, Range(float(low), float(high)), option(quantity, str(given)))

@@ -32,7 +32,7 @@ from fitball.report.form.folders import clear_folder, held
 from fitball.report.history import document
 from fitball.report.predict import remarks_on
 from fitball.values import Impacts
-from fitball.wording import option
+from fitball.wording import option, spoken
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -151,7 +151,7 @@ class Course:
         bounce. Returns their places; raises ResultFolderError.
         """
         if film is not None and len(self.simulations) > 1:
-            shown = f"{option('animate', str(film))} shows one bounce"
+            shown = f"{spoken('--animate', 'a film')} shows one bounce"
             raise ParameterError(f"{shown}; example {self.source} has {len(self.simulations)}")
         named = tuple(Path(place) for place in (csv, film) if place is not None)
         for place in named:

@@ -9,18 +9,12 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import COLUMNS, FLIP, READING, Option, Verb, fitting_of, option, switch
+from fitball.cli.options import COLUMNS, FLIP, READING, Option, Run, Verb, fitting_of, option, switch
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
     from fitball.data.table import ImpactTable, Notice
-
-
-def run(args: argparse.Namespace) -> int:
-    """Do what was asked. Returns 0, or 2 when `check` found faults; raises FitballError otherwise."""
-    actions = {"list": _list, "show": _show, "check": _check, "priors": _priors}
-    return actions[args.action](args)
 
 
 def _list(args: argparse.Namespace) -> int:
@@ -174,7 +168,7 @@ def _print_json(content: object) -> None:
     print(json.dumps(content, indent=2, ensure_ascii=False))
 
 
-def _action(name: str, help: str, example: str, *options: Option) -> Verb:
+def _action(run: Run, name: str, help: str, example: str, *options: Option) -> Verb:
     told = (switch("--json", "print JSON for other programs"), *options)
     return Verb(name, help, told, run, f"example:\n  fitball datasets {example}\n")
 
@@ -183,7 +177,7 @@ DATASETS = Verb(
     "datasets",
     "list, show and check impact tables; list priors from the literature",
     (),
-    run,
+    _list,
     """examples:
   fitball datasets list
   fitball datasets show wang_zero_spin.csv
@@ -193,20 +187,21 @@ DATASETS = Verb(
 """,
     description="List the tables that come with fitball, show one, or check a file and name every fault.",
     actions=(
-        _action("list", "names of the bundled tables", "list"),
+        _action(_list, "list", "names of the bundled tables", "list"),
         _action(
-            "show", "a table as it was read, and what is known about it", "show wang_all",
+            _show, "show", "a table as it was read, and what is known about it", "show wang_all",
             option("data", "NAME", "a path, or the name of a bundled table"), FLIP, COLUMNS,
         ),
         _action(
-            "check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv",
+            _check, "check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv",
             option("data", "FILE", "a path, or the name of a bundled table"),
             option("--config", "FILE.toml", "the scene, instead of the TOML file beside the table"),
             option("--force", "FILE", "force records, instead of those beside the table"),
             *READING, switch("--quiet", "print faults only"),
         ),
         _action(
-            "priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources", "priors"
+            _priors, "priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources",
+            "priors",
         ),
     ),
 )  # fmt: skip

@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-import tempfile
 import time
 from collections.abc import Mapping
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +22,7 @@ from fitball.cli.options import (
     fitting_of,
     option,
     place,
+    print_result,
     switch,
     tell_notes,
     whole,
@@ -122,7 +121,7 @@ def run_compare(args: argparse.Namespace) -> int:
     """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
     progress = args.progress
     progress("loading", None)
-    from fitball.api.comparing import contest
+    from fitball.api.calibrating import contest
     from fitball.api.reading import reading_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.compare.document import JSON_NAME, render, write_all
@@ -293,66 +292,25 @@ trusted: a few tables can be fitted together instead, fitball calibrate TABLES -
 
 def run_repeat(args: argparse.Namespace) -> int:
     """Run the fit again and print what differs; 0 where nothing does, 1 where the results contradict each other."""
-    progress = args.progress
-    progress("loading", None)
-    from dataclasses import replace
+    args.progress("loading", None)
+    from fitball.repeat.text import repeat
 
-    from fitball.api import begin
-    from fitball.errors import ResultFolderError
-    from fitball.repeat.compare import Outcome, compared
-    from fitball.repeat.kept import check_rows, read_kept, write_numbers
-    from fitball.repeat.text import render, repetition_json
-    from fitball.report.fit.folder import older_result, write_all
-    from fitball.report.form.files import json_text
-    from fitball.report.form.folders import held
-    from fitball.report.saved.run_file import find_records, find_tables, read_run, record_problem
-    from fitball.report.saved.structure import OlderFileError
-
-    record = read_run(Path(args.fit))
+    out = None if args.out is None else Path(args.out)
     try:
-        original = read_kept(record.folder)
-    except OlderFileError:
-        # It cannot be compared with, and is the reason for many to make it again.
-        if args.out is None:
-            raise
-        original = None
-    problem = record_problem(record, find_tables(record, args.data), find_records(record, args.force))
-    if original is not None:
-        check_rows(problem, original)
-    if args.out is not None and (older := older_result(Path(args.out))):
-        raise ResultFolderError(
-            f"{args.out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another "
-            "folder with --out"
-        )
-    effort = replace(record.effort, cores=args.cores)
-    place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
-    try:
-        with place as name, held(Path(name)):
-            folder = Path(name)
-            fit = begin(problem, effort, folder).fit(progress)
-            progress("comparison", None)
-            (write_numbers if args.out is None else write_all)(fit, folder)
-            repetition = None if original is None else compared(problem, original, read_kept(folder))
+        found = repeat(Path(args.fit), args.data, args.force, out, args.cores, args.progress)
     except KeyboardInterrupt:
-        progress.finish()
+        args.progress.finish()
         print("Interrupted: nothing was compared.", file=sys.stderr)
         return 130
-    progress.finish()
-    if original is None or repetition is None:
+    args.progress.finish()
+    if found is None:
         tell_notes(["an older fitball made this fit: nothing was compared"])
         print(args.out)
         return 0
     if not args.quiet:
-        tell_notes(repetition.notes)
-    if args.json:
-        print(json_text(repetition_json(repetition, original.content)), end="")
-    elif args.quiet:
-        print(repetition.outcome)
-    else:
-        print(render(repetition, original))
-        if args.out is not None:
-            print(args.out)
-    return 1 if repetition.outcome is Outcome.DIFFERENT else 0
+        tell_notes(found.repetition.notes)
+    print_result(args, found, found.repetition.outcome)
+    return found.exit_code
 
 
 REPEAT = Verb(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, suggestion
 from fitball.models.names import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
 
@@ -38,6 +38,9 @@ def switch(flag: str, help: str, **more: Any) -> Option:
     return Option(flag, help, {"action": "store_true", **more})
 
 
+Run = Callable[[argparse.Namespace], int]
+
+
 @dataclass(frozen=True)
 class Verb:
     """A verb: a line of help, what it may be asked, what runs it and returns the exit code, and what its help ends
@@ -47,7 +50,7 @@ class Verb:
     name: str
     help: str
     options: Sequence[Option]
-    run: Callable[[argparse.Namespace], int]
+    run: Run
     epilog: str
     description: str = ""
     actions: Sequence[Verb] = ()
@@ -78,6 +81,19 @@ def either(names: Sequence[str]) -> str:
 def marked(models: Sequence[str]) -> list[str]:
     """Names of models, the default marked."""
     return [f"{name} (default)" if name == DEFAULT_MODEL else name for name in models]
+
+
+def one_of(kind: str, known: Collection[str], more: str = "") -> Callable[[str], str]:
+    """A name among `known`, as the type of an option; `more` is said besides of one that is not. Its function raises
+    ParameterError.
+    """
+
+    def read(name: str) -> str:
+        if name not in known:
+            raise ParameterError(f"unknown {kind} '{name}': {suggestion(name, known)}{more}")
+        return name
+
+    return read
 
 
 def whole(text: str) -> int:
@@ -188,6 +204,9 @@ AS_READ = switch(
 )
 # How a table is to be read.
 READING = (FLIP, COLUMNS, AS_READ)
+# Of figures.
+FORMATS = ("png", "svg", "pdf")
+PICTURE: Mapping[str, Any] = {"default": "png", "type": one_of("format", FORMATS)}
 CONFIG = option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)")
 SEED = option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1)
 EXACT = "--exact-incidence", "take the incident state as exact even where its sd is stated"

@@ -12,11 +12,13 @@ from fitball.cli.options import (
     EXACT,
     FIT,
     FLIP,
+    PICTURE,
     SCHEDULER,
     SEED,
     Verb,
     count,
     file_place,
+    one_of,
     option,
     pairs,
     place,
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
 
 
 KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
-FORMATS = ("png", "svg", "pdf")
 
 
 def run_plot(args: argparse.Namespace) -> int:
@@ -43,38 +44,30 @@ def run_plot(args: argparse.Namespace) -> int:
     if args.kind not in (*FIGURES, "all"):
         map_of = f"; a map of regimes: fitball simulate --map --fit {args.fit}" if "map" in args.kind else ""
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}{map_of}")
-    if args.format not in FORMATS:
-        raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     from fitball.api import load_fit
+    from fitball.api.fit import Plots, lacks_profiles, profiled
+    from fitball.report.figures.canvas import save_figure
     from fitball.report.form.folders import PATIENCE, held
 
     path = Path(args.fit)
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
-    # No folder is made for a fit that there is not.
+    # No folder is made for a fit that there is not; one that is drawn in is replaced by nobody meanwhile.
     load_fit(path)
     with held(folder, PATIENCE):
-        _draw(args, path, folder)
+        fit = load_fit(path)
+        kinds = [args.kind] if args.kind != "all" else list(fit.plot)
+        left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
+        profiles = args.kind == "profiles"
+        notes = ["the file holds no profiles: computing them"] if profiles and lacks_profiles(fit) else []
+        notes += [f"left out {', '.join(left_out)}: this fit has not what they show"] if left_out else []
+        if not args.quiet:
+            tell_notes(notes)
+        shown = profiled(fit, args.cores, args.scheduler) if profiles else fit
+        for name in kinds:
+            place = folder / f"{name}.{args.format}"
+            save_figure(Plots(shown)(name), place, args.format)
+            print(place)
     return 0
-
-
-def _draw(args: argparse.Namespace, path: Path, folder: Path) -> None:
-    """Draw into the folder; a fit in it is replaced by nobody meanwhile."""
-    from fitball.api import load_fit
-    from fitball.api.fit import Plots, lacks_profiles, profiled
-    from fitball.report.figures.canvas import save_figure
-
-    fit = load_fit(path)
-    if args.kind == "profiles" and not args.quiet and lacks_profiles(fit):
-        tell_notes(["the file holds no profiles: computing them"])
-    shown = profiled(fit, args.cores, args.scheduler) if args.kind == "profiles" else fit
-    kinds = [args.kind] if args.kind != "all" else list(fit.plot)
-    left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
-    if left_out and not args.quiet:
-        tell_notes([f"left out {', '.join(left_out)}: this fit has not what they show"])
-    for name in kinds:
-        place = folder / f"{name}.{args.format}"
-        save_figure(Plots(shown)(name), place, args.format)
-        print(place)
 
 
 PLOT = Verb(
@@ -82,7 +75,7 @@ PLOT = Verb(
     (
         option("fit", "FIT", "a fit.json, or the folder that holds one"),
         option("kind", "KIND", f"{', '.join(FIGURES)} or all"),
-        option("--format", "FORMAT", "png (default), svg or pdf", default="png"),
+        option("--format", "FORMAT", "png (default), svg or pdf", **PICTURE),
         option("--out", "DIR", "folder to write to (default: beside fit.json)", type=place),
         option("--cores", "N", "processes that compute profiles (default: all)", type=count),
         SCHEDULER,
@@ -254,8 +247,6 @@ impacts are chosen one after the other, and other ways of measuring are set besi
 
 def run_export(args: argparse.Namespace) -> int:
     """Write the fit in the form asked for, or print it."""
-    if args.to not in EXPORTS:
-        raise ParameterError(f"unknown format '{args.to}': {suggestion(args.to, EXPORTS)}")
     from fitball.api import load_fit
     from fitball.files import is_stream
 
@@ -281,7 +272,7 @@ EXPORT = Verb(
     "export", "a fitted parameter set in another form: C, Python, JavaScript, C#, tables, engines",
     (
         FIT,
-        option("--to", "FORMAT", ", ".join(EXPORTS), required=True),
+        option("--to", "FORMAT", ", ".join(EXPORTS), required=True, type=one_of("format", EXPORTS)),
         option("--out", "FILE", "file, or - for stdout (default: a name beside fit.json)", type=place),
         switch("--overwrite", "replace files that exist"),
         option("--prefix", "TEXT", "c: beginning of every name (fitball_); javascript, csharp: of the port's"),

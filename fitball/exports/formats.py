@@ -60,7 +60,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "engine": Format(
         "restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON",
-        "engine_settings:engine_texts", "engine", ("at", "engine_inertia", "json"),
+        "tables:engine_texts", "engine", ("at", "engine_inertia", "json"),
     ),
     "json": Format(
         "the parameter set for other programs, with a schema; summary.csv of the result folder has it as CSV",
@@ -73,7 +73,7 @@ FORMATS: Mapping[str, Format] = {
     "markdown": Format("the same table", "parameters:paper_markdown", "parameters.md", bounces=False),
     "certificate": Format(
         "one page of HTML to print and sign: result, interval, adequacy, table and its SHA-256",
-        "certificate:certificate", "certificate.html", bounces=False,
+        "parameters:certificate", "certificate.html", bounces=False,
     ),
     "netcdf": Format("draws and data for ArviZ", "arviz_file:netcdf_file", "arviz.nc", bounces=False),
 }  # fmt: skip

@@ -1,18 +1,27 @@
-"""The bounce of a fit as tables of numbers: the golden impacts, what a port is fed with and what it should answer;
-and rebounds on a grid, as CSV with what is known of them as JSON.
+"""What answers impacts in the place of the solver: the golden impacts, what a port is fed with and what it should
+answer; rebounds on a grid, as CSV with what is known of them as JSON; and settings for engines that know restitution
+and friction only, as JSON and as a page with how to set them.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
-from fitball.data.lines import parse_grid
+from fitball.data.lines import parse_grid, parse_impact
+from fitball.errors import ParameterError
+from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
+from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
 from fitball.inference.prediction.port_check import expected_outputs
 from fitball.inference.results.results import Fit, Golden
+from fitball.models.kernels.vertical import zero_force_release
 from fitball.models.types import OUTPUTS, regime_name
-from fitball.observables import INCIDENT_UNITS, SI_UNITS
+from fitball.observables import COMPARED, INCIDENT_UNITS, SI_UNITS
+from fitball.report.form.document import Document, Part, Section, Table, Words, as_markdown
 from fitball.report.form.files import csv_text, json_text
+from fitball.report.form.numbers import output_scale
 
 
 def golden_ids(golden: Golden) -> tuple[str, ...]:
@@ -41,10 +50,12 @@ def golden_table(saved: Fit, inputs_only: bool = False) -> str:
 def lookup_texts(saved: Fit, range: str | None = None) -> tuple[dict[str, str], str]:
     """The table and its description, and a note. Raises ParameterError for a grid that is none."""
     lookup = make_lookup(saved.fitted, default_axes(saved.fitted) if range is None else parse_grid(range))
-    return {".csv": csv_text(_rows(lookup)), ".json": json_text(_content(saved, lookup))}, _note(lookup)
+    return {".csv": csv_text(_lookup_rows(lookup)), ".json": json_text(_lookup_json(saved, lookup))}, _lookup_note(
+        lookup
+    )
 
 
-def _note(lookup: Lookup) -> str:
+def _lookup_note(lookup: Lookup) -> str:
     """The interpolation error in one line, and grid points that are extrapolated or have no rebound."""
     count, beyond, valid = len(lookup.points), int(lookup.extrapolated.sum()), lookup.valid
     errors = ", ".join(
@@ -60,7 +71,7 @@ def _note(lookup: Lookup) -> str:
     return "; ".join(said)
 
 
-def _rows(lookup: Lookup) -> list[dict[str, object]]:
+def _lookup_rows(lookup: Lookup) -> list[dict[str, object]]:
     names = {name: regime_name(int(name)) for name in set(lookup.regime.tolist())}
     rows = []
     for k, point in enumerate(lookup.points.tolist()):
@@ -76,7 +87,7 @@ def _rows(lookup: Lookup) -> list[dict[str, object]]:
     return rows
 
 
-def _content(saved: Fit, lookup: Lookup) -> dict[str, Any]:
+def _lookup_json(saved: Fit, lookup: Lookup) -> dict[str, Any]:
     units = {axis.name: axis.unit for axis in lookup.axes}
     return {
         "schema_version": 1,
@@ -115,3 +126,190 @@ def _content(saved: Fit, lookup: Lookup) -> dict[str, Any]:
             },
         },
     }
+
+
+# Contact time taken where the model has none [s]: a tennis ball's is 4 to 5.5 ms (Cross; Brody).
+USUAL_CONTACT = 0.005
+# Steps of MuJoCo in one contact below which its integrator, not the numbers given, decides the restitution.
+STEPS = 20
+
+
+def engine_texts(saved: Fit, at: str | None = None, engine_inertia: float = 0.4) -> Mapping[str, str]:
+    """The page and the JSON. Raises ParameterError for an operating point that is no one impact."""
+    point = middle_impact(saved.fitted) if at is None else parse_impact(at)
+    if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
+        raise ParameterError("this fit is of drop tests and knows no friction: give v_y alone")
+    engine = fit_engine(saved.fitted, point, engine_inertia)
+    return {".md": _engine_page(saved, engine), ".json": json_text(_engine_json(saved, engine))}
+
+
+def mujoco(engine: EngineFit) -> dict[str, Any]:
+    """A spring and damper that leave at the wanted restitution when their force ends, as MuJoCo's contact does."""
+    time = engine.contact_time if engine.contact_time is not None else USUAL_CONTACT
+    damping_ratio, _rest, angle = zero_force_release(min(engine.at_point.e, 1.0 - 1e-9))
+    omega = angle / time
+    return {
+        "solref": [-omega * omega, -2.0 * damping_ratio * omega],
+        "solimp": [0.99, 0.99, 0.001, 0.5, 2.0],
+        "contact_time": time,
+        "contact_time_known": engine.contact_time is not None,
+        "timestep_at_most": time / STEPS,
+    }
+
+
+def _settings(item: EngineSettings) -> dict[str, Any]:
+    return {
+        "restitution": item.e,
+        "friction": item.mu,
+        "friction_grips_from": item.mu_from,
+        "errors_at_point": dict(item.errors),
+        "rms_over_range": dict(item.rms),
+    }
+
+
+def _engine_json(saved: Fit, engine: EngineFit) -> dict[str, Any]:
+    ball = saved.fitted.ball
+    return {
+        "schema_version": 1,
+        "kind": "fitball engine settings",
+        "model": saved.fitted.model_name,
+        "table": saved.source.file,
+        "units": {"speeds": "m/s", "spins": "rad/s", "angles": "rad", "times": "s"},
+        "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": engine.inertia_ratio},
+        "operating_point": {name: float(getattr(engine.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
+        "outside_calibrated_range": _outside(saved, engine),
+        "outside_valid_range": engine.extrapolated,
+        "valid_range": {"v_y1_low": engine.valid.low, "v_y1_high": engine.valid.high},
+        "mixtures_left_out": engine.unsolved,
+        "fitted_rebound": dict(engine.fitted),
+        "engine_rebound": dict(engine.engine),
+        "at_point": _settings(engine.at_point),
+        "over_range": _settings(engine.over_range),
+        "mujoco": mujoco(engine),
+        "engines": _engines(engine),
+    }
+
+
+def _engines(engine: EngineFit) -> dict[str, Any]:
+    """What the page says under "How to set them", by the engines' own names; friction null where a drop test knows
+    none.
+    """
+    e, mu = engine.at_point.e, engine.at_point.mu
+    multiply = {"frictionCombine": "Multiply", "bounceCombine": "Multiply"}
+    free = {"rough": False, "absorbent": False}
+    return {
+        "unity": {
+            "ball": {"bounciness": e, "dynamicFriction": mu, "staticFriction": mu, **multiply},
+            "court": {"bounciness": 1.0, "dynamicFriction": 1.0, "staticFriction": 1.0, **multiply},
+        },
+        "godot": {
+            "ball": {"bounce": e, "friction": mu, **free},
+            "court": {"bounce": 0.0, "friction": 1.0 if mu is None else max(1.0, mu), **free},
+        },
+        "bullet": {
+            "ball": {"restitution": e, "friction": mu, "rollingFriction": 0.0, "spinningFriction": 0.0},
+            "court": {"restitution": 1.0, "friction": 1.0},
+        },
+    }
+
+
+def _engine_page(saved: Fit, engine: EngineFit) -> str:
+    point = engine.point
+    speed = math.hypot(point.v_x1[0], point.v_y1[0])
+    angle = math.degrees(math.atan2(point.v_y1[0], point.v_x1[0]))
+    best, wide = engine.at_point, engine.over_range
+    inertia = saved.fitted.ball.inertia_ratio
+    state = (
+        f"Operating point: {speed:.4g} m/s at {angle:.4g} deg, spin {point.omega_1[0]:.4g} rad/s (topspin positive). "
+        f"Ball: mass {saved.fitted.ball.mass * 1e3:.4g} g, radius {saved.fitted.ball.radius * 1e3:.4g} mm, "
+        f"inertia {engine.inertia_ratio:.3g} M R^2 in the engine, {inertia:.3g} in the fit."
+    )
+    settings = [
+        ["", "restitution e", "friction mu"],
+        ["best at the operating point", f"{best.e:.4f}", _mu(best.mu)],
+        ["best over the calibrated range", f"{wide.e:.4f}", _mu(wide.mu)],
+    ]
+    said = []
+    if best.mu_from is not None:
+        said.append(
+            f"At the operating point the engine's ball grips: any mu from {best.mu_from:.4f} on predicts the same "
+            "there. The mu given is the one of these that errs least over the calibrated range."
+        )
+    if best.mu is None:
+        said.append("The fit is of drop tests: it says nothing of friction.")
+    said.append(
+        "What is lost: such a ball has one restitution for every speed, no tangential rebound (no twist of the "
+        "cover, no shift of the normal force), and the engine's moment of inertia. Where an engine lets it be set, "
+        f"give it the ball's own: `engine_inertia = {inertia:.3g}`."
+    )
+    errors = [
+        ["output", "fitted ball", "engine", "error there", "RMS error over the range", "RMS, best over the range"]
+    ]
+    errors += [_row(name, engine) for name in COMPARED]
+    lead: list[Part] = [
+        Words([state, *_warning(saved, engine)]), Table("Settings", settings), Words(said), Table("Errors", errors),
+        Words(["The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference."]),
+    ]  # fmt: skip
+    title = f"Engine settings for {saved.fitted.model_name} on {saved.source.name}"
+    return as_markdown(Document(title, lead, [Section("set", "How to set them", [Words(_advice(engine))])]))
+
+
+def _outside(saved: Fit, engine: EngineFit) -> bool:
+    fitted = saved.fitted
+    known = calibrated_range(fitted.impacts, engine.point, fitted.ball.radius, fitted.tangential, ())
+    return bool(known.outside[0])
+
+
+def _warning(saved: Fit, engine: EngineFit) -> list[str]:
+    said = [f"**{saved.at_common}.**"] if saved.at_common else []
+    if _outside(saved, engine):
+        said.append("**The operating point lies outside the calibrated range.**")
+    if engine.extrapolated:
+        end, why = engine.valid.low, engine.valid.below
+        if engine.point.v_y1[0] > engine.valid.high:
+            end, why = engine.valid.high, engine.valid.above
+        said.append(
+            f"**It lies beyond v_y1 = {end:.4g} m/s, where the fitted model ends ({why}): restitution and offset are "
+            "taken as they are there.**"
+        )
+    if engine.unsolved:
+        said.append(
+            f"{engine.unsolved} mixtures of calibrated impacts have no rebound and are left out of the range."
+        )
+    return said
+
+
+def _mu(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def _row(name: str, found: EngineFit) -> list[str]:
+    scale, near, wide = output_scale(name), found.at_point, found.over_range
+    values = (found.fitted[name], found.engine[name], near.errors[name], near.rms[name], wide.rms[name])
+    fitted, engine, error, near_rms, wide_rms = (value * scale.factor for value in values)
+    numbers = f"{fitted:.3f}", f"{engine:.3f}", f"{error:+.3f}", f"{near_rms:.3f}", f"{wide_rms:.3f}"
+    return [f"{name} [{scale.unit}]", *numbers]
+
+
+def _advice(engine: EngineFit) -> list[str]:
+    e, mu = f"{engine.at_point.e:.4f}", "1" if engine.at_point.mu is None else _mu(engine.at_point.mu)
+    soft = mujoco(engine)
+    stiffness, damping = soft["solref"]
+    known = "" if soft["contact_time_known"] else " (assumed: this model has none)"
+    return [
+        f"**Unity.** Material of the ball: bounciness {e}, dynamic and static friction {mu}; of the court: 1 and 1; "
+        "both combine modes Multiply on both (of two different modes the later in Average, Minimum, Multiply, "
+        "Maximum is used). Lower the bounce threshold of the physics settings below the slowest `v_y1`, raise "
+        "`Rigidbody.maxAngularVelocity` above the spins, and set `Rigidbody.inertiaTensor` if it is not solid.",
+        f"**Godot.** `PhysicsMaterial` of the ball: bounce {e}, friction {mu}, rough off; of the court: bounce 0, "
+        f"friction at least {mu}, rough and absorbent off. Bounces add, and the lower friction counts. `inertia` of "
+        "the body sets the moment of inertia; set linear and angular damp to 0.",
+        f"**Bullet.** Ball: `setRestitution({e})`, `setFriction({mu})`; court: 1 and 1, for both are multiplied. "
+        "Rolling and spinning friction 0. The moment of inertia is an argument of the body.",
+        "**MuJoCo** has no restitution: a contact is a spring and damper, so the following approximates it. Ball: "
+        f'`solref="{stiffness:.6g} {damping:.6g}"`, `solimp="0.99 0.99 0.001 0.5 2"`, `condim="3"`, '
+        f'`friction="{mu} 0 0"`, `priority="1"` (else the larger friction of the two counts); a contact then lasts '
+        f"{soft['contact_time'] * 1e3:.3g} ms{known}, so take a timestep of {soft['timestep_at_most'] * 1e3:.2g} ms "
+        'or less, and `cone="elliptic"` with a larger `impratio` against creep. Drop a ball, measure its rebound, '
+        "and correct the second number of solref.",
+    ]

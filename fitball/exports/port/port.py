@@ -5,7 +5,6 @@ the kernels in a language, set into that language's template.
 from __future__ import annotations
 
 import ast
-import builtins
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ from fitball.exports.port.face import (
     golden_agreement,
     total_bounce,
 )
-from fitball.exports.port.kernel_source import Constant, KernelSource, UnportableError, free_names, kernel_source
+from fitball.exports.port.kernel_source import Constant, KernelSource, kernel_source
 from fitball.exports.port.translate import STRIDE, Program, compound, fields_of, translated
 from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
@@ -77,7 +76,6 @@ class Port:
     call: KernelCall
     source: KernelSource
     needs_cor: bool
-    has_time: bool
     golden: Sequence[Sequence[float]]
     regimes: Sequence[int]
     valid: ValidRange
@@ -161,7 +159,6 @@ def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[C
         call=call,
         source=kernel_source(total_bounce, golden_agreement, *more, given=given),
         needs_cor=model.needs_cor,
-        has_time=model.has_time,
         golden=_golden_rows(golden),
         regimes=golden.rebound.regime.tolist(),
         valid=valid,
@@ -280,34 +277,15 @@ def _environment() -> Environment:
 
 
 def python_port(port: Port) -> str:
-    """The module's text. Raises UnportableError when it would use more than `math` and what it defines itself."""
+    """The module's text, which needs `math` alone: kernels that use more are refused where they are collected."""
     source = port.source
-    text = rendered(
+    return rendered(
         port,
         "port.py.j2",
         number=lambda value: "math.nan" if value != value else repr(value),
         classes="\n\n\n".join(_class(name, fields) for name, fields in source.structs.items()),
         functions="\n\n\n".join(map(_function, source.functions)),
     )
-    check_self_contained(text)
-    return text
-
-
-def check_self_contained(text: str) -> None:
-    """Raise UnportableError unless a module imports `math` alone and every name in it is its own or a builtin."""
-    tree = ast.parse(text)
-    known = {*dir(builtins), "math", "__name__"}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) or (isinstance(node, ast.Import) and node.names[0].name != "math"):
-            raise UnportableError(f"the module imports more than math: {ast.unparse(node)}")
-    for item in tree.body:
-        if isinstance(item, (ast.ClassDef, ast.FunctionDef)):
-            known.add(item.name)
-        elif isinstance(item, ast.Assign):
-            known |= {node.id for node in ast.walk(item.targets[0]) if isinstance(node, ast.Name)}
-    for item in tree.body:
-        if isinstance(item, ast.FunctionDef) and (strange := free_names(item) - known):
-            raise UnportableError(f"{item.name} uses {', '.join(sorted(strange))}, which the module does not have")
 
 
 def _class(name: str, fields: Iterable[str]) -> str:
