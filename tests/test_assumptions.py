@@ -14,12 +14,11 @@ from fitball.data.read import load_table
 from fitball.inference.adequacy.made_tables import loo_pit
 from fitball.inference.assemble import qualified
 from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternatives, assumptions_generator, look
-from fitball.inference.identifiability.fisher import about
-from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.identifiability.information import about
+from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.prediction.new_impacts import predict_new
-from fitball.inference.prediction.over_assumptions import with_assumptions
+from fitball.inference.prediction.new_impacts import predict_new, with_assumptions
 from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Posterior, Verdict

@@ -31,14 +31,13 @@ from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import cross_validation as leave_out
 from fitball.inference.comparison import psis_loo as loo
-from fitball.inference.identifiability import examine, power_scaling, profile, profile_ends, verdict
-from fitball.inference.identifiability import posterior_verdict as identifiability
+from fitball.inference.identifiability import examine, profile, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.inference.population.draws import SMOOTH
+from fitball.inference.population.hyper import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
-from fitball.inference.prediction.extrapolation import SLACK
+from fitball.inference.prediction.reach import SLACK
 from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
@@ -72,13 +71,13 @@ DECIDING = {
     "rows beyond which draws are weighed": calibrate.WEIGHED,
     "effective weighed draws, at least": calibrate.LEAST_WEIGHED,
     "rows profiled unasked": PROFILED,
-    "contraction that is next to nothing": identifiability.NEGLIGIBLE,
-    "contraction without the scene that is not enough": identifiability.NOT_ALONE,
-    "loss without the scene that counts": identifiability.RESTS_ON_SCENE,
-    "share of the peak at an open end": identifiability.OPEN_SHARE,
+    "contraction that is next to nothing": verdict.NEGLIGIBLE,
+    "contraction without the scene that is not enough": verdict.NOT_ALONE,
+    "loss without the scene that counts": verdict.RESTS_ON_SCENE,
+    "share of the peak at an open end": verdict.OPEN_SHARE,
     "contraction of a pinned parameter": PINNED,
-    "share of the drop kept beyond the end of a search": profile_ends.KEPT,
-    "power-scaling sensitivity": power_scaling.SENSITIVE,
+    "share of the drop kept beyond the end of a search": profile.KEPT,
+    "power-scaling sensitivity": verdict.SENSITIVE,
     "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
     "rows spent by parameters": measurement_noise.SPENT,
     "reach of a kink in sds": regime_mixture.REACH,

@@ -17,7 +17,7 @@ from fitball.data.scene import load_scene
 from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability import fisher as information
+from fitball.inference.identifiability import information
 from fitball.inference.identifiability.examine import active_impacts
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
@@ -27,8 +27,8 @@ from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import STARTS, point_fit, starting_points
-from fitball.inference.prediction.extrapolation import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.prediction.posterior_predictive import predictive
+from fitball.inference.prediction.reach import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.problem import problem as asked
 from fitball.inference.problem import subsample
 from fitball.inference.problem.problem import Problem

@@ -15,8 +15,9 @@ from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 from fitball.data.read import load_table
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability.fisher import fisher_information
-from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_evidence, sensitivities
+from fitball.inference.identifiability.examine import WEAK, diagnosis, power_evidence, sensitivities
+from fitball.inference.identifiability.information import fisher_information
+from fitball.inference.identifiability.verdict import CONFLICT
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Posterior

@@ -14,8 +14,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.inference.identifiability import profile
-from fitball.inference.identifiability.profile import coverage, profiles
-from fitball.inference.identifiability.profile_path import best_top, profile_paths, searches, sweep
+from fitball.inference.identifiability.profile import best_top, coverage, profile_paths, profiles, searches, sweep
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.gauss_newton import constrained_step, descend
 from fitball.inference.point.maximum_posterior import maximum_posterior
@@ -266,9 +265,9 @@ def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypat
     """Each search meets a higher maximum: after so many there is no profile, and it says so."""
     walked = []
 
-    def surpassed(objective, columns, top, others, scene):
+    def surpassed(objective, columns, top, others):
         walked.append(columns)
-        return {}, top.x
+        raise profile.SurpassedError(top.x)
 
     monkeypatch.setattr(profile, "profile_paths", surpassed)
     found = profiles(grip_slip, start(grip_slip), names=["mu"])
@@ -284,7 +283,7 @@ def test_the_cost_is_the_negative_log_likelihood(grip_slip):
     values = np.array([[TRUTH[key] for key in problem.free_names]])
     x = objective.from_values(values)
     held = problem.to_coordinates(values)[:, objective.noise_columns]
-    given = searches(objective, [problem.free_names.index("mu")], x[:, 0], x, True).given
+    given = searches(objective, [problem.free_names.index("mu")], x[:, 0], x).given
     cost = objective.cost(x, replace(given, noise=held))
     assert cost[0] == pytest.approx(-log_likelihood(problem, values, problem.rebound(values))[0], rel=1e-12)
     # The best noise is no worse than any other.
@@ -299,7 +298,7 @@ def test_gradients_are_those_of_the_cost(tmp_path, penalised):
     problem = polar_problem(tmp_path)
     objective = Surface(problem, penalised=penalised)
     x = objective.from_values(np.array([[TRUTH[key] for key in problem.free_names]]))
-    given = searches(objective, [0], x[:, 0], x, True).given
+    given = searches(objective, [0], x[:, 0], x).given
     if penalised:
         given = replace(given, counted=np.array([[True, False, True, True]]))
     gradient, _ = objective.linearised(x, given)
@@ -326,13 +325,11 @@ def test_a_penalised_surface_is_the_posterior_without_what_is_left_out(two_mass,
 def test_a_poor_point_is_mended_from_its_neighbours(grip_slip):
     objective = Surface(grip_slip)
     x = objective.from_values(np.array([[TRUTH[key] for key in grip_slip.free_names]]))
-    top, others = best_top(objective, x, True)
-    points, better = profile_paths(objective, [0], top, others, True)
-    assert better is None
+    top, others = best_top(objective, x)
+    points = profile_paths(objective, [0], top, others)
     good = points[0][2]
     points[0][2] = replace(good, cost=good.cost + 1.0, settled=False)
-    mended, better, changed = sweep(objective, points, {0: {1, 3}}, others, top, True)
-    assert better is None
+    mended, changed = sweep(objective, points, {0: {1, 3}}, others, top)
     assert changed[0] == {2}
     assert mended[0][2].cost == pytest.approx(good.cost, abs=1e-3)
 
@@ -342,7 +339,7 @@ def test_a_start_outside_the_walls_is_led_inside(two_mass):
     objective = Surface(problem)
     x = objective.from_values(np.array([[point.values[key] for key in problem.free_names]]))
     column = problem.free_names.index("mass_ratio")
-    given = searches(objective, [column], np.array([0.7]), x, True)
+    given = searches(objective, [column], np.array([0.7]), x)
     # At a mass ratio of 0.7 the restitution found would be impossible.
     assert not np.isfinite(objective.cost(given.x, given.given))[0]
     found = descend(objective, given)

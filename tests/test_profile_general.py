@@ -16,7 +16,6 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import profile as profile_module
 from fitball.inference.identifiability.profile import DROP_95, profiles
-from fitball.inference.identifiability.profile_path import free_searches
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.surface import Surface, surface_of
 from fitball.inference.problem.build import Choices, build_problem
@@ -138,7 +137,7 @@ def test_the_general_cost_counts_the_contact_time_of_the_scene():
 def slopes_are_differences(problem, values, cost):
     """The cost of a surface at free values (1, free), and its gradient."""
     objective = surface_of(problem)
-    found, given = objective.from_values(values), free_searches(objective, values, True).given
+    found, given = objective.from_values(values), objective.free(values)
     gradient, _ = objective.linearised(found, given)
     assert objective.cost(found, given)[0] == pytest.approx(cost, rel=1e-12)
     for k in range(problem.dimension):

@@ -41,9 +41,8 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.kinds import checked, spelled
-from fitball.report.compare.document import render
+from fitball.report.compare.document import render, words
 from fitball.report.compare.rows import csv_rows, json_content
-from fitball.report.compare.words import words
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
 from fitball.report.form.document import columns as aligned
 from fitball.report.form.folders import clear_folder, held

@@ -18,11 +18,16 @@ from fitball.data.read import framed, in_memory, load_table, written_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, check_whole
-from fitball.inference.design import results
-from fitball.inference.design.make_plan import Asked, make_plan
-from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
-from fitball.inference.prediction.outputs import ObservableScore, scores
-from fitball.inference.prediction.over_assumptions import with_assumptions
+from fitball.inference.design import make_plan as plans
+from fitball.inference.design.make_plan import Asked
+from fitball.inference.prediction.new_impacts import (
+    NewPrediction,
+    ObservableScore,
+    observed_observables,
+    predict_new,
+    scores,
+    with_assumptions,
+)
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.fitted_model import FittedModel
@@ -220,7 +225,7 @@ NOT_DESCRIBED = "The model does not describe the fitted table: gains hold within
 class Plan:
     """What to measure next: impacts in the order of their worth, ways of measuring, and what they would tell."""
 
-    def __init__(self, result: results.Plan, problem: Problem) -> None:
+    def __init__(self, result: plans.Plan, problem: Problem) -> None:
         self.result = result
         self._problem = problem
 
@@ -279,7 +284,7 @@ def planned(fit: Fit, asked: Asked, progress: Wanted) -> Plan:
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         cautions.append(NOT_DESCRIBED)
     with reporting(progress) as report:
-        made = make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
+        made = plans.make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
     return Plan(made, fit.problem)
 
 

@@ -19,8 +19,14 @@ from fitball.errors import ParameterError, check_whole, suggestion
 from fitball.files import all_or_none
 from fitball.inference.comparison.candidates import parse_name
 from fitball.inference.prediction.new_impacts import predict_new
-from fitball.inference.prediction.regime_map import RegimeMap, Window, regime_map
-from fitball.inference.prediction.simulate import Simulation, chosen_parameters, simulate_fit
+from fitball.inference.prediction.simulate import (
+    RegimeMap,
+    Simulation,
+    Window,
+    chosen_parameters,
+    regime_map,
+    simulate_fit,
+)
 from fitball.inference.prediction.simulate import simulate as follow
 from fitball.inference.results.fitted_model import FittedModel, at_values
 from fitball.inference.results.results import Fit, RunStatus, Verdict

@@ -15,7 +15,7 @@ from fitball.api.reading import PathLike
 from fitball.data.read import PortFile, read_port
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 from fitball.exports.tables import golden_ids
-from fitball.inference.prediction.port_check import PortCheck, check_port
+from fitball.inference.prediction.outputs import PortCheck, check_port
 from fitball.inference.results.results import Golden
 from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, SI_UNITS

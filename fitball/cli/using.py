@@ -106,7 +106,7 @@ def run_predict(args: argparse.Namespace) -> int:
     from fitball.api import load_fit
     from fitball.api.predicting import foretell
     from fitball.files import is_stream
-    from fitball.inference.prediction.outputs import impacts_seen
+    from fitball.inference.prediction.new_impacts import impacts_seen
     from fitball.report.form.document import on_terminal
     from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
     from fitball.report.predict import predict_document, prediction_csv_rows, prediction_json

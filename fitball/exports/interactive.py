@@ -14,7 +14,7 @@ from fitball.exports.port.face import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import Port, make_port, range_sentences
 from fitball.inference.prediction.engine_fit import middle_impact
-from fitball.inference.prediction.port_check import golden
+from fitball.inference.prediction.outputs import golden
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import PHASE_SYMBOL
 from fitball.report.form.palette import PHASES

@@ -11,10 +11,18 @@ from typing import Any
 
 from fitball.data.lines import parse_grid, parse_impact
 from fitball.errors import ParameterError
-from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
-from fitball.inference.prediction.extrapolation import calibrated_range
-from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
-from fitball.inference.prediction.port_check import expected_outputs
+from fitball.inference.prediction.engine_fit import (
+    SEED,
+    EngineFit,
+    EngineSettings,
+    Lookup,
+    default_axes,
+    fit_engine,
+    make_lookup,
+    middle_impact,
+)
+from fitball.inference.prediction.outputs import expected_outputs
+from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.results.results import Fit, Golden
 from fitball.models.kernels.vertical import zero_force_release
 from fitball.models.types import OUTPUTS, regime_name

@@ -18,7 +18,7 @@ from fitball.inference.assumptions.known_before import known_before
 from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
-from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
+from fitball.inference.identifiability.information import DRAWN_ABOUT, about
 from fitball.inference.point.least_squares import deeper
 from fitball.inference.point.maximum_posterior import higher_maximum
 from fitball.inference.point.point_fit import point_fit

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitball.inference.identifiability.profile import DROP_95, profiles
-from fitball.inference.identifiability.profile_ends import profile_contraction
+from fitball.inference.identifiability.profile import DROP_95, profile_contraction, profiles
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Profile

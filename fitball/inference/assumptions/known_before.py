@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.errors import FitError
-from fitball.inference.identifiability.fisher import fisher_information, inverse, prior_sds
-from fitball.inference.identifiability.scene_share import scene_words
+from fitball.inference.identifiability.information import fisher_information, inverse, prior_sds
+from fitball.inference.identifiability.verdict import scene_words
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import spanning_part

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitball.errors import FitballError
 from fitball.inference.identifiability.derived import quantities
-from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
+from fitball.inference.identifiability.information import DRAWN_ABOUT, about
 from fitball.inference.likelihood.posterior import log_posterior, pointwise
 from fitball.inference.point.maximum_posterior import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface

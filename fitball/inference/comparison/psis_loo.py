@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from fitball.inference.comparison.held_maxima import free_values, held_maxima
-from fitball.inference.identifiability.fisher import about
+from fitball.inference.identifiability.information import about
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import withheld

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from fitball.data.table import ImpactTable
 from fitball.inference.comparison.cross_validation import IMPACTS, Missed
 from fitball.inference.comparison.psis_loo import LeaveOneOut
-from fitball.inference.identifiability.profile_path import free_searches
+from fitball.inference.identifiability.profile import free_searches
 from fitball.inference.point.gauss_newton import descend
 from fitball.inference.point.surface import surface_of
 from fitball.inference.prediction.outputs import root_mean_square
@@ -58,9 +58,9 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
     """
     # Their penalty would be part of the likelihood, and each would count as a parameter.
     assert not problem.pooling and problem.group_bias is None, "levels and biases are not counted"
-    objective = surface_of(problem, SETTLED)
+    objective = surface_of(replace(problem, contact_time=None), SETTLED)
     begun = objective.from_values(np.array([[start[name] for name in problem.free_names] for start in starts]))
-    reached = descend(objective, free_searches(objective, begun, scene=False))
+    reached = descend(objective, free_searches(objective, begun))
     measurements = sum(observable.observed.size for observable in problem.observables)
     return Criteria(-float(reached.cost.min()), problem.dimension, measurements)
 

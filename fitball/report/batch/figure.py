@@ -87,8 +87,7 @@ def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated
         _pooled(panel, series, places, shown, populated)
     _limit(panel, series, np.isfinite(places), shown)
     panel.set_ylabel(shown.label, fontsize=9)
-    panel.tick_params(labelsize=8)
-    panel.grid(alpha=0.3, axis="y")
+    panel.grid(axis="y")
 
 
 def _limit(panel: Axes, series: Series, there: NDArray[np.bool_], shown: ParameterAxis) -> None:

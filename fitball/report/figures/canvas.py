@@ -45,7 +45,8 @@ Styles: TypeAlias = Mapping[str, tuple[str, str]]
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """An empty figure on the raster canvas, without any global state."""
-    figure = ShownFigure(figsize=(width, height), layout=layout)
+    # At the dots that files have: words that are measured for the layout are not measured again for the file.
+    figure = ShownFigure(figsize=(width, height), dpi=DPI, layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
@@ -147,7 +148,7 @@ def verbatim(text: str) -> str:
 
 def heading(figure: Figure, text: str) -> None:
     """A title a little below the upper edge."""
-    figure.suptitle(verbatim(text), y=1.0 - 0.08 / figure.get_figheight(), va="top", fontsize=12)
+    figure.suptitle(verbatim(text), y=1.0 - 0.08 / figure.get_figheight(), va="top")
 
 
 def fit_heading(figure: Figure, fit: Fit, words: str, narrow: bool = False) -> None:
@@ -160,17 +161,18 @@ def legend_below(figure: Figure, handles: Mapping[str, Any], columns: int) -> No
     for. Where it would reach into a grid of panels the figure grows downwards.
     """
     for count in range(max(1, min(columns, len(handles))), 0, -1):
-        legend = figure.legend(
-            handles.values(), map(verbatim, handles), loc="lower center", frameon=False, fontsize=9, ncols=count
-        )
+        legend = figure.legend(handles.values(), map(verbatim, handles), loc="lower center", ncols=count)
         box = legend.get_window_extent()
         if box.width <= figure.bbox.width or count == 1:
             break
         legend.remove()
+    # Panels of the lowest row; the one of a sheet fills the whole figure.
+    above = [axis for axis in figure.axes if axis.get_position().y0 > 0.0]
+    edge = min((axis.get_position().y0 for axis in above), default=0.0)
     lowest = [
         part.y0
-        for axis in figure.axes
-        if axis.get_position().y0 > 0.0 and (part := axis.xaxis.get_tightbbox()) is not None
+        for axis in above
+        if axis.get_position().y0 <= edge + 1e-6 and (part := axis.xaxis.get_tightbbox()) is not None
     ]
     _grow_downwards(figure, (box.y1 - min(lowest, default=box.y1)) / figure.dpi)
     legend.set_bbox_to_anchor((0.5, 0.03 / figure.get_figheight()), figure.transFigure)
@@ -262,17 +264,23 @@ def log_scale(axis: Axes, low: float, high: float, which: Literal["x", "y"] = "x
     (axis.set_xlim if which == "x" else axis.set_ylim)(low, high)
 
 
+# How all figures look; names in SVG files are the same for equal figures. Where titles stand is set: to search for it
+# would lay out all ticks once more.
+STYLE: dict[Any, Any] = {
+    "figure.titlesize": 12, "axes.titlesize": 10, "axes.titley": 1.0, "xtick.labelsize": 8, "ytick.labelsize": 8,
+    "grid.alpha": 0.3, "legend.fontsize": 9, "legend.frameon": False, "svg.hashsalt": "fitball",
+}  # fmt: skip
 # Settings that are the user's: what shows windows (nothing here does), and where ffmpeg lies.
 _KEPT = ("backend", "interactive", "animation.ffmpeg_path", "animation.ffmpeg_args")
 
 
 @contextmanager
 def own_style() -> Iterator[None]:
-    """In here, or in a function decorated so, matplotlib's own defaults hold, and names in SVG files are the same for
-    equal figures; afterwards what held before.
+    """In here, or in a function decorated so, matplotlib's own defaults hold with our `STYLE`; afterwards what held
+    before.
     """
-    defaults = {name: value for name, value in mpl.rcParamsDefault.items() if name not in _KEPT}
-    with mpl.rc_context(defaults | {"svg.hashsalt": "fitball"}):
+    defaults: dict[Any, Any] = {name: value for name, value in mpl.rcParamsDefault.items() if name not in _KEPT}
+    with mpl.rc_context({**defaults, **STYLE}):
         yield
 
 

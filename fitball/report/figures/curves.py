@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from fitball.inference.prediction.curves import curves
+from fitball.inference.prediction.posterior_predictive import curves
 from fitball.inference.results.results import Curve, Fit
 from fitball.report.figures.canvas import (
     MOST_NAMED,
@@ -117,13 +117,11 @@ def figure(fit: Fit) -> Figure:
             _draw_model(axis, column, column.bands[name])
             _draw_measured(axis, column, item, place, groups)
         label, colon, where = column.title.rpartition(": ")
-        axes[0, k].set_title(verbatim(short(label, MOST_IN_TITLE - len(where)) + colon + where), fontsize=10)
+        axes[0, k].set_title(verbatim(short(label, MOST_IN_TITLE - len(where)) + colon + where))
         axes[-1, k].set_xlabel(along_label(fit))
-        axes[-1, k].tick_params(labelsize=8)
     for row, name in zip(axes, points, strict=True):
         row[0].set_ylabel(output_label(name))
         _same_height(row, points[name], [column.bands[name] for column in columns])
-        row[0].tick_params(labelsize=8)
     inner(axes)
     _legend(figure, fit, groups, columns)
     over = "incidence at stated speed and spin" if fit.problem.table.has_tangential else "speed"

@@ -94,10 +94,9 @@ def figure(fit: Fit) -> Figure:
             panel.times, panel.means, panel.sd, fmt="o", color=MEASURED, markersize=2.5, linewidth=0.8,
             label="measured (means of samples)",
         )  # fmt: skip
-        axis.set_title(verbatim(panel.title), fontsize=10)
+        axis.set_title(verbatim(panel.title))
         axis.set_xlabel("time after landing [ms]")
-        axis.grid(alpha=0.3)
-        axis.tick_params(labelsize=8)
+        axis.grid()
     for axis in axes[:, 0]:
         axis.set_ylabel("force on the court [N]")
     legend_below(figure, drawn_handles(axes[0, 0]), min(COLUMNS, len(shown)))

@@ -167,11 +167,10 @@ def _draw(axis: Axes, item: Agreement, groups: tuple[str, ...], styles: Styles) 
     # Above the diagonal there is room.
     axis.text(0.03, 0.97, item.words, transform=axis.transAxes, va="top", fontsize=9)
     axis.locator_params(nbins=6)
-    axis.set_title(OBSERVABLES[item.name].title, fontsize=10)
+    axis.set_title(OBSERVABLES[item.name].title)
     axis.set_xlabel(f"predicted {output_label(item.name)}")
     axis.set_ylabel(f"measured {output_label(item.name)}")
-    axis.grid(alpha=0.3)
-    axis.tick_params(labelsize=8)
+    axis.grid()
 
 
 def missing(_fit: Fit) -> str:

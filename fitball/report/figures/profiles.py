@@ -129,7 +129,6 @@ def _draw(axis: Axes, panel: ProfilePanel, words: str) -> None:
     axis.set_ylim(LOWEST, 0.15)
     axis.set_title(verbatim(short(panel.name, 34)), fontsize=9, pad=3)
     axis.set_xlabel(panel.axis.label, labelpad=2)
-    axis.tick_params(labelsize=8)
 
 
 def missing(fit: Fit) -> str:

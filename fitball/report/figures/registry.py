@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
 from fitball.errors import ResultFolderError
@@ -108,6 +110,23 @@ def draw(name: str, fit: Fit) -> Figure:
 def drawable_kinds(fit: Fit) -> list[str]:
     """The figures this fit can show."""
     return [name for name in FIGURES if not drawing(name).missing(fit)]
+
+
+def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
+    """Draw every figure that the fit can show; returns the files written by name. Raises ResultFolderError."""
+    # Whoever wants no figures does not load what draws them.
+    from fitball.report.figures.canvas import save_figure
+
+    images = {}
+    # A drawing is ten thousand objects, which do not make those of the fit garbage: looking through these again and
+    # again would take an eighth of the time.
+    gc.freeze()
+    try:
+        for name in drawable_kinds(fit):
+            images[name] = save_figure(draw(name, fit), folder / f"{name}.png")
+    finally:
+        gc.unfreeze()
+    return images
 
 
 def alt_text(name: str, fit: Fit) -> str:

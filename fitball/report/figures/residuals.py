@@ -24,6 +24,7 @@ from fitball.report.figures.canvas import (
     fit_heading,
     group_handles,
     group_styles,
+    inner,
     legend_below,
     panels,
     shown_rows,
@@ -131,30 +132,24 @@ def figure(fit: Fit) -> Figure:
             _draw_groups(row[-2], item, groups, styles)
         _draw_quantiles(row[-1], item)
         for axis in row:
-            _guides(axis, reach, leftmost=axis is row[0])
+            _guides(axis, reach)
         row[0].set_ylabel(f"{OBSERVABLES[item.name].symbol}: residual / sd")
     labels = [quantity.label for quantity in quantities.values()]
     labels += [*([verbatim(fit.problem.grouped_by or "")] if grouped else []), "normal quantile"]
     for axis, label in zip(axes[-1], labels, strict=True):
         axis.set_xlabel(label)
-        axis.tick_params(labelsize=8)
-    for axis in axes[:-1].ravel():
-        axis.set_xticks([])
+    inner(axes, grid=False)
     _legend(figure, fit, styles)
     fit_heading(figure, fit, "residuals (measured - predicted) / sd", narrow=few)
     return figure
 
 
-def _guides(axis: Axes, reach: float, leftmost: bool) -> None:
+def _guides(axis: Axes, reach: float) -> None:
     bands = [[(0.0, -limit), (1.0, -limit), (1.0, limit), (0.0, limit)] for limit in (1.0, 2.0)]
     style: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "facecolors": GUIDE, "linewidths": 0}
     axis.add_collection(PolyCollection(bands, alpha=0.09, zorder=0, **style), autolim=False)
     axis.axhline(0.0, color=GUIDE, linewidth=0.8, zorder=1)
     axis.set_ylim(-reach, reach)
-    if leftmost:
-        axis.tick_params(labelsize=8)
-    else:
-        axis.set_yticks([])
 
 
 def _draw_along(

@@ -65,7 +65,7 @@ def history_figure(
             DRAWN[panel](axis, simulation, colour, alone)
         axis.set_ylabel(LABELS[panel])
         axis.set_xlim(0.0, 1.0)
-        axis.grid(alpha=0.3)
+        axis.grid()
         if panel in ("slip", "friction_force", "v_y", "forces"):
             axis.axhline(0.0, color="0.4", linewidth=0.7)
     for axis in axes[max(len(shown) - columns, 0) : len(shown)]:
@@ -77,9 +77,8 @@ def history_figure(
         for axis in axes[:columns]:
             upper = other_scale(axis, "top", 1e3 * lengths[0], "time [ms]")
             upper.xaxis.label.set_fontsize(9)
-            upper.tick_params(labelsize=8)
     _legend(figure, simulations, wrapped, shown)
-    figure.suptitle(title, fontsize=12)
+    figure.suptitle(title)
     return figure
 
 
@@ -198,7 +197,7 @@ def _legend(figure: Figure, simulations: Sequence[Simulation], caption: Sequence
             handles.append(Line2D([], [], color="0.3", label="transition", **dot))
     if handles:
         legend = figure.legend(
-            handles=handles, loc="outside lower center", ncols=min(6, len(handles)), frameon=False, fontsize=9,
-            title="\n".join(caption), title_fontsize=8.5,
+            handles=handles, loc="outside lower center", ncols=min(6, len(handles)), title="\n".join(caption),
+            title_fontsize=8.5,
         )  # fmt: skip
         legend.get_title().set_multialignment("left")

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from fitball.inference.prediction.regime_map import NONE, RegimeMap
+from fitball.inference.prediction.simulate import NONE, RegimeMap
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import new_figure, other_scale, own_style, verbatim
@@ -106,8 +106,8 @@ def map_figure(
     axis.set_xlabel("incidence, angle to the court [deg]")
     axis.set_ylabel("spin [rad/s]: back (below 0), top (above)")
     other_scale(axis, "right", RPM, "spin [rpm]")
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5)
-    figure.suptitle(verbatim(f"{title}: regimes of contact at {found.window.speed:.4g} m/s"), fontsize=12)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8.5)
+    figure.suptitle(verbatim(f"{title}: regimes of contact at {found.window.speed:.4g} m/s"))
     _uncover(figure, names, labels)
     return figure
 
@@ -131,7 +131,7 @@ def _draw_areas(axis: Axes, found: RegimeMap, marked: Areas) -> None:
         origin="lower", aspect="auto", extent=_extent(found), interpolation="nearest",
     )  # fmt: skip
     _draw_edges(axis, np.degrees(found.angles), found.spins, found.regime)
-    axis.set_title("slip and grip, first to last", fontsize=10)
+    axis.set_title("slip and grip, first to last")
 
 
 def _draw_edges(axis: Axes, angles: FloatArray, spins: FloatArray, codes: NDArray[np.int64]) -> None:

@@ -12,8 +12,8 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from fitball.inference.design.results import Plan
-from fitball.inference.design.sensor import AS_BEFORE
+from fitball.inference.design.asked import AS_BEFORE
+from fitball.inference.design.make_plan import Plan
 from fitball.report.figures.canvas import Margins, filled, heading, new_figure, own_style, verbatim
 from fitball.report.form.palette import FAINT, MEASURED, MODEL, TREND, series_style
 from fitball.report.plan.document import spin_text
@@ -119,8 +119,8 @@ def _lines(plan: Plan, gains: FloatArray, title: str) -> Figure:
     axis.set_xlabel("speed [m/s]" if over_speed else f"angle [deg], at {found.speeds[0]:.4g} m/s")
     axis.set_ylabel("gain of one impact [nats]")
     axis.set_ylim(bottom=0.0)
-    axis.grid(alpha=0.3)
+    axis.grid()
     if found.spins.size > 1:
-        axis.legend(fontsize=9)
-    figure.suptitle(verbatim(title), fontsize=12)
+        axis.legend()
+    figure.suptitle(verbatim(title))
     return figure
