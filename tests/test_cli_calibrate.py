@@ -108,16 +108,11 @@ def test_a_bad_table_ends_with_two_and_words(here, capsys, case):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--model", "two-maas"], ["unknown model 'two-maas'", "did you mean 'two-mass'"]),
-        (["--closure", "normal=totall"], ["normal", "did you mean 'total'"]),
-        (["--closure", "nrmal=total"], ["unknown closure", "did you mean 'normal'"]),
-        (["--fix", "k_thta=20"], ["k_thta", "did you mean 'k_theta'"]),
         (["--fix", "mu=9"], ["mu = 9", "outside its bounds [0, 5]"]),
         (["--fix", "mu=much"], ["expected a number"]),
         (["--fix", "mu"], ["expected NAME=VALUE"]),
         (["--fix", "mu=0.5", "--fix", "mu=0.6"], ["given twice"]),
         (["--prior", "mu=normal(50, 1)"], ["no mass within the bounds"]),
-        (["--prior", "mu=gauss(0.5, 1)"], ["unknown family"]),
         (["--prior", "mass_rato=normal(0.8, 1)"], ["unknown parameter 'mass_rato'", "did you mean 'mass_ratio'"]),
         (["--walkers", "7"], ["walkers = 7"]),
         (["--max-steps", "3"], ["max_steps = 3"]),

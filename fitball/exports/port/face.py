@@ -154,13 +154,14 @@ def total_bounce(
     return Solved(v_x2, v_y2, omega_2, found.contact_time, found.regime, extrapolated, found.status)
 
 
-# Numbers of a golden impact: `(v_x1, v_y1, omega_1, cor)`, then `models.types.OUTPUTS` of its rebound.
-GOLDEN_NUMBERS = 8
+# Numbers of a golden impact: `(v_x1, v_y1, omega_1, cor)`, `models.types.OUTPUTS` of its rebound, and in what it is
+# extrapolated.
+GOLDEN_NUMBERS = 9
 
 
 class Agreement(NamedTuple):
-    """How far a port is from the model: its `worst` difference, relative, and whether every impact has a rebound and
-    the phases that it has in the model.
+    """How far a port is from the model: its `worst` difference, relative, and whether every impact has a rebound
+    with the phases that it has in the model, extrapolated in what it is to be.
     """
 
     worst: float
@@ -185,8 +186,10 @@ def golden_agreement(
         late = 0.0
         if not math.isnan(time):
             late = abs(found.contact_time - time) / time
+        if found.status != OK or found.extrapolated != golden[at + 8] or math.isnan(along + away + turned + late):
+            same = False
         # Joined with nothing, so that both sides are of one kind in every language.
-        if found.status != OK or (found.regime | 0) != (regimes[k] | 0) or math.isnan(along + away + turned + late):
+        if (found.regime | 0) != (regimes[k] | 0):
             same = False
         worst = max(max(worst, along), max(max(away, turned), late))
     return Agreement(worst, same)
