@@ -192,9 +192,15 @@ class Comparison:
 
         return pd.DataFrame(csv_rows(self.result)).set_index("model")
 
-    def report(self) -> str:
-        """All of it as text."""
-        return render(self.result)
+    @property
+    def exit_code(self) -> int:
+        """0 where every fit converged, 130 where it was interrupted, else 1."""
+        return {RunStatus.CONVERGED: 0, RunStatus.INTERRUPTED: 130}.get(self.status, 1)
+
+    @checked
+    def report(self, folder: Path | None = None) -> str:
+        """All of it as text, with the `folder` that it was saved in."""
+        return render(self.result, "" if folder is None else str(folder))
 
     def json(self) -> Mapping[str, object]:
         """All of it as `compare.json` has it."""

@@ -123,9 +123,7 @@ def run_compare(args: argparse.Namespace) -> int:
     progress("loading", None)
     from fitball.api.calibrating import contest
     from fitball.api.reading import reading_of
-    from fitball.inference.results.results import RunStatus
-    from fitball.report.compare.document import JSON_NAME, render, write_all
-    from fitball.report.form.files import json_text
+    from fitball.report.compare.document import JSON_NAME, write_all
     from fitball.report.form.folders import clear_folder, held
 
     asked = contest(
@@ -142,13 +140,8 @@ def run_compare(args: argparse.Namespace) -> int:
         progress("figures and files", None)
         write_all(comparison.result, folder, args.command)
     progress.finish()
-    if args.json:
-        print(json_text(comparison.json()), end="")
-    else:
-        print(folder if args.quiet else render(comparison.result, str(folder)))
-    if comparison.status is RunStatus.INTERRUPTED:
-        return 130
-    return 0 if comparison.status is RunStatus.CONVERGED else 1
+    print_result(args, comparison, folder, folder)
+    return comparison.exit_code
 
 
 def model_names(text: str) -> tuple[str, ...]:

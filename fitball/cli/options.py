@@ -265,21 +265,22 @@ def tell_notes(notes: Iterable[object]) -> None:
 class Told(Protocol):
     """What every verb's result can be asked."""
 
-    def report(self) -> str:
+    @property
+    def report(self) -> Callable[..., str]:
         """All of it as text."""
 
     def json(self) -> Mapping[str, object]:
         """All of it for machines."""
 
 
-def print_result(args: argparse.Namespace, result: Told, brief: object) -> None:
-    """A result as JSON, `brief` where the run is quiet, else as text."""
+def print_result(args: argparse.Namespace, result: Told, brief: object, *where: Path) -> None:
+    """A result as JSON, `brief` where the run is quiet, else as text, with the folder that it was saved in."""
     from fitball.report.form.files import json_text
 
     if args.json:
         print(json_text(result.json()), end="")
     else:
-        print(brief if args.quiet else result.report())
+        print(brief if args.quiet else result.report(*where))
 
 
 def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:

@@ -173,7 +173,6 @@ def run_plan(args: argparse.Namespace) -> int:
     """Plan, write the folder, print what to do."""
     args.progress("loading", None)
     from fitball.api import load_fit
-    from fitball.report.form.files import json_text
 
     place = Path(args.fit)
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
@@ -184,10 +183,7 @@ def run_plan(args: argparse.Namespace) -> int:
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
     args.progress.finish()
-    if args.json:
-        print(json_text(made.json()), end="")
-    else:
-        print(folder if args.quiet else made.report(folder))
+    print_result(args, made, folder, folder)
     return 0
 
 
