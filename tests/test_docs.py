@@ -29,8 +29,7 @@ from fitball.inference.adequacy import describe, looks, refit
 from fitball.inference.adequacy import words as adequacy_words
 from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
-from fitball.inference.comparison import cross_validation as leave_out
-from fitball.inference.comparison import psis_loo as loo
+from fitball.inference.comparison import left_out
 from fitball.inference.identifiability import examine, profile, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
@@ -87,7 +86,7 @@ DECIDING = {
     "correlation length of the misfit": force_records.ALIKE,
     "expected spread between levels": levels.EXPECTED_SPREAD,
     "expected group offset in noises": levels.EXPECTED,
-    "Pareto k": loo.K_TRUSTED,
+    "Pareto k": left_out.K_TRUSTED,
     "sure difference in standard errors": assumption_values.SURE_ERRORS,
     "sure difference": assumption_values.SURE_SIZE,
     "effective draws of a quick fit": importance.ENOUGH,
@@ -109,7 +108,7 @@ DECIDING = {
     "share by which friction is changed to see what it does": refit.FRICTION,
     "rows of which one may lie far off with others": looks.FEWER,
     "sds by which a misfit moves a conditional parameter": adequacy.MOVED,
-    "rows left out singly": leave_out.SINGLY,
+    "rows left out singly": left_out.SINGLY,
     "slack of the hull": SLACK,
     "draws of a prediction": fitted_model.PREDICTING,
     "tables that tell a parameter, for its population": LEAST_TABLES,

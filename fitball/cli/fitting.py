@@ -34,7 +34,7 @@ from fitball.models.names import RANKED
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fitball.batch.run import Going
+    from fitball.batch.many import Going
 
 
 def run_calibrate(args: argparse.Namespace) -> int:

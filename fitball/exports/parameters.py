@@ -19,21 +19,23 @@ from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
-from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows
-from fitball.report.fit.pace import (
+from fitball.report.fit.itf_tests import (
+    ball_rows,
     category_words,
     court_lines,
+    drop_lead,
+    drop_remarks,
     pace_remarks,
     place_rows,
     rating_words,
     rests,
+    speed_rows,
     surface_rows,
     surface_words,
 )
-from fitball.report.form.document import Row, markdown_table
+from fitball.report.form.document import Row, markdown_table, render_template
 from fitball.report.form.files import json_text
-from fitball.report.form.parameters import parameter_row
-from fitball.report.form.template import render_template
+from fitball.report.form.numbers import parameter_row
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
 

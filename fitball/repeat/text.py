@@ -14,8 +14,17 @@ from typing import Any
 from fitball.api.calibrating import begin
 from fitball.api.reading import Report
 from fitball.errors import ResultFolderError
-from fitball.repeat.compare import FALSE_ALARM, Finding, Outcome, Repetition, compared
-from fitball.repeat.kept import Kept, check_rows, read_kept, write_numbers
+from fitball.repeat.compare import (
+    FALSE_ALARM,
+    Finding,
+    Kept,
+    Outcome,
+    Repetition,
+    check_rows,
+    compared,
+    read_kept,
+    write_numbers,
+)
 from fitball.report.fit.folder import older_result, write_all
 from fitball.report.form.document import columns
 from fitball.report.form.folders import held

@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fitball.inference.identifiability.information import scene_words
 from fitball.inference.identifiability.profile import degrees_of_freedom, left_of, profile_contraction
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.priors import Prior
@@ -151,14 +152,6 @@ def within_support(contraction: float, prior: Prior) -> float:
     unit = prior.width if prior.normal else prior.width / 12.0**0.5
     precision = contraction / (1.0 - contraction) / unit**2
     return left_of(prior, lambda at: 0.5 * precision * (at - np.median(at)) ** 2)
-
-
-def scene_words(problem: Problem) -> str:
-    """What the scene knows of the contact time."""
-    if problem.contact_time is None:
-        return "the scene"
-    value, sd = problem.contact_time
-    return f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from fitball.inference.results.results import Fit
 from fitball.report.figures.canvas import new_figure, own_style, verbatim
 from fitball.report.figures.quantities import ParameterAxis, drawn, no_posterior, parameter, parameter_axis
 from fitball.report.figures.sheet import Panel, Sheet, Side
+from fitball.report.form.numbers import parameter_row
 from fitball.report.form.palette import MEASURED, MODEL, PRIOR, pale
-from fitball.report.form.parameters import parameter_row
 from fitball.values import FloatArray
 
 CORNER_DRAWS = 12_000

@@ -21,9 +21,8 @@ from fitball.report.figures.canvas import (
     verbatim,
 )
 from fitball.report.figures.quantities import ParameterAxis, parameter, parameter_axis
-from fitball.report.form.numbers import handy
+from fitball.report.form.numbers import handy, profile_interval
 from fitball.report.form.palette import GUIDE, MEASURED, MODEL
-from fitball.report.form.parameters import profile_interval
 from fitball.values import FloatArray
 from fitball.wording import short
 
