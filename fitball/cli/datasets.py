@@ -15,6 +15,7 @@ from fitball.visible import one_line
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
     from fitball.data.table import ImpactTable, Notice
+    from fitball.report.form.document import Table
 
 
 def _list(args: argparse.Namespace) -> int:
@@ -52,35 +53,27 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
     from fitball.report.fit.rows import balance_table
-    from fitball.report.form.document import MOST_LINES, columns, more
+    from fitball.report.form.document import Document, Section, Words, on_terminal
 
     scene = load_scene(args.data, as_read=True)
     table = load_table(args.data, scene=scene, flip=args.flip, columns=args.columns)
-    doubt = doubt_of_table(table, scene.ball)
-    doubts = () if doubt is None else doubt.lines(scene)
     if args.json:
         _print_json(_as_json(table, scene))
         return 0
-    title = f"{table.name}: {scene.description or table.source}"
-    for line in filter(None, (title, scene.citation, f"file {table.source}", f"SHA-256 {table.digest}")):
-        print(one_line(line))
-    print()
-    _print_columns(table)
+    doubt = doubt_of_table(table, scene.ball)
     balances, meanings = balance_table(scene_balances(table, scene))
-    print("\nmodel-free, from the measurements alone:")
-    rest = more(len(table), "--json for the table, balances.csv of a fit")
-    for line in (*columns(balances.rows[: MOST_LINES + 1]), *rest, *(f"  {line}" for line in meanings)):
-        print(line)
-    for heading, lines in (
-        ("known", _known(scene)),
-        ("assumed", scene.assumed),
-        ("notices", table.remarks),
-        ("another reading explains the table much better", doubts),
-    ):
-        if lines:
-            print(f"\n{heading}:")
-            for line in lines:
-                print(f"  - {one_line(line)}")
+    lists = {
+        "known": _known(scene),
+        "assumed": scene.assumed,
+        "notices": table.remarks,
+        "another reading explains the table much better": () if doubt is None else doubt.lines(scene),
+    }
+    heads = filter(None, (scene.citation, f"file {table.source}", f"SHA-256 {table.digest}"))
+    sections = [Section("table", "as read:", [_table(table)])]
+    sections += [Section("balances", "model-free, from the measurements alone:", [balances, Words(meanings, "list")])]
+    sections += [Section(head, f"{head}:", [Words([*map(one_line, texts)], "list")]) for head, texts in lists.items()]
+    title = one_line(f"{table.name}: {scene.description or table.source}")
+    print(on_terminal(Document(title, [Words([*map(one_line, heads)], "lead")], sections)))
     return 0
 
 
@@ -111,10 +104,10 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
     return {f"{name} [{SI_UNITS[name]}]": values for name, values in columns.items()}
 
 
-def _print_columns(table: ImpactTable) -> None:
-    """The table, aligned; in SI units but for angles, which people read in degrees."""
+def _table(table: ImpactTable) -> Table:
+    """What a person reads; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
-    from fitball.report.form.document import MOST_LINES, columns, more
+    from fitball.report.form.document import MOST_LINES, Table
     from fitball.report.form.numbers import significant
 
     cells = [["id", *table.ids[:MOST_LINES]]]
@@ -122,8 +115,7 @@ def _print_columns(table: ImpactTable) -> None:
         if name.endswith(" [rad]"):
             name, values = name.replace("[rad]", "[deg]"), UNITS["deg"].from_si(values)
         cells.append([name, *(significant(float(value), 6) for value in values[:MOST_LINES])])
-    for line in (*columns(list(zip(*cells, strict=True)), left=0), *more(len(table), "--json")):
-        print(line)
+    return Table("Impacts", list(zip(*cells, strict=True)), count=len(table), rest="--json")
 
 
 def _known(scene: Scene) -> tuple[str, ...]:

@@ -174,11 +174,6 @@ def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str
     ]
 
 
-def more(count: int, where: str) -> list[str]:
-    """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
-    return [f"... and {count - MOST_LINES:,} more: {where}"] if count > MOST_LINES else []
-
-
 def on_terminal(document: Document, full: bool = True) -> str:
     """Plain text in lines of a terminal's width; what has rank "first" alone where it is not to be `full`."""
     blocks = [f"{document.title}\n{'=' * len(document.title)}"] if document.title else []
