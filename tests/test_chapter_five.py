@@ -19,11 +19,10 @@ from fitball.errors import TableError
 from fitball.inference.effort import Effort
 from fitball.inference.thesis import inputs as thesis_inputs
 from fitball.thesis import (
-    appendix_c,
-    appendix_d,
+    appendices,
     chapter_five,
+    judgement,
     printed_tables,
-    ranking,
     recalibration,
 )
 from fitball.thesis.page import write
@@ -42,7 +41,7 @@ def test_every_count_is_the_pinned_one(found):
 
 
 def test_the_summary_says_what_pinned_means(found):
-    error = appendix_c.worst_error(found.appendix_c.rows)
+    error = appendices.worst_error(found.appendix_c.rows)
     assert "as they were when last looked at" in found.summary
     assert f"{np.sum(error > 1.0)} by more than 1 %" in found.summary
     changed = replace(found, checks=(*found.checks[1:], replace(found.checks[0], holds=False)))
@@ -53,7 +52,7 @@ def test_the_summary_says_what_pinned_means(found):
 
 
 def test_appendix_c_beats_the_first_decoding(found):
-    error = appendix_c.worst_error(found.appendix_c.rows)
+    error = appendices.worst_error(found.appendix_c.rows)
     assert np.sum(error <= 0.1) > 75
     assert np.sum(error <= 1.0) > 117
 
@@ -62,7 +61,7 @@ def test_every_exception_has_its_entry_and_every_entry_its_exception(found):
     assert found.appendix_c.unlisted == ()
     assert found.appendix_c.stale == ()
     assert (found.appendix_c.exceptions["cause"] != "").all()
-    assert "unlisted" not in set(appendix_d.deviations(found.tables["appendix_d"])["kind"])
+    assert "unlisted" not in set(appendices.deviations(found.tables["appendix_d"])["kind"])
 
 
 @pytest.mark.parametrize(
@@ -71,7 +70,7 @@ def test_every_exception_has_its_entry_and_every_entry_its_exception(found):
 )
 def test_a_changed_constant_breaks_appendix_c(monkeypatch, name, factor):
     monkeypatch.setattr(thesis_inputs, name, getattr(thesis_inputs, name) * factor)
-    rows = appendix_c.reproduce()
+    rows = appendices.reproduce()
     assert rows.unlisted
     assert not chapter_five._check_appendix_c(rows, rows.rows).holds
 
@@ -83,8 +82,8 @@ def test_a_misprint_that_is_not_listed_is_noticed(monkeypatch):
     def tampered(name):
         return printed if name == "appendix_c" else thesis_table(name)
 
-    monkeypatch.setattr(appendix_c, "thesis_table", tampered)
-    assert appendix_c.reproduce().unlisted == (
+    monkeypatch.setattr(appendices, "thesis_table", tampered)
+    assert appendices.reproduce().unlisted == (
         "C1 case 4, omega_2: printed and recomputed {'printed': 254.57, 'recomputed': 244.58}",
     )
 
@@ -155,7 +154,7 @@ def test_ranking_of_known_errors():
         name: rng.normal(0.0, scale, 21) for name, scale in {"v_x2": 0.5, "theta_2": 2.0, "omega_2": 20.0}.items()
     }
     worse = {name: 2.0 * values for name, values in base.items()}
-    result = ranking.rank({"good": base, "bad": worse})
+    result = judgement.rank({"good": base, "bad": worse})
     assert list(result.certainty["best"]) == [1.0, 0.0]
     pooled = result.scores[result.scores["impacts"] == "pooled"].set_index("set")
     assert pooled.loc["bad", "score"] == pytest.approx(2.0 * pooled.loc["good", "score"])

@@ -31,7 +31,7 @@ from fitball.report.compare.document import words
 from fitball.report.compare.rows import json_content
 from fitball.report.form.files import json_text
 from fitball.scheduling.engine import engine
-from fitball.thesis import ranking
+from fitball.thesis import judgement
 from fitball.thesis.printed_tables import chapter_five_predictions
 
 
@@ -212,7 +212,7 @@ def test_names_of_models():
 def test_published_sets_score_as_the_ranking_of_the_thesis_does():
     found = {item.name: item for item in published_sets(load_table("wang_all.csv"))}
     assert len(found) == 10
-    own = {f"Table 9, case {case}": ranking.errors(one) for case, one in chapter_five_predictions().items()}
+    own = {f"Table 9, case {case}": judgement.errors(one) for case, one in chapter_five_predictions().items()}
     for name, errors in own.items():
         for output in ("v_x2", "omega_2"):
             assert root_mean_square(found[name].errors[output]) == pytest.approx(root_mean_square(errors[output]))

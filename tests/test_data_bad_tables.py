@@ -1,7 +1,9 @@
 """Bad tables: each ends in a TableError that names row, line, column, what was read and what to do."""
 
 import os
+import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,137 +12,97 @@ import pyarrow.parquet
 import pytest
 from written import faults_of, only
 
+from fitball.data.lines import parse_grid, parse_impact
+from fitball.data.numbers import beyond_limit
 from fitball.data.read import load_table
-from fitball.errors import FitballError, TableError
+from fitball.errors import FitballError, ParameterError, TableError
 
 GOOD = "v_x1 [m/s],v_y1 [m/s],omega_1 [rad/s],v_x2 [m/s],v_y2 [m/s],omega_2 [rad/s]\n"
 ROW = "15.62,4.81,-5.34,11.09,4.22,239.1\n"
 
 
-def with_header(header: str) -> str:
-    return f"{header}\n{ROW}{ROW}"
+SLIPS = [
+    ("v_y1 [m/s]", "w_y1 [m/s]"), ("v_y1 [m/s]", "v_y1b [m/s]"), ("omega_2 [rad/s]", "omga_2 [rad/s]"),
+    ("omega_1 [rad/s]", "omego1"), ("v_x2 [m/s]", "v_x2c"),
+]  # fmt: skip
+# A header, a row of it, the column that is blamed (None: none) and words of the fault.
+HEADERS = [
+    *((GOOD.replace(ours, slip), ROW, slip.split()[0], f"did you mean '{ours.split()[0]}'") for ours, slip in SLIPS),
+    ("v_x1,v_x2,v_y2", "8,5,3", None, "column v_y1 is missing"),
+    ("v_1,v_x2,v_y2", "8,5,3", None, "column theta_1 is missing"),
+    ("theta_1,v_2,v_y2", "8,5,3", None, "column v_1 is missing"),
+    ("speed,v_2,v_y2", "8,5,3", None, "no incident velocity; expected v_x1 and v_y1"),
+    ("v_y1,v_1,v_y2", "8,5,3", None, "v_y1 and v_1 do not make an incident velocity"),
+    ("v_x1,v_y1,speed", "8,5,3", None, "no rebound column; expected at least one of v_x2, v_y2"),
+    ("v_y1,v_y2,v_x2", "8,5,3", "v_x2", "without its incident motion"),
+    # Its numbers are spared.
+    (GOOD.replace("v_x1 [m/s]", "v_x1 [ell/h]"), "99999,1,0,1,1,0", "v_x1", "'[ell/h]', which is unknown"),
+    (GOOD.replace("omega_2 [rad/s]", "omega_2 [km/h]"), ROW, "omega_2", "measures speed; expected a unit of spin"),
+    ("v_y1 [m/s,v_y2", "5,4", "v_y1 [m/s", "brackets do not match"),
+    ("v_y1,v_y2,v_y2", "5,4,4", "v_y2", "another column is 'v_y2' already"),
+    ("v_y1,v_y2 [m/s],v_y2 [km/h]", "5,4,4", "v_y2", "another column is 'v_y2' already"),
+    ("v_y1,v_y2,mass_sd", "5,4,4", "mass_sd", "'mass' is no column that can have a standard deviation"),
+    ("v_y1,v_y2,omega_2_sd", "5,4,4", "omega_2_sd", "there is no column 'omega_2'"),
+    ("v_1,v_1_sd,theta_1,v_y2", "10,0.1,30,4", "v_1_sd", "column 'theta_1_sd' is missing"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("column", "misspelt", "hint"),
-    [
-        ("v_y1 [m/s]", "w_y1 [m/s]", "v_y1"),
-        ("v_y1 [m/s]", "v_y1b [m/s]", "v_y1"),
-        ("omega_2 [rad/s]", "omga_2 [rad/s]", "omega_2"),
-        ("omega_1 [rad/s]", "omego1", "omega_1"),
-        ("v_x2 [m/s]", "v_x2c", "v_x2"),
-    ],
-)
-def test_misspelt_column_is_a_fault_with_the_nearest_name(
-    tmp_path: Path, column: str, misspelt: str, hint: str
+@pytest.mark.parametrize(("header", "row", "column", "expected"), HEADERS)
+def test_a_bad_header_is_one_fault_at_its_line(
+    tmp_path: Path, header: str, row: str, column: str | None, expected: str
 ) -> None:
-    fault = only(tmp_path, GOOD.replace(column, misspelt) + ROW + ROW)
-    assert fault.column == misspelt.split(" ")[0]
-    assert fault.line == 1
-    assert f"did you mean '{hint}'" in fault.message
-
-
-@pytest.mark.parametrize(
-    ("header", "expected"),
-    [
-        ("v_x1,v_x2,v_y2", "column v_y1 is missing"),
-        ("v_1,v_x2,v_y2", "column theta_1 is missing"),
-        ("theta_1,v_2,v_y2", "column v_1 is missing"),
-        ("speed,v_2,v_y2", "no incident velocity; expected v_x1 and v_y1"),
-        ("v_y1,v_1,v_y2", "v_y1 and v_1 do not make an incident velocity"),
-        ("v_x1,v_y1,speed", "no rebound column; expected at least one of v_x2, v_y2"),
-        ("v_y1,v_y2,v_x2", "without its incident motion"),
-    ],
-)
-def test_missing_column(tmp_path: Path, header: str, expected: str) -> None:
-    fault = only(tmp_path, f"{header}\n8,5,3\n8,5,3\n")
+    fault = only(tmp_path, f"# comment\n{header.strip()}\n{row.strip()}\n{row.strip()}\n")
+    assert (fault.row, fault.line, fault.column) == (None, 2, column)
     assert expected in fault.message
-    assert fault.row is None and fault.line == 1
 
 
-def test_unknown_unit_names_the_known_ones_and_spares_the_numbers(tmp_path: Path) -> None:
-    fault = only(tmp_path, GOOD.replace("v_x1 [m/s]", "v_x1 [furlong/h]") + "99999," + ROW.split(",", 1)[1] + ROW)
-    assert fault.column == "v_x1"
-    assert "furlong/h" in fault.message and "km/h" in fault.message
-
-
-def test_unit_of_the_wrong_dimension(tmp_path: Path) -> None:
-    fault = only(tmp_path, GOOD.replace("omega_2 [rad/s]", "omega_2 [km/h]") + ROW + ROW)
-    assert fault.column == "omega_2"
-    assert "measures speed; expected a unit of spin" in fault.message
-
-
-@pytest.mark.parametrize(
-    ("header", "expected"),
-    [
-        ("v_y1 [m/s,v_y2", "brackets do not match"),
-        ("v_y1,v_y2,v_y2", "another column is 'v_y2' already"),
-        ("v_y1,v_y2 [m/s],v_y2 [km/h]", "another column is 'v_y2' already"),
-        ("v_y1,v_y2,mass_sd", "'mass' is no column that can have a standard deviation"),
-        ("v_y1,v_y2,omega_2_sd", "there is no column 'omega_2'"),
-    ],
-)
-def test_header_faults(tmp_path: Path, header: str, expected: str) -> None:
-    count = header.count(",")
-    row = ",".join(["5", "4", "4"][: count + 1])
-    fault = only(tmp_path, f"# comment\n{header}\n{row}\n{row}\n")
-    assert expected in fault.message
-    assert fault.line == 2
-
-
-@pytest.mark.parametrize(
-    ("cell", "expected"),
-    [
-        ("fast", "read 'fast'; expected a number"),
-        ("11.73 m/s", "units belong in the header"),
-        ("1_000", "read '1_000'; expected a number"),
-        ("0x1F", "read '0x1F'; expected a number"),
-        ("none measured", "expected a number"),
-        ("inf", "not finite"),
-        ("-Infinity", "not finite"),
-        ("1e999", "not finite"),
+# What stands in a cell of a row that is good but for it.
+NAMES = {
+    "v_x1": "12", "v_y1": "5", "omega_1": "0", "v_x2": "9.5", "v_y2": "4", "omega_2": "200", "contact_time": "0.005",
+    "v_y2_sd": "0.1", "omega_1_sd": "3",
+}  # fmt: skip
+CELLS = [
+    *(("v_x2", cell, words) for cell, words in (
+        ("fast", "read 'fast'; expected a number"), ("11.73 m/s", "units belong in the header"),
+        ("1_000", "read '1_000'; expected a number"), ("0x1F", "read '0x1F'; expected a number"),
+        ("none measured", "expected a number"), ("inf", "not finite"), ("-Infinity", "not finite"),
+        ("1e999", "not finite"), ("1 234", "signs between thousands"), ("\u0661\u0662", "expected a number"),
         ('"11,73"', "a decimal comma, beside numbers with points; expected one decimal sign: write '11.73'"),
-        ('"1,234"', "which may be 1.234 or 1234"),
-        ('"1,234.5"', "signs between thousands"),
-        ("1 234", "signs between thousands"),
-        ("\u0661\u0662", "expected a number"),
-    ],
-)
-def test_text_in_a_number(tmp_path: Path, cell: str, expected: str) -> None:
-    fault = only(tmp_path, f"{GOOD}\n# this and a blank line shift lines, not rows\n{ROW}15.6,4.8,0,{cell},4.2,239\n")
-    assert (fault.row, fault.line, fault.column) == (2, 5, "v_x2")
+        ('"1,234"', "which may be 1.234 or 1234"), ('"1,234.5"', "signs between thousands"),
+    )),
+    ("v_y1", "-5", "a positive speed towards the court"), ("v_y1", "0", "a positive speed towards the court"),
+    ("v_y2", "0", "a positive speed away from the court"), ("v_y2", "-4", "expected one sign throughout"),
+    ("v_y2", "5.51", "coefficient of restitution above 1: 1.102"), ("v_x2", "16", "more energy than it came with"),
+    ("omega_2", "415", "more energy than it came with"), ("omega_2", "2283", "more energy than it came with"),
+    ("contact_time", "0", "a positive time"),
+    ("v_y2_sd", "0", "a positive standard deviation"), ("v_y2_sd", "-1", "a positive standard deviation"),
+]  # fmt: skip
+# What no ball has: refused before anything is computed with it.
+LIMITS = [
+    ("v_y1", "1001", "0.001 to 1000 m/s"), ("v_y1", "5e-324", "0.001 to 1000 m/s"),
+    ("v_x1", "-1001", "at most 1000 m/s"), ("v_x2", "1e308", "at most 1000 m/s"),
+    ("omega_1", "1.1e5", "at most 1e5 rad/s"), ("omega_2", "-1.1e5", "at most 1e5 rad/s"),
+    ("contact_time", "5", "0.1 to 100 ms"), ("contact_time", "5e-6", "0.1 to 100 ms"),
+    ("v_y2_sd", "1e200", "1e-9 to 1000 m/s"),
+    ("v_y2_sd", "1e-200", "1e-9 to 1000 m/s"), ("omega_1_sd", "1e300", "1e-9 to 1e5 rad/s"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("column", "cell", "expected"), CELLS + LIMITS)
+def test_a_bad_cell_is_one_fault_in_its_place(tmp_path: Path, column: str, cell: str, expected: str) -> None:
+    row, bad = ",".join(NAMES.values()), ",".join((NAMES | {column: cell}).values())
+    fault = only(tmp_path, f"{','.join(NAMES)}\n\n# this and a blank line shift lines\n{row}\n{row}\n{bad}\n{row}\n")
+    assert (fault.row, fault.line, fault.column) == (3, 6, column)
     assert expected in fault.message
+    if (column, cell, expected) in LIMITS:
+        read = re.match(r"read (\S+) .*: check the unit", fault.message)
+        assert read is not None and float(read[1]) == pytest.approx(float(cell)) and len(fault.message) < 120
 
 
 def test_line_numbers_survive_quoted_line_breaks(tmp_path: Path) -> None:
     text = 'note,v_y1,v_y2\n"one\n# two\n\nthree",5,4\nx,5,oops\n'
     fault = only(tmp_path, text)
     assert (fault.row, fault.line) == (2, 6)
-
-
-@pytest.mark.parametrize(
-    ("column", "value", "expected"),
-    [
-        ("v_y1", "-5", "a positive speed towards the court"),
-        ("v_y1", "0", "a positive speed towards the court"),
-        ("v_y2", "0", "a positive speed away from the court"),
-        ("v_y2", "-4", "expected one sign throughout"),
-        ("v_y2", "5.51", "coefficient of restitution above 1: 1.102"),
-        ("v_x2", "16", "more energy than it came with"),
-        ("omega_2", "415", "more energy than it came with"),
-        ("omega_2", "2283", "more energy than it came with"),
-        ("contact_time", "0", "a positive time"),
-        ("v_y2_sd", "0", "a positive standard deviation"),
-        ("v_y2_sd", "-1", "a positive standard deviation"),
-    ],
-)
-def test_impossible_number(tmp_path: Path, column: str, value: str, expected: str) -> None:
-    names = ["v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "contact_time", "v_y2_sd"]
-    good = dict(zip(names, ["12", "5", "0", "9", "4", "200", "0.005", "0.1"], strict=True))
-    row, bad = ",".join(good.values()), ",".join((good | {column: value}).values())
-    fault = only(tmp_path, f"{','.join(names)}\n{row}\n{row}\n{bad}\n{row}\n")
-    assert (fault.row, fault.line, fault.column) == (3, 4, column)
-    assert expected in fault.message
 
 
 @pytest.mark.parametrize(
@@ -224,11 +186,6 @@ def test_ragged_rows(tmp_path: Path) -> None:
 def test_open_quote(tmp_path: Path) -> None:
     fault = only(tmp_path, f'{GOOD}{ROW}"15,4.81\n')
     assert fault.line == 3 and "double quotes" in fault.message
-
-
-def test_half_an_incident_sd(tmp_path: Path) -> None:
-    fault = only(tmp_path, "v_1,v_1_sd,theta_1,v_y2\n10,0.1,30,4\n10,0.1,30,4\n")
-    assert "column 'theta_1_sd' is missing" in fault.message
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
@@ -334,3 +291,57 @@ def test_a_name_that_is_no_text_is_refused_before_result_files_name_it(tmp_path:
             pytest.skip("this file system has no such names")
         with pytest.raises(TableError, match=r"is no UTF-8.*rename it"):
             load_table(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "value", "expected"),
+    [
+        ("v_1 [mph],theta_1 [deg]", "1e308,20", "not finite in SI units"),
+        ("v_1,theta_1", "17,1e-9", "at least 0.006 deg"),
+        ("v_1,theta_1", "0e400,20", "expected a number"),
+        ("v_1,theta_1", "1e-99999999999999999999,20", "expected a number"),
+        ("v_1,theta_1", "9" * 330 + ",20", "which is not finite"),
+    ],
+)
+def test_numbers_that_arithmetic_does_not_hold(tmp_path: Path, header: str, value: str, expected: str) -> None:
+    fault = only(tmp_path, f"{header},v_2,theta_2\n38,20,12,24\n{value},12,24\n")
+    assert fault.row == 2
+    assert expected in fault.message
+
+
+def test_the_flattest_incidence_is_a_ten_thousandth_of_a_radian() -> None:
+    flat = np.array([0.99e-4, 1.01e-4, 0.0, np.pi])
+    # Zero is told by the check of ranges.
+    assert beyond_limit("theta_1", flat).tolist() == [True, False, False, False]
+    assert not beyond_limit("theta_2", flat).any()
+
+
+def test_limits_themselves_are_allowed(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(
+        "v_x1,v_y1,omega_1,v_y2,contact_time [ms]\n1000,0.001,1e5,0.001,0.1\n-1000,1000,-1e5,1,100\n"
+    )
+    assert len(load_table(tmp_path / "t.csv")) == 2
+
+
+def test_a_label_is_a_name(tmp_path: Path) -> None:
+    fault = only(tmp_path, f"surface,v_y1,v_y2\nclay,5,4\n{'a' * 100_000},5,4\n")
+    assert (fault.row, fault.column) == (2, "surface")
+    assert "read a text of 100000 characters; expected a name of at most 200" in fault.message
+
+
+IMPACTS = ("v=1e308 mph, theta=18", "v=17, theta=18, spin=2e5", "v=17±1e300, theta=18", "v=17, theta=1e-9")
+GRIDS = ("v_y=10..1e308 mph:3", "v_y=1e-9", "v_y=5, spin=-2e5..0:3")
+
+
+@pytest.mark.parametrize(
+    ("parse", "text"), [*((parse_impact, text) for text in IMPACTS), *((parse_grid, text) for text in GRIDS)]
+)
+def test_options_have_the_limits_of_tables(parse: Callable[[str], object], text: str) -> None:
+    with pytest.raises(ParameterError, match=r"expected .* check the unit"):
+        parse(text)
+
+
+@pytest.mark.parametrize("count", ["99999999", "9" * 400])
+def test_a_grid_of_too_many_points_is_refused_before_it_is_made(count: str) -> None:
+    with pytest.raises(ParameterError, match="expected 1000000 at most"):
+        parse_grid(f"v_y=5..10:{count}")

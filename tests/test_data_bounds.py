@@ -8,7 +8,7 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.bounds import gyration
+from fitball.data.checks import gyration
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Notice, summed_up

@@ -45,17 +45,9 @@ PRINTED = {
 67.62 6.57 15.95 17.25 -165.53 -81.72 1.57 -10.84 10.98 71.43""",
 }
 ORDER = (
-    "theta_1 [deg]",
-    "v_x1 [m/s]",
-    "v_y1 [m/s]",
-    "v_1 [m/s]",
-    "omega_1 [rad/s]",
-    "theta_2 [deg]",
-    "v_x2 [m/s]",
-    "v_y2 [m/s]",
-    "v_2 [m/s]",
-    "omega_2 [rad/s]",
-)
+    "theta_1 [deg]", "v_x1 [m/s]", "v_y1 [m/s]", "v_1 [m/s]", "omega_1 [rad/s]",
+    "theta_2 [deg]", "v_x2 [m/s]", "v_y2 [m/s]", "v_2 [m/s]", "omega_2 [rad/s]",
+)  # fmt: skip
 TURNED = ("theta_2 [deg]", "v_y2 [m/s]")
 
 

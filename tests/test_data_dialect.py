@@ -24,15 +24,8 @@ from fitball.report.saved.run_file import find_tables, read_run, record_problem,
 
 Rows = list[list[str]]
 HEADER = [
-    "id",
-    "v_1 [mph]",
-    "theta_1 [deg]",
-    "omega_1 [rpm]",
-    "v_2 [mph]",
-    "theta_2 [deg]",
-    "v_2_sd [mph]",
-    "surface",
-]
+    "id", "v_1 [mph]", "theta_1 [deg]", "omega_1 [rpm]", "v_2 [mph]", "theta_2 [deg]", "v_2_sd [mph]", "surface",
+]  # fmt: skip
 ROWS = [
     ["a", "38.10", "18.2", "-51.5", "28.0", "20.1", "0.30", "clay"],
     ["b", "40.25", "22.9", "-48.0", "29.1", "25.0", "0.25", "clay"],

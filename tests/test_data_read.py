@@ -10,16 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from written import read
 
 from fitball.data.read import load_table
-from fitball.data.table import ImpactTable
 from fitball.data.units import UNITS, Dimension, symbols
-
-
-def read(tmp_path: Path, text: str | bytes) -> ImpactTable:
-    path = tmp_path / "t.csv"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return load_table(path)
 
 
 def test_units_convert_once(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import pickle
 import tomllib
-from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,10 @@ import numpy as np
 import pytest
 
 from fitball.data.bundled import bundled_names, bundled_tables
-from fitball.data.force_file import find_force
+from fitball.data.force import find_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
-from fitball.data.scene_keys import KEYS, Kind, range_fault
+from fitball.data.scene_keys import KINDS, SIZES, Kind, range_fault
 from fitball.errors import SceneError, TableError
 from fitball.inference.problem.build import Choices, build_problem
 
@@ -156,7 +155,7 @@ IN_SCHEMA = [
     ("[model]\nclosures = { normal = 3 }", ("model.closures.normal = 3",)),
     ("priors = 3", ("priors = 3: expected a section of names",)),
 ]
-# Faults beyond a schema: no TOML, no finite number, a ball that cannot be.
+# Faults beyond a schema: no TOML, no finite number, what no ball, court or instrument has.
 BEYOND_SCHEMA = [
     ("[ball]\nmass = nan", ("ball.mass = nan",)),
     ("[ball]\nmass = 1" + 400 * "0", ("expected a positive number",)),
@@ -164,14 +163,50 @@ BEYOND_SCHEMA = [
     ("[ball]\ninertia = 1", ("[ball]", "exceeds M R^2")),
     ("[fix]\nmu = inf", ("fix.mu = inf",)),
     ("[ball]\nmass = \n", ("not TOML", "line 2")),
+    ("[ball]\nmass = 57.6", ("ball.mass = 57.6: expected 1 mg to 20 kg, in kg",)),
+    ("[ball]\nradius = 1e200", ("ball.radius = 1e+200: expected 0.1 mm to 0.5 m, in m",)),
+    ("[ball]\nradius = { value = 0.033, sd = 1e300 }", ("ball.radius: sd = 1e+300: expected",)),
+    ("[ball]\nmass = { value = 0.058, sd = 1e-300 }", ("ball.mass: sd = 1e-300: expected",)),
+    ("[ball]\ninertia = 1e-300", ("ball inertia = 1e-300: expected a number from 1e-30 to 1e+06, in SI units",)),
+    ("[surface]\nmu = 1e20", ("surface.mu = 1e+20: expected 1e-6 to 100",)),
+    ("[contact_time]\nvalue = 5.0\nsd = 0.05", ("contact_time.value = 5: expected 1 us to 100 ms, in s",)),
+    ("[measurement]\nspin_sd = 1e300", ("measurement.spin_sd = 1e+300",)),
+    ("[measurement]\nnominal_velocity_sd = 1e-300", ("measurement.nominal_velocity_sd = 1e-300",)),
+    ("[force]\nsd = 1e300", ("force.sd = 1e+300",)),
+    ("x = " + "[" * 5000, ("not TOML",)),
+    ("x = " + "9" * 5000, ("not TOML",)),
+    ("[ball]\nmass = 1\nmass = 2", ("not TOML",)),
+    ("\0", ("not TOML",)),
+    ("[surface]\nname = 5" + "0" * 300, ("surface.name = 500",)),
+    ("\n".join(f"[unknown{k}]" for k in range(5000)), ("5000 faults",)),
+    # A unit that may have been meant.
+    ("[ball]\nmass = 57.7", ("did you mean 57.7 g (0.0577)?",)),
+    ("[ball]\nmass = { value = 57.7, sd = 0.3 }", ("did you mean 57.7 g (0.0577)?",)),
+    ("[ball]\nmass = { value = 0.0577, sd = 0.3 }", ("did you mean 0.3 g (0.0003)?",)),
+    (
+        "[ball]\nmass = 2.7\nradius = 0.02",
+        (
+            "denser than any metal",
+            "did you mean a mass of 2.7 g (0.0027)?",
+        ),
+    ),
+    ("[ball]\nradius = 33", ("did you mean 33 mm (0.033)?",)),
+    ("[ball]\nradius = 3.3", ("did you mean 3.3 cm (0.033)?",)),
+    ("[ball]\nradius = 0.33", ("lighter than air",)),
+    ("[ball]\ninertia = 350", ("did you mean 350 g cm^2 (3.5e-05)?",)),
+    ("[contact_time]\nvalue = 5\nsd = 0.5", ("did you mean 5 ms (0.005)?", "did you mean 0.5 ms (0.0005)?")),
+    ("[measurement]\nvelocity_sd = 20", ("did you mean 20 cm/s (0.2)?",)),
+    ("[measurement]\nspin_sd = 2000", ("did you mean 2000 rpm (209.4)?",)),
 ]
 
 
 @pytest.mark.parametrize(("text", "words"), IN_SCHEMA + BEYOND_SCHEMA)
-def test_faults(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+def test_what_no_scene_holds_is_refused_in_few_words(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+    """Also on request."""
     message = refused(tmp_path, text)
-    for word in words:
-        assert word in message
+    assert all(word in message for word in words) and len(message) < 12_000
+    with pytest.raises(SceneError):
+        load_scene(tmp_path / "t.csv", as_read=True)
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
@@ -207,24 +242,16 @@ def test_scenes_of_wang(name: str) -> None:
     assert "Wang" in scene.citation and "Texas A&M" in scene.citation
 
 
-def schema_keys(node: Mapping[str, Any], section: str = "") -> dict[str, Kind | None]:
-    """The keys of the schema by dotted name; of free names the kind of section is not told (None)."""
-    kinds = {f"#/$defs/{kind.name.lower()}": kind for kind in Kind}
-    names: dict[str, Kind | None] = {}
-    for name, child in node["properties"].items():
-        if "properties" in child:
-            assert child["additionalProperties"] is False
-            names |= schema_keys(child, f"{name}.")
-        else:
-            names[section + name] = Kind.TEXT if "enum" in child else kinds.get(child.get("$ref"))
-    return names
-
-
-def test_schema_and_reader_know_the_same_keys() -> None:
+def test_the_schema_is_one_and_a_field_or_the_reader_takes_each_key() -> None:
+    """The reader's keys are the schema's; what no field takes is made into one."""
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     assert SCHEMA["additionalProperties"] is False
-    free = (Kind.FREE_TEXTS, Kind.FREE_NUMBERS, Kind.FREE_PRIORS)
-    assert schema_keys(SCHEMA) == {name: None if key.kind in free else key.kind for name, key in KEYS.items()}
+    assert all(node.get("additionalProperties") is not None for node in SCHEMA["properties"].values())
+    made = {"ball.mass", "ball.radius", "ball.inertia", "ball.inertia_ratio", "ball.temperature", "surface.mu"}
+    made |= {"contact_time.value", "contact_time.sd"}
+    named = {item.metadata["key"] for item in dataclasses.fields(Scene) if item.metadata}
+    assert named | made == set(KINDS) and not named & made and set(SIZES) <= set(KINDS)
+    assert (KINDS["surface.mu"], KINDS["fix"], KINDS["pool"]) == (Kind.QUANTITY, Kind.NUMBERS, Kind.TEXTS)
 
 
 def test_schema_and_reader_refuse_the_same_files(tmp_path: Path) -> None:
@@ -242,33 +269,6 @@ def test_scenes_are_frozen_and_travel_between_processes() -> None:
     with pytest.raises(TypeError):
         scene.priors["mu"] = ""  # type: ignore[index]
     assert pickle.loads(pickle.dumps(scene)) == scene
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[ball]\nmass = 57.6", "ball.mass = 57.6: expected 1 mg to 20 kg, in kg"),
-        ("[ball]\nradius = 1e200", "ball.radius = 1e+200: expected 0.1 mm to 0.5 m, in m"),
-        ("[ball]\nradius = { value = 0.033, sd = 1e300 }", "ball.radius: sd = 1e+300: expected"),
-        ("[ball]\nmass = { value = 0.058, sd = 1e-300 }", "ball.mass: sd = 1e-300: expected"),
-        ("[ball]\ninertia = 1e-300", "ball inertia = 1e-300: expected a number from 1e-30 to 1e+06, in SI units"),
-        ("[surface]\nmu = 1e20", "surface.mu = 1e+20: expected 1e-6 to 100"),
-        ("[contact_time]\nvalue = 5.0\nsd = 0.05", "contact_time.value = 5: expected 1 us to 100 ms, in s"),
-        ("[measurement]\nspin_sd = 1e300", "measurement.spin_sd = 1e+300"),
-        ("[measurement]\nnominal_velocity_sd = 1e-300", "measurement.nominal_velocity_sd = 1e-300"),
-        ("[force]\nsd = 1e300", "force.sd = 1e+300"),
-        ("x = " + "[" * 5000, "not TOML"),
-        ("x = " + "9" * 5000, "not TOML"),
-        ("[ball]\nmass = 1\nmass = 2", "not TOML"),
-        ("\0", "not TOML"),
-        ("[surface]\nname = 5" + "0" * 300, "surface.name = 500"),
-        ("\n".join(f"[unknown{k}]" for k in range(5000)), "5000 faults"),
-    ],
-)
-def test_what_no_scene_holds_is_refused_in_few_words(tmp_path: Path, text: str, words: str) -> None:
-    message = refused(tmp_path, text)
-    assert words in message
-    assert len(message) < 12_000
 
 
 def test_a_long_text_is_shortened_in_the_message(tmp_path: Path) -> None:
@@ -306,31 +306,6 @@ def test_force_records_with_a_name_too_long_for_the_system(tmp_path: Path) -> No
 def test_the_ends_of_what_a_scene_may_hold(key, least, most):
     for value, allowed in ((least, True), (most, True), (0.97 * least, False), (1.03 * most, False)):
         assert (range_fault(key, value, None) is None) is allowed
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[ball]\nmass = 57.7", "did you mean 57.7 g (0.0577)?"),
-        ("[ball]\nmass = { value = 57.7, sd = 0.3 }", "did you mean 57.7 g (0.0577)?"),
-        ("[ball]\nmass = { value = 0.0577, sd = 0.3 }", "did you mean 0.3 g (0.0003)?"),
-        ("[ball]\nmass = 2.7\nradius = 0.02", "denser than any metal"),
-        ("[ball]\nmass = 2.7\nradius = 0.02", "did you mean a mass of 2.7 g (0.0027)?"),
-        ("[ball]\nradius = 33", "did you mean 33 mm (0.033)?"),
-        ("[ball]\nradius = 3.3", "did you mean 3.3 cm (0.033)?"),
-        ("[ball]\nradius = 0.33", "lighter than air"),
-        ("[ball]\ninertia = 350", "did you mean 350 g cm^2 (3.5e-05)?"),
-        ("[contact_time]\nvalue = 5\nsd = 0.5", "did you mean 5 ms (0.005)?"),
-        ("[contact_time]\nvalue = 5\nsd = 0.5", "did you mean 0.5 ms (0.0005)?"),
-        ("[measurement]\nvelocity_sd = 20", "did you mean 20 cm/s (0.2)?"),
-        ("[measurement]\nspin_sd = 2000", "did you mean 2000 rpm (209.4)?"),
-    ],
-)
-def test_a_unit_that_may_have_been_meant(tmp_path, text, words):
-    """None of them can be: also not on request."""
-    assert words in refused(tmp_path, text)
-    with pytest.raises(SceneError):
-        load_scene(tmp_path / "t.csv", as_read=True)
 
 
 @pytest.mark.parametrize(

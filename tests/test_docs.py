@@ -22,7 +22,7 @@ from validation.ranks import FAMILY_ERROR, RANKED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED
-from fitball.data.scene_keys import KEYS
+from fitball.data.scene_keys import KINDS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import calibrate
 from fitball.inference.adequacy import describe, looks, refit
@@ -195,7 +195,7 @@ def test_columns_units_and_keys_of_a_scene():
     assert units == {item.value: symbols(item) for item in Dimension}
     for name, _, default in table(FORMATS, "dimension", "units", "without a bracket"):
         assert default.strip("`") == DEFAULT_UNIT[Dimension(name)].symbol
-    assert column(FORMATS, "key", "holds") == set(KEYS)
+    assert column(FORMATS, "key", "holds") == set(KINDS)
 
 
 def test_result_folder(tmp_path, brief):

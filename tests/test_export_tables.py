@@ -172,7 +172,7 @@ def test_grid_text():
         ("v=10..40 m/s, theta=10..20:3", "expected LOW..HIGH UNIT:COUNT"),
         ("v=10..40 kg:3, theta=10..20:3", "unknown"),
         ("speed=10..40:3, theta=10..20:3", "unknown quantity 'speed'"),
-        ("v=0..40:3, theta=10..20:3", "above 0"),
+        ("v=0..40:3, theta=10..20:3", "positive speed v"),
         ("v=1..40:3, theta=0..20:3", "between 0 and 180"),
         ("v=1..40:3, v=1..40:3", "given twice"),
         ("v=1..40:2000, theta=10..20:2000", "1000000 at most"),

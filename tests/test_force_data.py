@@ -8,7 +8,7 @@ import pytest
 from synthetic_drop import write_case
 
 from fitball.cli.main import main
-from fitball.data.force_file import find_force, load_force
+from fitball.data.force import find_force, load_force
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import SceneError, TableError

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 from synthetic_drop import COR, K_Y, MASS, SPEEDS, force_at, write_case
 
-from fitball.data.force_file import load_force
+from fitball.data.force import load_force
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError

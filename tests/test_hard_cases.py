@@ -11,7 +11,7 @@ import pytest
 import fitball
 from fitball.bench.hard_cases import BASE, FAST, HardCase, hard_cases
 from fitball.errors import ParameterError
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.specs import SPECS
 from fitball.models.types import STATUS_REASON, Phase, Status, unpack_regime
 

@@ -16,7 +16,7 @@ from fitball.inference.identifiability.information import (
     inverse,
     standard_errors,
 )
-from fitball.inference.identifiability.profile import best_top
+from fitball.inference.identifiability.profile_walk import best_top
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum

@@ -13,11 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitball.data.findings import Findings, RawRow
-from fitball.data.header import read_header, split_cell
-from fitball.data.layout import _bare, is_number
+from fitball.data.cells import Findings, Rows, _bare, is_number
+from fitball.data.header import _WORDS, _cut, end_of, guess_of, read_header, split_cell
 from fitball.data.lines import parse_grid, parse_impact, parse_range, parse_window
-from fitball.data.names import _WORDS, _cut, end_of, guess_of
 from fitball.data.numbers import NumberColumn, explained, plain_numbers, read_column, split_deviations
 from fitball.data.scene_keys import PRIOR
 from fitball.data.text import DELIMITERS
@@ -35,13 +33,12 @@ ENDS = ("!", "\n\nx")
 
 def look_at(text: str) -> None:
     """All that is done with a text of a user's, whatever it answers."""
-    row = RawRow(1, 1, (text,))
     guess_of(text), end_of(text), split_cell(text), unit_of(text), is_number(text), _bare(text), explained(text)
-    found = Findings((row,), 1)
+    found = Findings(Rows((1,), (1,)), 1)
     header = read_header((text, "v_x1"), found)
-    rows, _notes = plain_numbers((row,), (0,))
-    split_deviations(rows, (0,))
-    assert isinstance(read_column(header.numbers["v_x1"], Findings((RawRow(1, 1, ("1", text)),), 1)), NumberColumn)
+    plain_numbers({"v_x1": (text,)})
+    split_deviations((text,))
+    assert isinstance(read_column("v_x1", header.units["v_x1"], (text,), found), NumberColumn)
     for delimiter in DELIMITERS[4:]:
         list(delimiter.records([text], False))
     re.fullmatch(PRIOR, f"normal({text}")
@@ -63,8 +60,8 @@ def test_no_text_takes_more_than_linear_time() -> None:
 
 @pytest.mark.parametrize("name", ["horiz" * 26 + "!", "1" * 1000, "v" * LENGTH])
 def test_names_that_are_long_are_nobodys(name: str) -> None:
-    assert guess_of(name) is None
-    assert read_header((name,), Findings((), 1)).extras == (name,)
+    assert guess_of(name) == ()
+    assert read_header((name,), Findings(Rows((), ()), 1)).extras == (name,)
 
 
 def test_a_name_is_cut_as_trying_all_ways_does_it() -> None:

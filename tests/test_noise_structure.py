@@ -14,8 +14,7 @@ from scipy import stats
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.join import joined, load_tables
-from fitball.data.read import load_table
+from fitball.data.read import joined, load_table, load_tables
 from fitball.data.scene import load_scene
 from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.calibrate import run

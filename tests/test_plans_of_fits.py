@@ -13,9 +13,8 @@ from nested_monte_carlo import Planned, nested_gain
 from test_design import first_order, posterior_from
 
 import fitball
-from fitball.data.join import joined
 from fitball.data.lines import Range, parse_range
-from fitball.data.read import load_table
+from fitball.data.read import joined, load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design.asked import Part, as_before, build_settings, parse_sensor, parse_target, usual_sensors
@@ -75,7 +74,7 @@ def told_of_noise(known, planned, made, sensor):
     """
     names = known.problem.free_names
     free = [names.index(column.noise) for column in sensor.columns]
-    rows = information_rows(planned, made, np.eye(len(names)))[0, 0, len(sensor.columns) :][:, free]
+    rows = information_rows(planned, made, np.eye(len(names))[None])[0, 0, len(sensor.columns) :][:, free]
     sds = np.stack([column.sds(made.columns, made.rebound) for column in sensor.columns], axis=2)[0, 0]
     shared = shared_covariance(planned, made.columns, made.rebound, sensor.columns)[0, 0]
 
@@ -124,7 +123,7 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     columns = np.stack([column.column.predict(rebound)[0] for column in sensor.columns])
     assert np.sqrt(np.diag(found)) == pytest.approx(columns.std(axis=1), rel=0.06)
     exact = known.at(ITF, np.zeros(1, dtype=np.int64))
-    rows = [information_rows(at, *read(at, draws, [sensor]), known.root) for at in (exact, planned)]
+    rows = [information_rows(at, *read(at, draws, [sensor]), known.roots(draws)) for at in (exact, planned)]
     assert (rows[1] ** 2).sum() < (rows[0] ** 2).sum()
     told_of_noise(uncertain, planned, made, sensor)
     checked = nested_gain(

@@ -123,7 +123,7 @@ def test_spins_without_signs_are_found(design, names, missing, form):
     said = doubt(read, ball)
     assert said is not None and f"with the signs of {missing} missing" in said.found[0].hypothesis.words
     assert not any(item.hypothesis.flips for item in said.found)
-    meant = said.found[0].hypothesis.apply(read)
+    meant = said.found[0].hypothesis.columns
     for name in missing.split(" and "):
         clear = np.abs(columns[name]) > 0.2 * np.abs(columns[name]).max()
         assert np.all(np.sign(meant[name]) == np.sign(columns[name]), where=clear)
@@ -209,15 +209,15 @@ def test_what_each_hypothesis_does():
     units = {name: misread.UNITS[name] for name in columns} | {"omega_1_sd": "rad/s"}
     known = {item.words: item for item in hypotheses(columns, units, misread.TENNIS)}
     rpm = known["with omega_1 and omega_2 in rpm instead of rad/s"]
-    np.testing.assert_allclose(rpm.apply(columns)["omega_2"], columns["omega_2"] * np.pi / 30.0)
+    np.testing.assert_allclose(rpm.columns["omega_2"], columns["omega_2"] * np.pi / 30.0)
     assert rpm.remedy == "write in the header 'omega_1 [rpm]', 'omega_2 [rpm]' and 'omega_1_sd [rpm]'"
-    ends = known["with incidence and rebound swapped"].apply(columns)
+    ends = known["with incidence and rebound swapped"].columns
     assert all(ends[f"{name}1"] is columns[f"{name}2"] for name in ("v_x", "v_y", "omega_"))
     assert "with omega_1, omega_2, v_x1 and v_x2 negated" not in known, "the mirror image of nothing"
     assert not any("theta" in words for words in known)
     turned = misread.polar(columns)
     angles = {item.words: item for item in hypotheses(turned, misread.UNITS, misread.TENNIS)}
-    normal = angles["with theta_2 measured from the normal"].apply(turned)
+    normal = angles["with theta_2 measured from the normal"].columns
     np.testing.assert_allclose(normal["theta_2"] + turned["theta_2"], np.pi / 2.0)
     assert {unit for words in known for unit in UNITS if f" in {unit} instead" in words} >= {
         "rpm",

@@ -12,8 +12,8 @@ import pytest
 import fitball
 from fitball.api import check
 from fitball.data.bundled import bundled_names
-from fitball.data.join import trusted_table
-from fitball.data.repeats import repeats_of
+from fitball.data.laws import repeats_of
+from fitball.data.read import trusted_table
 from fitball.data.scene import Scene
 from fitball.errors import ReadingError
 

@@ -186,7 +186,7 @@ def test_limits_leave_a_million_rows_of_fifteen_columns() -> None:
 
 
 def test_faults_beyond_some_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fitball.data.findings.MOST_FAULTS", 10)
+    monkeypatch.setattr("fitball.data.cells.MOST_FAULTS", 10)
     (tmp_path / "t.csv").write_text("v_y1,v_y2\n" + "x,y\n" * 40)
     with pytest.raises(TableError, match="70 more faults, which are not listed") as caught:
         load_table(tmp_path / "t.csv")

@@ -16,7 +16,7 @@ from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed
 from fitball.inference.thesis.published_cases import predictions
 from fitball.models.thesis import Pair, first_sign_change
 from fitball.models.types import Status
-from fitball.thesis.appendix_c import recompute, with_corrected_inputs, worst_error
+from fitball.thesis.appendices import recompute, with_corrected_inputs, worst_error
 from fitball.thesis.printed_tables import chapter_five_predictions
 
 ROWS = recompute(with_corrected_inputs(thesis_table("appendix_c"), thesis_table("errata")))

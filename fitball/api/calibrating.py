@@ -25,7 +25,7 @@ from fitball.api.reading import (
     reporting,
     silent,
 )
-from fitball.data.force_file import find_force
+from fitball.data.force import find_force
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.calibrate import fingerprint, run

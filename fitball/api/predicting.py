@@ -177,7 +177,7 @@ def _named_as_before(
     if asked or not own or not read:
         return asked, ()
     known = naming(own, tuple(own))
-    cells = written_table(framed(data), known).raw.header
+    cells = written_table(framed(data), known).heads
     found = {known.ours(cell, split_cell(cell, known)[0]) for cell in cells}
     taken = {ours: text for ours, text in own.items() if ours in found}
     said = ", ".join(f"{ours}={text}" for ours, text in taken.items())

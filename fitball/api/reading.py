@@ -13,9 +13,8 @@ from dataclasses import asdict, dataclass, fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack, cast
 
-from fitball.data.force_file import find_force
-from fitball.data.join import trusted_table
-from fitball.data.read import check_source, in_memory, load_table
+from fitball.data.force import find_force
+from fitball.data.read import check_source, in_memory, load_table, trusted_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError

@@ -31,8 +31,8 @@ from fitball.inference.prediction.simulate import simulate as follow
 from fitball.inference.results.fitted_model import FittedModel, at_values
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.kinds import checked
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import model
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
 from fitball.report.form.folders import clear_folder, held
 from fitball.report.history import document

@@ -17,6 +17,7 @@ from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 from fitball.exports.tables import golden_ids
 from fitball.inference.prediction.outputs import PortCheck, check_port
 from fitball.inference.results.results import Golden
+from fitball.inference.results.source import INCIDENT
 from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, SI_UNITS
 from fitball.report.form.document import columns
@@ -149,7 +150,8 @@ def _rows_of(port: PortFile, ids: tuple[str, ...]) -> list[int]:
 def _check_incident(port: PortFile, order: Sequence[int], golden: Golden) -> None:
     """Raise TableError where the file repeats another incident state than that of the golden impact."""
     faults = []
-    for name, read in port.incident.items():
+    for name in (name for name in INCIDENT if name in port.incident):
+        read = port.incident[name]
         for row, meant in zip(order, getattr(golden.impacts, name).tolist(), strict=True):
             if abs(read[row] - meant) > REPEATED * (1.0 + abs(meant)):
                 said = (

@@ -29,7 +29,7 @@ from fitball.cli.options import (
 )
 from fitball.cli.terminal import time_left
 from fitball.errors import ModelError, ParameterError, ResultFolderError
-from fitball.models.names import RANKED
+from fitball.models.specs import RANKED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -286,7 +286,7 @@ trusted: a few tables can be fitted together instead, fitball calibrate TABLES -
 def run_repeat(args: argparse.Namespace) -> int:
     """Run the fit again and print what differs; 0 where nothing does, 1 where the results contradict each other."""
     args.progress("loading", None)
-    from fitball.repeat.text import repeat
+    from fitball.repeat import repeat
 
     out = None if args.out is None else Path(args.out)
     try:

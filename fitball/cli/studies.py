@@ -28,7 +28,7 @@ from fitball.cli.options import (
     whole,
 )
 from fitball.errors import ParameterError
-from fitball.models.names import FOLLOWED
+from fitball.models.specs import FOLLOWED
 
 if TYPE_CHECKING:
     from fitball.api import Course
@@ -42,7 +42,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     """Solve the impact, write its course, print it; or a map of regimes, or a page."""
     _check_together(args)
     if args.example == "list":
-        from fitball.thesis.example_claims import list_json, list_text
+        from fitball.thesis.examples import list_json, list_text
 
         print(json.dumps(list_json(), indent=2) if args.json else list_text())
         return 0
@@ -104,7 +104,7 @@ def _check_together(args: argparse.Namespace) -> None:
 def _example(name: str) -> Course:
     """A figure of the thesis."""
     from fitball.api import Course
-    from fitball.thesis.example_claims import example_json, example_text, find_example, findings, run_example
+    from fitball.thesis.examples import example_json, example_text, find_example, findings, run_example
 
     example = find_example(name)
     solved = run_example(example)
@@ -196,8 +196,8 @@ def run_rederive(args: argparse.Namespace) -> int:
     from fitball.report.form.document import columns
     from fitball.report.form.folders import held
     from fitball.thesis.chapter_five import derive
+    from fitball.thesis.judgement import in_brief, side_by_side
     from fitball.thesis.page import write
-    from fitball.thesis.ranking import in_brief, side_by_side
 
     check_whole(seed=args.seed)
     report = stages(args.quiet)

@@ -1,24 +1,27 @@
 """What is wrong with the columns of a table, and with their numbers: columns that an impact needs, signs, ranges,
-parts larger than their whole, and columns that say the same in other words.
+parts larger than their whole, columns that say the same in other words; and what no ball can do: leave the court
+faster, or with more energy, than it came, beyond what its noise explains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import pi
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.cells import Findings
 from fitball.data.columns import ANGLES, COLUMNS, INCIDENT, NUMBERS, REBOUND, SD_SUFFIX
-from fitball.data.findings import Findings
-from fitball.data.header import Header
+from fitball.data.header import guess_of
+from fitball.data.heights import GROSS
 from fitball.data.kinematics import Uncertain, independent, velocity
-from fitball.data.names import guess_of
-from fitball.data.numbers import NumberColumn
+from fitball.data.numbers import Columns, NumberColumn
+from fitball.data.scene import Scene
 from fitball.observables import OBSERVABLES
-from fitball.values import FloatArray
+from fitball.values import FloatArray, quotient
 from fitball.visible import some
 from fitball.wording import option, spoken
 
@@ -40,12 +43,15 @@ def knows_incident(names: Iterable[str]) -> bool:
     return independent(names, "1") in (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
 
 
-def check_columns(present: Collection[str], header: Header, found: Findings, rebound: bool = True) -> None:
-    """Add a fault for every column that is not `present`, and a notice for what is assumed or ignored.
+def check_columns(
+    present: Collection[str], named: Sequence[str], extras: Sequence[str], found: Findings, rebound: bool = True
+) -> None:
+    """Add a fault for every column that is not `present`, and a notice for what is assumed or ignored; `named` are
+    those that were read, `extras` those among them that are neither numbers nor labels.
 
     Without `rebound` a table of incident columns alone is complete.
     """
-    read = some([*header.numbers, *header.texts])
+    read = some(named)
     incident = independent(present, "1")
     missing = []
     if len(incident) < 2 and incident != ("v_y1",):
@@ -58,21 +64,20 @@ def check_columns(present: Collection[str], header: Header, found: Findings, reb
     if rebound and not any(name in present for name in REBOUND):
         missing.append(f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})")
     if missing:
-        missing[0] += _what_is_meant(header.extras, present)
+        missing[0] += _what_is_meant(extras, present)
     for message in missing:
         found.header_fault(message)
     _check_sds(present, found)
     if "omega_2" in present and "omega_1" not in present:
         found.notice("no column omega_1: incident spin taken as 0", "omega_1")
-    if header.extras:
-        kept = some([_with_guess(name, present) for name in header.extras])
-        found.notice(f"columns kept and not used: {kept}", *header.extras)
+    if extras:
+        kept = some([_with_guess(name, present) for name in extras])
+        found.notice(f"columns kept and not used: {kept}", *extras)
 
 
 def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:
     """Columns of ours, not there yet, that an extra column may be."""
-    guess = guess_of(name)
-    return () if guess is None else tuple(item for item in guess.names if item in NUMBERS and item not in present)
+    return tuple(item for item in guess_of(name) if item in NUMBERS and item not in present)
 
 
 def _with_guess(name: str, present: Collection[str]) -> str:
@@ -120,9 +125,9 @@ def _check_sds(present: Collection[str], found: Findings) -> None:
     if independent({name for name in names if not name.endswith(SD_SUFFIX)}, "1") == ("v_1", "theta_1"):
         stated = names & {"v_1_sd", "theta_1_sd"}
         if len(stated) == 1:
-            missing = ({"v_1_sd", "theta_1_sd"} - stated).pop()
+            (missing,) = {"v_1_sd", "theta_1_sd"} - stated
             message = f"column '{missing}' is missing; the incident components need the sd of both speed and angle"
-            found.header_fault(message, stated.pop())
+            found.header_fault(message, *stated)
 
 
 BoolArray = NDArray[np.bool_]
@@ -138,7 +143,7 @@ AGAINST = (
 )
 
 
-def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
+def one_sign(columns: Columns, found: Findings) -> Columns:
     """The columns with `v_y2`, `theta_2` and `theta_1` counted positive.
 
     A column that is negative throughout is turned once, with a notice; mixed signs are a fault of the
@@ -153,7 +158,7 @@ def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, 
         if negative.any() and positive.any():
             odd, word = (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
             for k in np.flatnonzero(odd).tolist():
-                read = f"read {column.shown(column.values[k])}, but other rows are {word}"
+                read = f"read {column.shown(k)}, but other rows are {word}"
                 found.fault(f"{read}; expected one sign throughout: is it misprinted?", name, k)
             # The odd rows are reported; the magnitude lets the other checks go on without repeating it.
             turned[name] = replace(column, values=np.abs(column.values))
@@ -163,7 +168,7 @@ def one_sign(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, 
     return turned
 
 
-def check_ranges(columns: Mapping[str, NumberColumn], found: Findings) -> None:
+def check_ranges(columns: Columns, found: Findings) -> None:
     """Add a fault for every speed, time or sd that is not positive, every angle outside 0 to 180 deg."""
     for name, column in columns.items():
         expected = "a positive standard deviation" if name.endswith(SD_SUFFIX) else COLUMNS[name].positive
@@ -176,7 +181,7 @@ def check_ranges(columns: Mapping[str, NumberColumn], found: Findings) -> None:
             _report(column, outside, "expected an angle to the court between 0 and 180 deg: check the unit", found)
 
 
-def check_directions(columns: Mapping[str, NumberColumn], found: Findings) -> None:
+def check_directions(columns: Columns, found: Findings) -> None:
     """Add a notice for the few rows whose ball comes the other way along the court than that of all others, or one
     for all rows that come against the direction in which the table counts.
     """
@@ -197,10 +202,10 @@ def check_directions(columns: Mapping[str, NumberColumn], found: Findings) -> No
         found.notice(f"{int(against.sum())} of {len(course)} {AGAINST}", column.name)
     kind = f"the ball comes the other way along the court than in {int(many.sum())} other rows: misprinted?"
     for k in np.flatnonzero(few).tolist() if odd else ():
-        found.notice(f"{kind}: {column.name} = {column.shown(column.values[k])}", column.name, place=k, kind=kind)
+        found.notice(f"{kind}: {column.name} = {column.shown(k)}", column.name, place=k, kind=kind)
 
 
-def check_pairs(columns: Mapping[str, NumberColumn], found: Findings) -> None:
+def check_pairs(columns: Columns, found: Findings) -> None:
     """Add a fault where one rebound component and one polar column contradict each other.
 
     With both components, or both polar columns, the comparison of redundant columns sees to it.
@@ -220,7 +225,7 @@ def check_pairs(columns: Mapping[str, NumberColumn], found: Findings) -> None:
 
 def _report(column: NumberColumn, bad: BoolArray, expected: str, found: Findings) -> None:
     for k in np.flatnonzero(bad).tolist():
-        found.fault(f"read {column.shown(column.values[k])}; {expected}", column.name, k)
+        found.fault(f"read {column.shown(k)}; {expected}", column.name, k)
 
 
 # Beyond the rounding of the printed digits, columns may differ by this fraction (of the speed; in
@@ -229,11 +234,9 @@ def _report(column: NumberColumn, bad: BoolArray, expected: str, found: Findings
 # scatter of 10 %. Wang's tables stay below 0.25 % and 0.06 degrees except in the two rows that
 # are at odds by 1.1 % and by 0.4 and 0.7 degrees.
 AVERAGING = 0.005
-# No averaging or misprint of a late digit explains this much: a unit or a column is wrong.
-GROSS = 0.2
 
 
-def check_redundant(columns: Mapping[str, NumberColumn], end: str, found: Findings) -> None:
+def check_redundant(columns: Columns, end: str, found: Findings) -> None:
     """Compare every velocity column that does not count with those that do, row by row.
 
     A difference beyond rounding and averaging becomes a notice, a gross one a fault.
@@ -255,9 +258,182 @@ def _compare(read: NumberColumn, said: Uncertain, scale: FloatArray, basis: tupl
     excess = np.abs(read.values - said.value) - said.reach - read.half_width
     kind = f"{read.name} is at odds with {names}, which are used"
     for k in np.flatnonzero(excess > AVERAGING * scale).tolist():
-        seen = f"read {read.shown(read.values[k])}, but {names} give {read.shown(said.value[k])}"
+        seen = f"read {read.shown(k)}, but {names} give {read.printed(float(said.value[k]))}"
         if excess[k] > GROSS * scale[k]:
             advice = "check the units and the row, or delete the redundant column"
             found.fault(f"{seen}; expected agreement: {advice}", read.name, k)
         else:
             found.notice(f"{read.name}: {seen}; {names} are used", read.name, *basis, place=k, kind=kind)
+
+
+# Chance that noise alone puts the worst row of a table this far above a bound, were every true value on it: 4.4 sd of
+# noise among 20 rows, 6 among 100,000.
+CHANCE = 1e-4
+# Sds of the scene's ball within which it may lie.
+BALL_SDS = 5.0
+HINT = (
+    "check the units and whether columns are swapped, or say in the scene how large the noise is "
+    "([measurement]) and what ball this is ([ball])"
+)
+
+
+def normal_speed(columns: Columns, end: str) -> FloatArray | None:
+    """v_y [m/s] of `end` ("1" or "2") as a column or from speed and angle; None otherwise.
+
+    Other pairs of columns determine it too, but at steep or grazing angles so badly that no bound
+    can rest on it.
+    """
+    names = _normal_columns(columns, end)
+    speed = velocity({name: Uncertain.exact(columns[name].values) for name in names}, end).y
+    return None if speed is None else speed.value
+
+
+def _normal_columns(columns: Columns, end: str) -> tuple[str, ...]:
+    counted = independent(columns, end)
+    if f"v_y{end}" in counted:
+        return (f"v_y{end}",)
+    return counted if counted == (f"v_{end}", f"theta_{end}") else ()
+
+
+def check_bounds(columns: Columns, scene: Scene, found: Findings) -> None:
+    """Add a fault for rows with a coefficient of restitution above 1 or a gain of energy that noise does not explain,
+    a notice for those where it does.
+
+    Noise is what the table states, or else what the scene knows or expects. All rows together are held to it too, so
+    that swapped columns of slow impacts are found. Spin may turn into speed and back, so energy counts both, with
+    the gyration of the scene's ball that favours the table. What was not measured of the rebound counts as zero.
+    Nothing is checked while the incident velocity is incomplete.
+    """
+    if not knows_incident(columns):
+        return
+    known = _known(columns, scene)
+    blamed = _check_restitution(known, columns, found)
+    _check_energy(known, columns, scene, blamed, found)
+
+
+def _check_bound(
+    excess: Uncertain,
+    kind: str,
+    expected: str,
+    words: Callable[[int], str],
+    column: Callable[[int], str],
+    blamed: BoolArray,
+    found: Findings,
+) -> BoolArray:
+    """Add what is to be said of rows that are above a bound and not `blamed` (rows,) yet; returns the rows that are
+    either. `excess` says by how much they are, with its sd; `kind` names the bound, `words` tell a row's numbers,
+    `column` is the column to point at.
+    """
+    sds = quotient(excess.value, excess.sd)
+    known = np.isfinite(sds)
+    above = (sds > 0.0) & ~blamed
+    beyond = above & (sds > _reach(max(int(known.sum()), 1)))
+    for k in np.flatnonzero(beyond).tolist():
+        message = f"{kind}: {words(k)}, {sds[k]:.3g} sd of the noise; expected {expected}: {HINT}"
+        found.fault(message, column(k), k)
+    spread = float(np.sqrt(np.sum(excess.sd[known] ** 2)))
+    together = float(np.sum(excess.value[known])) / spread if spread > 0.0 else 0.0
+    if together > _reach(1) and not beyond.any() and above.any():
+        message = (
+            f"{kind} in {int(above.sum())} of {len(found.rows)} rows: each may be noise, all together are "
+            f"{together:.3g} sd of it; expected {expected}: {HINT}"
+        )
+        found.fault(message, column(int(np.flatnonzero(above)[0])))
+    else:
+        within = f"{kind}, within its noise"
+        for k in np.flatnonzero(above & ~beyond).tolist():
+            found.notice(f"{within}: {words(k)}", column(k), place=k, kind=within)
+    return above | blamed
+
+
+def _reach(count: int) -> float:
+    """Sds that the largest of `count` normal deviations exceeds with probability CHANCE."""
+    return -NormalDist().inv_cdf(CHANCE / count)
+
+
+def _known(columns: Columns, scene: Scene) -> dict[str, Uncertain]:
+    """The columns that count, each with its noise: as stated, or else as the scene expects it of the rebound."""
+    quantities = {}
+    for name in (*independent(columns, "1"), *independent(columns, "2"), "omega_1", "omega_2"):
+        if name not in columns:
+            continue
+        values, sd = columns[name].values, columns.get(name + SD_SUFFIX)
+        # Of an angle without its speed the noise is that of a velocity, in number.
+        speed = columns["v_2"].values if "v_2" in columns else np.ones_like(values)
+        expected = scene.noise_of(name, speed) if name.endswith("2") else np.zeros_like(values)
+        quantities[name] = Uncertain.measured(name, values, expected if sd is None else sd.values)
+    return quantities
+
+
+def _check_restitution(known: Mapping[str, Uncertain], columns: Columns, found: Findings) -> BoolArray:
+    """Rows (rows,) whose restitution is above 1."""
+    blamed = np.zeros(len(found.rows), dtype=np.bool_)
+    before, after = (
+        velocity({name: known[name] for name in _normal_columns(columns, end)}, end).y for end in ("1", "2")
+    )
+    if before is None or after is None:
+        return blamed
+    v_1, v_2 = before.value, after.value
+
+    def words(k: int) -> str:
+        return f"{v_2[k] / v_1[k]:.3f}, v_y2 = {v_2[k]:.4g} m/s after v_y1 = {v_1[k]:.4g} m/s"
+
+    # A speed that is not towards the court is a fault of its own.
+    excess = Uncertain(np.where(v_1 > 0.0, after.value - v_1, np.nan), (after - before).parts)
+    column = "v_y2" if "v_y2" in columns else "v_2"
+    kind = "coefficient of restitution above 1"
+    return _check_bound(excess, kind, "at most 1", words, lambda _k: column, blamed, found)
+
+
+def _check_energy(
+    known: Mapping[str, Uncertain], columns: Columns, scene: Scene, blamed: BoolArray, found: Findings
+) -> None:
+    """By the gain of energy over half the mass [m^2/s^2]."""
+    zero = Uncertain.exact(np.zeros(len(found.rows)))
+    known = {name: _or_zero(quantity) if name.endswith("2") else quantity for name, quantity in known.items()}
+    before, after = (_least_speed_squared(known, end, zero) for end in ("1", "2"))
+    spin_1, spin_2 = (known.get(name, zero) for name in ("omega_1", "omega_2"))
+    gained = spin_2 * spin_2 - spin_1 * spin_1
+    least, most = gyration(scene)
+    weight = Uncertain.exact(np.where(gained.value > 0.0, least, most))
+
+    def words(k: int) -> str:
+        return (
+            f"{np.sqrt(after.value[k]):.4g} m/s and {abs(spin_2.value[k]):.4g} rad/s after "
+            f"{np.sqrt(before.value[k]):.4g} m/s and {abs(spin_1.value[k]):.4g} rad/s, for a ball of radius "
+            f"{1e3 * scene.ball.radius:.4g} mm and I/(M R^2) = {scene.ball.inertia_ratio:.3g}"
+        )
+
+    def column(k: int) -> str:
+        """A velocity when the speed alone is too much, the spin otherwise."""
+        by_speed = after.value[k] > before.value[k]
+        order = ("v_2", "v_x2", "v_y2", "omega_2") if by_speed else ("omega_2", "v_2", "v_x2", "v_y2")
+        return next(name for name in order if name in columns)
+
+    kind = "the ball leaves with more energy than it came with"
+    _check_bound(after - before + weight * gained, kind, "a loss", words, column, blamed, found)
+
+
+def _or_zero(quantity: Uncertain) -> Uncertain:
+    """The quantity, zero where it was not measured."""
+    parts = {name: np.nan_to_num(part, nan=0.0) for name, part in quantity.parts.items()}
+    return Uncertain(np.nan_to_num(quantity.value, nan=0.0), parts)
+
+
+def gyration(scene: Scene) -> tuple[float, float]:
+    """Least and largest radius of gyration squared [m^2] that the scene's ball may have."""
+
+    def end(sds: float) -> float:
+        ratio = scene.ball.inertia_ratio + sds * scene.ball_sd.get("inertia_ratio", 0.0)
+        radius = max(scene.ball.radius + sds * scene.ball_sd.get("radius", 0.0), 0.0)
+        return min(max(ratio, 0.0), 1.0) * radius**2
+
+    return end(-BALL_SDS), end(BALL_SDS)
+
+
+def _least_speed_squared(known: Mapping[str, Uncertain], end: str, zero: Uncertain) -> Uncertain:
+    """v^2 [m^2/s^2] as far as the columns say; components count before the speed."""
+    parts = [known[name] for name in (f"v_x{end}", f"v_y{end}") if name in known]
+    if f"v_{end}" in known and len(parts) < 2:
+        parts = [known[f"v_{end}"]]
+    return sum((part * part for part in parts), zero)

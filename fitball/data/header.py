@@ -1,4 +1,10 @@
-"""The columns of a file by our names: as they are spelled, as a user says (`--columns v_1=Vin`), or misspelt."""
+"""The columns of a file by our names. What a header cell says, name and unit, in the ways in which people write both
+into one; what a name that is not ours probably means; and what each column is: as it is spelled, as a user says
+(`--columns v_1=Vin`), or misspelt.
+
+A guess is offered, never taken. It says which end of the bounce it means only where the name does, so that incidence
+is never offered for rebound.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +14,119 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
 
-from fitball.data.columns import LABELS, MEASURED, NUMBERS, SD_SUFFIX
-from fitball.data.findings import Findings, RawRow, Vocabulary
-from fitball.data.names import LONGEST, bare, cell_parts, end_of, guess_of
+from fitball.data.cells import Findings, Vocabulary
+from fitball.data.columns import COLUMNS, HEIGHTS, LABELS, MEASURED, NUMBERS, SD_SUFFIX
 from fitball.data.table import FrozenMapping
 from fitball.data.units import Unit, parse_unit, unit_of
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.visible import some, unguarded
 from fitball.wording import spoken
 
-_WITH_UNIT = re.compile(r"(?P<name>.*?\S)\s*\[(?P<unit>[^\[\]]*)\]")
+_SQUARE = re.compile(r"^(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$")
+_ROUND = re.compile(r"^(?P<name>.*?)\s*[({](?P<unit>[^(){}]*)[)}]$")
+# Behind the name: "v_1 / m/s" (ISO 80000), "v_1 in m/s", "v_1, m/s", "v_1: m/s", "v_1_mph", "v_1 mph".
+_BEHIND = (
+    re.compile(r"^(?P<name>.+?)\s*/\s*[({\[]?(?P<unit>.+?)[)}\]]?$"),
+    re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>.+)$"),
+    re.compile(r"^(?P<name>.+?)\s*[,:;]\s*(?P<unit>.+)$"),
+)
+_JOINED = re.compile(r"(?<=[0-9A-Za-z])[_ ](?=[A-Za-z°])")
+# Characters of a cell that may hold name and unit; a longer one is all name. No name of ours and no unit is near it,
+# and the patterns above take time with the square of the length.
+LONGEST = 100
+UNMATCHED = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
+
+_GREEK = {"θ": "theta", "ω": "omega", "ϑ": "theta", "σ": "sd"}
+# Words of names, by what they tell: the quantity, its direction, the end of the bounce, a deviation, nothing.
+_LEXICON: Mapping[tuple[str, str], str] = {
+    ("quantity", "v"): "v vel velo velocity velocities speed speeds geschwindigkeit tempo",
+    ("quantity", "theta"): "theta angle angles ang alpha winkel",
+    ("quantity", "omega"): "omega spin spins w rot rotation drall",
+    ("quantity", "contact_time"): "contacttime tcontact contactduration kontaktzeit tc",
+    ("quantity", "height"): "h height heights hoehe höhe",
+    ("direction", "x"): "x horizontal hor horiz tangential tan parallel",
+    ("direction", "y"): "y z vertical vert normal perpendicular perp",
+    ("end", "1"): (
+        "1 in inc incident incoming incidence inbound impact before pre prior initial init start approach i vor "
+        "drop dropped fall ein"
+    ),
+    ("end", "2"): (
+        "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce bounced nach aus"
+    ),
+    ("sd", "sd"): "sd std stdev sigma",
+    ("filler", ""): "ball of the mean avg average measured launch",
+}
+_WORDS = {word: told for told, words in _LEXICON.items() for word in words.split()}
+_LONGEST_WORD = max(map(len, _WORDS))
+_HEIGHTS = {COLUMNS[name].end: name for name in HEIGHTS}
+
+
+def bare(name: str) -> str:
+    """A name without case, blanks, underscores and the like; Greek letters spelled out."""
+    text = name.casefold()
+    for letter, word in _GREEK.items():
+        text = text.replace(letter, word)
+    return re.sub(r"[\s_.\-]+", "", text.translate(str.maketrans("₁₂ₓ", "12x")).replace("ᵧ", "y"))
+
+
+def end_of(name: str) -> str | None:
+    """The end of the bounce that a name speaks of: "1" incident, "2" rebound; None where it says neither, or both."""
+    ends = {value for kind, value in _told(name) if kind == "end"}
+    ends = ends or set(re.findall(r"(?<![0-9])[12](?![0-9])", name))
+    return ends.pop() if len(ends) == 1 else None
+
+
+def guess_of(name: str) -> tuple[str, ...]:
+    """Names of ours that `name` may mean: one where it says which, both ends where it says the quantity only, none
+    where it is no name of an impact's quantity.
+    """
+    told = _told(name)
+    if any(told.count(word) > 1 for word in told if word != ("filler", "")):
+        return ()
+    kinds = ("quantity", "direction", "end", "sd")
+    quantities, directions, ends, sds = ([value for of, value in told if of == kind] for kind in kinds)
+    if len(quantities) != 1 or len(directions) > 1 or len(ends) > 1:
+        return ()
+    (quantity,), suffix = quantities, SD_SUFFIX if sds else ""
+    if quantity == "contact_time":
+        return (f"contact_time{suffix}",)
+    if directions and quantity != "v":
+        return ()
+    return tuple(
+        (_HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
+        for end in ends or ("1", "2")
+    )
+
+
+def _told(name: str) -> list[tuple[str, str]]:
+    """What the words of a name tell, none where it has others."""
+    if len(name) > LONGEST:
+        return []
+    # Each part by itself first, so that "v_in" is not "vi" and "n".
+    whole = [bare(part) for part in re.split(r"[\s_.\-]+|(?<=[a-z])(?=[A-Z0-9])", name) if part]
+    if not whole or not all(part in _WORDS for part in whole):
+        whole = _cut(bare(name))
+    return [_WORDS[word] for word in whole]
+
+
+def _cut(text: str) -> list[str]:
+    """The text as words, the longest first; [] where no way of cutting it leaves nothing over.
+
+    From the end on, so that what follows each place is known: a step for each place and length of a word, where
+    trying one way after the other takes exponentially many (`"horiz" * 26 + "!"`).
+    """
+    end = len(text)
+    sizes = [0] * end + [1]
+    for place in reversed(range(end)):
+        for size in range(min(_LONGEST_WORD, end - place), 0, -1):
+            if sizes[place + size] and text[place : place + size] in _WORDS:
+                sizes[place] = size
+                break
+    found, place = list[str](), 0
+    while place < end and sizes[0]:
+        found.append(text[place : place + sizes[place]])
+        place += sizes[place]
+    return found
 
 
 @dataclass(frozen=True)
@@ -29,35 +138,13 @@ class Naming:
     theirs: Mapping[str, str] = field(default_factory=FrozenMapping)
     units: Mapping[str, str] = field(default_factory=FrozenMapping)
 
-    @property
-    def texts(self) -> dict[str, str]:
-        """As it was stated: our names, and theirs with their units."""
-        return {
-            name: f"{their} [{self.units[name]}]" if name in self.units else their
-            for name, their in self.theirs.items()
-        }
-
     def ours(self, *names: str) -> str | None:
         """Our name of a column that is called by one of `names`; None where nothing was said of it."""
         wanted = {name.strip().casefold() for name in names}
         return next((ours for ours, their in self.theirs.items() if their.casefold() in wanted), None)
 
-    def unit(self, ours: str, written: str | None, found: Findings) -> str | None:
-        """The unit of a column as text, where `written` is that of the header; a fault where the two differ."""
-        stated = self.units.get(ours)
-        if stated is not None and written is not None and unit_of(stated) != unit_of(written):
-            message = f"the header says '[{written}]' and the names that were given '[{stated}]'; expected one unit"
-            found.header_fault(message, self.theirs[ours])
-        return written if stated is None else stated
 
-    def check_absent(self, present: Collection[str], read: Collection[str], found: Findings) -> None:
-        """Add a fault for each name that the header has not, unless our own is `present`; `read` are the header's."""
-        here, listed = {name.casefold() for name in read}, some([*read])
-        for ours, their in self.theirs.items():
-            if their.casefold() not in here and ours not in present:
-                found.header_fault(
-                    f"there is no column '{their}', which is to be {ours} as asked; columns read: {listed}"
-                )
+_WITH_UNIT = re.compile(r"(?P<name>.*?\S)\s*\[(?P<unit>[^\[\]]*)\]")
 
 
 def naming(columns: Mapping[str, str], known: Collection[str]) -> Naming:
@@ -68,8 +155,7 @@ def naming(columns: Mapping[str, str], known: Collection[str]) -> Naming:
     theirs, units = dict[str, str](), dict[str, str]()
     for ours, text in columns.items():
         if ours not in known:
-            guess = guess_of(ours)
-            near = [name for name in guess.names if name in known] if guess is not None else []
+            near = [name for name in guess_of(ours) if name in known]
             hint = f"did you mean {' or '.join(near)}?" if near else suggestion(ours, known)
             raise ParameterError(f"columns: '{ours}' is none of fitball's columns ({ours}={text}): {hint}")
         matched = _WITH_UNIT.fullmatch(text.strip())
@@ -87,7 +173,9 @@ def naming(columns: Mapping[str, str], known: Collection[str]) -> Naming:
 def with_units(columns: Mapping[str, str], units: Mapping[str, str], known: Collection[str]) -> dict[str, str]:
     """`columns` with the `units` of columns by our name or by theirs. Raises ParameterError for another name."""
     said = naming(columns, known)
-    texts = said.texts
+    texts = {
+        ours: f"{their} [{said.units[ours]}]" if ours in said.units else their for ours, their in said.theirs.items()
+    }
     for name, unit in units.items():
         ours = said.ours(name) or next((item for item in known if bare(item) == bare(name)), None)
         if ours is None:
@@ -111,26 +199,19 @@ _GUESSED = 0.5
 
 
 @dataclass(frozen=True)
-class Column:
-    """One column: its place in the file, its `name`, its `unit` (None for text, or when not understood)."""
-
-    index: int
-    name: str
-    unit: Unit | None
-
-
-@dataclass(frozen=True)
 class Header:
-    """The columns of a table: `numbers` by name, and `texts` (labels and ignored `extras`) by name."""
+    """The columns of a table: their `places` in the file by name, the `units` of those of numbers (None where one was
+    not understood), and `extras`, which are neither numbers nor labels.
+    """
 
-    numbers: Mapping[str, Column]
-    texts: Mapping[str, Column]
+    places: Mapping[str, int]
+    units: Mapping[str, Unit | None]
     extras: tuple[str, ...]
 
-    def cells(self, name: str, rows: Iterable[RawRow]) -> tuple[str, ...]:
-        """What stands in a column of texts, as it was before a file of ours guarded it."""
-        index = self.texts[name].index
-        return unguarded([row.cells[index] for row in rows])
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Labels and extras."""
+        return tuple(name for name in self.places if name not in self.units)
 
 
 def vocabulary(naming: Naming) -> Vocabulary:
@@ -145,7 +226,7 @@ def vocabulary(naming: Naming) -> Vocabulary:
         if naming.ours(cell, name) is not None or _same(name) is not None:
             return 1.0
         guess = guess_of(name)
-        return _GUESSED if guess is not None and guess.sure in NUMBERS else 0.0
+        return _GUESSED if len(guess) == 1 and guess[0] in NUMBERS else 0.0
 
     return Vocabulary(worth, is_unit)
 
@@ -156,15 +237,41 @@ def is_unit(text: str) -> bool:
 
 
 def split_cell(cell: str, naming: Naming | None = None, found: Findings | None = None) -> tuple[str, str | None]:
-    """Name and unit (None where there is none) of a header cell; a fault where its brackets do not match."""
+    """Name and unit (None where there is none) of a header cell; a fault where its brackets do not match.
+
+    Square brackets always hold a unit; round ones do behind a name that is known, or when what is in them is a unit;
+    without brackets a unit must be one.
+    """
 
     def known(name: str) -> bool:
         return _same(name) is not None or (naming is not None and naming.ours(name) is not None)
 
-    name, unit, fault = cell_parts(cell, known, is_unit)
-    if fault and found is not None:
-        found.header_fault(fault, cell)
-    return name, unit
+    text = cell.strip()
+    if len(text) > LONGEST:
+        return text, None
+    slash = re.fullmatch(r"(.+?)\s*/\s*\[([^\[\]]*)\]", text)
+    match = _SQUARE.match(text if slash is None else f"{slash[1]} [{slash[2]}]")
+    if match is None:
+        if found is not None:
+            found.header_fault(UNMATCHED, cell)
+        return text.split("[")[0].strip(), None
+    name = match["name"].strip()
+    if match["unit"] is not None or known(name):
+        return name, match["unit"]
+    # Of a quotient in round brackets the slash belongs to neither.
+    bracket = _ROUND.match(re.sub(r"\s*/\s*(?=[({][^(){}]*[)}]$)", " ", name))
+    if bracket and (known(bracket["name"]) or is_unit(bracket["unit"])):
+        return bracket["name"].strip(), bracket["unit"]
+    for pattern in _BEHIND:
+        behind = pattern.match(name)
+        if behind and is_unit(behind["unit"]):
+            return behind["name"].strip(), behind["unit"]
+    for place in _JOINED.finditer(name):
+        front, unit = name[: place.start()], name[place.end() :]
+        for spelling in (unit, unit.replace("_", "/", 1)):
+            if known(front) and is_unit(spelling):
+                return front, spelling
+    return name, None
 
 
 def _same(name: str) -> str | None:
@@ -187,14 +294,12 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
     asked = [naming.ours(cell, name) for cell, (name, _) in zip(cells, parsed, strict=True)]
     names = [name for name, _ in parsed]
     taken = {*filter(None, asked), *names}
-    numbers: dict[str, Column] = {}
-    texts: dict[str, Column] = {}
-    extras: list[str] = []
-    spelled: list[str] = []
+    places, units = dict[str, int](), dict[str, Unit | None]()
+    extras, spelled = list[str](), list[str]()
     for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
         ours = named if named is not None else _same(name)
         if named is not None:
-            unit = naming.unit(named, unit, found)
+            unit = _stated_unit(naming, named, unit, found)
         elif ours == "id" != name and "id" in names:
             ours = None
         elif ours is None and name:
@@ -205,18 +310,32 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
         taken.add(meant)
         if not name:
             extras.append(f"(column {index + 1}, without a name)")
-        elif meant in numbers or meant in texts:
+        elif meant in places:
             message = f"read '{cells[index]}', but another column is '{meant}' already; keep one of them"
             found.header_fault(message, meant)
-        elif meant in NUMBERS:
-            numbers[meant] = Column(index, meant, _unit(meant, unit, found))
         else:
-            texts[meant] = Column(index, meant, None)
+            places[meant] = index
+            if meant in NUMBERS:
+                units[meant] = _unit(meant, unit, found)
             extras += [name] if ours is None else []
     if spelled:
         found.notice(f"columns read under other spellings: {some(spelled)}")
-    naming.check_absent({*numbers, *texts}, names, found)
-    return Header(numbers, texts, tuple(extras))
+    here = {name.casefold() for name in names}
+    for ours, their in naming.theirs.items():
+        if their.casefold() not in here and ours not in places:
+            found.header_fault(
+                f"there is no column '{their}', which is to be {ours} as asked; columns read: {some(names)}"
+            )
+    return Header(places, units, tuple(extras))
+
+
+def _stated_unit(naming: Naming, ours: str, written: str | None, found: Findings) -> str | None:
+    """The unit of a column as text, where `written` is that of the header; a fault where the two differ."""
+    stated = naming.units.get(ours)
+    if stated is not None and written is not None and unit_of(stated) != unit_of(written):
+        message = f"the header says '[{written}]' and the names that were given '[{stated}]'; expected one unit"
+        found.header_fault(message, naming.theirs[ours])
+    return written if stated is None else stated
 
 
 def _unit(name: str, text: str | None, found: Findings) -> Unit | None:
@@ -229,25 +348,18 @@ def _unit(name: str, text: str | None, found: Findings) -> Unit | None:
 
 def _misspelt(name: str, taken: Iterable[str], found: Findings) -> str | None:
     """The known column that an unknown name misspells, with a fault; None for a column of the user's own."""
-    guess = guess_of(name)
-    if guess is not None and guess.sure:
+    if len(guess_of(name)) == 1:
         return None
     near = _nearest(name, taken)
-    if len(near) > 1:
-        how = spoken("--columns", "columns=")
-        found.header_fault(
-            f"unknown column; did you mean '{near[0]}' or '{near[1]}'? Rename it, or say which by {how}", name
-        )
-        return None
     if near:
-        found.header_fault(
-            f"unknown column; did you mean '{near[0]}'? Rename it (a column of your own needs another name)", name
-        )
-        return near[0]
-    if name.endswith(SD_SUFFIX):
+        hint = f"unknown column; did you mean {' or '.join(map(repr, near))}?"
+        which = f"Rename it, or say which by {spoken('--columns', 'columns=')}"
+        own = "Rename it (a column of your own needs another name)"
+        found.header_fault(f"{hint} {which if len(near) > 1 else own}", name)
+    elif name.endswith(SD_SUFFIX):
         base, known = name.removesuffix(SD_SUFFIX), ", ".join(MEASURED)
         found.header_fault(f"'{base}' is no column that can have a standard deviation; known: {known}", name)
-    return None
+    return near[0] if len(near) == 1 else None
 
 
 def _nearest(name: str, taken: Iterable[str]) -> list[str]:

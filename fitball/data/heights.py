@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.data.checks import GROSS
+from fitball.data.cells import Findings
 from fitball.data.columns import COLUMNS, HEIGHTS, SD_SUFFIX
-from fitball.data.findings import Findings
-from fitball.data.numbers import NumberColumn
+from fitball.data.numbers import Columns, NumberColumn
 from fitball.data.units import DEFAULT_UNIT, Dimension
 from fitball.values import Ball
 
@@ -32,10 +31,12 @@ AIR_DENSITY = 1.204
 DRAG_COEFFICIENT = 0.507
 # Deceleration of a tennis ball by air over its speed squared [1/m]: only to tell how much is left out.
 DRAG = AIR_DENSITY * DRAG_COEFFICIENT * np.pi * 0.033**2 / (2.0 * 0.0577)
+# No averaging or misprint of a late digit explains this much: a unit or a column is wrong.
+GROSS = 0.2
 SPEED_OF: Mapping[str, str] = {name: f"v_y{COLUMNS[name].end}" for name in HEIGHTS}
 
 
-def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
+def speeds_of_heights(columns: Columns, found: Findings) -> Columns:
     """The columns with `v_y1` and `v_y2` in place of heights, sds propagated to first order (sd_v = g sd_h / v).
 
     A height beside a speed that was measured is only compared with it. Adds a fault for every height that is not
@@ -51,7 +52,7 @@ def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> d
             left |= {} if sd is None else {sd.name: sd}
             continue
         for k in np.flatnonzero(height.values <= 0.0).tolist():
-            found.fault(f"read {height.shown(height.values[k])}; expected a positive height above the court", name, k)
+            found.fault(f"read {height.shown(k)}; expected a positive height above the court", name, k)
         made = _speed(speed, height)
         if speed in columns:
             _compare(height, made, columns[speed], found)
@@ -73,7 +74,7 @@ def speeds_of_heights(columns: Mapping[str, NumberColumn], found: Findings) -> d
     return left
 
 
-def _left_out(columns: Mapping[str, NumberColumn]) -> str:
+def _left_out(columns: Columns) -> str:
     """What drag would do to the restitution, to first order in heights: exp(k h / 2) falling, and as much rising."""
     if not all(name in columns and np.isfinite(columns[name].values).any() for name in HEIGHTS):
         return ""
@@ -99,7 +100,7 @@ def _compare(height: NumberColumn, made: NumberColumn, speed: NumberColumn, foun
         excess = np.abs(made.values / np.abs(speed.values) - 1.0)
     for k in np.flatnonzero(excess > GROSS).tolist():
         found.fault(
-            f"read {height.shown(height.values[k])}, which makes {made.values[k]:.4g} m/s, but {speed.name} is "
+            f"read {height.shown(k)}, which makes {made.values[k]:.4g} m/s, but {speed.name} is "
             f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row",
             height.name, k,
         )  # fmt: skip

@@ -16,10 +16,8 @@ import numpy as np
 
 from fitball.values import FloatArray
 
-
-def _quiet() -> np.errstate:
-    """Silence for what has no finite result; it stays visible as inf or NaN."""
-    return np.errstate(divide="ignore", invalid="ignore", over="ignore")
+# Silence for what has no finite result; it stays visible as inf or NaN.
+_quiet = np.errstate(divide="ignore", invalid="ignore", over="ignore")
 
 
 @dataclass(frozen=True)
@@ -56,62 +54,59 @@ class Uncertain:
         """What all deviations together make at most, as those of rounding may, (impacts,)."""
         return sum((np.abs(part) for part in self.parts.values()), np.zeros_like(self.value))
 
-    def _with(self, other: Uncertain, value: FloatArray, mine: FloatArray, others: FloatArray) -> Uncertain:
-        """`value` whose derivatives by self and other are `mine` and `others`."""
-        parts = {name: mine * part for name, part in self.parts.items()}
-        for name, part in other.parts.items():
-            parts[name] = parts[name] + others * part if name in parts else others * part
-        return Uncertain(value, parts)
-
+    @_quiet
     def __add__(self, other: Uncertain) -> Uncertain:
-        one = np.ones_like(self.value)
-        with _quiet():
-            return self._with(other, self.value + other.value, one, one)
+        return _derived(self.value + other.value, (self, 1.0), (other, 1.0))
 
+    @_quiet
     def __sub__(self, other: Uncertain) -> Uncertain:
-        one = np.ones_like(self.value)
-        with _quiet():
-            return self._with(other, self.value - other.value, one, -one)
+        return _derived(self.value - other.value, (self, 1.0), (other, -1.0))
 
+    @_quiet
     def __mul__(self, other: Uncertain) -> Uncertain:
-        with _quiet():
-            return self._with(other, self.value * other.value, other.value, self.value)
+        return _derived(self.value * other.value, (self, other.value), (other, self.value))
 
+    @_quiet
     def __truediv__(self, other: Uncertain) -> Uncertain:
-        with _quiet():
-            ratio = self.value / other.value
-            return self._with(other, ratio, 1.0 / other.value, -ratio / other.value)
+        ratio = self.value / other.value
+        return _derived(ratio, (self, 1.0 / other.value), (other, -ratio / other.value))
 
+    @_quiet
     def scaled(self, factor: float) -> Uncertain:
         """`factor` times this."""
-        with _quiet():
-            return self._through(factor * self.value, np.full_like(self.value, factor))
+        return _derived(factor * self.value, (self, factor))
 
+    @_quiet
     def sin(self) -> Uncertain:
         """The sine of an angle in radians."""
-        with _quiet():
-            return self._through(np.sin(self.value), np.cos(self.value))
+        return _derived(np.sin(self.value), (self, np.cos(self.value)))
 
+    @_quiet
     def cos(self) -> Uncertain:
         """The cosine of an angle in radians."""
-        with _quiet():
-            return self._through(np.cos(self.value), -np.sin(self.value))
+        return _derived(np.cos(self.value), (self, -np.sin(self.value)))
 
+    @_quiet
     def sqrt(self) -> Uncertain:
         """The square root; NaN for negative numbers."""
-        with _quiet():
-            root = np.sqrt(self.value)
-            return self._through(root, 0.5 / root)
+        root = np.sqrt(self.value)
+        return _derived(root, (self, 0.5 / root))
 
+    @_quiet
     def over(self, along: Uncertain) -> Uncertain:
         """The angle to the court [rad] of a velocity with this across it and `along` it, 0 to pi."""
-        with _quiet():
-            square = self.value**2 + along.value**2
-            return self._with(along, np.arctan2(self.value, along.value), along.value / square, -self.value / square)
+        square = self.value**2 + along.value**2
+        angle = np.arctan2(self.value, along.value)
+        return _derived(angle, (self, along.value / square), (along, -self.value / square))
 
-    def _through(self, value: FloatArray, slope: FloatArray) -> Uncertain:
-        """`value`, a function of this alone whose derivative is `slope`."""
-        return Uncertain(value, {name: slope * part for name, part in self.parts.items()})
+
+def _derived(value: FloatArray, *terms: tuple[Uncertain, FloatArray | float]) -> Uncertain:
+    """`value`, a function of each of the terms with that derivative."""
+    parts: dict[str, FloatArray] = {}
+    for term, slope in terms:
+        for name, part in term.parts.items():
+            parts[name] = parts[name] + slope * part if name in parts else slope * part
+    return Uncertain(value, parts)
 
 
 def covariance_matrix(items: Sequence[Uncertain | None], count: int) -> FloatArray:
@@ -150,22 +145,20 @@ def velocity(known: Mapping[str, Uncertain], end: str) -> Velocity:
     """
     x, y = known.get(f"v_x{end}"), known.get(f"v_y{end}")
     speed, angle = known.get(f"v_{end}"), known.get(f"theta_{end}")
-    if x is not None and y is not None:
-        return Velocity(x, y, x * x + y * y)
-    if speed is not None and angle is not None:
-        return Velocity(speed * angle.cos(), speed * angle.sin(), speed * speed)
-    if x is not None and angle is not None:
-        y = x * angle.sin() / angle.cos()
-        return Velocity(x, y, x * x + y * y)
-    if y is not None and angle is not None:
-        x = y * angle.cos() / angle.sin()
-        return Velocity(x, y, x * x + y * y)
-    if speed is not None:
-        squared = speed * speed
-        if x is not None:
+    squared = None
+    if x is None or y is None:
+        squared = None if speed is None else speed * speed
+        if speed is not None and angle is not None:
+            x, y = speed * angle.cos(), speed * angle.sin()
+        elif x is not None and angle is not None:
+            y = x * angle.sin() / angle.cos()
+        elif y is not None and angle is not None:
+            x = y * angle.cos() / angle.sin()
+        elif x is not None and squared is not None:
             y = (squared - x * x).sqrt()
-        return Velocity(x, y, squared)
-    return Velocity(x, y, None)
+    if squared is None and x is not None and y is not None:
+        squared = x * x + y * y
+    return Velocity(x, y, squared)
 
 
 def independent(names: Iterable[str], end: str) -> tuple[str, ...]:

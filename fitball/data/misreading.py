@@ -8,17 +8,28 @@ signs and its mirror image only that with fewer columns is tried, both where the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from math import comb, log
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.cells import Findings
 from fitball.data.columns import ANGLES, COLUMNS, FLIPPABLE, FROM_NORMAL, REBOUND, SD_SUFFIX
-from fitball.data.findings import Findings
-from fitball.data.laws import Columns, Misfit, Motion, chosen_rows, misfit, missing_above, motion_of, signed, unsigned
+from fitball.data.laws import (
+    Columns,
+    Misfit,
+    Motion,
+    chosen_rows,
+    columns_of,
+    misfit,
+    missing_above,
+    motion_of,
+    signed,
+    unsigned,
+)
 from fitball.data.numbers import NumberColumn
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
@@ -85,16 +96,16 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Another reading: `words` ("with omega_1 and omega_2 negated"), what to do if that is meant (columns to `flip`,
-    and what `edit` says), and how it changes the columns; `parts` counts how many things it takes to be wrong. What
+    """Another reading: `words` ("with omega_1 negated"), the `columns` as they are then, what to do if that
+    is meant (columns to flip, and what `edit` says); `parts` counts how many things it takes to be wrong. What
     `needs_spin` changes one end alone, which a table without spins cannot tell from a ball of its own kind; what
     `scales` is another unit, which spins cannot tell from another radius. `cost` is that of what
     it takes from the table row by row [natural units of log likelihood].
     """
 
     words: str
-    edit: str
-    apply: Callable[[Columns], Columns]
+    columns: Columns
+    edit: str = ""
     parts: int = 1
     needs_spin: bool = False
     scales: bool = False
@@ -119,16 +130,21 @@ def hypotheses(columns: Columns, units: Mapping[str, str], ball: Ball) -> tuple[
 
 def double_hypotheses(columns: Columns, units: Mapping[str, str]) -> tuple[Hypothesis, ...]:
     """Signs that are wrong together with units, angles or components."""
-    others = [*_from_normal(columns), *_unit_slips(columns, units), *_crossed(columns, units)]
-    return tuple(both(sign, other) for sign in _signs(columns) for other in others if not other.needs_spin)
+
+    def others(columns: Columns) -> Iterator[Hypothesis]:
+        return chain(_from_normal(columns), _unit_slips(columns, units), _crossed(columns, units))
+
+    return tuple(
+        both(sign, other) for sign in _signs(columns) for other in others(sign.columns) if not other.needs_spin
+    )
 
 
 def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
-    """The two together."""
+    """The two together, the other of columns as the one has them."""
     return Hypothesis(
         f"{one.words} and {other.words.removeprefix('with ')}",
+        other.columns,
         "; and ".join(filter(None, (one.edit, other.edit))),
-        lambda columns: other.apply(one.apply(columns)),
         one.parts + other.parts,
         one.needs_spin or other.needs_spin,
         one.scales or other.scales,
@@ -142,14 +158,9 @@ def listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _flip(names: tuple[str, ...], words: str, parts: int) -> Hypothesis:
-    return Hypothesis(
-        f"with {listed(names)} {words}",
-        "",
-        lambda columns: {**columns, **{name: flipped(name, columns[name]) for name in names}},
-        parts,
-        flips=names,
-    )
+def _flip(columns: Columns, names: tuple[str, ...], words: str, parts: int = 1) -> Hypothesis:
+    turned = {**columns, **{name: flipped(name, columns[name]) for name in names}}
+    return Hypothesis(f"with {listed(names)} {words}", turned, parts=parts, flips=names)
 
 
 def _signs(columns: Columns) -> Iterator[Hypothesis]:
@@ -158,7 +169,7 @@ def _signs(columns: Columns) -> Iterator[Hypothesis]:
         for names in combinations(present, count):
             # The mirror image of nothing is nothing.
             if len(present) < len(_SIGNED) or 2 * count <= len(_SIGNED):
-                yield _flip(names, "negated", count)
+                yield _flip(columns, names, "negated", count)
 
 
 def _unsigned(columns: Columns, ball: Ball) -> Iterator[Hypothesis]:
@@ -173,9 +184,8 @@ def _unsigned(columns: Columns, ball: Ball) -> Iterator[Hypothesis]:
         what_else = ", ".join(unknown[name] for name in names)
         yield Hypothesis(
             f"with the signs of {listed(names)} missing (the speeds make {listed(minus)} backspin)",
+            found,
             f"write backspin with a minus ({what_else})",
-            # Of other columns the signs would be others.
-            lambda other, found=found, names=names: {**other, **{name: found[name] for name in names}},  # type: ignore[misc]
             len(names),
             needs_spin=True,
             cost=sum(_cost_of_choice(found[name] != columns[name], columns[name] != 0.0) for name in names),
@@ -192,44 +202,40 @@ def _from_normal(columns: Columns) -> Iterator[Hypothesis]:
     present = [name for name in ANGLES if name in columns]
     for count in range(len(present), 0, -1):
         for names in combinations(present, count):
-            yield _flip(names, "measured from the normal", 1)
+            yield _flip(columns, names, "measured from the normal")
 
 
 def _towards(columns: Columns) -> Iterator[Hypothesis]:
     if "v_y1" in columns and np.all(columns["v_y1"] < 0.0):
-        yield _flip(("v_y1",), "negated", 1)
+        yield _flip(columns, ("v_y1",), "negated")
 
 
 def _unit_slips(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]:
     """One unit for both ends, for one of them, and for speeds and spins together."""
-    whole: dict[Dimension, list[Hypothesis]] = {Dimension.SPEED: [], Dimension.SPIN: [], Dimension.ANGLE: []}
+    of = {item: tuple(name for name in columns if COLUMNS[name].dimension is item) for item in _USUAL}
     for dimension, usual in _USUAL.items():
-        present = tuple(name for name in columns if COLUMNS[name].dimension is dimension)
-        ends = [tuple(name for name in present if name.endswith(end)) for end in ("1", "2")]
         for symbol in usual:
-            whole[dimension] += _unit(present, symbol, units, 1)
-        yield from whole[dimension]
-        if all(ends):
-            for names, symbol in product(ends, usual):
-                yield from _unit(names, symbol, units, 2)
-    for speed, spin in product(whole[Dimension.SPEED], whole[Dimension.SPIN]):
-        yield both(speed, spin)
+            yield from _unit(columns, of[dimension], symbol, units, 1)
+        ends = [tuple(name for name in of[dimension] if name.endswith(end)) for end in ("1", "2")]
+        for names, symbol in product(ends, usual) if all(ends) else ():
+            yield from _unit(columns, names, symbol, units, 2)
+    for symbol, other in product(_USUAL[Dimension.SPEED], _USUAL[Dimension.SPIN]):
+        for speed in _unit(columns, of[Dimension.SPEED], symbol, units, 1):
+            for spin in _unit(speed.columns, of[Dimension.SPIN], other, units, 1):
+                yield both(speed, spin)
 
 
-def _unit(names: tuple[str, ...], symbol: str, units: Mapping[str, str], parts: int) -> list[Hypothesis]:
+def _unit(
+    columns: Columns, names: tuple[str, ...], symbol: str, units: Mapping[str, str], parts: int
+) -> Iterator[Hypothesis]:
     """`names` read in `symbol` instead, where that changes all of them."""
-    meant = UNITS[symbol]
-    before = {name: UNITS[units[name]] for name in names}
-    if not names or any(unit is meant for unit in before.values()):
-        return []
-
-    def apply(columns: Columns) -> Columns:
-        return {**columns, **{name: meant.to_si(before[name].from_si(columns[name])) for name in names}}
-
-    was = sorted({unit.symbol for unit in before.values()})
-    cells = [f"'{name} [{symbol}]'" for name in (*names, *_sds(names, units))]
-    words = f"with {listed(names)} in {symbol} instead of {' and '.join(was)}"
-    return [Hypothesis(words, f"write in the header {listed(cells)}", apply, parts, parts > 1, scales=True)]
+    meant, before = UNITS[symbol], {name: UNITS[units[name]] for name in names}
+    if names and meant not in before.values():
+        read = {**columns, **{name: meant.to_si(before[name].from_si(columns[name])) for name in names}}
+        was = sorted({unit.symbol for unit in before.values()})
+        cells = [f"'{name} [{symbol}]'" for name in (*names, *_sds(names, units))]
+        words = f"with {listed(names)} in {symbol} instead of {' and '.join(was)}"
+        yield Hypothesis(words, read, f"write in the header {listed(cells)}", parts, parts > 1, scales=True)
 
 
 def _sds(names: Sequence[str], units: Mapping[str, str]) -> list[str]:
@@ -239,9 +245,9 @@ def _sds(names: Sequence[str], units: Mapping[str, str]) -> list[str]:
 def _swaps(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]:
     ends = [(one, f"{one[:-1]}2") for one in columns if one.endswith("1") and f"{one[:-1]}2" in columns]
     if any(name.startswith("v") for pair in ends for name in pair):
-        yield _swap(ends, "with incidence and rebound swapped", units)
+        yield _swap(columns, ends, "with incidence and rebound swapped", units)
     for pair in ends:
-        yield _swap([pair], f"with {pair[0]} and {pair[1]} swapped", units, needs_spin=True)
+        yield _swap(columns, [pair], f"with {pair[0]} and {pair[1]} swapped", units, needs_spin=True)
     yield from _crossed(columns, units)
 
 
@@ -249,22 +255,23 @@ def _crossed(columns: Columns, units: Mapping[str, str]) -> Iterator[Hypothesis]
     crossed = [(f"v_x{end}", f"v_y{end}") for end in ("1", "2") if {f"v_x{end}", f"v_y{end}"} <= columns.keys()]
     for count in range(1, len(crossed) + 1):
         for pairs in combinations(crossed, count):
-            yield _swap(pairs, f"with {listed([f'{x} and {y}' for x, y in pairs])} swapped", units)
+            yield _swap(columns, pairs, f"with {listed([f'{x} and {y}' for x, y in pairs])} swapped", units)
 
 
 def _swap(
-    pairs: Sequence[tuple[str, str]], words: str, units: Mapping[str, str], needs_spin: bool = False
+    columns: Columns,
+    pairs: Sequence[tuple[str, str]],
+    words: str,
+    units: Mapping[str, str],
+    needs_spin: bool = False,
 ) -> Hypothesis:
     other = dict(pairs) | {two: one for one, two in pairs}
     sds = _sds(tuple(other), units)
     exchanged = ", ".join(f"{one} and {two}" for one, two in pairs)
     also = f" (and the columns {listed(sds)} likewise)" if sds else ""
-    return Hypothesis(
-        words,
-        f"exchange in the header the names {exchanged}{also}, not the units,",
-        lambda columns: {other.get(name, name): values for name, values in columns.items()},
-        needs_spin=needs_spin,
-    )
+    swapped = {other.get(name, name): values for name, values in columns.items()}
+    edit = f"exchange in the header the names {exchanged}{also}, not the units,"
+    return Hypothesis(words, swapped, edit, needs_spin=needs_spin)
 
 
 # Log likelihood by which another reading must be better, in all and for each impact (as much as if all three misfits
@@ -352,9 +359,12 @@ def _better(columns: Columns, as_read: Misfit, tried: Iterable[Hypothesis], ball
     motion = motion_of(columns)
     found = []
     for hypothesis in tried:
-        other = hypothesis.apply(columns)
-        moved = motion_of(other)
-        if moved != motion and _plausible(other, moved) and not (hypothesis.needs_spin and _untold(motion)):
+        moved = motion_of(hypothesis.columns)
+        if (
+            moved != motion
+            and _plausible(hypothesis.columns, moved)
+            and not (hypothesis.needs_spin and _untold(motion))
+        ):
             left = misfit(moved, ball)
             left = replace(left, cost=left.cost + hypothesis.cost)
             found += [Explanation(hypothesis, left)] if _falls(as_read, left) else []
@@ -383,19 +393,6 @@ def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:
 def doubt_of_table(table: ImpactTable, ball: Ball) -> Doubt | None:
     """`doubt_of` a table that has been read."""
     return doubt_of(columns_of(table), table.units, ball)
-
-
-def columns_of(table: ImpactTable) -> dict[str, FloatArray]:
-    """The columns of a table; of the incident ones those that it was read from."""
-    impacts = table.impacts
-    state = {
-        "v_x1": impacts.v_x1, "v_y1": impacts.v_y1, "omega_1": impacts.omega_1,
-        "v_1": impacts.speed, "theta_1": impacts.angle,
-    }  # fmt: skip
-    if {"v_x1", "v_y1"} <= table.units.keys():
-        state = {name: state[name] for name in ("v_x1", "v_y1", "omega_1")}
-    found = {name: values for name, values in state.items() if name in table.units}
-    return found | {item.name: item.values for item in (*table.measurements, *table.redundant)}
 
 
 def _restitution(motion: Motion) -> float | None:

@@ -1,24 +1,31 @@
-"""From cells as text to arrays in SI, with the half-width that the printed digits leave open.
+"""From cells as text to arrays in SI, with the half-width that the printed digits leave open; which rows are impacts,
+and what these are called.
 
 Numbers are read as people write them: decimal commas, printed minus signs, `21.0 ± 0.2`. What may be meant in two
-ways is left as it is and refused, as is a number that no impact of a ball has.
+ways is left as it is and refused, as is a number that no impact of a ball has. A gap in a rebound column (a cell that
+says that nothing was measured) is no fault: the rest of its row counts. A row of which the incident state is not
+known, or nothing of the rebound, is left out, and a column without a single number is taken as not there.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.columns import NUMBERS, SD_SUFFIX, limit_of
-from fitball.data.findings import FORMULA_ERROR, Findings, RawRow
-from fitball.data.header import Column
+from fitball.data.cells import FORMULA_ERROR, Findings, Texts
+from fitball.data.columns import NUMBERS, REBOUND, SD_SUFFIX, limit_of
+from fitball.data.kinematics import Uncertain, independent, velocity
+from fitball.data.table import summed_up
 from fitball.data.units import DEFAULT_UNIT, UNITS, Unit, symbols
 from fitball.errors import ParameterError
+from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray
 
 _COMMA = re.compile(r"[+\-]?\d*,\d+(?:[eE][+\-]?\d+)?")
@@ -32,39 +39,35 @@ _SIGNS, _DEVIATION_SIGNS = ",±+\u2212\u2013", "±+"
 _LONGEST_PAIR = 100
 _PLUS_MINUS = re.compile(r"(?P<value>[^±]*?\S)\s*(?:±|\+/-|\+/\u2212|\+-)\s*(?P<sd>[^±+\-\s].*)")
 
+Cells = Mapping[str, Texts]
 
-def plain_numbers(rows: Sequence[RawRow], places: Sequence[int]) -> tuple[tuple[RawRow, ...], tuple[str, ...]]:
-    """The rows with decimal points and hyphens in their cells at `places`, which hold numbers, and notes on what was
-    changed.
+
+def plain_numbers(columns: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Columns of numbers with decimal points and hyphens in their cells, and notes on what was changed.
 
     A file has one decimal sign: commas are one where no number has a point, and at least one comma cannot stand
     between thousands.
     """
     notes: tuple[str, ...] = ()
-    cells = [row.cells[place] for row in rows for place in places]
-    if not _any_of(_SIGNS, cells):
-        return tuple(rows), notes
-    if any(_MINUS.search(cell) for cell in cells):
+    if not any(_any_of(_SIGNS, cells) for cells in columns.values()):
+        return columns, notes
+    if any(map(_MINUS.search, chain(*columns.values()))):
         notes = ("printed minus signs (\u2212, –) were read as such",)
-        rows = [_changed(row, places, lambda cell: _MINUS.sub("-", cell)) for row in rows]
-    parts = [part for row in rows for place in places for part in _parts(row.cells[place])]
+        columns = {name: tuple(_MINUS.sub("-", cell) for cell in cells) for name, cells in columns.items()}
+    parts = [part for cells in columns.values() for cell in cells for part in _parts(cell)]
     commas = [part for part in parts if _COMMA.fullmatch(part)]
     if not commas or all(map(_THOUSANDS.fullmatch, commas)) or any(map(_POINT.fullmatch, parts)):
-        return tuple(rows), notes
-    return tuple(_changed(row, places, _with_point) for row in rows), (*notes, "numbers have decimal commas")
+        return columns, notes
+    return {name: tuple(map(_with_point, cells)) for name, cells in columns.items()}, (
+        *notes,
+        "numbers have decimal commas",
+    )
 
 
-def _any_of(signs: str, cells: Sequence[str]) -> bool:
+def _any_of(signs: str, cells: Texts) -> bool:
     """Whether any of the signs stands in any of the cells, which are looked at as one text: they may be millions."""
     text = "\n".join(cells)
     return any(sign in text for sign in signs)
-
-
-def _changed(row: RawRow, places: Sequence[int], change: Callable[[str], str]) -> RawRow:
-    cells = list(row.cells)
-    for place in places:
-        cells[place] = change(cells[place])
-    return replace(row, cells=tuple(cells))
 
 
 def _parts(cell: str) -> Iterable[str]:
@@ -83,26 +86,15 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if whole else cell
 
 
-def split_deviations(rows: Sequence[RawRow], places: Sequence[int]) -> tuple[tuple[RawRow, ...], dict[int, int]]:
-    """The rows with each `value ± sd` as its value, the sds in columns of their own behind the others; the places of
-    these columns by that of the number. A row without a deviation has an empty cell there.
+def split_deviations(cells: Texts) -> tuple[Texts, Texts | None]:
+    """The cells of a column with each `value ± sd` as its value, and the sds, "" where a cell has none; None where no
+    cell has.
     """
-    if not _any_of(_DEVIATION_SIGNS, [row.cells[place] for row in rows for place in places]):
-        return tuple(rows), {}
-    stated = [place for place in places if any(_pair(row.cells[place]) for row in rows)]
-    if not stated:
-        return tuple(rows), {}
-    width = len(rows[0].cells)
-    split = []
-    for row in rows:
-        cells, sds = list(row.cells), []
-        for place in stated:
-            pair = _pair(cells[place])
-            sds.append("" if pair is None else pair["sd"])
-            if pair is not None:
-                cells[place] = pair["value"]
-        split.append(replace(row, cells=(*cells, *sds)))
-    return tuple(split), {place: width + k for k, place in enumerate(stated)}
+    pairs = list(map(_pair, cells)) if _any_of(_DEVIATION_SIGNS, cells) else []
+    if not any(pairs):
+        return cells, None
+    values = tuple(cell if pair is None else pair["value"] for cell, pair in zip(cells, pairs, strict=True))
+    return values, tuple("" if pair is None else pair["sd"] for pair in pairs)
 
 
 def explained(cell: str) -> str | None:
@@ -150,7 +142,11 @@ class NumberColumn:
         """The cells with these places."""
         return replace(self, values=self.values[rows], missing=self.missing[rows])
 
-    def shown(self, value: float) -> str:
+    def shown(self, place: int) -> str:
+        """The number at a place as the file would print it."""
+        return self.printed(float(self.values[place]))
+
+    def printed(self, value: float) -> str:
         """An SI value as the file would print it, shorter where that takes more digits than a number has."""
         number = self.unit.from_si(float(value))
         if abs(number) >= 10.0**DIGITS or self.decimals > DIGITS:
@@ -158,7 +154,10 @@ class NumberColumn:
         return f"{number:.{self.decimals}f} {self.unit.symbol}"
 
 
-def read_column(column: Column, found: Findings, *, gaps: bool = False) -> NumberColumn:
+Columns = Mapping[str, NumberColumn]
+
+
+def read_column(name: str, unit: Unit | None, cells: Texts, found: Findings, *, gaps: bool = False) -> NumberColumn:
     """The numbers of one column; all NaN when its unit was not understood (that fault is reported already),
     so that no later check draws conclusions from them.
 
@@ -166,22 +165,20 @@ def read_column(column: Column, found: Findings, *, gaps: bool = False) -> Numbe
     zeros: a `6` between `6.47` and `7.25` was measured as 6.00. With `gaps` a cell that says that nothing was
     measured (empty, `nan`, `NA`, `-`) is no fault.
     """
-    cells = [row.cells[column.index] for row in found.rows]
     missing = np.array([gaps and absent(cell) for cell in cells], dtype=np.bool_)
     numbers = [
-        None if gap else _read_cell(cell, k, column.name, found, gaps)
+        None if gap else _read_cell(cell, k, name, found, gaps)
         for k, (cell, gap) in enumerate(zip(cells, missing.tolist(), strict=True))
     ]
-    unit = column.unit or DEFAULT_UNIT[NUMBERS[column.name]]
+    known = unit or DEFAULT_UNIT[NUMBERS[name]]
     exponent = min((number[1] for number in numbers if number is not None), default=0)
-    trusted = [float("nan") if item is None or column.unit is None else item[0] for item in numbers]
+    trusted = [float("nan") if item is None or unit is None else item[0] for item in numbers]
     with np.errstate(over="ignore"):
-        values = unit.to_si(np.array(trusted, dtype=np.float64))
+        values = known.to_si(np.array(trusted, dtype=np.float64))
     for k in np.flatnonzero(np.isinf(values)).tolist():
-        found.fault(f"read '{cells[k]}', which is not finite in SI units; expected a number", column.name, k)
-        values[k] = np.nan
-    half_width = unit.to_si(0.5 * 10.0**exponent)
-    return NumberColumn(column.name, values, half_width, unit, max(0, -exponent), missing)
+        found.fault(f"read '{cells[k]}', which is not finite in SI units; expected a number", name, k)
+    values = np.where(np.isinf(values), np.nan, values)
+    return NumberColumn(name, values, known.to_si(0.5 * 10.0**exponent), known, max(0, -exponent), missing)
 
 
 def absent(text: str) -> bool:
@@ -233,7 +230,7 @@ def beyond_limit(name: str, values: FloatArray) -> NDArray[np.bool_]:
     return beyond
 
 
-def within_limits(columns: Mapping[str, NumberColumn], found: Findings) -> dict[str, NumberColumn]:
+def within_limits(columns: Columns, found: Findings) -> Columns:
     """The columns with NaN and a fault for every number beyond the limit of its quantity.
 
     NaN, so that no later check draws conclusions from it.
@@ -246,7 +243,7 @@ def within_limits(columns: Mapping[str, NumberColumn], found: Findings) -> dict[
         kept[name] = replace(column, values=np.where(beyond, np.nan, column.values))
         meant = _meant(column)
         for k in np.flatnonzero(beyond).tolist():
-            read = f"read {column.shown(column.values[k])}; expected {limit_of(name).words}"
+            read = f"read {column.shown(k)}; expected {limit_of(name).words}"
             found.fault(f"{read}: check the unit and the digits{meant}", name, k)
     return kept
 
@@ -264,3 +261,148 @@ def refuse_beyond(name: str, values: FloatArray) -> None:
     """Raise ParameterError for a quantity of an option's text that no impact has; `values` in SI."""
     if beyond_limit(name, values).any():
         raise ParameterError(f"{name}: expected {limit_of(name).words}: check the unit and the digits")
+
+
+def without_empty(columns: Columns, found: Findings) -> Columns:
+    """The columns that hold at least one number, or something that was meant as one; a notice for each other."""
+    empty = [name for name, column in columns.items() if column.missing.size and column.missing.all()]
+    for name in empty:
+        found.notice(f"column {name} holds no number: taken as not there", name)
+    gone = {*empty, *(name + SD_SUFFIX for name in empty)}
+    return {name: column for name, column in columns.items() if name not in gone}
+
+
+def without_gaps(columns: Columns, rebound: bool, least: int, found: Findings) -> tuple[Columns, NDArray[np.int64]]:
+    """The columns of the impacts that can be used, and the places of these among the rows.
+
+    Velocity cells that are missing are taken from speed and angle where their row has both. An impact whose incident
+    state, or, with `rebound`, whose whole rebound is missing is left out; where fewer than `least` stay, and where a
+    number has no sd although its column states them, that is a fault.
+    """
+    count = len(found.rows)
+    if not any(column.missing.any() for column in columns.values()):
+        return columns, np.arange(count)
+    told = _with_sds(_filled(_filled(columns, "1", found), "2", found), found)
+    before = len(found.notices)
+    kept = _usable(told, rebound, found)
+    if len(kept) < least <= count:
+        lost = summed_up(found.notices[before:])
+        found.fault(f"{len(kept)} of {count} rows are left; expected {least}: {'; '.join(lost)}")
+        return told, np.arange(count)
+    left = without_empty({name: column.take(kept) for name, column in told.items()}, found)
+    for name, column in left.items():
+        gaps = np.flatnonzero(column.missing)
+        if name in REBOUND and gaps.size:
+            first = found.rows.numbers[kept[gaps[0]]]
+            found.notice(
+                f"{name} is missing in {gaps.size} of {len(kept)} rows, first in row {first}: what else was measured "
+                "there counts",
+                name,
+            )
+    return left, kept
+
+
+def _filled(columns: Columns, end: str, found: Findings) -> Columns:
+    """Missing velocity components of `end` ("1" or "2") from speed and angle of the same row.
+
+    Only where all four are columns: then components count, and speed and angle repeat them. A component with a stated
+    sd is filled where its sd follows too.
+    """
+    filled = dict(columns)
+    components, polar = (f"v_x{end}", f"v_y{end}"), (f"v_{end}", f"theta_{end}")
+    if not columns.keys() >= {*components, *polar}:
+        return filled
+    stated = {
+        name: columns[name + SD_SUFFIX].values if name + SD_SUFFIX in columns else np.full(len(found.rows), np.nan)
+        for name in polar
+    }
+    other = velocity({name: Uncertain.measured(name, columns[name].values, stated[name]) for name in polar}, end)
+    for name, said in zip(components, (other.x, other.y), strict=True):
+        assert said is not None
+        sd = columns.get(name + SD_SUFFIX)
+        open_cells = columns[name].missing & np.isfinite(said.value)
+        if sd is not None:
+            open_cells &= np.isfinite(said.sd)
+            filled[sd.name] = _put(sd, open_cells, said.sd)
+        filled[name] = _put(columns[name], open_cells, said.value)
+        kind = f"{name} is missing and taken from {' and '.join(polar)}"
+        for k in np.flatnonzero(open_cells).tolist():
+            found.notice(kind, name, *polar, place=k, kind=kind)
+    return filled
+
+
+def _put(column: NumberColumn, where: NDArray[np.bool_], values: NDArray[np.float64]) -> NumberColumn:
+    return replace(column, values=np.where(where, values, column.values), missing=column.missing & ~where)
+
+
+def _with_sds(columns: Columns, found: Findings) -> Columns:
+    """The columns, no sd where there is no number; a fault for each number without its sd."""
+    told = dict(columns)
+    for name, column in columns.items():
+        sd = columns.get(name + SD_SUFFIX)
+        if sd is None:
+            continue
+        for k in np.flatnonzero(sd.missing & ~column.missing).tolist():
+            found.fault(
+                f"no standard deviation beside {name} = {column.shown(k)}; expected one in every row "
+                f"that has {name}: give it, or delete the column {sd.name} (then one noise is fitted to {name})",
+                sd.name, k,
+            )  # fmt: skip
+        told[sd.name] = replace(sd, values=np.where(column.missing, np.nan, sd.values))
+    return told
+
+
+def _usable(columns: Columns, rebound: bool, found: Findings) -> NDArray[np.int64]:
+    """Places of the rows that are impacts with a known incident state and, with `rebound`, a measured one; a notice
+    for each other row.
+    """
+    nowhere = np.zeros(len(found.rows), dtype=np.bool_)
+    incident = [name for name in (*independent(columns, "1"), "omega_1") if name in columns]
+    counted = [*independent(columns, "2"), *(name for name in OBSERVABLES if name not in VELOCITIES)]
+    after = [columns[name].missing for name in counted if name in columns]
+    unknown = np.any([columns[name].missing for name in incident], axis=0) if incident else nowhere
+    nothing = np.all(after, axis=0) if rebound and after else nowhere
+    for k in np.flatnonzero(unknown | nothing).tolist():
+        gaps = [name for name in incident if columns[name].missing[k]]
+        what = f"{' and '.join(gaps)} of the incident ball" if gaps else "the rebound"
+        kind = f"left out, because {what} was not measured"
+        found.notice(kind, *gaps, place=k, kind=kind)
+    return np.flatnonzero(~(unknown | nothing))
+
+
+def unique_ids(written: Texts | None, found: Findings) -> tuple[str, ...]:
+    """One name an impact, its number where there is no column of ids; a notice for each that was empty or stood
+    already.
+    """
+    if written is None:
+        return tuple(map(str, found.rows.numbers))
+    taken, ids, seen = set(written), list[str](), Counter[str]()
+    for place, text in enumerate(written):
+        name, kind = text, ""
+        if not text:
+            kind = "id is empty: the number of the row is taken"
+            name = _free(f"row {found.rows.numbers[place]}", 0, taken)
+        elif seen[text]:
+            kind = "id names an earlier impact too and was made unique"
+            name = _free(text, seen[text], taken)
+        if kind:
+            found.notice(f"{kind}: '{name}'", "id", place=place, kind=kind)
+        seen[text] += 1
+        taken.add(name)
+        ids.append(name)
+    return tuple(ids)
+
+
+def repeated(name: str, k: int = 2) -> str:
+    """The name of the `k`-th impact that is called `name`."""
+    return f"{name} ({k})"
+
+
+def _free(name: str, count: int, taken: set[str]) -> str:
+    """`name`, or the first `name (2)`, `name (3)`, ... that is not taken; `count` impacts have the name already."""
+    if name not in taken:
+        return name
+    k = count + 1
+    while repeated(name, k) in taken:
+        k += 1
+    return repeated(name, k)

@@ -1,5 +1,6 @@
-"""Reading an impact table: from a file to a checked, frozen `ImpactTable` in SI units. Rebounds that another program
-computed are read as they stand: units convert, nothing is mended.
+"""Reading impact tables: from files to one checked, frozen `ImpactTable` in SI units. A table that comes to a fit is
+refused while another reading explains it much better. Rebounds that another program computed are read as they stand:
+units convert, nothing is mended.
 """
 
 from __future__ import annotations
@@ -13,40 +14,44 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from fitball.data.bounds import check_bounds, normal_speed
 from fitball.data.bundled import SHEET_MARK, resolve_table, split_sheet
+from fitball.data.cells import Findings, Texts
 from fitball.data.checks import (
+    check_bounds,
     check_columns,
     check_directions,
     check_pairs,
     check_ranges,
     check_redundant,
     knows_incident,
+    normal_speed,
     one_sign,
 )
 from fitball.data.columns import INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
-from fitball.data.findings import Findings, RawTable
-from fitball.data.header import (
-    Column,
-    Header,
-    Naming,
-    naming,
-    read_header,
-    vocabulary,
-    with_units,
-)
+from fitball.data.header import Naming, naming, read_header, vocabulary, with_units
 from fitball.data.heights import speeds_of_heights
 from fitball.data.kinematics import Uncertain, covariance_matrix, independent, velocity
-from fitball.data.misreading import doubt_of, flip_columns, flips_of
-from fitball.data.numbers import NumberColumn, plain_numbers, read_column, split_deviations, within_limits
-from fitball.data.rows import unique_ids, without_empty, without_gaps
+from fitball.data.laws import repeats_of
+from fitball.data.misreading import check_flips, doubt_of, doubt_of_table, flip_columns, flips_of, gaps_of_table
+from fitball.data.numbers import (
+    Columns,
+    plain_numbers,
+    read_column,
+    split_deviations,
+    unique_ids,
+    within_limits,
+    without_empty,
+    without_gaps,
+)
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen
+from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen, joined
 from fitball.data.text import frame_table, read_raw
-from fitball.errors import Fault, ParameterError
+from fitball.data.units import Unit
+from fitball.errors import Fault, ParameterError, ReadingError
 from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
+from fitball.visible import unguarded
 
 if TYPE_CHECKING:
     import pandas
@@ -59,20 +64,27 @@ Source: TypeAlias = "str | os.PathLike[str] | pandas.DataFrame | Mapping[str, Se
 FRAME = "DataFrame"
 # What names a file; any other source is a DataFrame.
 PATHS = (str, os.PathLike)
+LEAST_IMPACTS = 2
+LONGEST_LABEL = 200
 
 
 @dataclass(frozen=True)
 class Written:
-    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, what was read,
-    and what was found so far; `files` are those it came from, none for a DataFrame.
+    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, its header's
+    cells as they stand (`heads`), and by our names the cells of its `numbers` with their `units` and those of its
+    `texts`, of which `extras` are no labels; with what was found so far. `files` are those it came from, none for a
+    DataFrame.
     """
 
     name: str
     source: str
     digest: str
     files: tuple[tuple[str, str], ...]
-    raw: RawTable
-    header: Header
+    heads: Texts
+    units: Mapping[str, Unit | None]
+    numbers: Mapping[str, Texts]
+    texts: Mapping[str, Texts]
+    extras: tuple[str, ...]
     found: Findings
 
 
@@ -114,52 +126,47 @@ def name_of(source: str | os.PathLike[str] | pandas.DataFrame) -> str:
 
 
 def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Naming) -> Written:
-    """Header and rows of a table, its numbers with decimal points, deviations in columns of their own.
+    """Header and columns of a table, its numbers with decimal points, deviations in columns of their own.
 
     Raises TableError where it cannot be taken apart at all.
     """
     known = vocabulary(naming)
-    files: tuple[tuple[str, str], ...] = ()
+    place, name, files = FRAME, name_of(source), dict[str, str]()
     if isinstance(source, PATHS):
         path = resolve_table(source)
         sheet = split_sheet(source)[1]
         raw = read_raw(path, known, sheet)
         of_it = "" if sheet is None else SHEET_MARK + sheet
-        place, files = f"{path}{of_it}", ((f"{path.resolve()}{of_it}", sha256(raw.data).hexdigest()),)
+        place, files = f"{path}{of_it}", {f"{path.resolve()}{of_it}": sha256(raw.data).hexdigest()}
     else:
-        place = name_of(source)
+        place = name
         raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))
     found = Findings.of(raw)
-    header = _plain(read_header(raw.header, found, naming), found)
-    return Written(name_of(source), place, sha256(raw.data).hexdigest(), files, raw, header, found)
-
-
-def _plain(header: Header, found: Findings) -> Header:
-    """The header, with a column `<name>_sd` for each whose cells state their deviations; the rows that were found get
-    plain numbers.
-    """
-    names = {column.index: name for name, column in header.numbers.items()}
-    rows, notes = plain_numbers(found.rows, tuple(names))
-    found.rows, added = split_deviations(rows, tuple(names))
-    numbers, taken = dict(header.numbers), list[str]()
-    for place, index in added.items():
-        name, sd = names[place], names[place] + SD_SUFFIX
-        if name.endswith(SD_SUFFIX) or sd in numbers:
-            found.header_fault(
-                f"states deviations (±) in its cells, and {sd} is a column too; expected them once", name
-            )
-            continue
-        numbers[sd] = Column(index, sd, numbers[name].unit)
-        taken.append(name)
-    if taken:
-        notes = (*notes, f"what stands behind ± in {', '.join(taken)} is taken as one standard deviation")
+    header = read_header(raw.header, found, naming)
+    numbers, notes = plain_numbers({name: raw.columns[header.places[name]] for name in header.units})
+    parted = {name: split_deviations(cells) for name, cells in numbers.items()}
+    stated = {name + SD_SUFFIX: sds for name, (_values, sds) in parted.items() if sds is not None}
+    for sd in [sd for sd in stated if sd in header.units or sd not in NUMBERS]:
+        del stated[sd]
+        name = sd.removesuffix(SD_SUFFIX)
+        found.header_fault(f"states deviations (±) in its cells, and {sd} is a column too; expected them once", name)
+    if stated:
+        taken = ", ".join(sd.removesuffix(SD_SUFFIX) for sd in stated)
+        notes = (*notes, f"what stands behind ± in {taken} is taken as one standard deviation")
     for note in notes:
         found.notice(note)
-    return replace(header, numbers=numbers)
-
-
-LEAST_IMPACTS = 2
-LONGEST_LABEL = 200
+    return Written(
+        name=name_of(source),
+        source=place,
+        digest=sha256(raw.data).hexdigest(),
+        files=tuple(files.items()),
+        heads=raw.header,
+        units={**header.units, **{sd: header.units[sd.removesuffix(SD_SUFFIX)] for sd in stated}},
+        numbers={name: values for name, (values, _sds) in parted.items()} | stated,
+        texts={name: unguarded(raw.columns[header.places[name]]) for name in header.texts},
+        extras=header.extras,
+        found=found,
+    )
 
 
 @checked
@@ -196,14 +203,18 @@ def load_table(
     asked = with_units({**known.columns, **(columns or {})}, units or {}, (*NUMBERS, *LABELS))
     text = written_table(framed(source), naming(asked, (*NUMBERS, *LABELS)))
     text = text if name is None else replace(text, name=name)
-    header, found = text.header, text.found
-    least = LEAST_IMPACTS if rebound else 1
+    found, least = text.found, LEAST_IMPACTS if rebound else 1
     _check_count(found, least)
-    numbers = {name: read_column(column, found, gaps=True) for name, column in header.numbers.items()}
+    numbers: Columns = {
+        name: read_column(name, text.units[name], cells, found, gaps=True) for name, cells in text.numbers.items()
+    }
     numbers = within_limits(without_empty(numbers, found), found)
     numbers = speeds_of_heights(numbers, found)
-    check_columns(numbers, header, found, rebound)
-    numbers = without_gaps(numbers, rebound, least, found)
+    check_columns(numbers, [*text.units, *text.texts], text.extras, found, rebound)
+    numbers, kept = without_gaps(numbers, rebound, least, found)
+    texts = text.texts
+    if len(kept) < len(found.rows):
+        found, texts = found.among(kept), {name: tuple(cells[k] for k in kept) for name, cells in texts.items()}
     numbers = one_sign(flip_columns(numbers, flips_of(flip, text.name), found), found)
     check_ranges(numbers, found)
     for end in ("1", "2"):
@@ -211,13 +222,14 @@ def load_table(
     check_pairs(numbers, found)
     check_bounds(numbers, known, found)
     check_directions(numbers, found)
-    _check_labels(header, found)
-    ids = unique_ids(header, found)
+    _check_labels(texts, found)
+    ids = unique_ids(texts.get("id"), found)
     found.refuse(text.source, _hints(numbers, known) if rebound and found.faults else ())
-    return replace(_assembled(text, numbers, ids), flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
+    table = _assembled(replace(text, texts=texts, found=found), numbers, ids)
+    return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
 
 
-def _hints(columns: Mapping[str, NumberColumn], scene: Scene) -> tuple[str, ...]:
+def _hints(columns: Columns, scene: Scene) -> tuple[str, ...]:
     """What a table that is refused may mean, where another reading explains it much better."""
     if not knows_incident(columns):
         return ()
@@ -233,23 +245,22 @@ def _check_count(found: Findings, least: int) -> None:
         found.header_fault(f"read a header and no rows; {expected}")
     elif count < least:
         message = f"read one row only; expected at least {least} impacts: one impact cannot fix any scatter"
-        line = found.rows[0].line if found.rows else found.faults[0].line
+        line = found.rows.lines[0] if found.rows else found.faults[0].line
         found.faults.append(Fault(message, row=1, line=line))
 
 
-def _check_labels(header: Header, found: Findings) -> None:
+def _check_labels(texts: Mapping[str, Texts], found: Findings) -> None:
     """Add a fault for every label that is no name: labels head tables and figures."""
-    for name in header.texts.keys() & {*LABELS}:
-        for place, label in enumerate(header.cells(name, found.rows)):
+    for name in texts.keys() & {*LABELS}:
+        for place, label in enumerate(texts[name]):
             if len(label) > LONGEST_LABEL:
                 message = f"read a text of {len(label)} characters; expected a name of at most {LONGEST_LABEL}"
                 found.fault(message, name, place)
 
 
-def _assembled(text: Written, columns: Mapping[str, NumberColumn], ids: tuple[str, ...]) -> ImpactTable:
-    rows = text.found.rows
+def _assembled(text: Written, columns: Columns, ids: tuple[str, ...]) -> ImpactTable:
     _tell_of_sds(columns, text.found)
-    impacts, incident_columns, incident_sd, covariance = _incident(columns, len(rows))
+    impacts, incident_columns, incident_sd, covariance = _incident(columns, len(text.found.rows))
     counted = {*independent(columns, "2"), *(OBSERVABLES.keys() - VELOCITIES)}
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
     return ImpactTable(
@@ -262,23 +273,23 @@ def _assembled(text: Written, columns: Mapping[str, NumberColumn], ids: tuple[st
         incident_sd=FrozenMapping(incident_sd),
         measurements=tuple(item for item in rebound if item.name in counted),
         redundant=tuple(item for item in rebound if item.name not in counted),
-        labels=FrozenMapping({name: text.header.cells(name, rows) for name in text.header.texts if name != "id"}),
+        labels=FrozenMapping({name: cells for name, cells in text.texts.items() if name != "id"}),
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
         notices=tuple(sorted(text.found.notices, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
         files=text.files,
-        rows=tuple(row.number for row in rows),
+        rows=text.found.rows.numbers,
         resolution=FrozenMapping({name: column.half_width for name, column in columns.items()}),
     )
 
 
-def _measurement(columns: Mapping[str, NumberColumn], name: str) -> Measurement:
+def _measurement(columns: Columns, name: str) -> Measurement:
     sd = columns.get(name + SD_SUFFIX)
     return Measurement(name, frozen(columns[name].values), None if sd is None else frozen(sd.values))
 
 
 def _incident(
-    columns: Mapping[str, NumberColumn], count: int
+    columns: Columns, count: int
 ) -> tuple[Impacts, tuple[str, ...], dict[str, FloatArray], FloatArray | None]:
     """Incident components, the names of those that are known, the stated sd of each, and their covariance.
 
@@ -300,12 +311,12 @@ def _incident(
     return impacts, tuple(present), sds, covariance
 
 
-def _measured_cor(columns: Mapping[str, NumberColumn], v_y1: FloatArray) -> FloatArray | None:
+def _measured_cor(columns: Columns, v_y1: FloatArray) -> FloatArray | None:
     rebound = normal_speed(columns, "2")
     return None if rebound is None or np.isnan(rebound).any() else rebound / v_y1
 
 
-def _tell_of_sds(columns: Mapping[str, NumberColumn], found: Findings) -> None:
+def _tell_of_sds(columns: Columns, found: Findings) -> None:
     """Add a notice for every sd in another unit than its quantity, since a forgotten bracket looks just so, and for
     every sd of a velocity column that other columns made redundant.
     """
@@ -319,6 +330,76 @@ def _tell_of_sds(columns: Mapping[str, NumberColumn], found: Findings) -> None:
         for name in (f"v_x{end}", f"v_y{end}", f"v_{end}", f"theta_{end}"):
             if name not in counted and name + SD_SUFFIX in columns:
                 found.notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", name + SD_SUFFIX)
+
+
+def load_tables(
+    sources: Sequence[ImpactTable | Source],
+    scene: Scene | None = None,
+    flip: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+) -> ImpactTable:
+    """One table, or several joined; `flip` and `columns` as `load_table` has them, a column of one of several tables
+    is flipped as `TABLE:COLUMN`. Raises as `load_table` does for each, TableError for tables that differ,
+    ParameterError for a table that is not there.
+    """
+    return joined(_read_each(sources, scene, flip, columns, None))
+
+
+def trusted_table(
+    data: Sequence[ImpactTable | Source],
+    scene: Scene,
+    flip: Sequence[str] = (),
+    as_read: bool = False,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> tuple[ImpactTable, tuple[str, ...]]:
+    """A table, or the one joined from several, and what is to be said of how it was read.
+
+    Each table is looked at by itself, as one of the scene's ball. With `as_read` one that another reading explains
+    much better is taken all the same, and a sentence tells. Raises ReadingError for it otherwise, ParameterError for
+    a table that was read already and is to be flipped or to have other names (`columns`), and as `load_tables` does.
+    """
+    for what, given in (("flip", flip), ("columns", columns), ("units", units)):
+        if given and any(isinstance(item, ImpactTable) for item in data):
+            raise ParameterError(
+                f"{what}: this table was read already; say so where it is read, load_table(file, {what}=...)"
+            )
+    tables = _read_each(data, scene, flip, columns, units)
+    notes = []
+    for table in tables:
+        gaps = gaps_of_table(table, scene.ball)
+        notes += [] if gaps is None else [f"{table.name}: {gaps}"]
+        copies, near = repeats_of(table, scene.ball)
+        if copies is not None and not as_read:
+            raise ReadingError(table.source, (copies,), "rows are copies of others:")
+        notes += [f"{table.name}: every row counts, on request (as_read), although {copies}"] if copies else []
+        notes += [f"{table.name}: {near}"] if near else []
+        doubt = doubt_of_table(table, scene.ball)
+        if doubt is not None and not as_read:
+            raise ReadingError(table.source, doubt.lines(scene))
+        if doubt is not None:
+            notes.append(
+                f"{table.name}: taken as its header says, on request (as_read), although {doubt.lines(scene)[0]}"
+            )
+    return joined(tables), tuple(notes)
+
+
+def _read_each(
+    sources: Sequence[ImpactTable | Source],
+    scene: Scene | None,
+    flip: Sequence[str],
+    columns: Mapping[str, str] | None,
+    units: Mapping[str, str] | None,
+) -> list[ImpactTable]:
+    """The tables one by one, those that were read already as they are."""
+    check_flips(flip, [name_of(framed(source)) for source in sources if not isinstance(source, ImpactTable)])
+
+    def read(source: ImpactTable | Source) -> ImpactTable:
+        if isinstance(source, ImpactTable):
+            return source
+        return load_table(source, scene=scene, flip=flip, columns=columns, units=units)
+
+    return [read(source) for source in sources]
 
 
 # What a program writes for an output it does not have.
@@ -347,21 +428,18 @@ def read_port(path: Path) -> PortFile:
     header = read_header(raw.header, found)
     if not raw.rows and not found.faults:
         found.fault("read a header and no rows; expected one row for each golden impact")
-    present = [name for name in (*INCIDENT, *REBOUND) if name in header.numbers and not _empty(header, raw, name)]
+    cells = {name: raw.columns[place] for name, place in header.places.items()}
+    names = [name for name in (*INCIDENT, *REBOUND) if name in header.units]
+    present = [name for name in names if not all(cell.lower() in _EMPTY for cell in cells[name])]
     if not any(name in REBOUND for name in present):
         found.header_fault(f"no column of a rebound; expected one or more of {', '.join(REBOUND)}")
-    columns = {name: read_column(header.numbers[name], found).values for name in present}
+    columns = {name: read_column(name, header.units[name], cells[name], found).values for name in present}
     found.refuse(str(path))
     return PortFile(
         source=str(path),
         count=len(raw.rows),
         incident={name: values for name, values in columns.items() if name in INCIDENT},
         outputs={name: values for name, values in columns.items() if name in REBOUND},
-        ids=header.cells("id", raw.rows) if "id" in header.texts else None,
-        regimes=header.cells("regime", raw.rows) if "regime" in header.texts else None,
+        ids=unguarded(cells["id"]) if "id" in cells else None,
+        regimes=unguarded(cells["regime"]) if "regime" in cells else None,
     )
-
-
-def _empty(header: Header, raw: RawTable, name: str) -> bool:
-    index = header.numbers[name].index
-    return all(row.cells[index].lower() in _EMPTY for row in raw.rows)

@@ -6,22 +6,23 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fitball.data.bundled import resolve_table
 from fitball.data.heights import BALL_TYPES, like_tennis
 from fitball.data.scene_keys import (
     EXCLUSIVE,
-    KEYS,
+    KINDS,
     PRIOR,
     SECTIONS,
-    TOGETHER,
+    SIZES,
     Kind,
     density_fault,
-    keys_of,
     meant_inertia,
     range_fault,
     unlikely,
@@ -30,11 +31,20 @@ from fitball.data.scene_keys import (
 from fitball.data.table import FrozenMapping
 from fitball.errors import ParameterError, SceneError, fault_list, suggestion
 from fitball.kinds import checked
-from fitball.observables import SHARED_SD
-from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball
+from fitball.observables import NOISE_OF, SHARED_SD
+from fitball.values import WANG_INERTIA_RATIO, WANG_MASS, WANG_RADIUS, Ball, FloatArray, quotient
 from fitball.visible import folded, kind_of
 from fitball.wording import option
 
+# How an entry of a free section is written (None: a number), and in words.
+_FREE = {
+    Kind.TEXTS: (re.compile(r".*\S.*", re.DOTALL), "a text in quotes"),
+    Kind.NUMBERS: (None, "a finite number"),
+    Kind.PRIORS: (
+        re.compile(PRIOR),
+        'a word and numbers in brackets, such as "normal(0.55, 0.05)", or "literature:KEY"',
+    ),
+}
 NOMINAL_VELOCITY_SD = 0.25
 NOMINAL_SPIN_SD = 10.0
 DEFAULT_MODEL = "two-mass"
@@ -54,23 +64,19 @@ NO_VELOCITY_SD = (
 NO_SPIN_SD = f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
 
 
-# How an entry of a free section is written (None: a number), and in words.
-_FREE = {
-    Kind.FREE_TEXTS: (re.compile(r".*\S.*", re.DOTALL), "a text in quotes"),
-    Kind.FREE_NUMBERS: (None, "a finite number"),
-    Kind.FREE_PRIORS: (
-        re.compile(PRIOR),
-        'a word and numbers in brackets, such as "normal(0.55, 0.05)", or "literature:KEY"',
-    ),
-}
-
-
 @dataclass(frozen=True)
 class Quantity:
     """A number with its standard deviation, when one was stated; SI units."""
 
     value: float
     sd: float | None = None
+
+
+def _said(key: str, default: object = None) -> Any:
+    """The field of a key of the schema."""
+    if isinstance(default, Mapping):
+        return field(default_factory=FrozenMapping, metadata={"key": key})
+    return field(default=default, metadata={"key": key})
 
 
 @dataclass(frozen=True)
@@ -94,46 +100,62 @@ class Scene:
     source: str | None = None
     ball: Ball = field(default_factory=Ball)
     ball_sd: Mapping[str, float] = field(default_factory=FrozenMapping)
-    ball_type: str | None = None
+    ball_type: str | None = _said("ball.type")
     ball_temperature: float | None = None
     ball_temperature_sd: float | None = None
-    surface: str | None = None
+    surface: str | None = _said("surface.name")
     mu: tuple[float, float | None] | None = None
     contact_time: tuple[float, float] | None = None
-    velocity_sd: float | None = None
-    v_x_sd: float | None = None
-    v_y_sd: float | None = None
-    speed_sd: float | None = None
-    angle_sd: float | None = None
-    spin_sd: float | None = None
-    contact_time_sd: float | None = None
-    nominal_velocity_sd: float = NOMINAL_VELOCITY_SD
-    nominal_spin_sd: float = NOMINAL_SPIN_SD
-    velocity_noise: str | None = None
-    model: str = DEFAULT_MODEL
-    closures: Mapping[str, str] = field(default_factory=FrozenMapping)
-    priors: Mapping[str, str] = field(default_factory=FrozenMapping)
-    fix: Mapping[str, float] = field(default_factory=FrozenMapping)
-    distribution: str = "normal"
-    pool: Mapping[str, str] = field(default_factory=FrozenMapping)
-    columns: Mapping[str, str] = field(default_factory=FrozenMapping)
-    offsets: str | None = None
-    force_file: str | None = None
-    force_sd: float | None = None
-    force_start_sd: float | None = None
+    velocity_sd: float | None = _said("measurement.velocity_sd")
+    v_x_sd: float | None = _said("measurement.v_x_sd")
+    v_y_sd: float | None = _said("measurement.v_y_sd")
+    speed_sd: float | None = _said("measurement.speed_sd")
+    angle_sd: float | None = _said("measurement.angle_sd")
+    spin_sd: float | None = _said("measurement.spin_sd")
+    contact_time_sd: float | None = _said("measurement.contact_time_sd")
+    nominal_velocity_sd: float = _said("measurement.nominal_velocity_sd", NOMINAL_VELOCITY_SD)
+    nominal_spin_sd: float = _said("measurement.nominal_spin_sd", NOMINAL_SPIN_SD)
+    velocity_noise: str | None = _said("measurement.velocity_noise")
+    model: str = _said("model.name", DEFAULT_MODEL)
+    closures: Mapping[str, str] = _said("model.closures", {})
+    priors: Mapping[str, str] = _said("priors", {})
+    fix: Mapping[str, float] = _said("fix", {})
+    distribution: str = _said("measurement.distribution", "normal")
+    pool: Mapping[str, str] = _said("pool", {})
+    columns: Mapping[str, str] = _said("columns", {})
+    offsets: str | None = _said("measurement.offsets")
+    force_file: str | None = _said("force.file")
+    force_sd: float | None = _said("force.sd")
+    force_start_sd: float | None = _said("force.start_sd")
     assumed: tuple[str, ...] = ()
-    description: str = ""
-    citation: str = ""
+    description: str = _said("source.description", "")
+    citation: str = _said("source.citation", "")
 
     @property
     def tennis(self) -> bool:
         """Whether its ball is a tennis ball, by what is stated or by mass and size: the ITF's tests are of these."""
         return self.ball_type is not None or like_tennis(self.ball)
 
+    def noise_of(self, name: str, speed: FloatArray) -> FloatArray:
+        """One sd (impacts,) of a rebound column that no table states, as known or else expected: that of the column,
+        of the spin, or of a velocity, for an angle across the flight at this `speed` [m/s] (NaN where that is not
+        known, infinite of a ball that stands).
+        """
+        velocity = self.nominal_velocity_sd if self.velocity_sd is None else self.velocity_sd
+        own = getattr(self, NOISE_OF[name])
+        if own is None and name == "theta_2":
+            return quotient(velocity, np.abs(speed))
+        expected = self.nominal_spin_sd if name == "omega_2" else velocity
+        return np.full(len(speed), expected if own is None else own)
+
     @property
     def states_ball(self) -> bool:
         """Whether the radius of the ball was stated and not assumed."""
         return self.source is not None and not any(_BALL_WORDS["radius"] in sentence for sentence in self.assumed)
+
+
+# The fields that take a key as it is; of the others something is made, see `_make_scene`.
+_FIELDS: Mapping[str, str] = {item.metadata["key"]: item.name for item in fields(Scene) if item.metadata}
 
 
 @checked
@@ -178,7 +200,7 @@ def _doubts(scene: Scene) -> list[str]:
     stated = {
         "ball.mass": ball.mass, "ball.radius": ball.radius, "ball.inertia_ratio": ball.inertia_ratio,
         "surface.mu": scene.mu[0] if scene.mu else None, "contact_time.value": time, "contact_time.sd": time_sd,
-        **{name: getattr(scene, key.field) for name, key in KEYS.items() if key.size and key.field},
+        **{key: getattr(scene, name) for key, name in _FIELDS.items() if key in SIZES},
     }  # fmt: skip
     doubts = [unlikely(key, value) for key, value in stated.items() if value is not None]
     return [doubt for doubt in (*doubts, unlikely_density(ball)) if doubt is not None]
@@ -212,7 +234,7 @@ def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
         mu=None if mu is None else (mu.value, mu.sd),
         contact_time=None if time is None else (time, known["contact_time.sd"]),
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
-        **{KEYS[name].field: value for name, value in known.items() if KEYS[name].field},
+        **{_FIELDS[key]: value for key, value in known.items() if key in _FIELDS},
     )
 
 
@@ -257,8 +279,8 @@ def read_scene_file(path: Path) -> Mapping[str, Any]:
     faults: list[str] = []
     values: dict[str, Any] = {}
     for section, content in tree.items():
-        names = keys_of(section)
-        if section in KEYS:
+        names = [key.partition(".")[2] for key in KINDS if key.startswith(f"{section}.")]
+        if section in KINDS:
             _read(section, content, values, faults)
         elif not names:
             faults.append(f"[{section}]: unknown key; {suggestion(section, SECTIONS)}")
@@ -275,11 +297,9 @@ def read_scene_file(path: Path) -> Mapping[str, Any]:
         for one, other in EXCLUSIVE
         if one in values and other in values
     ]
-    for one, other in TOGETHER:
-        section, _, first = one.partition(".")
-        second, content = other.partition(".")[2], tree.get(section)
-        if isinstance(content, dict) and (first in content) != (second in content):
-            faults.append(f"[{section}]: expected both {first} and {second}")
+    time = tree.get("contact_time")
+    if isinstance(time, dict) and ("value" in time) != ("sd" in time):
+        faults.append("[contact_time]: expected both value and sd")
     if faults:
         raise SceneError(fault_list(str(path), len(faults), folded((kind_of(fault), fault) for fault in faults)))
     return values
@@ -287,7 +307,7 @@ def read_scene_file(path: Path) -> Mapping[str, Any]:
 
 def _read(key: str, content: object, values: dict[str, Any], faults: list[str]) -> None:
     """Add the value of a key, or what is wrong with it."""
-    kind = KEYS[key].kind
+    kind = KINDS[key]
     value = _free(key, content, kind, faults) if kind in _FREE else _checked(content, kind)
     if value is None:
         faults.append(f"{key} = {_shown(content)}: expected {kind.value}")

@@ -1,18 +1,59 @@
-"""Every key that a scene file (TOML) may have: what it holds, which numbers no ball, court or instrument has, or one
-would doubt (a wrong unit, which no prior should hide), and the field of `Scene` that takes it.
+"""Every key that a scene file (TOML) may have: what it holds, and which numbers no ball, court or instrument has, or
+one would doubt (a wrong unit, which no prior should hide).
 
-`scene.schema.json` beside this file says the same to editors and other programs, with what each key is about.
+`scene.schema.json` beside this file declares them, each with what it holds and what it is about, for the reader here
+as for editors and other programs. The field of `Scene` that takes a key names it there, with its default.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from math import log, pi
+from pathlib import Path
+from typing import Any
 
 from fitball.observables import OBSERVABLES, SHARED_NOISE, ColumnNoise
 from fitball.values import Ball
+
+_SCHEMA: Mapping[str, Any] = json.loads(Path(__file__).with_name("scene.schema.json").read_text(encoding="utf-8"))
+
+
+class Kind(Enum):
+    """What a key may hold, in the words of a fault message; named as in the schema."""
+
+    TEXT = "a text in quotes"
+    POSITIVE = "a positive number"
+    QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"
+    DEGREES = "a number of degrees Celsius, or { value = ..., sd = ... } with a positive sd"
+    TEXTS = "a section of names and texts"
+    NUMBERS = "a section of names and numbers"
+    PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
+
+
+def _kind(node: Mapping[str, Any]) -> Kind:
+    """What a node of the schema holds; of a section of free names, what these do."""
+    entry = node.get("additionalProperties", False)
+    name = (node if entry is False else entry).get("$ref", "text" if entry is False else "number")
+    return Kind[name.removeprefix("#/$defs/").upper() + ("" if entry is False else "S")]
+
+
+# By dotted key, in the order of the schema; a section that takes any name is a key of its own.
+KINDS: Mapping[str, Kind] = {
+    f"{section}.{name}" if name else section: _kind(child)
+    for section, node in _SCHEMA["properties"].items()
+    for name, child in node.get("properties", {"": node}).items()
+}
+SECTIONS: tuple[str, ...] = tuple(_SCHEMA["properties"])
+PRIOR: str = _SCHEMA["$defs"]["prior"]["pattern"]
+# Pairs that say the same thing twice.
+EXCLUSIVE = (
+    ("ball.inertia", "ball.inertia_ratio"),
+    ("measurement.velocity_sd", "measurement.nominal_velocity_sd"),
+    ("measurement.spin_sd", "measurement.nominal_spin_sd"),
+)
 
 # What people write where SI is meant: units by their factors, most usual first.
 _MASSES = {"g": 1e-3, "mg": 1e-6, "oz": 0.028349523125, "lb": 0.45359237}
@@ -61,87 +102,31 @@ _LIKELY_SDS: Mapping[str, tuple[tuple[float, float], Mapping[str, float], float]
 }
 
 
-class Kind(Enum):
-    """What a key may hold, in the words of a fault message."""
-
-    TEXT = "a text in quotes"
-    POSITIVE = "a positive number"
-    QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"
-    DEGREES = "a number of degrees Celsius, or { value = ..., sd = ... } with a positive sd"
-    FREE_TEXTS = "a section of names and texts"
-    FREE_NUMBERS = "a section of names and numbers"
-    FREE_PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
-
-
-@dataclass(frozen=True)
-class Key:
-    """One key: its `kind`, the `size` of its number, the `field` of `Scene` that takes it as it is ("": what is made
-    of it, see `scene`).
-    """
-
-    kind: Kind
-    size: Range | None = None
-    field: str = ""
-
-
-def _noise(noise: ColumnNoise, unit: str, name: str = "") -> tuple[str, Key]:
+def _noise(noise: ColumnNoise, unit: str, name: str = "") -> tuple[str, Range]:
     """The key of a known noise, or of a nominal one called `name`: from far better instruments to far worse than any;
     as large as its parameter may be.
     """
     likely, units, least = _LIKELY_SDS[unit]
     words = f"{least:g} to {noise.upper:g} {unit}"
-    size = Range(least, noise.upper, words, likely, float(noise.typical), units)
-    return f"measurement.{name or noise.name}", Key(Kind.POSITIVE, size, name or noise.name)
+    return f"measurement.{name or noise.name}", Range(least, noise.upper, words, likely, float(noise.typical), units)
 
 
 _RATIOS = Range(0.01, 1.0, "0.01 to 1", (0.2, 0.7), 0.5, {})
-_DEGREES = Range(-40.0, 80.0, "-40 to 80 degrees Celsius", (-40.0, 80.0), 20.0, {})
-# Sections are what stands before the dot; those of the kinds FREE_* take any name. Balls from a grain of shot to the
-# largest that people throw; likely are those of games, and of laboratories.
-KEYS: Mapping[str, Key] = {
-    "source.description": Key(Kind.TEXT, field="description"),
-    "source.citation": Key(Kind.TEXT, field="citation"),
-    "ball.mass": Key(Kind.QUANTITY, Range(1e-6, 20.0, "1 mg to 20 kg, in kg", (1e-5, 8.0), 0.05, _MASSES)),
-    "ball.radius": Key(Kind.QUANTITY, Range(1e-4, 0.5, "0.1 mm to 0.5 m, in m", (5e-4, 0.25), 0.03, _LENGTHS)),
-    "ball.inertia": Key(Kind.QUANTITY),
-    "ball.inertia_ratio": Key(Kind.QUANTITY, _RATIOS),
-    "ball.temperature": Key(Kind.DEGREES, _DEGREES),
-    "ball.type": Key(Kind.TEXT, field="ball_type"),
-    "surface.name": Key(Kind.TEXT, field="surface"),
-    "surface.mu": Key(Kind.QUANTITY, Range(1e-6, 100.0, "1e-6 to 100", (0.005, 3.0), 0.5, {"%": 1e-2})),
-    "contact_time.value": Key(Kind.POSITIVE, Range(1e-6, 0.1, "1 us to 100 ms, in s", (5e-6, 0.05), 5e-3, _TIMES)),
-    "contact_time.sd": Key(Kind.POSITIVE, Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.05), 5e-4, _TIMES)),
+# Balls from a grain of shot to the largest that people throw; likely are those of games, and of laboratories.
+SIZES: Mapping[str, Range] = {
+    "ball.mass": Range(1e-6, 20.0, "1 mg to 20 kg, in kg", (1e-5, 8.0), 0.05, _MASSES),
+    "ball.radius": Range(1e-4, 0.5, "0.1 mm to 0.5 m, in m", (5e-4, 0.25), 0.03, _LENGTHS),
+    "ball.inertia_ratio": _RATIOS,
+    "ball.temperature": Range(-40.0, 80.0, "-40 to 80 degrees Celsius", (-40.0, 80.0), 20.0, {}),
+    "surface.mu": Range(1e-6, 100.0, "1e-6 to 100", (0.005, 3.0), 0.5, {"%": 1e-2}),
+    "contact_time.value": Range(1e-6, 0.1, "1 us to 100 ms, in s", (5e-6, 0.05), 5e-3, _TIMES),
+    "contact_time.sd": Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.05), 5e-4, _TIMES),
     **dict([_noise(SHARED_NOISE, "m/s"), *(_noise(item.noise, item.unit) for item in OBSERVABLES.values())]),
     **dict([_noise(SHARED_NOISE, "m/s", "nominal_velocity_sd")]),
     **dict([_noise(OBSERVABLES["omega_2"].noise, "rad/s", "nominal_spin_sd")]),
-    "measurement.velocity_noise": Key(Kind.TEXT, field="velocity_noise"),
-    "measurement.distribution": Key(Kind.TEXT, field="distribution"),
-    "measurement.offsets": Key(Kind.TEXT, field="offsets"),
-    "force.file": Key(Kind.TEXT, field="force_file"),
-    "force.sd": Key(Kind.POSITIVE, Range(1e-9, 1e6, "1e-9 to 1e6 N", (1e-6, 1e4), 10.0, {"mN": 1e-3}), "force_sd"),
-    "force.start_sd": Key(
-        Kind.POSITIVE, Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.01), 1e-4, _TIMES), "force_start_sd"
-    ),
-    "model.name": Key(Kind.TEXT, field="model"),
-    "model.closures": Key(Kind.FREE_TEXTS, field="closures"),
-    "priors": Key(Kind.FREE_PRIORS, field="priors"),
-    "fix": Key(Kind.FREE_NUMBERS, field="fix"),
-    "pool": Key(Kind.FREE_TEXTS, field="pool"),
-    "columns": Key(Kind.FREE_TEXTS, field="columns"),
+    "force.sd": Range(1e-9, 1e6, "1e-9 to 1e6 N", (1e-6, 1e4), 10.0, {"mN": 1e-3}),
+    "force.start_sd": Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.01), 1e-4, _TIMES),
 }
-SECTIONS = tuple(dict.fromkeys(name.partition(".")[0] for name in KEYS))
-# Pairs that say the same thing twice, and pairs that say something only together.
-EXCLUSIVE = (
-    ("ball.inertia", "ball.inertia_ratio"),
-    ("measurement.velocity_sd", "measurement.nominal_velocity_sd"),
-    ("measurement.spin_sd", "measurement.nominal_spin_sd"),
-)
-TOGETHER = (("contact_time.value", "contact_time.sd"),)
-
-
-def keys_of(section: str) -> tuple[str, ...]:
-    """The keys of a section; none of one that takes any name."""
-    return tuple(name.partition(".")[2] for name in KEYS if name.startswith(f"{section}."))
 
 
 # A standard deviation this many times smaller than its quantity is no measurement.
@@ -153,7 +138,7 @@ DENSEST, LIGHTEST, LIKELY_LIGHTEST = 22_600.0, 1.2, 12.0
 
 def range_fault(key: str, value: float, sd: float | None) -> str | None:
     """What is wrong with the size of a positive number and its standard deviation, or None."""
-    allowed = KEYS[key].size
+    allowed = SIZES.get(key)
     if allowed is None:
         return None
     if not allowed.least <= value <= allowed.most:
@@ -173,8 +158,7 @@ def _meant_sd(allowed: Range, sd: float, value: float) -> str:
 
 def unlikely(key: str, value: float) -> str | None:
     """What to ask about a number that can be but that no ball, court or instrument of a bounce has, or None."""
-    allowed = KEYS[key].size
-    assert allowed is not None
+    allowed = SIZES[key]
     low, high = allowed.likely
     if low <= value <= high:
         return None
@@ -221,7 +205,3 @@ def _meant_ball(ball: Ball) -> str:
             if LIKELY_LIGHTEST <= mass / (4.0 / 3.0 * pi * radius**3) <= DENSEST:
                 return f"; did you mean a {name} of {value:g} {symbol} ({value * factor:.4g})?"
     return ""
-
-
-_NUMBER = r"[+-]?([0-9]+(?:\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
-PRIOR = rf"\s*([A-Za-z_][A-Za-z0-9_]*\s*\(\s*{_NUMBER}\s*(,\s*{_NUMBER}\s*)*\)|literature:\s*[A-Za-z0-9_-]+)\s*"

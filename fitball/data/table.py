@@ -1,16 +1,21 @@
-"""The frozen impact table: what was measured, in SI units, each quantity counted once."""
+"""The frozen impact table: what was measured, in SI units, each quantity counted once; and several joined, rows one
+below the other, each labelled with the table it came from.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from html import escape
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitball.observables import OBSERVABLES, SI_UNITS
+from fitball.data.kinematics import independent
+from fitball.errors import Fault, TableError
+from fitball.observables import INCIDENT_UNITS, OBSERVABLES, SI_UNITS, VELOCITIES
 from fitball.values import FloatArray, Impacts, same
 from fitball.visible import some
 
@@ -199,3 +204,111 @@ class ImpactTable:
     def has_spin(self) -> bool:
         """Whether rebound spin was measured (or incident spin set), so that torsion can show."""
         return "omega_1" in self.incident_columns or self.measurement("omega_2") is not None
+
+
+def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
+    """The rows of all tables, with a label column `table` (names of files) when there are several.
+
+    Label columns that not all have are left empty where they are missing; a rebound column that some have is missing
+    in the others, and a notice tells. Raises TableError when incident columns or stated sds differ, or velocities are
+    told as components here and as speed and angle there.
+    """
+    if len(tables) == 1:
+        return tables[0]
+    first = tables[0]
+    measured = [name for name in OBSERVABLES if any(table.measurement(name) for table in tables)]
+    faults = [fault for other in tables[1:] for fault in _differences(first, other)]
+    faults += _rebound_faults(tables, measured)
+    names = [table.name for table in tables]
+    faults += [f"table {name} is given twice" for name in sorted({n for n in names if names.count(n) > 1})]
+    if faults:
+        raise TableError(" + ".join(table.source for table in tables), map(Fault, faults))
+
+    labels = {
+        name: tuple(text for table in tables for text in table.labels.get(name, ("",) * len(table)))
+        for name in dict.fromkeys(name for table in tables for name in table.labels)
+    }
+    labels["table"] = tuple(table.name for table in tables for _ in range(len(table)))
+    v_x, v_y, omega = (np.concatenate([getattr(table.impacts, name) for table in tables]) for name in INCIDENT_UNITS)
+    sds = {name: frozen(np.concatenate([table.incident_sd[name] for table in tables])) for name in first.incident_sd}
+    return ImpactTable(
+        name="+".join(names),
+        source=" + ".join(table.source for table in tables),
+        digest=sha256("".join(table.digest for table in tables).encode()).hexdigest(),
+        ids=tuple(f"{table.name}:{name}" for table in tables for name in table.ids),
+        impacts=Impacts(v_x, v_y, omega, _stacked([table.impacts.cor for table in tables])),
+        incident_columns=first.incident_columns,
+        incident_sd=FrozenMapping(sds),
+        measurements=tuple(_stacked_measurement(name, tables) for name in measured),
+        redundant=(),
+        labels=FrozenMapping(labels),
+        units=first.units,
+        incident_covariance=_stacked([table.incident_covariance for table in tables]),
+        notices=(
+            *(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
+            *(
+                Notice(f"{name} was not measured in {absent}: what else was measured there counts", columns=(name,))
+                for name in measured
+                if (absent := ", ".join(table.name for table in tables if table.measurement(name) is None))
+            ),
+        ),
+        flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
+        columns=first.columns,
+        files=tuple(place for table in tables for place in table.files),
+    )
+
+
+def _stacked(columns: Sequence[FloatArray | None]) -> FloatArray | None:
+    """Columns one below the other; None unless all tables have it."""
+    present = [column for column in columns if column is not None]
+    return frozen(np.concatenate(present)) if len(present) == len(columns) else None
+
+
+def _stacked_measurement(name: str, tables: Sequence[ImpactTable]) -> Measurement:
+    """One column of all tables, NaN where one has it not."""
+    columns = [table.measurement(name) for table in tables]
+    nothing = [np.full(len(table), np.nan) for table in tables]
+    values = [gap if item is None else item.values for item, gap in zip(columns, nothing, strict=True)]
+    sds = [gap if item is None or item.sd is None else item.sd for item, gap in zip(columns, nothing, strict=True)]
+    stated = any(item is not None and item.sd is not None for item in columns)
+    return Measurement(name, frozen(np.concatenate(values)), frozen(np.concatenate(sds)) if stated else None)
+
+
+def _rebound_faults(tables: Sequence[ImpactTable], measured: Sequence[str]) -> list[str]:
+    """What keeps rebound columns of tables, those that any has `measured`, from being one column."""
+    faults = []
+    velocities = [name for name in measured if name in VELOCITIES]
+    if set(independent(velocities, "2")) != set(velocities):
+        told = "; ".join(
+            f"{', '.join(item.name for item in table.measurements if item.name in VELOCITIES) or 'none'} in "
+            f"{table.source}"
+            for table in tables
+        )
+        faults.append(
+            f"rebound velocities are told in different ways: {told}; expected the same columns, or some of them, in "
+            "all tables that are fitted together"
+        )
+    for name in measured:
+        having = [(table, item) for table in tables if (item := table.measurement(name)) is not None]
+        stated = [table.source for table, item in having if item.sd is not None]
+        bare = [table.source for table, item in having if item.sd is None]
+        if stated and bare:
+            faults.append(
+                f"{name} has a stated sd in {stated[0]} and none in {bare[0]}; expected one in all tables that are "
+                "fitted together, or in none"
+            )
+    return faults
+
+
+def _differences(one: ImpactTable, other: ImpactTable) -> list[str]:
+    """What keeps incident columns of two tables from being the same columns."""
+    compared = (
+        ("incident columns", one.incident_columns, other.incident_columns),
+        ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
+    )
+    return [
+        f"{what} differ: {', '.join(columns) or 'none'} in {one.source}, {', '.join(others) or 'none'} in "
+        f"{other.source}; expected the same in all tables that are fitted together"
+        for what, columns, others in compared
+        if columns != others
+    ]

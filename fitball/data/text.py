@@ -8,15 +8,14 @@ import codecs
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from itertools import accumulate
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.data.bundled import PARQUET_SUFFIXES, WORKBOOKS
-from fitball.data.findings import FORMULA_ERROR, RawTable, Record, Vocabulary, refusal
-from fitball.data.layout import find_header, is_number, laid_out
+from fitball.data.cells import FORMULA_ERROR, RawTable, Record, Vocabulary, find_header, is_number, laid_out, refusal
 from fitball.data.workbooks import (
     MOST_COLUMNS,
     check_shape,
@@ -43,57 +42,44 @@ _ZEROS = 0.4
 def decode(source: str, data: bytes) -> tuple[str, tuple[str, ...]]:
     """The text of a file, and a note where its encoding was guessed.
 
-    Raises TableError where bytes are left that no encoding explains.
+    Raises TableError where bytes are left that no encoding explains, and for zero bytes.
     """
     wide = _utf_16(data)
-    if wide is not None:
-        try:
-            text = data.decode(wide).removeprefix("\ufeff")
-        except UnicodeDecodeError as error:
-            raise refusal(
-                source,
-                f"the bytes at offset {error.start} are not UTF-16, which this file looks like; "
-                "expected text: save the file as 'CSV UTF-8'",
-            ) from None
-        return _without_zeros(source, text), ("the file was read as UTF-16",)
+    notes: tuple[str, ...] = ("the file was read as UTF-16",) if wide else ()
     try:
-        return _without_zeros(source, data.decode("utf-8-sig")), ()
+        text = data.decode(wide).removeprefix("\ufeff") if wide else data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        # A byte order mark is stripped before decoding, so the position counts from behind it.
-        place = error.start + (3 if data.startswith(codecs.BOM_UTF8) else 0)
-    odd = {byte for byte in data if byte > 0x7F}
-    line = data[:place].count(b"\n") + 1
-    if odd <= _WESTERN and not _UTF8_LETTER.search(data) and not data.startswith(codecs.BOM_UTF8):
-        text = data.decode("cp1252")
-        told = f"bytes that are not UTF-8 were read as Windows-1252, first '{text[place]}' in line {line}"
-        return _without_zeros(source, text), (told,)
-    raise refusal(
-        source,
-        f"read byte 0x{data[place]:02x} at offset {place}, which is not UTF-8; "
-        "expected UTF-8 text: save the file as 'CSV UTF-8'",
-        line,
-    )
+        if wide:
+            words = f"the bytes at offset {error.start} are not UTF-16, which this file looks like; expected text"
+            raise refusal(source, f"{words}: save the file as 'CSV UTF-8'") from None
+        text, notes = _western(source, data, error.start)
+    if "\0" in text:
+        line = text[: text.index("\0")].count("\n") + 1
+        raise refusal(source, "read a zero byte (not text at all?); expected text: save it as 'CSV UTF-8'", line)
+    return text, notes
 
 
 def _utf_16(data: bytes) -> str | None:
     """The codec of UTF-16 text, with a byte order mark or known by its zero bytes; None for other text."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    half = len(data) // 2
-    if half == 0:
-        return None
-    if data[1::2].count(0) > _ZEROS * half and data[::2].count(0) == 0:
+    even, odd, least = data[::2].count(0), data[1::2].count(0), _ZEROS * (len(data) // 2)
+    if odd > least and even == 0:
         return "utf-16-le"
-    if data[::2].count(0) > _ZEROS * half and data[1::2].count(0) == 0:
-        return "utf-16-be"
-    return None
+    return "utf-16-be" if even > least > 0.0 and odd == 0 else None
 
 
-def _without_zeros(source: str, text: str) -> str:
-    if "\0" in text:
-        line = text[: text.index("\0")].count("\n") + 1
-        raise refusal(source, "read a zero byte (not text at all?); expected text: save it as 'CSV UTF-8'", line)
-    return text
+def _western(source: str, data: bytes, start: int) -> tuple[str, tuple[str, ...]]:
+    """Text that is no UTF-8 from a byte on, as Windows-1252 where that explains all; TableError otherwise."""
+    marked = data.startswith(codecs.BOM_UTF8)
+    # A byte order mark is stripped before decoding, so the position counts from behind it.
+    place = start + len(codecs.BOM_UTF8) * marked
+    line = data[:place].count(b"\n") + 1
+    if not marked and {byte for byte in data if byte > 0x7F} <= _WESTERN and not _UTF8_LETTER.search(data):
+        text = data.decode("cp1252")
+        return text, (f"bytes that are not UTF-8 were read as Windows-1252, first '{text[place]}' in line {line}",)
+    words = f"read byte 0x{data[place]:02x} at offset {place}, which is not UTF-8; expected UTF-8 text"
+    raise refusal(source, f"{words}: save the file as 'CSV UTF-8'", line)
 
 
 # Lines by which a delimiter is told.
@@ -115,12 +101,6 @@ class Delimiter:
     records: Callable[[Iterable[str], bool], Iterator[Record]]
 
 
-def is_comment(line: str) -> bool:
-    """Whether a line is a comment: behind `#`, unless that begins the error of a formula."""
-    text = line.lstrip()
-    return text.startswith("#") and not FORMULA_ERROR.match(text)
-
-
 class QuoteError(Exception):
     """Quotes that do not pair, in the record that starts on `line`."""
 
@@ -129,35 +109,33 @@ class QuoteError(Exception):
         self.line = line
 
 
-@dataclass
-class _LineFeed:
-    """Hands lines to the csv reader, leaves out blank and comment lines between records, counts them all."""
-
-    lines: Iterator[str]
-    count: int = 0
-    record_start: int = 0
-    between_records: bool = field(default=True)
-
-    def __iter__(self) -> Iterator[str]:
-        for line in self.lines:
-            self.count += 1
-            if self.between_records:
-                if not line.strip() or is_comment(line):
-                    continue
-                self.record_start = self.count
-                self.between_records = False
-            yield line
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment: behind `#`, unless that begins the error of a formula."""
+    text = line.lstrip()
+    return text.startswith("#") and not FORMULA_ERROR.match(text)
 
 
 def _by_sign(sign: str) -> Callable[[Iterable[str], bool], Iterator[Record]]:
+    """Blank and comment lines between records count as lines only; a quoted cell may go over several."""
+
     def records(lines: Iterable[str], strict: bool) -> Iterator[Record]:
-        feed = _LineFeed(iter(lines))
+        start, between = 0, True
+
+        def fed() -> Iterator[str]:
+            nonlocal start, between
+            for number, line in enumerate(lines, start=1):
+                if between:
+                    if not line.strip() or is_comment(line):
+                        continue
+                    start, between = number, False
+                yield line
+
         try:
-            for record in csv.reader(feed, strict=strict, skipinitialspace=True, delimiter=sign):
-                yield feed.record_start, tuple(cell.strip() for cell in record)
-                feed.between_records = True
+            for record in csv.reader(fed(), strict=strict, skipinitialspace=True, delimiter=sign):
+                yield start, tuple(cell.strip() for cell in record)
+                between = True
         except csv.Error as error:
-            raise QuoteError(feed.record_start, str(error)) from None
+            raise QuoteError(start, str(error)) from None
 
     return records
 
@@ -191,22 +169,17 @@ DELIMITERS = (
 SPACES = DELIMITERS[4:]
 
 
-def lines_of(text: str) -> list[str]:
-    """The lines of a text, their ends kept as they are (a quoted cell may go over several)."""
-    return list(io.StringIO(text, newline=""))
-
-
-def sample(delimiter: Delimiter, lines: list[str]) -> list[Record]:
+def _sample(delimiter: Delimiter, lines: Sequence[str]) -> list[Record]:
     """Records of the first lines; none where they cannot be divided so."""
+    # Long lines are many cells in few of them; the first counts in any case.
+    sizes = accumulate(map(len, lines[:SAMPLE]))
     try:
-        # Long lines are many cells in few of them; the first counts in any case.
-        sizes = accumulate(map(len, lines[:SAMPLE]))
         return list(delimiter.records(lines[: max(1, sum(size <= SAMPLE_SIZE for size in sizes))], False))
     except QuoteError:
         return []
 
 
-def all_records(source: str, delimiter: Delimiter, lines: list[str]) -> list[Record]:
+def _all_records(source: str, delimiter: Delimiter, lines: Sequence[str]) -> list[Record]:
     """The records of a file. Raises TableError for quotes that do not pair."""
     records, cells = list[Record](), 0
     try:
@@ -216,22 +189,9 @@ def all_records(source: str, delimiter: Delimiter, lines: list[str]) -> list[Rec
                 check_shape(source, max(len(lines), 1), max(len(record[1]), -(-cells // len(lines))))
             records.append(record)
     except QuoteError as error:
-        raise refusal(
-            source,
-            f"the record that starts here is not CSV ({error}); expected double quotes in pairs, around whole cells",
-            error.line,
-        ) from None
+        words = f"the record that starts here is not CSV ({error}); expected double quotes in pairs"
+        raise refusal(source, f"{words}, around whole cells", error.line) from None
     return records
-
-
-def comments(lines: list[str]) -> list[str]:
-    """The comment lines above the first other line, without their marks; a blank line for each other."""
-    found = []
-    for line in lines[:SAMPLE]:
-        if line.strip() and not is_comment(line):
-            break
-        found.append(line.strip().lstrip("#").strip())
-    return found
 
 
 # How pandas marks lines that go on further down, and rows or columns that it left out.
@@ -263,7 +223,8 @@ def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> Ra
         return laid_out(source, [record for record in records if any(record[1])], vocabulary, data, notes)
     check_text(source, data)
     text, notes = decode(source, data)
-    return _text_table(source, text, vocabulary, data, notes)
+    # Ends of lines are kept: a quoted cell may go over several.
+    return _text_table(source, list(io.StringIO(text, newline="")), vocabulary, data, notes)
 
 
 def frame_table(source: str, frame: pandas.DataFrame, vocabulary: Vocabulary, data: bytes) -> RawTable:
@@ -277,12 +238,13 @@ def frame_table(source: str, frame: pandas.DataFrame, vocabulary: Vocabulary, da
     return laid_out(source, records, vocabulary, data)
 
 
-def _text_table(source: str, text: str, vocabulary: Vocabulary, data: bytes, notes: tuple[str, ...]) -> RawTable:
-    lines = lines_of(text)
+def _text_table(
+    source: str, lines: Sequence[str], vocabulary: Vocabulary, data: bytes, notes: tuple[str, ...]
+) -> RawTable:
     delimiter, commented = _delimiter(lines, vocabulary), None
     if delimiter is None:
         delimiter, commented = _commented_header(lines, vocabulary) or (_most_cells(lines), None)
-    records = all_records(source, delimiter, lines)
+    records = _all_records(source, delimiter, lines)
     if not records:
         raise refusal(source, "only blank and comment lines were read; expected a header line and at least two rows")
     if delimiter in SPACES:
@@ -300,13 +262,13 @@ def _text_table(source: str, text: str, vocabulary: Vocabulary, data: bytes, not
     return laid_out(source, records, vocabulary, data, notes)
 
 
-def _delimiter(lines: list[str], vocabulary: Vocabulary) -> Delimiter | None:
+def _delimiter(lines: Sequence[str], vocabulary: Vocabulary) -> Delimiter | None:
     """What divides the cells: that by which a header has most names that are known, and most rows a cell for each of
     them; None where there is no header.
     """
 
     def worth(delimiter: Delimiter) -> tuple[float, float]:
-        records = sample(delimiter, lines)
+        records = _sample(delimiter, lines)
         at, names = find_header(records, vocabulary)
         widths = [len(cells) - len(records[at][1]) for _, cells in records[at + 1 :]]
         return names, max(map(widths.count, (0, 1))) / max(len(widths), 1)
@@ -337,19 +299,20 @@ def _indexed(records: list[Record], vocabulary: Vocabulary) -> tuple[list[Record
     return [*records[:at], (line, (name, *header)), *rest], (note,)
 
 
-def _commented_header(lines: list[str], vocabulary: Vocabulary) -> tuple[Delimiter, Record] | None:
-    """A header behind a comment mark, as NumPy writes it, and what divides it."""
+def _commented_header(lines: Sequence[str], vocabulary: Vocabulary) -> tuple[Delimiter, Record] | None:
+    """A header behind a comment mark above the first other line, as NumPy writes it, and what divides it."""
     best: tuple[float, Delimiter, Record] | None = None
+    above = list(takewhile(lambda line: not line.strip() or is_comment(line), lines[:SAMPLE]))
     for delimiter in DELIMITERS:
-        for number, text in enumerate(comments(lines), start=1):
-            for _, cells in sample(delimiter, [text]):
+        for number, line in enumerate(above, start=1):
+            for _, cells in _sample(delimiter, [line.strip().lstrip("#").strip()]):
                 worth = sum(map(vocabulary.worth, cells))
                 if worth >= _COMMENTED and (best is None or worth > best[0]):
                     best = worth, delimiter, (number, cells)
     return None if best is None else best[1:]
 
 
-def _most_cells(lines: list[str]) -> Delimiter:
+def _most_cells(lines: Sequence[str]) -> Delimiter:
     """What divides the first line into most cells."""
-    firsts = {item: sample(item, lines)[:1] for item in DELIMITERS[:4]}
+    firsts = {item: _sample(item, lines)[:1] for item in DELIMITERS[:4]}
     return max(DELIMITERS[:4], key=lambda item: len(firsts[item][0][1]) if firsts[item] else 0)

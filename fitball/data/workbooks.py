@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import datetime
 import io
+import lzma
+import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
 
 from fitball.data.bundled import SHEET_MARK, WORKBOOKS
-from fitball.data.findings import Record, Vocabulary, refusal
-from fitball.data.layout import find_header
+from fitball.data.cells import Record, Vocabulary, find_header, refusal
 
 if TYPE_CHECKING:
     import pandas
@@ -61,16 +63,34 @@ def check_text(source: str, data: bytes) -> None:
         )
 
 
-def check_workbook(source: str, data: bytes, suffix: str) -> None:
-    """Raise TableError for a workbook whose sheets together are larger than a table, or whose files are.
+# What a damaged archive raises: its directory and its members (CRCs among them), what unpacks them, names that are no
+# UTF-8; RuntimeError: it is encrypted, or (NotImplementedError is one) packed in a way that nobody knows.
+_ARCHIVE = (
+    zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, struct.error, OSError, UnicodeDecodeError, RuntimeError
+)  # fmt: skip
+# What damaged XML raises: itself, an encoding that is none, and a cell whose place is no number.
+_XML = (expat.ExpatError, LookupError, ValueError)
 
-    Raises ValueError, BadZipFile or the errors of damaged XML for what is no workbook.
+
+@contextmanager
+def _whole(source: str, *errors: type[Exception]) -> Iterator[None]:
+    """Raise TableError for those errors of what is read inside: the workbook is damaged."""
+    try:
+        yield
+    except errors as error:
+        message = f"not a workbook ({error}); expected {', '.join(WORKBOOKS)}, or CSV with the ending .csv"
+        raise refusal(source, message) from None
+
+
+def check_workbook(source: str, data: bytes, suffix: str) -> None:
+    """Raise TableError for a workbook that is damaged, whose sheets together are larger than a table, or whose files
+    are.
     """
     if suffix == ".xls":
         # No sheet of this format is larger than 65,536 rows of 256 columns; each is looked at once it is open.
         return
     boxes, cells, unpacked = list[tuple[int, int]](), 0, 0
-    with zipfile.ZipFile(io.BytesIO(data)) as book:
+    with _whole(source, *_ARCHIVE), zipfile.ZipFile(io.BytesIO(data)) as book:
         for member in book.infolist():
             reader = _reader(member.filename, suffix)
             if reader is None:
@@ -81,10 +101,11 @@ def check_workbook(source: str, data: bytes, suffix: str) -> None:
                 while piece := file.read(_PIECE):
                     unpacked += len(piece)
                     if unpacked > min(MOST_UNPACKED, SLACK + BYTES_A_CELL * (cells + reader.cells)):
-                        raise refusal(
-                            source, f"unpacks to more than {unpacked / 1e6:,.0f} MB, too large for its cells"
-                        )
-                    reader.feed(piece)
+                        words = f"unpacks to more than {unpacked / 1e6:,.0f} MB, too large for its cells"
+                        raise refusal(source, words)
+                    with _whole(source, *_XML):
+                        reader.feed(piece)
+            with _whole(source, *_XML):
                 reader.feed(b"", True)
             cells += reader.cells
             boxes += reader.boxes
@@ -207,11 +228,8 @@ def _reader(name: str, suffix: str) -> Any:
     return _Sheet(_office_open) if name.endswith(".xml") else None
 
 
-# What reading a damaged archive or damaged XML raises.
-DAMAGED = (zipfile.BadZipFile, zlib.error, expat.ExpatError, ValueError, EOFError, NotImplementedError, RuntimeError)
-
-
-# Names by which a sheet is taken for a table of impacts.
+# Names by which a sheet is taken for a table of impacts: one that is known and another that is probably meant, since
+# one alone (`id`, `surface`, `speed`) stands in sheets of notes too.
 _NAMES = 1.5
 
 
@@ -229,17 +247,15 @@ def workbook_records(
         check_shape(source, sheet.total_height, sheet.total_width)
         return sheet.to_python(skip_empty_area=False)
 
-    try:
-        check_workbook(source, data, suffix)
-        with python_calamine.load_workbook(io.BytesIO(data)) as book:
-            named = {
-                sheet.name: cells(book.get_sheet_by_name(sheet.name))
-                for sheet in book.sheets_metadata
-                if sheet.typ == python_calamine.SheetTypeEnum.WorkSheet
-            }
-    except (python_calamine.CalamineError, OSError, OverflowError, *DAMAGED) as error:
-        message = f"not a workbook ({error}); expected {', '.join(WORKBOOKS)}, or CSV with the ending .csv"
-        raise refusal(source, message) from None
+    check_workbook(source, data, suffix)
+    # What a reader of sheets still finds wrong, among it dates that are none.
+    errors = (python_calamine.CalamineError, OSError, ValueError, OverflowError)
+    with _whole(source, *errors), python_calamine.load_workbook(io.BytesIO(data)) as book:
+        named = {
+            sheet.name: cells(book.get_sheet_by_name(sheet.name))
+            for sheet in book.sheets_metadata
+            if sheet.typ == python_calamine.SheetTypeEnum.WorkSheet
+        }
     found: dict[str, list[Record]] = {
         name: [(number, tuple(map(_text, row))) for number, row in enumerate(rows, start=1)]
         for name, rows in named.items()
@@ -275,7 +291,7 @@ def parquet_frame(path: Path, data: bytes) -> pandas.DataFrame:
             if size > most:
                 raise refusal(source, f"unpacks to more than {size / 1e6:,.0f} MB; expected numbers and short texts")
             batches.append(batch)
-        return _frame_of(pyarrow.Table.from_batches(batches, file.schema_arrow))
+        frame: pandas.DataFrame = pyarrow.Table.from_batches(batches, file.schema_arrow).to_pandas()
     except ImportError:
         raise refusal(
             source,
@@ -287,10 +303,6 @@ def parquet_frame(path: Path, data: bytes) -> pandas.DataFrame:
         raise refusal(
             source, f"not a Parquet file ({error}); expected Parquet, or CSV with the ending .csv"
         ) from None
-
-
-def _frame_of(table: Any) -> pandas.DataFrame:
-    frame: pandas.DataFrame = table.to_pandas()
     return frame
 
 

@@ -24,7 +24,7 @@ from fitball.inference.prediction.engine_fit import (
 from fitball.inference.prediction.outputs import expected_outputs
 from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.results.results import Fit, Golden
-from fitball.models.kernels.vertical import zero_force_release
+from fitball.models.kernels.contact import zero_force_release
 from fitball.models.types import OUTPUTS, regime_name
 from fitball.observables import COMPARED, INCIDENT_UNITS, SI_UNITS
 from fitball.report.form.document import Document, Part, Section, Table, Words, as_markdown

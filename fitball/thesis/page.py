@@ -24,8 +24,8 @@ from fitball.report.form.document import figure_html, render_template
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
-from fitball.thesis import ranking, recalibration
-from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
+from fitball.thesis import judgement, recalibration
+from fitball.thesis.appendices import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.thesis.chapter_five import ChapterFive
 from fitball.thesis.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
 from fitball.thesis.recalibration import Recalibration, offset_constants
@@ -53,10 +53,10 @@ def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
         figures={name: figure_html(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
         tables=chapter.tables,
         text=_text,
-        brief=ranking.in_brief(chapter.rankings),
+        brief=judgement.in_brief(chapter.rankings),
         scene=load_scene(recalibration.TABLE),
-        scales=ranking.SCALE,
-        resamples=ranking.RESAMPLES,
+        scales=judgement.SCALE,
+        resamples=judgement.RESAMPLES,
         beyond=beyond,
         inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in chapter.inertia.shares.items()),
     )

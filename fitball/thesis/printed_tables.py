@@ -26,7 +26,7 @@ from fitball.inference.thesis.inputs import (
     row_parameters,
 )
 from fitball.models.model import Model
-from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 from fitball.values import FloatArray, impacts
 
 TABLE_OF = {"zero": "table_2", "topspin": "table_4", "backspin": "table_6"}

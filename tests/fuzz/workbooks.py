@@ -11,20 +11,8 @@ from fuzz.mutators import NUMBERS, TEXTS, damage_file, pick
 
 SHEET = "xl/worksheets/sheet1.xml"
 PLACES = (
-    "A1",
-    "A900",
-    "Z30",
-    "AZ1048576",
-    "XFD1",
-    "XFD3000",
-    "XFD50000",
-    "A1048576",
-    "XFE1",
-    "A0",
-    "1A",
-    "",
-    "a1:b2",
-)
+    "A1", "A900", "Z30", "AZ1048576", "XFD1", "XFD3000", "XFD50000", "A1048576", "XFE1", "A0", "1A", "", "a1:b2",
+)  # fmt: skip
 # What stands in a sheet, and what comes in its place; `{}` is a cell's place.
 SWAPS = (
     ('r="A1"', 'r="{}"'), ('r="B2"', 'r="{}"'), ('<dimension ref="A1', '<dimension ref="A1:{}" x="A1'),

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.force_file import ForceRecord
+from fitball.data.force import ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
 from fitball.inference.problem.force_records import ForceRecords, averaged
@@ -196,15 +196,21 @@ def with_plate(known: Knowledge, sd: float, rng: np.random.Generator) -> Knowled
     return _with_parameters(known, added, rng)
 
 
-def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], root: FloatArray) -> FloatArray:
+def in_directions(rows: FloatArray, solved: NDArray[np.bool_], roots: FloatArray) -> FloatArray:
+    """Derivatives `rows` (draws, impacts, rows, free) in the directions of `Knowledge.roots`; zero where a draw is
+    not `solved` (draws, impacts).
+    """
+    known = solved & np.isfinite(rows).all(axis=(2, 3))
+    return np.asarray(np.where(known[..., None, None], rows, 0.0) @ roots[:, None])
+
+
+def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], roots: FloatArray) -> FloatArray:
     """Rows (draws, impacts, directions, directions) whose squares add up to what records of the planned impacts tell,
-    in the directions of `Knowledge.root`; zero where a draw is not `solved` (draws, impacts).
+    as `in_directions` has them.
     """
     records = _records(planned, draws, solved)
     slopes, growth = force_information_rows(planned, records, draws)
-    rows = np.concatenate([slopes, np.sqrt(2.0) * growth], axis=2)
-    known = solved & np.isfinite(rows).all(axis=(2, 3))
-    rows = np.where(known[..., None, None], rows, 0.0) @ (root if root.ndim == 2 else root[:, None])
+    rows = in_directions(np.concatenate([slopes, np.sqrt(2.0) * growth], axis=2), solved, roots)
     # As many rows as there are directions say the same.
     return np.asarray(np.linalg.qr(rows, mode="r"))
 

@@ -18,7 +18,8 @@ from fitball.inference.identifiability.information import (
     inverse,
     prior_sds,
 )
-from fitball.inference.identifiability.profile import DROP_95, best_top, coverage, profiles, standard_errors
+from fitball.inference.identifiability.profile import DROP_95, coverage, profiles
+from fitball.inference.identifiability.profile_walk import best_top, standard_errors
 from fitball.inference.identifiability.verdict import (
     CONFLICT,
     SENSITIVE,

@@ -135,8 +135,7 @@ def contraction_alone(
     problem: Problem, parameter: Parameter, look: InformationEvidence | None, alone: Profile | None, traded: bool
 ) -> float | None:
     """The contraction by table and priors alone of a parameter that the scene touches, None of others: to first
-    order,
-    or by its profile `alone` without the scene where that says more (at a bound the first order means little).
+    order, or by its profile `alone` without the scene where that says more (at a bound the first order means little).
     Nothing of one that is `traded`: there it is the priors of others.
     """
     if look is None or not touched_by_scene(problem, {parameter.name: look}):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from fitball.data.force_file import ForceFile, ForceRecord
+from fitball.data.force import ForceFile, ForceRecord
 from fitball.data.scene import Scene
 from fitball.inference.problem.parameters import FORCE_NOISE
 from fitball.models.model import Model

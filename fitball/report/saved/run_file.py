@@ -13,8 +13,8 @@ import msgspec
 import tomli_w
 
 from fitball.data.bundled import bundled_folder, split_sheet
-from fitball.data.force_file import load_force
-from fitball.data.join import load_tables
+from fitball.data.force import load_force
+from fitball.data.read import load_tables
 from fitball.data.scene import Scene
 from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.errors import ResultFolderError

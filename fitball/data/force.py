@@ -14,14 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from fitball.data.bundled import FORCE_ENDING, PARQUET_SUFFIXES, resolve_table
-from fitball.data.findings import Findings, RawTable, Vocabulary
-from fitball.data.header import Column, is_unit, split_cell
-from fitball.data.numbers import NumberColumn, plain_numbers, read_column
-from fitball.data.rows import repeated
+from fitball.data.cells import Findings, RawTable, Texts, Vocabulary
+from fitball.data.header import is_unit, split_cell
+from fitball.data.numbers import NumberColumn, plain_numbers, read_column, repeated
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.data.text import read_raw
-from fitball.data.units import DEFAULT_UNIT, Dimension, parse_unit
+from fitball.data.units import Dimension, Unit, parse_unit
 from fitball.errors import SceneError, TableError, UnitError, suggestion
 from fitball.values import FloatArray
 from fitball.wording import option
@@ -81,15 +80,14 @@ def load_force(path: Path, table: ImpactTable) -> ForceFile:
     """
     raw = read_raw(path, Vocabulary(lambda cell: float(_name(cell) in ("id", *DIMENSIONS, *MISNAMED)), is_unit))
     found = Findings.of(raw)
-    before = len(found.faults)
-    header = _header(raw, found)
-    if len(found.faults) > before:
+    places, units = _header(raw, found)
+    if len(found.faults) > len(raw.faults):
         raise TableError(str(path), found.faults)
-    found.rows, _notes = plain_numbers(raw.rows, [header[name].index for name in DIMENSIONS])
-    columns = {name: read_column(header[name], found) for name in DIMENSIONS}
+    cells, _notes = plain_numbers({name: raw.columns[places[name]] for name in DIMENSIONS})
+    times, forces = (read_column(name, units[name], cells[name], found) for name in DIMENSIONS)
     if not raw.rows:
         found.header_fault("read a header and no rows; expected samples of force")
-    records = [] if found.faults else _records(header["id"].index, columns, table, found)
+    records = [] if found.faults else _records(raw.columns[places["id"]], times, forces, table, found)
     found.refuse(str(path))
     ordered = tuple(sorted(records, key=lambda record: record.row))
     return ForceFile(str(path), sha256(raw.data).hexdigest(), ordered)
@@ -99,35 +97,34 @@ def _name(cell: str) -> str:
     return split_cell(cell)[0]
 
 
-def _header(raw: RawTable, found: Findings) -> dict[str, Column]:
-    """The three columns; a fault for each that is missing or whose unit is not understood."""
-    columns: dict[str, Column] = {}
+def _header(raw: RawTable, found: Findings) -> tuple[dict[str, int], dict[str, Unit]]:
+    """Places and units of the three columns; a fault for each that is missing or whose unit is not understood."""
+    places, units = dict[str, int](), dict[str, Unit]()
     for index, cell in enumerate(raw.header):
         name, unit = split_cell(cell, found=found)
-        if name in columns:
+        if name in places:
             found.header_fault("another column has that name already; keep one", name)
-        elif name == "id":
-            columns[name] = Column(index, name, None)
-        elif name in DIMENSIONS:
-            try:
-                columns[name] = Column(index, name, parse_unit(unit, DIMENSIONS[name]))
-            except UnitError as error:
-                found.header_fault(str(error), name)
-                columns[name] = Column(index, name, DEFAULT_UNIT[DIMENSIONS[name]])
+        elif name == "id" or name in DIMENSIONS:
+            places[name] = index
+            if name in DIMENSIONS:
+                try:
+                    units[name] = parse_unit(unit, DIMENSIONS[name])
+                except UnitError as error:
+                    found.header_fault(str(error), name)
         elif name in MISNAMED:
             found.header_fault(f"unknown column; did you mean '{MISNAMED[name]}'? Rename it", name)
     for name in ("id", *DIMENSIONS):
-        if name not in columns:
+        if name not in places:
             found.header_fault(f"there is no column '{name}'; {EXPECTED}")
-    return columns
+    return places, units
 
 
 def _records(
-    id_column: int, columns: Mapping[str, NumberColumn], table: ImpactTable, found: Findings
+    ids: Texts, times: NumberColumn, forces: NumberColumn, table: ImpactTable, found: Findings
 ) -> list[ForceRecord]:
     records: list[ForceRecord] = []
     begun: dict[str, int] = {}
-    for name, group in groupby(range(len(found.rows)), key=lambda k: found.rows[k].cells[id_column]):
+    for name, group in groupby(range(len(ids)), key=ids.__getitem__):
         places = list(group)
         head, read = places[0], f"read '{name}', which"
         if name not in table.ids:
@@ -141,22 +138,30 @@ def _records(
             message = f"the record of '{name}' begins again; it stood at row {begun[name]}: expected one record an id"
             found.fault(message, "id", head)
         else:
-            record = _record(name, places, columns, table, found)
-            if record is not None:
-                records.append(record)
-        begun.setdefault(name, found.rows[head].number)
+            taken, force = times.take(np.array(places)), forces.values[places]
+            wrong = _record_fault(name, taken, force)
+            if wrong is None:
+                force.setflags(write=False)
+                begin, step = float(taken.values[0]), _step(taken)
+                records.append(ForceRecord(name, table.ids.index(name), begin, step, force))
+            else:
+                message, column, sample = wrong
+                found.fault(message, column, places[sample])
+        begun.setdefault(name, found.rows.numbers[head])
     return records
 
 
-def _record(
-    name: str, places: list[int], columns: Mapping[str, NumberColumn], table: ImpactTable, found: Findings
-) -> ForceRecord | None:
-    """One record, or None with a fault: the first of its times, else one of its forces."""
-    times, forces = columns["t"].values[places], columns["F"].values[places]
-    if len(places) < LEAST_SAMPLES:
-        message = f"the record of '{name}' has {len(places)} samples; expected at least {LEAST_SAMPLES}"
-        found.fault(message, "t", places[0])
-        return None
+def _step(times: NumberColumn) -> float:
+    return float(times.values[-1] - times.values[0]) / (len(times.values) - 1)
+
+
+def _record_fault(name: str, column: NumberColumn, forces: FloatArray) -> tuple[str, str, int] | None:
+    """What is wrong with a record, first with its times, then with the course of its force; in which column and at
+    which sample.
+    """
+    times = column.values
+    if len(times) < LEAST_SAMPLES:
+        return f"the record of '{name}' has {len(times)} samples; expected at least {LEAST_SAMPLES}", "t", 0
     steps = np.diff(times)
     typical = float(np.median(steps))
     # Printed times are rounded: half a step either way is no gap yet.
@@ -166,45 +171,33 @@ def _record(
     ):
         if np.any(wrong):
             k = int(np.argmax(wrong))
-            shown = columns["t"].shown
-            message = f"read {shown(times[k + 1])} after {shown(times[k])} in the record of '{name}'; {words}"
-            found.fault(message, "t", places[k + 1])
-            return None
-    step = float(times[-1] - times[0]) / (len(places) - 1)
-    problem = _force_fault(name, forces, step)
-    if problem is not None:
-        found.fault(*problem, places[0])
-        return None
-    forces.setflags(write=False)
-    return ForceRecord(name, table.ids.index(name), float(times[0]), step, forces)
-
-
-def _force_fault(name: str, forces: FloatArray, step: float) -> tuple[str, str] | None:
-    """What is wrong with the course of a force, and in which column."""
+            read = f"read {column.shown(k + 1)} after {column.shown(k)} in the record of '{name}'"
+            return f"{read}; {words}", "t", k + 1
     peak = float(forces.max())
     if peak <= 0.0 or -float(forces.min()) > peak:
-        return f"the record of '{name}' is mostly negative; expected F positive in compression: change its sign", "F"
+        words = "is mostly negative; expected F positive in compression: change its sign"
+        return f"the record of '{name}' {words}", "F", 0
     for end, word, sample in ((forces[0], "begins", "landing"), (forces[-1], "ends", "release")):
         if end > CUT * peak:
             return (
                 f"the record of '{name}' {word} at {100.0 * float(end) / peak:.0f} % of its peak; expected samples "
                 f"from before landing until after release (below {100.0 * CUT:.0f} %): the {sample} is cut off",
-                "F",
-            )
+                "F", 0,
+            )  # fmt: skip
     first, last = _pulse(forces)
     if last - first + 1 < LEAST_SAMPLES:
         return (
             f"the record of '{name}' has {last - first + 1} samples above {100.0 * PULSE:.0f} % of its peak; "
             f"expected at least {LEAST_SAMPLES} during the contact: sample faster",
-            "t",
-        )
-    length = (last - first) * step
+            "t", 0,
+        )  # fmt: skip
+    length = (last - first) * _step(column)
     if not SHORTEST < length < LONGEST:
         return (
             f"the contact in the record of '{name}' lasts {1e3 * length:.3g} ms; expected "
             f"{1e3 * SHORTEST:g} to {1e3 * LONGEST:g} ms: check the unit of t (seconds without one: write 't [ms]')",
-            "t",
-        )
+            "t", 0,
+        )  # fmt: skip
     return None
 
 

@@ -1,16 +1,124 @@
-"""Which record is the header, what stands above it, whether units stand beneath it, which rows follow, and which of
-these sum up the others.
+"""From records of cells to columns of text: which record is the header, what stands above it, whether units stand
+beneath it, which rows follow, and which of these sum up the others. And what a look at them finds: faults, for which
+a table is refused, and notices.
 """
 
 from __future__ import annotations
 
 import re
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 
-from fitball.data.findings import RawRow, RawTable, Record, Vocabulary, refusal
-from fitball.errors import Fault
+from fitball.data.table import Notice
+from fitball.errors import Fault, TableError
+
+# Cells, and the line they start on (None where there are no lines).
+Record = tuple[int | None, tuple[str, ...]]
+Texts = tuple[str, ...]
+
+# What a spreadsheet shows where a formula has no value, in English and German: no comment, though it begins like one.
+FORMULA_ERROR = re.compile(
+    r"#(?:N/?A|NV|VALUE!|WERT!|DIV/0!|REF!|BEZUG!|NAME\?|NUM!|ZAHL!|NULL!)(?![\w!?])", re.IGNORECASE
+)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where rows of a table stand: their `numbers` from 1, and the `lines` they start on (None without lines)."""
+
+    numbers: tuple[int, ...]
+    lines: tuple[int | None, ...]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def take(self, places: Iterable[int]) -> Rows:
+        """The rows at these places."""
+        kept = list(places)
+        return Rows(tuple(self.numbers[k] for k in kept), tuple(self.lines[k] for k in kept))
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Header and columns as text, all as long as the `rows` and as many as the header. `data` is the file's bytes,
+    `notes` say what was assumed or passed over.
+    """
+
+    header: Texts
+    header_line: int | None
+    rows: Rows
+    columns: tuple[Texts, ...]
+    data: bytes
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """What a header is told by: `worth` of a cell (1 for a column that is known, less for one that may be meant, 0
+    for any other text), and whether a text `is_unit`.
+    """
+
+    worth: Callable[[str], float]
+    is_unit: Callable[[str], bool]
+
+
+def refusal(source: str, message: str, line: int | None = None) -> TableError:
+    """The error of a file that cannot be taken apart."""
+    return TableError(source, [Fault(message, line=line)])
+
+
+# Faults that are kept one by one: a table of millions of cells may have one in each.
+MOST_FAULTS = 100_000
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Faults and notices of a table, one check after the other adds to them. Places of rows count among `rows`, those
+    that are left of it; `line` is that of its header, `more` counts faults beyond those that are kept.
+    """
+
+    rows: Rows
+    line: int | None
+    faults: list[Fault] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+    more: Counter[str] = field(default_factory=Counter)
+
+    @staticmethod
+    def of(raw: RawTable) -> Findings:
+        """What was found of a table when it was taken apart."""
+        return Findings(raw.rows, raw.header_line, list(raw.faults), [Notice(text) for text in raw.notes])
+
+    def among(self, places: Iterable[int]) -> Findings:
+        """The same findings, where the rows at these places alone are left."""
+        return replace(self, rows=self.rows.take(places))
+
+    def fault(self, message: str, column: str | None = None, place: int | None = None) -> None:
+        """Add a fault of the row at a `place`, or without one of the whole table."""
+        if len(self.faults) >= MOST_FAULTS:
+            self.more["faults"] += 1
+            return
+        number, line = (None, None) if place is None else (self.rows.numbers[place], self.rows.lines[place])
+        self.faults.append(Fault(message, number, line, column))
+
+    def header_fault(self, message: str, column: str | None = None) -> None:
+        """Add a fault of the header."""
+        self.faults.append(Fault(message, line=self.line, column=column))
+
+    def notice(self, message: str, *columns: str, place: int | None = None, kind: str = "") -> None:
+        """Add a notice about `columns`, or about them in the row at a `place`; for `kind` see `Notice`."""
+        row = None if place is None else self.rows.numbers[place]
+        self.notices.append(Notice(message, row, columns, kind))
+
+    def refuse(self, source: str, hints: tuple[str, ...] = ()) -> None:
+        """Raise TableError if there is a fault: header first, then row by row, as one works through a file."""
+        untold = [Fault(f"{self.more['faults']:,} more faults, which are not listed")] if self.more else []
+        if self.faults:
+            raise TableError(source, sorted(self.faults + untold, key=lambda fault: fault.row or 0), hints)
+
 
 # Records among which the header is looked for.
 _REACH = 60
@@ -38,23 +146,25 @@ def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> tuple[int,
 def laid_out(
     source: str, records: Sequence[Record], vocabulary: Vocabulary, data: bytes, notes: Sequence[str] = ()
 ) -> RawTable:
-    """Header and rows of records; rows of another shape than the header's become faults, what is passed over notes.
+    """Header and columns of records; rows of another shape than the header's are faults, notes say what was passed
+    over.
 
     Raises TableError where numbers stand above the header.
     """
     at, _worth = find_header(records, vocabulary)
     line, header = records[at]
     told = [*notes, *_above(source, records[:at], len(header))]
-    rest, first = list(records[at + 1 :]), 1
+    rest, first = records[at + 1 :], 1
     faults: list[Fault] = []
     if rest and _is_units(rest[0][1], header, vocabulary):
-        header = _with_units(header, rest.pop(0), vocabulary, faults)
+        header = _with_units(header, rest[0], vocabulary, faults)
+        rest = rest[1:]
         told.append("the units were read from the row beneath the header")
         # In a DataFrame, which has no lines, they are a row as any other.
         first += line is None
     width = _width(header, rest)
-    header = header[:width]
-    rows, empty, again = [], 0, list[str]()
+    numbers, lines, kept = list[int](), list[int | None](), list[Texts]()
+    empty, again = 0, list[str]()
     summed = summaries([cells for _, cells in rest])
     for number, (place, cells) in enumerate(rest, start=first):
         fitted = _fitted(cells, width)
@@ -73,13 +183,18 @@ def laid_out(
             message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
             faults.append(Fault(message, row=number, line=place))
         else:
-            rows.append(RawRow(number, place, fitted))
+            numbers.append(number)
+            lines.append(place)
+            kept.append(fitted)
     if again:
         more = f" and {len(again) - 1} more times" if len(again) > 1 else ""
         told.append(f"the header stands again {again[0]}{more} and was passed over")
     if empty:
         told.append(f"{empty} empty row{'s were' if empty > 1 else ' was'} passed over")
-    return RawTable(header, line, tuple(rows), data, tuple(faults), tuple(told))
+    columns = tuple(zip(*kept, strict=True)) or ((),) * width
+    return RawTable(
+        header[:width], line, Rows(tuple(numbers), tuple(lines)), columns, data, tuple(faults), tuple(told)
+    )
 
 
 def _width(header: tuple[str, ...], rest: Sequence[Record]) -> int:
@@ -161,6 +276,8 @@ _STATISTICS: Mapping[str, Callable[[Sequence[float]], float]] = {
     r"max|maximum": max,
     r"count|n": len,
 }
+# A group for each.
+_STATISTIC = re.compile(f"(?:{'|'.join(f'({words})' for words in _STATISTICS)})[.:]?", re.IGNORECASE)
 # Words that name people, balls and runs too: such a row is one of the table unless its numbers are the statistic.
 _NAMES = re.compile(r"(?:min|max|n|sum|sd|std)[.:]?", re.IGNORECASE)
 
@@ -189,9 +306,8 @@ def summaries(rows: Sequence[Sequence[str]]) -> dict[int, str]:
 
 
 def _statistic(word: str) -> Callable[[Sequence[float]], float] | None:
-    if len(word) > len("standardabweichung:"):
-        return None
-    return next((how for words, how in _STATISTICS.items() if re.fullmatch(f"(?:{words})[.:]?", word, re.I)), None)
+    found = _STATISTIC.fullmatch(word) if len(word) <= len("standardabweichung:") else None
+    return None if found is None or found.lastindex is None else [*_STATISTICS.values()][found.lastindex - 1]
 
 
 def _value(word: str, column: Numbers) -> tuple[float, float]:
