@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, wraps
 from numbers import Integral, Real
 from reprlib import Repr
-from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import Any, ParamSpec, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -33,7 +33,7 @@ _KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
     os.PathLike: ((os.PathLike,), "a path"),
     types.NoneType: ((types.NoneType,), "None"),
 }
-# Arguments of which `api.asked.checked_choices` says more.
+# Arguments of which `api.reading.choices_of` says more.
 SPOKEN_FOR = ("closures", "priors", "fix", "pool")
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
@@ -62,6 +62,24 @@ class _Names(dict[str, Any]):
         return eval(found, {"__builtins__": {}}, self) if isinstance(found, str) else found
 
 
+def spelled(options: type, defaults: Mapping[str, Any]) -> Callable[[T], T]:
+    """Options that several functions take by `**options: Unpack[...]`, as each one's own: by name in its signature,
+    of the kinds of a TypedDict, with these defaults (else None).
+    """
+
+    def spell(function: T) -> T:
+        own = inspect.signature(cast("Callable[..., Any]", function))
+        *known, _options = own.parameters.values()
+        more = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(name), annotation=kind)
+            for name, kind in get_type_hints(options).items()
+        ]
+        function.__signature__ = own.replace(parameters=[*known, *more])  # type: ignore[attr-defined]
+        return function
+
+    return spell
+
+
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """The function, which raises ParameterError for an argument that is not of the kind its annotation names."""
     signature = inspect.signature(function)
@@ -81,7 +99,9 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     def wrapper(*args: P.args, **named: P.kwargs) -> T:
         try:
             given = signature.bind(*args, **named).arguments
-        except TypeError:
+        except TypeError as error:
+            if hasattr(function, "__signature__"):
+                raise TypeError(f"{function.__name__}() {error}") from None
             # Python says best which argument is missing or not known.
             return function(*args, **named)
         for name, kind in kinds().items():

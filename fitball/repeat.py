@@ -9,16 +9,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
+from fitball.api.calibrating import begin
+from fitball.api.reading import Report
 from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
@@ -27,13 +31,15 @@ from fitball.inference.results.results import Fit, Posterior
 from fitball.inference.results.source import data_columns
 from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.inference.sampling.convergence import standard_errors, summaries
-from fitball.report.fit.folder import CHAIN_NAME
+from fitball.report.fit.folder import CHAIN_NAME, older_result, write_all
 from fitball.report.form.document import columns
 from fitball.report.form.files import write_text
+from fitball.report.form.folders import held
 from fitball.report.form.numbers import significant
 from fitball.report.saved.fit_file import fit_text, read_fit, read_posterior
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_columns, write_data, write_netcdf
-from fitball.report.saved.structure import FIT_NAME
+from fitball.report.saved.run_file import find_records, find_tables, read_run, record_problem
+from fitball.report.saved.structure import FIT_NAME, OlderFileError
 
 # A run as it lies in its folder, or as it was just made again: what a repetition compares.
 
@@ -492,3 +498,60 @@ def _entry(finding: Finding) -> dict[str, Any]:
         "basis": finding.basis,
         "differs": finding.differs,
     }
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """A fit made again: what was found beside the `original`, and the folder `out` that the new one is kept in."""
+
+    repetition: Repetition
+    original: Kept
+    out: Path | None
+
+    @property
+    def exit_code(self) -> int:
+        """0 where the results do not contradict each other, else 1."""
+        return 1 if self.repetition.outcome is Outcome.DIFFERENT else 0
+
+    def report(self) -> str:
+        """All of it as text."""
+        kept = [] if self.out is None else [str(self.out)]
+        return "\n".join([render(self.repetition, self.original), *kept])
+
+    def json(self) -> dict[str, Any]:
+        """All of it for machines, in SI."""
+        return repetition_json(self.repetition, self.original.content)
+
+
+def repeat(
+    fit: Path, tables: Sequence[str], force: str | None, out: Path | None, cores: int, report: Report
+) -> Repeated | None:
+    """Make the fit of a folder or of a `run.toml` again and compare; None for one of an older fitball, which is only
+    made again. `tables` and `force` say where its files are now; the new result is kept in the folder `out`.
+
+    Raises ResultFolderError, and as `calibrate` does; KeyboardInterrupt with nothing compared.
+    """
+    record = read_run(fit)
+    try:
+        original = read_kept(record.folder)
+    except OlderFileError:
+        # It cannot be compared with, and is the reason for many to make it again.
+        if out is None:
+            raise
+        original = None
+    problem = record_problem(record, find_tables(record, tables), find_records(record, force))
+    if original is not None:
+        check_rows(problem, original)
+    if out is not None and (older := older_result(out)):
+        raise ResultFolderError(
+            f"{out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another folder "
+            "with --out"
+        )
+    place = nullcontext(out) if out is not None else TemporaryDirectory(prefix="fitball-repeat-")
+    with place as name, held(Path(name)):
+        made = begin(problem, replace(record.effort, cores=cores), Path(name)).fit(report)
+        report("comparison", None)
+        (write_numbers if out is None else write_all)(made, Path(name))
+        return (
+            None if original is None else Repeated(compared(problem, original, read_kept(Path(name))), original, out)
+        )

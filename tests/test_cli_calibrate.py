@@ -83,58 +83,36 @@ def test_a_table_without_spin_does_not_fit_torsion(here, capsys, brief):
     assert "no spin was measured" in captured.err
 
 
+# Faults of every kind are those of `test_data_bad_tables`: here that the verb tells them.
 TABLES = {
-    "missing column": ("v_x1,v_y1,v_x2\n", "v_x1,v_x2\n15,11\n14,9\n", ["v_y1"]),
-    "misspelt column": (None, GOOD.replace("omega_2", "omgea_2"), ["omgea_2", "omega_2"]),
-    "unknown unit": (None, GOOD.replace("omega_1 [rpm]", "omega_1 [rpn]"), ["omega_1", "rpn"]),
-    "text in a number": (None, GOOD.replace("8.9", "fast"), ["row 2", "v_x2", "fast"]),
-    "infinite": (None, GOOD.replace("8.9", "inf"), ["row 2", "v_x2", "inf"]),
-    "negative v_y1": (None, GOOD.replace(",7.5,", ",-7.5,"), ["row 2", "v_y1", "-7.5"]),
-    "rebound faster": (None, GOOD.replace(",11.5,", ",31.5,"), ["row 1"]),
-    "COR above 1": (None, GOOD.replace(",6.0,", ",10.9,"), ["row 2", "v_y2"]),
-    "one row": (None, "\n".join(GOOD.splitlines()[:2]) + "\n", ["one", "2"]),
-    "no rebound": (None, "v_x1,v_y1,omega_1\n15,5,0\n14,6,0\n", ["rebound"]),
-    "empty": (None, "", ["empty"]),
-    "two decimal signs": (None, GOOD.replace(",", ";").replace("16.0;5.0", "16.0;5,0"), ["row 1", "v_y1", "5,0"]),
-    "duplicate header": (None, GOOD.replace("v_x2 [m/s]", "v_x1 [km/h]"), ["v_x1"]),
+    "missing column": ("v_x1,v_x2\n15,11\n14,9\n", ["v_y1"]),
+    "misspelt column": (GOOD.replace("omega_2", "omgea_2"), ["omgea_2", "omega_2"]),
+    "one row": ("\n".join(GOOD.splitlines()[:2]) + "\n", ["one", "2"]),
+    "empty": ("", ["empty"]),
+    "several": (GOOD.replace("8.9", "fast").replace("1900", "1900?"), ["row 2", "v_x2", "fast", "row 4"]),
 }
 
 
 @pytest.mark.parametrize("case", TABLES)
 def test_a_bad_table_ends_with_two_and_words(here, capsys, case):
-    _, text, words = TABLES[case]
+    text, words = TABLES[case]
     (here / "bad.csv").write_text(text, encoding="utf-8")
     assert main(["calibrate", "bad.csv"]) == 2
     err = capsys.readouterr().err
-    assert "bad.csv" in err
     assert "Traceback" not in err
-    for word in words:
+    for word in ("bad.csv", *words):
         assert word in err, err
     assert not (here / "fits").exists()
-
-
-def test_all_faults_at_once(here, capsys):
-    text = GOOD.replace("8.9", "fast").replace(",10.0,7.6", ",-10.0,7.6").replace("1900", "1900?")
-    (here / "bad.csv").write_text(text, encoding="utf-8")
-    assert main(["calibrate", "bad.csv"]) == 2
-    err = capsys.readouterr().err
-    assert "row 2" in err
-    assert "row 4" in err
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--model", "two-maas"], ["unknown model 'two-maas'", "did you mean 'two-mass'"]),
-        (["--closure", "normal=totall"], ["normal", "did you mean 'total'"]),
-        (["--closure", "nrmal=total"], ["unknown closure", "did you mean 'normal'"]),
-        (["--fix", "k_thta=20"], ["k_thta", "did you mean 'k_theta'"]),
         (["--fix", "mu=9"], ["mu = 9", "outside its bounds [0, 5]"]),
         (["--fix", "mu=much"], ["expected a number"]),
         (["--fix", "mu"], ["expected NAME=VALUE"]),
         (["--fix", "mu=0.5", "--fix", "mu=0.6"], ["given twice"]),
         (["--prior", "mu=normal(50, 1)"], ["no mass within the bounds"]),
-        (["--prior", "mu=gauss(0.5, 1)"], ["unknown family"]),
         (["--prior", "mass_rato=normal(0.8, 1)"], ["unknown parameter 'mass_rato'", "did you mean 'mass_ratio'"]),
         (["--walkers", "7"], ["walkers = 7"]),
         (["--max-steps", "3"], ["max_steps = 3"]),
@@ -149,14 +127,6 @@ def test_bad_options_end_with_two_and_words(here, capsys, options, words):
     for word in words:
         assert word in err, err
     assert not (here / "fits").exists()
-
-
-def test_unknown_scene_key(here, capsys):
-    (here / "balls.toml").write_text("[ball]\nmas = 0.057\n", encoding="utf-8")
-    assert main(["calibrate", "balls.csv"]) == 2
-    err = capsys.readouterr().err
-    assert "mas" in err
-    assert "mass" in err
 
 
 def test_unknown_table_and_verb(here, capsys):

@@ -204,18 +204,6 @@ def test_faults_end_with_two_and_without_a_folder(tmp_path, monkeypatch, capsys,
     assert not (tmp_path / "fits").exists()
 
 
-def test_differences_of_errors_have_the_sign_of_the_first_less_the_second(done):
-    content = json.loads((done[0] / "fits" / "balls" / "compare" / "compare.json").read_text(encoding="utf-8"))
-    rms = {
-        item["name"]: next(part for part in item["left_out"] if part["scheme"] == "each impact")["rms"]
-        for item in content["models"]
-    }
-    # Neither model is of two masses: the words speak of no duel, but name the best with its own errors.
-    best = content["models"][0]["name"]
-    assert f"{best} predicts best (v_x2 {rms[best]['v_x2']:.2f} m/s" in content["words"]
-    assert "Do two masses" not in content["words"]
-
-
 # Run by every Python that finds it: a worker says that it has begun, and begins in earnest when Ctrl-C has come.
 WORKERS_WAIT = """
 import os, signal, sys, time

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from fitball.cli.datasets import run
 from fitball.cli.main import make_parser
 from fitball.errors import SceneError, TableError
 
@@ -15,7 +14,8 @@ BAD = "v_x1,v_y1,v_x2,v_y2\n15,5,fast,4\n15,5,10,6\n"
 
 
 def call(*words: str) -> int:
-    return run(make_parser().parse_args(["datasets", *words]))
+    args = make_parser().parse_args(["datasets", *words])
+    return args.run(args)
 
 
 def test_list_names_every_table(capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,8 +112,7 @@ def test_many_columns_that_nobody_asked_for_take_one_short_line(
 ) -> None:
     extra = ",".join(f"extra_{k}" for k in range(5000))
     (tmp_path / "wide.csv").write_text(f"v_y1,v_y2,{extra}\n" + f"5,4,{extra}\n" * 3)
-    args = make_parser().parse_args(["datasets", "check", str(tmp_path / "wide.csv")])
-    assert run(args) == 0
+    assert call("check", str(tmp_path / "wide.csv")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if "extra_0, extra_1," in line and line.endswith(" and 4,988 more")]
     assert max(map(len, lines)) < 400

@@ -12,7 +12,7 @@ from samples import same_values, save_without_figures
 
 import fitball
 from fitball.cli.main import main
-from fitball.cli.using import FORMATS
+from fitball.cli.options import FORMATS
 from fitball.inference.results.evidence import (
     ActiveImpacts,
     Eigendirections,
@@ -133,25 +133,18 @@ def test_missing_damaged_and_older_files(small_fit, tmp_path, capsys):
     here.mkdir()
     for name in ("fit.json", "data.nc", "run.toml"):
         shutil.copy(small_fit / name, here)
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "posterior.nc: there is no such file" in capsys.readouterr().err
-    (here / "posterior.nc").write_bytes(b"nothing")
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "posterior.nc: not the posterior draws" in capsys.readouterr().err
-    (here / "data.nc").write_bytes((here / "data.nc").read_bytes()[:-100])
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "data.nc: not the measurements" in capsys.readouterr().err
-    (here / "data.nc").unlink()
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "data.nc: there is no such file" in capsys.readouterr().err
-    (here / "run.toml").unlink()
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "run.toml: there is no such file" in capsys.readouterr().err
-    content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
-    content["schema_version"] = 1
-    (here / "fit.json").write_text(json.dumps(content), encoding="utf-8")
-    assert main(["plot", str(here), "corner"]) == 2
-    assert "reads version 5: run calibrate again" in capsys.readouterr().err
+    old = json.dumps(json.loads((small_fit / "fit.json").read_text(encoding="utf-8")) | {"schema_version": 1})
+    for spoil, said in (
+        (lambda: None, "posterior.nc: there is no such file"),
+        (lambda: (here / "posterior.nc").write_bytes(b"nothing"), "posterior.nc: not the posterior draws"),
+        (lambda: (here / "data.nc").write_bytes((here / "data.nc").read_bytes()[:-100]), "data.nc: not the meas"),
+        ((here / "data.nc").unlink, "data.nc: there is no such file"),
+        ((here / "run.toml").unlink, "run.toml: there is no such file"),
+        (lambda: (here / "fit.json").write_text(old, "utf-8"), "reads version 5: run calibrate again"),
+    ):
+        spoil()
+        assert main(["plot", str(here), "corner"]) == 2
+        assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

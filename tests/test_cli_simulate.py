@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -257,18 +256,6 @@ def test_marks_of_flight_lie_before_landing_and_after_release(banded):
     np.testing.assert_allclose(marks, expected, rtol=1e-12)
 
 
-def test_several_curves_carry_dots_where_phases_change(banded):
-    model, impact = fitball.model("two-mass"), fitball.impacts(9.0, 10.0, 50.0)
-    other = simulate(model, {name: DEFAULTS[name] for name in model.parameter_names}, impact, "slower")
-    (axis,) = history_figure([replace(banded, band=None), other], "two", ("omega_2",)).axes
-    dots = [line for line in axis.lines if line.get_marker() == "o"]
-    assert len(curves(axis)) == len(dots) == 2
-    for line, item in zip(dots, (banded, other), strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), item.history.transition_shares)
-        course = np.interp(line.get_xdata(), item.shares, item.history.omega_2)
-        np.testing.assert_allclose(line.get_ydata(), course)
-
-
 def test_the_panels_are_those_asked_for(banded):
     figure = history_figure([banded], "one")
     assert [axis.get_ylabel() for axis in figure.axes] == [LABELS[panel] for panel in ALL_PANELS]
@@ -299,21 +286,21 @@ def test_curves_of_several_are_not_mixed_up():
     assert {text.get_text() for text in figure.legends[0].get_texts()} >= {"-50", "250", "transition"}
 
 
-def test_a_file_of_the_user_is_not_replaced(tmp_path, capsys):
-    kept = tmp_path / "mine.csv"
-    kept.write_text("dear to me", encoding="utf-8")
-    words = ["simulate", "--impact", "v=17, theta=18", "--quiet", "--out", str(tmp_path / "a"), "--csv", str(kept)]
-    assert main(words) == 2
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "--impact", "v=17, theta=18", "--out", "a", "--csv", "mine.csv"],
+        ["predict", "FIT", "mine.csv", "--out", "mine.csv"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_file_of_the_user_is_not_replaced(small_fit, tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    kept, before = tmp_path / "mine.csv", "v_1,theta_1,omega_1\n17,30,0\n"
+    kept.write_text(before, encoding="utf-8")
+    line = [str(small_fit) if word == "FIT" else word for word in (*words, "--quiet")]
+    assert main(line) == 2
     assert "exists already" in capsys.readouterr().err
-    assert kept.read_text(encoding="utf-8") == "dear to me" and not (tmp_path / "a").exists()
-    assert main([*words, "--overwrite"]) == 0
-    assert kept.read_text(encoding="utf-8") != "dear to me"
-
-
-def test_predictions_do_not_replace_the_table_they_are_of(small_fit, tmp_path, capsys):
-    table = tmp_path / "new.csv"
-    table.write_text("v_1,theta_1,omega_1\n17,30,0\n", encoding="utf-8")
-    before = table.read_bytes()
-    words = ["predict", str(small_fit), str(table), "--quiet", "--out", str(table)]
-    assert main(words) == 2
-    assert "exists already" in capsys.readouterr().err and table.read_bytes() == before
+    assert kept.read_text(encoding="utf-8") == before and [*tmp_path.iterdir()] == [kept]
+    assert main([*line, "--overwrite"]) == 0
+    assert kept.read_text(encoding="utf-8") != before

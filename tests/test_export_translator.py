@@ -5,20 +5,20 @@ from __future__ import annotations
 import ast
 import shutil
 import subprocess
+from dataclasses import replace
 from typing import NamedTuple
 
 import pytest
 
-from fitball.exports.port.dialect import Struct
 from fitball.exports.port.kernel_source import UnportableError, kernel_source
-from fitball.exports.port.languages import C99, CSharp, JavaScript
-from fitball.exports.port.port import check_self_contained
-from fitball.exports.port.translate import Program, program_of, signatures, translated
+from fitball.exports.port.languages import C99, CSHARP, JAVASCRIPT
+from fitball.exports.port.translate import Program, Struct, signatures, translated
 
 CC = shutil.which("cc") or shutil.which("gcc")
 FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
-DIALECTS = (C99("p_"), JavaScript(), CSharp())
+C_OF_P = replace(C99, prefix="p_")
+DIALECTS = (C_OF_P, JAVASCRIPT, CSHARP)
 
 
 def in_language(source, dialect, structs=None):
@@ -60,7 +60,7 @@ def test_the_translator_keeps_what_python_means(tmp_path):
     )
     scope = {}
     exec(source, scope)
-    text = in_language(source, C99(""))
+    text = in_language(source, C99)
     main = "#include <stdio.h>\n#include <math.h>\n#include <stdint.h>\n#include <stdbool.h>\n#include <stddef.h>\n"
     main += text + '\nint main(void) { printf("%.17g %.17g", kernel(1.3, 5), kernel(-0.7, 3)); return 0; }\n'
     (tmp_path / "main.c").write_text(main)
@@ -99,11 +99,12 @@ def _structured(x: float) -> float:
 def test_named_tuples_become_structs_with_the_same_fields(tmp_path):
     source = kernel_source(_structured)
     assert list(source.structs) == ["Inner", "Outer"]
-    c99 = C99("p_")
-    program = program_of(source, c99)
+    program = Program.of(source, C_OF_P)
     functions = [translated(item, program) for item in source.functions]
     main = "#include <stdio.h>\n#include <stdint.h>\n#include <stdbool.h>\n"
-    main += "\n".join([*c99.structs(program.structs.values()), c99.constant_definition("ORIGIN", ORIGIN), *functions])
+    main += "\n".join(
+        [*C_OF_P.structs(program.structs.values()), C_OF_P.constant_definition("ORIGIN", ORIGIN), *functions]
+    )
     main += '\nint main(void) { printf("%.17g", p__structured(1.3)); return 0; }\n'
     (tmp_path / "main.c").write_text(main)
     if CC is None:
@@ -117,7 +118,7 @@ def test_named_tuples_become_structs_with_the_same_fields(tmp_path):
 def test_a_named_tuple_is_refused_what_a_struct_cannot_do(body):
     structs = {"Inner": Struct("Inner", (("a", "d"), ("b", "i")))}
     with pytest.raises(UnportableError):
-        in_language(f"def kernel(x: Inner) -> float:\n    y = {body}\n    return y\n", C99("p_"), structs)
+        in_language(f"def kernel(x: Inner) -> float:\n    y = {body}\n    return y\n", C_OF_P, structs)
 
 
 @pytest.mark.parametrize("name", ["min", "max"])
@@ -126,7 +127,7 @@ def test_least_and_greatest_of_whole_and_real_numbers(name):
 
     def text(call, kinds):
         listed = ", ".join(f"{letter}: {kind}" for letter, kind in zip("abc", kinds, strict=False))
-        return in_language(f"def kernel({listed}) -> float:\n    return 1.0 * {call}\n", C99("p_"))
+        return in_language(f"def kernel({listed}) -> float:\n    return 1.0 * {call}\n", C_OF_P)
 
     assert f"p_{name}_whole(a, b)" in text(f"{name}(a, b)", ["int", "int"])
     for kinds in (["int", "float"], ["float", "int"], ["float", "float"]):
@@ -138,13 +139,6 @@ def test_least_and_greatest_of_whole_and_real_numbers(name):
     ):
         with pytest.raises(UnportableError):
             text(call, kinds)
-
-
-def test_a_module_that_needs_more_than_math_is_refused():
-    with pytest.raises(UnportableError, match="imports more than math"):
-        check_self_contained("import numpy\n")
-    with pytest.raises(UnportableError, match="uses np"):
-        check_self_contained("import math\n\ndef f(x):\n    return np.sin(x)\n")
 
 
 def test_a_kernel_that_uses_an_object_is_refused():
@@ -174,6 +168,6 @@ def test_twenty_phases_are_packed_in_javascript_too():
     """Sixty bits: its own operators see 32, its numbers hold 53."""
     source = "def pack(n: int) -> int:\n    all = 0\n    for k in range(n):\n"
     source += "        all = all | (5 << (3 * k))\n    return all\n"
-    script = in_language(source, JavaScript()) + "\nconsole.log(String(pack(20)))"
+    script = in_language(source, JAVASCRIPT) + "\nconsole.log(String(pack(20)))"
     done = subprocess.run(["node", "-e", script], capture_output=True, text=True, check=True)
     assert int(done.stdout) == sum(5 << (3 * k) for k in range(20))

@@ -14,15 +14,13 @@ from itertools import product
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_export_languages import MCS, MONO, NO_CS, NO_JS, NODE, run
-from test_export_ports import CC, FLAGS, fitted, needs_cc, port_of
+from test_export_ports import ALL, NODE, fitted, port_of, run, self_tested
 from test_interactive import models  # noqa: F401 - a fixture
 
 from fitball import FitballError, load_fit
 from fitball.cli.main import main
 from fitball.exports.interactive import interactive_page, round_impact
-from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
-from fitball.exports.port.port import HARMLESS, python_port, source_text
+from fitball.exports.port.port import HARMLESS, source_text
 
 # What ends a comment, a string, a line or a script in some language, or goes on in the next line.
 ENDS = (
@@ -61,54 +59,10 @@ def untouched(said):
     assert "PWNED" not in said.replace("error PWNED", "").replace("class PWNED", "")
 
 
-def run_python(folder, port):
-    (folder / "bounce.py").write_text(python_port(port), encoding="utf-8")
-    return run([sys.executable, "bounce.py"], folder)
-
-
-def run_c(folder, port):
-    (folder / "bounce.h").write_text(c_port(port), encoding="utf-8")
-    own = [
-        "-trigraphs",
-        "-Wno-overlength-strings",
-        "-DFITBALL_SELF_TEST",
-        "-x",
-        "c",
-        "bounce.h",
-        "-lm",
-        "-o",
-        "check",
-    ]
-    run([CC, *FLAGS, *own], folder)
-    return run(["./check"], folder)
-
-
-def run_javascript(folder, port):
-    for ending, text in javascript_texts(port).items():
-        (folder / f"bounce{ending}").write_text(text, encoding="utf-8")
-    run([NODE, "--check", "bounce.mjs"], folder)
-    return run([NODE, "bounce.js"], folder)
-
-
-def run_csharp(folder, port):
-    (folder / "bounce.cs").write_text(csharp_port(port), encoding="utf-8")
-    own = ["-define:FITBALL_SELF_TEST", "-r:System.Numerics", "-warnaserror", "-out:check.exe", "bounce.cs"]
-    run([MCS, *own], folder)
-    return run([MONO, "check.exe"], folder)
-
-
-RUNNERS = [
-    pytest.param(run_python, id="python"),
-    pytest.param(run_c, marks=needs_cc, id="c"),
-    pytest.param(run_javascript, marks=NO_JS, id="javascript"),
-    pytest.param(run_csharp, marks=NO_CS, id="csharp"),
-]
-
-
-@pytest.mark.parametrize("run_port", RUNNERS)
-def test_no_text_of_a_port_is_obeyed(run_port, tmp_path):
+@pytest.mark.parametrize("language", ALL)
+def test_no_text_of_a_port_is_obeyed(language, tmp_path):
     assert len(HOSTILE) >= 400
-    untouched(run_port(tmp_path, hostile(port_of(fitted("grip-slip")))))
+    untouched(self_tested(language, hostile(port_of(fitted("grip-slip"))), tmp_path).stdout)
 
 
 def in_every_field(folder, text):

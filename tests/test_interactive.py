@@ -15,9 +15,11 @@ from test_export_ports import fitted
 from test_report_browser import complaints
 from test_total_bounce import ball_of
 
+from fitball.api.simulating import Subject
 from fitball.cli.main import main
-from fitball.exports.interactive import RPM, interactive_page, preset, round_impact
-from fitball.exports.port.course import total_moment
+from fitball.data.read import load_table
+from fitball.exports.interactive import RPM, interactive_page, round_impact
+from fitball.exports.port.face import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import make_port
 from fitball.inference.prediction.outputs import golden
@@ -57,7 +59,7 @@ def browser(tmp_path_factory):
 def models():
     dropped = replace(fitted("two-mass", normal="total"), tangential=False, impacts=Impacts([0, 0], [5, 8], [0, 0]))
     return {
-        "preset": preset("two-mass", {}, {}),
+        "preset": replace(Subject.of(None, "two-mass", {}).fitted, impacts=load_table("wang_all").impacts),
         "measured": ball_of("two-mass, measured"),
         "thesis": ball_of("thesis"),
         "brody": ball_of("brody"),

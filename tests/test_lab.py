@@ -19,7 +19,7 @@ from fitball.data.published import published_priors, with_published
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
-from fitball.exports.certificate import certificate
+from fitball.exports.parameters import certificate
 from fitball.inference.prediction.court_pace import court_pace, measured_pace
 from fitball.inference.problem.build import Choices
 from fitball.inference.problem.parameters import parse_prior
@@ -241,7 +241,7 @@ def test_a_certificate_of_a_court(dropped, court):
 
 def test_a_certificate_says_what_it_leaves_out(dropped, monkeypatch):
     assert "remarks stand" not in certificate(dropped)
-    monkeypatch.setattr("fitball.exports.certificate.MOST_REMARKS", 2)
+    monkeypatch.setattr("fitball.exports.parameters.MOST_REMARKS", 2)
     assert "more remarks stand in report.html" in certificate(dropped)
 
 

@@ -232,8 +232,8 @@ def test_the_range_is_where_it_says(tmp_path):
     assert valid.high == pytest.approx(5.0 - 0.5 * WANG[6] / WANG[7], rel=1e-5)
     assert "mass_ratio" in valid.below and "v_y2 would fall" in valid.above
     header = c_port(port_of(ball_of("wang_all")))
-    assert float(re.search(r"#define FITBALL_V_Y1_LOW (\S+)", header)[1]) == valid.low
-    assert float(re.search(r"#define FITBALL_V_Y1_HIGH (\S+)", header)[1]) == valid.high
+    assert float(re.search(r"#define FITBALL_V_Y1_LOW \((\S+)\)", header)[1]) == valid.low
+    assert float(re.search(r"#define FITBALL_V_Y1_HIGH \((\S+)\)", header)[1]) == valid.high
     assert "Valid range: v_y1 from 3.80" in header
     # A strong offset of the normal force, extrapolated, would drive a rolling ball.
     windy = ball_of("grip-slip")

@@ -9,7 +9,6 @@ import unicodedata
 
 import pytest
 
-from fitball.cli import datasets
 from fitball.cli.main import main
 from fitball.errors import Fault, TableError
 from fitball.visible import EACH, LINE, LINES, folded, kind_of, one_line, visible
@@ -141,13 +140,13 @@ def test_errors_that_quote_files_and_options(hostile, small_fit, tmp_path, capsy
 
 
 def test_whatever_a_verb_prints_passes_through_one_place(monkeypatch, capsys):
-    def say(_args):
+    def say():
         print(HOSTILE)
         print(HOSTILE, file=sys.stderr)
         sys.stdout.write(HOSTILE)
-        return 0
+        return []
 
-    monkeypatch.setattr(datasets, "_list", say)
+    monkeypatch.setattr("fitball.data.bundled.bundled_tables", say)
     assert printed(capsys, 0, "datasets", "list").count("\\u001b") == 3
 
 

@@ -5,12 +5,11 @@ Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `sim
 May import: exports, report, inference, models, data, scheduling.
 """
 
-from fitball.api.calibrating import Run, begin, calibrate, pose
-from fitball.api.comparing import Comparison, compare
+from fitball.api.calibrating import Comparison, Run, begin, calibrate, compare, pose
 from fitball.api.fit import Fit, export, load_fit, plan, plot, predict, simulate
-from fitball.api.planning import Plan
-from fitball.api.predicting import Course
+from fitball.api.predicting import Plan
 from fitball.api.reading import Checked, check
+from fitball.api.simulating import Course
 
 __all__ = [
     "Checked", "Comparison", "Course", "Fit", "Plan", "Run", "begin", "calibrate", "check", "compare", "export",

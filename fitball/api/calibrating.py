@@ -1,29 +1,56 @@
-"""The road from table to fit: `calibrate` and `load_fit`, and its steps for the command line."""
+"""The roads from a table: to a fit, `calibrate`, with its steps for the command line; and to models compared."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 from fitball.api.fit import Fit
-from fitball.api.progress import Report, Wanted, reporting, silent
-from fitball.api.reading import PathLike, Reading, Table, checked_choices, given, read
+from fitball.api.reading import (
+    DEFAULTS,
+    Fitting,
+    PathLike,
+    Reading,
+    Report,
+    Table,
+    Wanted,
+    choices_of,
+    effort_of,
+    read,
+    reading_of,
+    reporting,
+    silent,
+)
 from fitball.data.force import find_force
 from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
 from fitball.inference.calibrate import fingerprint, run
-from fitball.inference.effort import MAX_STEPS, Effort
+from fitball.inference.comparison import results
+from fitball.inference.comparison.candidates import Candidates, build_candidates, default_names
+from fitball.inference.comparison.compare import ESS, MAX_STEPS
+from fitball.inference.comparison.compare import compare as run_comparison
+from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import build_records
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.chain_file import ChainFile
-from fitball.kinds import checked
+from fitball.kinds import checked, spelled
+from fitball.report.compare.document import render, words
+from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
+from fitball.report.form.document import columns as aligned
+from fitball.report.form.folders import clear_folder, held
+from fitball.scheduling.engine import Engine, engine
 
 if TYPE_CHECKING:
-    pass
+    import pandas as pd
+
+    from fitball.report.figures.canvas import Figure
 
 
 @dataclass(frozen=True)
@@ -43,14 +70,17 @@ class Run:
 
 
 def pose(
-    data: Table | Sequence[Table], choices: Choices, force: PathLike | None = None, **reading: Unpack[Reading]
+    data: Table | Sequence[Table],
+    choices: Choices,
+    force: PathLike | None = None,
+    scene: Scene | None = None,
+    **reading: Unpack[Reading],
 ) -> Problem:
     """The problem of a table, or of tables that are fitted together.
 
-    For `force` and `reading` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
+    For `force`, `scene` and `reading` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
     """
-    checked_choices(choices)
-    table, known, doubts, files = read(data, **reading)
+    table, known, doubts, files = read(data, scene, **reading)
     records, said = find_force(files, table, known, None if force is None else os.fspath(force))
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
@@ -70,31 +100,16 @@ def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = F
 
 
 @checked
+@spelled(Fitting, DEFAULTS)
 def calibrate(
     table: Table | Sequence[Table],
     model: str | None = None,
     *,
     scene: Scene | None = None,
-    config: PathLike | None = None,
-    units: Mapping[str, str] | None = None,
-    closures: Mapping[str, str] | None = None,
-    priors: Mapping[str, str] | None = None,
-    fix: Mapping[str, float] | None = None,
-    noise: str | None = None,
-    pool: Mapping[str, str] | None = None,
-    offsets: str | None = None,
-    incident_errors: bool = True,
-    velocity_noise: str | None = None,
     force: PathLike | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    seed: int = 1,
-    point_only: bool = False,
-    walkers: int | None = None,
-    max_steps: int = MAX_STEPS,
     cores: int | None = None,
     progress: Wanted = None,
+    **options: Unpack[Fitting],
 ) -> Fit:
     """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, an `ImpactTable`, or to
     several of them together.
@@ -119,21 +134,176 @@ def calibrate(
     >>> round(fit.parameters["mu"].point, 2)
     0.56
     """
-    choices = Choices(
-        model,
-        given(closures),
-        given(priors),
-        given(fix),
-        noise,
-        given(pool),
-        offsets,
-        incident_errors,
-        velocity_noise,
-    )
-    threads = (os.cpu_count() or 1) if cores is None else cores
-    effort = Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=threads)
-    asked = pose(
-        table, choices, force, scene=scene, config=config, flip=flip, columns=columns, as_read=as_read, units=units
-    )
+    effort = effort_of(options, (os.cpu_count() or 1) if cores is None else cores)
+    problem = pose(table, choices_of(model, options), force, scene, **reading_of(options))
     with reporting(progress) as report:
-        return Run(asked, effort).fit(report)
+        return Run(problem, effort).fit(report)
+
+
+class Comparison:
+    """What `compare` found: models best first, each with its fit (`comparison["two-mass"]`), scores by impacts left
+    out, and a recommendation.
+    """
+
+    def __init__(self, result: results.Comparison) -> None:
+        self.result = result
+
+    @cached_property
+    def words(self) -> str:
+        """The recommendation."""
+        return words(self.result)
+
+    @property
+    def status(self) -> RunStatus:
+        """Converged when every fit is."""
+        return self.result.status
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What one should know."""
+        return self.result.notes
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The models, best first."""
+        return tuple(self.result.by_name)
+
+    def __getitem__(self, name: str) -> Fit:
+        """The fit of a model."""
+        return Fit.of(self.result.by_name[name].fit)
+
+    def __repr__(self) -> str:
+        head = f"<Comparison of {len(self.names)} models on {self.result.table.name}: {self.status}>"
+        gaps = [self.result.elpd_difference(name, self.names[0]) for name in self.names]
+        rows = [["", "elpd difference", "stacking"]] + [
+            [name, f"{gap.value:.1f} +- {gap.se:.1f}", f"{self.result.stacking[name]:.2f}"]
+            for name, gap in zip(self.names, gaps, strict=True)
+        ]
+        return "\n".join([head, *(f"  {line}" for line in aligned(rows))])
+
+    def _repr_html_(self) -> str:
+        """The summary, as a notebook shows it."""
+        return f"<p>{self.words}</p>{self.summary().to_html(notebook=True)}"
+
+    def summary(self) -> pd.DataFrame:
+        """One row a model, best first: scores, weights, criteria and errors on impacts left out, in SI."""
+        import pandas as pd
+
+        return pd.DataFrame(csv_rows(self.result)).set_index("model")
+
+    @property
+    def exit_code(self) -> int:
+        """0 where every fit converged, 130 where it was interrupted, else 1."""
+        return {RunStatus.CONVERGED: 0, RunStatus.INTERRUPTED: 130}.get(self.status, 1)
+
+    @checked
+    def report(self, folder: Path | None = None) -> str:
+        """All of it as text, with the `folder` that it was saved in."""
+        return render(self.result, "" if folder is None else str(folder))
+
+    def json(self) -> Mapping[str, object]:
+        """All of it as `compare.json` has it."""
+        return json_content(self.result, self.words)
+
+    def plot(self) -> Figure:
+        """Scores and errors of the models, as a matplotlib Figure that pyplot does not know."""
+        from fitball.report.compare.figures import compare_figure
+
+        return compare_figure(self.result)
+
+    @checked
+    def save(self, folder: PathLike, *, overwrite: bool = False) -> Path:
+        """Write `compare.json`, tables and figures. Raises ResultFolderError."""
+        from fitball.report.compare.document import JSON_NAME, write_all
+
+        path = Path(folder)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, path)
+        return path
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Comparison):
+            return NotImplemented
+        timeless = [{key: value for key, value in item.json().items() if key != "seconds"} for item in (self, other)]
+        return timeless[0] == timeless[1]
+
+    def __hash__(self) -> int:
+        return hash((self.names, self.result.seed, self.result.table.digest))
+
+
+@dataclass(frozen=True)
+class Contest:
+    """A comparison that may begin, and what is to be said before it does."""
+
+    table: ImpactTable
+    candidates: Candidates
+    effort: Effort
+    engine: Engine
+    quick: bool
+    said: tuple[str, ...]
+
+    def compare(self, report: Callable[[str], None] = lambda _stage: None) -> Comparison:
+        """Fit and score every model. Raises as `inference.comparison.compare` does."""
+        return Comparison(run_comparison(self.table, self.candidates, self.effort, self.engine, self.quick, report))
+
+
+def contest(
+    data: Table | Sequence[Table],
+    models: str | Sequence[str] | None,
+    *,
+    quick: bool,
+    seed: int,
+    max_steps: int | None,
+    cores: int | None,
+    scheduler: str | None,
+    scene: Scene | None = None,
+    **reading: Unpack[Reading],
+) -> Contest:
+    """A comparison of models on a table, see `compare`. Raises ParameterError before anything is fitted."""
+    table, known, doubts, _files = read(data, scene, **reading)
+    workers = engine(cores, scheduler)
+    effort = Effort(seed=seed, max_steps=MAX_STEPS if max_steps is None else max_steps, cores=1, ess=ESS)
+    named = (models,) if isinstance(models, str) else models
+    names, said = default_names(table, quick) if named is None else (tuple(named), [])
+    candidates = build_candidates(table, known, names)
+    for candidate in candidates.candidates:
+        effort.settings(candidate.problem)
+    candidates = replace(candidates, notes=(*doubts, *candidates.notes))
+    return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *said))
+
+
+@checked
+@spelled(Reading, DEFAULTS)
+def compare(
+    data: Table | Sequence[Table],
+    models: Sequence[str] | None = None,
+    *,
+    scene: Scene | None = None,
+    quick: bool = False,
+    seed: int = 1,
+    max_steps: int | None = None,
+    cores: int | None = None,
+    scheduler: str | None = None,
+    progress: Wanted = None,
+    **reading: Unpack[Reading],
+) -> Comparison:
+    """Compare models on a table by predictions of impacts left out, as the verb `compare` does.
+
+    `models` are names such as `two-mass+torsion=free` (default: those that can differ on this table, with `quick` the
+    main ones); for the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
+    `cores` models are fitted at once (default: as many as the machine has), each in a process, or as many as there
+    are workers on the Dask cluster whose `scheduler` is at that address; results are the same bytes. Raises
+    subclasses of FitballError.
+
+    >>> fitball.compare("wang_zero_spin", ["brody"], cores=1)
+    Traceback (most recent call last):
+    ...
+    fitball.errors.FitError: a comparison needs at least two different models; there is 1: name more (models)
+    """
+    asked = contest(
+        data, models, quick=quick, seed=seed, max_steps=max_steps, cores=cores, scheduler=scheduler, scene=scene,
+        **reading,
+    )  # fmt: skip
+    with reporting(progress) as report:
+        return asked.compare(lambda stage: report(stage, None))

@@ -7,18 +7,17 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from fitball.api.planning import Plan, Span, parsed, planned
-from fitball.api.predicting import Course, course_of_fit, course_of_model, foretell
-from fitball.api.progress import Wanted
-from fitball.api.reading import PathLike
+from fitball.api.predicting import Plan, Span, foretell, parsed, planned
+from fitball.api.reading import PathLike, Wanted
+from fitball.api.simulating import Course, Subject, course_of
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, suggestion
-from fitball.exports import FORMAT_NAMES, KINDS, OWNERS
+from fitball.exports.formats import Exported, exported
 from fitball.inference.design.make_plan import Asked
 from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
@@ -29,89 +28,16 @@ from fitball.kinds import checked
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.rows import html_text, report_text, short_text, summary_columns
-from fitball.report.form.files import refuse_existing, write_bytes, write_text
 from fitball.report.form.folders import held
 from fitball.report.saved.fit_file import complete, load, read_fit
 from fitball.scheduling.engine import engine
 from fitball.values import FloatArray, Impacts
-from fitball.wording import spoken
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
     from fitball.report.figures.canvas import Figure
-
-NETCDF = "netcdf"
-
-
-@dataclass(frozen=True)
-class Exported:
-    """A fit in another form: `stem` of its files by default, `texts` by ending, a `note` on what one should know at
-    once; `tree` is what has no text.
-    """
-
-    stem: str
-    texts: Mapping[str, str]
-    note: str = ""
-    tree: xr.DataTree | None = None
-
-    def write(self, out: Path, overwrite: bool = False) -> tuple[Path, ...]:
-        """Write the files, each whole or not at all: in a folder under the name of the form, else as named; of
-        several, the endings follow the stem of what was named. Raises ResultFolderError, for files that exist too
-        unless they may be replaced.
-        """
-        endings = [*self.texts] if self.tree is None else [".nc"]
-        if out.is_dir():
-            places = tuple(out / f"{self.stem}{ending}" for ending in endings)
-        else:
-            # `speed-1.5` has no ending of its own.
-            stem = out.stem if out.suffix in endings else out.name
-            places = (out,) if len(endings) == 1 else tuple(out.with_name(f"{stem}{ending}") for ending in endings)
-        for place in places:
-            refuse_existing(place, overwrite)
-        for ending, place in zip(endings, places, strict=True):
-            if self.tree is None:
-                write_text(place, self.texts[ending], named=True)
-            else:
-                write_bytes(place, self.tree.to_netcdf(engine="h5netcdf"), named=True)
-        return places
-
-
-def exported(
-    saved: Fit, to: str, options: Mapping[str, Any], tree: Callable[[], tuple[xr.DataTree, str]]
-) -> Exported:
-    """A fit in the form called `to`; `tree` makes what netCDF holds, with a note. Raises ParameterError for an
-    unknown form, or an option that it does not have.
-    """
-    if to not in FORMAT_NAMES:
-        raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMAT_NAMES)}")
-    given = {name: value for name, value in options.items() if value is not None and value is not False}
-    for name in given:
-        if name not in OWNERS:
-            raise ParameterError(f"unknown option '{name}': {suggestion(name, OWNERS)}")
-        if to not in OWNERS[name]:
-            owners = " and ".join(filter(None, (", ".join(OWNERS[name][:-1]), OWNERS[name][-1])))
-            raise ParameterError(
-                spoken(
-                    f"--{name.replace('_', '-')} belongs to --to {owners}, not to --to {to}",
-                    f"{name} belongs to the format {owners}, not to {to}",
-                )
-            )
-        kind, words = KINDS[name]
-        if not isinstance(given[name], kind):
-            raise ParameterError(f"{name} = {given[name]!r}: expected {words}")
-    if to == NETCDF:
-        whole, note = tree()
-        return Exported("arviz", {}, note, whole)
-    # Formats load what fits and verbs have no need of.
-    from fitball.exports.formats import TEXT_FORMATS, Options
-
-    chosen = TEXT_FORMATS[to]
-    json_alone = given.pop("json", False)
-    texts = chosen.make(saved, Options(**given))
-    notes = (chosen.note(texts), saved.at_common if chosen.bounces else "")
-    return Exported(chosen.stem, {".json": texts[".json"]} if json_alone else texts, "; ".join(filter(None, notes)))
 
 
 class Plots:
@@ -296,7 +222,7 @@ class Fit(results.Fit):
     @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
         """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
-        return course_of_fit(self, impact, draws)
+        return course_of(Subject(self.fitted, self), impact, draws)
 
     @checked
     def plan(
@@ -347,19 +273,13 @@ class Fit(results.Fit):
         made = self.exported(to, options)
         if out is not None:
             return made.write(Path(out), overwrite)
-        if made.tree is not None:
+        if not made.texts:
             raise ParameterError(f"to={to!r} is no text: name a file, or use to_inferencedata()")
         return made.texts
 
     def exported(self, to: str, options: Mapping[str, Any]) -> Exported:
         """The same, not yet written, with what one should know of it."""
-
-        def tree() -> tuple[xr.DataTree, str]:
-            from fitball.exports.arviz_file import partial_tree
-
-            return (self.to_inferencedata(), "") if complete(self) else partial_tree(self)
-
-        return exported(self, to, options, tree)
+        return exported(self, to, options)
 
     @checked
     def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
@@ -471,8 +391,7 @@ def simulate(
     >>> fitball.simulate("v=17, theta=18, spin=100").to_frame().shape[0]
     401
     """
-    if fit is None:
-        return course_of_model(impact, model, values or {})
-    if model is not None or values:
+    if fit is not None and (model is not None or values):
         raise ParameterError("a fit brings its own model and parameters: leave out model and values")
-    return fit_of(fit).simulate(impact, draws=draws)
+    subject = Subject.of(None if fit is None else fit_of(fit), model, values or {})
+    return course_of(subject, impact, draws)

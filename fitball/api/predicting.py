@@ -1,24 +1,25 @@
-"""Rebounds of new impacts from a fit, and one impact through time: whatever tells of impacts goes in, a value with
-its table, text and figure comes out.
-"""
+"""What follows from a fit: rebounds of new impacts, whatever tells of these; and what to measure next."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from numbers import Integral
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitball.api.reading import flips
+from fitball.api.reading import Wanted, flips, reporting
 from fitball.data.header import naming, split_cell
-from fitball.data.lines import parse_impact, parse_uncertain_impact
+from fitball.data.lines import Range, checked_range, parse_range, parse_uncertain_impact
 from fitball.data.read import framed, in_memory, load_table, written_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, check_whole
-from fitball.inference.comparison.candidates import parse_name
+from fitball.inference.design import make_plan as plans
+from fitball.inference.design.make_plan import Asked
 from fitball.inference.prediction.new_impacts import (
     NewPrediction,
     ObservableScore,
@@ -27,17 +28,17 @@ from fitball.inference.prediction.new_impacts import (
     scores,
     with_assumptions,
 )
-from fitball.inference.prediction.simulate import Simulation, chosen_parameters, simulate_fit
-from fitball.inference.prediction.simulate import simulate as follow
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.inference.results.source import Source
-from fitball.models.model import Model
-from fitball.models.registry import model
-from fitball.models.specs import DEFAULT_MODEL
+from fitball.kinds import checked
 from fitball.observables import OBSERVABLES
-from fitball.report.history.document import history_rows, render, simulation_json
-from fitball.report.predict import prediction_csv_rows, remarks_on
+from fitball.report.form.folders import clear_folder, held
+from fitball.report.plan.document import render
+from fitball.report.plan.rows import plan_json, plan_rows
+from fitball.report.predict import prediction_csv_rows
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.wording import option
 
@@ -215,93 +216,88 @@ def _other_flips(fitted: Source | ImpactTable, table: ImpactTable) -> tuple[str,
     )
 
 
-@dataclass(frozen=True, repr=False)
-class Course:
-    """One impact followed through time, or several in one picture, from `source`; `notes` say what one should know,
-    and `panels` which courses the figure shows (empty: as the model has them).
-    """
+# A range as text, as its ends in SI, or one value in SI.
+Span = str | float | tuple[float, float]
+NOT_CONVERGED = "The sampler of this fit did not converge: gains may change."
+NOT_DESCRIBED = "The model does not describe the fitted table: gains hold within the model only."
 
-    simulations: tuple[Simulation, ...]
-    source: str
-    title: str
-    notes: tuple[str, ...] = ()
-    panels: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
-        return f"<Course of {self.title}>"
+class Plan:
+    """What to measure next: impacts in the order of their worth, ways of measuring, and what they would tell."""
 
-    def report(self) -> str:
-        """Phases with their times, peaks, and the state before and after, as text."""
-        return render(self.simulations)
+    def __init__(self, result: plans.Plan, problem: Problem) -> None:
+        self.result = result
+        self._problem = problem
+
+    @property
+    def gain(self) -> float:
+        """Nats that all chosen impacts are expected to tell of the target, to first order."""
+        return self.result.gain
 
     def to_frame(self) -> pd.DataFrame:
-        """The course: one row a point of time, columns with their units, quantiles where there is a posterior."""
+        """One row an impact, as `plan.csv` has it: with empty columns for what is to be measured."""
         import pandas as pd
 
-        return pd.DataFrame(history_rows(self.simulations))
+        return pd.DataFrame(plan_rows(self.result, self._problem)).set_index("id")
 
-    def summary(self) -> Mapping[str, object]:
-        """What went in, phases, peaks, jumps and rebound, in SI; of several simulations the first."""
-        return simulation_json(self.simulations[0])
+    @checked
+    def report(self, folder: Path | None = None) -> str:
+        """All of it as text, with the `folder` that it was saved in."""
+        return render(self.result, self._problem, folder)
+
+    def json(self) -> Mapping[str, object]:
+        """All of it as `plan.json` has it."""
+        return plan_json(self.result)
 
     def plot(self) -> Figure:
-        """The courses along the contact, as a matplotlib Figure that pyplot does not know."""
-        from fitball.report.history.figure import history_figure
+        """The map of gains, as a matplotlib Figure that pyplot does not know."""
+        from fitball.report.plan.document import title_of
+        from fitball.report.plan.figure import plan_figure
 
-        return history_figure(self.simulations, self.title, self.panels)
+        return plan_figure(self.result, title_of(self._problem))
+
+    @checked
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, command: str | None = None) -> Path:
+        """Write `plan.json`, `plan.csv`, `plan.png` and `plan.html`. Raises ResultFolderError."""
+        from fitball.report.plan.document import JSON_NAME, write_all
+
+        path = Path(folder)
+        with held(path):
+            clear_folder(path, JSON_NAME, overwrite=overwrite)
+            write_all(self.result, self._problem, path, command)
+        return path
+
+    def __repr__(self) -> str:
+        chosen = self.result.chosen
+        return f"<Plan of {len(chosen)} impacts about {self.result.target}: {self.gain:.2f} nats>"
+
+    def _repr_html_(self) -> str:
+        """The impacts, as a notebook shows them."""
+        return f"<p>{repr(self)[1:-1]}</p>{self.to_frame().to_html(notebook=True)}"
 
 
-def impact_of(impact: Any) -> Impacts:
-    """One impact, from text or as it is. Raises ParameterError for several."""
-    if isinstance(impact, str):
-        return parse_impact(impact)
-    if not isinstance(impact, Impacts) or len(impact) != 1:
+def planned(fit: Fit, asked: Asked, progress: Wanted) -> Plan:
+    """A plan from a fit; see `api.fit.Fit.plan`. Raises FitError and ParameterError as `make_plan` does."""
+    cautions = []
+    if fit.status is RunStatus.NOT_CONVERGED:
+        cautions.append(NOT_CONVERGED)
+    if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
+        cautions.append(NOT_DESCRIBED)
+    with reporting(progress) as report:
+        made = plans.make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
+    return Plan(made, fit.problem)
+
+
+def parsed(quantity: str, given: Span | None) -> Range | None:
+    """What a caller says of a range. Raises ParameterError."""
+    if given is None:
+        return None
+    if isinstance(given, str):
+        return parse_range(quantity, given)
+    try:
+        low, high = (given, given) if isinstance(given, int | float | Integral) else (float(end) for end in given)
+    except (TypeError, ValueError):
         raise ParameterError(
-            f"simulate follows one impact: read {impact!r}, expected a text such as 'v=17, theta=18, spin=100' or "
-            "fitball.impacts(v_x1, v_y1, omega_1)"
-        )
-    return impact
-
-
-def _course(simulation: Simulation, source: str, notes: Sequence[str]) -> Course:
-    v_x, v_y, omega = (float(getattr(simulation.impact, name)[0]) for name in ("v_x1", "v_y1", "omega_1"))
-    title = f"{simulation.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
-    return Course((simulation,), source, title, tuple(notes))
-
-
-def course_of_fit(saved: Fit, impact: Impacts | str, draws: int) -> Course:
-    """Point estimate and bands of a fit. Raises ParameterError, and what `Model.history` raises."""
-    given = impact_of(impact)
-    check_whole(draws=draws)
-    if draws < 1:
-        raise ParameterError(f"draws = {draws}: expected at least 1")
-    simulation = simulate_fit(saved.fitted, given, draws)
-    notes = [*remarks_on(predict_new(saved.fitted, given), 0), *filter(None, [saved.at_common])]
-    if saved.status is RunStatus.POINT_ONLY:
-        notes.append("a point fit has no posterior: courses at the point estimate, without bands")
-    if saved.status is RunStatus.NOT_CONVERGED:
-        notes.append("the sampler of this fit did not converge: bands may change")
-    stiffness = saved.parameters.get("k_y")
-    rests = {Verdict.FIXED: "the value it was held at", Verdict.PRIOR_DOMINATED: "its prior"}
-    if stiffness is not None and stiffness.verdict in rests:
-        notes.append(f"times, compression and forces rest on k_y, and in this fit k_y on {rests[stiffness.verdict]}")
-    return _course(simulation, f"fit_{simulation.model.name}", notes)
-
-
-def model_at(name: str | None, values: Mapping[str, float]) -> tuple[Model, dict[str, float], list[str]]:
-    """A model at its defaults, some of them set, and a note that says which were not. Raises ModelError,
-    ParameterError.
-    """
-    plain, closures = parse_name(str(name) if name is not None else DEFAULT_MODEL)
-    chosen = model(plain, ball=None, tangential=True, **closures)
-    parameters = chosen_parameters(chosen, values)
-    # A model without a history has parameters without a typical value; it is refused when it is followed.
-    rest = ", ".join(f"{item} = {value:g}" for item, value in parameters.items() if item not in values)
-    return chosen, parameters, [f"defaults near the fits to Wang's balls: {rest}"] if rest else []
-
-
-def course_of_model(impact: Impacts | str, name: str | None, values: Mapping[str, float]) -> Course:
-    """A model at its defaults, some of them set. Raises ModelError, ParameterError, and as `Model.history` does."""
-    given = impact_of(impact)
-    chosen, parameters, notes = model_at(name, values)
-    return _course(follow(chosen, parameters, given), chosen.name, notes)
+            f"{option(quantity, str(given))}: expected a text such as '5:20', a number, or two (low, high), in SI"
+        ) from None
+    return checked_range(quantity, Range(float(low), float(high)), option(quantity, str(given)))

@@ -1,54 +1,173 @@
-"""What a caller hands over, looked at before anything begins, since no type checker may have seen it: tables and
-choices; and whether a table is fit to be fitted.
+"""What a caller hands over, looked at before anything begins, since no type checker may have seen it: whom to tell of
+progress, tables and choices; and whether a table is fit to be fitted.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack, cast
 
 from fitball.data.force import find_force
 from fitball.data.read import check_source, in_memory, load_table, trusted_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
+from fitball.inference.effort import Effort
 from fitball.inference.problem.parameters import FAMILIES
 from fitball.inference.problem.problem import Choices
-from fitball.kinds import checked
+from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
+from fitball.inference.sampling.ensembles import Progress
+from fitball.kinds import checked, spelled
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
 
-T = TypeVar("T")
+# Is told the stage of a run and, while sampling, how far that is.
+Report: TypeAlias = Callable[[str, Progress | None], None]
+# True, False, a function that is told, or None: as it suits who looks on.
+Wanted: TypeAlias = bool | Report | None
+
+
+def silent(_stage: str, _progress: Progress | None) -> None:
+    """Tell nobody."""
+
+
+def somebody_looks_on() -> bool:
+    """Whether this is a terminal or a notebook."""
+    notebook = "ipykernel" in sys.modules and "IPython" in sys.modules
+    return notebook or bool(sys.stderr is not None and sys.stderr.isatty())
+
+
+@contextmanager
+def reporting(wanted: Wanted) -> Iterator[Report]:
+    """What tells of a run, and cleans up behind it."""
+    if callable(wanted):
+        yield wanted
+    elif not (somebody_looks_on() if wanted is None else wanted):
+        yield silent
+    else:
+        bar = Bar()
+        try:
+            yield bar
+        finally:
+            bar.close()
+
+
+class Bar:
+    """A bar of tqdm for terminals and notebooks: the stage, and while sampling the steps up to the next look at
+    whether they are enough.
+    """
+
+    def __init__(self) -> None:
+        with warnings.catch_warnings():
+            # In a notebook without widgets tqdm asks for them; it writes text all the same.
+            warnings.simplefilter("ignore")
+            from tqdm.auto import tqdm
+
+            self.bar: Any = tqdm(total=1, leave=False, bar_format="{desc} {bar} {elapsed}")
+
+    def __call__(self, stage: str, progress: Progress | None) -> None:
+        """Show a stage, or a step of the sampler."""
+        self.bar.set_description_str(stage if progress is None else sampling_words(progress), refresh=False)
+        self.bar.total = 1 if progress is None else max(progress.next_check, progress.step)
+        self.bar.n = 0 if progress is None else progress.step
+        self.bar.refresh()
+
+    def close(self) -> None:
+        """Leave no trace."""
+        self.bar.close()
+
+
+def sampling_words(progress: Progress) -> str:
+    """How far the sampler is."""
+    words, found = f"sampling: step {progress.step}", progress.convergence
+    if found is None:
+        return words
+    return (
+        f"{words}, min effective sample size {found.min_ess:.0f} (wanted {TARGET_ESS:.0f}), "
+        f"max R-hat {found.max_r_hat:.3f} (wanted below {TARGET_R_HAT})"
+    )
+
+
 PathLike = str | os.PathLike[str]
 # A table: read already, a path or bundled name, a data frame, or columns by name.
 Table: TypeAlias = "ImpactTable | PathLike | pd.DataFrame | Mapping[str, Sequence[Any]]"
 
 
 class Reading(TypedDict, total=False):
-    """How a table is to be read: the arguments of `read` beside the table."""
+    """How a table is to be read, see `calibrate`. Said here once, for Python and for the command line."""
 
-    scene: Scene | None
     config: PathLike | None
+    units: Mapping[str, str] | None
     flip: str | Sequence[str]
     columns: Mapping[str, str] | None
     as_read: bool
-    units: Mapping[str, str] | None
+
+
+class Fitting(Reading, total=False):
+    """How it is to be fitted besides: choices and effort."""
+
+    closures: Mapping[str, str] | None
+    priors: Mapping[str, str] | None
+    fix: Mapping[str, float] | None
+    noise: str | None
+    pool: Mapping[str, str] | None
+    offsets: str | None
+    incident_errors: bool
+    velocity_noise: str | None
+    seed: int
+    point_only: bool
+    walkers: int | None
+    max_steps: int | None
+
+
+# What is not said is None, or:
+DEFAULTS: Mapping[str, Any] = {
+    "flip": (), "as_read": False, "incident_errors": True, "seed": 1, "point_only": False,
+}  # fmt: skip
+# A mapping as it is written.
+EXAMPLES = {
+    "closures": "{'cor': 'saturating'}",
+    "priors": "{'mu': 'normal(0.55, 0.05)'}",
+    "fix": "{'eps_slope': 0.0}",
+    "pool": "{'mu': 'surface'}",
+}
+
+
+def reading_of(asked: Mapping[str, Any]) -> Reading:
+    """What was said of how a table is to be read."""
+    return cast(Reading, {name: asked[name] for name in Reading.__annotations__ if name in asked})
+
+
+def choices_of(model: str | None, asked: Fitting) -> Choices:
+    """The choices that were asked for. Raises ParameterError for values of a type that cannot be meant, and says how
+    they are written: no type checker may have seen them.
+    """
+    said: dict[str, Any] = {item.name: asked.get(item.name) for item in fields(Choices) if item.name != "model"}
+    for option in EXAMPLES:
+        value = said[option]
+        if not isinstance(value, Mapping | None):
+            raise ParameterError(f"{option}: read {value!r}, expected a dict, such as {EXAMPLES[option]}")
+        for name, item in (value or {}).items():
+            _check_item(option, name, item)
+    return Choices(model, **{name: value for name, value in said.items() if value is not None})
+
+
+def effort_of(asked: Fitting, cores: int) -> Effort:
+    """The effort that was asked for, with so many threads."""
+    said = {name: asked.get(name) for name in ("seed", "point_only", "walkers", "max_steps")}
+    return Effort(cores=cores, **{name: value for name, value in said.items() if value is not None})  # type: ignore[arg-type]
 
 
 def read(
-    data: Table | Sequence[Table],
-    *,
-    scene: Scene | None = None,
-    config: PathLike | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    units: Mapping[str, str] | None = None,
+    data: Table | Sequence[Table], scene: Scene | None = None, **reading: Unpack[Reading]
 ) -> tuple[ImpactTable, Scene, tuple[str, ...], tuple[str, ...]]:
     """A table, or one joined of several, with its scene, what is to be said of it, and the files it was read from.
 
@@ -56,11 +175,13 @@ def read(
     `trusted_table` do.
     """
     sources, files = sources_of(data)
+    config, as_read = reading.get("config"), reading.get("as_read", False)
     if scene is None:
         known = load_scene(files[0] if files else None, config, as_read)
     else:
         known = likely_scene(scene, as_read)
-    table, doubts = trusted_table(sources, known, flips(flip), as_read, columns, units)
+    flipped = flips(reading.get("flip", ()))
+    table, doubts = trusted_table(sources, known, flipped, as_read, reading.get("columns"), reading.get("units"))
     if len(sources) > 1 and scene is None and known.source is not None:
         doubts = (*doubts, f"the scene of {config or (files[0] if files else 'no file')} is taken for all tables")
     return table, known, doubts, files
@@ -85,30 +206,6 @@ def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
 def flips(flip: str | Sequence[str]) -> tuple[str, ...]:
     """Columns to flip; one may be named without a list."""
     return (flip,) if isinstance(flip, str) else tuple(flip)
-
-
-def given(options: Mapping[str, T] | None) -> Mapping[str, T]:
-    """What was said by name, nothing for None; what is no mapping stays for `checked_choices`."""
-    return {} if options is None else options
-
-
-def checked_choices(choices: Choices) -> None:
-    """Raise ParameterError for choices of a type that cannot be meant, and say how they are written."""
-    for field in fields(choices):
-        value = getattr(choices, field.name)
-        if field.name in ("closures", "priors", "fix", "pool"):
-            if not isinstance(value, Mapping):
-                raise ParameterError(f"{field.name}: read {value!r}, expected a dict, such as {EXAMPLES[field.name]}")
-            for name, item in value.items():
-                _check_item(field.name, name, item)
-
-
-EXAMPLES = {
-    "closures": "{'cor': 'saturating'}",
-    "priors": "{'mu': 'normal(0.55, 0.05)'}",
-    "fix": "{'eps_slope': 0.0}",
-    "pool": "{'mu': 'surface'}",
-}
 
 
 def _check_item(option: str, name: object, value: object) -> None:
@@ -171,16 +268,9 @@ class Checked:
 
 
 @checked
+@spelled(Reading, DEFAULTS)
 def check(
-    data: Table,
-    *,
-    scene: Scene | None = None,
-    config: PathLike | None = None,
-    force: PathLike | None = None,
-    units: Mapping[str, str] | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
+    data: Table, *, scene: Scene | None = None, force: PathLike | None = None, **reading: Unpack[Reading]
 ) -> Checked:
     """Look for every fault of a table, its scene and its force records, as the verb `datasets check` does.
 
@@ -195,17 +285,18 @@ def check(
     sources, files = sources_of(data)
     if len(sources) > 1:
         raise ParameterError(f"read a list of {len(sources)} tables, expected one: check each by itself")
-    known = scene
+    known, as_read = scene, reading.get("as_read", False)
     try:
         if known is None:
             try:
-                known = load_scene(files[0] if files else None, config, as_read)
+                known = load_scene(files[0] if files else None, reading.get("config"), as_read)
             except SceneError as error:
                 # The table is still looked at, as one of tennis balls.
                 errors.append(error)
         source = sources[0]
         table = source if isinstance(source, ImpactTable) else load_table(
-            source, scene=known or Scene(), flip=flips(flip), columns=columns, units=units
+            source, scene=known or Scene(), flip=flips(reading.get("flip", ())), columns=reading.get("columns"),
+            units=reading.get("units"),
         )  # fmt: skip
         if known is not None:
             extra = trusted_table([table], known, as_read=as_read)[1]

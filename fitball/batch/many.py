@@ -10,20 +10,20 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from fitball.api import Fit, load_fit
 from fitball.api.calibrating import Run, pose
-from fitball.api.reading import PathLike, Table, checked_choices, flips, given
+from fitball.api.reading import DEFAULTS, Fitting, PathLike, Table, choices_of, effort_of, flips
 from fitball.batch.tables import RECORD_NAME, ROW_NAME, Task, fault_of, tasks_of
 from fitball.errors import FitballError, ParameterError, ResultFolderError, suggestion
 from fitball.files import all_or_none
 from fitball.inference.calibrate import fingerprint
-from fitball.inference.effort import MAX_STEPS, Effort
+from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results import results
 from fitball.inference.results.source import Digest
-from fitball.kinds import checked
+from fitball.kinds import checked, spelled
 from fitball.report.batch.document import Shown, render, write_results
 from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
@@ -175,6 +175,7 @@ def _rows(place: Path) -> tuple[Row, ...]:
 
 
 @checked
+@spelled(Fitting, DEFAULTS)
 def calibrate_many(
     tables: Mapping[str, Table] | Sequence[Table] | PathLike,
     model: str | None = None,
@@ -184,24 +185,8 @@ def calibrate_many(
     cores: int | None = None,
     full: bool = False,
     overwrite: bool = False,
-    config: PathLike | None = None,
-    units: Mapping[str, str] | None = None,
-    closures: Mapping[str, str] | None = None,
-    priors: Mapping[str, str] | None = None,
-    fix: Mapping[str, float] | None = None,
-    noise: str | None = None,
-    pool: Mapping[str, str] | None = None,
-    offsets: str | None = None,
-    incident_errors: bool = True,
-    velocity_noise: str | None = None,
-    flip: str | Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    as_read: bool = False,
-    seed: int = 1,
-    point_only: bool = False,
-    walkers: int | None = None,
-    max_steps: int = MAX_STEPS,
     progress: Callable[[Going], None] | None = None,
+    **options: Unpack[Fitting],
 ) -> Batch:
     """Fit each of many tables by itself: named ones (`{"court 3": frame}`), paths, patterns (`"courts/*.csv"`),
     folders.
@@ -222,22 +207,25 @@ def calibrate_many(
     >>> batch.to_frame()["outcome"].tolist()
     ['done', 'failed']
     """
-    choices = Choices(
-        model,
-        given(closures),
-        given(priors),
-        given(fix),
-        noise,
-        given(pool),
-        offsets,
-        incident_errors,
-        velocity_noise,
-    )
-    checked_choices(choices)
-    effort = Effort(seed=seed, point_only=point_only, walkers=walkers, max_steps=max_steps, cores=1)
-    scene = None if config is None else os.fspath(config)
-    plan = Plan(Path(out), choices, effort, scene, flips(flip), columns or {}, units or {}, as_read, full, overwrite)
+    plan = plan_of(Path(out), model, full, overwrite, **options)
     return batch_of(tables, plan, cores, scheduler, (lambda _going: None) if progress is None else progress)
+
+
+def plan_of(folder: Path, model: str | None, full: bool, overwrite: bool, **options: Unpack[Fitting]) -> Plan:
+    """What is asked of every table. Raises ParameterError."""
+    choices, config = choices_of(model, options), options.get("config")
+    return Plan(
+        folder,
+        choices,
+        effort_of(options, 1),
+        None if config is None else os.fspath(config),
+        flips(options.get("flip", ())),
+        options.get("columns") or {},
+        options.get("units") or {},
+        options.get("as_read", False),
+        full,
+        overwrite,
+    )
 
 
 def batch_of(

@@ -9,18 +9,13 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import COLUMNS, FLIP, READING, Option, Verb, option, reading_of, switch
+from fitball.cli.options import COLUMNS, FLIP, READING, Option, Run, Verb, fitting_of, option, switch
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
     from fitball.data.scene import Scene
     from fitball.data.table import ImpactTable, Notice
-
-
-def run(args: argparse.Namespace) -> int:
-    """Do what was asked. Returns 0, or 2 when `check` found faults; raises FitballError otherwise."""
-    actions = {"list": _list, "show": _show, "check": _check, "priors": _priors}
-    return actions[args.action](args)
+    from fitball.report.form.document import Table
 
 
 def _list(args: argparse.Namespace) -> int:
@@ -58,42 +53,34 @@ def _show(args: argparse.Namespace) -> int:
     from fitball.data.read import load_table
     from fitball.data.scene import load_scene
     from fitball.report.fit.rows import balance_table
-    from fitball.report.form.document import MOST_LINES, columns, more
+    from fitball.report.form.document import Document, Section, Words, on_terminal
 
     scene = load_scene(args.data, as_read=True)
     table = load_table(args.data, scene=scene, flip=args.flip, columns=args.columns)
-    doubt = doubt_of_table(table, scene.ball)
-    doubts = () if doubt is None else doubt.lines(scene)
     if args.json:
         _print_json(_as_json(table, scene))
         return 0
-    title = f"{table.name}: {scene.description or table.source}"
-    for line in filter(None, (title, scene.citation, f"file {table.source}", f"SHA-256 {table.digest}")):
-        print(one_line(line))
-    print()
-    _print_columns(table)
+    doubt = doubt_of_table(table, scene.ball)
     balances, meanings = balance_table(scene_balances(table, scene))
-    print("\nmodel-free, from the measurements alone:")
-    rest = more(len(table), "--json for the table, balances.csv of a fit")
-    for line in (*columns(balances.rows[: MOST_LINES + 1]), *rest, *(f"  {line}" for line in meanings)):
-        print(line)
-    for heading, lines in (
-        ("known", _known(scene)),
-        ("assumed", scene.assumed),
-        ("notices", table.remarks),
-        ("another reading explains the table much better", doubts),
-    ):
-        if lines:
-            print(f"\n{heading}:")
-            for line in lines:
-                print(f"  - {one_line(line)}")
+    lists = {
+        "known": _known(scene),
+        "assumed": scene.assumed,
+        "notices": table.remarks,
+        "another reading explains the table much better": () if doubt is None else doubt.lines(scene),
+    }
+    heads = filter(None, (scene.citation, f"file {table.source}", f"SHA-256 {table.digest}"))
+    sections = [Section("table", "as read:", [_table(table)])]
+    sections += [Section("balances", "model-free, from the measurements alone:", [balances, Words(meanings, "list")])]
+    sections += [Section(head, f"{head}:", [Words([*map(one_line, texts)], "list")]) for head, texts in lists.items()]
+    title = one_line(f"{table.name}: {scene.description or table.source}")
+    print(on_terminal(Document(title, [Words([*map(one_line, heads)], "lead")], sections)))
     return 0
 
 
 def _check(args: argparse.Namespace) -> int:
-    from fitball.api import check
+    from fitball.api.reading import check, reading_of
 
-    found = check(args.data, force=args.force, **reading_of(args))
+    found = check(args.data, force=args.force, **reading_of(fitting_of(args)))
     if args.json:
         notices = _notices(found.notices)
         _print_json({"source": args.data, "ok": found.ok, "faults": found.faults, "notices": notices})
@@ -117,10 +104,10 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
     return {f"{name} [{SI_UNITS[name]}]": values for name, values in columns.items()}
 
 
-def _print_columns(table: ImpactTable) -> None:
-    """The table, aligned; in SI units but for angles, which people read in degrees."""
+def _table(table: ImpactTable) -> Table:
+    """What a person reads; in SI units but for angles, which people read in degrees."""
     from fitball.data.units import UNITS
-    from fitball.report.form.document import MOST_LINES, columns, more
+    from fitball.report.form.document import MOST_LINES, Table
     from fitball.report.form.numbers import significant
 
     cells = [["id", *table.ids[:MOST_LINES]]]
@@ -128,8 +115,7 @@ def _print_columns(table: ImpactTable) -> None:
         if name.endswith(" [rad]"):
             name, values = name.replace("[rad]", "[deg]"), UNITS["deg"].from_si(values)
         cells.append([name, *(significant(float(value), 6) for value in values[:MOST_LINES])])
-    for line in (*columns(list(zip(*cells, strict=True)), left=0), *more(len(table), "--json")):
-        print(line)
+    return Table("Impacts", list(zip(*cells, strict=True)), count=len(table), rest="--json")
 
 
 def _known(scene: Scene) -> tuple[str, ...]:
@@ -174,7 +160,7 @@ def _print_json(content: object) -> None:
     print(json.dumps(content, indent=2, ensure_ascii=False))
 
 
-def _action(name: str, help: str, example: str, *options: Option) -> Verb:
+def _action(run: Run, name: str, help: str, example: str, *options: Option) -> Verb:
     told = (switch("--json", "print JSON for other programs"), *options)
     return Verb(name, help, told, run, f"example:\n  fitball datasets {example}\n")
 
@@ -183,7 +169,7 @@ DATASETS = Verb(
     "datasets",
     "list, show and check impact tables; list priors from the literature",
     (),
-    run,
+    _list,
     """examples:
   fitball datasets list
   fitball datasets show wang_zero_spin.csv
@@ -193,20 +179,21 @@ DATASETS = Verb(
 """,
     description="List the tables that come with fitball, show one, or check a file and name every fault.",
     actions=(
-        _action("list", "names of the bundled tables", "list"),
+        _action(_list, "list", "names of the bundled tables", "list"),
         _action(
-            "show", "a table as it was read, and what is known about it", "show wang_all",
+            _show, "show", "a table as it was read, and what is known about it", "show wang_all",
             option("data", "NAME", "a path, or the name of a bundled table"), FLIP, COLUMNS,
         ),
         _action(
-            "check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv",
+            _check, "check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv",
             option("data", "FILE", "a path, or the name of a bundled table"),
             option("--config", "FILE.toml", "the scene, instead of the TOML file beside the table"),
             option("--force", "FILE", "force records, instead of those beside the table"),
             *READING, switch("--quiet", "print faults only"),
         ),
         _action(
-            "priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources", "priors"
+            _priors, "priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources",
+            "priors",
         ),
     ),
 )  # fmt: skip

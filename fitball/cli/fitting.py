@@ -5,25 +5,24 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-import tempfile
 import time
 from collections.abc import Mapping
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
+    CONFIG,
     CORES,
     FITTING,
     READING,
     SCHEDULER,
+    SEED,
     Verb,
-    choices_of,
     either,
-    make_effort,
+    fitting_of,
     option,
     place,
-    reading_of,
+    print_result,
     switch,
     tell_notes,
     whole,
@@ -43,6 +42,7 @@ def run_calibrate(args: argparse.Namespace) -> int:
     progress = args.progress
     progress("loading", None)
     from fitball.api import begin, pose
+    from fitball.api.reading import choices_of, effort_of, reading_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.fit.document import render
     from fitball.report.fit.folder import render_json, write_all
@@ -50,10 +50,11 @@ def run_calibrate(args: argparse.Namespace) -> int:
 
     if args.resume and args.overwrite:
         raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
-    choices = choices_of(args)
-    problem = pose(args.data, choices, args.force, **reading_of(args))
+    asked = fitting_of(args)
+    choices = choices_of(args.model, asked)
+    problem = pose(args.data, choices, args.force, **reading_of(asked))
     folder = Path(args.out) if args.out else default_folder(problem.table.name, problem.model.name, choices.closures)
-    effort = make_effort(args, args.cores)
+    effort = effort_of(asked, args.cores)
     effort.settings(problem)
     with held(folder):
         begun = begin(problem, effort, folder, overwrite=args.overwrite, resume=args.resume)
@@ -120,15 +121,14 @@ def run_compare(args: argparse.Namespace) -> int:
     """Fit and score every model, write the folder, print the tables; 1 where a posterior did not converge."""
     progress = args.progress
     progress("loading", None)
-    from fitball.api.comparing import contest
-    from fitball.inference.results.results import RunStatus
-    from fitball.report.compare.document import JSON_NAME, render, write_all
-    from fitball.report.form.files import json_text
+    from fitball.api.calibrating import contest
+    from fitball.api.reading import reading_of
+    from fitball.report.compare.document import JSON_NAME, write_all
     from fitball.report.form.folders import clear_folder, held
 
     asked = contest(
         args.data, None if args.models is None else model_names(args.models), quick=args.quick, seed=args.seed,
-        max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(args),
+        max_steps=args.max_steps, cores=args.cores, scheduler=args.scheduler, **reading_of(fitting_of(args)),
     )  # fmt: skip
     folder = Path(args.out) if args.out else Path("fits") / asked.table.name / "compare"
     with held(folder):
@@ -140,13 +140,8 @@ def run_compare(args: argparse.Namespace) -> int:
         progress("figures and files", None)
         write_all(comparison.result, folder, args.command)
     progress.finish()
-    if args.json:
-        print(json_text(comparison.json()), end="")
-    else:
-        print(folder if args.quiet else render(comparison.result, str(folder)))
-    if comparison.status is RunStatus.INTERRUPTED:
-        return 130
-    return 0 if comparison.status is RunStatus.CONVERGED else 1
+    print_result(args, comparison, folder, folder)
+    return comparison.exit_code
 
 
 def model_names(text: str) -> tuple[str, ...]:
@@ -162,10 +157,10 @@ COMPARE = Verb(
     (
         option("data", "DATA", "a table (CSV, workbook, Parquet), or the name of a bundled one"),
         option("--models", "A,B,...", "models to compare (default: those that can differ here)"),
-        option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)"),
+        CONFIG,
         *READING,
         switch("--quick", "only the main models, and no exact refits of influential impacts"),
-        option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1),
+        SEED,
         option("--max-steps", "N", "steps of each ensemble at most (default 8000)", type=whole),
         option("--cores", "N", "processes, one model each (default: all)", type=whole),
         SCHEDULER,
@@ -192,15 +187,12 @@ did not converge.""",
 def run_batch(args: argparse.Namespace) -> int:
     """Fit what is not fitted yet, write the files of all, print what was found."""
     args.progress("loading", None)
-    from fitball.batch.many import FOLDER, Plan, batch_of
+    from fitball.batch.many import FOLDER, batch_of, plan_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.batch.rows import FAILED
 
     folder = Path(args.out) if args.out else FOLDER
-    plan = Plan(
-        folder, choices_of(args), make_effort(args, 1), args.config, tuple(args.flip), args.columns, {}, args.as_read,
-        args.full, args.overwrite,
-    )  # fmt: skip
+    plan = plan_of(folder, args.model, args.full, args.overwrite, **fitting_of(args))
     try:
         batch = batch_of(args.data, plan, args.cores, args.scheduler, telling(args), args.command)
     except KeyboardInterrupt:
@@ -293,64 +285,25 @@ trusted: a few tables can be fitted together instead, fitball calibrate TABLES -
 
 def run_repeat(args: argparse.Namespace) -> int:
     """Run the fit again and print what differs; 0 where nothing does, 1 where the results contradict each other."""
-    progress = args.progress
-    progress("loading", None)
-    from dataclasses import replace
+    args.progress("loading", None)
+    from fitball.repeat import repeat
 
-    from fitball.api import begin
-    from fitball.errors import ResultFolderError
-    from fitball.repeat import Outcome, check_rows, compared, read_kept, render, repetition_json, write_numbers
-    from fitball.report.fit.folder import older_result, write_all
-    from fitball.report.form.files import json_text
-    from fitball.report.form.folders import held
-    from fitball.report.saved.run_file import find_records, find_tables, read_run, record_problem
-    from fitball.report.saved.structure import OlderFileError
-
-    record = read_run(Path(args.fit))
+    out = None if args.out is None else Path(args.out)
     try:
-        original = read_kept(record.folder)
-    except OlderFileError:
-        # It cannot be compared with, and is the reason for many to make it again.
-        if args.out is None:
-            raise
-        original = None
-    problem = record_problem(record, find_tables(record, args.data), find_records(record, args.force))
-    if original is not None:
-        check_rows(problem, original)
-    if args.out is not None and (older := older_result(Path(args.out))):
-        raise ResultFolderError(
-            f"{args.out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another "
-            "folder with --out"
-        )
-    effort = replace(record.effort, cores=args.cores)
-    place = nullcontext(args.out) if args.out is not None else tempfile.TemporaryDirectory(prefix="fitball-repeat-")
-    try:
-        with place as name, held(Path(name)):
-            folder = Path(name)
-            fit = begin(problem, effort, folder).fit(progress)
-            progress("comparison", None)
-            (write_numbers if args.out is None else write_all)(fit, folder)
-            repetition = None if original is None else compared(problem, original, read_kept(folder))
+        found = repeat(Path(args.fit), args.data, args.force, out, args.cores, args.progress)
     except KeyboardInterrupt:
-        progress.finish()
+        args.progress.finish()
         print("Interrupted: nothing was compared.", file=sys.stderr)
         return 130
-    progress.finish()
-    if original is None or repetition is None:
+    args.progress.finish()
+    if found is None:
         tell_notes(["an older fitball made this fit: nothing was compared"])
         print(args.out)
         return 0
     if not args.quiet:
-        tell_notes(repetition.notes)
-    if args.json:
-        print(json_text(repetition_json(repetition, original.content)), end="")
-    elif args.quiet:
-        print(repetition.outcome)
-    else:
-        print(render(repetition, original))
-        if args.out is not None:
-            print(args.out)
-    return 1 if repetition.outcome is Outcome.DIFFERENT else 0
+        tell_notes(found.repetition.notes)
+    print_result(args, found, found.repetition.outcome)
+    return found.exit_code
 
 
 REPEAT = Verb(

@@ -17,13 +17,12 @@ from typing import Any, NoReturn
 
 from fitball.cli.datasets import DATASETS
 from fitball.cli.fitting import BATCH, CALIBRATE, COMPARE, POPULATION, REPEAT
-from fitball.cli.options import Verb, option
-from fitball.cli.simulate import SIMULATE
-from fitball.cli.studies import BENCH, REDERIVE
+from fitball.cli.options import Verb, either, one_of, option
+from fitball.cli.studies import BENCH, REDERIVE, SIMULATE
 from fitball.cli.terminal import told_of_compiling, visible_streams
 from fitball.cli.using import EXPORT, PLAN, PLOT, PREDICT, VERIFY
 from fitball.environment import check_environment
-from fitball.errors import FitballError, ParameterError, enough_memory, suggestion
+from fitball.errors import FitballError, enough_memory, suggestion
 from fitball.version import __version__
 from fitball.visible import one_line
 from fitball.wording import speaking_to_command_line
@@ -92,8 +91,6 @@ class Parser(argparse.ArgumentParser):
 
 def run_completion(args: argparse.Namespace) -> int:
     """Print the script."""
-    if args.shell not in SHELLS:
-        raise ParameterError(f"unknown shell '{args.shell}': {suggestion(args.shell, SHELLS)}")
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(["fitball"], shell=args.shell).strip())
@@ -103,7 +100,7 @@ def run_completion(args: argparse.Namespace) -> int:
 COMPLETION = Verb(
     "completion", "a script that completes the command line with Tab (bash, zsh, fish)",
     (
-        option("shell", "SHELL", f"{', '.join(SHELLS[:-1])} or {SHELLS[-1]}"),
+        option("shell", "SHELL", either(SHELLS), type=one_of("shell", SHELLS)),
     ),
     run_completion,
     """examples:

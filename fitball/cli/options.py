@@ -5,22 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from fitball.errors import ParameterError
+from fitball.errors import ParameterError, suggestion
 from fitball.models.specs import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
-    from fitball.api.reading import Reading
-    from fitball.inference.effort import Effort
-    from fitball.inference.problem.problem import Choices
-
-T = TypeVar("T")
+    from fitball.api.reading import Fitting
 
 
 @dataclass(frozen=True)
@@ -37,9 +33,12 @@ def option(flag: str, metavar: str, help: str, **more: Any) -> Option:
     return Option(flag, help, {"metavar": metavar, **more})
 
 
-def switch(flag: str, help: str) -> Option:
+def switch(flag: str, help: str, **more: Any) -> Option:
     """An option without a value."""
-    return Option(flag, help, {"action": "store_true"})
+    return Option(flag, help, {"action": "store_true", **more})
+
+
+Run = Callable[[argparse.Namespace], int]
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Verb:
     name: str
     help: str
     options: Sequence[Option]
-    run: Callable[[argparse.Namespace], int]
+    run: Run
     epilog: str
     description: str = ""
     actions: Sequence[Verb] = ()
@@ -82,6 +81,19 @@ def either(names: Sequence[str]) -> str:
 def marked(models: Sequence[str]) -> list[str]:
     """Names of models, the default marked."""
     return [f"{name} (default)" if name == DEFAULT_MODEL else name for name in models]
+
+
+def one_of(kind: str, known: Collection[str], more: str = "") -> Callable[[str], str]:
+    """A name among `known`, as the type of an option; `more` is said besides of one that is not. Its function raises
+    ParameterError.
+    """
+
+    def read(name: str) -> str:
+        if name not in known:
+            raise ParameterError(f"unknown {kind} '{name}': {suggestion(name, known)}{more}")
+        return name
+
+    return read
 
 
 def whole(text: str) -> int:
@@ -118,29 +130,44 @@ def count(text: str) -> int:
     raise argparse.ArgumentTypeError(f"read '{text}', expected a whole number, 1 or more")
 
 
-def pairs(
-    option: str,
-    given: Iterable[str],
-    convert: Callable[[str], T],
-    form: str = "NAME=VALUE",
-    number: str = "a number in SI units",
-    last: bool = False,
-) -> dict[str, T]:
-    """Read options NAME=VALUE given more than once, divided at the first `=`, or at the `last` one. Raises
-    ParameterError for what has not the `form`, for no `number`, for a name said twice.
+class Pairs(argparse.Action):
+    """Gathers NAME=VALUE, given more than once, or `several` at once between commas; divided at the first `=`, or at
+    the `last` one. Raises ParameterError for what has not the `form`, for no `number`, for a name said twice.
     """
-    values: dict[str, T] = {}
-    for text in given:
-        name, equals, value = (part.strip() for part in (text.rpartition("=") if last else text.partition("=")))
-        if not (name and equals and value):
-            raise ParameterError(f"{option} {text}: expected {form}")
-        if name in values:
-            raise ParameterError(f"{option} {text}: {name} is given twice")
-        try:
-            values[name] = convert(value)
-        except ValueError:
-            raise ParameterError(f"{option} {text}: read '{value}', expected {number}") from None
-    return values
+
+    def __init__(
+        self,
+        *,
+        convert: Callable[[str], object] = str,
+        form: str = "NAME=VALUE",
+        number: str = "a number in SI units",
+        several: bool = False,
+        last: bool = False,
+        **more: Any,
+    ) -> None:
+        super().__init__(**more)
+        self.convert, self.form, self.number, self.several, self.last = convert, form, number, several, last
+
+    def __call__(self, _parser: object, namespace: argparse.Namespace, given: Any, flag: str | None = None) -> None:
+        """See argparse.Action."""
+        values = dict(getattr(namespace, self.dest) or {})
+        for text in given.split(",") if self.several else [given]:
+            parts = text.rpartition("=") if self.last else text.partition("=")
+            name, equals, value = (part.strip() for part in parts)
+            if not (name and equals and value):
+                raise ParameterError(f"{flag} {text.strip()}: expected {self.form}")
+            if name in values:
+                raise ParameterError(f"{flag} {text.strip()}: {name} is given twice")
+            try:
+                values[name] = self.convert(value)
+            except ValueError:
+                raise ParameterError(f"{flag} {text}: read '{value}', expected {self.number}") from None
+        setattr(namespace, self.dest, values)
+
+
+def pairs(flag: str, metavar: str, help: str, **more: Any) -> Option:
+    """An option NAME=VALUE, see `Pairs`."""
+    return option(flag, metavar, help, **{"action": Pairs, "default": {}, **more})
 
 
 def _names(text: str) -> list[str]:
@@ -148,30 +175,6 @@ def _names(text: str) -> list[str]:
     if not all(names):
         raise argparse.ArgumentTypeError(f"read '{text}', expected names of columns separated by commas")
     return names
-
-
-def _naming(text: str) -> dict[str, str]:
-    names: dict[str, str] = {}
-    for part in text.split(","):
-        ours, equals, theirs = (word.strip() for word in part.partition("="))
-        if not equals or not ours or not theirs or ours in names:
-            raise argparse.ArgumentTypeError(
-                f"read '{part.strip()}', expected OURS=THEIRS once for each column, separated by commas (write a "
-                "name with a comma into [columns] of the scene)"
-            )
-        names[ours] = theirs
-    return names
-
-
-class _Naming(argparse.Action):
-    """Gathers `--columns` given more than once."""
-
-    def __call__(
-        self, _parser: object, namespace: argparse.Namespace, values: object, _option: object = None
-    ) -> None:
-        """See argparse.Action."""
-        assert isinstance(values, dict)
-        setattr(namespace, self.dest, {**getattr(namespace, self.dest), **values})
 
 
 CORES = option("--cores", "N", "threads (default: all)", type=count, default=os.cpu_count() or 1)
@@ -187,10 +190,12 @@ FLIP = option(
     "measured from the normal (TABLE:COLUMN for one of several tables)",
     type=_names, action="extend", default=[],
 )  # fmt: skip
-COLUMNS = option(
+COLUMNS = pairs(
     "--columns", "OURS=THEIRS,...",
     'what columns are called here, e.g. "v_1=Vin, theta_1=angle_in [deg]" (also [columns] in the scene)',
-    type=_naming, action=_Naming, default={},
+    several=True,
+    form="OURS=THEIRS once for each column, separated by commas (write a name with a comma into [columns] of the "
+    "scene)",
 )  # fmt: skip
 AS_READ = switch(
     "--as-read",
@@ -199,18 +204,23 @@ AS_READ = switch(
 )
 # How a table is to be read.
 READING = (FLIP, COLUMNS, AS_READ)
+# Of figures.
+FORMATS = ("png", "svg", "pdf")
+PICTURE: Mapping[str, Any] = {"default": "png", "type": one_of("format", FORMATS)}
 CONFIG = option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)")
 SEED = option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1)
+EXACT = "--exact-incidence", "take the incident state as exact even where its sd is stated"
+FIT = option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json")
 # Model, priors, structure of the likelihood, effort.
 FITTING = (
     option("--model", "NAME", either(marked(RANKED))),
-    option("--closure", "NAME=OPTION", "replace a closure, e.g. normal=total", action="append", default=[]),
+    pairs("--closure", "NAME=OPTION", "replace a closure, e.g. normal=total", dest="closures"),
     CONFIG,
-    option("--fix", "NAME=VALUE", "hold a parameter (SI units)", action="append", default=[]),
-    option(
+    pairs("--fix", "NAME=VALUE", "hold a parameter (SI units)", convert=float),
+    pairs(
         "--prior", "NAME=DIST(...)",
         'e.g. "mu=normal(0.6, 0.1)", or one from the literature: mu=literature:clay (fitball datasets priors)',
-        action="append", default=[],
+        dest="priors",
     ),
     option("--noise", "KIND", "normal (default), or student-t, which allows outliers"),
     option(
@@ -218,13 +228,12 @@ FITTING = (
         "tied (one velocity_sd for all columns of the rebound velocity) or separate (v_x_sd and v_y_sd, or speed_sd "
         "and angle_sd); by default separate where the table has rows enough to tell them apart",
     ),
-    option(
+    pairs(
         "--pool", "NAME=COLUMN",
         "let a parameter differ between surfaces, balls or tables, pooled in part, e.g. mu=surface",
-        action="append", default=[],
     ),
     option("--offsets", "COLUMN", "fit a bias of each measured column to each group, e.g. group"),
-    switch("--exact-incidence", "take the incident state as exact even where its sd is stated"),
+    switch(*EXACT, action="store_false", dest="incident_errors"),
     *READING,
     switch("--point-only", "no posterior: the best values only"),
     SEED,
@@ -240,45 +249,38 @@ def study(folder: Path) -> tuple[Option, ...]:
     return out, CORES, switch("--json", "print JSON for other programs"), switch("--quiet", "no progress")
 
 
-def reading_of(args: argparse.Namespace) -> Reading:
-    """What was said of how a table is to be read, by `--config` and those of `add_reading`."""
-    return {"config": args.config, "flip": args.flip, "columns": args.columns, "as_read": args.as_read}
+def fitting_of(args: argparse.Namespace) -> Fitting:
+    """What was said of how a table is to be read and fitted: each option is called as in Python."""
+    from fitball.api.reading import Fitting
 
-
-def choices_of(args: argparse.Namespace) -> Choices:
-    """The choices that the options ask for. Raises ParameterError."""
-    from fitball.inference.problem.problem import Choices
-
-    return Choices(
-        model=args.model,
-        closures=pairs("--closure", args.closure, str),
-        priors=pairs("--prior", args.prior, str),
-        fix=pairs("--fix", args.fix, float),
-        noise=args.noise,
-        pool=pairs("--pool", args.pool, str),
-        offsets=args.offsets,
-        incident_errors=not args.exact_incidence,
-        velocity_noise=args.velocity_noise,
-    )
-
-
-def make_effort(args: argparse.Namespace, cores: int) -> Effort:
-    """The effort the options ask for, with so many threads."""
-    from fitball.inference.effort import MAX_STEPS, Effort
-
-    return Effort(
-        seed=args.seed,
-        point_only=args.point_only,
-        walkers=args.walkers,
-        max_steps=MAX_STEPS if args.max_steps is None else args.max_steps,
-        cores=cores,
-    )
+    return cast(Fitting, {name: getattr(args, name) for name in Fitting.__annotations__ if hasattr(args, name)})
 
 
 def tell_notes(notes: Iterable[object]) -> None:
     """What one should know of a result, on stderr, each in a line."""
     for note in notes:
         print(one_line(f"note: {note}"), file=sys.stderr)
+
+
+class Told(Protocol):
+    """What every verb's result can be asked."""
+
+    @property
+    def report(self) -> Callable[..., str]:
+        """All of it as text."""
+
+    def json(self) -> Mapping[str, object]:
+        """All of it for machines."""
+
+
+def print_result(args: argparse.Namespace, result: Told, brief: object, *where: Path) -> None:
+    """A result as JSON, `brief` where the run is quiet, else as text, with the folder that it was saved in."""
+    from fitball.report.form.files import json_text
+
+    if args.json:
+        print(json_text(result.json()), end="")
+    else:
+        print(brief if args.quiet else result.report(*where))
 
 
 def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:

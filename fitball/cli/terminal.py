@@ -20,21 +20,23 @@ if TYPE_CHECKING:
     from fitball.inference.sampling.ensembles import Progress
 
 
-class VisibleStream:
-    """A text stream that makes control characters visible, and what its encoding lacks; all else is that stream's.
-    What the system says of it bears its `name`.
+class Stream:
+    """A text stream that makes control characters visible, and what its encoding lacks, unless it is `plain`; all
+    else is that stream's. What the system says of it bears its `name`; of `remarks`, such as progress, what cannot be
+    written is lost: there is no place left to say so, and the work goes on without them.
     """
 
-    def __init__(self, stream: TextIO, name: str = "") -> None:
-        self.stream, self.name = stream, name
+    def __init__(self, stream: TextIO, name: str = "", remarks: bool = False, plain: bool = False) -> None:
+        self.stream, self.name, self.remarks, self.plain = stream, name, remarks, plain
         self.broken: OSError | None = None
 
     def write(self, text: str) -> int:
-        """Write `text`, visibly. Raises OSError."""
+        """Write `text`. Raises OSError."""
         encoding = getattr(self.stream, "encoding", None) or "utf-8"
-        shown = visible(text).encode(encoding, "backslashreplace").decode(encoding)
+        shown = text if self.plain else visible(text).encode(encoding, "backslashreplace").decode(encoding)
         with self._named():
-            return self.stream.write(shown)
+            self.stream.write(shown)
+        return len(text)
 
     def flush(self) -> None:
         """Let what was written leave. Raises OSError, also for what was lost before: argparse does not look."""
@@ -52,38 +54,9 @@ class VisibleStream:
             yield
         except OSError as error:
             _give_up(self.stream)
-            self.broken = type(error)(error.errno, error.strerror, self.name)
-            raise self.broken from None
-
-
-class RemarkStream:
-    """A stream for remarks, such as progress: when it cannot be written to, there is no place left to say so, and the
-    work goes on without them.
-    """
-
-    def __init__(self, stream: TextIO) -> None:
-        self.stream = stream
-
-    def write(self, text: str) -> int:
-        """Write `text`, if the stream takes it."""
-        with self._heard_or_not():
-            self.stream.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Let what was written leave, if it can."""
-        with self._heard_or_not():
-            self.stream.flush()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-    @contextlib.contextmanager
-    def _heard_or_not(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError:
-            _give_up(self.stream)
+            if not self.remarks:
+                self.broken = type(error)(error.errno, error.strerror, self.name)
+                raise self.broken from None
 
 
 def _give_up(stream: TextIO) -> None:
@@ -99,8 +72,7 @@ def _give_up(stream: TextIO) -> None:
 def visible_streams() -> Iterator[None]:
     """Everything printed meanwhile, by whomever, is made visible."""
     _open_closed_streams()
-    out = cast(TextIO, VisibleStream(sys.stdout, "standard output"))
-    err = cast(TextIO, VisibleStream(cast(TextIO, RemarkStream(sys.stderr))))
+    out, err = cast(TextIO, Stream(sys.stdout, "standard output")), cast(TextIO, Stream(sys.stderr, remarks=True))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         yield
 
@@ -119,7 +91,7 @@ def _open_closed_streams() -> None:
 
 def own_stream(stream: TextIO) -> TextIO:
     """The stream below, for a program's own line that rewrites itself."""
-    return stream.stream if isinstance(stream, VisibleStream) else stream
+    return cast(TextIO, Stream(stream.stream, remarks=True, plain=True)) if isinstance(stream, Stream) else stream
 
 
 # Measured on an idle core of 2023; the second sentence says where.
@@ -199,18 +171,13 @@ class ProgressLine:
         self._rewrite("")
 
     def _sampling(self, progress: Progress) -> str:
-        from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
+        from fitball.api.reading import sampling_words
 
-        parts = [f"sampling: step {progress.step}"]
-        convergence = progress.convergence
-        if convergence is not None:
-            parts.append(f"min effective sample size {convergence.min_ess:.0f} (wanted {TARGET_ESS:.0f})")
-            parts.append(f"max R-hat {convergence.max_r_hat:.3f} (wanted below {TARGET_R_HAT})")
-        steps = progress.step - (self.first_step or 0)
-        if steps > 0 and progress.step < progress.next_check:
-            left = (self.clock() - self.sampling_begun) / steps * (progress.next_check - progress.step)
-            parts.append(f"{left:.0f} s to the next check")
-        return ", ".join(parts)
+        words, steps = sampling_words(progress), progress.step - (self.first_step or 0)
+        if steps <= 0 or progress.step >= progress.next_check:
+            return words
+        left = (self.clock() - self.sampling_begun) / steps * (progress.next_check - progress.step)
+        return f"{words}, {left:.0f} s to the next check"
 
     def _show(self, text: str, stage: str, due: bool = False) -> None:
         """Show a text about a stage; where lines stay only if it is `due`, the stage is another one than before, or a

@@ -3,37 +3,40 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
     COLUMNS,
+    EXACT,
+    FIT,
     FLIP,
+    PICTURE,
     SCHEDULER,
+    SEED,
     Verb,
     count,
     file_place,
+    one_of,
     option,
     pairs,
     place,
+    print_result,
     switch,
     tell_notes,
     whole,
 )
-from fitball.errors import Fault, ParameterError, ResultFolderError, TableError, suggestion
-from fitball.exports import FORMAT_NAMES, OWNERS
+from fitball.errors import ParameterError, suggestion
+from fitball.exports.formats import FORMATS as EXPORTS
+from fitball.exports.formats import KINDS
 from fitball.report.figures.registry import FIGURES
 
 if TYPE_CHECKING:
-    from fitball.data.read import PortFile
-    from fitball.inference.results.results import Golden
-    from fitball.values import FloatArray
+    pass
 
 
 KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.items())
-FORMATS = ("png", "svg", "pdf")
 
 
 def run_plot(args: argparse.Namespace) -> int:
@@ -41,38 +44,30 @@ def run_plot(args: argparse.Namespace) -> int:
     if args.kind not in (*FIGURES, "all"):
         map_of = f"; a map of regimes: fitball simulate --map --fit {args.fit}" if "map" in args.kind else ""
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}{map_of}")
-    if args.format not in FORMATS:
-        raise ParameterError(f"unknown format '{args.format}': {suggestion(args.format, FORMATS)}")
     from fitball.api import load_fit
+    from fitball.api.fit import Plots, lacks_profiles, profiled
+    from fitball.report.figures.canvas import save_figure
     from fitball.report.form.folders import PATIENCE, held
 
     path = Path(args.fit)
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
-    # No folder is made for a fit that there is not.
+    # No folder is made for a fit that there is not; one that is drawn in is replaced by nobody meanwhile.
     load_fit(path)
     with held(folder, PATIENCE):
-        _draw(args, path, folder)
+        fit = load_fit(path)
+        kinds = [args.kind] if args.kind != "all" else list(fit.plot)
+        left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
+        profiles = args.kind == "profiles"
+        notes = ["the file holds no profiles: computing them"] if profiles and lacks_profiles(fit) else []
+        notes += [f"left out {', '.join(left_out)}: this fit has not what they show"] if left_out else []
+        if not args.quiet:
+            tell_notes(notes)
+        shown = profiled(fit, args.cores, args.scheduler) if profiles else fit
+        for name in kinds:
+            place = folder / f"{name}.{args.format}"
+            save_figure(Plots(shown)(name), place, args.format)
+            print(place)
     return 0
-
-
-def _draw(args: argparse.Namespace, path: Path, folder: Path) -> None:
-    """Draw into the folder; a fit in it is replaced by nobody meanwhile."""
-    from fitball.api import load_fit
-    from fitball.api.fit import Plots, lacks_profiles, profiled
-    from fitball.report.figures.canvas import save_figure
-
-    fit = load_fit(path)
-    if args.kind == "profiles" and not args.quiet and lacks_profiles(fit):
-        tell_notes(["the file holds no profiles: computing them"])
-    shown = profiled(fit, args.cores, args.scheduler) if args.kind == "profiles" else fit
-    kinds = [args.kind] if args.kind != "all" else list(fit.plot)
-    left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
-    if left_out and not args.quiet:
-        tell_notes([f"left out {', '.join(left_out)}: this fit has not what they show"])
-    for name in kinds:
-        place = folder / f"{name}.{args.format}"
-        save_figure(Plots(shown)(name), place, args.format)
-        print(place)
 
 
 PLOT = Verb(
@@ -80,7 +75,7 @@ PLOT = Verb(
     (
         option("fit", "FIT", "a fit.json, or the folder that holds one"),
         option("kind", "KIND", f"{', '.join(FIGURES)} or all"),
-        option("--format", "FORMAT", "png (default), svg or pdf", default="png"),
+        option("--format", "FORMAT", "png (default), svg or pdf", **PICTURE),
         option("--out", "DIR", "folder to write to (default: beside fit.json)", type=place),
         option("--cores", "N", "processes that compute profiles (default: all)", type=count),
         SCHEDULER,
@@ -142,7 +137,7 @@ def run_predict(args: argparse.Namespace) -> int:
 PREDICT = Verb(
     "predict", "predict rebounds of new impacts from a fit, with intervals",
     (
-        option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
+        FIT,
         option("data", "DATA", "impacts: a table, or the name of a bundled one", nargs="?"),
         option(
             "--impact", "TEXT",
@@ -151,7 +146,7 @@ PREDICT = Verb(
         ),
         FLIP,
         COLUMNS,
-        switch("--exact-incidence", "take the incident state as exact even where its sd is stated"),
+        switch(*EXACT),
         option("--out", "FILE.csv", "write every number to a CSV file", type=file_place),
         switch("--overwrite", "replace that file if it exists"),
         option("--seed", "N", "seed of the simulated noise (default 1)", type=whole, default=1),
@@ -176,31 +171,26 @@ prediction.""",
 
 def run_plan(args: argparse.Namespace) -> int:
     """Plan, write the folder, print what to do."""
-    cost = pairs("--cost", args.cost, float, "NAME=C, such as contact_time=2", "a number", last=True)
     args.progress("loading", None)
     from fitball.api import load_fit
-    from fitball.report.form.files import json_text
 
     place = Path(args.fit)
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
     made = load_fit(place).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
-        sensors=args.sensor, cost=cost, seed=args.seed, progress=args.progress,
+        sensors=args.sensor, cost=args.cost, seed=args.seed, progress=args.progress,
     )  # fmt: skip
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
     args.progress.finish()
-    if args.json:
-        print(json_text(made.json()), end="")
-    else:
-        print(folder if args.quiet else made.report(folder))
+    print_result(args, made, folder, folder)
     return 0
 
 
 PLAN = Verb(
     "plan", "what to measure next: the impacts and sensors that would tell most",
     (
-        option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
+        FIT,
         option(
             "--for", "TARGET",
             'what is to be known: parameters (k_theta,mu), "court pace", or impact="v=30 m/s, theta=16 deg" '
@@ -219,12 +209,13 @@ PLAN = Verb(
         option("--impacts", "N", "impacts to choose (default 5)", type=count, default=5),
         option("--repeats", "N", "times each is made (default 1)", type=count, default=1),
         option("--sensor", "NAME=VALUE", "another way of measuring, see below; repeatable", action="append"),
-        option(
+        pairs(
             "--cost", "NAME=C",
             "what an impact read by that sensor costs, one measured as before being 1: the batch is then chosen "
-            "among all sensors by gain for cost; repeatable", action="append", default=[],
+            "among all sensors by gain for cost; repeatable", convert=float, last=True, number="a number",
+            form="NAME=C, such as contact_time=2",
         ),
-        option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1),
+        SEED,
         option("--out", "DIR", "result folder (default: plan, beside fit.json)", type=place),
         switch("--overwrite", "replace an older plan in the folder"),
         switch("--json", "print plan.json (SI units, angles in radians)"),
@@ -252,15 +243,13 @@ impacts are chosen one after the other, and other ways of measuring are set besi
 
 def run_export(args: argparse.Namespace) -> int:
     """Write the fit in the form asked for, or print it."""
-    if args.to not in FORMAT_NAMES:
-        raise ParameterError(f"unknown format '{args.to}': {suggestion(args.to, FORMAT_NAMES)}")
     from fitball.api import load_fit
     from fitball.files import is_stream
 
     fit = load_fit(args.fit)
-    made = fit.exported(args.to, {name: getattr(args, name) for name in OWNERS})
+    made = fit.exported(args.to, {name: getattr(args, name) for name in KINDS})
     if args.out == "-":
-        if made.tree is not None:
+        if not made.texts:
             raise ParameterError("--out -: netCDF is no text; name a file")
         sys.stdout.write(next(iter(made.texts.values())))
     else:
@@ -274,11 +263,12 @@ def run_export(args: argparse.Namespace) -> int:
     return 0
 
 
+EXPORT_LINES = "\n".join(f"  {name:10} {form.help}" for name, form in EXPORTS.items())
 EXPORT = Verb(
     "export", "a fitted parameter set in another form: C, Python, JavaScript, C#, tables, engines",
     (
-        option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
-        option("--to", "FORMAT", ", ".join(FORMAT_NAMES), required=True),
+        FIT,
+        option("--to", "FORMAT", ", ".join(EXPORTS), required=True, type=one_of("format", EXPORTS)),
         option("--out", "FILE", "file, or - for stdout (default: a name beside fit.json)", type=place),
         switch("--overwrite", "replace files that exist"),
         option("--prefix", "TEXT", "c: beginning of every name (fitball_); javascript, csharp: of the port's"),
@@ -289,19 +279,8 @@ EXPORT = Verb(
         option("--engine-inertia", "X", "engine: I/(M R^2) of its sphere (0.4: solid)", type=float),
     ),
     run_export,
-    """formats:
-  python     a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test
-  c          a C99 header with the same, self-test under FITBALL_SELF_TEST
-  javascript the same for a page or Node (.js) and as an ES module (.mjs)
-  csharp     the same for Unity, Godot and .NET
-  golden     the impacts a port is checked with, and their rebounds; --inputs-only leaves these out
-  lookup     rebounds on a grid, and how wrong interpolation between its points is
-  engine     restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON
-  json       the parameter set for other programs, with a schema; summary.csv of the result folder has it as CSV
-  latex      a table for booktabs, rounded by the rule of the Particle Data Group
-  markdown   the same table
-  certificate one page of HTML to print and sign: result, interval, adequacy, table and its SHA-256
-  netcdf     draws and data for ArviZ
+    f"""formats:
+{EXPORT_LINES}
 
 examples:
   fitball export fits/wang_all/two-mass --to c --out bounce.h
@@ -316,89 +295,13 @@ Check a port with fitball verify.""",
 )  # fmt: skip
 
 
-DEFAULT_TOLERANCE = 1e-9
-
-
 def run_verify(args: argparse.Namespace) -> int:
     """Compare the port and print where it deviates; 0 where it agrees, else 1."""
-    if not (math.isfinite(args.tolerance) and args.tolerance > 0.0):
-        raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
-    from fitball.data.read import read_port
-    from fitball.exports.golden import golden_ids, port_json, port_text
-    from fitball.inference.prediction.outputs import check_port
-    from fitball.observables import OBSERVABLES
-    from fitball.report.form.files import json_text
-    from fitball.report.saved.fit_file import read_fit
+    from fitball.api.verifying import DEFAULT_TOLERANCE, verify
 
-    saved = read_fit(_fit_path(args.port, args.fit))
-    port = read_port(Path(args.port))
-    ids = golden_ids(saved.golden)
-    order = _rows_of(port, ids)
-    _check_incident(port, order, saved.golden)
-    outputs = {name: values[order] for name, values in port.outputs.items()}
-    timed = [OBSERVABLES[name] for name in outputs if OBSERVABLES[name].timed]
-    if timed and not saved.fitted.model.has_time:
-        message = f"model {saved.fitted.model_name} has no {timed[0].title} to compare with; delete the column"
-        raise TableError(port.source, [Fault(message, column=timed[0].name)])
-    regimes = None if port.regimes is None else tuple(port.regimes[k] for k in order)
-    check = check_port(saved.fitted, saved.golden, outputs, regimes, args.tolerance)
-    if args.json:
-        print(json_text(port_json(check, ids, saved.fitted.model_name)), end="")
-    else:
-        text = port_text(check, ids, saved.fitted.model_name)
-        print(text[text.rindex("\n\n") + 2 :] if args.quiet else text)
-    return 0 if check.passed else 1
-
-
-def _fit_path(port: str, fit: str | None) -> Path:
-    if fit is not None:
-        return Path(fit)
-    beside = Path(port).parent / "fit.json"
-    if not beside.exists():
-        raise ResultFolderError(f"{port}: no fit.json beside it; say with --fit FIT which fit was ported")
-    return beside
-
-
-def _rows_of(port: PortFile, ids: tuple[str, ...]) -> list[int]:
-    """For each golden impact the row of the port that answers it. Raises TableError."""
-    if port.ids is None:
-        if port.count != len(ids):
-            message = f"read {port.count} rows; expected {len(ids)}, one for each golden impact, or a column id"
-            raise TableError(port.source, [Fault(message)])
-        return list(range(port.count))
-    rows = {label: k for k, label in enumerate(port.ids)}
-    faults = [
-        Fault(f"read '{label}', which is no golden impact of this fit or comes twice; expected {ids[0]} to {ids[-1]}",
-              row=k + 1, column="id")
-        for k, label in enumerate(port.ids)
-        if label not in ids or rows[label] != k
-    ]  # fmt: skip
-    faults += [Fault(f"no row '{label}'; expected every golden impact once") for label in ids if label not in rows]
-    if faults:
-        raise TableError(port.source, faults)
-    return [rows[label] for label in ids]
-
-
-# Printed digits of an incident state that is repeated in the file: any fewer and it is not the golden one.
-REPEATED = 1e-6
-
-
-def _check_incident(port: PortFile, order: list[int], golden: Golden) -> None:
-    """Raise TableError where the file repeats another incident state than that of the golden impact."""
-    faults = []
-    for name in ("v_x1", "v_y1", "omega_1"):
-        if name not in port.incident:
-            continue
-        meant: FloatArray = getattr(golden.impacts, name)
-        for k, row in enumerate(order):
-            read = port.incident[name][row]
-            if abs(read - meant[k]) > REPEATED * (1.0 + abs(meant[k])):
-                message = (
-                    f"read {read:g}, but this golden impact has {meant[k]:g} (SI): is the port fed with this fit's?"
-                )
-                faults.append(Fault(message, row=row + 1, column=name))
-    if faults:
-        raise TableError(port.source, faults)
+    found = verify(args.port, args.fit, DEFAULT_TOLERANCE if args.tolerance is None else args.tolerance)
+    print_result(args, found, found.outcome)
+    return found.exit_code
 
 
 VERIFY = Verb(
@@ -406,7 +309,7 @@ VERIFY = Verb(
     (
         option("port", "PORT.csv", "outputs of the port for the golden impacts"),
         option("--fit", "FIT", "result folder or fit.json (default: beside PORT.csv)"),
-        option("--tolerance", "X", "largest relative difference (1e-9)", type=float, default=DEFAULT_TOLERANCE),
+        option("--tolerance", "X", "largest relative difference (1e-9)", type=float),
         switch("--json", "print JSON (SI units, angles in radians)"),
         switch("--quiet", "print the result alone"),
     ),

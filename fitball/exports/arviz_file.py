@@ -14,6 +14,7 @@ from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.results.results import Estimate, Fit, Posterior, RunStatus
 from fitball.inference.results.source import INCIDENT
 from fitball.observables import SI_UNITS
+from fitball.report.saved.fit_file import complete
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, variable
 from fitball.values import FloatArray
 from fitball.version import __version__
@@ -50,6 +51,12 @@ def whole_tree(fit: Fit, draws: int | None = None) -> xr.DataTree:
     groups["log_likelihood"] = _by_impact({"impact_log_likelihood": made.log_likelihood}, shape, ids)
     groups["posterior_predictive"] = _by_impact(made.measurements, shape, ids)
     return _tree(groups | _measured(problem.table), problem.model.name, fit.status)
+
+
+def netcdf_file(saved: Fit) -> tuple[memoryview, str]:
+    """The file, and a note on what is missing from it. Raises as `whole_tree` and `partial_tree` do."""
+    tree, note = (whole_tree(saved), "") if complete(saved) else partial_tree(saved)
+    return tree.to_netcdf(engine="h5netcdf"), note
 
 
 def partial_tree(saved: Fit) -> tuple[xr.DataTree, str]:

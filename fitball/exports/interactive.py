@@ -10,16 +10,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from fitball.data.read import load_table
-from fitball.errors import ParameterError
-from fitball.exports.port.course import total_moment
+from fitball.exports.port.face import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import Port, make_port, range_sentences
 from fitball.inference.prediction.engine_fit import middle_impact
 from fitball.inference.prediction.outputs import golden
-from fitball.inference.prediction.simulate import chosen_parameters
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.models.registry import model
 from fitball.models.types import PHASE_SYMBOL
 from fitball.report.form.document import render_template
 from fitball.report.form.palette import PHASES
@@ -58,22 +54,6 @@ def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: s
     )
 
 
-def preset(name: str, closures: Mapping[str, str], changed: Mapping[str, float]) -> FittedModel:
-    """A model at its defaults, some of them `changed`, as if fitted to Wang's impacts.
-
-    Raises ParameterError for a parameter that the model does not have, or that has no default and no value.
-    """
-    chosen = model(name, ball=None, tangential=True, **closures)
-    values = chosen_parameters(chosen, changed)
-    if missing := [item for item in chosen.parameter_names if item not in values]:
-        raise ParameterError(
-            f"model {chosen.name} has no default of {', '.join(missing)}: give --set {missing[0]}=VALUE, or --fit"
-        )
-    names, impacts = tuple(values), load_table("wang_all").impacts
-    point, draws = np.array([values[item] for item in names]), np.empty((0, len(names)))
-    return FittedModel(name, chosen.options, chosen.ball, True, names, point, draws, impacts)
-
-
 def round_impact(fitted: FittedModel) -> Impacts:
     """The middle of the calibrated range, in round numbers of the sliders."""
     middle = middle_impact(fitted)
@@ -102,7 +82,7 @@ def _settings(port: Port, fitted: FittedModel, impact: Impacts, followed: bool) 
         "followed": followed,
         "toldCor": port.needs_cor,
         "place": {"mu": names.index("mu") if "mu" in values else None, "cor": names.index("cor_10") if own else None},
-        "ball": {"mass": fitted.ball.mass, "radius": port.radius, "inertia": fitted.ball.inertia},
+        "ball": {"mass": fitted.ball.mass, "radius": fitted.ball.radius, "inertia": fitted.ball.inertia},
         "phases": {int(code): name for code, name in PHASE_SYMBOL.items()},
         "sliders": sliders,
     }

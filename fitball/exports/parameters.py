@@ -1,23 +1,39 @@
-"""The fitted parameters for other programs, as JSON with a schema (`parameters.schema.json`); and for a paper, as a
-table in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule.
+"""The result of a fit for other programs, as JSON with a schema (`parameters.schema.json`); for a paper, as a table
+in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule; and as a certificate, to print and sign.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.evidence import Answer
+from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
-from fitball.report.form.document import markdown_table
+from fitball.report.fit.itf_tests import (
+    ball_rows,
+    category_words,
+    court_lines,
+    drop_lead,
+    drop_remarks,
+    pace_remarks,
+    place_rows,
+    rating_words,
+    rests,
+    speed_rows,
+    surface_rows,
+    surface_words,
+)
+from fitball.report.form.document import Row, markdown_table, render_template
+from fitball.report.form.files import json_text
 from fitball.report.form.numbers import parameter_row
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
@@ -56,6 +72,11 @@ def parameter_content(saved: Fit) -> dict[str, Any]:
         "rebound": {name: column.tolist() for name, column in columns.items() if not np.isnan(column).any()},
     }
     return parameter_set
+
+
+def parameter_text(saved: Fit) -> str:
+    """The parameter set as JSON."""
+    return json_text(parameter_content(saved))
 
 
 def _levels(listed: Sequence[LevelEstimate]) -> dict[str, Any]:
@@ -107,36 +128,30 @@ class PaperRow:
     mark: str = ""
 
 
+# Letters by which rows refer to notes.
 MARKS = {
-    Verdict.PRIOR_DOMINATED: "a",
-    Verdict.ONE_SIDED: "b",
-    Verdict.GIVEN: "c",
-    Verdict.CONDITIONAL: "d",
-    Verdict.UNEXAMINED: "e",
-}
-NOTES = {
-    "a": "set by what was assumed beforehand rather than by the impacts",
-    "b": "bounded by the impacts from one side only",
-    "c": "rests on assumptions that the impacts cannot test",
-    "d": "conditional: holds only as far as the model describes the impacts, which it does not, or not all",
-    "e": "how far it rests on assumptions could not be examined",
-}
+    Verdict.PRIOR_DOMINATED: ("a", "set by what was assumed beforehand rather than by the impacts"),
+    Verdict.ONE_SIDED: ("b", "bounded by the impacts from one side only"),
+    Verdict.GIVEN: ("c", "rests on assumptions that the impacts cannot test"),
+    Verdict.CONDITIONAL: (
+        "d", "conditional: holds only as far as the model describes the impacts, which it does not, or not all"
+    ),
+    Verdict.UNEXAMINED: ("e", "how far it rests on assumptions could not be examined"),
+}  # fmt: skip
 
 
 def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
     """Every parameter: median and standard deviation, or the point estimate to four digits."""
-    return tuple(_row(parameter) for parameter in saved.parameters.values())
-
-
-def _row(parameter: Estimate) -> PaperRow:
-    row = parameter_row(parameter)
-    spec = parameter_spec(parameter.name) or NOISE_SPECS.get(parameter.name)
-    paper = PaperRow(row.name, spec.label if spec is not None else "", parameter.meaning, row.unit, row.point)
-    if row.median == "-" or parameter.verdict is Verdict.FIXED:
-        return paper
-    return replace(
-        paper, value=row.median, sd=row.sd, interval_95=row.interval_95, mark=MARKS.get(parameter.verdict, "")
-    )
+    rows = []
+    for item in saved.parameters.values():
+        row, spec = parameter_row(item), parameter_spec(item.name) or NOISE_SPECS.get(item.name)
+        known = (row.name, "" if spec is None else spec.label, item.meaning, row.unit)
+        if row.median == "-" or item.verdict is Verdict.FIXED:
+            rows.append(PaperRow(*known, row.point))
+        else:
+            mark = MARKS[item.verdict][0] if item.verdict in MARKS else ""
+            rows.append(PaperRow(*known, row.median, row.sd, row.interval_95, mark))
+    return tuple(rows)
 
 
 def _caption(saved: Fit) -> str:
@@ -181,7 +196,7 @@ def latex_table(saved: Fit) -> str:
 
 def _notes(saved: Fit) -> list[tuple[str, str]]:
     used = {row.mark for row in paper_rows(saved)}
-    return [(mark, note) for mark, note in NOTES.items() if mark in used]
+    return [(mark, note) for mark, note in MARKS.values() if mark in used]
 
 
 def _escaped(text: str) -> str:
@@ -209,3 +224,113 @@ def paper_markdown(saved: Fit) -> str:
         rows.append([f"`{row.name}`", row.meaning, value, row.interval_95, row.unit])
     notes = [f"({mark}) {note}." for mark, note in _notes(saved)]
     return "\n".join([_caption(saved), "", markdown_table(rows), *([""] if notes else []), *notes]) + "\n"
+
+
+# Rows of a table that one page has room for, in two halves; and lines of remarks.
+MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9
+# Title, sentences of the result, tables, remarks.
+Content = tuple[str, Sequence[str], Sequence[Mapping[str, Any]], Sequence[str]]
+
+
+def certificate(saved: Fit) -> str:
+    """One page to print and sign, as HTML that needs nothing but itself and prints on a sheet of A4: the result of a
+    drop test, of a court pace test or of any other fit, its interval, whether the model describes the measurements,
+    and what it was made from.
+    """
+    title, result, parts, found = _content(saved)
+    priors = ((name, item) for name, item in saved.parameters.items() if item.prior_source)
+    remarks = [*(f"Prior of {name}: {item.prior}, {item.prior_source}" for name, item in priors), *found]
+    more = _left_out(len(remarks), "remarks", MOST_REMARKS)
+    return render_template(
+        "fitball.report",
+        "certificate.html.j2",
+        title=title,
+        subject=f"Table {saved.source.name}: {saved.source.impacts} impacts; fitball {saved.versions['fitball']}",
+        table=saved.source,
+        result=result,
+        parts=parts,
+        adequacy="Not looked at." if saved.adequacy is None else saved.adequacy.sentence,
+        remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["Nothing besides the table and its scene."],
+        facts=_facts(saved),
+    )
+
+
+def _left_out(count: int, what: str, most: int) -> str:
+    return f"{count - most} more {what} stand in report.html." if count > most else ""
+
+
+def _part(
+    title: str, rows: Sequence[Row], what: str, most: int = MOST_ROWS, heads: Sequence[str] = (), narrow: bool = False
+) -> Mapping[str, Any]:
+    """A table of the page: of the first `most` rows the columns of `heads` (default: all), a dash where there is
+    none, in two halves side by side where they are many and `narrow`.
+    """
+    heads = heads or tuple(rows[0])
+    cells = [[row.get(head, "-") for head in heads] for row in rows[:most]]
+    return {"title": title, "heads": heads, "rows": cells, "narrow": narrow, "more": _left_out(len(rows), what, most)}
+
+
+def _content(saved: Fit) -> Content:
+    dropped, pace = saved.drop_test, saved.court_pace
+    if dropped is not None and not dropped.missing:
+        return _of_drops(dropped)
+    if pace is not None and (pace.ratings or pace.measured is not None):
+        return _of_court(pace, rests(saved.parameters, saved.adequacy) if pace.ratings else "")
+    sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
+    rows = [parameter_row(item) for item in saved.parameters.values() if item.verdict in sure]
+    told = [{"parameter": row.name, "unit": row.unit, "value": row.best, "95 %": row.interval_95} for row in rows]
+    parts = [_part("Parameters that the table tells", told, "parameters", narrow=True)] if told else []
+    return f"Fit of model {saved.fitted.model_name}", (saved.verdict,), parts, ()
+
+
+def _of_drops(test: DropTest) -> Content:
+    balls, speeds, parts = ball_rows(test), speed_rows(test), []
+    if balls:
+        heads = ("ball", "drops", "rebound from 254 cm [cm]", "95 %", "passes")
+        parts.append(_part("Rebound from 254 cm, ball by ball", balls, "balls", heads=heads, narrow=True))
+    elif len(speeds) > 1:
+        heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
+        parts.append(_part("Restitution at the tested speeds", speeds, "speeds", heads=heads))
+    title = "Drop test" if test.rebound is None else "Drop test of tennis balls"
+    return title, drop_lead(test), parts, drop_remarks(test)
+
+
+def _of_court(pace: CourtPace, said: str) -> Content:
+    parts, places = [], place_rows(pace)
+    surfaces = [
+        row | {"category": category_words(item)} for row, item in zip(surface_rows(pace), pace.ratings, strict=True)
+    ]
+    if places:
+        parts.append(_part("Places on the court, as measured", places, "places", MOST_PLACES))
+    # There is room for one long table, not for two.
+    most = MOST_PLACES - len(places)
+    if 0 < len(surfaces) <= most or not places:
+        title = "What the fitted model would show the test (30 m/s, 16 degrees)"
+        heads = ("surface", "impacts", "rating", "95 %", "category", "mu of the test")
+        parts.append(_part(title, surfaces, "surfaces", most, heads))
+    result = court_lines(pace) or tuple(
+        f"ITF court pace rating{f' of {surface_words(rating)}' if len(surfaces) > 1 else ''} by the model: "
+        f"{rating_words(rating)}."
+        for rating in pace.ratings[:4]
+    )
+    remarks = [f"The rating by the model is {said}."] if said else []
+    return "Court pace", result, parts, (*remarks, *pace_remarks(pace))
+
+
+def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:
+    ball = saved.fitted.ball
+    columns = ", ".join((*saved.source.incident_columns, *saved.source.measurements))
+    labels = f"; labels {', '.join(saved.source.labels)}" if saved.source.labels else ""
+    closures = ", ".join(f"{name} {option}" for name, option in saved.fitted.options.items())
+    facts = [
+        ("Table", f"{saved.source.file}, {saved.source.impacts} impacts: {columns}{labels}"),
+        ("Ball", f"{1e3 * ball.mass:.4g} g, radius {1e3 * ball.radius:.4g} mm"),
+        (
+            "Model",
+            f"{saved.fitted.model_name}{f' ({closures})' if closures else ''}; {saved.status}, seed {saved.seed}",
+        ),
+        ("Software", ", ".join(f"{name} {number}" for name, number in list(saved.versions.items())[:4])),
+    ]
+    if saved.source.flipped:
+        facts.append(("Counted the other way round", ", ".join(saved.source.flipped)))
+    return tuple(facts)

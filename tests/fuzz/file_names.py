@@ -14,7 +14,7 @@ from fuzz.mutators import TEXTS, pick
 from fitball.api import pose
 from fitball.data.read import load_table
 from fitball.errors import FitballError
-from fitball.exports import FORMAT_NAMES
+from fitball.exports.formats import FORMATS
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices
@@ -64,7 +64,7 @@ def file_names():
     return Target(
         "file name", _build, _rename,
         (
-            *(("export", "{folder}/fit", "--to", form) for form in FORMAT_NAMES),
+            *(("export", "{folder}/fit", "--to", form) for form in FORMATS),
             ("plot", "{folder}/fit", "sketch"), ("datasets", "check", _TABLE), ("datasets", "show", _TABLE, "--json"),
             ("calibrate", _TABLE, *_CALIBRATED), ("batch", _TABLE, *_CALIBRATED), ("batch", "{folder}", *_CALIBRATED),
         ),

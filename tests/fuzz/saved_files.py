@@ -15,7 +15,8 @@ from fuzz.structured import damage_table
 from fuzz.user_files import TABLE, option_target
 from samples import problem_of
 
-from fitball.exports.formats import TEXT_FORMATS, Options
+from fitball.exports.formats import FORMATS
+from fitball.exports.tables import golden_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
 from fitball.inference.sampling.chain_file import ChainFile
@@ -29,7 +30,7 @@ ODD = (
 IMPACT = ("--impact", "v=17, theta=18")
 PREDICT = ("predict", FIT, *IMPACT)
 OUT = ("--out", "{folder}/out")
-EXPORTS = tuple(("export", FIT, "--to", name, "--out", "{folder}/exported") for name in (*TEXT_FORMATS, "netcdf"))
+EXPORTS = tuple(("export", FIT, "--to", name, "--out", "{folder}/exported") for name in FORMATS)
 PLOTS = tuple(("plot", FIT, kind, *OUT) for kind in ("profiles", "residuals", "trace", "corner", "all"))
 REPEAT = ("repeat", FIT, "--cores", "1")
 # The run that `short_chain` began.
@@ -48,8 +49,7 @@ def of_a_fit(fit):
 
     def build_port(folder):
         build(folder)
-        texts = TEXT_FORMATS["golden"].make(read_fit(folder / "fit"), Options())
-        (folder / "port.csv").write_text(next(iter(texts.values())), encoding="utf-8")
+        (folder / "port.csv").write_text(golden_table(read_fit(folder / "fit")), encoding="utf-8")
 
     verify = ("verify", "{folder}/port.csv", "--fit", FIT)
     predict = ("predict", FIT, "{folder}/" + TABLE)

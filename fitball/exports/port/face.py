@@ -1,5 +1,6 @@
 """What a port does beside its kernel, in the same restricted Python: the fitted model with what stands in where it
-has no solution, and the total bounce.
+has no solution, the total bounce, its check on golden impacts, functions that a language may not have, and one bounce
+through its contact, which a page draws.
 
 `kernel_source` collects these functions like kernels, with the fit's own numbers in the place of the names that are
 None here (`port.make_port`): `KERNEL` is the entry of an algebraic model, `FITTED` the function of its convention.
@@ -14,9 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.bounce import bounce
-from fitball.models.kernels.phases import Scratch
+from fitball.models.kernels.contact import (
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    Contact,
+    VerticalMotion,
+    contact_of,
+    impulse_at,
+    vertical_at,
+    vertical_motion,
+)
+from fitball.models.kernels.phases import Scratch, rigid_phase, two_mass_contact
 from fitball.models.thesis import BALL_INERTIA, BALL_MASS, BALL_RADIUS, COR_10, COR_SLOPE, MU, thesis_bounce
-from fitball.models.types import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD, Status
+from fitball.models.types import (
+    FREE,
+    GRIP,
+    MAX_PACKED_PHASES,
+    PHASE_BITS,
+    SLIDE_BACKWARD,
+    SLIDE_FORWARD,
+    Status,
+)
 from fitball.values import FloatArray
 
 Ints = NDArray[np.int64]
@@ -127,3 +147,189 @@ def total_bounce(
         return bad
     extrapolated += found.extrapolated
     return Solved(v_x2, v_y2, omega_2, found.contact_time, found.regime, extrapolated, found.status)
+
+
+# Numbers of a golden impact: `(v_x1, v_y1, omega_1, cor)`, `models.types.OUTPUTS` of its rebound, and in what it is
+# extrapolated.
+GOLDEN_NUMBERS = 9
+
+
+class Agreement(NamedTuple):
+    """How far a port is from the model: its `worst` difference, relative, and whether every impact has a rebound
+    with the phases that it has in the model, extrapolated in what it is to be.
+    """
+
+    worst: float
+    same: bool
+
+
+def golden_agreement(
+    golden: FloatArray, regimes: Ints, count: int, row: FloatArray, codes: Ints, rigid: Ints, scratch: Scratch
+) -> Agreement:
+    """The port on its golden impacts: speeds and R*omega relative to the incident speed of the ball and its surface,
+    the time to itself.
+    """
+    worst = 0.0
+    same = True
+    for k in range(count):
+        at = GOLDEN_NUMBERS * k
+        v_x, v_y, omega, time = golden[at], golden[at + 1], golden[at + 2], golden[at + 7]
+        found = total_bounce(row, codes, rigid, v_x, v_y, omega, golden[at + 3], scratch)
+        speed = math.sqrt(v_x * v_x + v_y * v_y + RADIUS * omega * RADIUS * omega)
+        along, away = abs(found.v_x2 - golden[at + 4]) / speed, abs(found.v_y2 - golden[at + 5]) / speed
+        turned = RADIUS * abs(found.omega_2 - golden[at + 6]) / speed
+        late = 0.0
+        if not math.isnan(time):
+            late = abs(found.contact_time - time) / time
+        if found.status != OK or found.extrapolated != golden[at + 8] or math.isnan(along + away + turned + late):
+            same = False
+        # Joined with nothing, so that both sides are of one kind in every language.
+        if (found.regime | 0) != (regimes[k] | 0):
+            same = False
+        worst = max(max(worst, along), max(max(away, turned), late))
+    return Agreement(worst, same)
+
+
+def min_real(a: float, b: float) -> float:
+    """The lesser: of equal numbers the first, of NaN and a number the first, as in Python."""
+    return b if b < a else a
+
+
+def max_real(a: float, b: float) -> float:
+    """The greater, likewise."""
+    return b if b > a else a
+
+
+def min_whole(a: int, b: int) -> int:
+    """The lesser of whole numbers."""
+    return b if b < a else a
+
+
+def max_whole(a: int, b: int) -> int:
+    """The greater of whole numbers."""
+    return b if b > a else a
+
+
+def hypot(a: float, b: float) -> float:
+    """The hypotenuse, for languages without one, or with one that is off in its last digits."""
+    large, small = max(abs(a), abs(b)), min(abs(a), abs(b))
+    return large * math.sqrt(1.0 + (small / large) * (small / large)) if large > 0.0 else large
+
+
+def log1p(x: float) -> float:
+    """The logarithm of 1 + x, whose rounding is undone (Kahan)."""
+    step = (1.0 + x) - 1.0
+    return math.log(1.0 + x) * x / step if abs(step) > 0.0 else x
+
+
+# Step of the one difference that is taken, that of `v_x` in a grip, as a share of the time the force lasts.
+STEP = 1e-6
+
+
+class Moment(NamedTuple):
+    """The ball at one time of the contact: `phase` as `types.Phase`, 0 where the motion along the court is not
+    followed or `status` is not OK; else as `models.history.History`.
+    """
+
+    status: int
+    time: float
+    y: float
+    v_y: float
+    v_x: float
+    omega_core: float
+    omega_shell: float
+    normal_force: float
+    friction_force: float
+    phase: int
+
+
+def cut_contact(contact: Contact[float], time: float, shell_spin: bool) -> Contact[float]:
+    """The contact as if it ended at `time`: its pieces are the same closed forms, so that the state at a time is what
+    `two_mass_contact` finds when the normal force ends then. `models.history` follows the pieces instead, and tests
+    hold the two against each other.
+    """
+    whole = contact.vertical
+    vertical = VerticalMotion(whole.cor, whole.riding_mass, whole.spring, min(time, whole.t_force), time)
+    return Contact(
+        contact.mass, contact.radius, contact.joint, contact.mu, contact.eps, contact.eps_in_slide, shell_spin,
+        contact.landing, vertical, contact.v_x, contact.v_y, contact.omega,
+    )  # fmt: skip
+
+
+def last_phase(regime: int) -> int:
+    """The last of a packed sequence of phases, of a very long one the last that is packed."""
+    last = 0
+    for k in range(MAX_PACKED_PHASES):
+        place = PHASE_BITS * k
+        here = regime & (7 << place)
+        # Shifted too, so that both sides are of one kind in every language.
+        if here == (0 << place):
+            break
+        for phase in range(1, 8):
+            if here == (phase << place):
+                last = phase
+    return last
+
+
+def moment_of(
+    row: FloatArray, codes: Ints, v_x: float, v_y: float, omega: float, cor: float, share: float, scratch: Scratch
+) -> Moment:
+    """The ball after a `share` (above 0) of the contact time."""
+    status, vertical = vertical_motion(row, codes, v_y, cor)
+    if status != OK:
+        return Moment(status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    time = share * vertical.t_contact
+    y, y_rate = vertical_at(vertical.spring, v_y, time)
+    force = 0.0
+    if time <= vertical.t_force:
+        force = vertical.riding_mass * (2.0 * vertical.spring.decay * y_rate + vertical.spring.natural_squared * y)
+        force = max(force, 0.0)
+    if codes[TANGENTIAL] == 0:
+        return Moment(OK, time, y, y_rate, v_x, omega, omega, force, 0.0, 0)
+    status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
+    if status != OK:
+        return Moment(status, time, y, y_rate, 0.0, 0.0, 0.0, force, 0.0, 0)
+    found = along_court(contact, codes[TORSION] == TORSION_RIGID, time, scratch)
+    if found.status != OK:
+        return Moment(found.status, time, y, y_rate, 0.0, 0.0, 0.0, force, 0.0, 0)
+    friction = 0.0
+    if found.phase == SLIDE_FORWARD:
+        friction = -contact.mu * force
+    elif found.phase == SLIDE_BACKWARD:
+        friction = contact.mu * force
+    elif found.phase != FREE:
+        step = STEP * vertical.t_force
+        other = time + step if time + step < vertical.t_force else time - step
+        moved = along_court(contact, codes[TORSION] == TORSION_RIGID, other, scratch)
+        friction = contact.mass * (moved.v_x - found.v_x) / (other - time)
+    return Moment(OK, time, y, y_rate, found.v_x, found.omega_core, found.omega_shell, force, friction, found.phase)
+
+
+def along_court(contact: Contact[float], rigid: bool, time: float, scratch: Scratch) -> Moment:
+    """Velocity along the court, spins and phase at `time`; the rest zero."""
+    if rigid:
+        impulse = impulse_at(contact, min(time, contact.vertical.t_force))
+        phase, friction, acting = rigid_phase(contact, impulse)
+        turned = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
+        v_x = contact.v_x - friction / contact.mass
+        if time > contact.vertical.t_force:
+            phase = FREE
+        return Moment(OK, time, 0.0, 0.0, v_x, turned, turned, 0.0, 0.0, phase)
+    status, v_x, shell, regime, _pieces = two_mass_contact(cut_contact(contact, time, True), scratch, None)
+    _status, _v_x, mean, _regime, _pieces = two_mass_contact(cut_contact(contact, time, False), scratch, None)
+    joint = contact.joint
+    core = ((joint.core + joint.shell) * mean - joint.shell * shell) / joint.core
+    return Moment(status, time, 0.0, 0.0, v_x, core, shell, 0.0, 0.0, last_phase(regime))
+
+
+def total_moment(
+    row: FloatArray, codes: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, share: float, scratch: Scratch
+) -> Moment:
+    """`moment_of` any impact that moves towards the court: outside the valid range that at its nearer end, scaled."""
+    at_end = min(max(v_y1, V_Y1_LOW), V_Y1_HIGH)
+    scale = v_y1 / at_end
+    found = moment_of(row, codes, v_x1 / scale, at_end, omega_1 / scale, cor, share, scratch)
+    return Moment(
+        found.status, found.time, found.y * scale, found.v_y * scale, found.v_x * scale, found.omega_core * scale,
+        found.omega_shell * scale, found.normal_force * scale, found.friction_force * scale, found.phase,
+    )  # fmt: skip

@@ -1,13 +1,21 @@
-"""A calibrated bounce in C99, C# and JavaScript: what each language writes in its own way, and its files."""
+"""A calibrated bounce in C99, C# and JavaScript: what each language writes in its own way, as tables of texts that
+`format` fills, and its files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from fitball.exports.port.dialect import Dialect, Struct, Type, fields_of
+from fitball.errors import ParameterError
 from fitball.exports.port.kernel_source import Constant
-from fitball.exports.port.port import Port, translated_port
+from fitball.exports.port.port import Port, port_of, python_port, translated_port
+from fitball.exports.port.translate import Struct, Type, compound, fields_of, type_name
+from fitball.inference.results.results import Fit
+from fitball.wording import option
 
+# What names of a port begin with.
+PREFIX = "fitball_"
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "atan2")
 _TAKEN_CSHARP = """
 abstract as base bool break byte case catch char checked class const continue decimal default delegate do double
@@ -21,116 +29,210 @@ arguments await break case catch class const continue debugger default delete do
 finally for function if implements import in instanceof interface let new null package private protected public
 return static super switch this throw try typeof undefined var void while with yield
 """
+_BITS = {"|": "({} | {})", "&": "({} & {})", "<<": "({} << {})"}
 
 
-class C99(Dialect):
-    """C99 in which every name begins with `prefix`."""
+@dataclass(frozen=True)
+class Dialect:
+    """A language of the C family.
 
-    language = "C99"
-    math = {name: name for name in (*_FUNCTIONS, "log1p", "hypot", "isnan", "isfinite", "fabs")}
-    values = {"pi": "3.141592653589793", "nan": "NAN", "inf": "INFINITY"}
-    types = {
-        "d": "double", "i": "int64_t", "b": "bool", "z": "double complex", "A": "double *", "I": "const int64_t *",
-        "S": "double *", "v": "void",
-    }  # fmt: skip
-    cast, counter, fixed = "(double)", "int64_t", "const "
-    whole, test = "((int64_t){})", "({}({}) != 0)"
-    real, imaginary = "creal({})", "cimag({})"
-    made, struct, member = "({type}){{{items}}}", "typedef struct {{ {fields} }} {type};", "{};"
-    head, comment = "/* {comment} */\nstatic inline {declared}({taken})\n{{", "\n   "
+    `math` are functions of Python's `math`, `values` its constants, `types` plain types (empty where types are not
+    written). Names that are `taken` in the language get a line behind them; of those of a port's functions, types and
+    constants each begins with `prefix`. `helpers` are functions of `face` that the language has not itself.
+    """
 
-    def __init__(self, prefix: str) -> None:
-        self.prefix = prefix
+    language: str
+    template: str
+    math: Mapping[str, str]
+    values: Mapping[str, str]
+    types: Mapping[str, str] = field(default_factory=dict)
+    helpers: tuple[str, ...] = ()
+    taken: frozenset[str] = frozenset()
+    prefix: str = ""
+    same: str = "=="
+    other: str = "!="
+    # A whole number; one made real where that does not come by itself; a real one cut to a whole one; `|`, `&` and
+    # `<<` of whole numbers of 60 bits.
+    integer: str = "{}"
+    cast: str = ""
+    whole: str = "{}"
+    bits: Mapping[str, str] = field(default_factory=_BITS.copy)
+    # Parts of a complex number; functions of a language whose operators do not know complex numbers.
+    real: str = "{}.real"
+    imaginary: str = "{}.imag"
+    complex_calls: Mapping[str, str] = field(default_factory=dict)
+    # What declares a counter, a variable that is not changed, and others; what these begin as, by their types.
+    counter: str = ""
+    fixed: str = ""
+    variable: str = ""
+    zeros: Mapping[str, str] = field(default_factory=dict)
+    zero: str = ""
+    # An item of a tuple; a struct or tuple of `items`, or of `named` ones; how one is written where it is constant.
+    item: str = "{}.f{}"
+    made: str = "{type}({items})"
+    tuple_made: str = ""
+    initial: str = ""
+    # The definition of a struct of `fields`, one of these; of a constant that is a number, or a struct.
+    struct: str = ""
+    member: str = ""
+    constant_number: str = "const {name} = {value};"
+    constant_struct: str = "const {name} = {value};"
+    # What begins a function, its comment first, whose further lines begin so; what is said of an unread parameter.
+    head: str = ""
+    comment: str = ""
+    unread: str = ""
+
+    def name(self, text: str) -> str:
+        """A variable, field or parameter."""
+        return f"{text}_" if text in self.taken else text
 
     def function(self, text: str) -> str:
-        return f"{self.prefix}{text}"
+        """A function of the port."""
+        return f"{self.prefix}{self.name(text)}"
 
     def constant(self, text: str) -> str:
-        return f"{self.prefix.upper()}{text}"
+        """A constant of the port."""
+        return f"{self.prefix.upper()}{self.name(text)}"
+
+    def number(self, value: float) -> str:
+        """A finite number or truth value."""
+        if isinstance(value, bool):
+            return repr(value).lower()
+        return self.integer.format(value) if isinstance(value, int) else repr(value)
 
     def literal(self, value: Constant) -> str:
-        return f"{{{', '.join(map(self.literal, value))}}}" if isinstance(value, tuple) else self.number(value)
+        """A number, or a named tuple of such."""
+        if not isinstance(value, tuple):
+            return self.number(value)
+        items = [self.literal(item) for item in value]
+        if self.initial:
+            return self.initial.format(", ".join(items))
+        return self.make(Struct(type(value).__name__, tuple((name, "d") for name in value._fields)), items)  # type: ignore[attr-defined]
 
     def constant_definition(self, name: str, value: Constant) -> str:
         """A constant of the module."""
-        if isinstance(value, tuple):
-            return f"static const {self.prefix}{type(value).__name__} {self.constant(name)} = {self.literal(value)};"
-        return f"#define {self.constant(name)} ({self.literal(value)})"
+        form = self.constant_struct if isinstance(value, tuple) else self.constant_number
+        of_numbers = self.types.get("d" if isinstance(value, float) else "i", "")
+        kind = f"{self.prefix}{type(value).__name__}" if isinstance(value, tuple) else of_numbers
+        return form.format(type=kind, name=self.constant(name), value=self.literal(value))
+
+    def type(self, kind: Type) -> str:
+        """How a type is written."""
+        return self.types[kind] if isinstance(kind, str) else f"{self.prefix}{type_name(kind)}"
+
+    def declared(self, kind: Type, name: str) -> str:
+        """The declaration of a variable or function: its name, behind its type where that is written."""
+        text = self.type(kind) if self.types else ""
+        return f"{text}{name}" if text.endswith("*") or not text else f"{text} {name}"
 
     def local(self, kind: Type, name: str) -> str:
-        held = fields_of(kind)
-        # What follows a first zero is zero too; of structs within structs compilers want to see it.
-        short = held and isinstance(held[0][1], str)
-        return f"{self.declared(kind, name)} = {'{0}' if short else self._zero(kind)}"
+        """A variable at the top of a function, set to something harmless."""
+        return f"{self.variable}{self.declared(kind, name)} = {self._zero(kind)}"
 
     def _zero(self, kind: Type) -> str:
-        if isinstance(kind, str):
-            return {"b": "false", "i": "0", "d": "0.0", "z": "0.0"}.get(kind, "NULL")
-        return f"{{{', '.join(self._zero(item) for _name, item in fields_of(kind))}}}"
+        if self.initial and not isinstance(kind, str):
+            return self.initial.format(", ".join(self._zero(item) for _name, item in fields_of(kind)))
+        plain = self.zeros.get(kind) if isinstance(kind, str) else None
+        return self.zero.format(self.type(kind) if self.types else "") if plain is None else plain
 
-    def unread(self, name: str) -> list[str]:
-        return [f"(void){name};"]
-
-
-class CSharp(Dialect):
-    """C# without anything new, which Unity and Mono have had for long."""
-
-    language = "C#"
-    math = {name: f"Math.{name.capitalize()}" for name in _FUNCTIONS} | {
-        "fabs": "Math.Abs", "hypot": "hypot", "log1p": "log1p", "isnan": "double.IsNaN", "isfinite": "is_finite",
-    }  # fmt: skip
-    values = {"pi": "Math.PI", "nan": "double.NaN", "inf": "double.PositiveInfinity"}
-    types = {
-        "d": "double", "i": "long", "b": "bool", "z": "Complex", "A": "double[]", "I": "long[]", "S": "double[]",
-        "v": "void",
-    }  # fmt: skip
-    taken = frozenset(_TAKEN_CSHARP.split())
-    cast, counter = "(double)", "long"
-    whole, real, imaginary = "((long){})", "{}.Real", "{}.Imaginary"
-    made, member = "new {type}({items})", "public {};"
-    struct = "struct {type} {{ {fields} public {type}({taken}) {{ {stores} }} }}"
-    head, comment = "// {comment}\nstatic {declared}({taken})\n{{", "\n// "
-
-    def number(self, value: float) -> str:
-        text = super().number(value)
-        return f"{text}L" if type(value) is int else text
-
-    def bits(self, operator: str, left: str, right: str) -> str:
-        return f"({left} {operator} {f'(int)({right})' if operator == '<<' else right})"
-
-    def local(self, kind: Type, name: str) -> str:
-        return f"{self.declared(kind, name)} = default({self.type(kind)})"
-
-
-class JavaScript(Dialect):
-    """ECMAScript 2020, for its integers of any length."""
-
-    language = "JavaScript"
-    # Math.hypot may be off in the last digits, by engine.
-    math = {name: f"Math.{name}" for name in (*_FUNCTIONS, "log1p")} | {
-        "fabs": "Math.abs", "hypot": "hypot", "isnan": "Number.isNaN", "isfinite": "Number.isFinite",
-    }  # fmt: skip
-    values = {"pi": "Math.PI", "nan": "NaN", "inf": "Infinity"}
-    complex_calls = {"+": "zplus", "-": "zminus", "*": "ztimes", "/": "zover"}
-    taken = frozenset(_TAKEN_JAVASCRIPT.split())
-    same, other = "===", "!=="
-    counter, fixed, whole, item = "let", "const ", "Math.trunc({})", "{}[{}]"
-    head, comment = "/** {comment} */\nfunction {declared}({taken}) {{", "\n * "
-
-    def bits(self, operator: str, left: str, right: str) -> str:
-        # Its own operators see 32 bits.
-        return f"(BigInt({left}) {operator} BigInt({right}))"
+    def structs(self, kinds: Iterable[Type]) -> list[str]:
+        """Definitions of the structs of `kinds`."""
+        lines = []
+        for kind in compound(kinds) if self.struct else []:
+            names = [self.name(name) for name, _item in fields_of(kind)]
+            declared = [self.declared(item, self.name(name)) for name, item in fields_of(kind)]
+            fields = " ".join(self.member.format(text) for text in declared)
+            stores = " ".join(f"this.{name} = {name};" for name in names)
+            given = {"type": self.type(kind), "fields": fields, "taken": ", ".join(declared), "stores": stores}
+            lines.append(self.struct.format(**given))
+        return lines
 
     def make(self, kind: Type, texts: Sequence[str]) -> str:
-        if isinstance(kind, Struct):
-            pairs = zip((self.name(name) for name, _ in kind.fields), texts, strict=True)
-            return f"{{{', '.join(f'{name}: {text}' for name, text in pairs)}}}"
-        return f"[{', '.join(texts)}]"
+        """A struct or tuple of these."""
+        if self.tuple_made and isinstance(kind, tuple):
+            return self.tuple_made.format(items=", ".join(texts))
+        named = ", ".join(
+            f"{self.name(name)}: {text}" for (name, _), text in zip(fields_of(kind), texts, strict=True)
+        )
+        return self.made.format(type=self.type(kind), items=", ".join(texts), named=named)
 
-    def local(self, kind: Type, name: str) -> str:
-        start = {"b": " = false", "i": " = 0", "d": " = 0"}.get(kind, "") if isinstance(kind, str) else ""
-        return f"let {name}{start}"
+    def fit(self, text: str, kind: Type, wanted: Type) -> str:
+        """A value where `wanted` is held, which is `kind` or wider."""
+        return f"complex({text}, 0.0)" if self.complex_calls and wanted == "z" != kind else text
 
+    def binary(self, operator: str, left: tuple[str, Type], right: tuple[str, Type], kind: Type) -> str:
+        """Sum, difference, product or quotient, of type `kind`; division of two integers is of real numbers."""
+        if kind == "z" and self.complex_calls:
+            return f"{self.complex_calls[operator]}({self.fit(*left, 'z')}, {self.fit(*right, 'z')})"
+        cast = self.cast if operator == "/" and left[1] == right[1] == "i" else ""
+        return f"({cast}{left[0]} {operator} {cast}{right[0]})"
+
+    def negative(self, text: str, kind: Type) -> str:
+        """The number with its other sign."""
+        called = kind == "z" and self.complex_calls
+        return f"{self.complex_calls['-']}(complex(0.0, 0.0), {text})" if called else f"(-{text})"
+
+
+C99 = Dialect(
+    "C99",
+    "port.h.j2",
+    {name: f"{name}({{}})" for name in (*_FUNCTIONS, "log1p", "hypot", "fabs")}
+    | {name: f"({name}({{}}) != 0)" for name in ("isnan", "isfinite")},
+    {"pi": "3.141592653589793", "nan": "NAN", "inf": "INFINITY"},
+    {
+        "d": "double", "i": "int64_t", "b": "bool", "z": "double complex", "A": "double *", "I": "const int64_t *",
+        "S": "double *", "v": "void",
+    },
+    cast="(double)", whole="((int64_t){})", real="creal({})", imaginary="cimag({})", counter="int64_t",
+    fixed="const ", zeros={"b": "false", "i": "0", "d": "0.0", "z": "0.0"}, zero="NULL", made="({type}){{{items}}}",
+    initial="{{{}}}", struct="typedef struct {{ {fields} }} {type};", member="{};",
+    constant_number="#define {name} ({value})", constant_struct="static const {type} {name} = {value};",
+    head="/* {comment} */\nstatic inline {declared}({taken})\n{{", comment="\n   ", unread="(void){};",
+)  # fmt: skip
+
+# Without anything new, which Unity and Mono have had for long.
+CSHARP = Dialect(
+    "C#",
+    "port.cs.j2",
+    {name: f"Math.{name.capitalize()}({{}})" for name in _FUNCTIONS}
+    | {
+        "fabs": "Math.Abs({})", "hypot": "hypot({})", "log1p": "log1p({})", "isnan": "double.IsNaN({})",
+        "isfinite": "is_finite({})",
+    },
+    {"pi": "Math.PI", "nan": "double.NaN", "inf": "double.PositiveInfinity"},
+    {
+        "d": "double", "i": "long", "b": "bool", "z": "Complex", "A": "double[]", "I": "long[]", "S": "double[]",
+        "v": "void",
+    },
+    helpers=("hypot", "log1p"),
+    taken=frozenset(_TAKEN_CSHARP.split()),
+    integer="{}L", cast="(double)", whole="((long){})", bits={**_BITS, "<<": "({} << (int)({}))"}, real="{}.Real",
+    imaginary="{}.Imaginary", counter="long", zero="default({})", made="new {type}({items})",
+    struct="struct {type} {{ {fields} public {type}({taken}) {{ {stores} }} }}", member="public {};",
+    constant_number="public const {type} {name} = {value};",
+    constant_struct="static readonly {type} {name} = {value};",
+    head="// {comment}\nstatic {declared}({taken})\n{{", comment="\n// ",
+)  # fmt: skip
+
+# ECMAScript 2020, for its integers of any length.
+JAVASCRIPT = Dialect(
+    "JavaScript",
+    "port.js.j2",
+    # Math.hypot may be off in the last digits, by engine.
+    {name: f"Math.{name}({{}})" for name in (*_FUNCTIONS, "log1p")}
+    | {
+        "fabs": "Math.abs({})", "hypot": "hypot({})", "isnan": "Number.isNaN({})", "isfinite": "Number.isFinite({})",
+    },
+    {"pi": "Math.PI", "nan": "NaN", "inf": "Infinity"},
+    helpers=("hypot",),
+    taken=frozenset(_TAKEN_JAVASCRIPT.split()),
+    # Its own operators see 32 bits.
+    bits={sign: f"(BigInt({{}}) {sign} BigInt({{}}))" for sign in _BITS},
+    complex_calls={"+": "zplus", "-": "zminus", "*": "ztimes", "/": "zover"},
+    same="===", other="!==", whole="Math.trunc({})", counter="let", fixed="const ", variable="let ",
+    zeros={"b": "false", "i": "0", "d": "0"}, zero="undefined", item="{}[{}]", made="{{{named}}}",
+    tuple_made="[{items}]", head="/** {comment} */\nfunction {declared}({taken}) {{", comment="\n * ",
+)  # fmt: skip
 
 # What a port in JavaScript offers.
 NAMES = (
@@ -140,34 +242,51 @@ NAMES = (
 )  # fmt: skip
 
 
-def c_port(port: Port, prefix: str = "fitball_") -> str:
+def python_text(saved: Fit) -> str:
+    """A fit as a module that needs `math` alone."""
+    return python_port(port_of(saved))
+
+
+def c_text(saved: Fit, prefix: str = PREFIX) -> str:
+    """A fit as a header in which every name begins with `prefix`. Raises ParameterError for what begins none."""
+    return c_port(port_of(saved), _beginning(prefix))
+
+
+def csharp_text(saved: Fit, prefix: str = PREFIX) -> str:
+    """A fit as a class; see `c_text`."""
+    return csharp_port(port_of(saved), _beginning(prefix))
+
+
+def javascript_texts(saved: Fit, prefix: str = PREFIX) -> dict[str, str]:
+    """A fit as a script, and as an ES module; see `c_text`."""
+    return javascript_port(port_of(saved), _beginning(prefix))
+
+
+def _beginning(prefix: str) -> str:
+    if not (prefix.isascii() and prefix.lstrip("_").isidentifier()):
+        raise ParameterError(f"{option('prefix', prefix)}: expected the beginning of a name, such as clay_")
+    return prefix
+
+
+def c_port(port: Port, prefix: str = PREFIX) -> str:
     """The header's text; every name in it begins with `prefix`. Raises UnportableError."""
-    return translated_port(port, C99(prefix), "port.h.j2").replace("@@", prefix).replace("@UP@", prefix.upper())
+    text = translated_port(port, replace(C99, prefix=prefix))
+    return text.replace("@@", prefix).replace("@UP@", prefix.upper())
 
 
-def csharp_port(port: Port, prefix: str = "fitball_") -> str:
+def csharp_port(port: Port, prefix: str = PREFIX) -> str:
     """The text of the class, called after `prefix`. Raises UnportableError."""
-    return translated_port(port, CSharp(), "port.cs.j2").replace("@@", camel_case(prefix))
+    return translated_port(port, CSHARP).replace("@@", camel_case(prefix))
 
 
-def javascript_texts(port: Port, prefix: str = "fitball_") -> dict[str, str]:
+def javascript_port(port: Port, prefix: str = PREFIX) -> dict[str, str]:
     """The script (a global called after `prefix`, or what `require` gives), the ES module. Raises UnportableError."""
     name = f"{camel_case(prefix)}Bounce"
-    body = translated_port(port, JavaScript(), "port.js.j2").replace("@@Bounce", name)
+    body = translated_port(port, JAVASCRIPT).replace("@@Bounce", name)
     listed = ", ".join(NAMES)
-    return {".js": _script(body, name, listed), ".mjs": f"{body}\nexport {{ {listed} }};\n"}
-
-
-def javascript_script(port: Port, more: Sequence[str]) -> str:
-    """The port as one expression that gives what it offers, and the functions called `more`."""
-    body = translated_port(port, JavaScript(), "port.js.j2").replace("@@Bounce", "FitballBounce")
-    return f'(function () {{\n"use strict";\n{body}\nreturn {{ {", ".join((*NAMES, *more))} }};\n}})()'
-
-
-def _script(body: str, name: str, listed: str) -> str:
     head, _, rest = body.partition("*/\n")
     inner = "\n".join(f"    {line}".rstrip() for line in rest.rstrip("\n").split("\n"))
-    return f"""{head}*/
+    script = f"""{head}*/
 var {name} = (function () {{
     "use strict";
 
@@ -184,6 +303,13 @@ if (typeof module !== "undefined" && module.exports) {{
     }}
 }}
 """
+    return {".js": script, ".mjs": f"{body}\nexport {{ {listed} }};\n"}
+
+
+def javascript_script(port: Port, more: Sequence[str]) -> str:
+    """The port as one expression that gives what it offers, and the functions called `more`."""
+    body = translated_port(port, JAVASCRIPT).replace("@@Bounce", "FitballBounce")
+    return f'(function () {{\n"use strict";\n{body}\nreturn {{ {", ".join((*NAMES, *more))} }};\n}})()'
 
 
 def camel_case(prefix: str) -> str:

@@ -5,19 +5,18 @@ the kernels in a language, set into that language's template.
 from __future__ import annotations
 
 import ast
-import builtins
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from fitball.exports.port.dialect import STRIDE, Dialect, holds_complex
+from fitball.exports.port import face
 from fitball.exports.port.face import (
     BAD_INPUT,
     BEYOND_RESTITUTION,
@@ -26,18 +25,22 @@ from fitball.exports.port.face import (
     fitted_impulse,
     fitted_thesis,
     fitted_two_mass,
+    golden_agreement,
     total_bounce,
 )
-from fitball.exports.port.kernel_source import Constant, KernelSource, UnportableError, free_names, kernel_source
-from fitball.exports.port.translate import program_of, translated
+from fitball.exports.port.kernel_source import Constant, KernelSource, kernel_source
+from fitball.exports.port.translate import STRIDE, Program, compound, fields_of, translated
 from fitball.inference.prediction.reach import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Golden
+from fitball.inference.results.results import Fit, Golden
 from fitball.models.kernels.contact import ANCHOR_SPEED, TORSION, TORSION_RIGID
 from fitball.models.kernels.oscillator import MAX_DEPTH, SERIES_LENGTH, SIZE
 from fitball.models.model import Convention, KernelCall
 from fitball.models.types import OUTPUTS, PHASE_BITS, PHASE_SYMBOL, STATUS_REASON, Status
 from fitball.version import __version__
+
+if TYPE_CHECKING:
+    from fitball.exports.port.languages import Dialect
 
 # Largest difference a self-test allows: of speeds and R*omega relative to the incident speed (of centre and surface
 # together), of the contact time relative to itself. Other mathematical libraries differ by their last digit, 2e-16,
@@ -59,20 +62,12 @@ FLAGS = {
 
 
 @dataclass(frozen=True)
-class GoldenRow:
-    """One golden impact: `(v_x1, v_y1, omega_1, cor)`, its rebound (`OUTPUTS`), and its phases packed."""
-
-    incident: tuple[float, ...]
-    rebound: tuple[float, ...]
-    regime: int
-
-
-@dataclass(frozen=True)
 class Port:
     """All that a generator of source text needs; `titles` say what the port is and where it is from.
 
     `valid` is the range of `v_y1` in which the port is the model as fitted, `calibrated` those of the impacts it was
-    fitted to [m/s]; `cor_range` what a model that is told each impact's restitution solves, else (0, 1).
+    fitted to [m/s]; `cor_range` what a model that is told each impact's restitution solves, else (0, 1). `golden` has
+    a row for each golden impact, see `face.GOLDEN_NUMBERS`, and `regimes` its phases packed.
     """
 
     model: str
@@ -80,8 +75,8 @@ class Port:
     call: KernelCall
     source: KernelSource
     needs_cor: bool
-    has_time: bool
-    golden: tuple[GoldenRow, ...]
+    golden: Sequence[Sequence[float]]
+    regimes: Sequence[int]
     valid: ValidRange
     calibrated: tuple[float, float]
     cor_range: tuple[float, float]
@@ -101,9 +96,10 @@ class Port:
         return tuple(zip(self.call.columns, self.call.row, strict=True))
 
     @property
-    def radius(self) -> float:
-        """Outer radius of the ball [m]."""
-        return self.call.row[self.call.columns.index("ball_radius")]
+    def constants(self) -> Mapping[str, Constant]:
+        """What the port offers and its kernels use, by name."""
+        ends = dict(zip(("CALIBRATED_V_Y1_LOW", "CALIBRATED_V_Y1_HIGH"), self.calibrated, strict=True))
+        return {**FLAGS, **ends, **self.source.constants}
 
 
 FITTED: Mapping[Convention, Callable[..., Any]] = {
@@ -111,6 +107,19 @@ FITTED: Mapping[Convention, Callable[..., Any]] = {
     "two-mass": fitted_two_mass,
     "thesis": fitted_thesis,
 }
+
+
+def origin_of(saved: Fit) -> str:
+    """Which fit a port is of, in a line."""
+    table = saved.source
+    origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
+    pooled = sorted({item.parameter for item in saved.levels})
+    return f"{origin}, {', '.join(pooled)} at the value common to all levels" if pooled else origin
+
+
+def port_of(saved: Fit) -> Port:
+    """The port of a fit. Raises ModelError as `make_port` does."""
+    return make_port(saved.fitted, saved.golden, origin_of(saved))
 
 
 def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[Callable[..., Any]] = ()) -> Port:
@@ -146,10 +155,10 @@ def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[C
         model=fitted.model_name,
         titles=titles,
         call=call,
-        source=kernel_source(total_bounce, *more, given=given),
+        source=kernel_source(total_bounce, golden_agreement, *more, given=given),
         needs_cor=model.needs_cor,
-        has_time=model.has_time,
         golden=_golden_rows(golden),
+        regimes=golden.rebound.regime.tolist(),
         valid=valid,
         calibrated=(float(fitted.impacts.v_y1.min()), float(fitted.impacts.v_y1.max())),
         cor_range=cor_range,
@@ -181,13 +190,12 @@ def range_sentences(port: Port) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _golden_rows(golden: Golden) -> tuple[GoldenRow, ...]:
+def _golden_rows(golden: Golden) -> Sequence[Sequence[float]]:
     given, made = golden.impacts, golden.rebound
     cor = np.full(len(given), np.nan) if given.cor is None else given.cor
-    incident = np.stack([given.v_x1, given.v_y1, given.omega_1, cor], axis=1).tolist()
-    rebounds = np.stack([getattr(made, name) for name in OUTPUTS], axis=1).tolist()
-    states = zip(incident, rebounds, made.regime.tolist(), strict=True)
-    return tuple(GoldenRow(tuple(before), tuple(after), regime) for before, after, regime in states)
+    rebound = (getattr(made, name) for name in OUTPUTS)
+    columns = [given.v_x1, given.v_y1, given.omega_1, cor, *rebound, np.zeros(len(given))]
+    return list(map(tuple, np.stack(columns, axis=1).tolist()))
 
 
 def status_reasons(needs_cor: bool) -> dict[int, str]:
@@ -199,47 +207,41 @@ def status_reasons(needs_cor: bool) -> dict[int, str]:
 
 def rendered(port: Port, template: str, **context: object) -> str:
     """A template filled with what every language says of a port, and `context`."""
-    return (
-        _environment()
-        .get_template(template)
-        .render(
-            port=port,
-            titles=wrapped(port.titles),
-            sentences=wrapped(range_sentences(port)),
-            reasons=status_reasons(port.needs_cor),
-            flags=FLAGS,
-            phases=[PHASE_SYMBOL.get(code, "") for code in range(len(PHASE_SYMBOL) + 1)],  # type: ignore[call-overload]
-            tolerance=SELF_TEST_TOLERANCE,
-            series_size=SERIES_SIZE,
-            stack_size=STACK_SIZE,
-            cor_argument=", cor" if port.needs_cor else "",
-            **context,
-        )
-    )
+    return _environment().get_template(template).render(
+        port=port,
+        titles=wrapped(port.titles),
+        sentences=wrapped(range_sentences(port)),
+        reasons=status_reasons(port.needs_cor),
+        flags=FLAGS,
+        phases=[PHASE_SYMBOL.get(code, "") for code in range(len(PHASE_SYMBOL) + 1)],  # type: ignore[call-overload]
+        tolerance=SELF_TEST_TOLERANCE,
+        series_size=SERIES_SIZE,
+        stack_size=STACK_SIZE,
+        cor_argument=", cor" if port.needs_cor else "",
+        **context,
+    )  # fmt: skip
 
 
-def translated_port(port: Port, dialect: Dialect, template: str) -> str:
+def translated_port(port: Port, dialect: Dialect) -> str:
     """The port in a language. Raises UnportableError."""
-    program = program_of(port.source, dialect)
-    kinds = [
-        *program.structs.values(),
-        *(kind for taken, result in program.signatures.values() for kind in (*taken, result)),
-    ]
+    names = ("min_real", "max_real", "min_whole", "max_whole", *dialect.helpers)
+    texts = []
+    for source in (kernel_source(*(getattr(face, name) for name in names)), port.source):
+        program = Program.of(source, dialect)
+        texts.append("\n\n".join(translated(item, program) for item in source.functions))
 
     def number(value: float) -> str:
         return dialect.values["nan"] if math.isnan(value) else dialect.number(value)
 
     return rendered(
         port,
-        template,
-        kinds=kinds,
-        structs=program.structs.values(),
-        complex_numbers=any(map(holds_complex, kinds)),
-        constants=port.source.constants,
-        literal=dialect.literal,
-        constant=dialect.constant,
+        dialect.template,
+        structs=dialect.structs(program.kinds),
+        complex_numbers="z" in program.kinds
+        or any(item == "z" for kind in compound(program.kinds) for _name, item in fields_of(kind)),
+        definitions={name: dialect.constant_definition(name, value) for name, value in port.constants.items()},
         number=number,
-        functions="\n\n".join(translated(item, program) for item in port.source.functions),
+        functions="\n\n".join(texts),
         dialect=dialect,
     )
 
@@ -274,34 +276,15 @@ def _environment() -> Environment:
 
 
 def python_port(port: Port) -> str:
-    """The module's text. Raises UnportableError when it would use more than `math` and what it defines itself."""
+    """The module's text, which needs `math` alone: kernels that use more are refused where they are collected."""
     source = port.source
-    text = rendered(
+    return rendered(
         port,
         "port.py.j2",
-        constants=source.constants,
+        number=lambda value: "math.nan" if value != value else repr(value),
         classes="\n\n\n".join(_class(name, fields) for name, fields in source.structs.items()),
         functions="\n\n\n".join(map(_function, source.functions)),
     )
-    check_self_contained(text)
-    return text
-
-
-def check_self_contained(text: str) -> None:
-    """Raise UnportableError unless a module imports `math` alone and every name in it is its own or a builtin."""
-    tree = ast.parse(text)
-    known = {*dir(builtins), "math", "__name__"}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) or (isinstance(node, ast.Import) and node.names[0].name != "math"):
-            raise UnportableError(f"the module imports more than math: {ast.unparse(node)}")
-    for item in tree.body:
-        if isinstance(item, (ast.ClassDef, ast.FunctionDef)):
-            known.add(item.name)
-        elif isinstance(item, ast.Assign):
-            known |= {node.id for node in ast.walk(item.targets[0]) if isinstance(node, ast.Name)}
-    for item in tree.body:
-        if isinstance(item, ast.FunctionDef) and (strange := free_names(item) - known):
-            raise UnportableError(f"{item.name} uses {', '.join(sorted(strange))}, which the module does not have")
 
 
 def _class(name: str, fields: Iterable[str]) -> str:

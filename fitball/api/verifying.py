@@ -1,0 +1,162 @@
+"""A port of a fit, which somebody wrote or exported, held against the fit's golden impacts: its file read, compared,
+and what was found as text and as plain data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitball.api.fit import FitOrFolder, fit_of
+from fitball.api.reading import PathLike
+from fitball.data.read import PortFile, read_port
+from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
+from fitball.exports.tables import golden_ids
+from fitball.inference.prediction.outputs import PortCheck, check_port
+from fitball.inference.results.results import Golden
+from fitball.inference.results.source import INCIDENT
+from fitball.kinds import checked
+from fitball.observables import OBSERVABLES, SI_UNITS
+from fitball.report.form.document import columns
+from fitball.wording import option
+
+DEFAULT_TOLERANCE = 1e-9
+# Printed digits of an incident state that is repeated in the file: any fewer and it is not the golden one.
+REPEATED = 1e-6
+EXPLANATION = (
+    "Relative: speeds to the incident speed of the ball's centre and surface together, spins times the radius\n"
+    "likewise, contact times to themselves; angles in radians. Double precision gives 1e-12 or better."
+)
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A port of `model` on the golden impacts named `ids`."""
+
+    check: PortCheck
+    ids: tuple[str, ...]
+    model: str
+
+    @property
+    def outcome(self) -> str:
+        """Whether it passed, in a line."""
+        failed = f"FAILED: {int(self.check.failed.sum())} of {len(self.ids)} impacts"
+        return f"{'passed' if self.check.passed else failed} (tolerance {self.check.tolerance:g} relative)"
+
+    @property
+    def exit_code(self) -> int:
+        """0 where every impact passes, else 1."""
+        return 0 if self.check.passed else 1
+
+    def report(self) -> str:
+        """All of it as text."""
+        check = self.check
+        outputs = [["output", "largest difference", "relative", "at", ""]] + [
+            [item.name, f"{item.absolute:.3g} {SI_UNITS[item.name]}", f"{item.relative:.2g}", self.ids[item.worst],
+             "ok" if item.relative <= check.tolerance else "FAIL"]
+            for item in check.outputs
+        ]  # fmt: skip
+        impacts = [["impact", "relative", "", "regime"]] + [
+            [label, f"{check.relative[k]:.2g}", "FAIL" if check.failed[k] else "ok",
+             check.regimes[k] + ("  (the port says another)" if k in check.regimes_wrong else "")]
+            for k, label in enumerate(self.ids)
+        ]  # fmt: skip
+        head = f"Port of {self.model} on {len(self.ids)} golden impacts"
+        tables = ("\n".join(columns(rows, left=len(rows[0]))) for rows in (outputs, impacts))
+        return "\n\n".join([head, *tables, EXPLANATION, self.outcome])
+
+    def json(self) -> dict[str, Any]:
+        """All of it for machines: SI units, angles in radians."""
+        check = self.check
+        return {
+            "kind": "fitball verify",
+            "model": self.model,
+            "passed": check.passed,
+            "tolerance": check.tolerance,
+            "outputs": {
+                item.name: {
+                    "unit": SI_UNITS[item.name],
+                    "absolute": item.absolute,
+                    "relative": item.relative,
+                    "impact": self.ids[item.worst],
+                }
+                for item in check.outputs
+            },
+            "impacts": [
+                {
+                    "id": label,
+                    "relative": float(check.relative[k]),
+                    "regime": check.regimes[k],
+                    "regime_agrees": k not in check.regimes_wrong,
+                    "passed": not bool(check.failed[k]),
+                }
+                for k, label in enumerate(self.ids)
+            ],
+        }
+
+
+@checked
+def verify(port: PathLike, fit: FitOrFolder | None = None, tolerance: float = DEFAULT_TOLERANCE) -> Verified:
+    """Compare a file of what a port answers to the golden impacts with the fit it is of (by default beside the file).
+
+    Raises ParameterError, ResultFolderError, and TableError for a file that is none of this fit's golden impacts.
+    """
+    if not (math.isfinite(tolerance) and tolerance > 0.0):
+        raise ParameterError(f"{option('tolerance', f'{tolerance:g}')}: expected a positive number")
+    place = Path(port)
+    if fit is None:
+        fit = place.parent / "fit.json"
+        if not fit.exists():
+            raise ResultFolderError(
+                f"{port}: no fit.json beside it; say with {option('fit', 'FIT')} which was ported"
+            )
+    saved, told = fit_of(fit), read_port(place)
+    ids = golden_ids(saved.golden)
+    order = _rows_of(told, ids)
+    _check_incident(told, order, saved.golden)
+    timed = [OBSERVABLES[name] for name in told.outputs if OBSERVABLES[name].timed]
+    if timed and not saved.fitted.model.has_time:
+        message = f"model {saved.fitted.model_name} has no {timed[0].title} to compare with; delete the column"
+        raise TableError(told.source, [Fault(message, column=timed[0].name)])
+    outputs = {name: values[order] for name, values in told.outputs.items()}
+    regimes = None if told.regimes is None else tuple(told.regimes[k] for k in order)
+    check = check_port(saved.fitted, saved.golden, outputs, regimes, tolerance)
+    return Verified(check, ids, saved.fitted.model_name)
+
+
+def _rows_of(port: PortFile, ids: tuple[str, ...]) -> list[int]:
+    """For each golden impact the row of the port that answers it. Raises TableError."""
+    if port.ids is None:
+        if port.count != len(ids):
+            message = f"read {port.count} rows; expected {len(ids)}, one for each golden impact, or a column id"
+            raise TableError(port.source, [Fault(message)])
+        return list(range(port.count))
+    rows = {label: k for k, label in enumerate(port.ids)}
+    faults = [
+        Fault(f"read '{label}', which is no golden impact of this fit or comes twice; expected {ids[0]} to {ids[-1]}",
+              row=k + 1, column="id")
+        for k, label in enumerate(port.ids)
+        if label not in ids or rows[label] != k
+    ]  # fmt: skip
+    faults += [Fault(f"no row '{label}'; expected every golden impact once") for label in ids if label not in rows]
+    if faults:
+        raise TableError(port.source, faults)
+    return [rows[label] for label in ids]
+
+
+def _check_incident(port: PortFile, order: Sequence[int], golden: Golden) -> None:
+    """Raise TableError where the file repeats another incident state than that of the golden impact."""
+    faults = []
+    for name in (name for name in INCIDENT if name in port.incident):
+        read = port.incident[name]
+        for row, meant in zip(order, getattr(golden.impacts, name).tolist(), strict=True):
+            if abs(read[row] - meant) > REPEATED * (1.0 + abs(meant)):
+                said = (
+                    f"read {read[row]:g}, but this golden impact has {meant:g} (SI): is the port fed with this fit's?"
+                )
+                faults.append(Fault(said, row=row + 1, column=name))
+    if faults:
+        raise TableError(port.source, faults)
