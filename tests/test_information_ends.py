@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from samples import TWO_MASS, coordinates_of, hard_sphere, problem_of, synthetic
@@ -19,8 +21,7 @@ from fitball.inference.identifiability.information import (
 from fitball.inference.identifiability.profile_walk import best_top
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.lmfit_minimiser import Minimum
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.point.surface import Surface
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Verdict
@@ -105,20 +106,22 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
 
 def stay(patch):
     """Searches stay where they begin: the fit is that at the end of the model."""
-    patch.setattr(
-        "fitball.inference.point.lmfit_minimiser.Minimiser.run",
-        lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
-    )
-    for module in ("least_squares", "maximum_posterior"):
+    patch.setattr("fitball.inference.point.least_squares.lmfit.Minimizer", Unmoved)
+    for module in ("least_squares", "point_fit"):
         patch.setattr(f"fitball.inference.point.{module}.descend", unmoved)
+
+
+class Unmoved:
+    def __init__(self, residual, parameters, **_):
+        self.residual, self.parameters = residual, parameters
+
+    def least_squares(self, **options):
+        rows, slopes = self.residual(self.parameters), options["Dfun"](self.parameters)
+        return SimpleNamespace(params=self.parameters, chisqr=np.sum(rows**2), nfev=1, jac=slopes)
 
 
 def unmoved(surface, searches, **_):
     return Reached(searches.x, surface.cost(searches.x, searches.given), np.ones(len(searches.x), dtype=bool))
-
-
-def self_cost(minimiser, at):
-    return float(np.sum(minimiser.at(at[None, :]) ** 2))
 
 
 def test_inverse_of_what_is_blind_or_missing():

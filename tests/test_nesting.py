@@ -17,8 +17,7 @@ from fitball.inference.comparison.compare import _status, as_container, compare,
 from fitball.inference.comparison.results import Criteria
 from fitball.inference.effort import Effort
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import point_fit
+from fitball.inference.point.point_fit import maximum_posterior, point_fit
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import RunStatus
 from fitball.scheduling.engine import engine

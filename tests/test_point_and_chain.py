@@ -24,8 +24,14 @@ from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import deeper, least_squares
-from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior
-from fitball.inference.point.point_fit import _moved, other_regimes, point_fit, starting_points
+from fitball.inference.point.point_fit import (
+    _moved,
+    higher_maximum,
+    maximum_posterior,
+    other_regimes,
+    point_fit,
+    starting_points,
+)
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Sampled
 
@@ -154,8 +160,8 @@ def test_a_draw_that_no_search_improves_becomes_the_point(sphere, monkeypatch):
     draw = row(problem, point.values) * 1.002
     score = log_posterior(problem, problem.to_coordinates(draw))
     assert missed.log_posterior < score[0]
-    monkeypatch.setattr("fitball.inference.point.maximum_posterior.descend", lost(problem, missed))
-    monkeypatch.setattr("fitball.inference.point.maximum_posterior._climb", lambda _problem, start: start)
+    monkeypatch.setattr("fitball.inference.point.point_fit.descend", lost(problem, missed))
+    monkeypatch.setattr("fitball.inference.point.point_fit._climb", lambda _problem, start: start)
     _, found, notes = search_again(problem, squares, missed, chains(problem, draw))
     assert found.log_posterior >= score[0] - 1e-9
     assert len(notes) == 1

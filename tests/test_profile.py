@@ -16,7 +16,7 @@ from fitball.inference.identifiability.profile import coverage, profiles
 from fitball.inference.identifiability.profile_walk import best_top, profile_paths, searches, sweep
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.gauss_newton import constrained_step, descend
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.point.surface import Conditions, Surface, surface_of
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.evidence import End

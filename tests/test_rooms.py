@@ -19,7 +19,7 @@ CONTRACTS = [contract["name"] for contract in SETTINGS["tool"]["importlinter"]["
 BREAKS = {
     "Information flows one way": ("fitball.data.table", "fitball.report.form.numbers"),
     "Inference: what is asked, how probable, what is found, what follows": (
-        "fitball.inference.problem.priors", "fitball.inference.likelihood.residuals",
+        "fitball.inference.problem.parameters", "fitball.inference.likelihood.residuals",
     ),
     "Report: shapes, then files and figures, then each verb's own words": (
         "fitball.report.form.files", "fitball.report.saved.structure",

@@ -7,7 +7,7 @@ import pytest
 
 from fitball.data.published import thesis_table
 from fitball.errors import TableError
-from fitball.inference.thesis.inputs import C1, C2, INCH, INERTIA, case_parameters, printed_model
+from fitball.inference.thesis.published_cases import C1, C2, INCH, INERTIA, case_parameters, printed_model
 from fitball.thesis import appendices, slips
 from fitball.thesis.appendices import CODES, Clause, filled_in, outputs, row_inputs
 from fitball.thesis.slips import by_chance, candidates

@@ -12,8 +12,7 @@ from fitball.data.published import SPINS, fraction, thesis_table
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.point_fit import starting_points
-from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed_model
-from fitball.inference.thesis.published_cases import predictions
+from fitball.inference.thesis.published_cases import INERTIA_OF, case_parameters, predictions, printed_model
 from fitball.models.thesis import Pair, first_sign_change
 from fitball.models.types import Status
 from fitball.thesis.appendices import recompute, with_corrected_inputs, worst_error

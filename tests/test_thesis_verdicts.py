@@ -8,7 +8,7 @@ import pytest
 
 import fitball
 from fitball.data.published import measured, thesis_table
-from fitball.inference.thesis.inputs import case_parameters
+from fitball.inference.thesis.published_cases import case_parameters
 from fitball.models.oracle import oracle_rebound
 from fitball.thesis import appendices, judgement, printed_tables
 from fitball.thesis.judgement import (

@@ -29,7 +29,7 @@ from fitball.inference.prediction.new_impacts import (
     with_assumptions,
 )
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.inference.results.source import Source

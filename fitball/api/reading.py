@@ -19,7 +19,7 @@ from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
 from fitball.inference.effort import Effort
-from fitball.inference.problem.priors import FAMILIES
+from fitball.inference.problem.parameters import FAMILIES
 from fitball.inference.problem.problem import Choices
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.inference.sampling.ensembles import Progress

@@ -18,10 +18,9 @@ from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
 from fitball.inference.identifiability.information import DRAWN_ABOUT, about, known_before
 from fitball.inference.point.least_squares import deeper
-from fitball.inference.point.maximum_posterior import higher_maximum
-from fitball.inference.point.point_fit import point_fit
-from fitball.inference.point.surface import SEARCHED
+from fitball.inference.point.point_fit import higher_maximum, point_fit
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.subsample import LOOKED_AT
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
@@ -52,7 +51,7 @@ def search_again(
     draws = sampled.chains.reshape(-1, sampled.chains.shape[-1])
     scores = sampled.log_posterior.ravel()
     # Each search costs as many evaluations as the table has rows.
-    count = BEGUN if len(problem.impacts) <= SEARCHED else 1
+    count = BEGUN if len(problem.impacts) <= LOOKED_AT else 1
     starts = _best_apart(draws, scores, point.log_posterior, count)
     if not starts.size:
         return squares, point, ()
@@ -87,14 +86,11 @@ def _best_apart(draws: FloatArray, scores: FloatArray, least: float, count: int)
 
 def _moves(problem: Problem, before: PointFit, after: PointFit) -> str:
     """How the three parameters that moved most, in widths of their priors, did so."""
-    ends = [np.array([[point.values[name] for name in problem.free_names]]) for point in (before, after)]
-    way = np.abs(problem.to_coordinates(ends[1]) - problem.to_coordinates(ends[0]))[0]
+    way = np.abs(np.diff(problem.to_coordinates(problem.free_rows([before.values, after.values])), axis=0))[0]
     names = [problem.free_names[k] for k in np.argsort(-way / problem.prior.width, kind="stable")[:3]]
     return ", ".join(f"{name} goes from {before.values[name]:.3g} to {after.values[name]:.3g}" for name in names)
 
 
-# Rows beyond which a posterior is weighed: below, ensembles cost seconds, and find what no mode tells of.
-WEIGHED = 3000
 # Effective draws that are made for each that is asked for, and at least: chains that are dealt out of fewer may
 # disagree by chance.
 SPARE, LEAST_WEIGHED = 1.5, 1500.0
@@ -134,7 +130,7 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "offsets": None
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],
-        "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
+        "incident": None if problem.incident is None else problem.incident.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed, settings.schedule.warm_up],
     }
     if problem.table.flipped:
@@ -221,8 +217,7 @@ def draw(
     settings = effort.settings(problem)
     shared = replace(problem, threads=settings.cores)
     with watch.stage("sampling"):
-        optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
-        optima, sampled = problem.to_coordinates(optima), None
+        optima, sampled = problem.to_coordinates(problem.free_rows(point.optima)), None
         said: tuple[str, ...] = ()
         if weighs(problem, effort):
             sampled, words = weigh(shared, optima, settings, lambda progress: report("sampling", progress))
@@ -245,8 +240,10 @@ def draw(
 
 
 def weighs(problem: Problem, effort: Effort) -> bool:
-    """Whether the draws of a posterior are weighed; a number of `walkers` that is asked for asks for ensembles."""
-    return len(problem.impacts) > WEIGHED and effort.walkers is None
+    """Whether the draws of a posterior are weighed, as those of a long table are: of a shorter one ensembles cost
+    seconds, and find what no mode tells of. A number of `walkers` that is asked for asks for ensembles.
+    """
+    return len(problem.impacts) > LOOKED_AT and effort.walkers is None
 
 
 def weigh(

@@ -20,8 +20,8 @@ import pandas as pd
 from scipy.optimize import brentq
 
 from fitball.data.published import fraction, measured, thesis_table
-from fitball.inference.thesis import inputs as thesis_inputs
-from fitball.inference.thesis.inputs import (
+from fitball.inference.thesis import published_cases as thesis_inputs
+from fitball.inference.thesis.published_cases import (
     DAMPING,
     INCH,
     INERTIA,

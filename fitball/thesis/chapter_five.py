@@ -11,7 +11,7 @@ from uncertainties.core import Variable
 
 from fitball.data.published import thesis_table
 from fitball.inference.effort import Effort
-from fitball.inference.thesis.inputs import INCH, INERTIA_OF
+from fitball.inference.thesis.published_cases import INCH, INERTIA_OF
 from fitball.report.form.numbers import listed
 from fitball.thesis import (
     appendices,

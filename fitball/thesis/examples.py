@@ -21,7 +21,7 @@ from fitball.data.bundled import bundled_folder
 from fitball.data.published import FOLDER, thesis_rows
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.prediction.simulate import Simulation, simulate
-from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
+from fitball.inference.thesis.published_cases import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase

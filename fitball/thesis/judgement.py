@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.data.published import SPINS, measured, thesis_table
-from fitball.inference.thesis.inputs import C1, case_parameters, printed_model
-from fitball.inference.thesis.published_cases import set_name
+from fitball.inference.thesis.published_cases import C1, case_parameters, printed_model, set_name
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.report.form.numbers import listed

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.data.scene import load_scene
 from fitball.files import all_or_none
-from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
+from fitball.inference.thesis.published_cases import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure

@@ -15,7 +15,7 @@ from uncertainties import ufloat
 from uncertainties.core import Variable
 
 from fitball.data.published import SPINS, fraction, measured, thesis_table
-from fitball.inference.thesis.inputs import (
+from fitball.inference.thesis.published_cases import (
     BALL_MASS_ROUNDED,
     DAMPING,
     INCH,

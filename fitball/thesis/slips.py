@@ -25,7 +25,14 @@ import pandas as pd
 from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.errors import Fault, TableError
 from fitball.inference.prediction.outputs import root_mean_square
-from fitball.inference.thesis.inputs import BALL_RADIUS, INCH, INERTIA, INERTIA_OF, printed_model, row_parameters
+from fitball.inference.thesis.published_cases import (
+    BALL_RADIUS,
+    INCH,
+    INERTIA,
+    INERTIA_OF,
+    printed_model,
+    row_parameters,
+)
 from fitball.report.form.numbers import digits, listed
 from fitball.thesis import appendices
 from fitball.thesis.appendices import (

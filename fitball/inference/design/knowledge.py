@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.force import ForceRecord
+from fitball.data.force import ForceFile, ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
-from fitball.inference.problem.force_records import ForceRecords, averaged
-from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter
-from fitball.inference.problem.priors import parse_prior
-from fitball.inference.problem.problem import IncidentErrors, Problem
+from fitball.inference.problem.force_records import ForceRecords, build_records
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
+from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.values import FloatArray, Impacts
 from fitball.wording import option
@@ -151,15 +150,15 @@ def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.rando
     return Knowledge(problem, np.column_stack([known.coordinates, *drawn]))
 
 
-def _alike(known: IncidentErrors, measured: Impacts, planned: Impacts) -> IncidentErrors:
+def _alike(known: FloatArray, measured: Impacts, planned: Impacts) -> FloatArray:
     """Errors of planned incident states: median sds of speed, direction and spin of those that were measured."""
     turned = _turn(measured)
-    sds = np.sqrt(np.diagonal(turned @ known.covariance @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
+    sds = np.sqrt(np.diagonal(turned @ known @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
     sds[:, 1] /= measured.speed
     typical = np.tile(np.median(sds, axis=0), (len(planned), 1))
     typical[:, 1] *= planned.speed
     back = _turn(planned).transpose(0, 2, 1)
-    return IncidentErrors(np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1)))
+    return np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1))
 
 
 def _turn(impacts: Impacts) -> FloatArray:
@@ -227,5 +226,5 @@ def _records(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_]) -> 
         count = int((1.0 + BEFORE + AFTER) * length / STEP)
         first, row = np.array([[-BEFORE * length]]), np.array([k])
         force, _rate = mean_forces(planned, columns, row, first, np.array([STEP]), count)
-        made.append(averaged(ForceRecord(str(k), k, -BEFORE * length, STEP, np.real(force[0, 0]))))
-    return ForceRecords("planned", "", None, tuple(made))
+        made.append(ForceRecord(str(k), k, -BEFORE * length, STEP, np.real(force[0, 0])))
+    return build_records(ForceFile("planned", "", tuple(made)), None)

@@ -76,7 +76,7 @@ def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> tup
     if len(problem.impacts) > ROWS:
         return "", frozenset()
     objective = surface_of(problem)
-    starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
+    starts = objective.from_values(problem.free_rows(optima))
     top, others = best_top(objective, starts)
     drops = objective.cost(others, objective.free(others)) - top.cost if len(others) else ()
     fits = [(top.x, top.errors[objective.columns], 0.0)]

@@ -29,8 +29,7 @@ from fitball.inference.identifiability.profile_walk import (
 )
 from fitball.inference.point.gauss_newton import descend
 from fitball.inference.point.surface import Surface, surface_of
-from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS, Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import End, Interval, Profile, Profiles
 from fitball.scheduling.engine import Engine, in_order
@@ -69,7 +68,7 @@ def profiles(
     """
     objective = surface_of(problem if scene else replace(problem, contact_time=None))
     timed = objective.problem.contact_time is not None
-    starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
+    starts = objective.from_values(problem.free_rows(optima))
     columns = [k for k, name in enumerate(problem.free_names) if names is None or name in names]
     top, others = best_top(objective, starts)
     paths: Paths = {}

@@ -18,8 +18,7 @@ import numpy as np
 
 from fitball.inference.identifiability.information import scene_words
 from fitball.inference.identifiability.profile import degrees_of_freedom, left_of, profile_contraction
-from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.evidence import End, Evidence, InformationEvidence, Profile

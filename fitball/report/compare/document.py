@@ -12,7 +12,7 @@ from fitball.files import all_or_none
 from fitball.inference.comparison.left_out import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, measured_outputs
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Verdict
 from fitball.models.specs import DEFAULT_MODEL
 from fitball.report.compare.rows import (
