@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -28,18 +28,6 @@ class ColumnNoise:
     typical: str
     of: str
     symbol: str
-
-
-class Velocity(Protocol):
-    """A rebound, of which the velocity is known; `models.types.Rebound` has all of a model's outputs."""
-
-    @property
-    def v_x2(self) -> FloatArray:
-        """Along the court [m/s]."""
-
-    @property
-    def v_y2(self) -> FloatArray:
-        """Away from the court [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -85,14 +73,14 @@ class ReboundColumn:
         """Whether motion along the court enters it: a drop test has no such column but its speed."""
         return self.tangential or self.function is not None
 
-    def predict(self, rebound: Velocity) -> FloatArray:
-        """The column of rebounds (`models.types.Rebound`), of the shape of theirs."""
+    def predict(self, rebound: Any) -> FloatArray:
+        """The column of rebounds (`models.types.Rebound`, of which the velocity may do), of the shape of theirs."""
         if self.function is None:
             own: FloatArray = getattr(rebound, self.name)
             return own
         return self.function.value(rebound.v_x2, rebound.v_y2)
 
-    def slopes(self, rebound: Velocity, slopes: Mapping[str, FloatArray]) -> FloatArray:
+    def slopes(self, rebound: Any, slopes: Mapping[str, FloatArray]) -> FloatArray:
         """Its derivatives (..., inputs) from those of the model's outputs by name, (..., inputs) each."""
         if self.function is None:
             return slopes[self.name]

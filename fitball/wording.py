@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 # Letters of a user's name that a figure has room for, and of one in a formula.
 MOST_LETTERS, MOST_IN_FORMULA = 22, 12
@@ -26,24 +25,18 @@ def in_formula(name: str) -> str:
     return rf"\mathrm{{{plain}}}"
 
 
-@dataclass
-class _Listener:
-    """Who reads the messages of this process; of threads too, which is why this is no context variable."""
-
-    command_line: bool = False
-
-
-_LISTENER = _Listener()
+# Whether messages go to whoever typed a command, in threads too, which is why this is no context variable.
+_COMMAND_LINE = [False]
 
 
 def on_command_line() -> bool:
     """Whether messages go to whoever typed a command."""
-    return _LISTENER.command_line
+    return _COMMAND_LINE[0]
 
 
 def listen(command_line: bool) -> None:
     """Say who reads messages from now on, as a process that another one started is told."""
-    _LISTENER.command_line = command_line
+    _COMMAND_LINE[0] = command_line
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fitball.bench.hard_cases import HardCase, hard_cases
 from fitball.models.kernels.contact import tied_inertia_split
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.types import Status
 from fitball.scheduling.engine import engine, in_order
 

@@ -13,7 +13,7 @@ from measured import ROOT
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
 from fitball.report.form.numbers import decimals, fixed, handy
-from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 
 VALIDATION = ROOT / "fits" / "validation"
 PUBLISHED = "Table 9, case 1"

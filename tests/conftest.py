@@ -18,7 +18,7 @@ from samples import leave_out_figures, save_without_figures, search_briefly
 import fitball
 from fitball.api import Fit
 from fitball.data.read import load_table
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import parse_prior
 from fitball.models.model import Model
 from fitball.report.saved.fit_file import fit_text
 from fitball.report.saved.netcdf_files import write_data, write_netcdf

@@ -72,7 +72,7 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     inside = np.flatnonzero(np.isfinite(total))
     values = problem.to_values(at[inside, : problem.dimension])
     columns = problem.all_values(values)
-    root = roots(problem.incident.covariance)
+    root = roots(problem.incident)
     states, possible = displaced(problem.impacts.states(), np.einsum("pij,dpj->dpi", root, z[inside]))
     rebound = problem.rebound_like(columns, states, np.arange(count))
     found = np.zeros(len(inside))

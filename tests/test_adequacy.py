@@ -16,9 +16,9 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.looks import Tables, distributions, family, kurtosis_score, looks_of, single
 from fitball.inference.adequacy.refit import patterns, refit, standard_deviates
 from fitball.inference.assemble import qualified
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.results.adequacy import FALSE_EXCEPT, Answer
+from fitball.inference.results.evidence import FALSE_EXCEPT, Answer
 from fitball.inference.results.results import Verdict
 from fitball.models.registry import model
 from fitball.values import Impacts

@@ -19,10 +19,10 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.looks import Tables, farthest, spreads, uneven
 from fitball.inference.adequacy.refit import patterns, refit
 from fitball.inference.assemble import qualified
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.assumptions import Alternative, Assumptions, ElpdDifference
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Verdict
 from fitball.models.registry import model
 from fitball.values import Ball, Impacts

@@ -17,7 +17,7 @@ from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternati
 from fitball.inference.identifiability.information import about
 from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.prediction.new_impacts import predict_new, with_assumptions
 from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span, summary
 from fitball.inference.results.fitted_model import FittedModel
@@ -47,6 +47,22 @@ def of_other_closure(seed):
     return problem_of(made.table, scene=problem.scene), truth
 
 
+def closed_form(problem):
+    """Of a line with a noise of 0.05: mean and covariance of its coefficients, and what all others predict of each
+    measurement, less that: a residual and a variance that follow from its leverage.
+    """
+    speeds, measured = problem.impacts.v_y1, problem.observables[0].observed
+    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
+    covariance = np.linalg.inv(design.T @ design)
+    mean = covariance @ design.T @ (measured / 0.05)
+    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
+    return (
+        mean,
+        covariance,
+        norm((measured - 0.05 * design @ mean) / (leverage - 1.0), 0.05 / np.sqrt(1.0 - leverage)),
+    )
+
+
 @pytest.fixture(scope="module")
 def deceived():
     problem, truth = of_other_closure(5)
@@ -55,10 +71,7 @@ def deceived():
 
 def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_closed_form():
     problem = linear_problem(drop_table(np.random.default_rng(8)), v_y_sd=0.05)
-    speeds, measured = problem.impacts.v_y1, problem.observables[0].observed
-    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
-    covariance = np.linalg.inv(design.T @ design)
-    mean = covariance @ design.T @ (measured / 0.05)
+    mean, covariance, left_out = closed_form(problem)
     # So far away that several rounds are needed, whose proposals differ in place and size.
     start = problem.to_coordinates((mean + 6.0 * np.sqrt(np.diag(covariance)) * np.array([1.0, -1.0]))[None, :])
     draws = importance_posterior(problem, [about(problem, start[0])], np.random.default_rng(2))
@@ -71,10 +84,7 @@ def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_clos
         assert told.sd == pytest.approx(sd, rel=0.15)
         wanted = norm.ppf([0.025, 0.5, 0.975], mean[k], sd)
         np.testing.assert_allclose([told.q025, told.median, told.q975], wanted, atol=0.35 * sd)
-    # A measurement left out of a linear fit: its residual and variance follow from its leverage.
-    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
-    left_out = (measured - 0.05 * design @ mean) / (1.0 - leverage)
-    exact = norm.logpdf(left_out, scale=0.05 / np.sqrt(1.0 - leverage))
+    exact = left_out.logpdf(0.0)
     whole, scored = pointwise(problem, draws.values, ["v_y2"])
     elpd, _k = smoothed_elpd(whole, scored, 1.0, draws.log_weights)
     np.testing.assert_allclose(elpd, exact, atol=0.25)
@@ -97,11 +107,7 @@ def test_an_impact_whose_weights_are_not_to_be_trusted_is_refitted():
         measurements=(replace(table.measurement("v_y2"), values=measured),),
     )
     problem = linear_problem(table, v_y_sd=0.05)
-    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
-    covariance = np.linalg.inv(design.T @ design)
-    mean = covariance @ design.T @ (measured / 0.05)
-    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
-    left_out = norm((measured - 0.05 * design @ mean) / (leverage - 1.0), 0.05 / np.sqrt(1.0 - leverage))
+    mean, covariance, left_out = closed_form(problem)
     values = mean + rng.standard_normal((2000, 2)) @ np.linalg.cholesky(covariance).T
     whole, scored = pointwise(problem, values, ["v_y2"])
     alone, pareto_k = smoothed_elpd(whole, scored, 1.0)
@@ -224,13 +230,8 @@ def test_of_few_impacts_no_alternative_is_refused():
 def test_of_long_tables_and_many_parameters_all_is_to_first_order():
     """Against the hat matrix, where it is exact but for squares of leverages; and like is held against like."""
     problem = linear_problem(drop_table(np.random.default_rng(8), ROWS + 40), v_y_sd=0.05)
-    speeds, measured = problem.impacts.v_y1, problem.observables[0].observed
-    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
-    covariance = np.linalg.inv(design.T @ design)
-    mean = covariance @ design.T @ (measured / 0.05)
-    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
-    left_out = (measured - 0.05 * design @ mean) / (1.0 - leverage)
-    exact = norm.logpdf(left_out, scale=0.05 / np.sqrt(1.0 - leverage))
+    mean, covariance, left_out = closed_form(problem)
+    exact = left_out.logpdf(0.0)
     point = maximum_posterior(problem, mean[None, :])
     linear = Compared(problem, point, None, np.random.default_rng(1)).linear
     np.testing.assert_allclose(linear.elpd(np.random.default_rng(1)), exact, atol=0.05)

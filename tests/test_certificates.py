@@ -7,7 +7,7 @@ from math import comb
 
 import pytest
 
-from fitball.models.kernels.search import falls_once, zero_free
+from fitball.models.kernels.oscillator import falls_once, zero_free
 
 # Largest of x^3 (1 - x)^3 / 720 divided by x^order in [0, 1].
 WORST = {0: Fraction(1, 64) / 720, 1: Fraction(2**2 * 3**3, 5**5) / 720, 2: Fraction(3**3, 4**4) / 720}

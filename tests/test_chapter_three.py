@@ -10,10 +10,9 @@ import pytest
 import fitball
 from fitball.cli.main import main
 from fitball.inference.prediction.simulate import COURSES
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.types import unpack_regime
-from fitball.thesis.example_claims import MEASURES, findings, run_example
-from fitball.thesis.simulate_examples import EXAMPLES
+from fitball.thesis.examples import EXAMPLES, MEASURES, findings, run_example
 
 
 @pytest.fixture(scope="module")

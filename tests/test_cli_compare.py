@@ -18,7 +18,7 @@ from test_report_browser import FOUND, PHONE, SCREEN, complaints
 from test_report_html import faults
 
 from fitball.cli.main import main
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.report.compare.document import ANSWERS, ASSUMED, ERRORS, LEGEND
 
 ROWS = """id,group,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]

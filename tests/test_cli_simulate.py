@@ -17,7 +17,7 @@ from fitball.models.specs import SPECS
 from fitball.report.history.document import render
 from fitball.report.history.figure import ALL_PANELS, DRAWN, LABELS, history_figure
 from fitball.report.saved.fit_file import fit_text
-from fitball.thesis.simulate_examples import EXAMPLES
+from fitball.thesis.examples import EXAMPLES
 
 DEFAULTS = {name: spec.typical for name, spec in SPECS.items() if spec.typical is not None}
 IMPACT = "v=38 mph, theta=18 deg, spin=950 rpm top"

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 import fitball
-from fitball.models.kernels import bounce, derivative, dual, phases, vertical
+from fitball.models.kernels import bounce, contact, derivative, dual, phases
 from fitball.models.kernels.compiled import compiled, inner
 from fitball.values import Impacts
 
@@ -36,11 +36,11 @@ def test_constants_are_compiled_for_no_more_than_others():
 
 
 def test_a_kernel_for_kernels_is_python_to_python():
-    kernels = (dual.exp, vertical.zero_force_release)
+    kernels = (dual.exp, contact.zero_force_release)
     # Other tests of this process may have compiled what calls them.
     before = [list(kernel.signatures) for kernel in kernels]
     assert whole(0.5, 2) > 0.0 and part(1.5, 2, True) == 3.0
-    assert dual.exp(1.0) == math.exp(1.0) and vertical.zero_force_release(0.5)[0] > 0.0
+    assert dual.exp(1.0) == math.exp(1.0) and contact.zero_force_release(0.5)[0] > 0.0
     assert [list(kernel.signatures) for kernel in kernels] == before
 
 

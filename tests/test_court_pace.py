@@ -16,7 +16,7 @@ from fitball.errors import FitError
 from fitball.exports.certificate import certificate
 from fitball.inference.design.asked import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
-from fitball.inference.results.pace_rating import apparent_friction, itf_impact, pace_categories, pace_rating
+from fitball.inference.results.lab import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.document import page, render
 from fitball.report.fit.folder import render_json
@@ -188,6 +188,17 @@ def test_a_point_fit_in_the_cold_is_rated_once(grip_slip_fit):
         assert rating.categories == pace_categories(np.array([rating.rating.point]))
         met |= {name for name, share in rating.categories.items() if share > 0.0}
     assert len(met) > 1
+
+
+def test_the_error_of_the_thermometer_is_one_of_the_rating(grip_slip_fit):
+    """0.45 points a degree, ITF CS 01/02."""
+    widths = []
+    for sd in (0.0, 10.0):
+        scene = replace(grip_slip_fit.problem.scene, ball_temperature=23.0, ball_temperature_sd=sd)
+        problem = replace(grip_slip_fit.problem, scene=scene)
+        found = court_pace(problem, grip_slip_fit.point, grip_slip_fit.posterior, np.random.default_rng(1))
+        widths.append((found.ratings[0].rating.q84 - found.ratings[0].rating.q16) / 2.0)
+    assert widths[1] == pytest.approx(np.hypot(widths[0], 4.5), rel=0.1)
 
 
 def oblique(mu, speeds, tmp_path):

@@ -96,7 +96,7 @@ def linear():
 
 def first_order(known, planned, target, sensor, draws, together=False):
     """Gains (draws, impacts) of the impacts `planned` by derivatives, or of all of them (draws, 1)."""
-    rows = information_rows(planned, *read(planned, draws, [sensor]), known.root)
+    rows = information_rows(planned, *read(planned, draws, [sensor]), known.roots(draws))
     rows = rows.reshape(len(draws), 1, -1, rows.shape[-1]) if together else rows
     return nothing_measured(target.gradients(draws) @ known.root).gains(rows)
 
@@ -178,14 +178,14 @@ def test_the_batch_is_that_of_the_optimum_for_a_line(linear):
 
 def test_heavy_tails_and_uncertain_noise_are_worth_less(linear):
     planned, sensor, draws = dropped(linear, 12.0), as_before(linear.problem), linear.some(2)
-    rows = information_rows(planned, *read(planned, draws, [sensor]), linear.root)
+    rows = information_rows(planned, *read(planned, draws, [sensor]), linear.roots(draws))
 
     class Five(StudentNoise):
         def _freedom(self, sizes):
             return np.full(2, 5.0)
 
     tailed = replace(planned, noise=Five())
-    heavy = information_rows(tailed, *read(tailed, draws, [sensor]), linear.root)
+    heavy = information_rows(tailed, *read(tailed, draws, [sensor]), linear.roots(draws))
     assert (heavy**2).sum() == pytest.approx(0.75 * (rows**2).sum(), rel=1e-9)
 
 
@@ -237,7 +237,7 @@ def expected_sd(known, sd, misfit, name="k_y"):
     draws = plated.some(20)
     draws[:, -1] = np.log(misfit)
     at = dropped(plated, 4.0, 6.0, 8.0, 10.0, 12.0)
-    rows = plate_rows(at, draws, np.ones((20, 5), dtype=bool), plated.root)
+    rows = plate_rows(at, draws, np.ones((20, 5), dtype=bool), plated.roots(draws))
     left = nothing_measured(of_parameters(plated.problem, (name,)).gradients(draws) @ plated.root)
     for k in range(5):
         left = left.after(rows[:, k])

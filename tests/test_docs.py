@@ -37,11 +37,11 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.population.hyper import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.prediction.reach import SLACK
-from fitball.inference.problem import force_records, measurement_noise
+from fitball.inference.problem import force_records, observables
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results import adequacy, fitted_model
 from fitball.inference.results import assumptions as assumption_values
+from fitball.inference.results import evidence, fitted_model
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT, RunStatus, Verdict
 from fitball.inference.results.source import COUNTS, NUMBERS
 from fitball.inference.sampling import ensembles as sampling
@@ -67,7 +67,7 @@ DECIDING = {
     "share of independence proposals": moves.INDEPENDENT,
     "drop of a 68 % profile interval": profile.DROP_68,
     "drop of a 95 % profile interval": round(profile.DROP_95, 2),
-    "rows beyond which draws are weighed": calibrate.WEIGHED,
+    "rows beyond which draws are weighed": calibrate.LOOKED_AT,
     "effective weighed draws, at least": calibrate.LEAST_WEIGHED,
     "rows profiled unasked": PROFILED,
     "contraction that is next to nothing": verdict.NEGLIGIBLE,
@@ -77,8 +77,8 @@ DECIDING = {
     "contraction of a pinned parameter": PINNED,
     "share of the drop kept beyond the end of a search": profile.KEPT,
     "power-scaling sensitivity": verdict.SENSITIVE,
-    "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
-    "rows spent by parameters": measurement_noise.SPENT,
+    "degrees of freedom for a noise of its own": observables.FREEDOM,
+    "rows spent by parameters": observables.SPENT,
     "reach of a kink in sds": regime_mixture.REACH,
     "width of a part of the mixture": regime_mixture.WIDTH,
     "parts of the mixture": regime_mixture.PARTS,
@@ -99,15 +99,15 @@ DECIDING = {
     "share of its information that a parameter keeps without priors of others": examine.VANISHED,
     "degrees of freedom of a noise that is not told": verdict.LEAST_FREEDOM,
     "standard errors between several fits": examine.APART,
-    "chance of a false exception": adequacy.FALSE_EXCEPT,
-    'chance of a false "does not describe"': adequacy.FALSE_FAILS,
+    "chance of a false exception": evidence.FALSE_EXCEPT,
+    'chance of a false "does not describe"': evidence.FALSE_FAILS,
     "pattern that is too small, in noises": describe.SMALL,
     "share of residual variance that a model may miss": describe.HALF,
     "share of residual variance below which nothing must hide": adequacy_words.BLIND,
-    "noise that is an exception, in what the scene expects": adequacy.FAR_FROM_STATED,
+    "noise that is an exception, in what the scene expects": evidence.FAR_FROM_STATED,
     "share by which friction is changed to see what it does": refit.FRICTION,
     "rows of which one may lie far off with others": looks.FEWER,
-    "sds by which a misfit moves a conditional parameter": adequacy.MOVED,
+    "sds by which a misfit moves a conditional parameter": evidence.MOVED,
     "rows left out singly": left_out.SINGLY,
     "slack of the hull": SLACK,
     "draws of a prediction": fitted_model.PREDICTING,

@@ -23,7 +23,7 @@ from fitball.inference.identifiability.information import (
 )
 from fitball.inference.identifiability.verdict import CONFLICT, Marginal, Numbers, contraction_alone, judge
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.results.evidence import (
     LEFT_OUT,
     End,
@@ -235,6 +235,33 @@ def test_the_evidence_adds_up_to_one_verdict(base, shape, alone, verdict):
     judged = judge(Numbers(problem, problem.free[3], replace(EVIDENCE, profile=shape, alone=alone), base))
     assert judged.verdict is verdict
     assert judged.reason
+
+
+@pytest.mark.parametrize(
+    ("change", "verdict", "words"),
+    [
+        # Closed, and hardly narrower than before.
+        (
+            {"marginal": replace(IDENTIFIED, narrowed=0.15)},
+            Verdict.PRIOR_DOMINATED,
+            "(contraction 0.15)",
+        ),
+        # A rival fit opens the profile that agrees on it.
+        ({"evidence": replace(EVIDENCE, profile=OPEN_RIGHT), "agreed": True}, Verdict.IDENTIFIED, "from both sides"),
+        ({"traded": ("k_y",)}, Verdict.PRIOR_DOMINATED, "only together with k_y: its own size comes from the priors"),
+        (
+            {"marginal": replace(IDENTIFIED, rests=True), "alone": 0.7},
+            Verdict.IDENTIFIED,
+            "; rests on the scene's contact time (5 +- 0.5 ms), without it the contraction would be 0.70",
+        ),
+        ({"beyond": "at 10 m/s", "tied": "; tied to e_x"}, Verdict.EXTRAPOLATED, "at 10 m/s; the table narrows it"),
+    ],
+)
+def test_what_else_decides(change, verdict, words):
+    problem = problem_of("wang_zero_spin.csv")
+    judged = judge(replace(Numbers(problem, problem.free[3], EVIDENCE, IDENTIFIED), **change))
+    assert judged.verdict is verdict and words in judged.reason
+    assert judged.given == ()
 
 
 def test_a_size_that_comes_from_the_scene_is_identified_given_the_scene():

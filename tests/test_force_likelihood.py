@@ -31,8 +31,9 @@ from fitball.inference.likelihood.force import (
     noise_held,
 )
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.point.point_fit import maximum_posterior
+from fitball.inference.problem.force_records import COLUMNS
+from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.problem.subsample import thinned_problem, withheld
 from fitball.models.kernels.dual import STEP
 from fitball.models.registry import model
@@ -117,11 +118,12 @@ def test_means_are_those_of_the_course(problem):
     )
     offsets = np.linspace(-1.0, 1.0, 4001)
     weights = 1.0 - np.abs(offsets)
-    for place, (item, v) in enumerate(zip(records.records, SPEEDS, strict=True)):
-        times = item.first - start + item.spacing * np.arange(len(item.means))
-        seen = force_at(times[:, None] + item.spacing * offsets, v) @ weights / weights.sum()
-        np.testing.assert_allclose(force[0, place, : times.size], seen, atol=3e-4 * item.peak)
-        differences = np.gradient(force[0, place, : times.size], item.spacing)
+    for place, v in enumerate(SPEEDS):
+        spacing = records.spacing[place]
+        times = records.first[place] - start + spacing * np.arange(records.mask[place].sum())
+        seen = force_at(times[:, None] + spacing * offsets, v) @ weights / weights.sum()
+        np.testing.assert_allclose(force[0, place, : times.size], seen, atol=3e-4 * records.peak[place])
+        differences = np.gradient(force[0, place, : times.size], spacing)
         assert np.corrcoef(differences, rate[0, place, : times.size])[0, 1] > 0.95
 
 
@@ -129,7 +131,7 @@ def test_the_samples_of_a_record_are_counted(problem, tmp_path):
     """The pulse and a quarter of its length on either side, as far as the record goes."""
     table = write_case(tmp_path, 1)
     force = load_force(table.with_name("drops_force.csv"), load_table(table))
-    for record, found in zip(force.records, problem.force.records, strict=True):
+    for record, found in zip(force.records, problem.force.samples, strict=True):
         inside = np.flatnonzero(record.force >= 0.05 * record.force.max())
         top = int(np.argmax(record.force))
         gaps = np.flatnonzero(np.diff(inside) > 1)
@@ -137,7 +139,7 @@ def test_the_samples_of_a_record_are_counted(problem, tmp_path):
         last = min([inside[-1], *(inside[g] for g in gaps if inside[g] >= top)])
         margin = math.ceil(0.25 * (last - first + 1))
         kept = range(max(0, first - margin), min(record.force.size, last + margin + 1))
-        assert found.samples == len(kept)
+        assert found == len(kept)
 
 
 def test_information_of_records_is_the_curvature_they_would_have(problem):
@@ -165,10 +167,10 @@ def test_information_of_records_is_the_curvature_they_would_have(problem):
 
 def test_likelihood_is_the_integral_over_the_start(problem):
     """A dense normal density of the means, from the weights of the samples, integrated over the start on a grid."""
-    records = replace(problem.force, records=problem.force.records[2:3])
-    item = records.records[0]
+    records = problem.force.without(np.array([0, 1, 3, 4]))
+    item = SimpleNamespace(**{name: getattr(records, name)[0] for name in COLUMNS})
     columns = problem.all_values(values_of(problem, k_y=1.02 * K_Y, cor_slope=0.0))
-    count, block = len(item.means), item.block
+    count, block = records.nodes, item.block
     weights = np.zeros((count, count * block + block))
     for j in range(count):
         for i in range(-block + 1, block):
@@ -190,9 +192,7 @@ def test_likelihood_is_the_integral_over_the_start(problem):
         force, _ = mean_forces(
             problem, columns, records.rows, np.array([[item.first - start]]), records.spacing, records.nodes
         )
-        logs.append(
-            density.logpdf(np.array(item.means) - force[0, 0, :count]) - 0.5 * ((start - item.begin) / sd) ** 2
-        )
+        logs.append(density.logpdf(records.means[0] - force[0, 0, :count]) - 0.5 * ((start - item.begin) / sd) ** 2)
     integral = logsumexp(logs) + np.log(grid[1] - grid[0]) - np.log(sd * np.sqrt(2.0 * np.pi))
     assert float(force_log_likelihood(problem, records, columns)[0]) == pytest.approx(integral, abs=0.1)
     # To first order in the start: the rest is its third derivative. A term left out would be some whole units.

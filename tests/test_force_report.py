@@ -67,7 +67,7 @@ def test_the_record_identifies_k_y(fit, without):
     assert known.q975 - known.q025 < 0.1 * K_Y < unknown.q975 - unknown.q025
     assert fit.parameters["cor_10"].q025 < COR < fit.parameters["cor_10"].q975
     # Chi-square is that of the means of the records too, each of which gives one degree of freedom.
-    means = sum(len(record.means) for record in fit.problem.force.records)
+    means = int(fit.problem.force.mask.sum())
     assert fit.least_squares.degrees_of_freedom == without.least_squares.degrees_of_freedom + means
 
 

@@ -24,7 +24,7 @@ from fitball.cli.main import main
 from fitball.data.lines import parse_grid, parse_uncertain_impact
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import parse_prior
 
 NAMES = [target.name for target in (*hand_written(), *of_a_fit(Path()), *of_a_batch(Path()))]
 

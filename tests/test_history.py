@@ -11,8 +11,8 @@ from integrated import Contact
 
 import fitball
 from fitball.errors import FitballError, ModelError, ParameterError
-from fitball.models.names import FOLLOWED, RANKED
 from fitball.models.registry import MODELS
+from fitball.models.specs import FOLLOWED, RANKED
 from fitball.models.types import Phase, unpack_regime
 
 BALL = fitball.Ball()

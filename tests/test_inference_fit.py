@@ -17,8 +17,7 @@ from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, log_scene_density
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import STARTS, starting_points
+from fitball.inference.point.point_fit import STARTS, maximum_posterior, starting_points
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.assumptions import CONTACT_TIME
 from fitball.inference.results.results import RunStatus, Verdict

@@ -7,8 +7,7 @@ import pytest
 from scipy import integrate, stats
 
 from fitball.errors import ParameterError
-from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.problem.priors import JointPrior, parse_prior
+from fitball.inference.problem.parameters import NOISE_SPECS, JointPrior, parse_prior
 from fitball.models.specs import SPECS
 
 CASES = [

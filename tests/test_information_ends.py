@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from samples import TWO_MASS, coordinates_of, hard_sphere, problem_of, synthetic
@@ -16,11 +18,10 @@ from fitball.inference.identifiability.information import (
     inverse,
     standard_errors,
 )
-from fitball.inference.identifiability.profile import best_top
+from fitball.inference.identifiability.profile_walk import best_top
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.lmfit_minimiser import Minimum
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.point.surface import Surface
 from fitball.inference.results.evidence import Profiles
 from fitball.inference.results.results import Verdict
@@ -34,10 +35,6 @@ END = {
     "mass_ratio": 1.0 - 1e-7, "k_y": 17414.0, "k_theta": 40.33, "mu": 1.067, "eps_10": -8.2e-5, "eps_slope": -4e-6,
     "cor_10": 0.912, "cor_slope": (1.0 - 1e-6 - 0.912) / (SLOWEST - 10.0), "velocity_sd": 0.06, "spin_sd": 4.58,
 }  # fmt: skip
-
-
-def row(problem, values):
-    return np.array([[values[name] for name in problem.free_names]])
 
 
 @pytest.fixture
@@ -66,8 +63,8 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
     problem, _ = at_end
     with monkeypatch.context() as patched:
         stay(patched)
-        squares = least_squares(problem, row(problem, END))
-        point = maximum_posterior(problem, row(problem, END))
+        squares = least_squares(problem, problem.free_rows([END]))
+        point = maximum_posterior(problem, problem.free_rows([END]))
     assert point.values["mass_ratio"] == pytest.approx(1.0 - 1e-7, abs=1e-8)
     assert all(np.isfinite(value) for value in squares.stderr.values() if value is not None)
     monkeypatch.setattr(calibrate, "point_fit", lambda *_: (squares, point))
@@ -84,7 +81,7 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
 def test_a_profile_begins_with_finite_steps_where_there_is_no_derivative(at_end):
     problem, _ = at_end
     objective = Surface(problem)
-    top, _ = best_top(objective, objective.from_values(row(problem, END)))
+    top, _ = best_top(objective, objective.from_values(problem.free_rows([END])))
     assert np.all(top.errors > 0.0) and np.all(np.isfinite(top.errors))
 
 
@@ -94,31 +91,33 @@ def test_no_standard_error_comes_from_a_step_out_of_the_model(tmp_path, monkeypa
     wall = {"mu": 0.092, "e_x": 0.38, "offset": 0.0, "velocity_sd": 0.25, "spin_sd": 10.0}
     wall |= {"cor_10": 0.95, "cor_slope": (1.0 - 1e-9 - 0.95) / (SLOWEST - 10.0)}
     stay(monkeypatch)
-    found = least_squares(problem, row(problem, wall))
+    found = least_squares(problem, problem.free_rows([wall]))
     for name in ("cor_10", "cor_slope"):
         assert found.stderr[name] is None
         assert found.missing[name].startswith("the model ends next to the best value")
     assert found.stderr["mu"] > 0.01
-    inside = least_squares(problem, row(problem, wall | {"cor_slope": -0.005}))
+    inside = least_squares(problem, problem.free_rows([wall | {"cor_slope": -0.005}]))
     assert inside.stderr["cor_10"] > 0.01
 
 
 def stay(patch):
     """Searches stay where they begin: the fit is that at the end of the model."""
-    patch.setattr(
-        "fitball.inference.point.lmfit_minimiser.Minimiser.run",
-        lambda self, at: Minimum(self_cost(self, at), at, self.at(at[None, :]).size),
-    )
-    for module in ("least_squares", "maximum_posterior"):
+    patch.setattr("fitball.inference.point.least_squares.lmfit.Minimizer", Unmoved)
+    for module in ("least_squares", "point_fit"):
         patch.setattr(f"fitball.inference.point.{module}.descend", unmoved)
+
+
+class Unmoved:
+    def __init__(self, residual, parameters, **_):
+        self.residual, self.parameters = residual, parameters
+
+    def least_squares(self, **options):
+        rows, slopes = self.residual(self.parameters), options["Dfun"](self.parameters)
+        return SimpleNamespace(params=self.parameters, chisqr=np.sum(rows**2), nfev=1, jac=slopes)
 
 
 def unmoved(surface, searches, **_):
     return Reached(searches.x, surface.cost(searches.x, searches.given), np.ones(len(searches.x), dtype=bool))
-
-
-def self_cost(minimiser, at):
-    return float(np.sum(minimiser.at(at[None, :]) ** 2))
 
 
 def test_inverse_of_what_is_blind_or_missing():

@@ -10,7 +10,7 @@ from samples import COMPOSITIONS
 
 import fitball
 from fitball.bench.hard_cases import BASE, FAST, SHALLOW, STEEP, HardCase, hard_cases
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.types import Status, regime_name
 from fitball.values import Ball
 
@@ -191,53 +191,6 @@ def test_hard_cases():
                 assert np.all(np.abs(exact[..., k] - best) <= allowed), (case.name, variable)
                 compared += 1
     assert compared > 600
-
-
-@pytest.mark.parametrize("name", ["two-mass", "thesis-exact", "grip-slip", "brody"])
-def test_homogeneous_in_the_speeds(name, wang_impacts, draw_priors):
-    """Euler: with constant `eps` and restitution the outputs are of degree one, and so do their slopes add up."""
-    chosen = fitball.model(name)
-    values = draw_priors(chosen, np.random.default_rng(4), 300)
-    for column, key in enumerate(chosen.parameter_names):
-        if key in LINES:
-            values[:, column] = 0.0
-    found = chosen.jacobian(chosen.parameter_names, values, wang_impacts, ())
-    speeds = np.stack([getattr(wang_impacts, key) for key in INCIDENT], axis=-1)
-    ok = found.rebound.status == 0
-    total = np.einsum("dioj,ij->dio", found.inputs, speeds)[ok]
-    expected = stacked(found.rebound)[ok] * [1.0, 1.0, 1.0, 0.0]
-    terms = np.einsum("dioj,ij->dio", np.abs(found.inputs), np.abs(speeds))[ok] + OUTPUT_SIZE
-    last = 4 if chosen.has_time else 3
-    assert ok.sum() > 1000
-    assert np.max((np.abs(total - expected) / terms)[:, :last]) < 1e-11
-
-
-@pytest.mark.parametrize("closures", [{}, {"torsion": "free"}, {"normal": "total"}, {"torsion": "rigid"}])
-def test_balance_about_the_contact_point(closures, wang_impacts, draw_priors):
-    """`R (v_x1 - v_x2) - r R^2 (omega_2 - omega_1) = eps (v_y1 + v_y2)`, differentiated by everything."""
-    chosen = fitball.model("two-mass", **closures)
-    names = (*chosen.parameter_names, "ball_mass", "ball_radius", "inertia_ratio")
-    draws = draw_priors(chosen, np.random.default_rng(6), 200)
-    values = np.concatenate([draws, np.broadcast_to([0.0576, 0.033, 0.56], (200, 3))], axis=1)
-    column = {key: values[:, k, None] for k, key in enumerate(names)}
-    radius, ratio = column["ball_radius"], column["inertia_ratio"]
-    exact, rebound = every_derivative(chosen, names, values, wang_impacts)
-    x, y, w = exact[:, :, 0], exact[:, :, 1], exact[:, :, 2]
-    lost = wang_impacts.v_x1 - rebound.v_x2
-    gained = rebound.omega_2 - wang_impacts.omega_1
-    eps = column["eps_10"] + column["eps_slope"] * (wang_impacts.v_y1 - 10.0)
-    normal = wang_impacts.v_y1 + rebound.v_y2
-    explicit = {
-        "v_x1": radius + 0.0 * lost, "omega_1": ratio * radius**2 + 0.0 * lost,
-        "v_y1": -eps - column["eps_slope"] * normal, "eps_10": -normal,
-        "eps_slope": -(wang_impacts.v_y1 - 10.0) * normal, "ball_radius": lost - 2.0 * ratio * radius * gained,
-        "inertia_ratio": -(radius**2) * gained,
-    }  # fmt: skip
-    ok = rebound.status == 0
-    for k, key in enumerate(variables(chosen, names)):
-        terms = [explicit.get(key, 0.0 * lost), -radius * x[..., k], -ratio * radius**2 * w[..., k], -eps * y[..., k]]
-        size = np.sum(np.abs(terms), axis=0) + np.abs(radius * lost / SCALE[key])
-        assert np.max((np.abs(np.sum(terms, axis=0)) / size)[ok]) < 1e-10, key
 
 
 def test_rebound_status_and_choice(wang_impacts, draw_priors):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from samples import COMPOSITIONS
 
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.registry import model
 from fitball.models.two_mass import TwoMassModel
 from fitball.models.types import Phase, Status, unpack_regime

@@ -22,9 +22,8 @@ from fitball.errors import FitballError, ParameterError
 from fitball.exports.certificate import certificate
 from fitball.inference.prediction.court_pace import court_pace, measured_pace
 from fitball.inference.problem.build import Choices
-from fitball.inference.problem.priors import parse_prior
-from fitball.inference.results.drop_test import BallRebound
-from fitball.inference.results.pace_rating import CourtPace, adjusted
+from fitball.inference.problem.parameters import parse_prior
+from fitball.inference.results.lab import BallRebound, CourtPace, adjusted
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec

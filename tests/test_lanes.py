@@ -83,7 +83,7 @@ def test_arithmetic_is_that_of_numpy_bit_for_bit():
 def alone(chosen, values, impacts):
     """What the scalar kernel gives."""
     made = _room(len(values), len(impacts))
-    given = chosen._rows(chosen.parameter_names, values), chosen.codes, *_incident(impacts)
+    given = chosen.rows(chosen.parameter_names, values), chosen.codes, *_incident(impacts)
     for _part in _each(given, np.arange(made[1].size), made):
         pass
     return made
@@ -96,7 +96,7 @@ def solved(chosen, values, impacts):
 
 def left(chosen, values, impacts):
     """How many are not plain."""
-    given = chosen._rows(chosen.parameter_names, values), chosen.codes, *_incident(impacts)
+    given = chosen.rows(chosen.parameter_names, values), chosen.codes, *_incident(impacts)
     return bounce.bounce_batch(*given, *_room(len(values), len(impacts)), np.zeros(bounce.LANE_ROOM))
 
 

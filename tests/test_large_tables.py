@@ -21,12 +21,10 @@ from fitball.inference.identifiability.examine import active_impacts
 from fitball.inference.identifiability.information import prior_draws
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
-from fitball.inference.point import lmfit_minimiser
+from fitball.inference.point import least_squares as least_squares_room
 from fitball.inference.point import point_fit as point
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.lmfit_minimiser import Minimum
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import STARTS, point_fit, starting_points
+from fitball.inference.point.point_fit import STARTS, maximum_posterior, point_fit, starting_points
 from fitball.inference.prediction.posterior_predictive import predictive
 from fitball.inference.prediction.reach import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.problem import problem as asked
@@ -42,6 +40,7 @@ from fitball.report.fit.folder import prediction_rows
 from fitball.report.form import numbers
 from fitball.report.saved.fit_file import fit_text
 from fitball.report.saved.netcdf_files import read_data, write_data
+from fitball.values import same
 
 
 def long_problem(rows, **choices):
@@ -84,7 +83,7 @@ def test_the_road_by_way_of_samples_ends_where_the_direct_one_does(model, part, 
     monkeypatch.setattr(point, "STARTS", 6)
     monkeypatch.setattr(point, "SEARCHED", 24)
     monkeypatch.setattr(point, "GROWTH", 3)
-    for place in (lmfit_minimiser, subsample):
+    for place in (least_squares_room, subsample):
         monkeypatch.setattr(place, "PART", part)
     squares, found = point_fit(problem, np.random.default_rng(3))
     assert squares.chi_square == pytest.approx(direct.chi_square, rel=1e-6)
@@ -196,7 +195,6 @@ def test_a_long_table_may_have_a_large_chi_square():
     problem = long_problem(60, model="grip-slip", fix={"velocity_sd": 1e-3, "spin_sd": 1e-2})
     found = least_squares(problem, starting_points(problem, np.random.default_rng(3), 4))
     assert found.chi_square > IMPOSSIBLE**2
-    assert not Minimum(180 * IMPOSSIBLE**2, np.zeros(1), 180).possible
 
 
 @pytest.fixture(scope="module")
@@ -300,4 +298,4 @@ def test_data_are_read_back_as_they_were(tmp_path):
     assert (found.ids, found.labels) == (("x", "y"), {"impact": ("1", "2"), "a/b": ("", "über")})
     (item,) = found.measurements
     np.testing.assert_array_equal(item.sd, [0.1, 0.2])
-    assert replace(force, source="") == replace(problem.force, source="")
+    assert same(replace(force, source=""), replace(problem.force, source=""))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from samples import COMPOSITIONS
 
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.registry import model
 from fitball.models.types import Phase, Rebound, unpack_regime
 from fitball.values import Ball, FloatArray, Impacts, impacts

@@ -16,9 +16,9 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.looks import Tables, scored
 from fitball.inference.adequacy.refit import overlap, patterns, refit
 from fitball.inference.likelihood.residuals import Weighting, residual_slopes, residuals
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.problem import subsample
-from fitball.inference.results.adequacy import FALSE_FAILS, Answer
+from fitball.inference.results.evidence import FALSE_FAILS, Answer
 from fitball.models.registry import model
 
 TRUTH = {"mu": 0.6, "e_x": 0.1, "offset": 0.0, "cor_10": 0.78, "cor_slope": -0.012}

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import lmfit
 import numpy as np
 import pytest
 from samples import GRIP_SLIP, coordinates_of, drop_table, linear_problem, problem_of, synthetic
 
-from fitball.bench.problems import enlarged
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.data.table import Measurement
 from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals
-from fitball.inference.point import lmfit_minimiser as lmfit_side
-from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.lmfit_minimiser import Minimiser
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import starting_points
+from fitball.inference.point.least_squares import Settling, least_squares
+from fitball.inference.point.point_fit import maximum_posterior, starting_points
 from fitball.inference.problem.build import Choices, build_problem
 
 
@@ -25,37 +22,49 @@ def weighting(problem):
     return Weighting(default_noise(problem), penalised=False)
 
 
-@pytest.mark.parametrize("name", ["grip-slip", "two-mass"])
-def test_jacobians_of_tables_short_and_long_are_the_same_rows(name):
-    """Above a thousand impacts the differences are one-sided: same slopes, repeated rows, to their own error."""
-    table = enlarged(load_table("wang_all.csv"), 1050)
-    scene = load_scene("wang_all.csv")
-    long = build_problem(table, scene, Choices(model=name))
-    assert len(long.impacts) > lmfit_side.ONE_SIDED
-    made = Minimiser(long, weighting(long))
-    at = made.to_fitted(starting_points(long, np.random.default_rng(3), 1))[0]
-    parameters = made.parameters(at)
-    one_sided = made.jacobian(parameters)
-    step = 1e-5 * made.scale()
-    central = [
-        (made.at((at + step * unit)[None, :])[0] - made.at((at - step * unit)[None, :])[0]) / (2.0 * step[k])
-        for k, unit in enumerate(np.eye(at.size))
+def test_one_call_settles_what_was_searched_and_its_covariance_is_what_is_said(monkeypatch):
+    """A smooth, linear table: lmfit's own standard errors, not scaled by the chi-square."""
+    calls, plain = [], lmfit.Minimizer
+
+    class Watched(plain):
+        def least_squares(self, *given, **options):
+            calls.append(super().least_squares(*given, **options))
+            return calls[-1]
+
+    monkeypatch.setattr("fitball.inference.point.least_squares.lmfit.Minimizer", Watched)
+    problem = problem_of("wang_all.csv", "grip-slip")
+    found = least_squares(problem, starting_points(problem, np.random.default_rng(1), 5))
+    (told,) = calls
+    assert {name for name, item in told.params.items() if item.vary} == set(told.var_names)
+    for name in told.var_names:
+        assert found.stderr[name] == pytest.approx(told.params[name].stderr, rel=1e-6)
+        assert found.values[name] == told.params[name].value
+    np.testing.assert_allclose(found.covariance, told.covar, rtol=1e-6)
+    assert (found.chi_square, found.evaluations) == (told.chisqr, told.nfev)
+
+
+@pytest.mark.parametrize("choices", [{}, {"pool": {"mu": "group"}}])
+def test_names_that_are_no_identifiers_reach_lmfit(choices):
+    problem = problem_of("wang_all.csv", "grip-slip", **choices)
+    at = starting_points(problem, np.random.default_rng(3), 1)[0]
+    made = Settling(problem, weighting(problem), at).parameters
+    assert len(made) == len(problem.parameters)
+    assert [item.value for item in made.values() if item.vary] == [
+        value for value, name in zip(at, problem.free_names, strict=True) if not name.endswith("_sd")
     ]
-    size = np.max(np.abs(central), axis=1)
-    assert one_sided.shape == (made.residual(parameters).size, at.size)
-    np.testing.assert_allclose(one_sided / size, np.transpose(central) / size, atol=1e-3)
 
 
-def test_a_one_sided_step_turns_round_at_its_upper_bound(monkeypatch):
-    monkeypatch.setattr(lmfit_side, "ONE_SIDED", 5)
-    problem = problem_of("wang_zero_spin.csv", "grip-slip")
-    made = Minimiser(problem, weighting(problem))
-    at = made.to_fitted(starting_points(problem, np.random.default_rng(3), 1))[0]
-    column = made.names.index("e_x")
-    at[column] = made.limits()[1][column]
-    found = made.jacobian(made.parameters(at))
-    monkeypatch.setattr(lmfit_side, "ONE_SIDED", 1000)
-    np.testing.assert_allclose(found, made.jacobian(made.parameters(at)), rtol=1e-3, atol=1e-3)
+def test_the_model_beyond_its_wall_is_no_place_for_lmfit():
+    """On the wall mass_ratio = COR the mass ratio follows the others, as lmfit's expression."""
+    problem = problem_of("wang_zero_spin.csv")
+    found = least_squares(problem, starting_points(problem, np.random.default_rng(1), 16))
+    at = np.array([found.values[name] for name in problem.free_names])
+    made = Settling(problem, weighting(problem), at)
+    assert "cor_10" in made.parameters["mass_ratio"].expr
+    assert made.parameters["mass_ratio"].value == pytest.approx(found.values["mass_ratio"], abs=1e-7)
+    for sign in (-1.0, 1.0):
+        moved = made._moved(problem.free_names.index("cor_10"), 1e3 * sign)
+        assert not problem.rebound(moved[None, :]).status.any()
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -90,6 +99,16 @@ def test_a_uniform_prior_that_excludes_what_the_table_wants_ends_the_search_at_i
     low, high = prior.value(np.array(prior.support))
     assert low <= found.values[parameter] <= high
     assert found.values[parameter] == pytest.approx(edge, abs=0.02 * (high - low))
+
+
+def test_a_loguniform_prior_below_one_is_searched_as_a_whole():
+    table, scene = load_table("wang_zero_spin.csv"), replace(load_scene("wang_zero_spin.csv"), mu=None)
+    found, wanted = (
+        maximum_posterior(problem, starting_points(problem, np.random.default_rng(1), 5)).values["mu"]
+        for text in ("loguniform(0.05, 0.8)", "uniform(0.05, 0.8)")
+        for problem in [build_problem(table, scene, Choices(model="brody", priors={"mu": text}))]
+    )
+    assert found < 0.79 and found == pytest.approx(wanted, rel=0.02)
 
 
 def test_residuals_at_the_truth_vanish():

@@ -28,7 +28,7 @@ from fitball.inference.identifiability.profile import coverage
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, pointwise
 from fitball.inference.likelihood.residuals import Weighting, default_noise, residual_slopes, residuals
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.new_impacts import observed_observables
 from fitball.inference.prediction.posterior_predictive import replicated

@@ -17,8 +17,7 @@ from fitball.inference.comparison.compare import _status, as_container, compare,
 from fitball.inference.comparison.results import Criteria
 from fitball.inference.effort import Effort
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import point_fit
+from fitball.inference.point.point_fit import maximum_posterior, point_fit
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import RunStatus
 from fitball.scheduling.engine import engine
@@ -29,10 +28,6 @@ MEAN = {name: value for name, value in TWO_MASS.items() if name != "cor_slope"}
 
 def wang(model, **closures):
     return problem_of("wang_zero_spin.csv", model, closures=closures)
-
-
-def row(problem, values):
-    return np.array([[values[name] for name in problem.free_names]])
 
 
 @pytest.mark.parametrize(
@@ -48,7 +43,7 @@ def test_a_container_predicts_what_it_contains(wide, narrow, values):
     container, contained = wang(wide[0], **wide[1]), wang(narrow[0], **narrow[1])
     found = as_container(container, contained, values)
     assert found is not None and set(found) >= set(container.free_names)
-    one, other = container.rebound(row(container, found)), contained.rebound(row(contained, values))
+    one, other = container.rebound(container.free_rows([found])), contained.rebound(contained.free_rows([values]))
     for name in ("v_x2", "v_y2", "omega_2"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12)
     assert as_container(contained, container, found) is None
@@ -74,7 +69,7 @@ def test_models_that_contain_each_other_in_part_only_are_left_alone():
 
 
 def score(name, problem, values, log_likelihood=None):
-    point = maximum_posterior(problem, row(problem, values))
+    point = maximum_posterior(problem, problem.free_rows([values]))
     squares = SimpleNamespace(values=point.values)
     criteria = None if log_likelihood is None else Criteria(log_likelihood, 1, 1)
     return SimpleNamespace(
@@ -112,7 +107,7 @@ def stuck(monkeypatch, tmp_path):
     def ends_low(given, rng, beside=()):
         if given.model.name != "grip-slip" or (beside and place.heed):
             return point_fit(given, rng, beside)
-        return least_squares(given, row(given, plateau)), maximum_posterior(given, row(given, plateau))
+        return least_squares(given, given.free_rows([plateau])), maximum_posterior(given, given.free_rows([plateau]))
 
     monkeypatch.setattr(calibrate, "point_fit", ends_low)
     monkeypatch.setattr(calibrate, "search_again", lambda _problem, squares, point, _sampled: (squares, point, ()))

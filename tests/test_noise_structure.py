@@ -22,8 +22,7 @@ from fitball.inference.comparison.left_out import GROUPS, IMPACTS, leave_out, ma
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import root_mean_squares
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import point_fit, starting_points
+from fitball.inference.point.point_fit import maximum_posterior, point_fit, starting_points
 from fitball.models.types import Status
 from fitball.report.saved.fit_file import fit_text
 

@@ -12,8 +12,8 @@ from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS, distance
 from scipy.integrate import solve_ivp
 
 from fitball.errors import ParameterError
-from fitball.models.oracle import oracle
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models import oracle
+from fitball.models.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, Status, unpack_regime
 from fitball.values import impacts
 

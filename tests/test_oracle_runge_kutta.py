@@ -16,7 +16,7 @@ import pytest
 from integrated import Contact
 from oracle_case import AS_THE_THESIS, BALL, DEFAULT, PARAMETERS
 
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.oracle import oracle_rebound
 from fitball.models.types import Closures, Phase, unpack_regime
 from fitball.values import Impacts, impacts
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from test_oracle import random_case
 
-from fitball.models.kernels.oscillator import Oscillator
-from fitball.models.kernels.search import sixth_derivative_bounds
-from fitball.models.oracle.oracle import oracle_rebound
+from fitball.models.kernels.oscillator import Oscillator, sixth_derivative_bounds
+from fitball.models.oracle import oracle_rebound
 from fitball.models.registry import model
 from fitball.models.types import Status
 

@@ -74,7 +74,7 @@ def told_of_noise(known, planned, made, sensor):
     """
     names = known.problem.free_names
     free = [names.index(column.noise) for column in sensor.columns]
-    rows = information_rows(planned, made, np.eye(len(names)))[0, 0, len(sensor.columns) :][:, free]
+    rows = information_rows(planned, made, np.eye(len(names))[None])[0, 0, len(sensor.columns) :][:, free]
     sds = np.stack([column.sds(made.columns, made.rebound) for column in sensor.columns], axis=2)[0, 0]
     shared = shared_covariance(planned, made.columns, made.rebound, sensor.columns)[0, 0]
 
@@ -107,7 +107,7 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     assert planned.incident is not None
     # They are as large in speed and direction for every impact, whatever its speed.
     along = np.array([28.8, 8.3]) / np.hypot(28.8, 8.3)
-    turned = planned.incident.covariance[0][:2, :2]
+    turned = planned.incident[0][:2, :2]
     known_sds = []
     for v_x, v_y in zip(problem.impacts.v_x1, problem.impacts.v_y1, strict=True):
         ahead = np.array([v_x, v_y]) / np.hypot(v_x, v_y)
@@ -118,12 +118,12 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     assert along @ turned @ along == pytest.approx(typical[0] ** 2)
     aside = np.array([-along[1], along[0]])
     assert aside @ turned @ aside == pytest.approx((typical[1] * np.hypot(28.8, 8.3)) ** 2)
-    states = np.random.default_rng(8).multivariate_normal([28.8, 8.3, 0.0], planned.incident.covariance[0], 4000)
+    states = np.random.default_rng(8).multivariate_normal([28.8, 8.3, 0.0], planned.incident[0], 4000)
     rebound = problem.rebound(problem.to_values(draws), Impacts(*states.T))
     columns = np.stack([column.column.predict(rebound)[0] for column in sensor.columns])
     assert np.sqrt(np.diag(found)) == pytest.approx(columns.std(axis=1), rel=0.06)
     exact = known.at(ITF, np.zeros(1, dtype=np.int64))
-    rows = [information_rows(at, *read(at, draws, [sensor]), known.root) for at in (exact, planned)]
+    rows = [information_rows(at, *read(at, draws, [sensor]), known.roots(draws)) for at in (exact, planned)]
     assert (rows[1] ** 2).sum() < (rows[0] ** 2).sum()
     told_of_noise(uncertain, planned, made, sensor)
     checked = nested_gain(

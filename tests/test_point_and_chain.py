@@ -24,8 +24,14 @@ from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import deeper, least_squares
-from fitball.inference.point.maximum_posterior import higher_maximum, maximum_posterior
-from fitball.inference.point.point_fit import _moved, other_regimes, point_fit, starting_points
+from fitball.inference.point.point_fit import (
+    _moved,
+    higher_maximum,
+    maximum_posterior,
+    other_regimes,
+    point_fit,
+    starting_points,
+)
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Sampled
 
@@ -35,10 +41,6 @@ PLATEAU = {
     "mu": 0.6, "e_x": -0.45, "offset": 9.1e-4, "cor_10": 0.918, "cor_slope": -0.01, "velocity_sd": 0.123,
     "spin_sd": 17.6,
 }  # fmt: skip
-
-
-def row(problem, values):
-    return np.array([[values[name] for name in problem.free_names]])
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +72,7 @@ def test_the_maximum_lies_nowhere_below_the_truth(model, truth, mu):
     problem = synthetic(problem_of("wang_zero_spin.csv", model, without=("mu", "contact_time")), truth, 8)
     squares, point = point_fit(problem, np.random.default_rng(1))
     assert point.log_posterior >= log_posterior(problem, coordinates_of(problem, truth)[None, :])[0]
-    weighted = least_squares(problem, row(problem, truth))
+    weighted = least_squares(problem, problem.free_rows([truth]))
     assert squares.chi_square <= weighted.chi_square * (1.0 + 1e-3)
     if 0.2 <= mu <= 0.45:
         assert point.values["mu"] == pytest.approx(mu, rel=0.05)
@@ -105,19 +107,19 @@ def test_a_drop_has_no_regimes_and_no_further_starts():
 def test_a_search_that_begins_where_nothing_can_be_evaluated_leads_nowhere(sphere):
     """Restitution above 1 at the slowest impact: no minimum, and no error of a library."""
     problem = sphere[0]
-    beyond = row(problem, PLATEAU | {"cor_slope": -0.0102})
+    beyond = problem.free_rows([PLATEAU | {"cor_slope": -0.0102}])
     assert np.any(problem.rebound(beyond).status)
-    found = maximum_posterior(problem, np.concatenate([beyond, row(problem, PLATEAU)]))
+    found = maximum_posterior(problem, np.concatenate([beyond, problem.free_rows([PLATEAU])]))
     assert np.isfinite(found.log_posterior)
     with pytest.raises(FitError, match="no parameters the model can evaluate"):
-        least_squares(problem, row(problem, PLATEAU | {"cor_10": 0.99, "cor_slope": -0.09}))
+        least_squares(problem, problem.free_rows([PLATEAU | {"cor_10": 0.99, "cor_slope": -0.09}]))
 
 
 def test_a_point_below_its_chain_is_searched_again(sphere, monkeypatch):
     """Whatever the first search found, what is published is no lower than any draw, and the fit says so."""
     problem = sphere[0]
-    missed = maximum_posterior(problem, row(problem, PLATEAU))
-    squares = least_squares(problem, row(problem, PLATEAU))
+    missed = maximum_posterior(problem, problem.free_rows([PLATEAU]))
+    squares = least_squares(problem, problem.free_rows([PLATEAU]))
     assert missed.log_posterior < -10.0
     monkeypatch.setattr(calibrate, "point_fit", lambda *_: (squares, missed))
     fit = run(problem, Effort(seed=1, cores=1, max_steps=700))
@@ -143,19 +145,19 @@ def chains(problem, draws, score=None):
 
 def test_a_chain_below_the_point_changes_nothing(sphere):
     problem, squares, point = sphere
-    lower = row(problem, point.values) * np.linspace(1.01, 1.05, 8)[:, None]
+    lower = problem.free_rows([point.values]) * np.linspace(1.01, 1.05, 8)[:, None]
     assert search_again(problem, squares, point, chains(problem, lower)) == (squares, point, ())
 
 
 def test_a_draw_that_no_search_improves_becomes_the_point(sphere, monkeypatch):
     """A search from it may end lower, at a wall or a kink: then the draw itself is published, not what lies below."""
     problem, squares, point = sphere
-    missed = maximum_posterior(problem, row(problem, PLATEAU))
-    draw = row(problem, point.values) * 1.002
+    missed = maximum_posterior(problem, problem.free_rows([PLATEAU]))
+    draw = problem.free_rows([point.values]) * 1.002
     score = log_posterior(problem, problem.to_coordinates(draw))
     assert missed.log_posterior < score[0]
-    monkeypatch.setattr("fitball.inference.point.maximum_posterior.descend", lost(problem, missed))
-    monkeypatch.setattr("fitball.inference.point.maximum_posterior._climb", lambda _problem, start: start)
+    monkeypatch.setattr("fitball.inference.point.point_fit.descend", lost(problem, missed))
+    monkeypatch.setattr("fitball.inference.point.point_fit._climb", lambda _problem, start: start)
     _, found, notes = search_again(problem, squares, missed, chains(problem, draw))
     assert found.log_posterior >= score[0] - 1e-9
     assert len(notes) == 1
@@ -165,7 +167,7 @@ def lost(problem, point):
     """A search that always ends at `point`."""
 
     def descend(surface, searches, **_):
-        x = np.repeat(surface.from_values(row(problem, point.values)), len(searches.x), axis=0)
+        x = np.repeat(surface.from_values(problem.free_rows([point.values])), len(searches.x), axis=0)
         return Reached(x, surface.cost(x, searches.given), np.zeros(len(x), dtype=bool))
 
     return descend
@@ -173,8 +175,8 @@ def lost(problem, point):
 
 def test_known_optima_are_kept_where_a_search_finds_nothing_better(sphere):
     problem, squares, point = sphere
-    again = higher_maximum(problem, point, row(problem, PLATEAU))
+    again = higher_maximum(problem, point, problem.free_rows([PLATEAU]))
     assert again.log_posterior >= point.log_posterior - 1e-9
     assert deeper(problem, squares, [PLATEAU]) is squares
-    worse = least_squares(problem, row(problem, PLATEAU))
+    worse = least_squares(problem, problem.free_rows([PLATEAU]))
     assert deeper(problem, worse, [squares.values]).chi_square == pytest.approx(squares.chi_square, rel=1e-6)

@@ -11,9 +11,8 @@ from scipy import integrate, stats
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.problem.parameters import build_parameters
+from fitball.inference.problem.parameters import JointPrior, build_parameters, parse_prior
 from fitball.inference.problem.pooling import Pooling
-from fitball.inference.problem.priors import JointPrior, parse_prior
 from fitball.inference.sampling import ensemble as walking
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling.convergence import standard_errors, summaries

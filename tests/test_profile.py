@@ -12,10 +12,11 @@ from scipy.stats import chi2, norm
 
 from fitball.data.table import Measurement
 from fitball.inference.identifiability import profile
-from fitball.inference.identifiability.profile import best_top, coverage, profile_paths, profiles, searches, sweep
+from fitball.inference.identifiability.profile import coverage, profiles
+from fitball.inference.identifiability.profile_walk import best_top, profile_paths, searches, sweep
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.point.gauss_newton import constrained_step, descend
-from fitball.inference.point.maximum_posterior import maximum_posterior
+from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.point.surface import Conditions, Surface, surface_of
 from fitball.inference.problem.subsample import withheld
 from fitball.inference.results.evidence import End

@@ -189,14 +189,14 @@ def slopes(*rows):
     return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=1)
 
 
-def wells(depth):
+def wells(depth, walls=4.0):
     """Two optima at cor_10 = 0.4 and 0.6, the first less likely by `depth`; the slope known to 0.002."""
 
     def residuals(x):
         a, b = (x[:, 0] - 0.5) / 0.1, x[:, 1] / 0.002
         far = np.sqrt(2.0 * depth) * 0.5
-        z = np.stack([4.0 * (a * a - 1.0), b, far * (1.0 - a)], axis=1)
-        return z, slopes((80.0 * a, 0.0 * a), (0.0 * a, 500.0 + 0.0 * a), (-10.0 * far + 0.0 * a, 0.0 * a))
+        z = np.stack([walls * (a * a - 1.0), b, far * (1.0 - a)], axis=1)
+        return z, slopes((20.0 * walls * a, 0.0 * a), (0.0 * a, 500.0 + 0.0 * a), (-10.0 * far + 0.0 * a, 0.0 * a))
 
     return residuals
 
@@ -211,6 +211,13 @@ def test_an_interval_over_two_optima_holds_all_that_are_likely(monkeypatch, dept
     assert set(said.values()) == {IDENTIFIED}
     between = (found["cor_10"].values > 0.4) & (found["cor_10"].values < 0.6)
     assert found["cor_10"].drop[between].max() > DROP_95
+
+
+def test_a_better_maximum_that_is_met_on_the_way_begins_it_anew(monkeypatch):
+    """A low wall to a likelier optimum, where no search began: the slope's profile is that of the better one too."""
+    found, _said = written(monkeypatch, wells(2.0, 2.1), (0.4, 0.0))
+    assert found["cor_10"].best == pytest.approx(0.6, abs=1e-3)
+    assert found["cor_slope"].drop.min() == pytest.approx(0.0, abs=1e-6)
 
 
 def ridge(x):

@@ -119,7 +119,11 @@ def test_names_of_others_are_no_html(short_fit):
 def test_the_report_says_what_the_summary_holds(short_fit):
     text, table = short_fit.report(), short_fit.summary()
     heads = [line.split("]]")[0] for line in text.splitlines() if line.startswith("[[")]
-    assert heads == ["[[Fit", "[[Statistics", "[[Parameters", "[[Correlations", "[[Notes"]
+    first = ["[[Fit", "[[Statistics", "[[Parameters", "[[Correlations", "[[Least squares"]
+    assert list(dict.fromkeys(heads)) == [*first, "[[Notes"]
+    squares, found = short_fit.least_squares, re.search(r"mu: +([0-9.]+) \+/- ([0-9.]+)", text)
+    assert float(found[1]) == pytest.approx(squares.values["mu"], rel=1e-5)
+    assert float(found[2]) == pytest.approx(squares.stderr["mu"], rel=1e-2)
     told = re.search(r"^    mu: +([0-9.]+) \+- ([0-9.]+)", text, re.MULTILINE)
     assert float(told[1]) == pytest.approx(table.loc["mu", "median"], abs=5e-4)
     assert float(told[2]) == pytest.approx(table.loc["mu", "sd"], abs=5e-4)

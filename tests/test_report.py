@@ -212,15 +212,7 @@ def test_balances_are_shown_with_what_their_uncertainty_supports():
     table, scene = fitball.load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
     shown, meanings = balance_table(scene_balances(table, scene))
     heads = tuple(shown.rows[0])
-    assert heads == (
-        "impact",
-        "mu_bar",
-        "e_x",
-        "offset [mm]",
-        "cor",
-        "energy_lost [J]",
-        "energy_fraction",
-    )
+    assert heads == ("impact", "mu_bar", "e_x", "offset [mm]", "cor", "energy_lost [J]", "energy_fraction")
     # By hand from Table 1 of Jafri (2004): (15.62 - 11.09) / (4.81 + 4.22) and 4.22 / 4.81.
     assert shown.rows[1][1] == "0.502 +- 0.031"
     assert shown.rows[1][4] == "0.88 +- 0.05"

@@ -12,7 +12,7 @@ from fitball.errors import ParameterError
 from fitball.inference.comparison.compare import as_container
 from fitball.inference.prediction.reach import HIGHEST, LOWEST, valid_range
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.models.kernels.vertical import saturating_restitution
+from fitball.models.kernels.contact import saturating_restitution
 from fitball.models.registry import model
 from fitball.models.types import STATUS_REASON, Status
 

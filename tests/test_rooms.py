@@ -19,7 +19,7 @@ CONTRACTS = [contract["name"] for contract in SETTINGS["tool"]["importlinter"]["
 BREAKS = {
     "Information flows one way": ("fitball.data.table", "fitball.report.form.numbers"),
     "Inference: what is asked, how probable, what is found, what follows": (
-        "fitball.inference.problem.priors", "fitball.inference.likelihood.residuals",
+        "fitball.inference.problem.parameters", "fitball.inference.likelihood.residuals",
     ),
     "Report: shapes, then files and figures, then each verb's own words": (
         "fitball.report.form.files", "fitball.report.saved.structure",
@@ -70,12 +70,13 @@ def test_each_contract_is_broken_by_what_it_forbids(copied, guard):
 
 
 def test_a_room_without_a_place_in_its_layers_is_refused(copied):
-    for folder in ("inference", "report", "models"):
+    # Among models a file is a model: what it costs is its line in the registry.
+    for folder in ("inference", "report"):
         (copied / "fitball" / folder / "attic").mkdir()
         (copied / "fitball" / folder / "attic" / "__init__.py").touch()
     verdicts, _details, done = lint(copied)
     assert [name.partition(":")[0] for name, verdict in verdicts.items() if verdict == "BROKEN"] == [
-        "Inference", "Report", "Models",
+        "Inference", "Report",
     ], done.stdout + done.stderr  # fmt: skip
 
 

@@ -18,8 +18,7 @@ from validation.harness import run
 import fitball
 from fitball.errors import FitError, ParameterError
 from fitball.inference.identifiability.profile import profiles
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import starting_points
+from fitball.inference.point.point_fit import maximum_posterior, starting_points
 from fitball.report.form.files import json_text
 from fitball.scheduling.engine import engine, in_order
 from fitball.wording import speaking_to_command_line

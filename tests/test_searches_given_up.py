@@ -76,7 +76,7 @@ def test_what_was_known_of_a_ball_that_priors_hardly_reach():
     np.testing.assert_array_equal(known_before(usual, begun, np.random.default_rng(3)), by_rejection)
 
 
-def test_a_start_that_leads_nowhere_leaves_the_known_minimum(monkeypatch):
+def test_a_start_that_leads_nowhere_leaves_the_known_minimum(wang, monkeypatch):
     """Starts of another model's fit may be such that this one can evaluate nothing about them."""
 
     def nowhere(problem, starts):
@@ -84,5 +84,4 @@ def test_a_start_that_leads_nowhere_leaves_the_known_minimum(monkeypatch):
 
     known = LeastSquares({}, {}, {}, 1.0, 1, {}, 1, (), (), 1)
     monkeypatch.setattr(least_squares_module, "least_squares", nowhere)
-    problem = type("Posed", (), {"free_names": ("mu",)})
-    assert deeper(problem, known, [{"mu": math.nan}]) is known
+    assert deeper(wang, known, [dict.fromkeys(wang.free_names, math.nan)]) is known

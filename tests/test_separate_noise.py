@@ -22,16 +22,16 @@ from fitball.inference.identifiability.profile import profiles
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.prediction.new_impacts import observed_observables, predict_new, scores
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.inference.problem.measurement_noise import (
+from fitball.inference.problem.observables import (
     FACTOR,
     FREEDOM,
     SPENT,
     Derived,
+    Observable,
     derived,
     noise_by_column,
     noise_in,
 )
-from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import NOISE_SPECS, SD_SPECS
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.types import Rebound

@@ -7,14 +7,14 @@ import pytest
 
 from fitball.data.published import thesis_table
 from fitball.errors import TableError
-from fitball.inference.thesis.inputs import C1, C2, INCH, INERTIA, case_parameters, printed_model
-from fitball.thesis import appendix_c, slips
-from fitball.thesis.appendix_b import CODES, Clause, filled_in, outputs, row_inputs
+from fitball.inference.thesis.published_cases import C1, C2, INCH, INERTIA, case_parameters, printed_model
+from fitball.thesis import appendices, slips
+from fitball.thesis.appendices import CODES, Clause, filled_in, outputs, row_inputs
 from fitball.thesis.slips import by_chance, candidates
 from fitball.values import impacts
 
 ERRATA = thesis_table("errata")
-ROWS = appendix_c.recompute(appendix_c.with_corrected_inputs(thesis_table("appendix_c"), ERRATA))
+ROWS = appendices.recompute(appendices.with_corrected_inputs(thesis_table("appendix_c"), ERRATA))
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def row_of(place):
 def test_worksheets_of_one_mind_are_the_model():
     for row in ROWS.to_dict("records"):
         found = outputs(dict.fromkeys(CODES, row_inputs(row)))
-        for name in appendix_c.COLUMNS:
+        for name in appendices.COLUMNS:
             assert found[name] == pytest.approx(row[name], rel=1e-11), (row["table"], row["case"], name)
 
 
@@ -38,7 +38,7 @@ def test_every_slip_does_what_it_says(cells):
     found = slips.check(cells)
     assert found.holds, found.finding
     tangential = cells["column"].isin(slips.TANGENTIAL) & cells["table"].str.startswith("C")
-    assert (cells[tangential]["residual"] < appendix_c.REPRODUCED).all()
+    assert (cells[tangential]["residual"] < appendices.REPRODUCED).all()
     left = "C1-5, C2-3, C4-5, C4-7, C7-7, C8-7, C9-3, C10-5, C13-3, C15-7, C16-4, C16-5, C16-7, C17-3"
     assert ", ".join(slips.unexplained()) == left
     assert found.finding.endswith(f"14 rows stay unexplained: {left}.")
@@ -57,7 +57,7 @@ def test_every_cell_blamed_on_an_input_says_which(cells):
 
 
 def test_unexplained_rows_are_those_beyond_their_rounding():
-    off = appendix_c.reproduce().exceptions
+    off = appendices.reproduce().exceptions
     off = off[(off["kind"] == "unexplained") & off["column"].isin(slips.TANGENTIAL)]
     assert {f"{row.table}-{row.case}" for row in off.itertuples()} == set(slips.unexplained())
 
@@ -66,8 +66,8 @@ def test_slips_mend_nothing():
     """Rows, counts and rankings see the inputs as printed or mended, never those of a slip."""
     printed = thesis_table("appendix_c")
     without = ERRATA[ERRATA["slip"] == ""]
-    mended = appendix_c.with_corrected_inputs(printed, without)
-    assert mended.equals(appendix_c.with_corrected_inputs(printed, ERRATA))
+    mended = appendices.with_corrected_inputs(printed, without)
+    assert mended.equals(appendices.with_corrected_inputs(printed, ERRATA))
     wrong = ROWS[(ROWS["table"] == "C11") & (ROWS["case"] == 4)]
     assert abs(float(wrong["v_x2_error"].iloc[0])) > 1.0
 

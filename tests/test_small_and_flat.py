@@ -12,10 +12,9 @@ from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
+from fitball.inference.point.gauss_newton import SAME_OPTIMUM
 from fitball.inference.point.least_squares import least_squares
-from fitball.inference.point.lmfit_minimiser import SAME_OPTIMUM
-from fitball.inference.point.maximum_posterior import Candidate, _best_of, maximum_posterior
-from fitball.inference.point.point_fit import starting_points
+from fitball.inference.point.point_fit import Candidate, _best_of, maximum_posterior, starting_points
 from fitball.inference.prediction.posterior_predictive import predictive
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.report.saved.fit_file import fit_text

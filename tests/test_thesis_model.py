@@ -12,11 +12,10 @@ from fitball.data.published import SPINS, fraction, thesis_table
 from fitball.errors import ModelError, ParameterError
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.point_fit import starting_points
-from fitball.inference.thesis.inputs import INERTIA_OF, case_parameters, printed_model
-from fitball.inference.thesis.published_cases import predictions
+from fitball.inference.thesis.published_cases import INERTIA_OF, case_parameters, predictions, printed_model
 from fitball.models.thesis import Pair, first_sign_change
 from fitball.models.types import Status
-from fitball.thesis.appendix_c import recompute, with_corrected_inputs, worst_error
+from fitball.thesis.appendices import recompute, with_corrected_inputs, worst_error
 from fitball.thesis.printed_tables import chapter_five_predictions
 
 ROWS = recompute(with_corrected_inputs(thesis_table("appendix_c"), thesis_table("errata")))

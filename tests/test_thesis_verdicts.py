@@ -8,13 +8,14 @@ import pytest
 
 import fitball
 from fitball.data.published import measured, thesis_table
-from fitball.inference.thesis.inputs import case_parameters
-from fitball.models.oracle.oracle import oracle_rebound
-from fitball.thesis import appendix_c, printed_tables, ranking
-from fitball.thesis.ranking import EXACT, MENDED, PRINTED, RECOMPUTED
-from fitball.thesis.recalibration import Placed
-from fitball.thesis.slips import slip_table, slip_words
-from fitball.thesis.verdicts import (
+from fitball.inference.thesis.published_cases import case_parameters
+from fitball.models.oracle import oracle_rebound
+from fitball.thesis import appendices, judgement, printed_tables
+from fitball.thesis.judgement import (
+    EXACT,
+    MENDED,
+    PRINTED,
+    RECOMPUTED,
     case_verdict,
     fit_words,
     headline,
@@ -22,18 +23,20 @@ from fitball.thesis.verdicts import (
     posterior_verdict,
     ranking_verdict,
 )
+from fitball.thesis.recalibration import Placed
+from fitball.thesis.slips import slip_table, slip_words
 
-NAMES = [ranking.set_name(row) for row in thesis_table("appendix_c").iloc[:7].to_dict("records")]
+NAMES = [judgement.set_name(row) for row in thesis_table("appendix_c").iloc[:7].to_dict("records")]
 
 
 @pytest.fixture(scope="module")
 def reproduced():
-    return appendix_c.reproduce()
+    return appendices.reproduce()
 
 
 @pytest.fixture(scope="module")
 def rankings(reproduced):
-    return ranking.rank_all(reproduced, 1)
+    return judgement.rank_all(reproduced, 1)
 
 
 def sets(*sizes, spin=1.0):
@@ -50,9 +53,9 @@ def sets(*sizes, spin=1.0):
 
 def ranked(recomputed, **others):
     """Rankings that are all alike but for those named."""
-    one = ranking.rank(recomputed)
+    one = judgement.rank(recomputed)
     return {
-        name: ranking.rank(others[name]) if name in others else one for name in (PRINTED, MENDED, RECOMPUTED, EXACT)
+        name: judgement.rank(others[name]) if name in others else one for name in (PRINTED, MENDED, RECOMPUTED, EXACT)
     }
 
 
@@ -85,7 +88,7 @@ def test_a_place_that_depends_on_the_draw_is_undecided():
         found[name] = {
             key: values * (1.0 + 0.4 * side * (-1.0) ** np.arange(21)) for key, values in found[name].items()
         }
-    share = ranking.rank(found).pooled["among the best three"][NAMES[0]]
+    share = judgement.rank(found).pooled["among the best three"][NAMES[0]]
     assert 0.05 < share < 0.95
     assert "three best is undecided: it misses" in case_verdict(3, ranked(found))
 
@@ -123,7 +126,7 @@ def test_what_the_data_say_of_the_seven_sets(rankings):
     assert answer["best"][NAMES[4]] < 0.05 < 0.5 < printed["best"][NAMES[4]]
     near = answer["score"] / answer["score"][NAMES[3]] - 1.0
     assert (near[NAMES[3:6]] < 0.005).all() and (near.drop(NAMES[3:6]) > 0.5).all()
-    table = ranking.side_by_side(rankings)
+    table = judgement.side_by_side(rankings)
     assert list(table["set"]) == NAMES and table.shape[1] == 1 + 3 * 4
 
 
@@ -147,7 +150,7 @@ def test_recomputed_is_the_print_of_a_sound_row_and_exact_the_independent_integr
 def test_no_erratum_enters_the_answer(monkeypatch, reproduced, rankings):
     """With other errata the mended ranking is another, the recomputed and the exact are the same."""
     changed = reproduced.exceptions.assign(kind="misprint")
-    again = ranking.rank_all(appendix_c.AppendixC(reproduced.rows, changed, (), ()), 1)
+    again = judgement.rank_all(appendices.AppendixC(reproduced.rows, changed, (), ()), 1)
     for name, same in ((PRINTED, True), (MENDED, False), (RECOMPUTED, True), (EXACT, True)):
         assert rankings[name].scores.equals(again[name].scores) is same, name
     # With every deviating row mended, print ranks as the recomputation does.
@@ -155,7 +158,7 @@ def test_no_erratum_enters_the_answer(monkeypatch, reproduced, rankings):
 
 
 def test_mended_rows_are_those_of_known_cause(reproduced):
-    rows, printed = appendix_c.mended(reproduced), thesis_table("appendix_c")
+    rows, printed = appendices.mended(reproduced), thesis_table("appendix_c")
     changed = rows["v_x2 [m/s]"] != printed["v_x2 [m/s]"]
     exceptions = reproduced.exceptions
     known = exceptions[(exceptions["column"] == "v_x2") & exceptions["kind"].isin(("misprint", "other input"))]

@@ -14,7 +14,7 @@ from validation.harness import Rate
 from validation.scenarios import DESIGNS, SCENARIOS, TRUTH
 from validation.trust import REFUSED, finding, findings, replicate, text, wanted
 
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Verdict
 
 

@@ -6,7 +6,6 @@ import io
 import json
 import sys
 import unicodedata
-from pathlib import Path
 
 import pytest
 
@@ -21,7 +20,7 @@ ESCAPE, CSI, OVERRIDE = "\x1b[31m", "\x9b2J", "\u202e"
 HOSTILE = f"{ESCAPE}{CSI}{OVERRIDE}\x07"
 
 
-def steers(character: str) -> bool:
+def steers(character):
     """What Unicode says of it; line feed and tab are the program's own."""
     kind = unicodedata.category(character)
     return (kind in ("Cc", "Cs", "Zl", "Zp") and character not in "\n\t") or (
@@ -29,20 +28,20 @@ def steers(character: str) -> bool:
     )
 
 
-def test_nothing_that_steers_remains_and_nothing_that_is_read_is_lost() -> None:
+def test_nothing_that_steers_remains_and_nothing_that_is_read_is_lost():
     shown = visible(EVERYTHING)
     assert not any(map(steers, shown))
     kept = [c for c in EVERYTHING if c.isprintable() or c in "\n\t\u200c\u200d"]
     assert visible("".join(kept)) == "".join(kept)
 
 
-def test_json_stays_json() -> None:
+def test_json_stays_json():
     text = "".join(c for c in EVERYTHING if steers(c) and unicodedata.category(c) != "Cs") + "\U000e0041\ufeff"
     shown = visible(json.dumps({text: text}, ensure_ascii=False))
     assert json.loads(shown) == {text: text}
 
 
-def test_one_line_keeps_both_ends_of_what_is_long() -> None:
+def test_one_line_keeps_both_ends_of_what_is_long():
     line = one_line(f"read '{'a' * 100_000}\n\t'; expected a number")
     assert len(line) <= LINE and "\n" not in line and "\t" not in line
     assert line.startswith("read 'aaa") and line.endswith("\\u000a\\u0009'; expected a number")
@@ -50,7 +49,7 @@ def test_one_line_keeps_both_ends_of_what_is_long() -> None:
     assert one_line(line) == line and one_line("short") == "short"
 
 
-def test_faults_of_a_kind_are_folded() -> None:
+def test_faults_of_a_kind_are_folded():
     lines = [("x", f"row {k}: x") for k in range(100)] + [("y", "y is wrong")]
     assert folded(lines) == [*(f"row {k}: x" for k in range(EACH)), "y is wrong", "... and 95 more like: row 0: x"]
     many = folded((k, str(k)) for k in range(1000))
@@ -59,7 +58,7 @@ def test_faults_of_a_kind_are_folded() -> None:
     assert kind_of("read '1', expected a number") != kind_of("read '1', expected a speed")
 
 
-def test_a_table_of_faults_is_told_in_bounds_and_carries_them_all() -> None:
+def test_a_table_of_faults_is_told_in_bounds_and_carries_them_all():
     faults = [Fault(f"read '{k}'; expected a number", k, k + 1, f"c{k % 60}") for k in range(100_000)]
     error = TableError("t.csv", faults)
     assert len(error.faults) == 100_000
@@ -68,7 +67,7 @@ def test_a_table_of_faults_is_told_in_bounds_and_carries_them_all() -> None:
 
 
 @pytest.fixture
-def hostile(tmp_path: Path) -> Path:
+def hostile(tmp_path):
     """A table, with its scene, that tries to steer the terminal from every text it has."""
     place = tmp_path / "hostile.csv"
     rows = [f"{HOSTILE}{k},{HOSTILE}{k % 2},{HOSTILE},{12 + k},{5 + k},9,{4 + k},250" for k in range(4)]
@@ -81,10 +80,10 @@ def hostile(tmp_path: Path) -> Path:
     return place
 
 
-def printed(capsys: pytest.CaptureFixture[str], code: int, *words: str | Path) -> str:
+def printed(capsys, code, *words):
     """All that a command prints; nothing of it steers."""
     try:
-        ended: object = main([str(word) for word in words])
+        ended = main([str(word) for word in words])
     except SystemExit as left:
         ended = left.code
     assert ended == code
@@ -93,11 +92,9 @@ def printed(capsys: pytest.CaptureFixture[str], code: int, *words: str | Path) -
     return text
 
 
-def test_verbs_that_print_text_of_tables(
-    hostile: Path, small_fit: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verbs_that_print_text_of_tables(hostile, small_fit, tmp_path, capsys):
     out = tmp_path / "out"
-    commands: list[tuple[str | Path, ...]] = [
+    commands = [
         ("datasets", "show", hostile),
         ("datasets", "show", hostile, "--json"),
         ("datasets", "check", hostile),
@@ -114,16 +111,14 @@ def test_verbs_that_print_text_of_tables(
         assert "\\u009b2J\\u202e" in text or words[0] == "export", text
 
 
-def test_errors_that_quote_files_and_options(
-    hostile: Path, small_fit: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_errors_that_quote_files_and_options(hostile, small_fit, tmp_path, capsys):
     bad = tmp_path / "bad.csv"
     bad.write_text(f"id,{HOSTILE},v_y1,v_y2 [{HOSTILE}]\n1,2,{HOSTILE},4\n1,2,3,4\n", encoding="utf-8")
     scene = tmp_path / "bad.toml"
     scene.write_text(f'["{json.dumps(HOSTILE)[1:-1]}"]\n', encoding="utf-8")
     force = tmp_path / "force.csv"
     force.write_text(f"id,t,F\n{HOSTILE},1,2\n", encoding="utf-8")
-    commands: list[tuple[str | Path, ...]] = [
+    commands = [
         ("datasets", "check", bad),
         ("datasets", "show", bad),
         ("datasets", "check", "wang_all", "--config", scene),
@@ -145,10 +140,8 @@ def test_errors_that_quote_files_and_options(
         assert "\\u001b" in printed(capsys, 2, *words), words
 
 
-def test_whatever_a_verb_prints_passes_through_one_place(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def say(_args: object) -> int:
+def test_whatever_a_verb_prints_passes_through_one_place(monkeypatch, capsys):
+    def say(_args):
         print(HOSTILE)
         print(HOSTILE, file=sys.stderr)
         sys.stdout.write(HOSTILE)
@@ -158,7 +151,7 @@ def test_whatever_a_verb_prints_passes_through_one_place(
     assert printed(capsys, 0, "datasets", "list").count("\\u001b") == 3
 
 
-def test_what_an_encoding_lacks_is_no_exception(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_an_encoding_lacks_is_no_exception(monkeypatch, tmp_path):
     place = tmp_path / "t.csv"
     place.write_text("id,v_y1,v_y2\nμ,4,3\n\U0001f3be,5,4\n", encoding="utf-8")
     raw = io.BytesIO()
@@ -168,8 +161,6 @@ def test_what_an_encoding_lacks_is_no_exception(monkeypatch: pytest.MonkeyPatch,
     assert b"\\u03bc" in raw.getvalue() and b"\\U0001f3be" in raw.getvalue()
 
 
-def test_what_the_system_refuses_is_told_without_a_traceback(
-    small_fit: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_the_system_refuses_is_told_without_a_traceback(small_fit, capsys):
     assert main(["predict", str(small_fit), "--impact", "v_y=6", "--out", "a" * 5000]) == 2
     assert "File name too long" in capsys.readouterr().err

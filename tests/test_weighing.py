@@ -33,7 +33,7 @@ def long_problem(rows, **choices):
 def fits():
     """The same table of 400 rows, by one thread and by two."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrate, "WEIGHED", 300)
+        patch.setattr(calibrate, "LOOKED_AT", 300)
         return [calibrate.run(long_problem(400), Effort(seed=4, cores=cores)) for cores in (1, 2)]
 
 
@@ -82,9 +82,9 @@ def test_long_tables_are_weighed_and_short_ones_walked(fits):
     assert diagnostics is not None and diagnostics.converged and diagnostics.walkers == 1
     assert diagnostics.pareto_k is not None and diagnostics.pareto_k < 0.7
     assert diagnostics.evaluations < 20_000
-    assert not calibrate.weighs(long_problem(calibrate.WEIGHED), Effort())
-    assert calibrate.weighs(long_problem(calibrate.WEIGHED + 1), Effort())
-    assert not calibrate.weighs(long_problem(calibrate.WEIGHED + 1), Effort(walkers=40))
+    assert not calibrate.weighs(long_problem(calibrate.LOOKED_AT), Effort())
+    assert calibrate.weighs(long_problem(calibrate.LOOKED_AT + 1), Effort())
+    assert not calibrate.weighs(long_problem(calibrate.LOOKED_AT + 1), Effort(walkers=40))
 
 
 def test_threads_change_no_draw(fits):
@@ -107,7 +107,7 @@ def test_weighed_fits_say_so_and_are_read_back(fits, tmp_path):
 
 
 def test_where_no_distribution_comes_near_walkers_go(monkeypatch):
-    monkeypatch.setattr(calibrate, "WEIGHED", 4)
+    monkeypatch.setattr(calibrate, "LOOKED_AT", 4)
     monkeypatch.setattr(calibrate, "K_TRUSTED", -10.0)
     fit = calibrate.run(long_problem(5, fix=HELD), Effort(max_steps=100, cores=1))
     assert fit.diagnostics is not None and fit.diagnostics.walkers > 1 and fit.diagnostics.pareto_k is None

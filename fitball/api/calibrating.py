@@ -106,7 +106,7 @@ def calibrate(
     "student-t"; `pool` maps parameters to the label column over whose levels they differ (pooled in part), `offsets`
     names the label column whose groups may be biased; without `incident_errors` the incident state counts as exact;
     `velocity_noise` is "tied" or "separate" (default: as the table can tell). `force` is a file of force-time records
-    (see `data.force_file`), by default what the scene names or what lies beside the table, "none" for none. `flip`
+    (see `data.force`), by default what the scene names or what lies beside the table, "none" for none. `flip`
     names columns that count the other way round than fitball does: spins and velocities of the other sign, angles
     measured from the normal (`TABLE:COLUMN` for one of several tables). A table that another reading explains much
     better, and a scene that is unlike any ball's, are refused unless `as_read`.

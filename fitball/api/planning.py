@@ -14,7 +14,7 @@ from fitball.errors import ParameterError
 from fitball.inference.design import make_plan as plans
 from fitball.inference.design.make_plan import Asked
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Fit, RunStatus
 from fitball.kinds import checked
 from fitball.report.form.folders import clear_folder, held

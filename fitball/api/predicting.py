@@ -33,8 +33,8 @@ from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.inference.results.source import Source
 from fitball.models.model import Model
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import model
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.observables import OBSERVABLES
 from fitball.report.history.document import history_rows, render, simulation_json
 from fitball.report.predict import prediction_csv_rows, remarks_on

@@ -15,7 +15,7 @@ from fitball.data.read import check_source, in_memory, load_table, trusted_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
-from fitball.inference.problem.priors import FAMILIES
+from fitball.inference.problem.parameters import FAMILIES
 from fitball.inference.problem.problem import Choices
 from fitball.kinds import checked
 from fitball.visible import one_line

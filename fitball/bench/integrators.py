@@ -16,8 +16,7 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 
 from fitball.models.kernels.compiled import compiled, inlined
-from fitball.models.kernels.contact import friction_impulse, tied_inertia_split, tied_shell_share
-from fitball.models.kernels.vertical import vertical_contact
+from fitball.models.kernels.contact import friction_impulse, tied_inertia_split, tied_shell_share, vertical_contact
 from fitball.values import Ball, FloatArray
 
 # y, v_y, v_x, omega_1, omega_2, twist.

@@ -18,8 +18,8 @@ from fitball.bench.clock import Action, Pace, by_turns
 from fitball.bench.errors import density_costs, work_precision
 from fitball.bench.problems import base_values, posed, problems, scenes, spread_draws
 from fitball.bench.ratios import ratios
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import model
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.scheduling.engine import engine
 from fitball.values import impacts
 

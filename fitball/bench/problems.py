@@ -19,8 +19,8 @@ from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.models.model import Model, Oracle
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import model
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.scheduling.engine import Engine, in_order
 from fitball.values import FloatArray, Impacts, impacts
 

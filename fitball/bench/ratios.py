@@ -21,8 +21,8 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.ensembles import sample
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import model
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.values import FloatArray
 
 FILE = "ratios.csv"

@@ -30,7 +30,7 @@ from fitball.cli.options import (
 )
 from fitball.cli.terminal import time_left
 from fitball.errors import ModelError, ParameterError, ResultFolderError
-from fitball.models.names import RANKED
+from fitball.models.specs import RANKED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -299,8 +299,7 @@ def run_repeat(args: argparse.Namespace) -> int:
 
     from fitball.api import begin
     from fitball.errors import ResultFolderError
-    from fitball.repeat.compare import Outcome, check_rows, compared, read_kept, write_numbers
-    from fitball.repeat.text import render, repetition_json
+    from fitball.repeat import Outcome, check_rows, compared, read_kept, render, repetition_json, write_numbers
     from fitball.report.fit.folder import older_result, write_all
     from fitball.report.form.files import json_text
     from fitball.report.form.folders import held

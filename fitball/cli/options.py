@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from fitball.errors import ParameterError
-from fitball.models.names import DEFAULT_MODEL, RANKED
+from fitball.models.specs import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitball.cli.options import Verb, count, either, marked, option, pairs, place, switch, tell_files, tell_notes
 from fitball.errors import ParameterError, suggestion
-from fitball.models.names import FOLLOWED
+from fitball.models.specs import FOLLOWED
 
 if TYPE_CHECKING:
     from fitball.api import Course
@@ -32,7 +32,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     if args.map is not None:
         return run_map(args)
     if args.example == "list":
-        from fitball.thesis.example_claims import list_json, list_text
+        from fitball.thesis.examples import list_json, list_text
 
         print(json.dumps(list_json(), indent=2) if args.json else list_text())
         return 0
@@ -100,7 +100,7 @@ def _one(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
 def _example(args: argparse.Namespace) -> tuple[Course, dict[str, Any], str, str]:
     """A figure of the thesis, as `_one`."""
     from fitball.api import Course
-    from fitball.thesis.example_claims import example_json, example_text, find_example, findings, run_example
+    from fitball.thesis.examples import example_json, example_text, find_example, findings, run_example
 
     example = find_example(args.example)
     solved = run_example(example)
@@ -293,7 +293,7 @@ def _page_of_values(args: argparse.Namespace) -> tuple[FittedModel, str, str, st
     """The same of a model at its defaults, some of them set."""
     from fitball.exports.interactive import preset
     from fitball.inference.comparison.candidates import parse_name
-    from fitball.models.names import DEFAULT_MODEL
+    from fitball.models.specs import DEFAULT_MODEL
 
     name, closures = parse_name(args.model if args.model is not None else DEFAULT_MODEL)
     given = ", some of them given" if args.values else ""

@@ -24,8 +24,8 @@ def run_rederive(args: argparse.Namespace) -> int:
     from fitball.report.form.document import columns
     from fitball.report.form.folders import held
     from fitball.thesis.chapter_five import derive
+    from fitball.thesis.judgement import in_brief, side_by_side
     from fitball.thesis.page import write
-    from fitball.thesis.ranking import in_brief, side_by_side
 
     check_whole(seed=args.seed)
     report = stages(args.quiet)

@@ -7,8 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fitball.inference.results.drop_test import DropTest
-from fitball.inference.results.pace_rating import CourtPace
+from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.itf_tests import (
     ball_rows,

@@ -11,7 +11,7 @@ from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
 from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.results.results import Fit
-from fitball.models.kernels.vertical import zero_force_release
+from fitball.models.kernels.contact import zero_force_release
 from fitball.observables import COMPARED
 from fitball.report.form.document import Document, Part, Section, Table, Words, as_markdown
 from fitball.report.form.files import json_text

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec

@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from fitball.data.balances import scene_balances
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.effort import Effort, Stopwatch
-from fitball.inference.identifiability.derived import Derived, derived
+from fitball.inference.identifiability.derived import Quantity, derived
 from fitball.inference.identifiability.examine import examine
 from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces, rotated
@@ -26,10 +25,10 @@ from fitball.inference.prediction.drop_test import drop_test, lab_generator
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.prediction.reach import spanning_impacts
+from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.evidence import Profiles
+from fitball.inference.results.evidence import Adequacy, Profiles
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import MEDIAN_FIRST, SUMMARY, quantiles
 from fitball.inference.results.results import (
@@ -137,9 +136,8 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     force, _rate = mean_forces(problem, columns, records.rows, first, records.spacing, records.nodes)
     seen = np.where(records.mask, force, 0.0)
     information = np.sum((rotated(records, seen) / alignment.spread) ** 2)
-    blocks = np.array([record.block for record in records.records])
-    alone = np.sum(seen**2 * blocks[:, None] / (sd**2 + (misfit * records.peak[:, None]) ** 2))
-    samples = int(np.median([record.samples for record in records.records]))
+    alone = np.sum(seen**2 * records.block[:, None] / (sd**2 + (misfit * records.peak[:, None]) ** 2))
+    samples = int(np.median(records.samples))
     worth = samples * information / alone
     notes = [
         f"force records: sensor noise {sd:.3g} N a sample, misfit of the model's force {100.0 * misfit:.2g} % of the "
@@ -147,14 +145,9 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
         "independent from impact to impact: one that all share is not averaged away by more of them"
     ]
     rows = alignment.rows(records)[0, :, :-1]
-    excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records.records)))
-    ratios = np.array(
-        [
-            # Tiny where the record has none.
-            max(float(np.sum(record.means) * record.spacing), 1e-12) / float(np.sum(course) * record.spacing)
-            for record, course in zip(records.records, seen[0], strict=True)
-        ]
-    )
+    excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records)))
+    # Tiny where a record has none.
+    ratios = np.maximum(records.means.sum(axis=1) * records.spacing, 1e-12) / (seen[0].sum(axis=1) * records.spacing)
     typical = float(np.median(ratios))
     if misfit > LARGE:
         notes.append(
@@ -233,11 +226,26 @@ def assemble(
             problem, point, profiled, posterior, correlation, regimes, [*point.optima, *squares.optima]
         )
         estimates = [
-            _estimate(problem, k, point, posterior, sampled, judgements, described, assumptions)
-            for k in range(len(problem.parameters))
+            _estimate(
+                parameter,
+                judgements[parameter.name],
+                point.values[parameter.name],
+                _posterior_numbers(parameter.name, posterior, sampled),
+                described,
+                assumptions,
+            )
+            for parameter in problem.parameters
         ]
         followed = [
-            _derived(item, described, assumptions)
+            _estimate(
+                item.quantity.parameter,
+                item.judged,
+                item.point,
+                summaries(item.draws),
+                described,
+                assumptions,
+                item.quantity,
+            )
             for item in derived(problem, point, posterior, derived_generator(effort.seed))
         ]
         fitted = _fitted(problem, point, posterior)
@@ -319,67 +327,53 @@ def diagnose(sampled: Sampled, effort: Effort) -> Diagnostics:
 
 
 def _estimate(
-    problem: Problem,
-    row: int,
-    point: PointFit,
-    posterior: Posterior | None,
-    sampled: Sampled | None,
-    judgements: Mapping[str, Judgement],
-    described: Adequacy | None,
+    parameter: Parameter,
+    judged: Judgement,
+    point: float,
+    numbers: Mapping[str, float],
+    described: Adequacy,
     assumptions: Assumptions | None,
+    quantity: Quantity | None = None,
 ) -> Estimate:
-    parameter = problem.parameters[row]
-    numbers: dict[str, float | None] = dict.fromkeys((*SUMMARY, "ess_bulk", "ess_tail", "r_hat"))
-    if parameter.free and posterior is not None and sampled is not None:
-        convergence = sampled.convergence
-        numbers |= summaries(posterior.values[..., posterior.names.index(parameter.name)])
-        numbers |= {
-            "ess_bulk": convergence.ess_bulk[parameter.name],
-            "ess_tail": convergence.ess_tail[parameter.name],
-            "r_hat": convergence.r_hat[parameter.name],
-        }
-    judged = judgements[parameter.name]
-    verdict, given = qualified(parameter.name, judged, described, assumptions)
+    """A parameter, or a `quantity` that follows from several, with the `numbers` of its posterior; conditional where
+    one of its parts is.
+    """
+    parts = () if quantity is None else quantity.parts
+    verdict, given = qualified(parameter.name, judged, described, assumptions, parts)
     reason = judged.reason
-    if verdict is Verdict.CONDITIONAL and described is not None:
+    if verdict is Verdict.CONDITIONAL and quantity is None:
         reason = f"{described.why(parameter.name)}: {reason}"
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,
         meaning=parameter.spec.meaning,
-        prior=parameter.prior.text,
-        point=point.values[parameter.name],
+        prior=parameter.prior.text if quantity is None else "of its parts",
+        point=point,
         contraction=judged.contraction,
         verdict=verdict,
         given=given,
         reason=reason,
         prior_source=parameter.prior_source,
-        **numbers,
+        **{**dict.fromkeys((*SUMMARY, "ess_bulk", "ess_tail", "r_hat")), **numbers},
     )
+
+
+def _posterior_numbers(name: str, posterior: Posterior | None, sampled: Sampled | None) -> dict[str, float]:
+    """What the posterior says of a parameter and how well it is sampled; nothing of one that is fixed."""
+    if posterior is None or sampled is None or name not in posterior.names:
+        return {}
+    found = sampled.convergence
+    return {
+        **summaries(posterior.values[..., posterior.names.index(name)]),
+        "ess_bulk": found.ess_bulk[name],
+        "ess_tail": found.ess_tail[name],
+        "r_hat": found.r_hat[name],
+    }
 
 
 def derived_generator(seed: int) -> np.random.Generator:
     """The generator of the draws of derived quantities of a point fit, a stream of its own."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(26,)))
-
-
-def _derived(item: Derived, described: Adequacy | None, assumptions: Assumptions | None) -> Estimate:
-    """A quantity as an estimate, conditional where one of its parts is."""
-    parameter, judged = item.quantity.parameter, item.judged
-    verdict, given = qualified(parameter.name, judged, described, assumptions, item.quantity.parts)
-    numbers: dict[str, Any] = {**dict.fromkeys(("ess_bulk", "ess_tail", "r_hat")), **summaries(item.draws)}
-    return Estimate(
-        name=parameter.name,
-        unit=parameter.spec.unit,
-        meaning=parameter.spec.meaning,
-        prior="of its parts",
-        point=item.point,
-        contraction=judged.contraction,
-        verdict=verdict,
-        given=given,
-        reason=judged.reason,
-        **numbers,
-    )
 
 
 def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> FittedModel:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,12 +18,9 @@ from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
 from fitball.inference.identifiability.information import DRAWN_ABOUT, about, known_before
 from fitball.inference.point.least_squares import deeper
-from fitball.inference.point.maximum_posterior import higher_maximum
-from fitball.inference.point.point_fit import point_fit
-from fitball.inference.point.surface import SEARCHED
+from fitball.inference.point.point_fit import higher_maximum, point_fit
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.evidence import Profiles
+from fitball.inference.problem.subsample import LOOKED_AT
 from fitball.inference.results.results import Fit, LeastSquares, PointFit, Posterior
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.inference.sampling.convergence import convergence
@@ -52,7 +49,7 @@ def search_again(
     draws = sampled.chains.reshape(-1, sampled.chains.shape[-1])
     scores = sampled.log_posterior.ravel()
     # Each search costs as many evaluations as the table has rows.
-    count = BEGUN if len(problem.impacts) <= SEARCHED else 1
+    count = BEGUN if len(problem.impacts) <= LOOKED_AT else 1
     starts = _best_apart(draws, scores, point.log_posterior, count)
     if not starts.size:
         return squares, point, ()
@@ -87,14 +84,11 @@ def _best_apart(draws: FloatArray, scores: FloatArray, least: float, count: int)
 
 def _moves(problem: Problem, before: PointFit, after: PointFit) -> str:
     """How the three parameters that moved most, in widths of their priors, did so."""
-    ends = [np.array([[point.values[name] for name in problem.free_names]]) for point in (before, after)]
-    way = np.abs(problem.to_coordinates(ends[1]) - problem.to_coordinates(ends[0]))[0]
+    way = np.abs(np.diff(problem.to_coordinates(problem.free_rows([before.values, after.values])), axis=0))[0]
     names = [problem.free_names[k] for k in np.argsort(-way / problem.prior.width, kind="stable")[:3]]
     return ", ".join(f"{name} goes from {before.values[name]:.3g} to {after.values[name]:.3g}" for name in names)
 
 
-# Rows beyond which a posterior is weighed: below, ensembles cost seconds, and find what no mode tells of.
-WEIGHED = 3000
 # Effective draws that are made for each that is asked for, and at least: chains that are dealt out of fewer may
 # disagree by chance.
 SPARE, LEAST_WEIGHED = 1.5, 1500.0
@@ -106,8 +100,7 @@ def silent(_stage: str, _progress: Progress | None) -> None:
     """Tell nobody."""
 
 
-@dataclass(frozen=True)
-class Drawn:
+class Drawn(NamedTuple):
     """A sampled posterior: the best values, higher ones among the draws included, chains, draws, and what the search
     has to tell.
     """
@@ -134,7 +127,7 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "offsets": None
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],
-        "incident": None if problem.incident is None else problem.incident.covariance.tolist(),
+        "incident": None if problem.incident is None else problem.incident.tolist(),
         "sampler": [settings.walkers, settings.ensembles, settings.seed, settings.schedule.warm_up],
     }
     if problem.table.flipped:
@@ -163,19 +156,25 @@ def run(
     by name) too. With `assumptions` comes a look at what rests on them. Raises FitError, ParameterError,
     MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the chain kept.
     """
-    settings = effort.settings(problem)
     watch = Stopwatch()
     squares, point = search(problem, effort, watch, report, beside)
-    shared = replace(problem, threads=settings.cores)
-    if effort.point_only:
-        profiled = _profiles(problem, settings, squares, point, watch, report)
-        found = _assumptions(shared, effort, point, None, watch, report) if assumptions else None
-        return assemble(problem, effort, squares, point, profiled, None, None, watch, assumptions=found)
-    drawn = draw(problem, effort, squares, point, watch, report, chain_file, resume)
-    squares, point, posterior = drawn.squares, drawn.point, drawn.posterior
-    profiled = _profiles(problem, settings, squares, point, watch, report)
-    found = _assumptions(shared, effort, point, posterior, watch, report) if assumptions else None
-    return assemble(problem, effort, squares, point, profiled, drawn.sampled, posterior, watch, drawn.said, found)
+    shared = replace(problem, threads=effort.settings(problem).cores)
+    sampled, posterior, found = None, None, None
+    said: tuple[str, ...] = ()
+    if not effort.point_only:
+        squares, point, sampled, posterior, said = draw(
+            problem, effort, squares, point, watch, report, chain_file, resume
+        )
+    with watch.stage("profiles"):
+        optima = [*point.optima, *squares.optima]
+        profiled = profile_all(shared, point, optima, lambda stage: report(stage, None))
+    if assumptions:
+        report("assumptions", None)
+        with watch.stage("assumptions"):
+            found = look(shared, point, posterior, assumptions_generator(effort.seed))
+            constants = ball_constants(shared, point, posterior, _generator(effort, 2))
+            found = replace(found, constants=constants)
+    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said, found)
 
 
 def search(
@@ -221,8 +220,7 @@ def draw(
     settings = effort.settings(problem)
     shared = replace(problem, threads=settings.cores)
     with watch.stage("sampling"):
-        optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
-        optima, sampled = problem.to_coordinates(optima), None
+        optima, sampled = problem.to_coordinates(problem.free_rows(point.optima)), None
         said: tuple[str, ...] = ()
         if weighs(problem, effort):
             sampled, words = weigh(shared, optima, settings, lambda progress: report("sampling", progress))
@@ -245,8 +243,10 @@ def draw(
 
 
 def weighs(problem: Problem, effort: Effort) -> bool:
-    """Whether the draws of a posterior are weighed; a number of `walkers` that is asked for asks for ensembles."""
-    return len(problem.impacts) > WEIGHED and effort.walkers is None
+    """Whether the draws of a posterior are weighed, as those of a long table are: of a shorter one ensembles cost
+    seconds, and find what no mode tells of. A number of `walkers` that is asked for asks for ensembles.
+    """
+    return len(problem.impacts) > LOOKED_AT and effort.walkers is None
 
 
 def weigh(
@@ -298,30 +298,3 @@ def weigh(
 
 def _generator(effort: Effort, stage: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(effort.seed).spawn(3)[stage])
-
-
-def _assumptions(
-    problem: Problem,
-    effort: Effort,
-    point: PointFit,
-    posterior: Posterior | None,
-    watch: Stopwatch,
-    report: Tell,
-) -> Assumptions:
-    report("assumptions", None)
-    with watch.stage("assumptions"):
-        found = look(problem, point, posterior, assumptions_generator(effort.seed))
-        return replace(found, constants=ball_constants(problem, point, posterior, _generator(effort, 2)))
-
-
-def _profiles(
-    problem: Problem,
-    settings: Settings,
-    squares: LeastSquares,
-    point: PointFit,
-    watch: Stopwatch,
-    report: Tell,
-) -> tuple[Profiles, Profiles]:
-    with watch.stage("profiles"):
-        shared = replace(problem, threads=settings.cores)
-        return profile_all(shared, point, [*point.optima, *squares.optima], lambda stage: report(stage, None))

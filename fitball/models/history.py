@@ -17,7 +17,23 @@ from numpy.typing import ArrayLike, NDArray
 from fitball.errors import ParameterError
 from fitball.models.kernels.bounce import ROOM, STACK, scratch_in
 from fitball.models.kernels.compiled import compiled, inlined, inner
-from fitball.models.kernels.contact import Contact, contact_of, impulse_at, landed
+from fitball.models.kernels.contact import (
+    BALL_MASS,
+    BALL_RADIUS,
+    MU,
+    SPIN,
+    SPIN_SHELL,
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    Contact,
+    VerticalMotion,
+    contact_of,
+    impulse_at,
+    landed,
+    vertical_at,
+    vertical_motion,
+)
 from fitball.models.kernels.equations import (
     State,
     advance,
@@ -28,7 +44,7 @@ from fitball.models.kernels.equations import (
     solve_twist,
     swung_to,
 )
-from fitball.models.kernels.oscillator import Oscillators, basis_at
+from fitball.models.kernels.oscillator import Oscillators, Stack, basis_at
 from fitball.models.kernels.phases import (
     EVENT,
     FORCE_ENDED,
@@ -39,20 +55,6 @@ from fitball.models.kernels.phases import (
     Scratch,
     logged_piece,
     rigid_phase,
-)
-from fitball.models.kernels.search import Stack
-from fitball.models.kernels.vertical import (
-    BALL_MASS,
-    BALL_RADIUS,
-    MU,
-    SPIN,
-    SPIN_SHELL,
-    TANGENTIAL,
-    TORSION,
-    TORSION_RIGID,
-    VerticalMotion,
-    vertical_at,
-    vertical_motion,
 )
 from fitball.models.types import FREE, GRIP, HOLD, SLIDE_FORWARD, Phase, Rebound, regime_name
 from fitball.values import FloatArray, Impacts, numbers

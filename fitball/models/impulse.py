@@ -12,25 +12,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, inner
+from fitball.models.kernels.contact import ANCHOR_SPEED, saturating_restitution
 from fitball.models.kernels.dual import Number, NumberArray
-from fitball.models.kernels.vertical import ANCHOR_SPEED, saturating_restitution
 from fitball.models.model import (
-    KernelCall,
+    Bounced,
     LinearConstraint,
     Model,
+    States,
     SteppedModel,
-    ball_columns,
     saturating_constraints,
 )
 from fitball.models.specs import ParameterSpec, specs
 from fitball.models.types import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD, ImpulseClosures, Status
-from fitball.values import Ball, FloatArray, Impacts
+from fitball.values import Ball, Impacts
 
 
 @dataclass(frozen=True)
@@ -43,51 +43,30 @@ class ImpulseModel(SteppedModel):
     """
 
     absent_is_zero = True
+    convention = "impulse"
 
-    kernel: ClassVar[Callable[..., Any]]
     batch: ClassVar[Callable[..., None]]
-    columns: ClassVar[tuple[str, ...]]
 
     @classmethod
     def composer(
         cls, specs: Sequence[ParameterSpec], vertical: Sequence[ParameterSpec]
-    ) -> Callable[[str, Ball, bool, None], Model]:
+    ) -> Callable[[str, Ball, bool, ImpulseClosures | None], Model]:
         """What composes the model with parameters `specs`, those of `vertical` without motion along the court."""
 
-        def compose(name: str, ball: Ball, tangential: bool, _closures: None) -> Model:
-            return cls(name, ball, {}, tuple(specs if tangential else vertical), tangential=tangential)
+        def compose(name: str, ball: Ball, tangential: bool, closures: ImpulseClosures | None) -> Model:
+            options = {} if closures is None else asdict(closures)
+            return cls(name, ball, options, tuple(specs if tangential else vertical), tangential=tangential)
 
         return compose
 
-    def bounce(
-        self,
-        names: Sequence[str],
-        values: NumberArray,
-        v_x1: NumberArray,
-        v_y1: NumberArray,
-        omega_1: NumberArray,
-        cor: NumberArray | None,  # noqa: ARG002 - no impulse is told its restitution
-    ) -> tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]:
-        """See `SteppedModel.bounce`."""
+    def bounce(self, names: Sequence[str], values: NumberArray, states: States) -> Bounced:
+        """See `SteppedModel.bounce`; no impulse is told its restitution."""
+        v_x1, v_y1, omega_1, _cor = states
         shape = (values.shape[0], v_x1.shape[1])
         out = np.empty((3, *shape), dtype=values.dtype)
         regime, status = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
-        type(self).batch(self._rows(names, values), v_x1, v_y1, omega_1, out, regime, status)
+        type(self).batch(self.rows(names, values), v_x1, v_y1, omega_1, out, regime, status)
         return out, regime, status
-
-    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
-        """See `Model.kernel_call`."""
-        row = self._rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
-        return KernelCall("impulse", type(self).kernel, self.columns, tuple(map(float, row)), (), {})
-
-    def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
-        """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
-        rows = np.zeros((values.shape[0], len(self.columns)), dtype=values.dtype)
-        for column, name in enumerate(self.columns):
-            if name in names:
-                rows[:, column] = values[:, list(names).index(name)]
-        rows[:, -3], rows[:, -2], rows[:, -1] = ball_columns(self.ball, names, values)
-        return rows
 
 
 COLUMNS = ("mu", "e_x", "offset", "cor_10", "cor_slope", "saturating", "ball_mass", "ball_radius", "ball_inertia")
@@ -176,20 +155,8 @@ class GripSlipModel(ImpulseModel):
         """See `Model.linear_constraints`."""
         return saturating_constraints(False) if self.saturating else super().linear_constraints(impacts)
 
-    def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
-        rows = super()._rows(names, values)
+    def rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """See `Model.rows`."""
+        rows = super().rows(names, values)
         rows[:, SATURATING] = float(self.saturating)
         return rows
-
-
-def compose_grip_slip(
-    parameters: Sequence[ParameterSpec],
-) -> Callable[[str, Ball, bool, ImpulseClosures], Model]:
-    """What composes the model with these parameters, those of `VERTICAL` without motion along the court."""
-
-    def compose(name: str, ball: Ball, tangential: bool, closures: ImpulseClosures) -> Model:
-        return GripSlipModel(
-            name, ball, asdict(closures), tuple(parameters if tangential else VERTICAL), tangential=tangential
-        )
-
-    return compose

@@ -9,16 +9,16 @@ import reprlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, ClassVar, Literal, Protocol, final
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ModelError, ParameterError, suggestion
 from fitball.models.history import History
+from fitball.models.kernels.contact import ANCHOR_SPEED
 from fitball.models.kernels.dual import STEP, NumberArray
-from fitball.models.kernels.vertical import ANCHOR_SPEED
 from fitball.models.specs import BALL_PARAMETERS, BALL_SPECS, ParameterSpec
 from fitball.models.types import OUTPUTS, STATUS_REASON, Rebound, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts, numbers
@@ -29,8 +29,8 @@ from fitball.wording import spoken
 ROUNDING = 1e-6
 # A hair inside a bound that a restitution and a mass ratio share: a few times the rounding of either.
 HAIR = 1e-12
-# The parameters of the lines in `v_y1` that the thesis's kernel is given as values.
-LINES = ("eps_10", "eps_slope", "cor_10", "cor_slope")
+# Places of the derivatives with respect to an impact's own restitution, and behind all of its inputs.
+COR, INPUT_COUNT = 3, 4
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Oracle(Protocol):
 # How a kernel of one impact is called, as (arguments) -> (results):
 #   impulse   (row, v_x1, v_y1, omega_1) -> (status, v_x2, v_y2, omega_2, phases)
 #   two-mass  (row, codes, v_x1, v_y1, omega_1, cor, scratch) -> Bounce, see `kernels.bounce`
-#   thesis    (row with its offset, code, cor, v_x1, v_y1, omega_1) -> (..., omega_2, contact_time, phases)
+#   thesis    (row, damping, cor, v_x1, v_y1, omega_1) -> (status, v_x2, v_y2, omega_2, contact_time, phases)
 Convention = Literal["impulse", "two-mass", "thesis"]
 
 
@@ -70,9 +70,7 @@ Convention = Literal["impulse", "two-mass", "thesis"]
 class KernelCall:
     """The kernel of one impact and its constant arguments, in SI: all that a port needs besides the kernel's source.
 
-    `row` are the numbers named by `columns`, `codes` the closures as the kernel reads them. `lines` holds the lines
-    in `v_y1` that the thesis's kernel is given as values (offset and restitution); empty for kernels that evaluate
-    them.
+    `row` are the numbers named by `columns`, `codes` the closures as the kernel reads them.
     """
 
     convention: Convention
@@ -80,7 +78,6 @@ class KernelCall:
     columns: tuple[str, ...]
     row: tuple[float, ...]
     codes: tuple[int, ...]
-    lines: Mapping[str, float]
 
 
 INPUTS = ("v_x1", "v_y1", "omega_1")
@@ -132,10 +129,15 @@ class Model(ABC):
     solved.
 
     What a model can do beside `rebound` it says itself: `has_time` (a contact time), `has_force` (`force_integrals`),
-    `no_history` (why `history` gives no courses, if so), `linear_constraints`, `oracle`, `kernel_call` (for ports).
-    With `absent_is_zero`, parameters that it does not list are zero. `remark` goes with every fit of it; `unranked`
-    says why comparisons refuse it, if they do.
+    `no_history` (why `history` gives no courses, if so), `linear_constraints`, `oracle`. With `absent_is_zero`,
+    parameters that it does not list are zero. `remark` goes with every fit of it; `unranked` says why comparisons
+    refuse it, if they do. `kernel` is that of one impact, called as `convention` says with a row of `columns`,
+    of which mass, radius and inertia of the ball are the last.
     """
+
+    convention: ClassVar[Convention]
+    kernel: ClassVar[Callable[..., Any]]
+    columns: ClassVar[tuple[str, ...]]
 
     has_time: ClassVar[bool] = False
     has_force: ClassVar[bool] = False
@@ -174,6 +176,14 @@ class Model(ABC):
         """
 
     @abstractmethod
+    def slopes(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]
+    ) -> FloatArray:
+        """Derivatives of what `evaluate` gives, (draws, impacts, 4, 4 + parameters): with respect to `INPUTS`, to the
+        measured restitution where there is one, and to the `parameters` among `names`. See `ReboundJacobian`.
+        """
+
+    @final
     def jacobian(
         self,
         names: Sequence[str],
@@ -186,10 +196,35 @@ class Model(ABC):
         `parameters` are those of `names` to differentiate with respect to: all by default, `()` for none, which
         leaves the derivatives with respect to the incident state.
         """
+        chosen = tuple(names) if parameters is None else tuple(parameters)
+        slopes = self.slopes(names, values, impacts, chosen)
+        return ReboundJacobian(
+            rebound=self.evaluate(names, values, impacts),
+            names=chosen,
+            inputs=slopes[..., :COR],
+            parameters=slopes[..., INPUT_COUNT:],
+            cor=slopes[..., COR] if self.needs_cor else None,
+        )
 
-    @abstractmethod
+    @property
+    def codes(self) -> NDArray[np.int64]:
+        """The closures as the kernel reads them."""
+        return np.zeros(0, dtype=np.int64)
+
+    def rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
+        rows = np.zeros((values.shape[0], len(self.columns)), dtype=values.dtype)
+        columns, places = _places(self.columns, tuple(names))
+        rows[:, columns] = values[:, places]
+        rows[:, -3], rows[:, -2], rows[:, -1] = ball_columns(self.ball, names, values)
+        return rows
+
+    @final
     def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
         """The call of the kernel of one impact that `evaluate` makes for `values` (names,)."""
+        row = self.rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
+        kernel = type(self).kernel
+        return KernelCall(self.convention, kernel, self.columns, tuple(map(float, row)), tuple(map(int, self.codes)))
 
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
         """What the model demands of its parameters at these impacts beside their bounds: a restitution in (0, 1]."""
@@ -314,62 +349,52 @@ class Model(ABC):
         return names, np.atleast_2d(values), values.ndim == 1
 
 
+# Incident columns as `Impacts.states` gives them, in any kind of number; and what a bounce makes of them.
+States: TypeAlias = tuple[NumberArray, NumberArray, NumberArray, NumberArray | None]
+Bounced: TypeAlias = tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]
+
+
 @dataclass(frozen=True)
 class SteppedModel(Model):
     """A model whose bounce takes complex numbers: its derivatives are complex steps (see `kernels.dual`)."""
 
     @abstractmethod
-    def bounce(
-        self,
-        names: Sequence[str],
-        values: NumberArray,
-        v_x1: NumberArray,
-        v_y1: NumberArray,
-        omega_1: NumberArray,
-        cor: NumberArray | None,
-    ) -> tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]:
+    def bounce(self, names: Sequence[str], values: NumberArray, states: States) -> Bounced:
         """Those of `OUTPUTS` that there are, (outputs, draws, impacts) in the kind of number of `values`, regimes and
         statuses; incident columns as `Impacts.states` gives them.
         """
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
-        out, regime, status = self.bounce(names, values, *impacts.states())
+        out, regime, status = self.bounce(names, values, impacts.states())
         contact_time = out[3] if self.has_time else np.full(regime.shape, np.nan)
         return Rebound(out[0], out[1], out[2], contact_time, regime, status)
 
-    def jacobian(
-        self,
-        names: Sequence[str],
-        values: FloatArray,
-        impacts: Impacts | OwnImpacts,
-        parameters: Sequence[str] | None = None,
-    ) -> ReboundJacobian:
-        """See `Model.jacobian`."""
-        chosen = tuple(names) if parameters is None else tuple(parameters)
+    def slopes(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]
+    ) -> FloatArray:
+        """See `Model.slopes`."""
         given = [column for column in impacts.states()[: 4 if self.needs_cor else 3] if column is not None]
-        draws, count, first, moves = values.shape[0], len(impacts), len(given), len(given) + len(chosen)
+        draws, count, first, moves = values.shape[0], len(impacts), len(given), len(given) + len(parameters)
         # One complex step after the other, all in one batch, as if they were draws.
         rows = np.repeat(values[None].astype(np.complex128), moves, axis=0)
-        for k, name in enumerate(chosen):
+        for k, name in enumerate(parameters):
             rows[first + k, :, list(names).index(name)] += 1j * STEP
         columns = []
         for k, column in enumerate(given):
             moved = np.repeat(np.broadcast_to(column, (1, draws, count)).astype(np.complex128), moves, axis=0)
             moved[k] += 1j * STEP
             columns.append(moved.reshape(-1, count))
-        rows, told = rows.reshape(-1, values.shape[1]), columns[3] if first > len(INPUTS) else None
-        out, _regime, status = self.bounce(names, rows, columns[0], columns[1], columns[2], told)
-        slopes = np.full((draws, count, len(OUTPUTS), moves), np.nan)
-        rates = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(len(out), moves, draws, count)
-        slopes[:, :, : len(out)] = rates.transpose(2, 3, 0, 1)
-        return ReboundJacobian(
-            rebound=self.evaluate(names, values, impacts),
-            names=chosen,
-            inputs=slopes[..., : len(INPUTS)],
-            parameters=slopes[..., first:],
-            cor=slopes[..., len(INPUTS)] if first > len(INPUTS) else None,
+        told = columns[COR] if first > COR else None
+        out, _regime, status = self.bounce(
+            names, rows.reshape(-1, values.shape[1]), (columns[0], columns[1], columns[2], told)
         )
+        slopes = np.full((draws, count, len(OUTPUTS), INPUT_COUNT + len(parameters)), np.nan)
+        rates = np.where(status == Status.OK, np.imag(out) / STEP, np.nan).reshape(len(out), moves, draws, count)
+        rates = rates.transpose(2, 3, 0, 1)
+        slopes[:, :, : len(out), :first] = rates[..., :first]
+        slopes[:, :, : len(out), INPUT_COUNT:] = rates[..., first:]
+        return slopes
 
 
 def check_impacts(impacts: object) -> None:
@@ -412,6 +437,13 @@ def saturating_constraints(capped_by_mass_ratio: bool) -> tuple[LinearConstraint
     value = {"cor_10": 1.0}
     cap = below_mass_ratio(value) if capped_by_mass_ratio else LinearConstraint(value, 1.0, ROUNDING)
     return positive(value), cap, positive({"cor_10": 1.0, "cor_slope": ANCHOR_SPEED})
+
+
+@lru_cache(maxsize=64)
+def _places(columns: tuple[str, ...], names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Places in a kernel's rows of those that are among `names`, and their places there: asked at every step."""
+    known = [place for place, name in enumerate(columns) if name in names]
+    return known, [names.index(columns[place]) for place in known]
 
 
 def ball_columns(

@@ -11,10 +11,9 @@ from typing import Any
 
 from fitball.errors import ModelError, suggestion
 from fitball.kinds import checked
-from fitball.models.impulse import BRODY, GRIP_SLIP, compose_grip_slip
+from fitball.models.impulse import BRODY, GRIP_SLIP, VERTICAL, GripSlipModel
 from fitball.models.model import Model
-from fitball.models.names import DEFAULT_MODEL
-from fitball.models.specs import SPECS, ParameterSpec
+from fitball.models.specs import DEFAULT_MODEL, SPECS, ParameterSpec
 from fitball.models.thesis import compose_thesis
 from fitball.models.two_mass import compose_two_mass
 from fitball.models.types import Closures, ImpulseClosures, ThesisClosures, options_of
@@ -84,13 +83,13 @@ MODELS: dict[str, Entry] = {
         vertical=Reduced(_TOTAL),
     ),
     "grip-slip": Entry(
-        compose_grip_slip(GRIP_SLIP),
+        GripSlipModel.composer(GRIP_SLIP, VERTICAL),
         ImpulseClosures("line"),
         candidates=("grip-slip",),
         spinless=Reduced(candidates=("grip-slip",)),
     ),
     "brody": Entry(
-        compose_grip_slip(BRODY),
+        GripSlipModel.composer(BRODY, VERTICAL),
         ImpulseClosures("line"),
         candidates=("brody",),
         spinless=Reduced(candidates=("brody",)),

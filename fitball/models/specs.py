@@ -1,4 +1,5 @@
-"""Every parameter a model can have: its unit, bounds, default prior and meaning, in one table.
+"""Every parameter a model can have: its unit, bounds, default prior and meaning, in one table; and the names of
+models, for help texts, which must not wait for kernels (`registry` says what each is).
 
 Priors are written `NAME(numbers)` and are truncated by the bounds; `inference.priors` gives them meaning.
 They are wide: a scene narrows what it knows.
@@ -9,6 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+DEFAULT_MODEL = "two-mass"
+# Those that may stand in a comparison, most complete first.
+RANKED = ("two-mass", "thesis-exact", "grip-slip", "brody")
+# Those whose `history` gives courses.
+FOLLOWED = ("two-mass", "thesis-exact")
 
 
 @dataclass(frozen=True)

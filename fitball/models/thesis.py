@@ -12,29 +12,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Generic, NamedTuple
+from typing import Generic, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, inner
-from fitball.models.kernels.contact import tied_inertia_split
+from fitball.models.kernels.contact import ANCHOR_SPEED, tied_inertia_split
 from fitball.models.kernels.dual import Number, NumberArray, carry, cos, exp, log, sin, sqrt
 from fitball.models.kernels.phases import append_phase, slide_phase
-from fitball.models.kernels.vertical import ANCHOR_SPEED
-from fitball.models.model import LINES, KernelCall, SteppedModel, ball_columns
+from fitball.models.model import Bounced, States, SteppedModel
 from fitball.models.specs import specs
-from fitball.models.types import GRIP, Status, ThesisClosures
+from fitball.models.types import GRIP, Damping, Status, ThesisClosures
 from fitball.values import Ball, FloatArray, Impacts
 
-IntArray = NDArray[np.int64]
-ByteArray = NDArray[np.int8]
-
 COLUMNS = (
-    "mass_ratio", "k_y", "k_theta", "mu", "eps", "c_y", "inertia_split", "ball_mass", "ball_radius", "ball_inertia"
+    "mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "cor_10", "cor_slope", "c_y", "inertia_split",
+    "ball_mass", "ball_radius", "ball_inertia",
 )  # fmt: skip
 (
-    MASS_RATIO, K_Y, K_THETA, MU, EPS, C_Y, INERTIA_SPLIT, BALL_MASS, BALL_RADIUS, BALL_INERTIA,
+    MASS_RATIO, K_Y, K_THETA, MU, EPS_10, EPS_SLOPE, COR_10, COR_SLOPE, C_Y, INERTIA_SPLIT,
+    BALL_MASS, BALL_RADIUS, BALL_INERTIA,
 ) = range(len(COLUMNS))  # fmt: skip
 
 OK = int(Status.OK)
@@ -235,9 +233,10 @@ def first_stop(u0: Number, h: Pair[Number], z: Pair[Number], end: Number) -> Num
 def thesis_contact(row: NumberArray, sigma: Number, v_x: Number, v_y: Number, omega: Number) -> ThesisContact[Number]:
     """The contact of one impact for a row of `COLUMNS`."""
     inertia, split = row[BALL_INERTIA], row[INERTIA_SPLIT]
+    eps = row[EPS_10] + row[EPS_SLOPE] * (v_y - ANCHOR_SPEED)
     return ThesisContact(
         row[BALL_MASS], row[BALL_RADIUS], split * inertia, (1.0 - split) * inertia, row[MASS_RATIO] * row[BALL_MASS],
-        row[K_Y], sigma, row[K_THETA], row[MU], row[EPS], v_x, v_y, omega,
+        row[K_Y], sigma, row[K_THETA], row[MU], eps, v_x, v_y, omega,
     )  # fmt: skip
 
 
@@ -325,41 +324,36 @@ def thesis_bounce(
 @compiled
 def thesis_batch(
     rows: NumberArray,
-    eps: NumberArray,
-    damping_formula: int,
-    cor: NumberArray,
+    codes: NDArray[np.int64],
     v_x1: NumberArray,
     v_y1: NumberArray,
     omega_1: NumberArray,
+    cor: NumberArray,
     out: NumberArray,
-    regime: IntArray,
-    status: ByteArray,
+    regime: NDArray[np.int64],
+    status: NDArray[np.int8],
 ) -> None:
     """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
 
-    All are one kind of number, real or complex. `rows` (draws, columns) as named by `COLUMNS`, of which EPS is set
-    here; `eps`, `cor` (draws, impacts); the incident columns the same or (1, impacts), shared by all draws.
+    All are one kind of number, real or complex. `rows` (draws, columns) as named by `COLUMNS`; the incident columns
+    are (draws, impacts), or (1, impacts), shared by all draws. `codes`: the formula of the damping, and whether `cor`
+    is each impact's restitution, instead of the line.
     """
     for i in range(rows.shape[0]):
         row = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
-            row[EPS] = eps[i, j]
+            v_y = v_y1[own, j]
+            told = cor[own, j] if codes[1] != 0 else row[COR_10] + row[COR_SLOPE] * (v_y - ANCHOR_SPEED)
             status[i, j], v_x2, v_y2, omega_2, time, phases = thesis_bounce(
-                row, damping_formula, cor[i, j], v_x1[own, j], v_y1[own, j], omega_1[own, j]
+                row, codes[0], told, v_x1[own, j], v_y, omega_1[own, j]
             )
-            out[0, i, j] = v_x2
-            out[1, i, j] = v_y2
-            out[2, i, j] = omega_2
-            out[3, i, j] = time
+            out[0, i, j], out[1, i, j], out[2, i, j], out[3, i, j] = v_x2, v_y2, omega_2, time
             regime[i, j] = phases
 
 
-DAMPING_CODES = {
-    "given": DAMPING_GIVEN,
-    "chapter_three": DAMPING_CHAPTER_THREE,
-    "chapter_five": DAMPING_CHAPTER_FIVE,
-}
+# By its place among the options.
+DAMPINGS = get_args(Damping)
 ALWAYS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 
 
@@ -407,77 +401,46 @@ class ThesisModel(SteppedModel):
         "are scored by themselves on Wang's tables, and thesis-exact solves its equations"
     )
 
+    convention = "thesis"
+    kernel = staticmethod(thesis_bounce)
+    columns = COLUMNS
+
     closures: ThesisClosures = field(kw_only=True)
 
-    def _rows(self, names: Sequence[str], values: NumberArray) -> tuple[NumberArray, dict[str, int]]:
-        index = {name: column for column, name in enumerate(names)}
-        rows = np.zeros((values.shape[0], len(COLUMNS)), dtype=values.dtype)
-        for column, name in enumerate(COLUMNS):
-            if name in index:
-                rows[:, column] = values[:, index[name]]
+    @property
+    def codes(self) -> NDArray[np.int64]:
+        """See `thesis_batch`."""
+        return np.array([DAMPINGS.index(self.closures.damping), self.needs_cor], dtype=np.int64)
+
+    def rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """See `Model.rows`."""
+        rows = super().rows(names, values)
         if self.closures.inertia == "tied":
             rows[:, INERTIA_SPLIT] = [tied_inertia_split(m) for m in rows[:, MASS_RATIO]]
-        columns = ball_columns(self.ball, names, values)
-        rows[:, BALL_MASS], rows[:, BALL_RADIUS], rows[:, BALL_INERTIA] = columns
-        return rows, index
+        return rows
 
-    def _lines(
-        self, names: Sequence[str], values: NumberArray, v_y1: NumberArray, measured: NumberArray | None
-    ) -> tuple[NumberArray, NumberArray]:
-        """Offset and restitution, each (draws, impacts), in the kind of number given."""
-        index = {name: column for column, name in enumerate(names)}
-
-        def line(at_anchor: str, slope: str) -> NumberArray:
-            rate = values[:, index[slope], None] if slope in index else 0.0
-            return np.asarray(values[:, index[at_anchor], None] + rate * (v_y1 - ANCHOR_SPEED))
-
-        if measured is not None and self.closures.cor == "measured":
-            cor = np.ascontiguousarray(np.broadcast_to(measured, (values.shape[0], v_y1.shape[1])))
-        else:
-            cor = line("cor_10", "cor_slope")
-        return line("eps_10", "eps_slope"), cor
-
-    def bounce(
-        self,
-        names: Sequence[str],
-        values: NumberArray,
-        v_x1: NumberArray,
-        v_y1: NumberArray,
-        omega_1: NumberArray,
-        cor: NumberArray | None,
-    ) -> tuple[NumberArray, NDArray[np.int64], NDArray[np.int8]]:
+    def bounce(self, names: Sequence[str], values: NumberArray, states: States) -> Bounced:
         """See `SteppedModel.bounce`."""
-        rows, _index = self._rows(names, values)
-        eps, restitution = self._lines(names, values, v_y1, cor)
-        shape = eps.shape
-        out = np.empty((4, *shape), dtype=rows.dtype)
+        v_x1, v_y1, omega_1, cor = states
+        shape = (values.shape[0], v_y1.shape[1])
+        out = np.empty((4, *shape), dtype=values.dtype)
         regime, status = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
-        code = DAMPING_CODES[self.closures.damping]
-        thesis_batch(rows, eps, code, restitution, v_x1, v_y1, omega_1, out, regime, status)
+        told = v_y1 if cor is None else cor
+        thesis_batch(self.rows(names, values), self.codes, v_x1, v_y1, omega_1, told, out, regime, status)
         return out, regime, status
-
-    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
-        """See `Model.kernel_call`."""
-        given = np.asarray(values, dtype=np.float64)[None, :]
-        rows, index = self._rows(names, given)
-        lines = {name: float(given[0, index[name]]) if name in index else 0.0 for name in LINES}
-        code = DAMPING_CODES[self.closures.damping]
-        return KernelCall("thesis", thesis_bounce, COLUMNS, tuple(map(float, rows[0])), (code,), lines)
 
     def course(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> ThesisCourse:
         """Velocities of one impact (the first) at `times` [s]; raises what `rebound` raises."""
         self.rebound(parameters, impact)
         names = tuple(parameters)
-        call = self.kernel_call(names, np.array([float(parameters[name]) for name in names]))
-        row, lines = np.array(call.row), call.lines
+        row = self.rows(names, np.array([[float(parameters[name]) for name in names]]))[0]
         v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
-        line = v_y - ANCHOR_SPEED
-        row[EPS] = lines["eps_10"] + lines["eps_slope"] * line
         told = impact.cor if self.needs_cor else None
-        cor = lines["cor_10"] + lines["cor_slope"] * line if told is None else float(told[0])
+        cor = row[COR_10] + row[COR_SLOPE] * (v_y - ANCHOR_SPEED) if told is None else float(told[0])
         mass_ratio, k_y = row[MASS_RATIO], row[K_Y]
-        core_mass, formula = mass_ratio * row[BALL_MASS], call.codes[0]
-        sigma = thesis_damping(formula, row[C_Y], core_mass, k_y, mass_ratio, cor)
+        sigma = thesis_damping(
+            DAMPINGS.index(self.closures.damping), row[C_Y], mass_ratio * row[BALL_MASS], k_y, mass_ratio, cor
+        )
         motion = thesis_motion(thesis_contact(row, sigma, v_x, v_y, omega))
         z, friction, slide, roll = (complex(*pair) for pair in (motion.z, motion.friction, motion.slide, motion.roll))
         t_r, t_c = motion.t_r, motion.t_c

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.models.history import History, two_mass_history
-from fitball.models.kernels import bounce, derivative, vertical
+from fitball.models.kernels import bounce, contact, derivative
 from fitball.models.kernels.compiled import to_be_made
 from fitball.models.kernels.dual import NumberArray
 from fitball.models.kernels.phases import MAX_PHASES, PIECE_SIZE
 from fitball.models.model import (
-    KernelCall,
     LinearConstraint,
     Model,
     Oracle,
-    ReboundJacobian,
-    ball_columns,
     below_mass_ratio,
     positive,
     restitution_lines,
@@ -29,25 +26,8 @@ from fitball.models.model import (
     seeds,
 )
 from fitball.models.specs import specs
-from fitball.models.types import Closures, Rebound
+from fitball.models.types import Closures, Rebound, options_of
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
-
-NORMAL_CODES = {
-    "inner": vertical.NORMAL_INNER,
-    "momentum": vertical.NORMAL_MOMENTUM,
-    "total": vertical.NORMAL_TOTAL,
-}
-TORSION_CODES = {
-    "matched": vertical.TORSION_MATCHED,
-    "free": vertical.TORSION_FREE,
-    "rigid": vertical.TORSION_RIGID,
-}
-COR_CODES = {
-    "line": vertical.COR_LINE,
-    "mean": vertical.COR_MEAN,
-    "measured": vertical.COR_MEASURED,
-    "saturating": vertical.COR_SATURATING,
-}
 
 
 def two_mass_parameters(closures: Closures, tangential: bool) -> tuple[str, ...]:
@@ -82,41 +62,28 @@ class TwoMassModel(Model):
     has_time = True
     has_force = True
     no_history = ""
+    convention = "two-mass"
+    kernel = staticmethod(bounce.bounce)
+    columns = contact.COLUMNS
 
     closures: Closures = field(kw_only=True)
 
     @cached_property
     def codes(self) -> NDArray[np.int64]:
-        """The closures as the kernel reads them."""
-        chosen = self.closures
-        return np.array(
-            [
-                chosen.release == "zero_force",
-                NORMAL_CODES[chosen.normal],
-                chosen.offset == "contact",
-                chosen.spin == "shell",
-                chosen.inertia == "tied",
-                TORSION_CODES[chosen.torsion],
-                COR_CODES[chosen.cor],
-                self.tangential,
-            ],
-            dtype=np.int64,
-        )
+        """The closures as the kernel reads them: the place of each among its options."""
+        places = [known.index(getattr(self.closures, name)) for name, known in options_of(Closures).items()]
+        return np.array([*places, self.tangential], dtype=np.int64)
 
-    def _rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
-        """The kernel's parameter rows, (draws, columns), in the kind of number of `values`."""
-        rows = np.zeros((values.shape[0], len(vertical.COLUMNS)), dtype=values.dtype)
-        columns, places = _places(tuple(names))
-        rows[:, columns] = values[:, places]
+    def rows(self, names: Sequence[str], values: NumberArray) -> NumberArray:
+        """See `Model.rows`; a ball that is not split is all core."""
+        rows = super().rows(names, values)
         if "mass_ratio" not in names:
-            rows[:, vertical.MASS_RATIO] = 1.0
-        ball = ball_columns(self.ball, names, values)
-        rows[:, vertical.BALL_MASS], rows[:, vertical.BALL_RADIUS], rows[:, vertical.BALL_INERTIA] = ball
+            rows[:, contact.MASS_RATIO] = 1.0
         return rows
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
-        given = self._rows(names, values), self.codes, *_incident(impacts)
+        given = self.rows(names, values), self.codes, *_incident(impacts)
         out, regime, status = made = _room(values.shape[0], len(impacts))
         left = status.size
         if self.tangential and self.closures.torsion != "rigid":
@@ -126,13 +93,6 @@ class TwoMassModel(Model):
             for _part in _each(given, places, made):
                 pass
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
-
-    def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
-        """See `Model.kernel_call`."""
-        row = self._rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
-        return KernelCall(
-            "two-mass", bounce.bounce, vertical.COLUMNS, tuple(map(float, row)), tuple(map(int, self.codes)), {}
-        )
 
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
         """See `Model.linear_constraints`: under momentum balance the core cannot return faster than it came."""
@@ -150,7 +110,7 @@ class TwoMassModel(Model):
     def oracle(self) -> Oracle | None:
         """See `Model.oracle`."""
         # Its imports take a quarter of a second, which only a calibration needs.
-        from fitball.models.oracle.oracle import TwoMassOracle
+        from fitball.models.oracle import TwoMassOracle
 
         return TwoMassOracle(self.closures, self.ball) if self.tangential else None
 
@@ -174,37 +134,30 @@ class TwoMassModel(Model):
         count: int,
     ) -> tuple[NumberArray, NumberArray, NumberArray]:
         """See `Model.force_integrals`."""
-        rows = self._rows(names, values)
+        rows = self.rows(names, values)
         out = np.empty((2, values.shape[0], len(impacts), count), dtype=rows.dtype)
         centroid = np.empty((values.shape[0], len(impacts)), dtype=rows.dtype)
         cor = impacts.cor if impacts.cor is not None else np.full(len(impacts), np.nan)
-        vertical.force_batch(rows, self.codes, impacts.v_y1, cor, first.astype(rows.dtype), spacing, out, centroid)
+        contact.force_batch(rows, self.codes, impacts.v_y1, cor, first.astype(rows.dtype), spacing, out, centroid)
         return out[0], out[1], centroid
 
-    def jacobian(
-        self,
-        names: Sequence[str],
-        values: FloatArray,
-        impacts: Impacts | OwnImpacts,
-        parameters: Sequence[str] | None = None,
-    ) -> ReboundJacobian:
-        """See `Model.jacobian`; some 10 us an impact for all parameters."""
-        chosen = tuple(names) if parameters is None else tuple(parameters)
-        given = self._rows(names, values), self.codes, *_incident(impacts)
-        slopes = _slopes(given, seeds(self._rows, names, values, chosen), len(impacts))
-        return ReboundJacobian(
-            rebound=self.evaluate(names, values, impacts),
-            names=chosen,
-            inputs=slopes[..., : derivative.COR],
-            parameters=slopes[..., derivative.INPUTS :],
-            cor=slopes[..., derivative.COR] if self.needs_cor else None,
-        )
+    def slopes(
+        self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]
+    ) -> FloatArray:
+        """See `Model.slopes`; some 10 us an impact for all parameters."""
+        gains, draws, count = seeds(self.rows, names, values, parameters), values.shape[0], len(impacts)
+        given = self.rows(names, values), self.codes, *_incident(impacts)
+        slopes, made = np.empty((draws, count, 4, derivative.INPUTS + len(gains))), _room(draws, count)
+        room = np.zeros(derivative.ROOM)
+        for first, stop, log, ends in _each(given, np.arange(draws * count), made):
+            derivative.jacobian_batch(given[0], gains, *given[1:], first, stop, made[2], log, ends, slopes, room)
+        return slopes
 
     def history(self, parameters: Mapping[str, ArrayLike], impact: Impacts, times: ArrayLike) -> History:
         """See `Model.history`."""
         names, values = self._single(parameters, impact)
         rebound = self.rebound(parameters, impact)
-        given = self._rows(names, values), self.codes, *_incident(impact)
+        given = self.rows(names, values), self.codes, *_incident(impact)
         ((_first, _stop, log, ends),) = _each(given, np.arange(1), _room(1, 1))
         return two_mass_history(given[0][0], self.codes, impact, rebound, log, int(ends[0]), times)
 
@@ -237,16 +190,6 @@ def _each(
             return
 
 
-def _slopes(given: Given, gains: FloatArray, count: int) -> FloatArray:
-    """Derivatives (draws, impacts, 4, inputs and parameters) of `count` impacts."""
-    draws = given[0].shape[0]
-    slopes, made = np.empty((draws, count, 4, derivative.INPUTS + len(gains))), _room(draws, count)
-    room = np.zeros(derivative.ROOM)
-    for first, stop, log, ends in _each(given, np.arange(draws * count), made):
-        derivative.jacobian_batch(given[0], gains, *given[1:], first, stop, made[2], log, ends, slopes, room)
-    return slopes
-
-
 KERNELS = {"rebounds": bounce.bounce_batch, "rebounds alone": bounce.bounce_each, "slopes": derivative.jacobian_batch}
 
 
@@ -257,8 +200,8 @@ def to_be_compiled() -> tuple[str, ...]:
 
 def compile_kernel(name: str) -> None:
     """Compile one of `KERNELS`: on no impacts."""
-    row, column = np.zeros((1, len(vertical.COLUMNS))), _read_only(np.zeros((1, 0)))
-    given = row, np.zeros(vertical.TANGENTIAL + 1, dtype=np.int64), column, column, column, column
+    row, column = np.zeros((1, len(contact.COLUMNS))), _read_only(np.zeros((1, 0)))
+    given = row, np.zeros(contact.TANGENTIAL + 1, dtype=np.int64), column, column, column, column
     made, none = _room(1, 0), np.arange(0)
     if name == "rebounds":
         bounce.bounce_batch(*given, *made, np.zeros(bounce.LANE_ROOM))
@@ -269,13 +212,6 @@ def compile_kernel(name: str) -> None:
     else:
         for _part in _each(given, none, made):
             pass
-
-
-@lru_cache(maxsize=64)
-def _places(names: tuple[str, ...]) -> tuple[list[int], list[int]]:
-    """Columns of the kernel's rows that are among `names`, and their places there: asked at every step."""
-    columns = [column for column, name in enumerate(vertical.COLUMNS) if name in names]
-    return columns, [names.index(vertical.COLUMNS[column]) for column in columns]
 
 
 def compose_two_mass(name: str, ball: Ball, tangential: bool, closures: Closures) -> TwoMassModel:

@@ -11,18 +11,16 @@ from uncertainties.core import Variable
 
 from fitball.data.published import thesis_table
 from fitball.inference.effort import Effort
-from fitball.inference.thesis.inputs import INCH, INERTIA_OF
+from fitball.inference.thesis.published_cases import INCH, INERTIA_OF
 from fitball.report.form.numbers import listed
 from fitball.thesis import (
-    appendix_c,
-    appendix_d,
+    appendices,
+    judgement,
     printed_tables,
-    ranking,
     recalibration,
     slips,
-    verdicts,
 )
-from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 from fitball.thesis.printed_tables import Check, chapter_five_predictions
 from fitball.thesis.slips import slip_table, slip_words
 
@@ -41,10 +39,10 @@ class ChapterFive:
     are for reading.
     """
 
-    appendix_c: appendix_c.AppendixC
+    appendix_c: appendices.AppendixC
     tables: Mapping[str, pd.DataFrame]
     inertia: printed_tables.Inertia
-    rankings: Mapping[str, ranking.Ranking]
+    rankings: Mapping[str, judgement.Ranking]
     fits: Mapping[str, recalibration.Recalibration]
     checks: tuple[Check, ...]
     verdicts: Mapping[str, str]
@@ -58,13 +56,13 @@ class ChapterFive:
     def summary(self) -> str:
         """What `holds` means, in one paragraph."""
         changed = [check.name for check in self.checks if not check.holds]
-        error = appendix_c.worst_error(self.appendix_c.rows)
+        error = appendices.worst_error(self.appendix_c.rows)
         unexplained = int(np.sum(self.appendix_c.exceptions["kind"] == "unexplained"))
         pinned = f"no longer as pinned: {listed(changed)}" if changed else "as they were when last looked at"
         return (
             f"Counts and numbers of {len(self.checks)} comparisons with print: {pinned}. That says that the code "
             f"still gives the same, not that print comes out: of the {len(error)} rows of Appendix C "
-            f"{int(np.sum(error > appendix_c.REPRODUCED))} are off by more than {appendix_c.REPRODUCED:g} %, "
+            f"{int(np.sum(error > appendices.REPRODUCED))} are off by more than {appendices.REPRODUCED:g} %, "
             f"{int(np.sum(error > 1.0))} by more than 1 %, and {unexplained} cells are unexplained."
         )
 
@@ -73,16 +71,16 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     """Recompute everything; fits and resampling draw from generators seeded with the effort's seed."""
     seed = effort.seed
     report("Appendix C")
-    rows_c, slip_cells = appendix_c.reproduce(), slips.recomputed()
-    strict = appendix_c.recompute(thesis_table("appendix_c"))
+    rows_c, slip_cells = appendices.reproduce(), slips.recomputed()
+    strict = appendices.recompute(thesis_table("appendix_c"))
     report("Appendix D and Tables 2 to 8")
-    rows_d, inertia = appendix_d.recompute(), printed_tables.bifilar_inertia()
+    rows_d, inertia = appendices.recompute_errors(), printed_tables.bifilar_inertia()
     energies, friction = printed_tables.energies(), printed_tables.mean_friction()
     damping, examples = printed_tables.formula_table(), printed_tables.examples()
     report("Table 9")
-    rankings = ranking.rank_all(rows_c, seed)
-    own = {f"case {case}": ranking.errors(found) for case, found in chapter_five_predictions().items()}
-    by_chapter, sizes = ranking.rank(own, seed), slip_table(rankings)
+    rankings = judgement.rank_all(rows_c, seed)
+    own = {f"case {case}": judgement.errors(found) for case, found in chapter_five_predictions().items()}
+    by_chapter, sizes = judgement.rank(own, seed), slip_table(rankings)
     fits = {name: recalibration.recalibrate(name, effort, report) for name in recalibration.MODELS}
     checks = (
         _check_appendix_c(rows_c, strict),
@@ -96,19 +94,19 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     )
     tables = {
         "appendix_c": rows_c.rows,
-        "appendix_c_shares": appendix_c.shares(rows_c.rows),
-        "appendix_c_shares_as_printed": appendix_c.shares(strict),
-        "appendix_c_shares_by_case": appendix_c.shares_by_case(rows_c.rows),
+        "appendix_c_shares": appendices.shares(rows_c.rows),
+        "appendix_c_shares_as_printed": appendices.shares(strict),
+        "appendix_c_shares_by_case": appendices.shares_by_case(rows_c.rows),
         "appendix_c_exceptions": rows_c.exceptions,
         "slips": slip_cells,
         "appendix_d": rows_d,
-        "appendix_d_exceptions": appendix_d.deviations(rows_d),
+        "appendix_d_exceptions": appendices.deviations(rows_d),
         "energies": energies,
         "mean_friction": friction,
         "damping": damping,
         "examples": examples,
         "figures_36_to_44": printed_tables.figures_36_to_44(),
-        "rankings": ranking.side_by_side(rankings),
+        "rankings": judgement.side_by_side(rankings),
         "computation_slips": sizes,
         "fits": recalibration.fit_table(fits),
         "parameters": recalibration.parameter_table(fits),
@@ -122,8 +120,8 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     return ChapterFive(rows_c, tables, inertia, rankings, fits, checks, told)
 
 
-def _check_appendix_c(appendix: appendix_c.AppendixC, strict: pd.DataFrame) -> Check:
-    error, before = appendix_c.worst_error(appendix.rows), appendix_c.worst_error(strict)
+def _check_appendix_c(appendix: appendices.AppendixC, strict: pd.DataFrame) -> Check:
+    error, before = appendices.worst_error(appendix.rows), appendices.worst_error(strict)
     within = {limit: int(np.sum(error <= limit)) for limit in ROWS_WITHIN}
     beyond = int(np.sum(error > 1.0))
     kinds = appendix.exceptions["kind"].value_counts().to_dict()
@@ -139,14 +137,14 @@ def _check_appendix_c(appendix: appendix_c.AppendixC, strict: pd.DataFrame) -> C
 
 
 def _check_appendix_d(rows: pd.DataFrame) -> Check:
-    matches = {name: int(rows[f"{name}_matches"].sum()) for name in appendix_d.COLUMNS}
-    angles = rows[appendix_d.HEADS["theta_2"]]
-    signed = int(np.sum(np.abs(rows["theta_2"] - angles) <= appendix_d.MATCHES))
-    of_print = int(np.sum(appendix_d.matches(rows["theta_2_printed"], angles)))
-    off = appendix_d.deviations(rows)
+    matches = {name: int(rows[f"{name}_matches"].sum()) for name in appendices.ERRORS}
+    angles = rows[appendices.ERROR_HEADS["theta_2"]]
+    signed = int(np.sum(np.abs(rows["theta_2"] - angles) <= appendices.MATCHES))
+    of_print = int(np.sum(appendices.matches(rows["theta_2_printed"], angles)))
+    off = appendices.deviations(rows)
     finding = (
         f"of {len(rows)} rows, {matches['v_x2']} velocity, {matches['omega_2']} spin and {matches['theta_2']} angle "
-        f"errors follow from Appendix C within {appendix_d.MATCHES} points; the angles with the mean restitution of "
+        f"errors follow from Appendix C within {appendices.MATCHES} points; the angles with the mean restitution of "
         f"Chapter V and in size ({signed} with their sign); of the angles that Appendix C prints {of_print} would."
     )
     return Check("Appendix D", finding, matches == APPENDIX_D_MATCHES and "unlisted" not in set(off["kind"]))
@@ -219,8 +217,8 @@ def _check_examples(rows: pd.DataFrame) -> Check:
 
 
 def _verdicts(
-    rankings: Mapping[str, ranking.Ranking],
-    by_chapter: ranking.Ranking,
+    rankings: Mapping[str, judgement.Ranking],
+    by_chapter: judgement.Ranking,
     fits: Mapping[str, recalibration.Recalibration],
     slips: pd.DataFrame,
 ) -> dict[str, str]:
@@ -228,10 +226,10 @@ def _verdicts(
     fitted = fits["two-mass"]
     offset = fitted.offset
     placed = {name: item.placed for name, item in fits.items()}
-    told = {"Table 9": verdicts.headline(rankings, placed), "Ranking": verdicts.ranking_verdict(rankings)}
+    told = {"Table 9": judgement.headline(rankings, placed), "Ranking": judgement.ranking_verdict(rankings)}
     for case in CASE_IN_APPENDIX_C:
-        beside = verdicts.fit_words(by_chapter.pooled, case, "two-mass", fitted.drawn.squares.rms)
-        told[f"Case {case}"] = f"{verdicts.case_verdict(case, rankings)} {beside}"
-    told |= {f"Posterior of {name}": verdicts.posterior_verdict(items) for name, items in placed.items()}
-    told["Offset"] = verdicts.offset_verdict(fitted.problem.impacts.v_y1, offset.values / INCH, offset.sd / INCH)
+        beside = judgement.fit_words(by_chapter.pooled, case, "two-mass", fitted.drawn.squares.rms)
+        told[f"Case {case}"] = f"{judgement.case_verdict(case, rankings)} {beside}"
+    told |= {f"Posterior of {name}": judgement.posterior_verdict(items) for name, items in placed.items()}
+    told["Offset"] = judgement.offset_verdict(fitted.problem.impacts.v_y1, offset.values / INCH, offset.sd / INCH)
     return told | {"Slips": slip_words(slips)}

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.data.scene import load_scene
 from fitball.files import all_or_none
-from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
+from fitball.inference.thesis.published_cases import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
@@ -24,8 +24,8 @@ from fitball.report.form.document import figure_html, render_template
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
-from fitball.thesis import ranking, recalibration
-from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
+from fitball.thesis import judgement, recalibration
+from fitball.thesis.appendices import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.thesis.chapter_five import ChapterFive
 from fitball.thesis.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
 from fitball.thesis.recalibration import Recalibration, offset_constants
@@ -53,10 +53,10 @@ def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
         figures={name: figure_html(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
         tables=chapter.tables,
         text=_text,
-        brief=ranking.in_brief(chapter.rankings),
+        brief=judgement.in_brief(chapter.rankings),
         scene=load_scene(recalibration.TABLE),
-        scales=ranking.SCALE,
-        resamples=ranking.RESAMPLES,
+        scales=judgement.SCALE,
+        resamples=judgement.RESAMPLES,
         beyond=beyond,
         inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in chapter.inertia.shares.items()),
     )

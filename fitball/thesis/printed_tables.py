@@ -15,7 +15,7 @@ from uncertainties import ufloat
 from uncertainties.core import Variable
 
 from fitball.data.published import SPINS, fraction, measured, thesis_table
-from fitball.inference.thesis.inputs import (
+from fitball.inference.thesis.published_cases import (
     BALL_MASS_ROUNDED,
     DAMPING,
     INCH,
@@ -26,7 +26,7 @@ from fitball.inference.thesis.inputs import (
     row_parameters,
 )
 from fitball.models.model import Model
-from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C
+from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 from fitball.values import FloatArray, impacts
 
 TABLE_OF = {"zero": "table_2", "topspin": "table_4", "backspin": "table_6"}

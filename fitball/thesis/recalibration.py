@@ -22,7 +22,7 @@ from fitball.inference.prediction.posterior_predictive import predictive, predic
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Diagnostics, RunStatus
-from fitball.inference.thesis.inputs import C1, C2, FRICTION, INCH, STIFFNESS, TORSION
+from fitball.inference.thesis.published_cases import C1, C2, FRICTION, INCH, STIFFNESS, TORSION
 from fitball.models.types import STATUS_REASON, Status
 from fitball.values import FloatArray
 

@@ -25,14 +25,30 @@ import pandas as pd
 from fitball.data.published import SPINS, fraction, measured, thesis_table
 from fitball.errors import Fault, TableError
 from fitball.inference.prediction.outputs import root_mean_square
-from fitball.inference.thesis.inputs import BALL_RADIUS, INCH, INERTIA, INERTIA_OF, printed_model, row_parameters
+from fitball.inference.thesis.published_cases import (
+    BALL_RADIUS,
+    INCH,
+    INERTIA,
+    INERTIA_OF,
+    printed_model,
+    row_parameters,
+)
 from fitball.report.form.numbers import digits, listed
-from fitball.thesis import appendix_c, appendix_d
-from fitball.thesis.appendix_b import CODES, INPUTS, Clause, Inputs, Row, filled_in, outputs, row_inputs
-from fitball.thesis.appendix_c import HEADS
-from fitball.thesis.appendix_d import MEAN_RESTITUTION
+from fitball.thesis import appendices
+from fitball.thesis.appendices import (
+    CODES,
+    HEADS,
+    INPUTS,
+    MEAN_RESTITUTION,
+    Clause,
+    Inputs,
+    Row,
+    filled_in,
+    outputs,
+    row_inputs,
+)
+from fitball.thesis.judgement import EXACT, RECOMPUTED, UNITS, Ranking
 from fitball.thesis.printed_tables import Check
-from fitball.thesis.ranking import EXACT, RECOMPUTED, UNITS, Ranking
 from fitball.values import impacts
 
 # A residual is stated with three decimals.
@@ -70,7 +86,7 @@ def recomputed() -> pd.DataFrame:
     and spins of C have the number of `candidates` and how many are `expected by chance` to come as near.
     """
     errata = thesis_table("errata")
-    rows = appendix_c.with_corrected_inputs(thesis_table("appendix_c"), errata)
+    rows = appendices.with_corrected_inputs(thesis_table("appendix_c"), errata)
     found: list[dict[str, object]] = []
     uncounted = {"candidates": 0, "expected by chance": math.nan}
     listed = errata[errata["slip"] != ""]
@@ -89,12 +105,12 @@ def _cells_of_c(
     table: str, case: str, clauses: Sequence[Clause], columns: Sequence[str], rows: pd.DataFrame
 ) -> Iterator[dict[str, object]]:
     claimed = [name for name in columns if name in TANGENTIAL]
-    for row in rows[appendix_c.selects(rows, table, case)].to_dict("records"):
+    for row in rows[appendices.selects(rows, table, case)].to_dict("records"):
         values = outputs(filled_in(row_inputs(row), clauses))
         lists = candidates(row, rows, clauses)
         chance = by_chance(row, lists, claimed) if claimed and lists else None
         for name in columns:
-            printed = float(row[appendix_c.HEADS[name]])
+            printed = float(row[HEADS[name]])
             cell = {
                 "row": str(row["case"]),
                 "column": name,
@@ -114,18 +130,18 @@ def _cells_of_d(
     """The errors of one impact in Appendix D from what its row of Appendix C should have been with the slip."""
     printed = thesis_table("appendix_d")
     line = printed[(printed["table"] == table) & (printed["theta_1 [deg]"] == float(angle))].iloc[0]
-    mine = (rows["spin"] == line["spin"]) & (rows["case"] == appendix_d.CASE_IN_APPENDIX_C[int(line["case"])])
+    mine = (rows["spin"] == line["spin"]) & (rows["case"] == appendices.CASE_IN_APPENDIX_C[int(line["case"])])
     theory = rows[mine].reset_index(drop=True)
     place = int(theory.index[theory["theta_1 [deg]"] == float(angle)][0])
     row = theory.loc[place].to_dict()
     values = outputs(filled_in(row_inputs(row), clauses))
     for name in TANGENTIAL:
-        theory.loc[place, appendix_c.HEADS[name]] = values[name]
-    errors = appendix_d.percentage_errors(str(line["spin"]), theory)
+        theory.loc[place, HEADS[name]] = values[name]
+    errors = appendices.percentage_errors(str(line["spin"]), theory)
     lists = candidates(row, rows, clauses)
     source = "" if lists is None else ", ".join(dict.fromkeys(lists.names)) or "own inputs"
     for name in columns:
-        error, was = float(errors[name][place]), float(line[appendix_d.HEADS[name]])
+        error, was = float(errors[name][place]), float(line[appendices.ERROR_HEADS[name]])
         # Appendix D drops the sign of its angles.
         residual = abs(abs(error) - abs(was))
         yield {"row": angle, "column": name, "printed": was, "recomputed": error, "residual": residual,

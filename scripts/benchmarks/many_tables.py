@@ -14,7 +14,7 @@ import pandas as pd
 
 from fitball.bench.clock import fresh_process
 from fitball.bench.problems import base_values, simulated_frame
-from fitball.models.names import DEFAULT_MODEL
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.values import impacts
 
 ROWS = 20

@@ -22,8 +22,7 @@ from scipy.stats import beta
 from fitball.errors import FitError, ResultFolderError
 from fitball.files import refusal
 from fitball.inference.identifiability.information import prior_draws
-from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.point.point_fit import STARTS, starting_points
+from fitball.inference.point.point_fit import STARTS, maximum_posterior, starting_points
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
@@ -192,7 +191,7 @@ def maximum(problem: Problem, seed: np.random.SeedSequence) -> PointFit:
 
 def short_chain(problem: Problem, point: PointFit, seed: int, schedule: Schedule = SCHEDULE) -> Sampled:
     """Ensembles begun at the optima of a point fit, on one thread."""
-    optima = np.array([[optimum[name] for name in problem.free_names] for optimum in point.optima])
+    optima = problem.free_rows(point.optima)
     settings = Settings(default_walkers(problem.dimension), ENSEMBLES, MAX_STEPS, 1, seed, schedule)
     return sample(problem, problem.to_coordinates(optima), settings, None, False, lambda _progress: None)
 

@@ -15,8 +15,8 @@ from fitball.data.scene import NO_SPIN_SD, NO_VELOCITY_SD, Scene, load_scene
 from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import model
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts
 from validation.foreign import FAULTS, ROWS

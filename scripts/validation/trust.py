@@ -21,7 +21,7 @@ from fitball.inference.identifiability.information import prior_draws
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer
+from fitball.inference.results.evidence import FALSE_EXCEPT, FALSE_FAILS, Adequacy, Answer
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.results.results import Verdict as Said
 from validation.foreign import FAULTS, foreign_problem

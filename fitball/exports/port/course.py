@@ -10,16 +10,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fitball.exports.port.face import OK, Ints
-from fitball.models.kernels.contact import Contact, contact_of, impulse_at
-from fitball.models.kernels.phases import Scratch, rigid_phase, two_mass_contact
-from fitball.models.kernels.vertical import (
+from fitball.models.kernels.contact import (
     TANGENTIAL,
     TORSION,
     TORSION_RIGID,
+    Contact,
     VerticalMotion,
+    contact_of,
+    impulse_at,
     vertical_at,
     vertical_motion,
 )
+from fitball.models.kernels.phases import Scratch, rigid_phase, two_mass_contact
 from fitball.models.types import FREE, MAX_PACKED_PHASES, PHASE_BITS, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.values import FloatArray
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fitball.models.kernels.bounce import bounce
 from fitball.models.kernels.phases import Scratch
-from fitball.models.thesis import thesis_bounce
+from fitball.models.thesis import BALL_INERTIA, BALL_MASS, BALL_RADIUS, COR_10, COR_SLOPE, MU, thesis_bounce
 from fitball.models.types import GRIP, SLIDE_BACKWARD, SLIDE_FORWARD, Status
 from fitball.values import FloatArray
 
@@ -37,9 +37,6 @@ OK = int(Status.OK)
 BAD_INPUT = -1
 # In what a bounce is extrapolated: a sum of these.
 BEYOND_SPEEDS, BEYOND_RESTITUTION, WITHOUT_TWIST = 1, 2, 4
-# Row of the thesis's kernel: its offset, friction and ball, and behind its columns the lines in `v_y1`.
-MU, EPS, MASS, BALL_RADIUS, BALL_INERTIA = 3, 4, 7, 8, 9
-COLUMNS, EPS_10, EPS_SLOPE, COR_10, COR_SLOPE = 10, 10, 11, 12, 13
 
 
 class Solved(NamedTuple):
@@ -83,15 +80,11 @@ def fitted_thesis(
     told = cor
     if TOLD_COR == 0:
         told = row[COR_10] + row[COR_SLOPE] * (v_y1 - ANCHOR)
-    at_speed = scratch.function
-    for k in range(COLUMNS):
-        at_speed[k] = row[k]
-    at_speed[EPS] = row[EPS_10] + row[EPS_SLOPE] * (v_y1 - ANCHOR)
-    status, v_x2, v_y2, omega_2, contact_time, regime = thesis_bounce(at_speed, codes[0], told, v_x1, v_y1, omega_1)
+    status, v_x2, v_y2, omega_2, contact_time, regime = thesis_bounce(row, codes[0], told, v_x1, v_y1, omega_1)
     if status == OK:
         return Solved(v_x2, v_y2, omega_2, contact_time, regime, 0, status)
     push = (1.0 + told) * v_y1
-    inertia = row[BALL_INERTIA] / (row[MASS] * row[BALL_RADIUS] * row[BALL_RADIUS])
+    inertia = row[BALL_INERTIA] / (row[BALL_MASS] * row[BALL_RADIUS] * row[BALL_RADIUS])
     stop = (v_x1 - row[BALL_RADIUS] * omega_1) * inertia / (1.0 + inertia)
     limit = row[MU] * push
     lost = min(max(stop, -limit), limit)

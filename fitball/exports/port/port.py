@@ -33,10 +33,9 @@ from fitball.exports.port.translate import program_of, translated
 from fitball.inference.prediction.reach import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
-from fitball.models.kernels.oscillator import SERIES_LENGTH
-from fitball.models.kernels.search import MAX_DEPTH, SIZE
-from fitball.models.kernels.vertical import ANCHOR_SPEED, TORSION, TORSION_RIGID
-from fitball.models.model import LINES, Convention, KernelCall
+from fitball.models.kernels.contact import ANCHOR_SPEED, TORSION, TORSION_RIGID
+from fitball.models.kernels.oscillator import MAX_DEPTH, SERIES_LENGTH, SIZE
+from fitball.models.model import Convention, KernelCall
 from fitball.models.types import OUTPUTS, PHASE_BITS, PHASE_SYMBOL, STATUS_REASON, Status
 from fitball.version import __version__
 
@@ -99,8 +98,7 @@ class Port:
     @property
     def row(self) -> tuple[tuple[str, float], ...]:
         """The parameter set and the ball by name, as `face` takes them."""
-        lines = [(name, self.call.lines[name]) for name in LINES if self.call.lines]
-        return (*zip(self.call.columns, self.call.row, strict=True), *lines)
+        return tuple(zip(self.call.columns, self.call.row, strict=True))
 
     @property
     def radius(self) -> float:

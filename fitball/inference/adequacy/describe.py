@@ -24,10 +24,11 @@ from fitball.inference.adequacy.words import (
     sentence,
     strongest,
 )
-from fitball.inference.problem.measurement_noise import expected_prior
+from fitball.inference.problem.observables import expected_prior
 from fitball.inference.problem.parameters import FORCE_NOISE, SD_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import (
+from fitball.inference.results.assumptions import SURE_ERRORS, Alternative, Assumptions
+from fitball.inference.results.evidence import (
     FALSE_EXCEPT,
     FALSE_FAILS,
     FAR_FROM_STATED,
@@ -37,7 +38,6 @@ from fitball.inference.results.adequacy import (
     Misfit,
     NoiseCheck,
 )
-from fitball.inference.results.assumptions import SURE_ERRORS, Alternative, Assumptions
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.values import FloatArray
 

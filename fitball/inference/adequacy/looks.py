@@ -23,7 +23,7 @@ from fitball.inference.adequacy.refit import (
     overlap,
 )
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import FALSE_EXCEPT
+from fitball.inference.results.evidence import FALSE_EXCEPT
 from fitball.values import FloatArray
 
 # Rows from which an order, a scatter, a correlation, a tail and a distribution can be looked at.

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fitball.inference.adequacy.looks import DISTRIBUTED
 from fitball.inference.adequacy.refit import covariates
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import (
+from fitball.inference.results.assumptions import Alternative
+from fitball.inference.results.evidence import (
     FALSE_EXCEPT,
     FALSE_FAILS,
     FAR_FROM_STATED,
@@ -15,7 +16,6 @@ from fitball.inference.results.adequacy import (
     Check,
     NoiseCheck,
 )
-from fitball.inference.results.assumptions import Alternative
 from fitball.observables import OBSERVABLES
 
 # Exceptions that a sentence names; a hint is what fewer than this share of the model's own tables show.

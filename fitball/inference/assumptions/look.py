@@ -13,7 +13,7 @@ from fitball.errors import FitballError
 from fitball.inference.identifiability.derived import quantities
 from fitball.inference.identifiability.information import DRAWN_ABOUT, about
 from fitball.inference.likelihood.posterior import log_posterior, pointwise
-from fitball.inference.point.maximum_posterior import distinct, maxima
+from fitball.inference.point.point_fit import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.build import build_problem, reduction
 from fitball.inference.problem.noise import KINDS, NoiseKind

@@ -10,8 +10,8 @@ from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ModelError
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.problem import Problem
-from fitball.models.names import DEFAULT_MODEL
 from fitball.models.registry import MODELS, Entry, Reduced, model
+from fitball.models.specs import DEFAULT_MODEL
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,11 +44,6 @@ class Task:
     seed: np.random.SeedSequence
     quick: bool
     beside: tuple[Mapping[str, float], ...] = ()
-
-    def again(self, beside: Iterable[Mapping[str, float]]) -> Task:
-        """The same task with further places, its generators as they were before."""
-        seed = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
-        return replace(self, seed=seed, beside=tuple(beside))
 
 
 def scored(tasks: Sequence[Task], engine: Engine, report: Callable[[str], None]) -> Iterator[ModelScore]:
@@ -96,7 +91,7 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     assert fit.posterior is not None
     report("leave-one-out scores")
     # The refits' ensembles must not repeat those of the full fit.
-    fold_seed, refit_seed = task.seed.spawn(2)
+    fold_seed, refit_seed = np.random.SeedSequence(task.seed.entropy, spawn_key=task.seed.spawn_key).spawn(2)
     refits = replace(effort, seed=int(refit_seed.generate_state(1)[0]), ensembles=REFIT_ENSEMBLES)
     settings = refits.settings(problem)
     loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not task.quick)
@@ -379,7 +374,7 @@ def _searched_again(
     """
     behind = {score.name: rivals for score in scores if (rivals := overtaken(score, scores))}
     again = [
-        task.again(start for starts in behind[task.candidate.name].values() for start in starts)
+        replace(task, beside=tuple(start for starts in behind[task.candidate.name].values() for start in starts))
         for task in tasks
         if task.candidate.name in behind
     ]

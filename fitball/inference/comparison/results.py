@@ -14,7 +14,7 @@ import numpy as np
 from fitball.data.published import SPINS, thesis_table
 from fitball.data.table import ImpactTable
 from fitball.inference.comparison.left_out import IMPACTS, LeaveOneOut, Missed
-from fitball.inference.identifiability.profile import free_searches
+from fitball.inference.identifiability.profile_walk import free_searches
 from fitball.inference.point.gauss_newton import descend
 from fitball.inference.point.surface import surface_of
 from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square

@@ -24,7 +24,7 @@ from fitball.inference.prediction.posterior_predictive import by_level
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.pace_rating import PACE_CONSTANT, apparent_friction, itf_impact, pace_rating
+from fitball.inference.results.lab import PACE_CONSTANT, apparent_friction, itf_impact, pace_rating
 from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts

@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.force import ForceRecord
+from fitball.data.force import ForceFile, ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
-from fitball.inference.problem.force_records import ForceRecords, averaged
-from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter
-from fitball.inference.problem.priors import parse_prior
-from fitball.inference.problem.problem import IncidentErrors, Problem
+from fitball.inference.problem.force_records import ForceRecords, build_records
+from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
+from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.values import FloatArray, Impacts
 from fitball.wording import option
@@ -151,15 +150,15 @@ def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.rando
     return Knowledge(problem, np.column_stack([known.coordinates, *drawn]))
 
 
-def _alike(known: IncidentErrors, measured: Impacts, planned: Impacts) -> IncidentErrors:
+def _alike(known: FloatArray, measured: Impacts, planned: Impacts) -> FloatArray:
     """Errors of planned incident states: median sds of speed, direction and spin of those that were measured."""
     turned = _turn(measured)
-    sds = np.sqrt(np.diagonal(turned @ known.covariance @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
+    sds = np.sqrt(np.diagonal(turned @ known @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
     sds[:, 1] /= measured.speed
     typical = np.tile(np.median(sds, axis=0), (len(planned), 1))
     typical[:, 1] *= planned.speed
     back = _turn(planned).transpose(0, 2, 1)
-    return IncidentErrors(np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1)))
+    return np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1))
 
 
 def _turn(impacts: Impacts) -> FloatArray:
@@ -196,15 +195,21 @@ def with_plate(known: Knowledge, sd: float, rng: np.random.Generator) -> Knowled
     return _with_parameters(known, added, rng)
 
 
-def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], root: FloatArray) -> FloatArray:
+def in_directions(rows: FloatArray, solved: NDArray[np.bool_], roots: FloatArray) -> FloatArray:
+    """Derivatives `rows` (draws, impacts, rows, free) in the directions of `Knowledge.roots`; zero where a draw is
+    not `solved` (draws, impacts).
+    """
+    known = solved & np.isfinite(rows).all(axis=(2, 3))
+    return np.asarray(np.where(known[..., None, None], rows, 0.0) @ roots[:, None])
+
+
+def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], roots: FloatArray) -> FloatArray:
     """Rows (draws, impacts, directions, directions) whose squares add up to what records of the planned impacts tell,
-    in the directions of `Knowledge.root`; zero where a draw is not `solved` (draws, impacts).
+    as `in_directions` has them.
     """
     records = _records(planned, draws, solved)
     slopes, growth = force_information_rows(planned, records, draws)
-    rows = np.concatenate([slopes, np.sqrt(2.0) * growth], axis=2)
-    known = solved & np.isfinite(rows).all(axis=(2, 3))
-    rows = np.where(known[..., None, None], rows, 0.0) @ (root if root.ndim == 2 else root[:, None])
+    rows = in_directions(np.concatenate([slopes, np.sqrt(2.0) * growth], axis=2), solved, roots)
     # As many rows as there are directions say the same.
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
@@ -221,5 +226,5 @@ def _records(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_]) -> 
         count = int((1.0 + BEFORE + AFTER) * length / STEP)
         first, row = np.array([[-BEFORE * length]]), np.array([k])
         force, _rate = mean_forces(planned, columns, row, first, np.array([STEP]), count)
-        made.append(averaged(ForceRecord(str(k), k, -BEFORE * length, STEP, np.real(force[0, 0]))))
-    return ForceRecords("planned", "", None, tuple(made))
+        made.append(ForceRecord(str(k), k, -BEFORE * length, STEP, np.real(force[0, 0])))
+    return build_records(ForceFile("planned", "", tuple(made)), None)

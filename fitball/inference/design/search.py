@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fitball.errors import FitError
 from fitball.inference.design.asked import Sensor, Setting, Settings, Target
-from fitball.inference.design.knowledge import Knowledge, plate_rows
+from fitball.inference.design.knowledge import Knowledge, in_directions, plate_rows
 from fitball.inference.likelihood.cells import Cells, cells_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import MOST_UNSOLVED
@@ -111,20 +111,17 @@ def read(planned: Problem, draws: FloatArray, sensors: Iterable[Sensor]) -> list
     return [cells_of(planned, columns, rebound, sensor.columns, slopes) for sensor in sensors]
 
 
-def information_rows(planned: Problem, told: Cells, root: FloatArray) -> FloatArray:
+def information_rows(planned: Problem, told: Cells, roots: FloatArray) -> FloatArray:
     """Fisher information of what is read, as rows (draws, impacts, rows, directions) whose squares add up to it:
     derivatives of what is measured, whitened by its noise, and of the logarithm of that noise where it is fitted, in
-    the directions of `Knowledge.root`, or of `Knowledge.roots` at the draws; zero where a draw cannot be evaluated.
+    the directions of `Knowledge.roots` at the draws; zero where a draw cannot be evaluated.
     """
     worth = np.sqrt(planned.noise.information(told.columns))[..., None, None]
     scale = np.sqrt(planned.noise.scale_information(told.columns))[..., None, None]
     parts = [worth[..., None] * told.spread_out(told.slope), scale[..., None] * told.spread_out(told.growth)]
     if planned.incident is not None:
         parts.append(scale[..., None] * told.turn)
-    rows = np.concatenate(parts, axis=2)
-    known = (told.rebound.status == 0) & np.isfinite(rows).all(axis=(2, 3))
-    rows = np.where(known[..., None, None], rows, 0.0)
-    return np.asarray(rows @ (root if root.ndim == 2 else root[:, None]))
+    return in_directions(np.concatenate(parts, axis=2), told.rebound.status == 0, roots)
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,11 @@ import numpy as np
 
 from fitball.inference.identifiability.information import first_order_draws
 from fitball.inference.identifiability.verdict import Judgement, Numbers, judge, marginal
-from fitball.inference.problem.parameters import Parameter
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import Parameter, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.evidence import Evidence
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.models.kernels.vertical import ANCHOR_SPEED
+from fitball.models.kernels.contact import ANCHOR_SPEED
 from fitball.models.specs import ParameterSpec
 from fitball.values import FloatArray, Impacts
 

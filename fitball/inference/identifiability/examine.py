@@ -18,7 +18,8 @@ from fitball.inference.identifiability.information import (
     inverse,
     prior_sds,
 )
-from fitball.inference.identifiability.profile import DROP_95, best_top, coverage, profiles, standard_errors
+from fitball.inference.identifiability.profile import DROP_95, coverage, profiles
+from fitball.inference.identifiability.profile_walk import best_top, standard_errors
 from fitball.inference.identifiability.verdict import (
     CONFLICT,
     SENSITIVE,
@@ -75,7 +76,7 @@ def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> tup
     if len(problem.impacts) > ROWS:
         return "", frozenset()
     objective = surface_of(problem)
-    starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
+    starts = objective.from_values(problem.free_rows(optima))
     top, others = best_top(objective, starts)
     drops = objective.cost(others, objective.free(others)) - top.cost if len(others) else ()
     fits = [(top.x, top.errors[objective.columns], 0.0)]

@@ -18,8 +18,7 @@ import numpy as np
 
 from fitball.inference.identifiability.information import scene_words
 from fitball.inference.identifiability.profile import degrees_of_freedom, left_of, profile_contraction
-from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.evidence import End, Evidence, InformationEvidence, Profile
@@ -135,8 +134,7 @@ def contraction_alone(
     problem: Problem, parameter: Parameter, look: InformationEvidence | None, alone: Profile | None, traded: bool
 ) -> float | None:
     """The contraction by table and priors alone of a parameter that the scene touches, None of others: to first
-    order,
-    or by its profile `alone` without the scene where that says more (at a bound the first order means little).
+    order, or by its profile `alone` without the scene where that says more (at a bound the first order means little).
     Nothing of one that is `traded`: there it is the priors of others.
     """
     if look is None or not touched_by_scene(problem, {parameter.name: look}):

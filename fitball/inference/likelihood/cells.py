@@ -159,7 +159,7 @@ def shared_covariance(
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
     seen = problem.observables if measured is None else measured
     by_input = np.stack([item.column.slopes(rebound, slopes) for item in seen], axis=2)
-    return spread_by_input(by_input, problem.incident.covariance)
+    return spread_by_input(by_input, problem.incident)
 
 
 def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -85,7 +85,7 @@ def aligned(problem: Problem, records: ForceRecords, columns: Mapping[str, Float
     """Each record against the model, at the start of contact that fits best for the noise among `columns`."""
     mean, sd = records.start
     draws = columns[SD].shape[0]
-    none = np.zeros((draws, len(records.records)))
+    none = np.zeros((draws, len(records)))
     _p, _q, centroid = problem.force_integrals(columns, records.rows, none, records.spacing, 0)
     start = records.centroid - centroid if records.start_sd is None else none
     spreads = spread(records, columns[SD], columns[MISFIT])

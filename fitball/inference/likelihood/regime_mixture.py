@@ -138,7 +138,7 @@ def mixtures(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     """Draws and rows whose impact is near a change of regime, and the log density of all its measurements there."""
     assert problem.incident is not None
-    root = roots(problem.incident.covariance)
+    root = roots(problem.incident)
     towards = crossings(
         lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
     )

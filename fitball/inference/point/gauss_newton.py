@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ GENTLE, MAX_DAMPING = 1e-3, 1e9
 REACH = 1.0
 # Curvature added to directions that the table does not see, in widths of the priors: far below anything measured.
 UNSEEN = 1e-8
+# Two optima that differ by less than this in each parameter, in widths of the priors, are one.
+SAME_OPTIMUM = 1e-2
 
 
 @dataclass(frozen=True)
@@ -155,6 +158,17 @@ def _within(
     step = constrained_step(curvature[np.ix_(free, free)], slope[free], conditions[kept], room[kept])
     # Rounding may carry a step a unit in the last place over a bound.
     return None if step is None else np.clip(x[free] + step, low[free], high[free]) - x[free]
+
+
+def apart(places: FloatArray, ranked: Sequence[int], least: float) -> list[int]:
+    """Rows of `places` (rows, columns), in the order of `ranked`, each further than `least` in some column from all
+    that were taken before it.
+    """
+    taken: list[int] = []
+    for k in ranked:
+        if np.all(np.max(np.abs(places[taken] - places[k]), axis=1, initial=0.0) > least):
+            taken.append(int(k))
+    return taken
 
 
 def feasible(objective: Surface, searches: Searches) -> FloatArray:

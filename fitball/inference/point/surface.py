@@ -1,5 +1,6 @@
 """The likelihood of a table as a surface over the parameters that are not noise, the noise at its best at every
-point; or over all of them, where the best noise has no closed form; or its posterior, over all of them.
+point; or over all of them, where the best noise has no closed form; or its posterior, over all of them; or half the
+sum of its squared deviations.
 
 Columns are coordinates of the priors, but for parameters of the model's linear constraints, which are taken as
 values, as the constraints are linear in. The scene's contact time counts as one more measurement where that is asked
@@ -38,8 +39,6 @@ Columns = Mapping[str, FloatArray]
 PRIOR_REACH = 8.0
 # Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
 STEP = 1e-6
-# Rows up to which a search begins from many places.
-SEARCHED = 1000
 
 
 def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:
@@ -93,7 +92,8 @@ class Surface:
     """The negative log likelihood of a problem and its derivatives, batched over rows, in the free parameters that
     are
     not noise, if that is normal and its best size known (`closed`); in all of them where it is not, or where the
-    surface is `penalised`: minus the log posterior but for a constant, within the priors.
+    surface is `penalised`: minus the log posterior but for a constant, within the priors. Of `squares` it is half the
+    chi-square but for a constant: no prior, the noise in the middle of its own.
 
     A search has settled where it promises to lower it by less than `promised`. Where `stretched`, bounds that only
     end a search lie one width of the prior further out, as far as physics goes.
@@ -104,6 +104,7 @@ class Surface:
     penalised: bool = False
     stretched: bool = False
     closed: bool = True
+    squares: bool = False
 
     @cached_property
     def columns(self) -> list[int]:
@@ -163,7 +164,8 @@ class Surface:
         low, high = prior.support if self.penalised else prior.ends
         if self.is_value(column):
             return float(prior.value(np.array(low))), float(prior.value(np.array(high)))
-        return max(low, own.a - PRIOR_REACH * own.b) if own.log else low, high
+        middle = own.a if own.normal else 0.5 * (own.a + own.b)
+        return max(low, middle - PRIOR_REACH * own.width) if own.log else low, high
 
     def _possible(self, column: int) -> tuple[float, float]:
         """What physics leaves of a free parameter, in the coordinate it has here."""
@@ -248,7 +250,7 @@ class Surface:
     def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
         """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain."""
         sizes = {name: column for name, column in columns.items() if name in NOISE_SPECS}
-        for position, k in enumerate(self.noise_columns):
+        for position, k in enumerate([] if self.squares else self.noise_columns):
             parameter = self.problem.free[k]
             squares, count = np.zeros(given.noise.shape[0]), 0
             for observable in self.problem.observables:
@@ -288,6 +290,8 @@ class Surface:
         """Precision and centre (columns,) of what is known of each column, in coordinates of the priors; a uniform
         prior only bounds.
         """
+        if self.squares:
+            return np.zeros(len(self.columns)), np.zeros(len(self.columns))
         if not self.penalised:
             return self.knowledge_apart
         priors = [item.prior for item in self.parameters]
@@ -318,7 +322,7 @@ class Surface:
             columns = problem.all_values(values)
         else:
             made = self._cells(values, rebound, given)
-            terms = self._kind.log_density(made.z, made.columns) - made.log_sd
+            terms = self._kind.log_density(made.z, made.columns) - (0.0 if self.squares else made.log_sd)
             total, columns = given.counting(terms, made.impact).sum(axis=1), made.columns
         if problem.force is not None:
             total += (
@@ -358,7 +362,7 @@ class Surface:
     def _measured(self, x: FloatArray, given: Conditions) -> Linear:
         """Of a long table some impacts at a time, where no noise is the best for all of them."""
         count = len(self.problem.impacts)
-        if count <= PART or self.noise_columns:
+        if count <= PART or (self.noise_columns and not self.squares):
             split = batches(self.problem, x.shape[0], cost=2 * self.problem.dimension + 1)
             parts = [self._linearised(x[some], given.take(some)) for some in split]
             return Linear(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -384,8 +388,12 @@ class Surface:
             for told in (kind.information(made.columns), kind.scale_information(made.columns))
         )
         score = kind.residual(made.z, made.columns) * kind.residual_rate(made.z, made.columns)
-        gradient = np.einsum("bm,bmk->bk", 1.0 - score * made.z, growth) - np.einsum("bm,bmk->bk", score, slope)
-        curvature = centre * _squares(slope) + scale * _squares(growth)
+        level = 0.0 if self.squares else 1.0
+        gradient = np.einsum("bm,bmk->bk", level - score * made.z, growth) - np.einsum("bm,bmk->bk", score, slope)
+        if self.squares:
+            curvature = _squares(slope + made.z[..., None] * growth)
+        else:
+            curvature = centre * _squares(slope) + scale * _squares(growth)
         for parameter in kind.parameters:
             if parameter.name in problem.free_names:
                 # The squares of the slopes of each log density (Berndt et al. 1974).
@@ -407,12 +415,13 @@ class Surface:
                 for part in force_information_rows(problem, problem.force, at)
             )
             curvature += sum(weight * _squares(part) for weight, part in zip((1.0, 2.0), parts, strict=True))
-        if made.turn.size:
+        if made.turn.size and not self.squares:
             turn = made.turn if given.counted is None else np.where(given.counted[..., None, None], made.turn, 0.0)
             curvature += scale * _squares(
                 turn.reshape(rows, -1, problem.dimension)[..., self.columns] * chain[:, None]
             )
-        if not self.closed and (problem.incident is not None or problem.force is not None):
+        searched = problem.force is not None and not self.closed
+        if searched or (problem.incident is not None and (self.squares or not self.closed)):
             gradient = self._by_differences(x, replace(given, scene=False))
         pace = made.pace[:, self.columns] * chain
         return Linear(gradient, curvature, rebound.contact_time.mean(axis=1), pace)

@@ -16,9 +16,8 @@ from scipy.special import logsumexp
 
 from fitball.errors import ParameterError
 from fitball.inference.population.hyper import Before
-from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.parameters import NOISE_SPECS, Prior, parse_prior
 from fitball.inference.problem.pooling import expected_spread
-from fitball.inference.problem.priors import Prior, parse_prior
 from fitball.models.registry import parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.values import FloatArray

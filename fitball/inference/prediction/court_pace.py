@@ -16,7 +16,7 @@ from fitball.inference.prediction.drop_test import DRAWN, one_way, plain_mean
 from fitball.inference.prediction.posterior_predictive import by_level, regime_shares
 from fitball.inference.prediction.reach import calibrated_range, lines_of
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.pace_rating import (
+from fitball.inference.results.lab import (
     PER_KELVIN,
     SPEED_TOLERANCE,
     TEST_ANGLE,

@@ -13,7 +13,7 @@ from fitball.data.heights import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.drop_test import (
+from fitball.inference.results.lab import (
     BallRebound,
     DropTest,
     Level,

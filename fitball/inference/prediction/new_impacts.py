@@ -14,8 +14,7 @@ from fitball.errors import ModelError, ParameterError, check_whole
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.prediction.posterior_predictive import joined, regime_shares, with_noise
 from fitball.inference.prediction.reach import CalibratedRange, calibrated_range, lines_of
-from fitball.inference.problem.measurement_noise import derived, noise_in
-from fitball.inference.problem.observables import Observable, build_observables
+from fitball.inference.problem.observables import Observable, build_observables, derived, noise_in
 from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import MOST_UNSOLVED, bands

@@ -14,8 +14,7 @@ from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import BAND_LEVELS, MOST_UNSOLVED
 from fitball.models.history import History
 from fitball.models.model import Model
-from fitball.models.names import FOLLOWED
-from fitball.models.specs import BALL_PARAMETERS
+from fitball.models.specs import BALL_PARAMETERS, FOLLOWED
 from fitball.models.types import Rebound, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts, numbers

@@ -12,18 +12,23 @@ from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_S
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
 from fitball.inference.problem.force_records import ForceRecords, force_noise, records_for
-from fitball.inference.problem.measurement_noise import expected_sizes, named_noise, noise_by_column, noise_parameters
 from fitball.inference.problem.noise import NoiseKind, noise_kind
-from fitball.inference.problem.observables import Observable, build_observables
-from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters
+from fitball.inference.problem.observables import (
+    Observable,
+    build_observables,
+    expected_sizes,
+    named_noise,
+    noise_by_column,
+    noise_parameters,
+)
+from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters, parse_prior
 from fitball.inference.problem.pooling import GroupBias, Pooling, build_group_bias, build_pooling
-from fitball.inference.problem.priors import parse_prior
-from fitball.inference.problem.problem import Choices, IncidentErrors, Problem
+from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
-from fitball.values import Impacts
+from fitball.values import FloatArray, Impacts
 
 # The label column of places on a court, over which friction differs without being asked to, and how many at most.
 LOCATION, MOST_PLACES = "location", 12
@@ -125,7 +130,7 @@ def _idle(parameters: Set[str], fixed: Set[str], timed: bool) -> set[str]:
     return {text for text, names in about.items() if not names & parameters} | ({NO_CONTACT_TIME} if timed else set())
 
 
-def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> IncidentErrors | None:
+def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> FloatArray | None:
     if table.incident_covariance is None:
         return None
     stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
@@ -135,7 +140,7 @@ def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> Inciden
     notes.append(
         f"{stated}: the incident state is taken as uncertain, marginalised to first order, finer near a kink"
     )
-    return IncidentErrors(table.incident_covariance)
+    return table.incident_covariance
 
 
 def _structure(

@@ -39,147 +39,87 @@ SOFT = 0.2
 UNKNOWN_START = 0.25
 
 
-@dataclass(frozen=True)
-class Averaged:
-    """One record: `means` [N] at times `first` and every `spacing` [s], each over `block` samples and as many on
-    either side; `begin` [s], the time at which it rises; `length` [s] and `peak` [N] of the contact; `centroid` [s],
-    the mean time of its force. `row` is the impact's.
-    """
-
-    row: int
-    first: float
-    spacing: float
-    block: int
-    means: tuple[float, ...]
-    begin: float
-    length: float
-    peak: float
-    centroid: float
-    samples: int
-
-
-def averaged(record: ForceRecord) -> Averaged:
-    """The means of a record around its contact."""
-    first, last = record.pulse
-    length = last - first + 1
-    margin = int(np.ceil(MARGIN * length))
-    low, high = max(first - margin, 0), min(last + margin, record.force.size - 1)
-    block = max(1, -(-(high - low + 1) // NODES))
-    weights = triangle(block)
-    reach = block - 1
-    centres = np.arange(max(low, reach), min(high, record.force.size - 1 - reach) + 1, block)
-    means = [float(weights @ record.force[k - reach : k + reach + 1]) for k in centres]
-    inside = slice(first, last + 1)
-    return Averaged(
-        row=record.row,
-        first=record.begin + record.step * float(centres[0]),
-        spacing=record.step * block,
-        block=block,
-        means=tuple(means),
-        begin=record.begin + record.step * (first - 0.5),
-        length=record.step * length,
-        peak=float(record.force.max()),
-        centroid=float(record.force[inside] @ record.times[inside] / record.force[inside].sum()),
-        samples=high - low + 1,
-    )
-
-
-def triangle(block: int) -> FloatArray:
-    """Weights (2 block - 1,) of the samples in a mean; they add up to one."""
-    steps = np.abs(np.arange(-(block - 1), block))
-    return np.asarray((1.0 - steps / block) / block)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ForceRecords:
-    """The records of a table. `start_sd` [s] is how well t = 0 is known to be the start of contact, None where the
-    start is found from the record. Arrays are padded to the longest record; `mask` (records, nodes) says where there
-    is a mean.
+    """The records of a table: `means` [N] (records, nodes) at times `first` [s] and every `spacing` [s], each over
+    `block` samples and as many on either side; `begin` [s], the time at which a record rises; `length` [s] and `peak`
+    [N] of the contact; `centroid` [s], the mean time of its force; how many `samples` count; `rows`, the impacts; all
+    (records,). Means are padded with NaN to the longest record. `start_sd` [s] is how well t = 0 is known to be the
+    start of contact, None where the start is found from the record.
     """
 
     source: str
     digest: str
     start_sd: float | None
-    records: tuple[Averaged, ...]
+    rows: NDArray[np.int64]
+    block: NDArray[np.int64]
+    samples: NDArray[np.int64]
+    first: FloatArray
+    spacing: FloatArray
+    begin: FloatArray
+    length: FloatArray
+    peak: FloatArray
+    centroid: FloatArray
+    measured: FloatArray
 
-    @cached_property
-    def rows(self) -> NDArray[np.int64]:
-        """Impacts that have a record (records,)."""
-        return np.array([record.row for record in self.records], dtype=np.int64)
+    def __len__(self) -> int:
+        return len(self.rows)
 
-    @cached_property
+    @property
     def nodes(self) -> int:
         """Number of means of the longest record."""
-        return max(len(record.means) for record in self.records)
+        return int(self.measured.shape[1])
 
     @cached_property
     def mask(self) -> NDArray[np.bool_]:
         """Where there is a mean (records, nodes)."""
-        return np.array([np.arange(self.nodes) < len(record.means) for record in self.records])
+        return np.asarray(~np.isnan(self.measured))
 
     @cached_property
     def means(self) -> FloatArray:
         """The means (records, nodes) [N], 0 where there is none."""
-        means = np.zeros((len(self.records), self.nodes))
-        for place, record in enumerate(self.records):
-            means[place, : len(record.means)] = record.means
-        return means
-
-    @cached_property
-    def first(self) -> FloatArray:
-        """Times of the first means (records,) [s]."""
-        return np.array([record.first for record in self.records])
-
-    @cached_property
-    def spacing(self) -> FloatArray:
-        """Times between means (records,) [s]."""
-        return np.array([record.spacing for record in self.records])
-
-    @cached_property
-    def centroid(self) -> FloatArray:
-        """Mean times of the forces (records,) [s]."""
-        return np.array([record.centroid for record in self.records])
-
-    @cached_property
-    def length(self) -> FloatArray:
-        """Lengths of the contacts (records,) [s]."""
-        return np.array([record.length for record in self.records])
-
-    @cached_property
-    def peak(self) -> FloatArray:
-        """Peaks (records,) [N]."""
-        return np.array([record.peak for record in self.records])
+        return np.where(self.mask, self.measured, 0.0)
 
     @cached_property
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Where contact is expected to start before model and record are compared, and its sd, (records,) [s]."""
         if self.start_sd is not None:
-            return np.zeros(len(self.records)), np.full(len(self.records), self.start_sd)
-        return np.array([record.begin for record in self.records]), UNKNOWN_START * self.length
+            return np.zeros(len(self)), np.full(len(self), self.start_sd)
+        return self.begin, UNKNOWN_START * self.length
 
     @cached_property
-    def _axes(self) -> tuple[FloatArray, FloatArray, float]:
-        rotation = np.zeros((len(self.records), self.nodes, self.nodes))
-        slow = np.zeros((len(self.records), self.nodes))
+    def _axes(self) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+        rotation = np.zeros((len(self), self.nodes, self.nodes))
+        slow = np.zeros((len(self), self.nodes))
+        variances = np.zeros((2, len(self), self.nodes))
         constant = 0.0
-        for place, record in enumerate(self.records):
-            count = len(record.means)
-            white, smooth = _covariances(record)
+        for place, count in enumerate(self.mask.sum(axis=1).tolist()):
+            white, smooth = self._covariances(place, count)
             values, vectors = eigh(smooth, white)
             rotation[place, :count, :count] = vectors.T
             # Rounding leaves the least of them at its own size on either side of zero.
             slow[place, :count] = np.maximum(values, 0.0)
+            variances[:, place, :count] = np.diag(white), np.diag(smooth)
             constant -= 0.5 * float(np.linalg.slogdet(white)[1]) + 0.5 * count * np.log(2.0 * np.pi)
-        return rotation, slow, constant
+        return rotation, slow, constant, variances
 
-    @cached_property
-    def variances(self) -> FloatArray:
-        """Variances (2, records, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
-        variances = np.zeros((2, len(self.records), self.nodes))
-        for place, record in enumerate(self.records):
-            for which, matrix in enumerate(_covariances(record)):
-                variances[which, place, : len(record.means)] = np.diag(matrix)
-        return variances
+    def _covariances(self, place: int, count: int) -> tuple[FloatArray, FloatArray]:
+        """Covariances (count, count) of the means of a record by white noise of sd 1 a sample, and by a misfit of
+        sd 1.
+        """
+        block, length = int(self.block[place]), self.length[place]
+        weights = triangle(block)
+        white = float(weights @ weights) * np.eye(count)
+        # Neighbouring means share the samples between them.
+        shared = float(weights[block:] @ weights[: block - 1])
+        white += shared * (np.eye(count, k=1) + np.eye(count, k=-1))
+        times = self.spacing[place] * np.arange(count)
+        ahead = self.begin[place] - self.first[place]
+        # Well before landing and after release there is no force to miss; where these are the model may be wrong too.
+        beyond = np.maximum(ahead - times, times - ahead - length) / length
+        within = np.clip(1.0 - beyond / SOFT, 0.0, 1.0)
+        apart = np.sqrt(3.0) * np.abs((times[:, None] - times) / (ALIKE * length))
+        return white, within[:, None] * within * (1.0 + apart) * np.exp(-apart)
 
     @property
     def rotation(self) -> FloatArray:
@@ -196,40 +136,67 @@ class ForceRecords:
         """What the log likelihood has beside the log density of the deviations in units of their spread."""
         return self._axes[2]
 
+    @property
+    def variances(self) -> FloatArray:
+        """Variances (2, records, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
+        return self._axes[3]
+
+    def _some(self, kept: NDArray[np.bool_]) -> ForceRecords | None:
+        if not kept.any():
+            return None
+        longest = int(self.mask[kept].sum(axis=1).max())
+        columns = {name: getattr(self, name)[kept] for name in COLUMNS}
+        return replace(self, **columns, measured=self.measured[kept, :longest])
+
     def take(self, kept: NDArray[np.int64]) -> ForceRecords | None:
         """Those of the impacts `kept` (sorted), numbered as these are; None when there is none."""
-        places = {int(row): place for place, row in enumerate(kept)}
-        mine = tuple(replace(record, row=places[record.row]) for record in self.records if record.row in places)
-        return replace(self, records=mine) if mine else None
+        mine = self._some(np.isin(self.rows, kept))
+        return None if mine is None else replace(mine, rows=np.searchsorted(kept, mine.rows))
 
     def without(self, rows: NDArray[np.int64]) -> ForceRecords | None:
         """Those of all other impacts than `rows`, None when there is none."""
-        left = {int(row) for row in rows}
-        mine = tuple(record for record in self.records if record.row not in left)
-        return replace(self, records=mine) if mine else None
+        return self._some(~np.isin(self.rows, rows))
 
 
-def _covariances(record: Averaged) -> tuple[FloatArray, FloatArray]:
-    """Covariances (nodes, nodes) of the means by white noise of sd 1 a sample, and by a misfit of sd 1."""
-    count = len(record.means)
-    weights = triangle(record.block)
-    white = float(weights @ weights) * np.eye(count)
-    # Neighbouring means share the samples between them.
-    shared = float(weights[record.block :] @ weights[: record.block - 1])
-    white += shared * (np.eye(count, k=1) + np.eye(count, k=-1))
-    times = record.spacing * np.arange(count)
-    apart = (times[:, None] - times) / (ALIKE * record.length)
-    begin, first, length = record.begin, record.first, record.length
-    # Well before landing and after release there is no force to miss; where these are the model may be wrong too.
-    beyond = np.maximum(begin - first - times, first + times - begin - length) / length
-    within = np.clip(1.0 - beyond / SOFT, 0.0, 1.0)
-    apart = np.sqrt(3.0) * np.abs(apart)
-    return white, within[:, None] * within * (1.0 + apart) * np.exp(-apart)
+# What there is of each record besides its means.
+COLUMNS = ("rows", "block", "samples", "first", "spacing", "begin", "length", "peak", "centroid")
+
+
+def triangle(block: int) -> FloatArray:
+    """Weights (2 block - 1,) of the samples in a mean; they add up to one."""
+    steps = np.abs(np.arange(-(block - 1), block))
+    return np.asarray((1.0 - steps / block) / block)
 
 
 def build_records(file: ForceFile, start_sd: float | None) -> ForceRecords:
-    """The records of a file, averaged."""
-    return ForceRecords(file.source, file.digest, start_sd, tuple(averaged(record) for record in file.records))
+    """The records of a file, averaged around their contacts."""
+    made = [_averaged(record) for record in file.records]
+    measured = np.full((len(made), max(means.size for _numbers, means in made)), np.nan)
+    for place, (_numbers, means) in enumerate(made):
+        measured[place, : means.size] = means
+    columns = dict(zip(COLUMNS, map(np.array, zip(*(numbers for numbers, _means in made), strict=True)), strict=True))
+    return ForceRecords(file.source, file.digest, start_sd, **columns, measured=measured)
+
+
+def _averaged(record: ForceRecord) -> tuple[tuple[float, ...], FloatArray]:
+    """What is known of a record around its contact, as in `COLUMNS`, and its means."""
+    first, last = record.pulse
+    length = last - first + 1
+    margin = int(np.ceil(MARGIN * length))
+    low, high = max(first - margin, 0), min(last + margin, record.force.size - 1)
+    block = max(1, -(-(high - low + 1) // NODES))
+    weights = triangle(block)
+    reach = block - 1
+    centres = np.arange(max(low, reach), min(high, record.force.size - 1 - reach) + 1, block)
+    means = np.array([weights @ record.force[k - reach : k + reach + 1] for k in centres])
+    inside = slice(first, last + 1)
+    centroid = float(record.force[inside] @ record.times[inside] / record.force[inside].sum())
+    numbers = (
+        *(record.row, block, high - low + 1),
+        *(record.begin + record.step * float(centres[0]), record.step * block),
+        *(record.begin + record.step * (first - 0.5), record.step * length, float(record.force.max()), centroid),
+    )
+    return numbers, means
 
 
 # Noise of a sample that is expected, as a share of the records' mean peak.
@@ -245,9 +212,9 @@ def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes
     if not chosen.has_force:
         notes.append(f"{Path(records.source).name} is not used: model {chosen.name} has no force-time course")
         return None
-    counts = [record.samples for record in records.records]
+    counts = records.samples
     notes.append(
-        f"force records of {len(counts)} impacts ({Path(records.source).name}): {min(counts)} to {max(counts)} "
+        f"force records of {len(counts)} impacts ({Path(records.source).name}): {counts.min()} to {counts.max()} "
         f"samples each, averaged to {records.nodes} means; sensor noise is independent, what the model's force "
         "misses is taken as a slow course that counts once, not once a sample"
     )

@@ -1,17 +1,31 @@
-"""Measured columns as the likelihood sees them: what a model predicts for each, and with which noise."""
+"""Measured columns as the likelihood sees them: what a model predicts for each, and with which noise, its own or one
+that the columns of the velocity share.
+
+One component of the velocity is seldom measured as well as the other: a lens, a shutter, the line of sight of a radar
+act on one of them. So each column gets a noise of its own, unless the table is too short to tell two apart. The ratio
+of two sds that are fitted with `nu` degrees of freedom each scatters about the true ratio as the root of Fisher's
+F(nu, nu) does, so that its 95 % interval reaches a factor `sqrt(F_0.975(nu, nu))` to either side: 2.7 for `nu` = 5,
+just under `FACTOR` = 2 for `nu` = `FREEDOM` = 10. With fewer, equal noises come out twice as large as each other by
+mere chance, and one noise for all, known from twice the numbers, is the better guess. Of the rows of a column the
+parameters spend some: the eight of the default model act on three columns, about `SPENT` = 3 on each; offsets of
+groups spend one more for each group.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.noise import Sizes
+from fitball.inference.problem.parameters import SD_SPECS
 from fitball.models.types import Rebound
-from fitball.observables import OBSERVABLES, SHARED_SD, ReboundColumn
+from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES, ReboundColumn
 from fitball.values import FloatArray
 
 
@@ -114,3 +128,148 @@ def build_observables(
             whole = Observable(measurement.name, measurement.values, measurement.sd, noise)
             observables.append(whole if measurement.complete else whole.at(np.flatnonzero(measurement.measured)))
     return tuple(observables), notes
+
+
+TIED, SEPARATE = "tied", "separate"
+FACTOR, FREEDOM, SPENT = 2.0, 10, 3
+# The directions of v_x2 and v_y2 among the components of the velocity.
+COMPONENTS = {"v_x2": np.array([1.0, 0.0]), "v_y2": np.array([0.0, 1.0])}
+
+
+def noise_by_column(
+    table: ImpactTable, wanted: str | None, named: Collection[str], groups: int, notes: list[str]
+) -> Mapping[str, str]:
+    """The noise parameter of each column that states no sd: what is `wanted` ("tied" or "separate"), else what is
+    `named` (noise parameters of which a value or a prior is given), else as many rows as there are can tell.
+
+    `groups` is how many biases are fitted to each column. A noise of velocities that is shared for want of rows, or
+    because it is named, is told in `notes`. Raises ParameterError where `wanted` is unknown or contradicts `named`.
+    """
+    if wanted not in (None, TIED, SEPARATE):
+        raise ParameterError(f"unknown velocity noise '{wanted}': {suggestion(wanted, (TIED, SEPARATE))}")
+    rows = {
+        measurement.name: int(measurement.measured.sum())
+        for measurement in table.measurements
+        if measurement.name in VELOCITIES
+        and measurement.sd is None
+        and (table.has_tangential or not OBSERVABLES[measurement.name].tangential)
+    }
+    columns, least = list(rows), min(rows.values(), default=0)
+    own = [NOISE_OF[name] for name in columns if NOISE_OF[name] in named]
+    if wanted == TIED and own:
+        raise ParameterError(
+            f"velocity noise 'tied' beside a value or prior of {' and '.join(own)}: expected {SHARED_SD} there, or "
+            f"velocity noise '{SEPARATE}'"
+        )
+    each = " and ".join(NOISE_OF[name] for name in columns)
+    if wanted == SEPARATE and SHARED_SD in named and columns:
+        raise ParameterError(
+            f"velocity noise 'separate' beside a value or prior of {SHARED_SD}, which all columns of the velocity "
+            f"share: expected {each} there, or velocity noise '{TIED}'"
+        )
+    enough = FREEDOM + SPENT + groups
+    shared = wanted == TIED or SHARED_SD in named
+    if not (shared or own or wanted == SEPARATE):
+        shared = len(columns) < 2 or least < enough
+    rest = [name for name in columns if NOISE_OF[name] not in own]
+    if shared and wanted is None and len(rest) > 1:
+        why = (
+            "a value or prior of it is given"
+            if SHARED_SD in named
+            else f"{least} row{'s' * (least != 1)} cannot tell two apart that differ by a factor of {FACTOR:g}, "
+            f"{enough} could (velocity noise '{SEPARATE}' fits {each} all the same)"
+        )
+        notes.append(f"{' and '.join(rest)} share one noise, {SHARED_SD}: {why}")
+    chosen = dict(NOISE_OF)
+    if shared:
+        chosen |= {name: SHARED_SD for name in VELOCITIES if NOISE_OF[name] not in own}
+    return chosen
+
+
+def noise_in(names: Collection[str]) -> Mapping[str, str]:
+    """The noise parameter of each column in a fit with parameters `names`."""
+    return {
+        column: SHARED_SD if own not in names and SHARED_SD in names and column in VELOCITIES else own
+        for column, own in NOISE_OF.items()
+    }
+
+
+def named_noise(scene: Scene, *given: Mapping[str, object]) -> set[str]:
+    """Noise parameters that the scene knows, or of which a value or prior is `given`."""
+    known = {name for name in SD_SPECS if getattr(scene, name) is not None}
+    return known | (SD_SPECS.keys() & {name for values in given for name in values})
+
+
+def expected_sizes(scene: Scene, table: ImpactTable) -> Mapping[str, float]:
+    """The size of each noise that is expected before a measurement, in SI: what the scene expects, its typical size
+    where that expects nothing; an angle is turned by the noise of a velocity at the median incident speed.
+    """
+    speed = float(np.median(table.impacts.speed))
+    by_unit = {
+        "m/s": scene.nominal_velocity_sd,
+        "rad": float(f"{np.arctan2(scene.nominal_velocity_sd, speed):.2g}"),
+        "rad/s": scene.nominal_spin_sd,
+    }
+    own = {
+        column.noise.name: by_unit.get(column.unit, float(column.noise.typical)) for column in OBSERVABLES.values()
+    }
+    return {SHARED_SD: scene.nominal_velocity_sd, **own}
+
+
+def noise_parameters(
+    observables: Sequence[Observable],
+    table: ImpactTable,
+    scene: Scene,
+    priors: dict[str, str],
+    fixed: dict[str, tuple[float, str]],
+) -> tuple[str, ...]:
+    """Noise parameters the observables use; a sd known to the scene fixes one, an expected one centres its prior."""
+    used = tuple(dict.fromkeys(observable.noise for observable in observables if observable.noise is not None))
+    for name in used:
+        value = getattr(scene, name)
+        if value is not None:
+            fixed[name] = (value, "known from the scene")
+        else:
+            priors[name] = expected_prior(name, scene, table)
+    return used
+
+
+def expected_prior(name: str, scene: Scene, table: ImpactTable) -> str:
+    """The prior of a noise parameter of which none is stated."""
+    return f"lognormal({expected_sizes(scene, table)[name]:.10g}, 0.7)"
+
+
+@dataclass(frozen=True)
+class Derived(Observable):
+    """A quantity of the velocity that a fit has no noise for; it follows, to first order, from the independent
+    noises of two columns `of` that it has.
+    """
+
+    of: tuple[str, str] = ("v_x2", "v_y2")
+
+    def known(self, _names: Collection[str]) -> bool:
+        """Always: see `derived`, which makes these."""
+        return True
+
+    def sds(self, sizes: Sizes, rebound: Rebound) -> FloatArray:
+        """See `Observable`."""
+        if self.sd is not None:
+            return self.sd
+        mine, one, other = (OBSERVABLES[name].slopes(rebound, COMPONENTS) for name in (self.name, *self.of))
+        first, second = (np.asarray(sizes[NOISE_OF[name]])[..., None] for name in self.of)
+        # mine = a one + b other by Cramer's rule; no finite sd where the two say the same of the velocity.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = _cross(mine, other) / _cross(one, other), _cross(one, mine) / _cross(one, other)
+            return np.asarray(np.hypot(a * first, b * second))
+
+
+def derived(observable: Observable, names: Collection[str]) -> Observable:
+    """The observable as a fit with parameters `names` knows it: its noise from others where it has none."""
+    of = [name for name in VELOCITIES if NOISE_OF[name] in names]
+    if observable.known(names) or observable.name not in VELOCITIES or len(of) < 2:
+        return observable
+    return Derived(observable.name, observable.observed, observable.sd, None, observable.rows, (of[0], of[1]))
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

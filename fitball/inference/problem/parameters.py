@@ -1,15 +1,246 @@
-"""Which parameters a fit has: free with a prior, or fixed at a value."""
+"""Which parameters a fit has: free with a prior, or fixed at a value. Priors are proper one-dimensional densities,
+truncated by the bounds of their parameter.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr, ndtri
 
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.problem.priors import Prior, parse_prior
+from fitball.models.kernels.dual import NumberArray
 from fitball.models.specs import POSITIVE, ParameterSpec
 from fitball.observables import OBSERVABLES, SHARED_NOISE, SHARED_SD, ColumnNoise
+from fitball.values import FloatArray
+
+FORM = re.compile(r"^\s*([A-Za-z_]+)\s*\(([^()]*)\)\s*$")
+# No quantity is larger or smaller than these, nor its logarithm less known; beyond, quantiles leave the doubles.
+SMALLEST, LARGEST, WIDEST_LOG = 1.0e-100, 1.0e100, 50.0
+LOG_ROOT_TAU = 0.5 * math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A uniform or normal density of `x`, or of `ln x` when `log`, truncated to [lower, upper].
+
+    For a normal one `a`, `b` are its mean and sd (of `ln x` when `log`); for a uniform one its ends. `text` is
+    how it was written.
+    """
+
+    text: str
+    normal: bool
+    log: bool
+    a: float
+    b: float
+    lower: float
+    upper: float
+
+    def coordinate(self, x: FloatArray) -> FloatArray:
+        """The coordinate in which the density has its shape: `ln x` or `x`."""
+        return np.log(x) if self.log else x
+
+    def value(self, coordinate: FloatArray) -> FloatArray:
+        """Inverse of `coordinate`."""
+        return np.exp(coordinate) if self.log else coordinate
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Coordinates of the truncation; a log prior on [0, ...) begins at minus infinity."""
+        if not self.log:
+            return self.lower, self.upper
+        return (math.log(self.lower) if self.lower > 0.0 else -math.inf), math.log(self.upper)
+
+    @property
+    def _scaled_ends(self) -> tuple[float, float]:
+        low, high = self.ends
+        return (low - self.a) / self.b, (high - self.a) / self.b
+
+    def log_density(self, coordinate: FloatArray) -> FloatArray:
+        """Log density with respect to `coordinate`, normalised, -inf outside the bounds."""
+        low, high = self.support
+        z = (coordinate - self.a) / self.b if self.normal else np.zeros(np.shape(coordinate))
+        return np.where((coordinate >= low) & (coordinate <= high), -0.5 * z * z - self.log_scale, -np.inf)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Coordinates between which the density is positive."""
+        low, high = self.ends
+        return (low, high) if self.normal else (max(low, self.a), min(high, self.b))
+
+    @property
+    def width(self) -> float:
+        """A length along the coordinate: the sd of a normal prior, the range of a uniform one."""
+        return self.b if self.normal else self.b - self.a
+
+    @property
+    def variance(self) -> float:
+        """Variance of the coordinate, from evenly spaced quantiles."""
+        levels = (np.arange(2000) + 0.5) / 2000
+        return float(np.var(self.coordinate(self.quantile(levels))))
+
+    @property
+    def log_scale(self) -> float:
+        """Minus the log density at the peak."""
+        low, high = self.support
+        return LOG_ROOT_TAU + math.log(self.b) + self._log_mass if self.normal else math.log(high - low)
+
+    @property
+    def _lower_ends(self) -> tuple[float, float]:
+        """The ends of a normal one, mirrored where both lie in the upper tail."""
+        low, high = self._scaled_ends
+        return (-high, -low) if low > 0.0 else (low, high)
+
+    @property
+    def has_mass(self) -> bool:
+        """Whether the bounds leave anything of it: of a normal one at least 1e-12."""
+        if not self.normal:
+            return self.support[0] < self.support[1]
+        low, high = self._lower_ends
+        return float(ndtr(high) - ndtr(low)) > 1e-12 and math.isfinite(self._log_mass)
+
+    @property
+    def _log_mass(self) -> float:
+        low, high = self._lower_ends
+        upper, lower = float(log_ndtr(high)), float(log_ndtr(low))
+        return upper + math.log1p(-math.exp(lower - upper))
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        """Values of the parameter at the given probabilities."""
+        if self.normal:
+            low, high = self._scaled_ends
+            # In the upper tail the probabilities are counted from above, where they keep their digits.
+            side = -1.0 if low > 0.0 else 1.0
+            first, last = float(ndtr(side * low)), float(ndtr(side * high))
+            coordinate = self.a + side * self.b * ndtri(first + probability * (last - first))
+        else:
+            low, high = self.support
+            coordinate = low + probability * (high - low)
+        low, high = self.ends
+        # Rounding of the inverse may step over a bound by one unit in the last place.
+        return self.value(np.minimum(np.maximum(coordinate, low), high))
+
+    def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
+        """`size` independent values."""
+        return self.quantile(rng.uniform(size=size))
+
+
+# How each is written, and whether it is a normal one, and of the logarithm.
+FAMILIES: Mapping[str, tuple[str, bool, bool]] = {
+    "uniform": ("uniform(lower, upper)", False, False),
+    "loguniform": ("loguniform(lower, upper), both positive", False, True),
+    "normal": ("normal(mean, sd)", True, False),
+    "lognormal": ("lognormal(median, sd of the natural logarithm)", True, True),
+}
+
+
+def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = "") -> Prior:
+    """Read a prior such as `normal(0.55, 0.05)` for the parameter `name` with bounds [lower, upper].
+
+    Raises ParameterError when the form, the family or a number is wrong, or when the bounds leave the prior
+    no mass.
+    """
+    matched = FORM.match(text)
+    if matched is None:
+        raise ParameterError(f"prior of {name}: read '{text}', expected a form such as normal(0.55, 0.05)")
+    family = matched.group(1).lower()
+    if family not in FAMILIES:
+        raise ParameterError(f"prior of {name}: unknown family '{matched.group(1)}': {suggestion(family, FAMILIES)}")
+    form, normal, log = FAMILIES[family]
+    try:
+        numbers = [float(part) for part in matched.group(2).split(",")]
+    except ValueError:
+        raise ParameterError(f"prior of {name}: read '{text}', expected numbers: {form}") from None
+    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
+        raise ParameterError(f"prior of {name}: read '{text}', expected two finite numbers: {form}")
+    if not all(number == 0.0 or SMALLEST <= abs(number) <= LARGEST for number in numbers):
+        raise ParameterError(
+            f"prior of {name}: read '{text}', expected numbers of {SMALLEST:g} to {LARGEST:g} in size"
+        )
+    if normal and log and numbers[1] > WIDEST_LOG:
+        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with a sd of at most {WIDEST_LOG:g}")
+    ordered = numbers[1] > 0.0 if normal else numbers[0] < numbers[1]
+    if not ordered or (log and numbers[0] <= 0.0):
+        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with lower < upper and sd > 0")
+    if log and upper <= 0.0:
+        raise ParameterError(f"prior of {name}: {text} is positive but the bounds are [{lower:g}, {upper:g}] {unit}")
+    a, b = numbers
+    if log:
+        a, b = math.log(a), b if normal else math.log(b)
+    prior = Prior(text.strip(), normal, log, a, b, lower, upper)
+    if not prior.has_mass:
+        raise ParameterError(
+            f"prior of {name}: {text} has no mass within the bounds [{lower:g}, {upper:g}]"
+            + (f" {unit}" if unit else "")
+            + "; change the prior"
+        )
+    return prior
+
+
+@dataclass(frozen=True)
+class JointPrior:
+    """Independent `priors`, one per column."""
+
+    priors: tuple[Prior, ...]
+
+    @cached_property
+    def _logs(self) -> list[int]:
+        return [k for k, prior in enumerate(self.priors) if prior.log]
+
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of the supports, each (priors,), in coordinates."""
+        ends = np.array([prior.support for prior in self.priors])
+        return ends[:, 0].copy(), ends[:, 1].copy()
+
+    @cached_property
+    def shape(self) -> tuple[FloatArray, FloatArray, float]:
+        """Centre and precision of each column (precision 0 where it is flat), and the joint constant."""
+        centre = np.array([prior.a for prior in self.priors])
+        precision = np.array([1.0 / prior.b if prior.normal else 0.0 for prior in self.priors])
+        return centre, precision, float(sum(prior.log_scale for prior in self.priors))
+
+    @cached_property
+    def width(self) -> FloatArray:
+        """A length along each coordinate, (priors,)."""
+        return np.array([prior.width for prior in self.priors])
+
+    def value(self, coordinates: NumberArray) -> NumberArray:
+        """Values (draws, priors) of coordinates (draws, priors)."""
+        values = coordinates.copy()
+        values[:, self._logs] = np.exp(coordinates[:, self._logs])
+        return values
+
+    def coordinate(self, values: FloatArray) -> FloatArray:
+        """Inverse of `value`."""
+        coordinates = values.copy()
+        coordinates[:, self._logs] = np.log(values[:, self._logs])
+        return coordinates
+
+    def rates(self, values: FloatArray) -> FloatArray:
+        """Derivatives (draws, priors) of values (draws, priors) with respect to their coordinates."""
+        rates = np.ones(values.shape)
+        rates[:, self._logs] = values[:, self._logs]
+        return rates
+
+    def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
+        """Values (size, priors)."""
+        return np.stack([prior.draw(rng, size) for prior in self.priors], axis=1)
+
+    def log_density(self, coordinates: FloatArray) -> FloatArray:
+        """Log density (draws,) with respect to coordinates; -inf outside the bounds."""
+        low, high = self.limits
+        centre, precision, constant = self.shape
+        z = (coordinates - centre) * precision
+        density = -0.5 * np.einsum("ij,ij->i", z, z) - constant
+        inside = np.all((coordinates >= low) & (coordinates <= high), axis=1)
+        return np.where(inside, density, -np.inf)
 
 
 def _spec(noise: ColumnNoise, unit: str) -> ParameterSpec:

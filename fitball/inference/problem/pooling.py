@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import Prior
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
 from fitball.wording import in_formula, option, spoken

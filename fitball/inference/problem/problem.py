@@ -19,9 +19,8 @@ from fitball.data.table import ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import Parameter
+from fitball.inference.problem.parameters import JointPrior, Parameter
 from fitball.inference.problem.pooling import GroupBias, Pooling
-from fitball.inference.problem.priors import JointPrior
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import LinearConstraint, Model, by_output
 from fitball.models.specs import BALL_PARAMETERS
@@ -36,7 +35,7 @@ class Choices:
     `noise` is one of `noise.KINDS`, `pool` maps parameters to the label column over whose levels they
     differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
     counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
-    `measurement_noise.noise_by_column`.
+    `observables.noise_by_column`.
     """
 
     model: str | None = None
@@ -51,27 +50,14 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class IncidentErrors:
-    """Errors of the incident state, which was measured too: `covariance` (impacts, 3, 3) of `(v_x1, v_y1, omega_1)`
-    in
-    SI. The true state is marginalised with a flat prior.
-    """
-
-    covariance: FloatArray
-
-    def take(self, rows: NDArray[np.int64]) -> IncidentErrors:
-        """The same for some of the impacts."""
-        return IncidentErrors(self.covariance[rows])
-
-
-@dataclass(frozen=True)
 class Problem:
     """A table, a model and priors: all that defines a posterior.
 
     `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
     `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
-    differ between surfaces or balls, `group_bias` of biases of whole groups, `incident` the errors of the
-    incident state, `force` records of the force on the court. `noise` is that of the table, and
+    differ between surfaces or balls, `group_bias` of biases of whole groups; `incident` is the covariance
+    (impacts, 3, 3) of `(v_x1, v_y1, omega_1)` in SI where these were measured too, whose true values are marginalised
+    with a flat prior, `force` records of the force on the court. `noise` is that of the table, and
     `threads` share large batches. `choices` are what it was posed by, beside table and scene.
     """
 
@@ -85,7 +71,7 @@ class Problem:
     notes: tuple[str, ...]
     pooling: tuple[Pooling, ...] = ()
     group_bias: GroupBias | None = None
-    incident: IncidentErrors | None = None
+    incident: FloatArray | None = None
     force: ForceRecords | None = None
     noise: NoiseKind = NORMAL
     threads: int = 1
@@ -133,6 +119,10 @@ class Problem:
     def to_coordinates(self, values: FloatArray) -> FloatArray:
         """Inverse of `to_values`."""
         return self.prior.coordinate(values)
+
+    def free_rows(self, named: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Free values (rows, free) of rows by name."""
+        return np.array([[row[name] for name in self.free_names] for row in named])
 
     def all_values(self, values: NumberArray) -> Mapping[str, NumberArray]:
         """Every parameter by name, free and fixed, as (draws,)."""

@@ -15,7 +15,8 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.values import FloatArray
 
-# Rows that tell what a first-order look at a large table can tell: sums over the others are alike.
+# Rows beyond which a table is long, some ten thousand cells. What is of first order looks at so many: sums over the
+# others are alike. Searches begin from few places, and the posterior is nearly normal: its draws are weighed.
 LOOKED_AT = 3000
 # Impacts with a force record, or a measurement of a column with gaps, that are kept in any part of a table.
 RECORDED = 20
@@ -95,7 +96,7 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
         table=table,
         impacts=impacts,
         observables=observables,
-        incident=None if problem.incident is None else problem.incident.take(kept),
+        incident=None if problem.incident is None else problem.incident[kept],
         force=None if problem.force is None else problem.force.take(kept),
         pooling=tuple(pooling.take(kept) for pooling in problem.pooling),
         group_bias=None if problem.group_bias is None else problem.group_bias.take(kept),

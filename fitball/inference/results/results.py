@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from fitball.data.balances import Balances
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.drop_test import DropTest
-from fitball.inference.results.evidence import Identifiability
+from fitball.inference.results.evidence import Adequacy, Identifiability
 from fitball.inference.results.fitted_model import PREDICTING, FittedModel
-from fitball.inference.results.pace_rating import CourtPace
+from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.source import Counted, NotNegative, Share, Source, Whole
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, same
@@ -64,7 +62,8 @@ class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
     `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`. `rms` is the root mean square residual of each observable, in its unit.
+    `missing`; `covariance` is that of the parameters that have one, in their order, `evaluations` are those of lmfit.
+    `rms` is the root mean square residual of each observable, in its unit.
     """
 
     values: Mapping[str, float]
@@ -77,6 +76,7 @@ class LeastSquares:
     optima: tuple[Mapping[str, float], ...]
     optima_chi_square: tuple[float, ...]
     evaluations: int
+    covariance: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -106,10 +106,9 @@ def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, ND
         columns[COVARIANCE] = table.incident_covariance
     columns |= {f"{LABEL}{k}": np.array(column, dtype=object) for k, column in enumerate(table.labels.values())}
     if force is not None:
-        columns |= {
-            FORCE + name: np.array([getattr(record, name) for record in force.records]) for name in COUNTS + NUMBERS
-        }
-        columns[FORCE + "means"] = np.where(force.mask, force.means, np.nan)
+        columns[FORCE + "row"] = force.rows
+        columns |= {FORCE + name: getattr(force, name) for name in (*COUNTS[1:], *NUMBERS)}
+        columns[FORCE + "means"] = force.measured
     return columns
 
 

@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, inner
-from fitball.models.kernels.contact import contact_of
+from fitball.models.kernels.contact import (
+    COLUMNS,
+    OK,
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    contact_of,
+    vertical_motion,
+)
 from fitball.models.kernels.dual import WIDTH
 from fitball.models.kernels.lanes.number import lane_array
 from fitball.models.kernels.lanes.phases import (
@@ -37,10 +45,8 @@ from fitball.models.kernels.lanes.start import (
     V_Y,
     vertical_in_lanes,
 )
-from fitball.models.kernels.oscillator import SERIES_LENGTH
+from fitball.models.kernels.oscillator import MAX_DEPTH, SERIES_LENGTH, SIZE, Stack
 from fitball.models.kernels.phases import MAX_PHASES, Scratch, rigid_contact, two_mass_contact
-from fitball.models.kernels.search import MAX_DEPTH, SIZE, Stack
-from fitball.models.kernels.vertical import COLUMNS, OK, TANGENTIAL, TORSION, TORSION_RIGID, vertical_motion
 from fitball.values import FloatArray
 
 

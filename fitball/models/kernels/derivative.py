@@ -16,7 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import compiled, inlined, inner
-from fitball.models.kernels.contact import Contact, contact_of, landed
+from fitball.models.kernels.contact import (
+    COLUMNS,
+    COR_MEASURED,
+    OK,
+    RESTITUTION,
+    TANGENTIAL,
+    TORSION,
+    TORSION_RIGID,
+    Contact,
+    contact_of,
+    landed,
+    vertical_motion,
+)
 from fitball.models.kernels.dual import SLOPES, STEP, WIDTH, GradientArray, Number, NumberArray, carry, gradient_array
 from fitball.models.kernels.equations import (
     Coupling,
@@ -39,16 +51,6 @@ from fitball.models.kernels.phases import (
     Piece,
     logged_piece,
     rigid_contact,
-)
-from fitball.models.kernels.vertical import (
-    COLUMNS,
-    COR_MEASURED,
-    OK,
-    RESTITUTION,
-    TANGENTIAL,
-    TORSION,
-    TORSION_RIGID,
-    vertical_motion,
 )
 from fitball.values import FloatArray
 

@@ -27,7 +27,7 @@ import math
 from typing import Generic, NamedTuple
 
 from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.contact import Contact
+from fitball.models.kernels.contact import Contact, VerticalMotion
 from fitball.models.kernels.dual import Number, NumberArray
 from fitball.models.kernels.oscillator import (
     NEAR_RESONANCE,
@@ -39,6 +39,8 @@ from fitball.models.kernels.oscillator import (
     Swing,
     forced_response,
     oscillator,
+    prepare_series,
+    prepare_swing,
     resultant,
     series_free,
     series_length,
@@ -46,8 +48,6 @@ from fitball.models.kernels.oscillator import (
     series_value,
     swing_at,
 )
-from fitball.models.kernels.search import prepare_series, prepare_swing
-from fitball.models.kernels.vertical import VerticalMotion
 from fitball.models.types import GRIP, HOLD, SLIDE_FORWARD
 from fitball.values import FloatArray
 

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.contact import Contact, impulsive_friction, landed
+from fitball.models.kernels.contact import OK, Contact, impulsive_friction, landed
 from fitball.models.kernels.dual import Number, exp
 from fitball.models.kernels.equations import (
     Coupling,
@@ -29,8 +29,17 @@ from fitball.models.kernels.equations import (
     solve_twist,
     swung_to,
 )
-from fitball.models.kernels.oscillator import AT_START, Basis, Oscillators, Series, basis_at
-from fitball.models.kernels.search import HALVINGS_LEFT, MAX_HALVINGS, Stack, first_zero
+from fitball.models.kernels.oscillator import (
+    AT_START,
+    HALVINGS_LEFT,
+    MAX_HALVINGS,
+    Basis,
+    Oscillators,
+    Series,
+    Stack,
+    basis_at,
+    first_zero,
+)
 from fitball.models.types import (
     FREE,
     GRIP,
@@ -255,7 +264,6 @@ def following(contact: Contact[float], mode: Mode, piece: Piece) -> Mode:
     return Mode(slide_phase(-piece.side), -piece.side, 2, False)
 
 
-OK = int(Status.OK)
 TOO_MANY_PHASES = int(Status.TOO_MANY_PHASES)
 TOO_RAPID = int(Status.TOO_RAPID)
 # A lightly damped torsional spring can break and renew the grip at each of its periods; each costs well

@@ -13,7 +13,7 @@ import numpy as np
 
 from fitball.inference.population.hyper import Known
 from fitball.inference.population.trend import Line
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.importance import K_TRUSTED
 from fitball.report.batch.grouping import Over

@@ -13,7 +13,7 @@ from fitball.inference.population.hyper import Known, TableDraws
 from fitball.inference.population.levels import Population, population, population_over
 from fitball.inference.population.quantity import Quantity, known, prior_of, quantity
 from fitball.inference.population.trend import LEAST_TABLES
-from fitball.inference.problem.priors import Prior
+from fitball.inference.problem.parameters import Prior
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.batch.grouping import Grouping, Over, grouped
 from fitball.report.batch.rows import DONE, NAME, Row

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,9 @@ from fitball.files import all_or_none
 from fitball.inference.comparison.left_out import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, measured_outputs
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Verdict
-from fitball.models.names import DEFAULT_MODEL
+from fitball.models.specs import DEFAULT_MODEL
 from fitball.report.compare.rows import (
     assumption_table,
     csv_rows,
@@ -202,54 +202,40 @@ def held_out(comparison: Comparison) -> list[Words | Table]:
     """Each impact beside its predictions by fits without it, by the best model and the simplest that is not surely
     worse (else the second); nothing where no model has any.
     """
-    best, simplest = comparison.models[0], comparison.simplest
-    chosen = [best, simplest] if simplest is not best else [*comparison.models[:2]]
-    errors = [_by_impact(comparison, scored) for scored in chosen]
+    table, (best, second, *_), simplest = comparison.table, comparison.models, comparison.simplest
+    chosen = (best, second if simplest is best else simplest)
+    # Errors in the table's order, by output; NaN where a fold has no fit.
+    errors: list[dict[str, FloatArray]] = [{}, {}]
+    for known, scored in zip(errors, chosen, strict=True):
+        for missed in scored.missed:
+            for name, column in missed.errors.items() if missed.scheme == IMPACTS else ():
+                known[name] = np.full(len(table), np.nan)
+                known[name][missed.rows] = column
     outputs = [name for name in scored_outputs(comparison) if any(name in one for one in errors)]
     if not outputs:
         return []
-    measured, table = measured_outputs(comparison.table), comparison.table
-    impacts, both = table.impacts, len(chosen) > 1
-    angle, speed = np.degrees(impacts.angle), impacts.speed
+    measured, impacts = measured_outputs(table), table.impacts
     columns = {"impact": list(table.ids)}
-    columns |= {"angle [deg]": [f"{it:.1f}" for it in angle]} if table.has_tangential else {}
-    columns["speed [m/s]"] = [f"{it:.1f}" for it in speed]
+    columns |= {"angle [deg]": [f"{it:.1f}" for it in np.degrees(impacts.angle)]} if table.has_tangential else {}
+    columns["speed [m/s]"] = [f"{it:.1f}" for it in impacts.speed]
     for name in outputs:
+        scale, known_ones = output_scale(name), measured[name]
+        # Three digits or four of the largest.
+        largest = float(np.nanmax(np.abs(known_ones))) * scale.factor
+        places = 0 if largest >= 100.0 else 1 if largest >= 20.0 else 2
         misses = [one.get(name, np.full(len(table), np.nan)) for one in errors]
-        told = np.transpose([measured[name] + miss for miss in (np.zeros(len(table)), *misses)])[:MOST_ROWS]
-        columns[head(name)] = [" | ".join(map(_cells(name, measured[name]), row)) for row in told.tolist()]
-    if both:
-        gap = chosen[0].loo.elpd - chosen[1].loo.elpd
-        columns["elpd, first less second"] = [fixed(it, 1) for it in gap.tolist()]
-    names = [scored.name for scored in chosen]
+        told = np.transpose([known_ones + miss for miss in (np.zeros(len(table)), *misses)])[:MOST_ROWS]
+        columns[head(name)] = [" | ".join(scale.fixed(it, places) for it in row) for row in told.tolist()]
+    columns["elpd, first less second"] = [fixed(it, 1) for it in (chosen[0].loo.elpd - chosen[1].loo.elpd).tolist()]
     text = (
-        f"Measured | {' | '.join(names)}, each impact predicted at the maximum of the posterior of a fit without it."
+        f"Measured | {best.name} | {chosen[1].name}, each impact predicted at the maximum of the posterior of a fit "
+        "without it. Last column: its share in the difference of scores, positive where "
+        f"{best.name} foresees it better."
     )
-    if both:
-        text += f" Last column: its share in the difference of scores, positive where {names[0]} foresees it better."
     rows = list(zip(*columns.values(), strict=False))
     label = "Impacts left out, measured and predicted"
     listed = Table(label, [[*columns], *rows], count=len(table), rest="`compare.json`", only="page")
     return [Words([text], only="page"), listed]
-
-
-def _by_impact(comparison: Comparison, scored: ModelScore) -> dict[str, FloatArray]:
-    """Errors on left-out impacts in the table's order, by output; NaN where a fold has no fit."""
-    known = {}
-    for missed in scored.missed:
-        if missed.scheme == IMPACTS:
-            for name, column in missed.errors.items():
-                known[name] = np.full(len(comparison.table), np.nan)
-                known[name][missed.rows] = column
-    return known
-
-
-def _cells(name: str, measured: FloatArray) -> Callable[[float], str]:
-    """How values of a column are written: three digits or four of its largest."""
-    factor = output_scale(name).factor
-    largest = float(np.nanmax(np.abs(measured))) * factor
-    places = 0 if largest >= 100.0 else 1 if largest >= 20.0 else 2
-    return lambda value: fixed(value * factor, places)
 
 
 def words(comparison: Comparison) -> str:

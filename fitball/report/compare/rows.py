@@ -12,7 +12,7 @@ import numpy as np
 from fitball.inference.comparison.left_out import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
-from fitball.inference.results.adequacy import Answer
+from fitball.inference.results.evidence import Answer
 from fitball.report.form.document import Table
 from fitball.report.form.numbers import fixed, handy, output_scale
 from fitball.values import FloatArray

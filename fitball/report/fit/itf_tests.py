@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.inference.results.adequacy import Adequacy
-from fitball.inference.results.drop_test import DropTest, StandardRebound
-from fitball.inference.results.pace_rating import (
+from fitball.inference.results.evidence import Adequacy
+from fitball.inference.results.lab import (
     PACE_CONSTANT,
     PER_DEGREE,
     PER_KELVIN,
     CourtMean,
     CourtPace,
+    DropTest,
     PaceRating,
     Reach,
+    StandardRebound,
 )
-from fitball.inference.results.pace_rating import TEST_TEMPERATURE as PACE_TEMPERATURE
+from fitball.inference.results.lab import TEST_TEMPERATURE as PACE_TEMPERATURE
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.report.fit.judged import conditional_words

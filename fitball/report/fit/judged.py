@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
-from fitball.inference.results.adequacy import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.assumptions import PACE, Alternative, Assumptions
+from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Part, Row, Table, Words, judged

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -13,7 +13,15 @@ import numpy as np
 
 from fitball.data.balances import Balance, Balances
 from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY, quantiles
-from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, RunStatus, Verdict
+from fitball.inference.results.results import (
+    Diagnostics,
+    ErrorBudget,
+    Estimate,
+    Fit,
+    LeastSquares,
+    RunStatus,
+    Verdict,
+)
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.models.types import regime_name
 from fitball.report.figures.quantities import prediction, prediction_of
@@ -37,6 +45,7 @@ from fitball.report.form.numbers import (
     significant,
     verdict_cell,
 )
+from fitball.values import FloatArray
 from fitball.wording import spoken
 
 # Sequence of slip and grip that is named without its probability.
@@ -294,6 +303,29 @@ def html_text(fit: Fit) -> str:
     )
 
 
+def _correlations(names: Sequence[str], matrix: FloatArray) -> list[str]:
+    pairs = [(abs(matrix[i, j]), names[j], names[i], matrix[i, j]) for i in range(len(names)) for j in range(i)]
+    told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
+    head = [f"[[Correlations]] (those above {WORTH_TELLING:g})"] if told else []
+    return head + [f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told]
+
+
+def _least_squares(squares: LeastSquares) -> list[str]:
+    """Best values by lmfit with their standard errors, in SI, and the correlations of these."""
+    errors = {name: error for name, error in squares.stderr.items() if error is not None}
+    if not errors or squares.covariance is None:
+        return []
+    freedom = squares.degrees_of_freedom
+    reduced = f", reduced chi-square {squares.chi_square / freedom:.3f}" if freedom > 0 else ""
+    cells = [[f"{name}:", f"{squares.values[name]:.6g} +/- {error:.3g}"] for name, error in errors.items()]
+    size = np.sqrt(np.diagonal(squares.covariance))
+    return [
+        f"[[Least squares]] (lmfit; noise as stated, SI; {squares.evaluations} evaluations{reduced})",
+        *(f"    {line}" for line in columns(cells, left=2)),
+        *_correlations(tuple(errors), squares.covariance / np.outer(size, size)),
+    ]
+
+
 def report_text(fit: Fit) -> str:
     """Outcome, statistics, parameters, correlations and notes."""
     measured = listed(fit.source.measurements)
@@ -311,11 +343,8 @@ def report_text(fit: Fit) -> str:
     lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)"]
     lines += [f"    {line}" for line in columns(cells, left=5)]
     if fit.correlation is not None:
-        matrix, names = fit.correlation, fit.free_names
-        pairs = [(abs(matrix[i, j]), names[j], names[i], matrix[i, j]) for i in range(len(names)) for j in range(i)]
-        told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
-        lines += [f"[[Correlations]] (those above {WORTH_TELLING:g})"] * bool(told)
-        lines += [f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told]
+        lines += _correlations(fit.free_names, fit.correlation)
+    lines += _least_squares(fit.least_squares)
     if fit.notes:
         lines += ["[[Notes]]", *wrapped(fit.notes, " " * 4, " " * 6)]
     return "\n".join(lines)

@@ -68,6 +68,9 @@ class Words:
     only: Only = ""
     rank: Rank = "full"
 
+    def __bool__(self) -> bool:
+        return bool(self.texts)
+
 
 @dataclass(frozen=True)
 class Table:
@@ -92,14 +95,13 @@ class Table:
         heads = list(dict.fromkeys(head for row in rows for head in row))
         return cls(label, [heads, *([row.get(head, "") for head in heads] for row in rows)], words, **more)
 
+    def __bool__(self) -> bool:
+        return len(self.rows) > 1
+
     @property
     def left(self) -> list[bool]:
         """Which columns are flush left."""
         return [k == 0 or head in self.words for k, head in enumerate(self.rows[0])]
-
-    def more(self, most: int) -> int:
-        """How many rows are left out where `most` are shown."""
-        return max(0, max(self.count, len(self.rows) - 1) - most)
 
 
 @dataclass(frozen=True)
@@ -139,13 +141,9 @@ class Document:
     def read_by(self, reader: Only) -> Iterator[tuple[Section, list[Part]]]:
         """Each section with the parts that this reader sees; what comes first has no title."""
         for section in (Section("", "", self.lead), *self.sections):
-            parts = [part for part in section.parts if part.only in ("", reader) and _holds(part)]
+            parts = [part for part in section.parts if part.only in ("", reader) and part]
             if parts:
                 yield section, parts
-
-
-def _holds(part: Part) -> bool:
-    return bool(part.texts) if isinstance(part, Words) else not isinstance(part, Table) or len(part.rows) > 1
 
 
 def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1) -> list[str]:
@@ -205,9 +203,7 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     if part.over:
         shown.insert(0, [text if k == 0 else "" for text, count in part.over for k in range(count)])
     lines = columns(shown, [part.left[k] for k in kept])
-    lines += (
-        [f"... and {part.more(MOST_LINES):,} more: {part.rest.replace('`', '')}"] if part.more(MOST_LINES) else []
-    )
+    lines += more(max(part.count, len(part.rows) - 1), part.rest.replace("`", ""))
     return [f"{part.label}:", "", *lines] if labelled else lines
 
 
@@ -312,7 +308,7 @@ def _table(part: Table) -> Markup:
     body = Markup("\n").join(_line("td", row, kinds) for row in part.rows[1 : MOST_ROWS + 1])
     whole = Markup("<table>\n<caption>{}</caption>\n<thead>{}</thead>\n<tbody>\n{}\n</tbody></table>")
     made = BOX.format(part.label, "", whole.format(part.label, head, body))
-    if left := part.more(MOST_ROWS):
+    if (left := max(part.count, len(part.rows) - 1) - MOST_ROWS) > 0:
         made += Markup('\n<p class="quiet">{:,} more stand in {}.</p>').format(left, _typeset(part.rest))
     folded = Markup("<details><summary>{}</summary>\n{}</details>")
     return folded.format(part.label, made) if part.rank == "folded" else made

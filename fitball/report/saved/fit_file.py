@@ -19,8 +19,7 @@ from fitball.errors import FitballError, ParameterError, ResultFolderError
 from fitball.inference.assemble import rests_on
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
-from fitball.inference.problem.parameters import NOISE_SPECS
-from fitball.inference.problem.priors import parse_prior
+from fitball.inference.problem.parameters import NOISE_SPECS, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.quantiles import QUANTILES

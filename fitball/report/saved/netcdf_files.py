@@ -22,7 +22,7 @@ from fitball.data.columns import SD_SUFFIX
 from fitball.data.hdf5_arrays import array, finite, group, opened, texts
 from fitball.data.table import ImpactTable, Measurement
 from fitball.errors import ResultFolderError
-from fitball.inference.problem.force_records import Averaged, ForceRecords
+from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, Posterior
 from fitball.inference.results.source import (
@@ -163,12 +163,9 @@ def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | 
     )
     if source.force is None:
         return table, None
-    records = []
-    for k, means in enumerate(columns[FORCE + "means"]):
-        numbers: dict[str, Any] = {name: columns[FORCE + name][k].item() for name in (*COUNTS, *NUMBERS)}
-        records.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
-    force = source.force
-    return table, ForceRecords(force.file, force.sha256, force.start_sd, tuple(records))
+    numbers = {name: columns[FORCE + name] for name in (*COUNTS[1:], *NUMBERS)}
+    force, rows, means = source.force, columns[FORCE + "row"], columns[FORCE + "means"]
+    return table, ForceRecords(force.file, force.sha256, force.start_sd, rows=rows, measured=means, **numbers)
 
 
 def _texts(column: NDArray[Any]) -> tuple[str, ...]:

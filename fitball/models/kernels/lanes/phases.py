@@ -54,17 +54,20 @@ from fitball.models.kernels.lanes.search import (
 )
 from fitball.models.kernels.lanes.start import ROUNDING, contact_lanes, landed_lanes
 from fitball.models.kernels.oscillator import (
+    BOUND,
+    FAST_BOUND,
     NEAR_RESONANCE,
     SERIES_LENGTH,
     SERIES_REACH,
+    SIZE,
     Oscillator,
     Oscillators,
     forced_response,
     resultant,
     series_value,
+    swing_derivatives,
 )
 from fitball.models.kernels.phases import DOUBTFUL_SHARE, FORCE_END_SHARE
-from fitball.models.kernels.search import BOUND, FAST_BOUND, SIZE, swing_derivatives
 from fitball.models.types import FREE, GRIP, PHASE_BITS, SLIDE_BACKWARD, SLIDE_FORWARD
 from fitball.values import FloatArray
 

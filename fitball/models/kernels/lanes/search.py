@@ -1,4 +1,4 @@
-"""First zeros of the contact functions of all lanes, certified as in `kernels.search`, and the functions themselves.
+"""First zeros of the contact functions of all lanes, certified as in `oscillator`, and the functions themselves.
 
 All lanes walk through one tree of halved intervals, each from its own start to its own end; an interval is halved as
 long as some lane there is undecided. A lane looks only at intervals that it would look at alone, so that its result
@@ -20,14 +20,19 @@ from fitball.models.kernels.oscillator import (
     Basis,
     Oscillator,
     Oscillators,
+    Stack,
     Swing,
+    bernstein,
+    evaluate_basis,
+    falls_once,
+    guess,
     joined_swing,
     series_length,
     series_value,
     short_phase,
     short_swing,
+    zero_free,
 )
-from fitball.models.kernels.search import Stack, bernstein, evaluate_basis, falls_once, guess, zero_free
 
 # Places that a basis takes in an array.
 BASIS = 7

@@ -13,11 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.contact import Contact, Joint, tied_inertia_split, tied_shell_share
-from fitball.models.kernels.dual import choose
-from fitball.models.kernels.lanes.number import LaneArray, Lanes, Mask, log, sin_cos
-from fitball.models.kernels.oscillator import oscillator
-from fitball.models.kernels.vertical import (
+from fitball.models.kernels.contact import (
     ANCHOR_SPEED,
     BALL_INERTIA,
     BALL_MASS,
@@ -50,8 +46,15 @@ from fitball.models.kernels.vertical import (
     TORSION,
     TORSION_MATCHED,
     ZETA_THETA,
+    Contact,
+    Joint,
     VerticalMotion,
+    tied_inertia_split,
+    tied_shell_share,
 )
+from fitball.models.kernels.dual import choose
+from fitball.models.kernels.lanes.number import LaneArray, Lanes, Mask, log, sin_cos
+from fitball.models.kernels.oscillator import oscillator
 
 # Rows of what the bounce of eight impacts takes: their parameters, the impacts themselves, and, for closures whose
 # vertical motion is found impact by impact, what that is.

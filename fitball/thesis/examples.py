@@ -1,26 +1,108 @@
-"""Examples of the thesis solved exactly, what they say of each of its claims, and what a user reads of it."""
+"""Figs 8 to 28 of Jafri (2004): what each varies, and what the thesis states of its inputs; each solved exactly, what
+that says of every claim of the thesis, and what a user reads of it.
+
+They stand in `datasets/thesis/figures.toml`, their claims in `figure_claims.csv`. The figures of Chapter III carry no
+inputs in their text: only the two examples behind Figs 25 to 28 are stated. What had to be assumed stands beside each
+figure, with the reason.
+"""
 
 from __future__ import annotations
 
 import math
 import textwrap
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from fitball.data.bundled import bundled_folder
+from fitball.data.published import FOLDER, thesis_rows
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.prediction.simulate import Simulation, simulate
-from fitball.inference.thesis.inputs import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
+from fitball.inference.thesis.published_cases import BALL_RADIUS, INERTIA, INERTIA_OF, case_parameters
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase
 from fitball.report.form.document import WIDTH, columns
 from fitball.thesis.printed_tables import examples, rebound_words, transition_words
-from fitball.thesis.simulate_examples import COR, EXAMPLES, Claim, Example
 from fitball.values import FloatArray, impacts
 
+COR = 0.76
+# Friction that grips early, without an offset: what Figs 17 to 23 are solved with, see `no_slip` there.
+GRIP = {"mu": 5.0, "eps_10": 0.0, "eps_slope": 0.0}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve: its label, the impact `(v_x1, v_y1, omega_1)` [m/s, m/s, rad/s], what differs from the base set."""
+
+    label: str
+    impact: tuple[float, float, float]
+    changed: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the thesis says of a curve, numbered from 0: `measure` names the quantity (see `MEASURES`).
+
+    `printed` is its number, or None for a statement in words that `holds` or not.
+    """
+
+    said: str
+    measure: str
+    curve: int
+    printed: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Example:
+    """One figure: `panels` as in `figure_history`, inputs `stated` and `assumed` in words."""
+
+    name: str
+    title: str
+    panels: tuple[str, ...]
+    curves: tuple[Curve, ...]
+    stated: str
+    assumed: tuple[str, ...]
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What the thesis says of it."""
+        return tuple(
+            Claim(
+                row["claim"], row["measure"], int(row["curve"]), float(row["printed"]) if row["printed"] else None,
+                row["unit"],
+            )
+            for row in thesis_rows("figure_claims")
+            if row["figure"] == self.name
+        )  # fmt: skip
+
+
+def _read() -> tuple[Example, ...]:
+    content = tomllib.loads((bundled_folder() / FOLDER / "figures.toml").read_text(encoding="utf-8"))
+    texts = content["assumed"]
+
+    def curve(label: str, impact: list[float], grip: bool = False, **more: Mapping[str, float]) -> Curve:
+        v_x, v_y, omega = impact
+        return Curve(label, (v_x, v_y, omega), {**(GRIP if grip else {}), **more.get("changed", {})})
+
+    return tuple(
+        Example(
+            figure["name"],
+            figure["title"],
+            tuple(figure["panels"]),
+            tuple(curve(**item) for item in figure["curves"]),
+            figure["stated"],
+            tuple(texts.get(item, item) for item in figure["assumed"]),
+        )
+        for figure in content["figure"]
+    )
+
+
+EXAMPLES = _read()
 # The examples of Chapter III by the figures that show them.
 NUMBER_OF: Mapping[str, int] = {"fig25": 1, "fig26": 1, "fig27": 2, "fig28": 2}
 RESTING = (Phase.GRIP, Phase.HOLD)

@@ -139,13 +139,15 @@ START_SAMPLES: FloatArray = 0.25 ** np.arange(10.0, 0.0, -1.0)
 
 
 class ExpmMarch:
-    """`March` with numbers of one kind; arrays hold them as objects where they are no doubles."""
+    """Carries a state along one linear phase up to its first event, with numbers of one kind; arrays hold them as
+    objects where they are no doubles. `rounding` is the relative size below which a sum counts as zero.
+    """
 
     def __init__(self, kind: Arithmetic) -> None:
         self.kind, self.rounding = kind, kind.rounding
 
     def __call__(self, matrix: Matrix, state: Row, guards: list[Row], duration: Number) -> tuple[Number, Row, bool]:
-        """See `March`."""
+        """Elapsed time, state there, and whether a guard row fell below zero before `duration`."""
         a, z = self.kind.array(matrix), self.kind.array(state)
         rows = self.kind.array(guards).reshape(-1, z.size)
         fastest = float(np.max(np.abs(np.linalg.eigvals(a.astype(np.float64)))))

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from fitball.errors import ParameterError
-from fitball.models.oracle.march import (
+from fitball.models.march import (
     DOUBLE,
     STEPS_PER_POLE_TIME,
     Arithmetic,
@@ -239,18 +238,6 @@ INCIDENT_ROUNDING = 2e-15
 SLIDES = {1: Phase.SLIDE_FORWARD, -1: Phase.SLIDE_BACKWARD}
 
 
-class March(Protocol):
-    """How a backend carries a state along one linear phase up to its first event.
-
-    `rounding` is the relative size below which a sum counts as zero.
-    """
-
-    rounding: Number
-
-    def __call__(self, matrix: Matrix, state: Row, guards: list[Row], duration: Number) -> tuple[Number, Row, bool]:
-        """Elapsed time, state there, and whether a guard row fell below zero before `duration`."""
-
-
 @dataclass(frozen=True)
 class Outcome:
     """State at the end of contact, the phases passed through, and whether they were too many."""
@@ -327,7 +314,7 @@ class Equations:
         return [scaled(self.slip, 1 if phase is Phase.SLIDE_FORWARD else -1)]
 
 
-def bounce(problem: Problem, march: March) -> Outcome:
+def bounce(problem: Problem, march: ExpmMarch) -> Outcome:
     """Carry one impact from landing to release."""
     equations = Equations(problem)
     state, at_rest = land(problem, march.rounding)
