@@ -258,3 +258,10 @@ def test_tables_are_frozen_and_travel_between_processes() -> None:
         table.labels["group"] = ()  # type: ignore[index]
     again = pickle.loads(pickle.dumps(table))
     assert again.digest == table.digest and again.labels["group"] == table.labels["group"]
+
+
+def test_labels_and_names_are_those_of_the_rows_that_are_left(tmp_path: Path) -> None:
+    table = read(tmp_path, "id,surface,note,v_y1,v_y2\na,clay,x,,3\nb,hard,y,5,4\nc,grass,z,6,-\nd,clay,u,7,6\n")
+    assert (table.ids, table.rows) == (("b", "d"), (2, 4))
+    assert dict(table.labels) == {"surface": ("hard", "clay"), "note": ("y", "u")}
+    np.testing.assert_array_equal(table.impacts.v_y1, [5, 7])
