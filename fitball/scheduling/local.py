@@ -89,8 +89,9 @@ def _each(
         ready.put((pool, item, done, not (done.cancelled() or done.exception()) and hand_out(pool)))
 
     def begin() -> None:
+        pool = _waiting.pop() if _waiting else _one_process()
         with _interrupts_held():
-            hand_out(_waiting.pop() if _waiting else _one_process())
+            hand_out(pool)
 
     left, mine = len(items), _taken(waiting) if here else []
     try:

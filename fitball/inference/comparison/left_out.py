@@ -1,6 +1,5 @@
 """What a model says of impacts it has not seen: refits without some impacts, and how far their predictions of these
-are
-off; predictive densities of single ones, by importance sampling, by an exact refit where that is unreliable.
+are off; predictive densities of single ones, by importance sampling, by an exact refit where that is unreliable.
 
 Only the likelihood of what is left out goes, as in `withheld`: the scene's knowledge, the priors, and that every
 impact must be possible stay.

@@ -1,6 +1,5 @@
 """All evidence at all parameters, and the verdicts they add up to: profiles and information (see there), several
-fits,
-in which impacts a parameter acts, whether only priors of others hold it, power-scaling.
+fits, in which impacts a parameter acts, whether only priors of others hold it, power-scaling.
 """
 
 from __future__ import annotations

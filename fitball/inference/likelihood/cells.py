@@ -76,8 +76,7 @@ def cells(
     sizes: Columns | None = None,
 ) -> Cells:
     """The cells of a problem at coordinates (draws, free), with noise parameters of these `sizes` where they are
-    given
-    instead of those of the coordinates; with `slopes` their derivatives.
+    given instead of those of the coordinates; with `slopes` their derivatives.
     """
     values = problem.to_values(coordinates)
     columns: dict[str, FloatArray] = {**problem.all_values(values), **(sizes or {})}
@@ -95,8 +94,7 @@ def cells_of(
     moved: Columns | None = None,
 ) -> Cells:
     """As `cells`, for rebounds that are known, with their derivatives `moved` (draws, impacts, free) by output if
-    those
-    of cells are wanted; of other columns than the table's where these are `measured`.
+    those of cells are wanted; of other columns than the table's where these are `measured`.
     """
     seen = problem.observables if measured is None else measured
     count, (draws, _) = len(problem.impacts), rebound.v_x2.shape

@@ -90,8 +90,7 @@ class Linear(NamedTuple):
 @dataclass(frozen=True)
 class Surface:
     """The negative log likelihood of a problem and its derivatives, batched over rows, in the free parameters that
-    are
-    not noise, if that is normal and its best size known (`closed`); in all of them where it is not, or where the
+    are not noise, if that is normal and its best size known (`closed`); in all of them where it is not, or where the
     surface is `penalised`: minus the log posterior but for a constant, within the priors. Of `squares` it is half the
     chi-square but for a constant: no prior, the noise in the middle of its own.
 

@@ -311,8 +311,8 @@ def build_parameters(
     """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
 
     `specs` are those of the model, `extra` are further parameters that only this problem has, by name; `sources` is
-    where priors were published. Raises
-    ParameterError for a name that is not among them, a value outside its bounds, or a bad prior.
+    where priors were published. Raises ParameterError for a name that is not among them, a value outside its bounds,
+    or a bad prior.
     """
     others = extra or {}
     everything = (*names, *ball_names, *others)

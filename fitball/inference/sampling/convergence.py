@@ -1,6 +1,5 @@
 """Convergence of several ensembles, by ArviZ's statistics, and how far a number of a posterior may move when it is
-sampled
-anew.
+sampled anew.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
 """Importance sampling: weights, Pareto-smoothed by ArviZ where the largest of them have a tail to be fitted;
-posteriors
-as weighted draws, of whole tables and without one impact.
+posteriors as weighted draws, of whole tables and without one impact.
 
 Adaptive multiple importance sampling (Cornuet, Marin, Mira and Robert 2012, *Scand. J. Statist.* 39, 798): draws come
 from Student distributions that are fitted to them round by round, and all draws so far are weighted by the mixture of
