@@ -1,7 +1,8 @@
 """Modules that others import at once and seldom use, loaded when they are used.
 
-lmfit, emcee and ArviZ's statistics import `scipy.stats`, pandas and more for functions that a fit does not call; that
-is more than half of what starting would cost.
+lmfit, emcee and ArviZ's statistics import `scipy.stats`, pandas and more for functions that a fit does not call, and
+`scipy.optimize` all of `scipy.spatial` and, by way of array namespaces, numpy's wrapper of Fortran; that is more than
+half of what starting would cost.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ from typing import Any
 HEAVY = (
     "dill",
     "matplotlib",
+    "numpy.f2py",
     "pandas",
     "scipy.interpolate",
+    "scipy.linalg.interpolative",
     "scipy.signal",
     "scipy.signal.windows",
+    "scipy.spatial",
     "scipy.stats",
 )
 
@@ -69,12 +73,20 @@ def heavy_later(*private: str) -> Iterator[None]:
     if threading.active_count() > 1:
         yield
         return
+    import numpy
+
     before = set(sys.modules)
     waiting = {name: _StandIn(name) for name in HEAVY if name not in before}
     sys.modules.update(waiting)
+    # numpy looks for a part of it that is not bound to it again and again.
+    bound = {name.removeprefix("numpy."): module for name, module in waiting.items() if name.startswith("numpy.")}
+    for name, module in bound.items():
+        setattr(numpy, name, module)
     try:
         yield
     finally:
+        for name in bound:
+            delattr(numpy, name)
         for name in set(sys.modules) - before:
             if name.split(".")[0] in private or sys.modules[name] is waiting.get(name):
                 del sys.modules[name]

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.design.knowledge import Knowledge, solved
-from fitball.inference.design.search import differentiated
-from fitball.inference.design.sensor import PlannedColumn, Sensor
-from fitball.inference.design.target import Target
+from fitball.inference.design.asked import PlannedColumn, Sensor, Target
+from fitball.inference.design.knowledge import Knowledge
 from fitball.inference.likelihood.cells import joint_root, shared_covariance
 from fitball.inference.likelihood.cells import solved as whiten
 from fitball.inference.problem.problem import Problem
@@ -100,16 +98,11 @@ def read(plans: Sequence[Planned], coordinates: FloatArray) -> tuple[list[Read],
     for plan in plans:
         problem, sensor = plan.problem, plan.sensor
         values = problem.to_values(coordinates)
-        columns, shared = problem.all_values(values), None
-        if problem.incident is None:
-            rebound = problem.rebound(values)
-        else:
-            made = differentiated(problem, coordinates)
-            rebound = made.rebound
-            shared = shared_covariance(problem, columns, rebound, sensor.columns)
+        columns, rebound = problem.all_values(values), problem.rebound(values)
+        shared = shared_covariance(problem, columns, rebound, sensor.columns)
         means = np.stack([column.predict(rebound) + _bias(problem, columns, column) for column in sensor.columns], 2)
         sds = np.stack([column.sds(columns, rebound) for column in sensor.columns], axis=2)
-        possible &= np.all(solved(rebound), axis=1)
+        possible &= np.all(rebound.status == 0, axis=1)
         impacts += [
             Read(means[:, k], sds[:, k], None if shared is None else shared[:, k]) for k in range(means.shape[1])
         ]

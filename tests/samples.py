@@ -14,6 +14,7 @@ from fitball.data.table import ImpactTable, Measurement
 from fitball.inference.identifiability import examine
 from fitball.inference.point import point_fit
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.report.saved.fit_file import load, read_fit
 
 # Seconds after which a process is taken to hang: no measure of how fast a machine is.
 HANG = 900.0
@@ -66,6 +67,13 @@ def search_briefly(patch):
 def leave_out_figures(patch, but=()):
     """Results are saved without their figures, most of the time a save takes: for tests that look at other files."""
     patch.setattr("fitball.report.figures.registry.drawable_kinds", lambda _fit: [*but])
+
+
+def restored(folder):
+    """A fit read back with all the files beside it."""
+    fit = read_fit(folder)
+    load(fit)
+    return fit
 
 
 def save_without_figures(fit, folder):

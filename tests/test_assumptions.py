@@ -18,8 +18,7 @@ from fitball.inference.identifiability.fisher import about
 from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import maximum_posterior
-from fitball.inference.prediction.new_impacts import predict_new
-from fitball.inference.prediction.over_assumptions import with_assumptions
+from fitball.inference.prediction.new_impacts import predict_new, with_assumptions
 from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Posterior, Verdict

@@ -27,8 +27,8 @@ from fitball.inference.point.point_fit import starting_points
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.ensembles import Schedule
+from fitball.report.compare.document import words
 from fitball.report.compare.rows import json_content
-from fitball.report.compare.words import words
 from fitball.report.form.files import json_text
 from fitball.scheduling.engine import engine
 from fitball.thesis import ranking

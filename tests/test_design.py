@@ -14,13 +14,10 @@ from nested_monte_carlo import Planned, nested_gain
 from fitball.data.lines import Range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference.design.force_plate import plate_rows, with_plate
-from fitball.inference.design.gain import nothing_measured, over_draws
-from fitball.inference.design.knowledge import Knowledge
+from fitball.inference.design.asked import PlannedColumn, Sensor, as_before, of_parameters
+from fitball.inference.design.knowledge import Knowledge, plate_rows, with_plate
 from fitball.inference.design.make_plan import Asked, make_plan
-from fitball.inference.design.search import differentiated, information_rows
-from fitball.inference.design.sensor import PlannedColumn, Sensor, as_before
-from fitball.inference.design.target import of_parameters
+from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import StudentNoise
 from fitball.inference.results.results import Posterior
@@ -99,7 +96,7 @@ def linear():
 
 def first_order(known, planned, target, sensor, draws, together=False):
     """Gains (draws, impacts) of the impacts `planned` by derivatives, or of all of them (draws, 1)."""
-    rows = information_rows(differentiated(planned, draws), sensor, known.root)
+    rows = information_rows(planned, *read(planned, draws, [sensor]), known.root)
     rows = rows.reshape(len(draws), 1, -1, rows.shape[-1]) if together else rows
     return nothing_measured(target.gradients(draws) @ known.root).gains(rows)
 
@@ -181,13 +178,14 @@ def test_the_batch_is_that_of_the_optimum_for_a_line(linear):
 
 def test_heavy_tails_and_uncertain_noise_are_worth_less(linear):
     planned, sensor, draws = dropped(linear, 12.0), as_before(linear.problem), linear.some(2)
-    rows = information_rows(differentiated(planned, draws), sensor, linear.root)
+    rows = information_rows(planned, *read(planned, draws, [sensor]), linear.root)
 
     class Five(StudentNoise):
         def _freedom(self, sizes):
             return np.full(2, 5.0)
 
-    heavy = information_rows(differentiated(replace(planned, noise=Five()), draws), sensor, linear.root)
+    tailed = replace(planned, noise=Five())
+    heavy = information_rows(tailed, *read(tailed, draws, [sensor]), linear.root)
     assert (heavy**2).sum() == pytest.approx(0.75 * (rows**2).sum(), rel=1e-9)
 
 

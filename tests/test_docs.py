@@ -36,9 +36,9 @@ from fitball.inference.identifiability import posterior_verdict as identifiabili
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
-from fitball.inference.population.draws import SMOOTH
+from fitball.inference.population.hyper import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
-from fitball.inference.prediction.extrapolation import SLACK
+from fitball.inference.prediction.reach import SLACK
 from fitball.inference.problem import force_records, measurement_noise
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS

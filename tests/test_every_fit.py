@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from samples import same_values
+from samples import restored, same_values
 from synthetic_drop import COR, write_case
 
 import fitball
@@ -27,7 +27,6 @@ from fitball.inference.problem.build import Choices
 from fitball.inference.sampling.ensembles import SamplingInterrupted
 from fitball.report.fit.document import _pictures
 from fitball.report.fit.folder import write_all
-from fitball.report.saved.fit_file import restore
 
 ROWS = [
     "id,surface,group,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm],v_x1_sd,"
@@ -129,7 +128,7 @@ def test_plot_draws_the_figures_of_the_run_without_the_table(made, tmp_path, cap
 
 
 def test_the_problem_is_read_back_as_it_was(made):
-    read, effort = restore(made.folder), replace(EFFORT, walkers=60)
+    read, effort = restored(made.folder), replace(EFFORT, walkers=60)
     assert fingerprint(read.problem, effort) == fingerprint(made.fit.problem, effort)
     assert read.problem.parameters == made.fit.problem.parameters
     same_values(read.point.rebound, made.fit.point.rebound)

@@ -14,7 +14,7 @@ from test_export_ports import differences, fitted, port_of, python_module, rando
 from test_total_bounce import ball_of
 
 from fitball.exports.port.languages import csharp_port, javascript_script, javascript_texts
-from fitball.inference.prediction.valid_range import total_rebound, valid_range
+from fitball.inference.prediction.reach import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.values import Ball, Impacts
 

@@ -15,7 +15,7 @@ import pytest
 
 from fitball.exports.port.languages import c_port
 from fitball.exports.port.port import make_port, python_port
-from fitball.inference.prediction.port_check import golden
+from fitball.inference.prediction.outputs import golden
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import Closures

@@ -16,8 +16,7 @@ from fitball.cli.main import main
 from fitball.data.lines import parse_grid
 from fitball.errors import ModelError, ParameterError
 from fitball.exports.engine_settings import mujoco
-from fitball.inference.prediction.engine_fit import fit_engine, middle_impact
-from fitball.inference.prediction.lookup import default_axes, make_lookup
+from fitball.inference.prediction.engine_fit import default_axes, fit_engine, make_lookup, middle_impact
 from fitball.inference.results.fitted_model import FittedModel
 
 BALL = fitball.Ball()

@@ -14,7 +14,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError
-from fitball.inference.prediction.curves import NEAR, curves
+from fitball.inference.prediction.posterior_predictive import NEAR, curves
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.problem.pooling import build_group_bias

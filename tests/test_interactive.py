@@ -20,8 +20,8 @@ from fitball.exports.interactive import RPM, interactive_page, preset, round_imp
 from fitball.exports.port.course import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import make_port
-from fitball.inference.prediction.port_check import golden
-from fitball.inference.prediction.valid_range import total_rebound, valid_range
+from fitball.inference.prediction.outputs import golden
+from fitball.inference.prediction.reach import total_rebound, valid_range
 from fitball.models.types import regime_name
 from fitball.report.form.palette import PHASES
 from fitball.values import Impacts

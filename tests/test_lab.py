@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from headless import find_browser
-from samples import save_without_figures
+from samples import restored, save_without_figures
 from test_court_pace import sliding_rows
 
 import fitball
@@ -20,8 +20,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
 from fitball.exports.certificate import certificate
-from fitball.inference.prediction.court_pace import court_pace
-from fitball.inference.prediction.measured_pace import measured_pace
+from fitball.inference.prediction.court_pace import court_pace, measured_pace
 from fitball.inference.problem.build import Choices
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.results.drop_test import BallRebound
@@ -30,7 +29,6 @@ from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec
 from fitball.report.fit.pace import court_lines, place_rows, warmth_words
-from fitball.report.saved.fit_file import restore
 
 MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
 
@@ -214,7 +212,7 @@ def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
     report = (out / "report.html").read_text(encoding="utf-8")
     assert report.index("COR at 7.06 m/s") < report.index("Does the model describe the table?")
     assert "literature:itf-type-2" in report
-    problem = restore(out).problem
+    problem = restored(out).problem
     assert {item.name: item.prior_source for item in problem.parameters if item.prior_source}.keys() == {"cor_10"}
     assert (problem.scene.ball_type, problem.scene.ball_temperature) == ("type-1", 20.0)
     assert main(["export", str(out), "--to", "certificate"]) == 0

@@ -27,8 +27,8 @@ from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import STARTS, point_fit, starting_points
-from fitball.inference.prediction.extrapolation import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.prediction.posterior_predictive import predictive
+from fitball.inference.prediction.reach import SPANNING, calibrated_range, spanning_impacts
 from fitball.inference.problem import problem as asked
 from fitball.inference.problem import subsample
 from fitball.inference.problem.problem import Problem

@@ -17,7 +17,7 @@ from fitball.data.balances import scene_balances
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
-from fitball.errors import FitError, ResultFolderError
+from fitball.errors import FitError
 from fitball.inference.adequacy.describe import largest_misfits
 from fitball.inference.adequacy.looks import distributions, links
 from fitball.inference.adequacy.refit import refit
@@ -33,9 +33,8 @@ from fitball.inference.prediction.drop_test import drop_test
 from fitball.inference.prediction.new_impacts import observed_observables
 from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.subsample import part_of, thinned_rows, withheld
-from fitball.inference.results.source import source_of
 from fitball.report.saved.fit_file import fit_text, read_fit
-from fitball.report.saved.netcdf_files import read_data, write_data
+from fitball.report.saved.netcdf_files import read_data
 
 WANG = load_table("wang_all.csv")
 SDS = {"v_x2": 0.25, "v_y2": 0.25, "omega_2": 10.0}
@@ -383,17 +382,6 @@ def test_a_gappy_table_goes_to_a_folder_and_back(tmp_path, brief):
     assert ">nan" not in page and "nan |" not in page
     observables, _notes = observed_observables(read_fit(folder).fitted, table)
     assert all(item.observed.size == 21 and item.rows is None for item in observables)
-    # A file that says that nothing at all was measured at an impact is damaged.
-    empty = replace(
-        fit.problem.table,
-        measurements=tuple(
-            replace(item, values=np.full(21, np.nan), sd=np.full(21, np.nan)) for item in table.measurements[:1]
-        ),
-    )
-    broken = replace(fit.problem, table=empty)
-    write_data(broken, folder / "data.nc")
-    with pytest.raises(ResultFolderError, match="v_x2: not one number"):
-        read_data(source_of(broken), folder / "data.nc")
 
 
 def test_balances_say_what_an_impact_lacks():

@@ -9,6 +9,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from samples import restored
 from scipy import integrate, stats
 from scipy.special import gamma, gammaln
 
@@ -28,7 +29,7 @@ from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import KINDS, NORMAL, NoiseKind, noise_with
 from fitball.models.specs import ParameterSpec
 from fitball.report.fit.folder import prepare_folder, write_all
-from fitball.report.saved.fit_file import read_fit, restore
+from fitball.report.saved.fit_file import read_fit
 
 STUDENT = KINDS["student-t"]
 EXPONENT = "noise_exponent"
@@ -191,7 +192,7 @@ def test_a_new_kind_goes_through_point_fit_sampling_prediction_and_files(tmp_pat
     assert run["measurement"]["distribution"] == TOY.name
     saved = read_fit(tmp_path / "fit")
     assert saved.fitted.noise is TOY
-    assert restore(tmp_path / "fit").problem.noise is TOY
+    assert restored(tmp_path / "fit").problem.noise is TOY
     found = predict_new(saved.fitted, fitball.impacts([14.0], [6.0], [0.0])).output("v_x2")
     low, high = found.measured[0, 0], found.measured[4, 0]
     assert low < found.rebound[0, 0] < found.rebound[4, 0] < high

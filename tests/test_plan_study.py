@@ -12,7 +12,7 @@ from validation import plans
 from validation.plans import AGAIN, CASES, PLANNED, Case, extended, finding, planned_from, replicate
 
 from fitball.errors import FitError
-from fitball.inference.design.sensor import PlannedColumn
+from fitball.inference.design.asked import PlannedColumn
 from fitball.inference.likelihood.posterior import log_posterior
 
 CASE = Case(

@@ -18,14 +18,10 @@ from fitball.data.lines import Range, parse_range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
-from fitball.inference.design.gain import nothing_measured, over_draws
+from fitball.inference.design.asked import Part, as_before, build_settings, parse_sensor, parse_target, usual_sensors
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
-from fitball.inference.design.make_plan import Asked, make_plan
-from fitball.inference.design.results import Chosen
-from fitball.inference.design.search import differentiated, information_rows
-from fitball.inference.design.sensor import as_before, parse_sensor, usual_sensors
-from fitball.inference.design.settings import build_settings
-from fitball.inference.design.target import Part, parse_target
+from fitball.inference.design.make_plan import Asked, Chosen, make_plan
+from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
 from fitball.inference.likelihood.cells import shared_covariance
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.report.plan.rows import plan_rows
@@ -66,22 +62,22 @@ def test_both_estimators_agree_on_a_real_fit(known, briefly):
     for text, impact in (("mu", ITF), ("court pace", ITF), ("impact=v=15 m/s, theta=50 deg", ITF), (None, ITF)):
         target, sensor = parse_target(text, known), as_before(known.problem)
         planned, draws = known.at(impact, np.zeros(1, dtype=np.int64)), known.some(60)
-        made = differentiated(planned, draws)
-        first = over_draws(first_order(known, planned, target, sensor, draws), made.solved)[0]
+        solved = planned.rebound(planned.to_values(draws)).status == 0
+        first = over_draws(first_order(known, planned, target, sensor, draws), solved)[0]
         checked = nested_gain(known, [Planned(planned, sensor)], target, np.random.default_rng(2))
         assert checked.left_out < 0.01
         assert checked.nats == pytest.approx(first, abs=0.06 + 3.0 * checked.se), text
 
 
-def told_of_noise(known, made, sensor):
+def told_of_noise(known, planned, made, sensor):
     """Information about fitted noises beside scatter that they share is the curvature of a Kullback-Leibler distance,
     by differences: of the distribution of what is read from that with one noise, or two, a little larger.
     """
     names = known.problem.free_names
     free = [names.index(column.noise) for column in sensor.columns]
-    rows = information_rows(made, sensor, np.eye(len(names)))[0, 0, len(sensor.columns) :][:, free]
+    rows = information_rows(planned, made, np.eye(len(names)))[0, 0, len(sensor.columns) :][:, free]
     sds = np.stack([column.sds(made.columns, made.rebound) for column in sensor.columns], axis=2)[0, 0]
-    shared = shared_covariance(made.problem, made.columns, made.rebound, sensor.columns)[0, 0]
+    shared = shared_covariance(planned, made.columns, made.rebound, sensor.columns)[0, 0]
 
     def distance(logs):
         one, other = (shared + np.diag(sds * np.exp(by)) ** 2 for by in (np.zeros(len(free)), logs))
@@ -105,7 +101,8 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     problem = build_problem(table, known.problem.scene, Choices(model="grip-slip"))
     uncertain = Knowledge(problem, known.coordinates)
     planned, draws = uncertain.at(ITF, np.zeros(1, dtype=np.int64)), uncertain.some(1)
-    sensor, made = as_before(problem), differentiated(planned, draws)
+    sensor = as_before(problem)
+    (made,) = read(planned, draws, [sensor])
     found = shared_covariance(planned, made.columns, made.rebound, sensor.columns)[0, 0]
     # Errors of this size are those of a typical impact: its speed, direction and spin.
     assert planned.incident is not None
@@ -127,9 +124,9 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     columns = np.stack([column.column.predict(rebound)[0] for column in sensor.columns])
     assert np.sqrt(np.diag(found)) == pytest.approx(columns.std(axis=1), rel=0.06)
     exact = known.at(ITF, np.zeros(1, dtype=np.int64))
-    rows = [information_rows(differentiated(at, draws), sensor, known.root) for at in (exact, planned)]
+    rows = [information_rows(at, *read(at, draws, [sensor]), known.root) for at in (exact, planned)]
     assert (rows[1] ** 2).sum() < (rows[0] ** 2).sum()
-    told_of_noise(uncertain, made, sensor)
+    told_of_noise(uncertain, planned, made, sensor)
     checked = nested_gain(
         uncertain, [Planned(planned, sensor)], parse_target("mu", uncertain), np.random.default_rng(2)
     )

@@ -10,10 +10,8 @@ from scipy import stats
 from scipy.special import ndtr
 
 from fitball.errors import ParameterError
-from fitball.inference.population.draws import TableDraws
-from fitball.inference.population.hyper import Before
-from fitball.inference.population.levels import level_nodes, population_over
-from fitball.inference.population.reweighting import population
+from fitball.inference.population.hyper import Before, TableDraws
+from fitball.inference.population.levels import level_nodes, population, population_over
 from fitball.report.batch.grouping import grouped
 from fitball.report.batch.rows import LABEL, NAME
 

@@ -11,9 +11,8 @@ import pytest
 import fitball
 from fitball.data.lines import parse_impact
 from fitball.errors import ModelError, ParameterError
-from fitball.inference.prediction.extrapolation import calibrated_range, hull_distances
-from fitball.inference.prediction.new_impacts import BATCH, predict_new
-from fitball.inference.prediction.outputs import impacts_seen, scores
+from fitball.inference.prediction.new_impacts import BATCH, impacts_seen, predict_new, scores
+from fitball.inference.prediction.reach import calibrated_range, hull_distances
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.report.predict import prediction_csv_rows, prediction_json, remarks_on

@@ -10,6 +10,7 @@ from pathlib import Path
 import misread
 import numpy as np
 import pytest
+from samples import restored
 from snippets import snippets
 from test_data_bounds import ALUMINA, KHARAZ, written
 
@@ -25,7 +26,6 @@ from fitball.errors import ParameterError, ReadingError, TableError
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices
-from fitball.report.saved.fit_file import restore
 from fitball.report.saved.run_file import find_tables, read_run, record_problem
 
 CLEAR = ("wide", "backspin", "basketball")
@@ -296,7 +296,7 @@ def test_as_read_leaves_a_note_and_nobody_asks_again(spins, tmp_path, capsys, br
     fit.save(tmp_path / "fit")
     record = read_run(tmp_path / "fit")
     assert note in record_problem(record, find_tables(record)).notes
-    assert restore(tmp_path / "fit").problem.table.impacts.omega_1[0] == fit.problem.table.impacts.omega_1[0]
+    assert restored(tmp_path / "fit").problem.table.impacts.omega_1[0] == fit.problem.table.impacts.omega_1[0]
     assert main(["predict", str(tmp_path / "fit"), str(spins)]) == 0
     capsys.readouterr()
     assert main(["datasets", "check", str(spins), "--as-read"]) == 0

@@ -13,7 +13,7 @@ import fitball
 from fitball.cli.main import main
 from fitball.data.lines import parse_window
 from fitball.errors import ModelError, ParameterError
-from fitball.inference.prediction.regime_map import NONE, Window, regime_map
+from fitball.inference.prediction.simulate import NONE, Window, regime_map
 from fitball.inference.results.fitted_model import at_values
 from fitball.models.types import regime_name
 from fitball.report.figures.predictions import OTHERS

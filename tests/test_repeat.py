@@ -368,7 +368,7 @@ def test_run_toml_holds_all_that_defines_the_problem(tmp_path, kind):
 
 
 def test_run_toml_names_tables_from_the_result_folder(home):
-    (table,) = read_run(home / "fit").tables
+    (table,) = read_run(home / "fit").file.table.files
     assert (table.file, table.bundled) == ("../balls.csv", False)
     assert not Path(table.file).is_absolute()
     wang = load_tables([bundled_folder() / "wang_all.csv"])

@@ -10,7 +10,7 @@ from scipy.optimize import root
 import fitball
 from fitball.errors import ParameterError
 from fitball.inference.comparison.compare import as_container
-from fitball.inference.prediction.valid_range import HIGHEST, LOWEST, valid_range
+from fitball.inference.prediction.reach import HIGHEST, LOWEST, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.kernels.vertical import saturating_restitution
 from fitball.models.registry import model

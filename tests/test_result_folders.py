@@ -12,7 +12,7 @@ import h5py
 import jsonschema
 import numpy as np
 import pytest
-from samples import problem_of
+from samples import problem_of, restored
 
 import fitball
 from fitball.cli.main import main
@@ -24,7 +24,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
 from fitball.repeat.kept import write_numbers
-from fitball.report.saved.fit_file import fit_schema, restore
+from fitball.report.saved.fit_file import fit_schema
 from fitball.report.saved.netcdf_files import write_data, write_netcdf
 from fitball.report.saved.structure import read_json, read_toml
 from fitball.values import Ball
@@ -253,7 +253,7 @@ def test_an_array_longer_than_its_file_is_not_read(copy):
         del file["prior/mu"]
         file["prior"].create_dataset("mu", shape=(1, 10**12), dtype="f8", chunks=(1, 1000))
     with pytest.raises(ResultFolderError, match="more than the file has room for"):
-        restore(copy)
+        restored(copy)
 
 
 def test_no_profiler_changes_the_bytes_of_a_netcdf_file(short_fit, tmp_path):

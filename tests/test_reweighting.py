@@ -15,11 +15,9 @@ from scipy import integrate, stats
 import fitball
 from fitball.cli.main import main
 from fitball.errors import FitballError
-from fitball.inference.population.box import covering_grid
-from fitball.inference.population.draws import TableDraws, drawn_new, log_likelihood, log_mass
-from fitball.inference.population.hyper import Before
+from fitball.inference.population.hyper import Before, TableDraws, covering_grid, drawn_new, log_likelihood, log_mass
+from fitball.inference.population.levels import population
 from fitball.inference.population.quantity import log_density, prior_of, quantity
-from fitball.inference.population.reweighting import population
 from fitball.report.batch import populations
 from fitball.report.batch.document import write_results
 from fitball.report.batch.rows import read_rows, row_of
@@ -282,10 +280,10 @@ def test_the_prior_of_a_ratio_is_that_of_its_parts():
 
 
 def test_a_narrow_peak_in_a_wide_box_is_found():
-    def log(places):
+    def log(places, _every):
         return -0.5 * np.sum(((places - [0.123, 4.56]) / [1e-4, 1e-3]) ** 2, axis=1)
 
-    grid = covering_grid(log, log, np.array([-10.0, 0.0]), np.array([10.0, 9.0]))
+    grid = covering_grid(log, (-10.0, 0.0), (10.0, 9.0))
     mean = grid.shares.ravel() @ grid.points
     assert mean == pytest.approx([0.123, 4.56], abs=1e-6)
     assert np.sqrt(grid.shares.ravel() @ (grid.points - mean) ** 2) == pytest.approx([1e-4, 1e-3], rel=1e-3)

@@ -20,8 +20,7 @@ from fitball.errors import ParameterError
 from fitball.inference.comparison.candidates import build_candidates
 from fitball.inference.identifiability.profile import profiles
 from fitball.inference.likelihood.posterior import log_likelihood
-from fitball.inference.prediction.new_impacts import observed_observables, predict_new
-from fitball.inference.prediction.outputs import scores
+from fitball.inference.prediction.new_impacts import observed_observables, predict_new, scores
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.measurement_noise import (
     FACTOR,

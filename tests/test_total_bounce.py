@@ -14,8 +14,8 @@ from test_export_ports import CC, FLAGS, MODELS, fitted, needs_cc, port_of, pyth
 
 from fitball.errors import ModelError
 from fitball.exports.port.languages import c_port
-from fitball.inference.prediction import valid_range as ranges
-from fitball.inference.prediction.valid_range import total_rebound, valid_range
+from fitball.inference.prediction import reach as ranges
+from fitball.inference.prediction.reach import total_rebound, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.values import Ball, Impacts
 

@@ -21,9 +21,8 @@ from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
 from fitball.kinds import checked
-from fitball.report.compare.document import render
+from fitball.report.compare.document import render, words
 from fitball.report.compare.rows import csv_rows, json_content
-from fitball.report.compare.words import words
 from fitball.report.form.document import columns as aligned
 from fitball.report.form.folders import clear_folder, held
 from fitball.scheduling.engine import Engine, engine

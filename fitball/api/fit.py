@@ -28,7 +28,7 @@ from fitball.inference.results.evidence import LEFT_OUT
 from fitball.kinds import checked
 from fitball.report.figures.registry import FIGURES, no_profiles
 from fitball.report.fit.folder import prepare_folder, write_all
-from fitball.report.fit.short import html_text, report_text, short_text, summary_columns
+from fitball.report.fit.rows import html_text, report_text, short_text, summary_columns
 from fitball.report.form.files import refuse_existing, write_bytes, write_text
 from fitball.report.form.folders import held
 from fitball.report.saved.fit_file import complete, load, read_fit

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from fitball.api.progress import Wanted, reporting
 from fitball.data.lines import Range, checked_range, parse_range
 from fitball.errors import ParameterError
-from fitball.inference.design import results
-from fitball.inference.design.make_plan import Asked, make_plan
+from fitball.inference.design import make_plan as plans
+from fitball.inference.design.make_plan import Asked
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Fit, RunStatus
@@ -36,7 +36,7 @@ NOT_DESCRIBED = "The model does not describe the fitted table: gains hold within
 class Plan:
     """What to measure next: impacts in the order of their worth, ways of measuring, and what they would tell."""
 
-    def __init__(self, result: results.Plan, problem: Problem) -> None:
+    def __init__(self, result: plans.Plan, problem: Problem) -> None:
         self.result = result
         self._problem = problem
 
@@ -95,7 +95,7 @@ def planned(fit: Fit, asked: Asked, progress: Wanted) -> Plan:
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         cautions.append(NOT_DESCRIBED)
     with reporting(progress) as report:
-        made = make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
+        made = plans.make_plan(fit.problem, fit.posterior, asked, tuple(cautions), lambda stage: report(stage, None))
     return Plan(made, fit.problem)
 
 

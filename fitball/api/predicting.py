@@ -19,9 +19,14 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.comparison.candidates import parse_name
-from fitball.inference.prediction.new_impacts import NewPrediction, observed_observables, predict_new
-from fitball.inference.prediction.outputs import ObservableScore, scores
-from fitball.inference.prediction.over_assumptions import with_assumptions
+from fitball.inference.prediction.new_impacts import (
+    NewPrediction,
+    ObservableScore,
+    observed_observables,
+    predict_new,
+    scores,
+    with_assumptions,
+)
 from fitball.inference.prediction.simulate import Simulation, chosen_parameters, simulate_fit
 from fitball.inference.prediction.simulate import simulate as follow
 from fitball.inference.results.fitted_model import FittedModel

@@ -14,7 +14,7 @@ from fitball.models.names import FOLLOWED
 
 if TYPE_CHECKING:
     from fitball.api import Course
-    from fitball.inference.prediction.regime_map import Window
+    from fitball.inference.prediction.simulate import Window
     from fitball.inference.results.fitted_model import FittedModel
     from fitball.values import Impacts
 
@@ -191,7 +191,7 @@ def run_map(args: argparse.Namespace) -> int:
     """Compute the map, write figure, table and record, and print it in words."""
     from fitball.data.lines import parse_window
     from fitball.files import all_or_none
-    from fitball.inference.prediction.regime_map import regime_map
+    from fitball.inference.prediction.simulate import regime_map
     from fitball.report.figures.canvas import save_figure
     from fitball.report.form.files import csv_text, json_text, write_text
     from fitball.report.form.folders import clear_folder, held
@@ -245,7 +245,7 @@ def _window(asked: dict[str, tuple[float, float]], impacts: Impacts | None) -> W
     """What the map shows: as asked for, else around the impacts."""
     import numpy as np
 
-    from fitball.inference.prediction.regime_map import Window
+    from fitball.inference.prediction.simulate import Window
 
     speed, angle, spin = SPEED, ANGLE, SPIN
     if impacts is not None:

@@ -111,7 +111,7 @@ def run_predict(args: argparse.Namespace) -> int:
     from fitball.api import load_fit
     from fitball.api.predicting import foretell
     from fitball.files import is_stream
-    from fitball.inference.prediction.outputs import impacts_seen
+    from fitball.inference.prediction.new_impacts import impacts_seen
     from fitball.report.form.document import on_terminal
     from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
     from fitball.report.predict import predict_document, prediction_csv_rows, prediction_json
@@ -325,7 +325,7 @@ def run_verify(args: argparse.Namespace) -> int:
         raise ParameterError(f"--tolerance {args.tolerance:g}: expected a positive number")
     from fitball.data.read import read_port
     from fitball.exports.golden import golden_ids, port_json, port_text
-    from fitball.inference.prediction.port_check import check_port
+    from fitball.inference.prediction.outputs import check_port
     from fitball.observables import OBSERVABLES
     from fitball.report.form.files import json_text
     from fitball.report.saved.fit_file import read_fit

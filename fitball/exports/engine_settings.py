@@ -9,7 +9,7 @@ from typing import Any
 from fitball.data.lines import parse_impact
 from fitball.errors import ParameterError
 from fitball.inference.prediction.engine_fit import EngineFit, EngineSettings, fit_engine, middle_impact
-from fitball.inference.prediction.extrapolation import calibrated_range
+from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.results.results import Fit
 from fitball.models.kernels.vertical import zero_force_release
 from fitball.observables import COMPARED

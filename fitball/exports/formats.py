@@ -15,7 +15,7 @@ from fitball.exports.golden import golden_table
 from fitball.exports.parameters import latex_table, paper_markdown, parameter_content
 from fitball.exports.port.languages import c_port, csharp_port, javascript_texts
 from fitball.exports.port.port import Port, make_port, python_port
-from fitball.inference.prediction.lookup import SEED, Lookup, default_axes, make_lookup
+from fitball.inference.prediction.engine_fit import SEED, Lookup, default_axes, make_lookup
 from fitball.inference.results.results import Fit
 from fitball.models.types import regime_name
 from fitball.observables import SI_UNITS

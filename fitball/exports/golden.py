@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fitball.inference.prediction.port_check import PortCheck, expected_outputs
+from fitball.inference.prediction.outputs import PortCheck, expected_outputs
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.types import OUTPUTS, regime_name

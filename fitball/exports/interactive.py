@@ -16,7 +16,7 @@ from fitball.exports.port.course import total_moment
 from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import Port, make_port, range_sentences
 from fitball.inference.prediction.engine_fit import middle_impact
-from fitball.inference.prediction.port_check import golden
+from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.simulate import chosen_parameters
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model

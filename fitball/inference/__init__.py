@@ -3,3 +3,10 @@
 Offers: `calibrate`, `Effort`.
 May import: models, data, scheduling.
 """
+
+from __future__ import annotations
+
+from fitball.on_demand import heavy_later
+
+with heavy_later():
+    import scipy.optimize  # noqa: F401

@@ -23,10 +23,10 @@ from fitball.inference.identifiability.posterior_verdict import Judgement
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces, rotated
 from fitball.inference.prediction.court_pace import court_pace
 from fitball.inference.prediction.drop_test import drop_test
-from fitball.inference.prediction.extrapolation import spanning_impacts
 from fitball.inference.prediction.one_way import lab_generator
-from fitball.inference.prediction.port_check import golden
+from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
+from fitball.inference.prediction.reach import spanning_impacts
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import Adequacy
 from fitball.inference.results.assumptions import Assumptions

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
-from fitball.inference.prediction.outputs import ObservableScore
+from fitball.inference.prediction.new_impacts import NewPrediction, ObservableScore, OutputPrediction
 from fitball.inference.results.quantiles import BAND
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.form.document import MOST_LINES, Document, Part, Section, Table, Words

@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from fitball.api.calibrating import calibrate
 from fitball.data.lines import parse_range
 from fitball.errors import FitError
-from fitball.inference.design.knowledge import Knowledge, knowledge, solved
-from fitball.inference.design.make_plan import Asked, make_plan
-from fitball.inference.design.results import Plan
-from fitball.inference.design.sensor import Sensor, as_before, parse_sensor
-from fitball.inference.design.target import Target, parse_target
+from fitball.inference.design.asked import Sensor, Target, as_before, parse_sensor, parse_target
+from fitball.inference.design.knowledge import Knowledge, knowledge
+from fitball.inference.design.make_plan import Asked, Plan, make_plan
 from fitball.inference.identifiability.fisher import about
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -163,7 +161,7 @@ def _simulated(problem: Problem, sensor: Sensor, truth: FloatArray, rng: np.rand
     """What a sensor reads (impacts, columns) at one draw `truth` (1, free); None where that cannot be evaluated."""
     values = problem.to_values(truth)
     columns, rebound = problem.all_values(values), problem.rebound(values)
-    if not np.all(solved(rebound)):
+    if not np.all(rebound.status == 0):
         return None
     means = np.stack([column.predict(rebound)[0] for column in sensor.columns], axis=1)
     sds = np.stack([column.sds(columns, rebound)[0] for column in sensor.columns], axis=1)

@@ -13,11 +13,9 @@ import numpy as np
 
 from fitball.api.calibrating import pose
 from fitball.data.table import ImpactTable
-from fitball.inference.population.draws import TableDraws
-from fitball.inference.population.hyper import Before, Known
-from fitball.inference.population.levels import population_over
+from fitball.inference.population.hyper import Before, Known, TableDraws
+from fitball.inference.population.levels import population, population_over
 from fitball.inference.population.quantity import default_prior, prior_of, quantity
-from fitball.inference.population.reweighting import population
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results.results import Posterior, thinned

@@ -30,7 +30,7 @@ from fitball.exports.port.face import (
 )
 from fitball.exports.port.kernel_source import Constant, KernelSource, UnportableError, free_names, kernel_source
 from fitball.exports.port.translate import program_of, translated
-from fitball.inference.prediction.valid_range import GRAZING, TINY, ValidRange, restitution_range, valid_range
+from fitball.inference.prediction.reach import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Golden
 from fitball.models.kernels.oscillator import SERIES_LENGTH

@@ -1,4 +1,7 @@
-"""From a posterior to a plan: look at every setting to first order, choose a batch, say what it is worth."""
+"""From a posterior to a plan: look at every setting to first order, choose a batch, say what it is worth.
+
+Of a plan gains are in nats, everything else in SI, angles in radians.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +13,13 @@ import numpy as np
 
 from fitball.data.lines import Range
 from fitball.errors import ParameterError, check_whole
-from fitball.inference.design.force_plate import with_plate
-from fitball.inference.design.gain import Left, over_draws
-from fitball.inference.design.knowledge import knowledge
-from fitball.inference.design.results import Chosen, Plan, Worth
-from fitball.inference.design.search import Batch, Search, greedy, look, searched, with_plates
-from fitball.inference.design.sensor import build_sensors
-from fitball.inference.design.settings import build_settings
-from fitball.inference.design.target import parse_target
+from fitball.inference.design.asked import Part, Setting, Settings, build_sensors, build_settings, parse_target
+from fitball.inference.design.knowledge import knowledge, with_plate
+from fitball.inference.design.search import Left, Pick, Search, greedy, look, searched, with_plates
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior
-from fitball.values import FloatArray
+from fitball.values import FloatArray, Impacts
 from fitball.wording import option
 
 # Impacts of the fitted table that stand for all of it, measured again.
@@ -54,6 +52,72 @@ class Asked:
                 raise ParameterError(f"{option(name, value)}: expected a number from 1 to {most:,}")
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """A recommended impact, read by the `sensor`, after those before it: the `gain` that it adds for all its repeats,
+    the standard deviations (parts,) of the target expected then, the share of draws without an answer there, and
+    phase sequences with their probabilities.
+    """
+
+    setting: Setting
+    sensor: str
+    gain: float
+    sds: FloatArray
+    unsolved: float
+    regimes: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What one way of measuring is worth, to first order: its best single impact with its `gain`; of the whole batch
+    read that way the gain `batch` and the expected sds (parts,) after it.
+    """
+
+    sensor: str
+    words: str
+    cost: float
+    best: Setting
+    gain: float
+    batch: float
+    sds: FloatArray
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to measure next.
+
+    `sds` (parts,) are those of the posterior, in coordinates (of `log` parts those of the logarithm), of the target's
+    `parts`. `gains` (surfaces, speeds, angles, spins) are of one impact measured as before, at most that share of
+    whose draws cannot be evaluated; else NaN. `chosen` are in the order of choice, each made `repeats` times;
+    `again` and `again_sds` are what as many impacts of the fitted table, measured again, would tell to first order.
+    `worths` begin with measuring as before. `failed` maps reasons why draws cannot be evaluated to the number of
+    settings withheld for it. `draws` were averaged over, `lost` of them without the target.
+    """
+
+    target: str
+    parts: tuple[Part, ...]
+    sds: FloatArray
+    settings: Settings
+    gains: FloatArray
+    chosen: tuple[Chosen, ...]
+    repeats: int
+    again: float
+    again_sds: FloatArray
+    worths: tuple[Worth, ...]
+    measured: Impacts
+    by_cost: bool
+    failed: Mapping[str, int]
+    draws: int
+    lost: float
+    seed: int
+    notes: tuple[str, ...]
+
+    @property
+    def gain(self) -> float:
+        """Nats that all chosen impacts tell, to first order."""
+        return float(sum(one.gain for one in self.chosen))
+
+
 def make_plan(
     problem: Problem,
     posterior: Posterior | None,
@@ -74,30 +138,29 @@ def make_plan(
         known = with_plate(known, plate, chance)
     target = parse_target(asked.target, known)
     report("every setting to first order")
-    search, lost = searched(known, target, settings, sensors)
+    search = searched(known, target, settings, sensors)
     by_cost = bool(asked.cost)
     search = with_plates(search, ()) if by_cost else search
-    batch = greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
-    search = search if by_cost else with_plates(search, [place for _name, place in batch.places])
-    quantities = target.values(known.coordinates)
-    now = np.nanstd(quantities, axis=0)
-    again = _table_again(search, problem, asked.impacts * asked.repeats)
+    picks = greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
+    search = search if by_cost else with_plates(search, [pick.place for pick in picks])
+    now = np.nanstd(target.values(known.coordinates), axis=0)
+    again, again_left = _table_again(search, problem, asked.impacts * asked.repeats)
     return Plan(
         target=target.words,
         parts=target.parts,
         sds=now,
         settings=settings,
-        gains=search.grid.mean_gains(search.start, next(iter(sensors))).reshape(settings.shape),
-        chosen=tuple(_chosen(search, batch, k, now) for k in range(len(batch.places))),
+        gains=search.grid.gains(search.start).reshape(settings.shape),
+        chosen=tuple(_chosen(search, pick, now) for pick in picks),
         repeats=asked.repeats,
-        again=again[0],
-        again_sds=now * again[1],
-        worths=tuple(_worth(search, name, batch, asked.repeats, now) for name in sensors),
+        again=again,
+        again_sds=now * shrunk(search.start, again_left),
+        worths=tuple(_worth(search, name, picks, asked.repeats, now) for name in sensors),
         measured=problem.impacts,
         by_cost=by_cost,
         failed=search.grid.failures,
         draws=len(search.draws),
-        lost=lost,
+        lost=search.lost,
         seed=asked.seed,
         notes=cautions,
     )
@@ -113,50 +176,42 @@ def shrunk(start: Left, left: Left) -> FloatArray:
     return np.asarray(np.exp(logs.mean(axis=0)))
 
 
-def _chosen(search: Search, batch: Batch, k: int, now: FloatArray) -> Chosen:
-    sensor, place = batch.places[k]
-    looked = search.looked(sensor)
-    one = np.array([place])
+def _chosen(search: Search, pick: Pick, now: FloatArray) -> Chosen:
+    looked, one = search.looks[pick.sensor], np.array([pick.place])
     at = search.known.at(looked.impacts.take(one), looked.like[one])
     return Chosen(
-        search.setting(sensor, place), sensor, batch.gains[k], now * shrunk(search.start, batch.left[k]),
-        float(1.0 - looked.solved[:, place].mean()),
+        search.setting(pick.sensor, pick.place), pick.sensor, pick.gain, now * shrunk(search.start, pick.left),
+        float(1.0 - looked.solved[:, pick.place].mean()),
         regime_shares(at.rebound(at.to_values(search.draws)))[0] if search.known.problem.table.has_tangential else {},
     )  # fmt: skip
 
 
-def _worth(search: Search, name: str, batch: Batch, repeats: int, now: FloatArray) -> Worth:
+def _worth(search: Search, name: str, picks: Sequence[Pick], repeats: int, now: FloatArray) -> Worth:
     """The best impact by one sensor, and the whole batch read by it (a sensor with a drop: as many drops)."""
-    looked, sensor = search.looked(name), search.sensors[name]
-    gains = looked.mean_gains(search.start, name)
+    looked, sensor = search.looks[name], search.sensors[name]
+    gains = looked.gains(search.start)
     if not np.any(np.isfinite(gains)):
         unknown, none = np.full(now.shape, np.nan), float("nan")
         return Worth(name, sensor.words, sensor.cost, search.setting(name, 0), none, none, unknown)
     best = int(np.nanargmax(gains))
-    left, total = search.start, 0.0
-    for other, place in batch.places:
+
+    def place(pick: Pick) -> int:
         # A drop has no other impact; a setting that was chosen for a drop is none for other sensors, nor one at which
         # no plate was looked at.
-        shared = sensor.drop is None and search.sensors[other].drop is None and looked.allowed[place]
-        mine = place if shared or other == name else best
-        rows = np.sqrt(repeats) * looked.rows[name][:, mine]
-        total += float(over_draws(left.gains(rows[:, None]), looked.solved[:, [mine]])[0])
-        left = left.after(rows)
+        shared = sensor.drop is None and search.sensors[pick.sensor].drop is None and looked.allowed[pick.place]
+        return pick.place if shared or pick.sensor == name else best
+
+    total, left = search.start.after_all(looked.made(place(pick), repeats) for pick in picks)
     return Worth(
         name, sensor.words, sensor.cost, search.setting(name, best), float(gains[best]), total,
         now * shrunk(search.start, left),
     )  # fmt: skip
 
 
-def _table_again(search: Search, problem: Problem, count: int) -> tuple[float, FloatArray]:
-    """What `count` impacts of the fitted table, all of it alike, would tell, and by what factor sds would fall."""
+def _table_again(search: Search, problem: Problem, count: int) -> tuple[float, Left]:
+    """What `count` impacts of the fitted table, all of it alike, would tell, and what they would leave open."""
     total = len(problem.impacts)
     rows = np.linspace(0, total - 1, min(total, OF_TABLE)).round().astype(np.int64)
-    sensor = next(iter(search.sensors.values()))
-    looked = look(search.known, search.draws, problem.impacts.take(rows), rows, {sensor.name: sensor})
-    left, gained = search.start, 0.0
-    for k in range(rows.size):
-        one = np.sqrt(count / rows.size) * looked.rows[sensor.name][:, k]
-        gained += float(left.gains(one[:, None]).mean())
-        left = left.after(one)
-    return gained, shrunk(search.start, left)
+    name, sensor = next(iter(search.sensors.items()))
+    looked = look(search.known, search.draws, problem.impacts.take(rows), rows, {name: sensor})[name]
+    return search.start.after_all(looked.made(k, count / rows.size) for k in range(rows.size))

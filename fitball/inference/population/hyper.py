@@ -1,16 +1,228 @@
-"""Centre and spread of a population: their posterior on a grid that covers it closely."""
+"""Centre and spread of a population from the draws of its tables: their posterior on a grid that covers it closely.
+
+Tables were fitted one by one under an interim prior of the quantity. With that prior divided out at every draw and a
+normal population of centre `m` and spread `tau` put in its place, the likelihood of the population is the mean of
+the weights of the draws (Hogg, Myers and Bovy 2010, ApJ 725, 2166). Everything here is in the coordinate of the
+quantity.
+
+A draw stands for a normal density about it, `SMOOTH` sds of its table wide (of its middle half where that is
+narrower), and draws are drawn together by as much, so that mean and variance stay what they are (West 1993, J. R.
+Stat. Soc. B 55, 409): else a spread of zero had no likelihood.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.special import ndtr, ndtri
+from scipy.stats import iqr
 
-from fitball.inference.population.box import Grid, covering_grid
-from fitball.inference.population.draws import TableDraws, log_likelihood, log_mass
 from fitball.values import FloatArray
+
+SMOOTH = 0.3
+
+
+@dataclass(frozen=True)
+class TableDraws:
+    """The posterior of a quantity in one table: places (draws,) and width of the densities that stand for its draws,
+    and the log density (draws,) of the interim prior there; `efficiency` is effective draws over draws, at most 1.
+    """
+
+    name: str
+    places: FloatArray
+    width: float
+    log_interim: FloatArray
+    efficiency: float = 1.0
+
+    @classmethod
+    def of(
+        cls, name: str, draws: FloatArray, interim: Callable[[FloatArray], FloatArray], efficiency: float = 1.0
+    ) -> TableDraws:
+        """From draws (draws,) in the coordinate, not all equal, and the log density of the interim prior there.
+
+        A normal density over a normal one is normal again, elsewhere and wider: with the slope and the mean curvature
+        of the logarithm of the prior, division by it is exact for normal and for flat priors.
+        """
+        centre, sd = draws.mean(), float(draws.std())
+        # A long tail, or a second mode, is no reason to blur the first.
+        width = SMOOTH * (min(sd, float(iqr(draws, scale="normal"))) or sd)
+        places = centre + np.sqrt(1.0 - (width / sd) ** 2) * (draws - centre)
+        left, here, right = (interim(places + step) for step in (-width, 0.0, width))
+        # At a bound there is no slope to be had.
+        inside = np.isfinite(left + right)
+        slope, bend = np.zeros((2, len(places)))
+        slope[inside] = (right[inside] - left[inside]) / (2.0 * width)
+        bend[inside] = (2.0 * here[inside] - left[inside] - right[inside]) / width**2
+        wider = width / np.sqrt(1.0 - float(bend.mean()) * width**2)
+        log_interim = here - 0.5 * (slope * wider) ** 2 - np.log(wider / width)
+        return cls(name, places - wider**2 * slope, wider, log_interim, efficiency)
+
+    def take(self, every: int) -> TableDraws:
+        """One of so many draws."""
+        return replace(self, places=self.places[::every], log_interim=self.log_interim[::every])
+
+    @property
+    def mean(self) -> float:
+        """Mean of the draws."""
+        return float(self.places.mean())
+
+    @property
+    def sd(self) -> float:
+        """Sd of the draws."""
+        return float(self.places.std())
+
+
+def log_weights(table: TableDraws, points: FloatArray) -> FloatArray:
+    """Logarithms of the weights (points, draws) of a table's draws under normal populations (points, 2) of centre and
+    spread.
+    """
+    variance = points[:, 1:] ** 2 + table.width**2
+    weights: FloatArray = table.places - points[:, :1]
+    np.square(weights, out=weights)
+    weights *= -0.5 / variance
+    weights -= table.log_interim
+    weights -= 0.5 * np.log(2.0 * np.pi * variance)
+    return weights
+
+
+def log_likelihood(table: TableDraws, points: FloatArray) -> FloatArray:
+    """Log likelihood (points,) of populations (points, 2) by one table.
+
+    The logarithm of a mean of `n` draws lies low by half its relative variance; over a thousand tables that adds up.
+    """
+    shares = log_weights(table, points)
+    top = shares.max(axis=1)
+    shares -= top[:, None]
+    np.exp(shares, out=shares)
+    whole, squares = shares.sum(axis=1), np.einsum("ij,ij->i", shares, shares)
+    count = shares.shape[1]
+    lift = 0.5 * (squares / whole**2 - 1.0 / count) / table.efficiency
+    return np.asarray(top + np.log(whole / count) + lift)
+
+
+def log_mass(points: FloatArray, ends: tuple[float, float]) -> FloatArray:
+    """Log share (points,) of a normal population with its centre between the `ends` that lies there too."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = ((end - points[:, 0]) / points[:, 1] for end in ends)
+        return np.where(points[:, 1] > 0.0, np.log(ndtr(high) - ndtr(low)), 0.0)
+
+
+def shares_of(table: TableDraws, points: FloatArray) -> FloatArray:
+    """The weights (points, draws), those of each point adding up to one."""
+    weights = log_weights(table, points)
+    weights = np.exp(weights - weights.max(axis=1, keepdims=True))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+def drawn_given(
+    table: TableDraws, points: FloatArray, shares: FloatArray, which: NDArray[np.int64], rng: np.random.Generator
+) -> FloatArray:
+    """A value (draws,) of the table under each of the populations `which` of `points`, from its `shares_of` them."""
+    upto = np.cumsum(shares, axis=1)
+    # The rows one behind the other rise, so that one search does for all.
+    flat = (upto / upto[:, -1:] + np.arange(len(points))[:, None]).ravel()
+    chosen = np.searchsorted(flat, which + rng.random(len(which))) - which * upto.shape[1]
+    place, (centre, spread) = table.places[np.clip(chosen, 0, upto.shape[1] - 1)], points[which].T
+    # Within its own density a draw meets the population's: the product of two normal ones.
+    share = spread**2 / (spread**2 + table.width**2)
+    return np.asarray(
+        centre + share * (place - centre) + np.sqrt(share) * table.width * rng.standard_normal(len(which))
+    )
+
+
+def drawn_new(points: FloatArray, ends: tuple[float, float], rng: np.random.Generator) -> FloatArray:
+    """A value (points,) of a new table from each of the populations (points, 2), between the `ends`."""
+    centre, spread = points.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = (ndtr((end - centre) / spread) for end in ends)
+        drawn = centre + spread * ndtri(low + rng.random(len(points)) * (high - low))
+    return np.asarray(np.where(spread > 0.0, drawn, centre))
+
+
+# A density of a few numbers on a grid that covers it closely: boxes are cut down until little of them is empty.
+
+# Points along each side of the box. A density that falls off as a normal one does has some six of its sds to either
+# side in such a box, and where points lie half an sd apart the trapezoidal rule is exact to many digits.
+POINTS = 24
+# Log density below the peak that counts as empty.
+EMPTY = 18.0
+MOST_CUTS = 12
+# While a box is cut a share of the draws will do: one of so many.
+ROUGHLY = 8
+
+
+@dataclass(frozen=True)
+class Grid:
+    """`sides` of a grid, each (points,), and the `shares` (points, points, ...) of the mass that its points stand
+    for; `log_mass` is the logarithm of all of it.
+    """
+
+    sides: tuple[FloatArray, ...]
+    shares: FloatArray
+    log_mass: float
+
+    @property
+    def points(self) -> FloatArray:
+        """All points, (all points, sides), in the order of the shares."""
+        return _mesh(self.sides)
+
+
+def covering_grid(
+    log_density: Callable[[FloatArray, int], FloatArray],
+    low: Sequence[float],
+    high: Sequence[float],
+    points: int = POINTS,
+    empty: float = EMPTY,
+    every: int = 1,
+) -> Grid:
+    """The density whose logarithm at places (places, sides) is (places,), on a grid of so many `points` a side within
+    the box of these ends (sides,), which is cut down as far as the density falls off by `empty`. It is told from one
+    of `every` so many draws, and while it is cut from fewer. It has one peak, or several that the first box shows.
+    """
+    shape = (points,) * len(low)
+    for _ in range(MOST_CUTS):
+        sides = _sides(low, high, points)
+        low, high, narrower = _cut(sides, log_density(_mesh(sides), max(every, ROUGHLY)).reshape(shape), empty)
+        if not narrower:
+            break
+    sides = _sides(low, high, points)
+    density = log_density(_mesh(sides), every).reshape(shape)
+    top = float(density.max())
+    mass = np.exp(density - top) * reduce(np.multiply.outer, map(_trapezoid, sides))
+    return Grid(sides, mass / mass.sum(), top + float(np.log(mass.sum())))
+
+
+def _sides(low: Sequence[float], high: Sequence[float], points: int) -> tuple[FloatArray, ...]:
+    return tuple(np.linspace(*ends, points) for ends in zip(low, high, strict=True))
+
+
+def _mesh(sides: tuple[FloatArray, ...]) -> FloatArray:
+    return np.stack([side.ravel() for side in np.meshgrid(*sides, indexing="ij")], axis=1)
+
+
+def _trapezoid(side: FloatArray) -> FloatArray:
+    widths = np.full(len(side), side[1] - side[0])
+    widths[[0, -1]] *= 0.5
+    return widths
+
+
+def _cut(sides: tuple[FloatArray, ...], table: FloatArray, empty: float) -> tuple[list[float], list[float], bool]:
+    """Ends of the box in which the table is not empty, one point wider, and whether that is narrower by much."""
+    full = table > table.max() - empty
+    ends = []
+    for axis, side in enumerate(sides):
+        where = np.flatnonzero(np.moveaxis(full, axis, 0).reshape(len(side), -1).any(axis=1))
+        ends.append((float(side[max(where[0] - 1, 0)]), float(side[min(where[-1] + 1, len(side) - 1)])))
+    shares = [(high - low) / (side[-1] - side[0]) for (low, high), side in zip(ends, sides, strict=True)]
+    return [low for low, _high in ends], [high for _low, high in ends], min(shares) < 0.8
+
+
+# The posterior of centre and spread.
 
 # The largest spread that is looked at, in sds of its half-normal prior.
 REACH = 5.0
@@ -20,9 +232,7 @@ LEFT_OUT = 1e-4
 LEVELS = (0.5, 0.025, 0.975)
 # Steps in which quantiles are looked for.
 FINE = 2001
-# While the grid is searched a share of the draws will do, and so many standard errors, and sds of a table, hold the
-# centre for sure.
-ROUGHLY = 8
+# So many standard errors, and sds of a table, hold the centre for sure.
 FAR = 8.0
 
 
@@ -138,14 +348,9 @@ def hyper_posterior(tables: Sequence[TableDraws], before: Before) -> HyperPoster
         total[inside] -= len(tables) * log_mass(points, before.ends)
         return total
 
-    reach = FAR + np.sqrt(len(tables)) * FAR
-    grid = covering_grid(
-        lambda places: log_density(places, ROUGHLY),
-        lambda places: log_density(places, 1),
-        np.array([-reach, 0.0]),
-        np.array([reach, np.arcsinh(REACH * before.spread / chart.size)]),
-    )
-    return HyperPosterior(grid, chart)
+    reach = FAR + float(np.sqrt(len(tables))) * FAR
+    most = float(np.arcsinh(REACH * before.spread / chart.size))
+    return HyperPosterior(covering_grid(log_density, (-reach, 0.0), (reach, most)), chart)
 
 
 def quantile_ends(fine: FloatArray, side: FloatArray, shares: FloatArray) -> tuple[float, float, float]:

@@ -1,42 +1,45 @@
-"""Tables on levels (surfaces, balls, days): tables scatter about the value of their level, levels about a centre.
+"""A population over many tables from the stored draws of each: hierarchical inference by importance weights.
 
-Both scatter normally, each spread with the half-normal prior of a pooled parameter's. At each spread within levels
-the value of a level has a likelihood, the product of those of its tables, which quadrature nodes stand for; these
-levels have a population as tables have, whose evidence weighs the spread within. What is told of levels and tables
-is drawn from all of that together.
+What the draws of all tables say of centre and spread; what the population says of a table is its draws with their
+weights under it, averaged over its posterior (Hogg, Myers and Bovy 2010, ApJ 725, 2166).
+
+Tables may lie on levels (surfaces, balls, days): tables scatter about the value of their level, levels about a
+centre. Both scatter normally, each spread with the half-normal prior of a pooled parameter's. At each spread within
+levels the value of a level has a likelihood, the product of those of its tables, which quadrature nodes stand for;
+these levels have a population as tables have, whose evidence weighs the spread within. What is told of levels and
+tables is drawn from all of that together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.population.box import covering_grid
-from fitball.inference.population.draws import TableDraws, drawn_given, drawn_new, log_likelihood, log_mass, shares_of
 from fitball.inference.population.hyper import (
     FAR,
     FINE,
     REACH,
-    ROUGHLY,
     Before,
     HyperPosterior,
     Known,
+    TableDraws,
     centre_and_spread,
+    covering_grid,
+    drawn_given,
+    drawn_new,
     hyper_posterior,
+    log_likelihood,
+    log_mass,
     quantile_ends,
+    shares_of,
 )
-from fitball.inference.population.reweighting import (
-    Level,
-    Population,
-    Weighted,
-    given_others,
-    influence,
-    population,
-)
+from fitball.inference.sampling.importance import K_TRUSTED, smoothed
 from fitball.values import FloatArray
 
+# Draws of each table from its weighted ones, from which its quantiles are told.
+DRAWN = 1000
 # Nodes on which the likelihood of a level stands, as far as it falls off by so much (ten sds of a normal one), and
 # the width of the density of a node in spacings: sums of such densities ripple by one part in ten thousand.
 NODES = 64
@@ -44,6 +47,91 @@ DEEP = 50.0
 BLUR = 0.7
 # Draws of everything together.
 TOGETHER = 2000
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """A table, given the others: the quantity there with its sd, the `effective` number of its draws, Pareto k."""
+
+    name: str
+    known: Known
+    sd: float
+    effective: float
+    pareto_k: float
+
+    @property
+    def trusted(self) -> bool:
+        """Whether its weights carry what is said of it."""
+        return self.pareto_k <= K_TRUSTED
+
+
+@dataclass(frozen=True)
+class Level:
+    """One of the levels that tables lie on: what the quantity has there, with its sd, and what a `new` table would
+    have, None where one table a level does not tell how tables differ within one.
+    """
+
+    name: str
+    tables: tuple[str, ...]
+    known: Known
+    sd: float
+    new: Known | None
+
+
+@dataclass(frozen=True)
+class Population:
+    """Centre and spread of a quantity over tables, each table given the others, and what a `new` table would have,
+    all in its coordinate.
+
+    Over `levels` the spread is that between them, `within` that of tables of one level about it, and `new` a table on
+    a new level, whose own value is `new_level`.
+    """
+
+    centre: Known
+    spread: Known
+    tables: tuple[Weighted, ...]
+    new: Known
+    levels: tuple[Level, ...] = ()
+    within: Known | None = None
+    new_level: Known | None = None
+
+    @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Tables whose weights are not to be trusted."""
+        return tuple(table.name for table in self.tables if not table.trusted)
+
+
+def population(tables: Sequence[TableDraws], before: Before) -> Population:
+    """Centre and spread of a quantity from the draws of at least two tables, and each table given the others."""
+    posterior = hyper_posterior(tables, before)
+    points, shares = posterior.heaviest
+    weighted, errors = _weighted(((table, points) for table in tables), shares, points, (DRAWN,))
+    centre, spread = centre_and_spread([posterior], [1.0])
+    rng = np.random.default_rng([len(tables), DRAWN])
+    new = Known.of(drawn_new(points[rng.choice(len(points), 4 * DRAWN, p=shares)], before.ends, rng))
+    return Population(replace(centre, error=float(errors[0])), replace(spread, error=float(errors[1])), weighted, new)
+
+
+def _weighted(
+    tables: Iterable[tuple[TableDraws, FloatArray]], shares: FloatArray, numbers: FloatArray, seed: tuple[int, ...]
+) -> tuple[tuple[Weighted, ...], FloatArray]:
+    """Each table given the others, from the populations (points, 2) that it may be of, which have these `shares`
+    (points,); and the errors that the finite number of draws of all tables gives to means of `numbers` (points,
+    numbers) over populations, by what one draw more or less does to them (an infinitesimal jackknife).
+    """
+    spans = shares[:, None] * (numbers - shares @ numbers)
+    scatter = np.zeros(spans.shape[1])
+    made = []
+    for k, (table, points) in enumerate(tables):
+        weights = shares_of(table, points)
+        scatter += np.sum(np.einsum("gs,gk->sk", weights, spans) ** 2, axis=0) / table.efficiency
+        # Not by a product of matrices: threads of a numerical library cost more here than they save.
+        own = np.einsum("g,gs->s", shares, weights)
+        _smooth, pareto_k = smoothed(np.log(np.maximum(own, 1e-300)), table.efficiency)
+        rng = np.random.default_rng([k, *seed])
+        drawn = drawn_given(table, points, weights, rng.choice(len(points), DRAWN, p=shares), rng)
+        made.append(Weighted(table.name, Known.of(drawn), float(drawn.std()), 1.0 / float(own @ own), pareto_k))
+    return tuple(made), np.sqrt(scatter)
 
 
 @dataclass(frozen=True)
@@ -87,14 +175,7 @@ def level_nodes(
     reach = FAR * np.hypot(within, max(table.width for table in tables))
     low = max(ends[0], min(float(table.places.min()) for table in tables) - reach)
     high = min(ends[1], max(float(table.places.max()) for table in tables) + reach)
-    grid = covering_grid(
-        lambda places: log_density(places, max(every, ROUGHLY)),
-        lambda places: log_density(places, every),
-        np.array([low]),
-        np.array([high]),
-        NODES,
-        DEEP,
-    )
+    grid = covering_grid(log_density, (low,), (high,), NODES, DEEP, every)
     side, shares = grid.sides[0], grid.shares
     centre, width = float(shares @ side), BLUR * float(side[1] - side[0])
     # As with draws: drawn together, so that nodes and their densities have mean and variance of the likelihood.
@@ -136,63 +217,33 @@ def population_over(levels: Mapping[str, Sequence[TableDraws]], before: Before) 
 
     def log_density(u: FloatArray, every: int) -> FloatArray:
         parts.clear()
-        for within in size * np.sinh(u):
+        # The spread within levels is `size` sinh u.
+        spreads = size * np.sinh(u[:, 0])
+        for within in spreads:
             nodes = [level_nodes(name, tables, within, before.ends, every) for name, tables in levels.items()]
             parts.append(Part(float(within), tuple(nodes), hyper_posterior(nodes, before)))
         evidence = np.array([part.posterior.grid.log_mass for part in parts])
-        return np.asarray(evidence - 0.5 * (size * np.sinh(u) / before.spread) ** 2 + np.log(np.cosh(u)))
+        return np.asarray(evidence - 0.5 * (spreads / before.spread) ** 2 + np.log(np.cosh(u[:, 0])))
 
-    # The spread within levels is `size` sinh u.
-    grid = covering_grid(
-        lambda places: log_density(places[:, 0], ROUGHLY),
-        lambda places: log_density(places[:, 0], 1),
-        np.array([0.0]),
-        np.array([np.arcsinh(REACH * before.spread / size)]),
-    )
+    grid = covering_grid(log_density, (0.0,), (float(np.arcsinh(REACH * before.spread / size)),))
     rng = np.random.default_rng([len(levels), TOGETHER])
     counts = rng.multinomial(TOGETHER, grid.shares)
     drawn = np.concatenate([part.drawn(count, rng) for part, count in zip(parts, counts, strict=True) if count])
-    weighted, errors = _tables(levels, drawn)
-    told, new_level, new = _levels(levels, drawn, errors, before.ends)
+    each = ((table, drawn[:, [3 + k, 2]]) for k, tables in enumerate(levels.values()) for table in tables)
+    weighted, errors = _weighted(each, np.full(len(drawn), 1.0 / len(drawn)), drawn, (TOGETHER, 1))
+    rng = np.random.default_rng([len(levels), TOGETHER, 2])
+    told = []
+    for k, (name, tables) in enumerate(levels.items(), 3):
+        here, known = drawn[:, k], Known.of(drawn[:, k], float(errors[k]))
+        new = Known.of(drawn_new(drawn[:, [k, 2]], before.ends, rng))
+        told.append(Level(name, tuple(table.name for table in tables), known, float(here.std()), new))
+    new_level = drawn_new(drawn[:, :2], before.ends, rng)
+    new = Known.of(drawn_new(np.column_stack([new_level, drawn[:, 2]]), before.ends, rng))
     centre, spread = centre_and_spread([part.posterior for part in parts], grid.shares.tolist())
     u = grid.sides[0]
     ends = quantile_ends(np.linspace(u[0], u[-1], FINE), u, grid.shares)
     middle, low, high = (size * float(np.sinh(end)) for end in ends)
     return Population(
-        replace(centre, error=float(errors[0])), replace(spread, error=float(errors[1])), weighted, new, told,
-        Known(middle, low, high, float(errors[2])), new_level,
+        replace(centre, error=float(errors[0])), replace(spread, error=float(errors[1])), weighted, new, tuple(told),
+        Known(middle, low, high, float(errors[2])), Known.of(new_level),
     )  # fmt: skip
-
-
-def _tables(levels: Mapping[str, Sequence[TableDraws]], drawn: FloatArray) -> tuple[tuple[Weighted, ...], FloatArray]:
-    """Each table given the others, and the errors (3 + levels,) that the finite number of their draws gives to means
-    of what is `drawn` together.
-    """
-    spans = (drawn - drawn.mean(axis=0)) / len(drawn)
-    scatter = np.zeros(spans.shape[1])
-    even = np.full(len(drawn), 1.0 / len(drawn))
-    weighted: list[Weighted] = []
-    for k, tables in enumerate(levels.values()):
-        points = drawn[:, [3 + k, 2]]
-        for table in tables:
-            weights = shares_of(table, points)
-            scatter += influence(table, weights, spans)
-            rng = np.random.default_rng([len(weighted), TOGETHER, 1])
-            weighted.append(given_others(table, points, even, weights, rng))
-    return tuple(weighted), np.sqrt(scatter)
-
-
-def _levels(
-    levels: Mapping[str, Sequence[TableDraws]], drawn: FloatArray, errors: FloatArray, ends: tuple[float, float]
-) -> tuple[tuple[Level, ...], Known, Known]:
-    """Each level with what a new table there would have; the value of a new level, and of a table on it."""
-    rng = np.random.default_rng([len(levels), TOGETHER, 2])
-    told = []
-    for k, (name, tables) in enumerate(levels.items(), 3):
-        here = drawn[:, k]
-        new = Known.of(drawn_new(drawn[:, [k, 2]], ends, rng))
-        names = tuple(table.name for table in tables)
-        told.append(Level(name, names, Known.of(here, float(errors[k])), float(here.std()), new))
-    new_level = drawn_new(drawn[:, :2], ends, rng)
-    new = Known.of(drawn_new(np.column_stack([new_level, drawn[:, 2]]), ends, rng))
-    return tuple(told), Known.of(new_level), new

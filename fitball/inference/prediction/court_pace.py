@@ -1,4 +1,6 @@
-"""What the ITF's court pace test would find on a fitted surface, draw by draw (see `pace_rating`)."""
+"""What the ITF's court pace test would find on a fitted surface, draw by draw (see `pace_rating`), and what it finds
+of the impacts that are those of the test: of these the rating as they were measured, no model between.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +10,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.prediction.extrapolation import calibrated_range, lines_of
-from fitball.inference.prediction.measured_pace import PLACES, measured_pace, temperatures
-from fitball.inference.prediction.posterior_predictive import regime_shares
+from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+from fitball.inference.prediction import one_way as lab
+from fitball.inference.prediction.posterior_predictive import by_level, regime_shares
+from fitball.inference.prediction.reach import calibrated_range, lines_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.pace_rating import (
+    PER_KELVIN,
+    SPEED_TOLERANCE,
+    TEST_ANGLE,
+    TEST_SPEED,
     TOLERANCE,
     CourtMean,
     CourtPace,
+    MeasuredPace,
     PaceRating,
+    PlaceRating,
     Reach,
     adjusted,
     apparent_friction,
@@ -37,6 +47,10 @@ SLIDING = ("slide", "slide back")
 CONTINUED = 2.0
 # Where the apparent friction is this share of what gripping allows a model does not tell courts apart.
 SATURATED = 0.95
+# Label columns that may name places on a court, the surest first.
+PLACES = ("location", "group")
+# Fewer impacts say nothing of their scatter.
+LEAST = 3
 
 
 def court_pace(
@@ -53,15 +67,19 @@ def court_pace(
     )
     if missing := _unrated(problem):
         return replace(known, missing=missing)
-    at_point = {name: np.array([value]) for name, value in point.values.items()}
-    drawn = at_point if posterior is None else dict(problem.all_values(thinned(posterior, DRAWS)))
-    # One error of the thermometer for all surfaces.
-    warmth = None
-    if posterior is not None and scene.ball_temperature is not None:
-        warmth = temperatures(scene, len(next(iter(drawn.values()))), rng)
+    # The point estimate, and the draws behind it.
+    columns = {name: np.array([value]) for name, value in point.values.items()}
+    temperature: FloatArray | float | None = scene.ball_temperature
+    if posterior is not None:
+        drawn = problem.all_values(thinned(posterior, DRAWS))
+        columns = {name: np.append(columns[name], draws) for name, draws in drawn.items()}
+        if scene.ball_temperature is not None:
+            # One error of the thermometer for all surfaces.
+            errors = (scene.ball_temperature_sd or 0.0) * rng.standard_normal(len(next(iter(drawn.values()))))
+            temperature = scene.ball_temperature + np.append(0.0, errors)
     rated = []
-    for labels, rows in _surfaces(problem).items():
-        found = _rate(problem, labels, rows, at_point, drawn, warmth, posterior is not None)
+    for labels, rows in by_level(problem).items():
+        found = _rate(problem, labels, rows, columns, temperature)
         if isinstance(found, str):
             return replace(known, missing=found)
         rated.append(found)
@@ -84,7 +102,7 @@ def _court(problem: Problem, ratings: Sequence[PaceRating], draws: Sequence[Floa
         return None
     points = np.array([rating.rating.point for rating in ratings])
     sampled = ratings[0].rating.median is not None
-    joint = np.stack(draws, axis=1) if sampled else points[None]
+    joint = np.stack(draws, axis=1)
     mean, between = joint.mean(axis=1), joint.std(axis=1, ddof=1)
     return CourtMean(
         column=column,
@@ -106,71 +124,63 @@ def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArra
         return {}
     columns, impact = dict(problem.all_values(values)), itf_impact()
     ratings = {}
-    for labels, rows in _surfaces(problem).items():
-        rebound = problem.rebound_like(columns, impact, np.array([rows[0]]))
-        sliding = _sliding_friction(problem, labels, columns)
-        quantities = _quantities(impact, rebound, sliding, problem.scene.ball_temperature)
-        ratings[", ".join(labels)] = np.where(rebound.status[:, 0] == 0, quantities["rating"], np.nan)
+    for labels, rows in by_level(problem).items():
+        rebound = problem.rebound_like(columns, impact, rows[:1])
+        told = _quantities(problem, labels, columns, rebound, problem.scene.ball_temperature)
+        ratings[", ".join(labels)] = np.where(rebound.status[:, 0] == 0, told["rating"], np.nan)
     return ratings
-
-
-def _surfaces(problem: Problem) -> dict[tuple[str, ...], list[int]]:
-    """Rows of the table by the labels of the levels that the problem tells apart; all together without levels."""
-    surfaces: dict[tuple[str, ...], list[int]] = {}
-    for row in range(len(problem.table)):
-        labels = tuple(pooling.labels[int(pooling.index[row])] for pooling in problem.pooling)
-        surfaces.setdefault(labels, []).append(row)
-    return surfaces
 
 
 def _rate(
     problem: Problem,
     labels: tuple[str, ...],
-    rows: list[int],
-    at_point: Mapping[str, FloatArray],
-    drawn: Mapping[str, FloatArray],
-    warmth: FloatArray | None,
-    sampled: bool,
+    rows: NDArray[np.int64],
+    columns: Mapping[str, FloatArray],
+    temperature: FloatArray | float | None,
 ) -> tuple[PaceRating, FloatArray] | str:
-    """One rating with its draws (NaN where there is none), or the sentence that says why there is none; `warmth` is
-    the temperature of the ball (draws,), None of a point fit that is not `sampled` or where it is not known.
+    """One rating with its draws (NaN where there is none), or the sentence that says why there is none. Parameters
+    and temperature are those of the point estimate, before any draws.
     """
-    impact, row = itf_impact(), np.array([rows[0]])
+    impact = itf_impact()
     measured, test = problem.table.impacts.v_y1[rows], float(impact.v_y1[0])
     if not measured.min() / CONTINUED <= test <= CONTINUED * measured.max():
         return (
             f"the vertical speeds of the impacts, {measured.min():.2g} to {measured.max():.2g} m/s, are too far from "
             f"that of the test, {test:.2g} m/s: no rating is continued beyond {CONTINUED:g} times a speed measured"
         )
-    best = problem.rebound_like(at_point, impact, row)
-    rebound = problem.rebound_like(drawn, impact, row)
-    solved = rebound.status[:, 0] == 0
-    if best.status[0, 0] != 0 or not np.any(solved):
-        cause = STATUS_REASON[Status(int(best.status[0, 0] or rebound.status[0, 0]))]
-        return f"the model cannot be evaluated at the test impact: {cause}"
+    rebound = problem.rebound_like(columns, impact, rows[:1])
+    status = rebound.status[:, 0]
+    # Of a point fit its one row is also all that there is to be told.
+    sampled = len(status) > 1
+    draws = slice(1 if sampled else 0, None)
+    solved = status[draws] == 0
+    if status[0] != 0 or not np.any(solved):
+        return f"the model cannot be evaluated at the test impact: {_cause(status[status != 0][0])}"
     if np.mean(~solved) > MOST_UNSOLVED:
-        cause = STATUS_REASON[Status(int(rebound.status[~solved, 0][0]))]
+        cause = _cause(status[status != 0][0])
         return f"{100.0 * np.mean(~solved):.0f} % of the draws cannot be evaluated at the test impact: {cause}"
-    known = problem.scene.ball_temperature
-    one = _quantities(impact, best, _sliding_friction(problem, labels, at_point), known)
-    many = _quantities(
-        impact, rebound, _sliding_friction(problem, labels, drawn), known if warmth is None else warmth
-    )
-    spreads = {name: spread_of(many[name][solved] if sampled else None, float(one[name][0])) for name in one}
-    most = _gripping(problem, drawn, impact, row)
-    shares = regime_shares(rebound)[0]
+    told = _quantities(problem, labels, columns, rebound, temperature)
+    drawn = {name: array[draws] for name, array in told.items()}
+    most = _gripping(problem, columns, impact, rows[:1])[draws]
+    shares = regime_shares(rebound.each(lambda array: array[draws]))[0]
     rated = PaceRating(
         labels=labels,
         impacts=len(rows),
-        **spreads,
-        categories=pace_categories(many["rating"][solved]),
+        **{
+            name: spread_of(drawn[name][solved] if sampled else None, float(array[0])) for name, array in told.items()
+        },
+        categories=pace_categories(drawn["rating"][solved]),
         regimes=shares,
         slides=sum(share for name, share in shares.items() if name in SLIDING),
         failed=float(np.mean(~solved)),
-        reach=_reach(problem, np.array(rows, dtype=np.int64)),
-        saturated=float(np.mean(many["friction"][solved] >= SATURATED * most[solved])),
+        reach=_reach(problem, rows),
+        saturated=float(np.mean(drawn["friction"][solved] >= SATURATED * most[solved])),
     )
-    return rated, np.where(solved, many["rating"], np.nan)
+    return rated, np.where(solved, drawn["rating"], np.nan)
+
+
+def _cause(status: int) -> str:
+    return STATUS_REASON[Status(int(status))]
 
 
 def _gripping(
@@ -187,19 +197,19 @@ def _gripping(
     return apparent_friction(impact.v_x1, impact.v_y1, made.v_x2[:, 0], made.v_y2[:, 0])
 
 
-def _sliding_friction(problem: Problem, labels: tuple[str, ...], columns: Mapping[str, FloatArray]) -> FloatArray:
-    """The coefficient of sliding friction (draws,) on a surface."""
+def _quantities(
+    problem: Problem,
+    labels: tuple[str, ...],
+    columns: Mapping[str, FloatArray],
+    rebound: Rebound,
+    temperature: FloatArray | float | None,
+) -> dict[str, FloatArray]:
+    """Rating of a surface and what it is made of, each (draws,), from the rebound of the test impact."""
+    impact, v_x2, v_y2 = itf_impact(), rebound.v_x2[:, 0], rebound.v_y2[:, 0]
+    sliding = columns["mu"]
     for pooling, label in zip(problem.pooling, labels, strict=True):
         if pooling.parameter == "mu":
-            return pooling.value(columns, label)
-    return columns["mu"]
-
-
-def _quantities(
-    impact: Impacts, rebound: Rebound, sliding: FloatArray, temperature: FloatArray | float | None
-) -> dict[str, FloatArray]:
-    """Rating and what it is made of, each (draws,)."""
-    v_x2, v_y2 = rebound.v_x2[:, 0], rebound.v_y2[:, 0]
+            sliding = pooling.value(columns, label)
     friction = apparent_friction(impact.v_x1, impact.v_y1, v_x2, v_y2)
     restitution = v_y2 / impact.v_y1
     brought = adjusted(restitution, temperature)
@@ -227,3 +237,75 @@ def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:
         slack=calibrated.slack,
         lines=calibrated.lines if "v_y1" in beyond else (),
     )
+
+
+def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) -> MeasuredPace | None:
+    """The rating of the impacts that are those of the test (30 +- 2 m/s, 16 +- 2 degrees, at most 3 revolutions a
+    second); None where fewer than three of them are, or where they are on several surfaces, which have no mean.
+    """
+    if len(set(table.labels.get("surface", ()))) > 1:
+        return None
+    impacts = table.impacts
+    v_x2, v_y2 = _rebound(table)
+    valid = (
+        (np.abs(impacts.speed - TEST_SPEED) <= SPEED_TOLERANCE)
+        & (np.abs(impacts.angle - TEST_ANGLE) <= TOLERANCE["theta_1"])
+        & (np.abs(impacts.omega_1) <= TOLERANCE["omega_1"])
+        & np.isfinite(v_x2 + v_y2)
+    )
+    rows = np.flatnonzero(valid)
+    if rows.size < LEAST:
+        return None
+    friction = apparent_friction(impacts.v_x1[rows], impacts.v_y1[rows], v_x2[rows], v_y2[rows])
+    restitution = v_y2[rows] / impacts.v_y1[rows]
+    rating = pace_rating(friction, adjusted(restitution, scene.ball_temperature))
+    column = next((name for name in PLACES if len(set(table.labels.get(name, ()))) > 1), "")
+    named = [table.labels[column][k] for k in rows] if column else [""] * rows.size
+    labels = tuple(dict.fromkeys(named))
+    index = np.array([labels.index(name) for name in named], dtype=np.int64)
+    between = elsewhere = levels = None
+    remark = ""
+    found = lab.one_way(rating, np.ones((rating.size, 1)), index, rng) if len(labels) > 1 else ""
+    if isinstance(found, str):
+        mean, within = lab.plain_mean(rating, rng)
+        remark = found and f"differences between places are not told from noise: {found}"
+    else:
+        elsewhere = found.coefficients[:, 0] + found.between * rng.standard_normal(lab.DRAWS)
+        mean, within = found.levels @ (np.bincount(index) / index.size), found.within
+        between, levels = found.between, found.levels
+    # The thermometer's error is one for all impacts.
+    warm = PER_KELVIN * (scene.ball_temperature_sd or 0.0) * rng.standard_normal(lab.DRAWS)
+    means = np.array([rating[index == k].mean() for k in range(len(labels))])
+    court = CourtMean(
+        column=column,
+        places=len(labels),
+        rating=spread_of(mean + warm, float(rating.mean())),
+        elsewhere=None if elsewhere is None else spread_of(elsewhere + warm),
+        between=None if between is None else spread_of(between),
+        within=spread_of(within),
+        largest_difference=float(np.ptp(means)) if len(labels) > 1 else None,
+        categories=pace_categories(mean + warm),
+    )
+    places = tuple(
+        PlaceRating(
+            label=name,
+            impacts=int(np.sum(index == k)),
+            mean=float(means[k]),
+            friction=float(friction[index == k].mean()),
+            restitution=float(restitution[index == k].mean()),
+            rating=None if levels is None else spread_of(levels[:, k] + warm),
+        )
+        for k, name in enumerate(labels)
+    )
+    return MeasuredPace(rows.size, len(table), court, places if column else (), remark)
+
+
+def _rebound(table: ImpactTable) -> tuple[FloatArray, FloatArray]:
+    """Rebound velocity (impacts,) along the court and away from it; NaN where it was not measured."""
+    known = {item.name: item.values for item in (*table.measurements, *table.redundant)}
+    none = np.full(len(table), np.nan)
+    v_x2, v_y2 = known.get("v_x2", none), known.get("v_y2", none)
+    if "v_2" in known and "theta_2" in known:
+        v_x2 = np.where(np.isfinite(v_x2), v_x2, known["v_2"] * np.cos(known["theta_2"]))
+        v_y2 = np.where(np.isfinite(v_y2), v_y2, known["v_2"] * np.sin(known["theta_2"]))
+    return v_x2, v_y2

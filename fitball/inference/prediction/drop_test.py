@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import HEIGHTS
 from fitball.data.heights import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
-from fitball.inference.prediction.extrapolation import calibrated_range
 from fitball.inference.prediction.one_way import OneWay, one_way
 from fitball.inference.prediction.posterior_predictive import with_noise
+from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.drop_test import (
     BallRebound,

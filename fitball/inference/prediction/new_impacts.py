@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from fitball.data.table import ImpactTable
 from fitball.errors import ModelError, ParameterError, check_whole
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.prediction.extrapolation import CalibratedRange, calibrated_range, lines_of
 from fitball.inference.prediction.posterior_predictive import joined, regime_shares, with_noise
+from fitball.inference.prediction.reach import CalibratedRange, calibrated_range, lines_of
 from fitball.inference.problem.measurement_noise import derived, noise_in
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable, build_observables
+from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import MOST_UNSOLVED, bands
 from fitball.models.types import OUTPUTS, STATUS_REASON, Rebound, Status
@@ -296,3 +297,89 @@ def observed_observables(fitted: FittedModel, table: ImpactTable) -> tuple[tuple
     )
     whole = (observable.everywhere(len(table)) for observable in observables)
     return tuple(derived(observable, fitted.names) for observable in whole), tuple(notes)
+
+
+# How well a prediction met measurements it had not seen.
+
+
+@dataclass(frozen=True)
+class ObservableScore:
+    """One measured column against its prediction, in SI, over the `impacts` that could be predicted.
+
+    `bias` and `rms` are those of the residuals; `rms_z` (1 expected) and the shares of measurements within the 68 and
+    95 % intervals of a new measurement are None where the noise is not known.
+    """
+
+    output: str
+    impacts: int
+    bias: float
+    rms: float
+    rms_z: float | None
+    within_68: float | None
+    within_95: float | None
+
+
+def scores(prediction: NewPrediction) -> tuple[ObservableScore, ...]:
+    """One score for each output that was measured and could be predicted at some impact."""
+    scored = [_score(output) for output in prediction.outputs if output.observed is not None]
+    return tuple(score for score in scored if score is not None)
+
+
+def impacts_seen(calibrated: Impacts, impacts: Impacts) -> int:
+    """How many of the impacts, to the last digit, are among those a model was calibrated on."""
+    known = set(_states(calibrated))
+    return sum(state in known for state in _states(impacts))
+
+
+def _states(impacts: Impacts) -> list[tuple[float, ...]]:
+    return list(zip(impacts.v_x1.tolist(), impacts.v_y1.tolist(), impacts.omega_1.tolist(), strict=True))
+
+
+def _score(output: OutputPrediction) -> ObservableScore | None:
+    residual = output.residual
+    if residual is None or output.observed is None or np.all(np.isnan(residual)):
+        return None
+    known = ~np.isnan(residual)
+    left = residual[known]
+    rms_z = within_68 = within_95 = None
+    z = output.z
+    if z is not None and output.measured is not None:
+        rms_z = float(np.sqrt(np.mean(z[known] ** 2)))
+        levels, observed = output.measured[:, known], output.observed[known]
+        within_68 = float(np.mean((observed >= levels[1]) & (observed <= levels[3])))
+        within_95 = float(np.mean((observed >= levels[0]) & (observed <= levels[4])))
+    return ObservableScore(
+        output.name, left.size, float(left.mean()), float(np.sqrt(np.mean(left**2))), rms_z, within_68, within_95
+    )
+
+
+# How far a prediction moves over assumptions that the fitted table cannot tell apart.
+
+
+def with_assumptions(prediction: NewPrediction, fitted: FittedModel, found: Assumptions | None) -> NewPrediction:
+    """The prediction of `fitted` with, for each output, its lowest and highest value over the fit itself (its median,
+    or the point where there is none) and all alternatives that are as good, each at the mean of its posterior.
+
+    Nothing is added where there was no look at assumptions or no alternative is as good.
+    """
+    if found is None or not found.as_good:
+        return prediction
+    impacts = prediction.impacts
+    rebounds = [_alternative(fitted, item).rebound(impacts) for item in found.as_good]
+    observables = {item.name: item for item in output_observables(fitted, len(impacts), ())}
+    outputs = []
+    for output in prediction.outputs:
+        own = output.point if output.rebound is None else output.rebound[2]
+        every = np.stack([own, *(observables[output.name].predict(rebound)[0] for rebound in rebounds)])
+        # What an alternative cannot answer takes no part.
+        over = np.stack([np.fmin.reduce(every), np.fmax.reduce(every)])
+        outputs.append(replace(output, over=over))
+    return replace(prediction, outputs=tuple(outputs))
+
+
+def _alternative(fitted: FittedModel, item: Alternative) -> FittedModel:
+    """The fitted model with one choice changed; a kind of noise changes its parameters only."""
+    closure, _, option = item.name.partition("=")
+    options = {**fitted.options, closure: option} if closure in fitted.options else fitted.options
+    values = np.array(list(item.values.values()))
+    return replace(fitted, options=options, names=tuple(item.values), point=values, draws=np.empty((0, values.size)))

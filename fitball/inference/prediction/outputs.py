@@ -6,65 +6,126 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.data.table import ImpactTable
-from fitball.inference.prediction.new_impacts import NewPrediction, OutputPrediction
-from fitball.models.types import Rebound
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.results import Golden
+from fitball.models.types import Rebound, regime_name
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.values import FloatArray, Impacts
 
-# How well a prediction met measurements it had not seen.
+# Golden rebounds, and how far the outputs of a port are from them.
+
+# Golden impacts.
+COUNT = 12
+
+
+def golden_impacts(impacts: Impacts) -> Impacts:
+    """Half of them spread over the table; the others inside its range with spins from back to top."""
+    rows = np.unique(np.linspace(0, len(impacts) - 1, min(COUNT // 2, len(impacts))).astype(int))
+    count = COUNT - rows.size
+    share = (np.arange(count) + 0.5) / count
+
+    def across(column: np.ndarray, order: np.ndarray) -> np.ndarray:
+        return np.concatenate([column[rows], column.min() + (column.max() - column.min()) * order])
+
+    # Golden-ratio steps cover the square evenly without a random generator.
+    other = np.modf(share * count * 0.6180339887498949)[0]
+    v_x1, v_y1 = across(impacts.v_x1, other), across(impacts.v_y1, share)
+    omega = np.concatenate([impacts.omega_1[rows], np.linspace(-200.0, 400.0, count)])
+    if np.ptp(impacts.v_x1) + np.max(np.abs(impacts.v_x1)) <= 0.0:
+        omega = np.zeros(COUNT)
+    return Impacts(v_x1, v_y1, omega, None if impacts.cor is None else across(impacts.cor, share))
+
+
+def golden(fitted: FittedModel, impacts: Impacts) -> Golden:
+    """Rebounds of those impacts at the point estimate; impacts the model cannot evaluate are left out."""
+    chosen = golden_impacts(impacts)
+    rebound = fitted.rebound(chosen)
+    kept = np.flatnonzero(rebound.status[0] == 0)
+    names = dict(zip(fitted.names, map(float, fitted.point), strict=True))
+    return Golden(names, chosen.take(kept), rebound.each(lambda array: array[0][kept]))
 
 
 @dataclass(frozen=True)
-class ObservableScore:
-    """One measured column against its prediction, in SI, over the `impacts` that could be predicted.
+class OutputCheck:
+    """One output: largest absolute difference [SI], largest relative one, and the impact that has it.
 
-    `bias` and `rms` are those of the residuals; `rms_z` (1 expected) and the shares of measurements within the 68 and
-    95 % intervals of a new measurement are None where the noise is not known.
+    Relative: speeds to the incident speed `sqrt(v_x1^2 + v_y1^2 + (R omega_1)^2)`, spins times `R` likewise, times to
+    themselves, angles [rad] as they are.
     """
 
-    output: str
-    impacts: int
-    bias: float
-    rms: float
-    rms_z: float | None
-    within_68: float | None
-    within_95: float | None
+    name: str
+    absolute: float
+    relative: float
+    worst: int
 
 
-def scores(prediction: NewPrediction) -> tuple[ObservableScore, ...]:
-    """One score for each output that was measured and could be predicted at some impact."""
-    scored = [_score(output) for output in prediction.outputs if output.observed is not None]
-    return tuple(score for score in scored if score is not None)
+@dataclass(frozen=True)
+class PortCheck:
+    """All golden impacts (in their order): `relative` (impacts,) is the largest over outputs, `regimes` the model's.
+
+    `regimes_wrong` are the impacts whose regime the port names differently.
+    """
+
+    outputs: tuple[OutputCheck, ...]
+    relative: FloatArray
+    regimes: tuple[str, ...]
+    regimes_wrong: tuple[int, ...]
+    tolerance: float
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Which impacts fail, (impacts,)."""
+        failed = ~(self.relative <= self.tolerance)
+        failed[list(self.regimes_wrong)] = True
+        return failed
+
+    @property
+    def passed(self) -> bool:
+        """Whether no impact fails."""
+        return not bool(np.any(self.failed))
 
 
-def impacts_seen(calibrated: Impacts, impacts: Impacts) -> int:
-    """How many of the impacts, to the last digit, are among those a model was calibrated on."""
-    known = set(_states(calibrated))
-    return sum(state in known for state in _states(impacts))
+def expected_outputs(fitted: FittedModel, golden: Golden) -> dict[str, FloatArray]:
+    """Every output of the golden impacts, (impacts,), in SI; no contact time for a model without."""
+    return {
+        name: np.asarray(column.predict(golden.rebound), dtype=np.float64)
+        for name, column in OBSERVABLES.items()
+        if fitted.model.has_time or not column.timed
+    }
 
 
-def _states(impacts: Impacts) -> list[tuple[float, ...]]:
-    return list(zip(impacts.v_x1.tolist(), impacts.v_y1.tolist(), impacts.omega_1.tolist(), strict=True))
-
-
-def _score(output: OutputPrediction) -> ObservableScore | None:
-    residual = output.residual
-    if residual is None or output.observed is None or np.all(np.isnan(residual)):
-        return None
-    known = ~np.isnan(residual)
-    left = residual[known]
-    rms_z = within_68 = within_95 = None
-    z = output.z
-    if z is not None and output.measured is not None:
-        rms_z = float(np.sqrt(np.mean(z[known] ** 2)))
-        levels, observed = output.measured[:, known], output.observed[known]
-        within_68 = float(np.mean((observed >= levels[1]) & (observed <= levels[3])))
-        within_95 = float(np.mean((observed >= levels[0]) & (observed <= levels[4])))
-    return ObservableScore(
-        output.name, left.size, float(left.mean()), float(np.sqrt(np.mean(left**2))), rms_z, within_68, within_95
+def check_port(
+    fitted: FittedModel,
+    golden: Golden,
+    outputs: Mapping[str, FloatArray],
+    regimes: tuple[str, ...] | None,
+    tolerance: float,
+) -> PortCheck:
+    """Compare `outputs` (impacts,), in SI and in the order of the golden impacts, with what the model gives."""
+    expected = expected_outputs(fitted, golden)
+    scales = _scales(fitted, golden, expected)
+    errors = {name: np.abs(values - expected[name]) for name, values in outputs.items()}
+    relative = {name: errors[name] / scales[name] for name in errors}
+    checks = tuple(
+        OutputCheck(name, float(errors[name].max()), float(relative[name].max()), int(np.argmax(relative[name])))
+        for name in errors
     )
+    names = tuple(regime_name(code) for code in golden.rebound.regime)
+    codes = [str(int(code)) for code in golden.rebound.regime]
+    said = regimes if regimes is not None else names
+    wrong = tuple(k for k, text in enumerate(said) if text not in (names[k], codes[k]))
+    largest = np.max(np.stack(list(relative.values())), axis=0)
+    return PortCheck(checks, largest, names, wrong, tolerance)
+
+
+def _scales(fitted: FittedModel, golden: Golden, expected: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    given, radius = golden.impacts, fitted.ball.radius
+    speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (radius * given.omega_1) ** 2)
+    by_unit = {"m/s": speed, "rad/s": speed / radius, "rad": np.ones_like(speed)}
+    return {name: by_unit.get(OBSERVABLES[name].unit, values) for name, values in expected.items()}
 
 
 OUTPUTS = (*COMPARED, *(name for name in OBSERVABLES if name not in COMPARED))

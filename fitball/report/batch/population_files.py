@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fitball.inference.population.hyper import Known
-from fitball.inference.population.reweighting import Level
+from fitball.inference.population.levels import Level
 from fitball.report.batch.populations import Populated
 from fitball.report.form.files import json_text, remove, write_csv, write_text
 

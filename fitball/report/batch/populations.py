@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from fitball.errors import ParameterError
-from fitball.inference.population.draws import TableDraws
-from fitball.inference.population.hyper import Known
-from fitball.inference.population.levels import population_over
+from fitball.inference.population.hyper import Known, TableDraws
+from fitball.inference.population.levels import Population, population, population_over
 from fitball.inference.population.quantity import Quantity, known, prior_of, quantity
-from fitball.inference.population.reweighting import Population, population
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.problem.priors import Prior
 from fitball.inference.results.results import Fit, Verdict

@@ -1,29 +1,32 @@
-"""A comparison of models for a person: one document, for terminal and page."""
+"""A comparison of models for a person: one document, for terminal and page; in words, which model for which use."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+import math
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from fitball.files import all_or_none
-from fitball.inference.comparison.cross_validation import IMPACTS
+from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
-from fitball.inference.prediction.outputs import measured_outputs
+from fitball.inference.prediction.outputs import OUTPUTS, measured_outputs
 from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Verdict
+from fitball.models.names import DEFAULT_MODEL
 from fitball.report.compare.rows import (
     assumption_table,
     csv_rows,
     error_table,
     extrapolation_table,
     head,
+    in_unit,
     json_content,
+    schemes,
     score_table,
     scored_outputs,
 )
-from fitball.report.compare.words import sentences, words
 from fitball.report.form.document import (
     MOST_ROWS,
     Document,
@@ -98,6 +101,10 @@ def compare_document(
         "ranking": Picture("ranking", RANKING, f"Models by predictive density: {ranked}."),
         "forest": Picture("forest", FOREST, f"Each quantity under each model. By the best model: {moved}."),
     }
+    looked = [(scored.name, scored.fit.adequacy) for scored in models]
+    described = [
+        term(name, ANSWERS[it.answer].format("; ".join(it.exceptions))) for name, it in looked if it is not None
+    ]
     done = f"{comparison.seconds:.0f} s"
     quick = f"; {option('quick')}: no exact refits of influential impacts" * comparison.quick
     sections = [
@@ -105,7 +112,7 @@ def compare_document(
             *[drawn[name] for name in pictures if name == "ranking"],
             Table("Scores and weights", scores, ["describes"]), Words([LEGEND], "quiet"),
         ]),
-        Section("adequacy", "Does each model describe the table?", [Words(adequacy_lines(comparison), "list")]),
+        Section("adequacy", "Does each model describe the table?", [Words(described, "list")]),
         Section("errors", "Errors on impacts left out", [
             Table("Errors, each impact left out", errors), *extrapolation_table(comparison),
             Words([ERRORS + angle + PUBLISHED * bool(comparison.published)], "quiet"),
@@ -158,48 +165,28 @@ def write_all(comparison: Comparison, folder: Path, command: str | None = None) 
     write_text(folder / JSON_NAME, json_text(json_content(comparison, words(comparison))))
 
 
-def adequacy_lines(comparison: Comparison) -> list[str]:
-    """Whether each model describes the table, in a line, where that was looked at."""
-    looked = [(scored.name, scored.fit.adequacy) for scored in comparison.models]
-    return [
-        term(name, ANSWERS[found.answer].format("; ".join(found.exceptions)))
-        for name, found in looked
-        if found is not None
-    ]
-
-
 def remarks(comparison: Comparison) -> list[str]:
     """What a reader of the whole should know: what was left out, what did not settle."""
-    return [
-        *comparison.notes,
-        *(f"{scored.name}: {note}" for scored in comparison.models for note in remarks_on(scored)),
-    ]
-
-
-def remarks_on(scored: ModelScore) -> list[str]:
-    """What a reader of one model's scores should know."""
-    notes = list(scored.notes)
-    if scored.fit.diagnostics is not None and not scored.fit.diagnostics.converged:
-        notes.append("its posterior did not converge: " + "; ".join(scored.fit.diagnostics.complaints))
-    ids = scored.fit.problem.table.ids
-    if scored.loo.unsettled:
-        notes.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
-    if scored.loo.doubtful:
-        notes.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is doubtful (Pareto k above 0.7)")
+    notes = [*comparison.notes]
+    for scored in comparison.models:
+        found, ids, own = scored.fit.diagnostics, scored.fit.problem.table.ids, [*scored.notes]
+        if found is not None and not found.converged:
+            own.append("its posterior did not converge: " + "; ".join(found.complaints))
+        if scored.loo.unsettled:
+            own.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
+        if scored.loo.doubtful:
+            own.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is doubtful (Pareto k above 0.7)")
+        notes += [f"{scored.name}: {note}" for note in own]
     return notes
 
 
 def untold(scored: ModelScore) -> str:
     """The parameters of a model that the table leaves open, by verdict."""
-    open_ones = scored.unidentified
-    if not open_ones:
-        return "identified throughout"
     parts = []
     for verdict in (Verdict.CONDITIONAL, Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
-        names = [name for name, one in open_ones.items() if one is verdict]
-        if names:
-            parts.append(f"{verdict} {', '.join(names)}")
-    return "; ".join(parts)
+        names = [name for name, one in scored.unidentified.items() if one is verdict]
+        parts += [f"{verdict} {', '.join(names)}"] * bool(names)
+    return "; ".join(parts) if scored.unidentified else "identified throughout"
 
 
 def verdict_table(comparison: Comparison) -> Table:
@@ -263,3 +250,129 @@ def _cells(name: str, measured: FloatArray) -> Callable[[float], str]:
     largest = float(np.nanmax(np.abs(measured))) * factor
     places = 0 if largest >= 100.0 else 1 if largest >= 20.0 else 2
     return lambda value: fixed(value * factor, places)
+
+
+def words(comparison: Comparison) -> str:
+    """A paragraph; what it recommends rests on the numbers of this table alone."""
+    return " ".join(sentences(comparison))
+
+
+def sentences(comparison: Comparison) -> list[str]:
+    """What the words say, point by point, the best model first."""
+    if not comparison.meaningful:
+        return [
+            f"{len(comparison.table)} impacts are too few: the numbers describe these impacts and recommend no "
+            "model. Measure at least six, better twenty, over the angles and spins that matter."
+        ]
+    points = (_best, _simplest, _beyond, _time, _masses, _caution)
+    return [text for point in points if (text := point(comparison))]
+
+
+def _best(comparison: Comparison) -> str:
+    best = comparison.models[0]
+    close = [
+        scored.name for scored in comparison.models[1:] if not comparison.elpd_difference(best.name, scored.name).sure
+    ]
+    text = f"For impacts like these {best.name} predicts best ({_errors(best.out_of_sample())})"
+    if not close:
+        return text + ", ahead of every other by more than luck."
+    return f"{text}; not told apart from it with certainty: {', '.join(close)}."
+
+
+def _simplest(comparison: Comparison) -> str:
+    chosen, best = comparison.simplest, comparison.models[0]
+    if chosen is best:
+        return f"None with fewer parameters comes up to it ({best.free} free, noise included)."
+    gap = comparison.elpd_difference(chosen.name, best.name)
+    return (
+        f"The fewest parameters among those has {chosen.name} ({chosen.free} free against {best.free}, elpd "
+        f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}; {_errors(chosen.out_of_sample())}): take it where a quick "
+        "formula or a sparse table is all there is."
+    )
+
+
+def _beyond(comparison: Comparison) -> str:
+    """Best by group and at the ends of incidence, judged by the mean ratio of its errors to the smallest ones."""
+    parts = []
+    for way in schemes(comparison):
+        if way == IMPACTS:
+            continue
+        rms = {scored.name: scored.out_of_sample(way) for scored in comparison.models}
+        complete = {name: one for name, one in rms.items() if one.keys() == rms[comparison.models[0].name].keys()}
+        if len(complete) < 2:
+            continue
+        name = min(complete, key=lambda item: _mean_ratio(item, complete))
+        place = "a group it has not seen" if way == GROUPS else f"the {way}"
+        parts.append(f"{place}: {name} ({_errors(complete[name])})")
+    return f"Best where the table ends, predicting {'; '.join(parts)}." if parts else ""
+
+
+def _mean_ratio(name: str, rms: Mapping[str, Mapping[str, float]]) -> float:
+    least = {output: min(one[output] for one in rms.values()) for output in rms[name]}
+    return sum(math.log(max(rms[name][output], 1e-12) / max(least[output], 1e-12)) for output in least)
+
+
+def _time(comparison: Comparison) -> str:
+    timed = [scored for scored in comparison.models if scored.fit.problem.model.has_time]
+    if not timed or len(timed) == len(comparison.models):
+        return ""
+    return (
+        "Contact time, forces and the course of the contact come from the two-mass family alone; of it "
+        f"{timed[0].name} scores best here."
+    )
+
+
+def _masses(comparison: Comparison) -> str:
+    """The two-mass ball against its strongest rival without a time axis, as composed and as chosen afterwards."""
+    rivals = [scored for scored in comparison.models if not scored.fit.problem.model.has_time]
+    family = [scored for scored in comparison.models if scored.fit.problem.model.has_time]
+    if not rivals or not family or not comparison.table.has_spin or not comparison.table.has_tangential:
+        return ""
+    default = comparison.by_name.get(DEFAULT_MODEL, family[0])
+    text = f"Do two masses earn their parameters? {_duel(comparison, default, rivals[0])}."
+    if family[0] is not default:
+        text += f" {_duel(comparison, family[0], rivals[0])}, though chosen afterwards as the best of {len(family)}."
+    return text
+
+
+def _duel(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
+    gap = comparison.elpd_difference(one.name, other.name)
+    more = one.free - other.free
+    decided = "they do" if gap.value > 0.0 else "they do not, the rival predicts better"
+    decided = decided if gap.sure else "this table does not decide it"
+    changes = []
+    for output in scored_outputs(comparison):
+        change = comparison.rms_difference(one.name, other.name, output)
+        if change is None:
+            continue
+        scale = output_scale(output)
+        value, low, high = (scale.factor * x for x in (change.value, change.q05, change.q95))
+        places = 1 if max(abs(low), abs(high)) >= 1.0 else 2
+        if max(abs(value), abs(low), abs(high)) < 0.5 * 10.0**-places:
+            continue
+        ends = f"[{_signed(low, places)}, {_signed(high, places)}]"
+        changes.append(f"{output} {_signed(value, places)} {ends} {scale.unit}")
+    return (
+        f"{one.name} against {other.name}, {abs(more)} {'more' if more >= 0 else 'fewer'} free: elpd "
+        f"{_signed(gap.value, 1)} +- {fixed(gap.se, 1)}; rms error left out (with 90 % of the bootstrap) "
+        f"{', '.join(changes)}: {decided}"
+    )
+
+
+def _caution(comparison: Comparison) -> str:
+    if len(comparison.table) >= 100:
+        return ""
+    return (
+        f"With {len(comparison.table)} impacts a standard error of a difference is itself uncertain: below 4, or "
+        "below two standard errors, nothing is decided."
+    )
+
+
+def _errors(rms: Mapping[str, float]) -> str:
+    shown = [name for name in OUTPUTS if name in rms]
+    return ", ".join(f"{name} {in_unit(name, rms[name])} {output_scale(name).unit}" for name in shown[:3])
+
+
+def _signed(value: float, places: int) -> str:
+    text = fixed(value, places)
+    return text if text.startswith("-") else f"+{text}"

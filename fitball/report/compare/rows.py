@@ -13,9 +13,8 @@ from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
 from fitball.inference.results.adequacy import Answer
-from fitball.inference.results.assumptions import Summary
 from fitball.report.form.document import Table
-from fitball.report.form.numbers import decimals, fixed, handy, interval, output_scale
+from fitball.report.form.numbers import fixed, handy, output_scale
 from fitball.values import FloatArray
 from fitball.version import __version__
 
@@ -63,16 +62,16 @@ def score_table(comparison: Comparison) -> list[list[str]]:
     best = comparison.models[0].name
     for scored in comparison.models:
         gap = comparison.elpd_difference(scored.name, best)
-        worst = float(np.max(scored.loo.pareto_k))
-        mark = f" ({len(scored.loo.refitted)} refitted)" if scored.loo.refitted else ""
-        mark += f" ({len(scored.loo.doubtful)} doubtful)" if scored.loo.doubtful else ""
-        aicc = None if scored.criteria is None else scored.criteria.aicc
-        bic = None if scored.criteria is None else scored.criteria.bic
+        criteria, mark = _criteria(scored), ""
+        for word in ("refitted", "doubtful"):
+            count = len(getattr(scored.loo, word))
+            mark += f" ({count} {word})" * bool(count)
         rows.append(
             [scored.name, str(scored.free), fixed(scored.loo.total, 1),
              "best" if scored.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}",
-             fixed(scored.loo.p_loo, 1), fixed(worst, 2) + mark, fixed(comparison.stacking[scored.name], 2),
-             fixed(aicc, 1), fixed(bic, 1), described(scored)]
+             fixed(scored.loo.p_loo, 1), fixed(float(np.max(scored.loo.pareto_k)), 2) + mark,
+             fixed(comparison.stacking[scored.name], 2),
+             fixed(criteria["aicc"], 1), fixed(criteria["bic"], 1), described(scored)]
         )  # fmt: skip
     return rows
 
@@ -85,14 +84,10 @@ def described(scored: ModelScore) -> str:
 def error_table(comparison: Comparison) -> list[list[str]]:
     """Root mean square errors of every output, each impact predicted by a fit without it; published sets below."""
     outputs = scored_outputs(comparison)
-    rows = [["each impact left out", *(head(name) for name in outputs)]]
-    for scored in comparison.models:
-        rms = scored.out_of_sample()
-        rows.append([scored.name, *(in_unit(name, rms.get(name)) for name in outputs)])
-    for published in comparison.published:
-        rms = published_rms(published)
-        rows.append([f"({published.name})", *(in_unit(name, rms.get(name)) for name in outputs)])
-    return rows
+    known = [(scored.name, scored.out_of_sample()) for scored in comparison.models]
+    known += [(f"({item.name})", published_rms(item)) for item in comparison.published]
+    rows = [[name, *(in_unit(output, rms.get(output)) for output in outputs)] for name, rms in known]
+    return [["each impact left out", *map(head, outputs)], *rows]
 
 
 def extrapolation_table(comparison: Comparison) -> list[Table]:
@@ -119,25 +114,18 @@ def assumption_table(comparison: Comparison) -> list[list[str]]:
     for name, item in comparison.assumptions.items():
         if item.span is None:
             continue
-        scale = handy(name, item.unit)
-        places, factor = decimals(item.span.own.sd * scale.factor), scale.factor
-        over = f"{fixed(item.span.low * factor, places)} to {fixed(item.span.high * factor, places)}"
-        moved = f"{item.span.by} ({fixed(item.span.shift, 1)} sd)" if item.span.by else "-"
-        mixed = "-"
-        if item.stacked is not None:
-            ends = interval(item.stacked.q025 * factor, item.stacked.q975 * factor, places)
-            mixed = f"{fixed(item.stacked.median * factor, places)} {ends}"
+        span, mix, scale = item.span, item.stacked, handy(name, item.unit)
+        places = scale.decimals(span.own.sd)
+        over = f"{scale.fixed(span.low, places)} to {scale.fixed(span.high, places)}"
+        mixed = (
+            "-" if mix is None else f"{scale.fixed(mix.median, places)} {scale.interval(mix.q025, mix.q975, places)}"
+        )
         rows.append(
-            [name, scale.unit, spread(item.span.own, factor), over if len(item.as_good) > 1 else "-",
-             interval(item.span.q025 * factor, item.span.q975 * factor, places), moved, mixed]
+            [name, scale.unit, scale.plus_minus(span.own.median, span.own.sd), over if len(item.as_good) > 1 else "-",
+             scale.interval(span.q025, span.q975, places),
+             f"{span.by} ({fixed(span.shift, 1)} sd)" if span.by else "-", mixed]
         )  # fmt: skip
     return rows
-
-
-def spread(item: Summary, factor: float) -> str:
-    """Median and sd."""
-    places = decimals(item.sd * factor)
-    return f"{fixed(item.median * factor, places)} +- {fixed(item.sd * factor, places)}"
 
 
 def csv_rows(comparison: Comparison) -> list[dict[str, object]]:
@@ -167,13 +155,11 @@ def csv_rows(comparison: Comparison) -> list[dict[str, object]]:
 def _errors(
     by_way: Mapping[str, Mapping[str, float]], ways: tuple[str, ...], outputs: tuple[str, ...]
 ) -> dict[str, object]:
-    cells: dict[str, object] = {}
-    for way in ways:
-        for output in outputs:
-            value = by_way.get(way, {}).get(output)
-            scale = output_scale(output)
-            cells[f"rms, {way}: {head(output)}"] = None if value is None else value * scale.factor
-    return cells
+    known = {(way, output): by_way.get(way, {}).get(output) for way in ways for output in outputs}
+    return {
+        f"rms, {way}: {head(output)}": None if value is None else value * output_scale(output).factor
+        for (way, output), value in known.items()
+    }
 
 
 def _criteria(scored: ModelScore) -> dict[str, float | int | None]:

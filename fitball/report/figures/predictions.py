@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces
-from fitball.inference.prediction.curves import curves
+from fitball.inference.prediction.posterior_predictive import curves
 from fitball.inference.results.results import Curve, Fit, Predictive, thinned
 from fitball.report.figures.canvas import (
     MOST_NAMED,

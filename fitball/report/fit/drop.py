@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.inference.results.drop_test import BallRebound, DropTest, StandardRebound, TestedSpeed
+from fitball.inference.results.drop_test import DropTest, StandardRebound
 from fitball.inference.results.quantiles import Spread
 from fitball.report.form.document import Part, Row, Table, Words
-from fitball.report.form.numbers import decimals, digits, interval, percent, ranged, significant
+from fitball.report.form.numbers import digits, inner, percent, ranged, significant
 
 CM = 100.0
 # Balls told one by one on a page.
@@ -32,7 +32,14 @@ def drop_parts(test: DropTest | None) -> list[Part]:
 
 def speed_rows(test: DropTest) -> list[Row]:
     """The tested speeds; none where nothing can be said of them."""
-    return [_speed_row(item) for item in test.speeds if not test.missing]
+    rows = []
+    for item in test.speeds if not test.missing else ():
+        value, ends = ranged(item.cor)
+        row = {"speed [m/s]": f"{item.speed:.2f}", "drops": str(item.impacts), "COR": value}
+        row |= {"68 %": inner(item.cor), "95 %": ends} if ends != "-" else {}
+        row["measured mean"] = f"{item.measured:.4f}"
+        rows.append(row | {"sd of one drop": "-" if item.scatter is None else digits(item.scatter, 2)})
+    return rows
 
 
 def type_rows(test: DropTest) -> list[Row]:
@@ -40,12 +47,23 @@ def type_rows(test: DropTest) -> list[Row]:
     rebound = test.rebound
     if rebound is None or rebound.height.median is None or test.missing:
         return []
-    return [_type_row(test, rebound, name) for name in rebound.passing]
+    rows = []
+    for name, passing in rebound.passing.items():
+        chances = {"mean": passing.mean} | ({"another ball": passing.ball} if test.balls else {})
+        chances["one more measured drop"] = passing.drop
+        told = {head: "-" if value is None else percent(value) for head, value in chances.items()}
+        rows.append({"ball": BALL_TYPES[name].words, "limits": limits_words(name), **told})
+    return rows
 
 
 def ball_rows(test: DropTest) -> list[Row]:
     """The balls one by one, as many as a page has."""
-    return [_ball_row(ball) for ball in test.balls[:MOST_BALLS] if not test.missing]
+    heads = ("ball", "drops", "rebound from 254 cm [cm]", "95 %", "passes")
+    return [
+        dict(zip(heads, (it.label, str(it.impacts), *ranged(it.height, CM), percent(it.passes)), strict=True))
+        for it in test.balls[:MOST_BALLS]
+        if not test.missing
+    ]
 
 
 def lead_lines(test: DropTest | None) -> tuple[str, ...]:
@@ -56,37 +74,34 @@ def lead_lines(test: DropTest | None) -> tuple[str, ...]:
 
 
 def drop_lead(test: DropTest) -> tuple[str, ...]:
-    """Restitution at each tested speed, the rebound from 254 cm, whether it passes."""
-    lines = [f"COR at {_speed(item)}: {valued(item.cor)}; {_counted(item)}." for item in test.speeds]
-    rebound = test.rebound
+    """Restitution at each tested speed, the rebound from 254 cm, whether it passes as what type of ball."""
+    lines, rebound = [], test.rebound
+    for item in test.speeds:
+        among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if item.highest - item.lowest > 0.005 else ""
+        drops, mean = ("drops", "mean ") if item.impacts > 1 else ("drop", "")
+        counted = f"{item.impacts} {drops}{among}, measured {mean}{item.measured:.4f}"
+        lines.append(f"COR at {item.speed:.2f} m/s: {valued(item.cor)}; {counted}.")
     if rebound is None:
         return tuple(lines)
     lines.append(
         f"Rebound from {CM * DROP_HEIGHT:.0f} cm (100 in; landing at {rebound.speed:.2f} m/s, v = sqrt(2 g h)): "
         f"{valued(rebound.height, CM, 'cm')}."
     )
-    lines.append(passing_words(test, rebound))
-    return tuple(lines)
-
-
-def passing_words(test: DropTest, rebound: StandardRebound) -> str:
-    """The verdict on the rebound, by the type of ball."""
     name = test.ball_type
     passing, kind = rebound.passing[name], BALL_TYPES[name]
     head = f"ITF {kind.words}, {limits_words(name)}"
-    if not test.type_stated:
-        head += " (no type is stated: ball.type in the scene)"
+    head += "" if test.type_stated else " (no type is stated: ball.type in the scene)"
     if passing.mean is None:
-        inside = kind.lowest <= rebound.height.point <= kind.highest
-        where = "within" if inside else "outside of"
-        return f"{head}: the best value lies {where} the limits; without draws there is no probability."
-    who = "mean rebound" if passing.ball is None else "mean ball"
-    parts = [f"the {who} passes with probability {percent(passing.mean)}"]
-    if passing.ball is not None:
-        parts.append(f"another ball of the same make with {percent(passing.ball)}")
-    if passing.drop is not None:
-        parts.append(f"one more measured drop lies within them with {percent(passing.drop)}")
-    return f"{head}: {', '.join(parts)}."
+        where = "within" if kind.lowest <= rebound.height.point <= kind.highest else "outside of"
+        said = f"the best value lies {where} the limits; without draws there is no probability"
+    else:
+        who = "rebound" if passing.ball is None else "ball"
+        said = f"the mean {who} passes with probability {percent(passing.mean)}"
+        if passing.ball is not None:
+            said += f", another ball of the same make with {percent(passing.ball)}"
+        if passing.drop is not None:
+            said += f", one more measured drop lies within them with {percent(passing.drop)}"
+    return (*lines, f"{head}: {said}.")
 
 
 def drop_remarks(test: DropTest) -> tuple[str, ...]:
@@ -94,7 +109,7 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
     if test.missing:
         return ()
     rebound = test.rebound
-    lines = [*(() if rebound is None else _reach(test, rebound)), *_ball_remarks(test)]
+    lines = [*([] if rebound is None else _reach(test, rebound)), *_ball_remarks(test)]
     lines += [] if rebound is None else [_air(test, rebound)]
     if test.shared_error:
         lines.append(
@@ -103,7 +118,16 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
         )
     if rebound is None:
         return (*lines, "The ITF's drop from 254 cm and its limits are those of tennis balls, which this is not.")
-    return (*lines, _warmth(test), f"Limits: {SOURCE}.")
+    asked, warm = f"{TEST_TEMPERATURE:.0f} degrees Celsius", test.temperature
+    if warm is None:
+        lines.append(
+            f"The ITF tests balls that lay at {asked}; no ball temperature is stated (ball.temperature in the scene)."
+        )
+    elif abs(warm - TEST_TEMPERATURE) <= 2.0:
+        lines.append(f"The ball had {warm:g} degrees Celsius; the ITF's test asks for {asked}.")
+    else:
+        lines.append(f"The ball had {warm:g} degrees Celsius, but the ITF tests at {asked}; nothing is adjusted.")
+    return (*lines, f"Limits: {SOURCE}.")
 
 
 def _air(test: DropTest, rebound: StandardRebound) -> str:
@@ -133,12 +157,11 @@ def _reach(test: DropTest, rebound: StandardRebound) -> list[str]:
             f"The landing speed from 254 cm lies {abs(rebound.beyond):.2g} m/s {side} the tested ones: how "
             f"restitution changes with speed {how}."
         ]
-    if single:
-        return [
-            "One speed tells the restitution there, not how it changes with speed: what is said of cor_10 and "
-            "cor_slope rests on their priors."
-        ]
-    return []
+    one = (
+        "One speed tells the restitution there, not how it changes with speed: what is said of cor_10 and cor_slope "
+        "rests on their priors."
+    )
+    return [one] * single
 
 
 def _ball_remarks(test: DropTest) -> list[str]:
@@ -158,17 +181,6 @@ def _ball_remarks(test: DropTest) -> list[str]:
     return lines
 
 
-def _warmth(test: DropTest) -> str:
-    asked = f"{TEST_TEMPERATURE:.0f} degrees Celsius"
-    if test.temperature is None:
-        return (
-            f"The ITF tests balls that lay at {asked}; no ball temperature is stated (ball.temperature in the scene)."
-        )
-    if abs(test.temperature - TEST_TEMPERATURE) <= 2.0:
-        return f"The ball had {test.temperature:g} degrees Celsius; the ITF's test asks for {asked}."
-    return f"The ball had {test.temperature:g} degrees Celsius, but the ITF tests at {asked}; nothing is adjusted."
-
-
 def limits_words(name: str) -> str:
     """The limits of a type."""
     kind = BALL_TYPES[name]
@@ -179,47 +191,4 @@ def valued(spread: Spread, factor: float = 1.0, unit: str = "") -> str:
     """A number with its 95 % interval, rounded to what that supports."""
     value, ends = ranged(spread, factor)
     space = f" {unit}" if unit else ""
-    return f"{value}{space}" + (f" {ends}{space} (95 %)" if spread.median is not None else " (best value)")
-
-
-def _speed(item: TestedSpeed) -> str:
-    return f"{item.speed:.2f} m/s"
-
-
-def _counted(item: TestedSpeed) -> str:
-    spread = item.highest - item.lowest
-    among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if spread > 0.005 else ""
-    count, mean = ("drops", "mean ") if item.impacts > 1 else ("drop", "")
-    return f"{item.impacts} {count}{among}, measured {mean}{item.measured:.4f}"
-
-
-def _speed_row(item: TestedSpeed) -> Row:
-    cor = item.cor
-    value, ends = ranged(cor)
-    intervals = {}
-    if cor.q16 is not None and cor.q84 is not None and cor.q025 is not None and cor.q975 is not None:
-        intervals = {"68 %": interval(cor.q16, cor.q84, decimals(0.25 * (cor.q975 - cor.q025))), "95 %": ends}
-    return {
-        "speed [m/s]": f"{item.speed:.2f}",
-        "drops": str(item.impacts),
-        "COR": value,
-        **intervals,
-        "measured mean": f"{item.measured:.4f}",
-        "sd of one drop": "-" if item.scatter is None else digits(item.scatter, 2),
-    }
-
-
-def _ball_row(ball: BallRebound) -> Row:
-    value, ends = ranged(ball.height, CM)
-    row = {"ball": ball.label, "drops": str(ball.impacts), "rebound from 254 cm [cm]": value}
-    return {**row, "95 %": ends, "passes": percent(ball.passes)}
-
-
-def _type_row(test: DropTest, rebound: StandardRebound, name: str) -> Row:
-    """A type of ball: its limits, and the probabilities to lie within them."""
-    passing = rebound.passing[name]
-    chances = {"mean": passing.mean, "another ball": passing.ball, "one more measured drop": passing.drop}
-    if not test.balls:
-        del chances["another ball"]
-    told = {head: "-" if value is None else percent(value) for head, value in chances.items()}
-    return {"ball": BALL_TYPES[name].words, "limits": limits_words(name), **told}
+    return f"{value}{space} (best value)" if ends == "-" else f"{value}{space} {ends}{space} (95 %)"

@@ -11,11 +11,12 @@ import numpy as np
 
 from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
-from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY
+from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, Predictive
 from fitball.report.figures.quantities import prediction_of
 from fitball.report.figures.registry import FIGURES, write_figures
 from fitball.report.fit.document import page
+from fitball.report.fit.rows import summary_rows
 from fitball.report.form.files import OWN_FILES, remove, write_csv, write_text
 from fitball.report.form.folders import clear_leftovers, make_folder
 from fitball.report.form.numbers import listed_places
@@ -86,20 +87,6 @@ def write_all(fit: Fit, folder: Path, command: str | None = None, *, figures: bo
     write_text(folder / RUN_NAME, run_text(fit, folder))
     write_text(folder / "report.html", page(fit, images, command))
     write_text(folder / FIT_NAME, fit_text(fit))
-
-
-def summary_rows(fit: Fit) -> list[dict[str, object]]:
-    """One row per parameter, SI at full precision."""
-    rows: list[dict[str, object]] = []
-    for item in fit.estimates:
-        squares = fit.least_squares
-        row: dict[str, object] = {"parameter": item.name}
-        row |= {name: getattr(item, name) for name in ("unit", *SUMMARY, "point")}
-        row |= {"least_squares": squares.values[item.name], "least_squares_stderr": squares.stderr[item.name]}
-        row |= {"prior": item.prior, "contraction": item.contraction, "verdict": item.verdict_words}
-        row |= {name: getattr(item, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
-        rows.append(row)
-    return rows
 
 
 def prediction_rows(fit: Fit) -> Iterator[dict[str, object]]:

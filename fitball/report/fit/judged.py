@@ -5,10 +5,10 @@ assumptions. As parts of its report.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeVar
 
-from fitball.inference.results.adequacy import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check, Misfit, NoiseCheck
-from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Constant, Span
-from fitball.inference.results.evidence import InformationEvidence
+from fitball.inference.results.adequacy import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
+from fitball.inference.results.assumptions import PACE, Alternative, Assumptions
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Part, Row, Table, Words, judged
@@ -17,7 +17,6 @@ from fitball.report.form.numbers import (
     decimals,
     fixed,
     handy,
-    interval,
     listed,
     output_scale,
     percent,
@@ -72,53 +71,78 @@ def adequacy_parts(fit: Fit) -> list[Part]:
     """Whether the model describes the table: what to do about it, noise, misfits, patterns, what it is based on."""
     found = fit.adequacy
     assert found is not None
-    checks = [check_row(check) for check in surest(found.checks)]
+    surest: dict[tuple[str, str], Check] = {}
+    for check in sorted(found.checks, key=_sureness):
+        surest.setdefault((check.kind, check.column), check)
+    misfits = [
+        {
+            "impact": it.id,
+            "column": it.column,
+            "measured": output_scale(it.column).measured(it.measured, 4),
+            "point": output_scale(it.column).measured(it.predicted, 4),
+            "distance [sd]": f"{it.distance:+.1f}",
+        }
+        for it in found.misfits
+    ]
+    patterns = [
+        {
+            "pattern looked for": it.words,
+            "seen": significant(it.statistic, 2),
+            "usual below": significant(it.usual, 2),
+            "explains": "-" if it.explained is None else percent(it.explained),
+            "probability": _chance(it.p),
+            "": "exception" if it.found else "not found" if it.p > FALSE_EXCEPT else "far below the noise",
+        }
+        for it in sorted(surest.values(), key=lambda it: (KINDS.index(it.kind), it.column))
+    ]
     return [
         Words(remarks(fit)),
-        Table.of("Largest misfits", [misfit_row(misfit) for misfit in found.misfits], ["column"]),
+        Table.of("Largest misfits", misfits, ["column"]),
         Words([NOISE], only="page"),
-        Table.of(
-            "Fitted noise beside what was known of it", [noise_row(check) for check in found.noise], ["columns", ""],
-            only="page",
-        ),
-        Words([PATTERNS] * bool(checks), only="page"),
-        Table.of("Checks of the residuals", checks, [""], only="page"),
+        Table.of("Fitted noise beside what was known of it", _noises(found), ["columns", ""], only="page"),
+        Words([PATTERNS] * bool(patterns), only="page"),
+        Table.of("Checks of the residuals", patterns, [""], only="page"),
         Words([found.based_on], "quiet"),
-    ]  # fmt: skip
+    ]
+
+
+def _sureness(check: Check) -> tuple[float, float]:
+    return check.p, -(check.explained or 0.0)
 
 
 def remarks(fit: Fit) -> list[str]:
     """What to do about what was found, and what rests on it."""
     found = fit.adequacy
     assert found is not None
-    lines = []
-    moved = {name: by for name, by in found.moved.items() if by > MOVED}
-    if moved and found.answer is not Answer.FAILS:
+    fails, lines = found.answer is Answer.FAILS, []
+    if not fails and (moved := {name: by for name, by in found.moved.items() if by > MOVED}):
         said = ", ".join(f"{name} by {significant(by, 2)}" for name, by in moved.items())
         lines.append(
             f"Without what was found parameters would move, in their sds: {said}; of these is conditional what would "
             "be identified."
         )
-    kinds = {check.kind for check in found.checks if check.found}
-    if "group" in kinds and fit.problem.group_bias is None:
-        column = next(check.over for check in found.checks if check.found and check.kind == "group")
-        lines.append(f"If that group was measured differently: {option('offsets', column)} fits a bias of each.")
-    levels = [check for check in found.checks if check.found and check.kind == "level"]
-    if levels and not fit.problem.pooling:
-        best = min(levels, key=lambda check: (check.p, -(check.explained or 0.0)))
+    seen: dict[str, list[Check]] = {}
+    for check in found.checks:
+        if check.found:
+            seen.setdefault(check.kind, []).append(check)
+    if "group" in seen and fit.problem.group_bias is None:
+        asked = option("offsets", seen["group"][0].over)
+        lines.append(f"If that group was measured differently: {asked} fits a bias of each.")
+    if "level" in seen and not fit.problem.pooling:
+        best = min(seen["level"], key=_sureness)
         name = best.words.partition(" ")[0]
         pooled = spoken(f"--pool {name}={best.over}", f"pool={{'{name}': '{best.over}'}}")
         lines.append(f"{pooled} fits {name} to each {best.over}.")
-    if "uneven" in kinds:
+    if "uneven" in seen:
         lines.append(f"{option('velocity_noise', 'separate')} fits a noise of its own to each column.")
-    if kinds & {"outlier", "tails"} and not fit.problem.noise.parameters:
+    if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append(f"Outliers count for less with {option('noise', 'student-t')}.")
-    if "linked" in kinds and fit.problem.incident is None and found.answer is not Answer.FAILS:
+    if "linked" in seen and fit.problem.incident is None and not fails:
         lines.append(
             "Columns deviate together where the incident state was not what the table says: state its errors "
             "(columns such as v_1_sd)."
         )
-    if found.answer is Answer.FAILS:
+    if fails:
         lines.append(
             "Look for a sign, a unit or a column that was read wrongly "
             + spoken("(fitball datasets check)", "(fitball.check)")
@@ -136,54 +160,25 @@ def conditional_words(parameters: Mapping[str, Estimate], adequacy: Adequacy | N
     return f"conditional, as {', '.join(names)} is" if names else ""
 
 
-def surest(checks: Sequence[Check]) -> list[Check]:
-    """The surest check of each kind and column, in the order of kinds."""
-    kept: dict[tuple[str, str], Check] = {}
-    for check in sorted(checks, key=lambda check: (check.p, -(check.explained or 0.0))):
-        kept.setdefault((check.kind, check.column), check)
-    return sorted(kept.values(), key=lambda check: (KINDS.index(check.kind), check.column))
-
-
-def noise_row(check: NoiseCheck) -> Row:
-    """A noise as fitted beside what was known of it."""
-    scale, unit = 1.0, check.unit
-    shown = OBSERVABLES[check.columns[0]].shown if check.columns[0] in OBSERVABLES else None
-    if shown is not None and check.unit == OBSERVABLES[check.columns[0]].unit:
-        unit, scale = shown
-    known = "stated" if check.stated else "expected"
-    return {
-        "noise": check.noise,
-        "columns": ", ".join(check.columns),
-        "residuals": f"{significant(check.fitted * scale)} {unit}".rstrip(),
-        "stated or expected": f"{f'{significant(check.reference * scale)} {unit}'.rstrip()} {known}",
-        "ratio": significant(check.ratio, 2),
-        "probability": _chance(check.adjusted),
-        "": "exception" if check.found else "",
-    }
-
-
-def check_row(check: Check) -> Row:
-    """A pattern that was looked for in the residuals."""
-    return {
-        "pattern looked for": check.words,
-        "seen": significant(check.statistic, 2),
-        "usual below": significant(check.usual, 2),
-        "explains": "-" if check.explained is None else percent(check.explained),
-        "probability": _chance(check.p),
-        "": "exception" if check.found else "not found" if check.p > FALSE_EXCEPT else "far below the noise",
-    }
-
-
-def misfit_row(misfit: Misfit) -> Row:
-    """A measurement that lies far from the point estimate."""
-    scale = output_scale(misfit.column)
-    return {
-        "impact": misfit.id,
-        "column": misfit.column,
-        "measured": f"{significant(misfit.measured * scale.factor, 4)} {scale.unit}",
-        "point": f"{significant(misfit.predicted * scale.factor, 4)} {scale.unit}",
-        "distance [sd]": f"{misfit.distance:+.1f}",
-    }
+def _noises(found: Adequacy) -> list[Row]:
+    """Each noise as fitted beside what was known of it."""
+    rows = []
+    for check in found.noise:
+        column, scale = check.columns[0], Scale(check.unit)
+        if column in OBSERVABLES and OBSERVABLES[column].unit == check.unit:
+            scale = output_scale(column)
+        rows.append(
+            {
+                "noise": check.noise,
+                "columns": ", ".join(check.columns),
+                "residuals": scale.measured(check.fitted),
+                "stated or expected": f"{scale.measured(check.reference)} {'stated' if check.stated else 'expected'}",
+                "ratio": significant(check.ratio, 2),
+                "probability": _chance(check.adjusted),
+                "": "exception" if check.found else "",
+            }
+        )
+    return rows
 
 
 def _chance(p: float) -> str:
@@ -191,47 +186,49 @@ def _chance(p: float) -> str:
 
 
 def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
-    """Every look at every parameter, and which combinations of them are known."""
-    scene = fit.problem.contact_time is not None
-    found = fit.identifiability
+    """Every look at every parameter, and which combinations of them are known; beside them those without what the
+    scene knows of the contact time, if it knows anything.
+    """
+    found, scene = fit.identifiability, fit.problem.contact_time is not None
     also = (" and of the scene's contact time", ", with and without the scene's contact time") if scene else ("", "")
-    combined = direction_rows(fit)
+    directions = found.eigendirections
+    combined = [{"combination": item.words, "known to": item.known_to} for item in directions.directions]
+    if scene:
+        combined = [
+            row | {"without the scene: combination": alone.words, "known to, without": alone.known_to}
+            for row, alone in zip(combined, directions.directions_without_scene, strict=True)
+        ]
+    held = listed(directions.held)
+    ends = (
+        f"The model ends next to the maximum in {held}: there is no derivative, and what is said to first order "
+        f"takes {held} as fixed."
+    )
+    missing = f"There are no profiles: {found.profiles_missing}."
     return [
         Words([EVIDENCE.format(also[0], 100.0 * found.profile_coverage, also[1])], only="page"),
-        Table.of("Evidence on each parameter", evidence_rows(fit), ["", "unit", "verdict"], only="page"),
-        Words([
-            *([f"There are no profiles: {found.profiles_missing}."] if found.profiles_missing else []),
-            *([_ends(found.eigendirections.held)] if found.eigendirections.held else []),
-        ], "list"),
+        Table.of("Evidence on each parameter", _looks(fit, scene), ["", "unit", "verdict"], only="page"),
+        Words([*[missing] * bool(found.profiles_missing), *[ends] * bool(held)], "list"),
         *pictures,
         Words([DIRECTIONS] * bool(combined), only="page"),
         Table.of("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
-    ]  # fmt: skip
+    ]
 
 
-def _ends(held: Sequence[str]) -> str:
-    names = listed(held)
-    return (
-        f"The model ends next to the maximum in {names}: there is no derivative, and what is said to first order "
-        f"takes {names} as fixed."
-    )
-
-
-def evidence_rows(fit: Fit) -> list[Row]:
+def _looks(fit: Fit, scene: bool) -> list[Row]:
     """Every look at every free parameter, dashes where there is none."""
-    scene = fit.problem.contact_time is not None
     rows = []
     for name, item in fit.identifiability.evidence.items():
         estimate = fit.parameters[name]
-        scale = handy(name, estimate.unit)
+        scale, look, power, acts = handy(name, estimate.unit), item.information, item.power, item.active_impacts
         row = named(fit, name, scale) | {"profile, 95 %": profile_interval(item.profile, scale)}
         if scene:
             row["without scene"] = "the same" if item.alone is None else profile_interval(item.alone, scale)
-        power, acts = item.power, item.active_impacts
+        errors = [] if look is None else [look.error, look.error_without_scene][: 1 + scene]
+        told = " | ".join("none" if error is None else significant(error, 2) for error in errors)
         rows.append(
             row
             | {
-                "information": _information(item.information, scene),
+                "information": told or "-",
                 "contraction": "-" if item.contraction is None else f"{item.contraction.contraction:.2f}",
                 "power: priors | likelihood": "-" if power is None else f"{power.prior:.2f} | {power.likelihood:.2f}",
                 "acts in": "-" if acts is None else f"{acts.acting} of {acts.of}",
@@ -239,27 +236,6 @@ def evidence_rows(fit: Fit) -> list[Row]:
             }
         )
     return rows
-
-
-def _information(look: InformationEvidence | None, scene: bool) -> str:
-    if look is None:
-        return "-"
-    errors = [look.error, look.error_without_scene] if scene else [look.error]
-    return " | ".join("none" if error is None else significant(error, 2) for error in errors)
-
-
-def direction_rows(fit: Fit) -> list[Row]:
-    """Combinations from stiff to sloppy with what each is known to; beside them those without the scene, if it knows
-    anything.
-    """
-    found = fit.identifiability.eigendirections
-    rows = [{"combination": item.words, "known to": item.known_to} for item in found.directions]
-    if fit.problem.contact_time is None:
-        return rows
-    return [
-        row | {"without the scene: combination": alone.words, "known to, without": alone.known_to}
-        for row, alone in zip(rows, found.directions_without_scene, strict=True)
-    ]
 
 
 def named(fit: Fit, name: str, scale: Scale) -> Row:
@@ -275,21 +251,28 @@ def assumption_parts(fit: Fit) -> list[Part]:
         return []
     parts: list[Part] = [Words([f"Not looked at: {found.missing}."])]
     if not found.missing:
-        spans = [_span_row(*item) for item in _spans(fit, found)]
+        changes = [
+            {
+                "changed to": item.name,
+                "from": item.instead_of,
+                "score less this fit's": "-"
+                if item.difference is None
+                else plus_minus(item.difference.value, item.difference.se, 1),
+                "describes the table": _verdict(item),
+            }
+            for item in found.alternatives
+        ]
         parts = [
             Words([CHANGED.format(_sentence(found))], only="page"),
             Words([_sentence(found)], only="terminal"),
             Table.of(
-                "What moves with the assumptions", spans, ["unit", "most by", "holds only given"],
+                "What moves with the assumptions", _spans(fit, found), ["unit", "most by", "holds only given"],
                 aside=("95 % over all", "holds only given"),
             ),
-            Table.of(
-                "Choices changed", [_choice_row(item) for item in found.alternatives],
-                ["changed to", "from", "describes the table"], only="page",
-            ),
+            Table.of("Choices changed", changes, ["changed to", "from", "describes the table"], only="page"),
             Words([SCORES], "quiet", "page"),
         ]  # fmt: skip
-    moved = [_constant_row(fit, *item) for item in _by_constant(found)]
+    moved = _moved_by_constants(fit, found)
     return [
         *parts,
         Table.of("What moves with constants of the ball", moved, ["quantity", "unit", "over", "in this fit"]),
@@ -297,96 +280,79 @@ def assumption_parts(fit: Fit) -> list[Part]:
     ]
 
 
-def _scale(fit: Fit, name: str) -> Scale:
-    unit = next((item.unit for item in (*fit.estimates, *fit.derived.values()) if item.name == name), "")
-    return handy(name, unit)
+T = TypeVar("T")
 
 
-def _by_constant(found: Assumptions) -> Iterator[tuple[Constant, str, tuple[float, float]]]:
-    """Each constant with the quantities that rest on it."""
-    for constant in found.constants:
-        for name, ends in constant.parameters.items():
-            yield constant, name, ends
-        for surface, ends in constant.court_pace.items():
-            yield constant, f"{PACE} of {surface}" if surface else PACE, ends
+def _quantities(fit: Fit, found: Mapping[str, T], paces: Mapping[str, T]) -> Iterator[tuple[str, Scale, T]]:
+    """What was found of each quantity of the model and of the rating of each surface, with its unit."""
+    known = {**fit.parameters, **fit.derived}
+    for name, item in found.items():
+        yield name, handy(name, known[name].unit if name in known else ""), item
+    for surface, item in paces.items():
+        yield f"{PACE} of {surface}" if surface else PACE, Scale(""), item
 
 
-def _constant_row(fit: Fit, constant: Constant, name: str, ends: tuple[float, float]) -> Row:
-    scale, own = _scale(fit, name), handy(constant.name, fit.problem.model.specs[constant.name].unit)
-    shown = [scale.factor * end for end in ends]
-    places = decimals(0.1 * abs(shown[1] - shown[0]))
-    known = [own.factor * at for at in (constant.low, constant.high, constant.value)]
-    digits = decimals(0.1 * (known[1] - known[0]))
-    return {
-        "quantity": name,
-        "unit": scale.unit,
-        "from": fixed(shown[0], places),
-        "to": fixed(shown[1], places),
-        "over": f"{constant.name} {fixed(known[0], digits)} to {fixed(known[1], digits)} {own.unit}".rstrip(),
-        "in this fit": f"held at {fixed(known[2], digits)}"
-        if constant.held
-        else f"prior of {fixed(known[2], digits)}",
-    }
-
-
-def _spans(fit: Fit, found: Assumptions) -> list[tuple[str, Scale, Span]]:
-    """Name, scale and span of each quantity, those of the model first."""
+def _spans(fit: Fit, found: Assumptions) -> list[Row]:
     rows = []
-    for name, item in found.parameters.items():
-        rows.append((name, _scale(fit, name), item))
-    for surface, item in found.court_pace.items():
-        rows.append((f"{PACE} of {surface}" if surface else PACE, Scale("", 1.0), item))
+    for name, scale, item in _quantities(fit, found.parameters, found.court_pace):
+        places = scale.decimals(item.own.sd)
+        rows.append(
+            {
+                "parameter": name,
+                "unit": scale.unit,
+                "within this fit": scale.plus_minus(item.own.median, item.own.sd),
+                "over all as good": f"{scale.fixed(item.low, places)} to {scale.fixed(item.high, places)}",
+                "95 % over all": scale.interval(item.q025, item.q975, places),
+                "moved by [sd]": fixed(item.shift, 1),
+                "most by": item.by,
+                "holds only given": ", ".join(item.given),
+            }
+        )
     return rows
 
 
-def _span_row(name: str, scale: Scale, item: Span) -> Row:
-    factor = scale.factor
-    places = decimals(item.own.sd * factor)
-    return {
-        "parameter": name,
-        "unit": scale.unit,
-        "within this fit": plus_minus(item.own.median * factor, item.own.sd * factor, places),
-        "over all as good": f"{fixed(item.low * factor, places)} to {fixed(item.high * factor, places)}",
-        "95 % over all": interval(item.q025 * factor, item.q975 * factor, places),
-        "moved by [sd]": fixed(item.shift, 1),
-        "most by": item.by,
-        "holds only given": ", ".join(item.given),
-    }
+def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
+    """Each constant with the quantities that rest on it."""
+    rows = []
+    for constant in found.constants:
+        own = handy(constant.name, fit.problem.model.specs[constant.name].unit)
+        digits = decimals(0.1 * (own.factor * constant.high - own.factor * constant.low))
+        low, high, value = (own.fixed(at, digits) for at in (constant.low, constant.high, constant.value))
+        for name, scale, ends in _quantities(fit, constant.parameters, constant.court_pace):
+            places = decimals(0.1 * abs(scale.factor * ends[1] - scale.factor * ends[0]))
+            rows.append(
+                {
+                    "quantity": name,
+                    "unit": scale.unit,
+                    "from": scale.fixed(ends[0], places),
+                    "to": scale.fixed(ends[1], places),
+                    "over": f"{constant.name} {low} to {high} {own.unit}".rstrip(),
+                    "in this fit": f"held at {value}" if constant.held else f"prior of {value}",
+                }
+            )
+    return rows
 
 
-def _choice_row(item: Alternative) -> Row:
-    scored = item.difference
-    return {
-        "changed to": item.name,
-        "from": item.instead_of,
-        "score less this fit's": "-" if scored is None else plus_minus(scored.value, scored.se, 1),
-        "describes the table": _verdict(item),
-    }
+# What is said of changes by their verdict, of one and of several.
+CHANGES = {
+    "as well": "describe{s} the table as well as this fit, within the error of the score",
+    "not refused": "fit{s} too, and with so few impacts no score can refuse {them}",
+    "better": "describe{s} it better",
+    "worse": "describe{s} it worse",
+    "not scored": "could not be scored",
+}
 
 
 def _sentence(found: Assumptions) -> str:
     """Which changes the table cannot tell from the fit, which it prefers, and which it refuses."""
     if not found.alternatives:
         return "No choice of the model can be changed here."
-    groups = (
-        ("describe the table as well as this fit, within the error of the score", "as well"),
-        ("fit too, and with so few impacts no score can refuse them", "not refused"),
-        ("describe it better", "better"),
-        ("describe it worse", "worse"),
-        ("could not be scored", "not scored"),
-    )
     parts = []
-    for words, verdict in groups:
+    for verdict, words in CHANGES.items():
         names = [item.name for item in found.alternatives if _verdict(item).partition(":")[0] == verdict]
-        if names:
-            parts.append(f"{listed(names)} {words if len(names) > 1 else _singular(words)}")
-    return "Changed one at a time, " + "; ".join(parts) + "."
-
-
-def _singular(words: str) -> str:
-    for plural, single in (("describe ", "describes "), ("fit too", "fits too"), ("refuse them", "refuse it")):
-        words = words.replace(plural, single, 1)
-    return words
+        one = len(names) == 1
+        parts += [f"{listed(names)} {words.format(s='s' * one, them='it' if one else 'them')}"] * bool(names)
+    return f"Changed one at a time, {'; '.join(parts)}."
 
 
 def _verdict(item: Alternative) -> str:

@@ -19,7 +19,7 @@ from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.report.fit.judged import conditional_words
 from fitball.report.form.document import Part, Row, Table, Words
-from fitball.report.form.numbers import INCIDENT, decimals, interval, percent, ranged
+from fitball.report.form.numbers import INCIDENT, inner, percent, ranged
 
 # Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
 EQUAL = 0.05
@@ -30,8 +30,6 @@ LIKELY = 0.005
 # Contraction from which the table narrows a friction that priors decide, as where they keep it from its best values.
 NARROWED = 0.2
 QUANTITIES = {"v_y1": "vertical speed", "theta_1": "angle", "omega_1": "spin"}
-
-
 PACE = (
     "What the court pace test of the ITF (CS 01/02: a ball at 30 m/s and 16 degrees with hardly any spin) would find "
     "on this surface: 100 (1 - mu) + 150 (0.81 - e_T), from the velocities that the model predicts for that impact. "
@@ -55,15 +53,14 @@ def pace_parts(fit: Fit) -> list[Part]:
     ]
     if pace.missing:
         return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
-    rows = surface_rows(pace)
-    if not fit.levels:
-        rows = [{head: cell for head, cell in row.items() if head not in ("surface", "impacts")} for row in rows]
+    left_out = () if fit.levels else ("surface", "impacts")
+    rows = [{head: cell for head, cell in row.items() if head not in left_out} for row in surface_rows(pace)]
     said = rests(fit.parameters, fit.adequacy)
     return [
         *parts,
         Words([PACE], only="page"),
         Table.of("Court pace rating", rows, ["category", "contact there"], only="page"),
-        Words([*([f"The rating is {said}."] if said else []), *pace_remarks(pace)], "list", "page"),
+        Words([*[f"The rating is {said}."] * bool(said), *pace_remarks(pace)], "list", "page"),
     ]
 
 
@@ -72,18 +69,17 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     pace = fit.court_pace
     if pace is None:
         return ()
-    whole = court_lines(pace)
+    lines = [*court_lines(pace)]
     if pace.missing:
-        return (*whole, f"ITF court pace rating by the model: none, {pace.missing}")
+        return (*lines, f"ITF court pace rating by the model: none, {pace.missing}")
     said = rests(fit.parameters, fit.adequacy)
-    more = f"; {said}" if said else ""
-    lines = [*whole]
     for rating in pace.ratings:
         name = f" of {surface_words(rating)}" if rating.labels else ""
-        flag = f"; extrapolated: {reach_words(rating.reach)}" if rating.reach.outside else ""
+        flags = [f"extrapolated: {reach_words(rating.reach)}"] if rating.reach.outside else []
         if rating.saturated > SATURATES:
-            flag += f"; at the grip limit of the model ({percent(rating.saturated)}), so surer than the data"
-        lines.append(f"ITF court pace rating{name}: {rating_words(rating)}{flag}{more}")
+            flags.append(f"at the grip limit of the model ({percent(rating.saturated)}), so surer than the data")
+        told = "; ".join([rating_words(rating), *flags, *[said] * bool(said)])
+        lines.append(f"ITF court pace rating{name}: {told}")
     return tuple(lines)
 
 
@@ -119,12 +115,13 @@ def _court_words(court: CourtMean) -> str:
     if court.places > 1:
         parts[0] += f"; mean of {court.places} places ({court.column})"
         # Of a make of places where repeats tell it, else of those that were tested.
-        between = "between places" if court.elsewhere is not None else "of these places"
-        for words, spread in ((between, court.between), ("within one", court.within)):
-            if spread is not None:
-                parts.append(f"sd {words} {_with_interval(spread)}")
-        if court.elsewhere is not None:
-            parts.append(f"a place that was not tested {_with_interval(court.elsewhere)}")
+        between = "sd between places" if court.elsewhere is not None else "sd of these places"
+        spreads = (
+            (between, court.between),
+            ("sd within one", court.within),
+            ("a place that was not tested", court.elsewhere),
+        )
+        parts += [f"{words} {_with_interval(spread)}" for words, spread in spreads if spread is not None]
         if court.largest_difference is not None:
             parts.append(f"largest difference {court.largest_difference:.1f}")
     elif court.within is not None:
@@ -134,51 +131,37 @@ def _court_words(court: CourtMean) -> str:
 
 def place_rows(pace: CourtPace) -> list[Row]:
     """The places of a court, as measured."""
-    rows: list[Row] = []
+    heads = ("place", "impacts", "mean rating", "beyond noise", "95 %", "mu", "restitution")
+    rows = []
     for place in () if pace.measured is None else pace.measured.places:
-        value, ends = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
-        rows.append(
-            {
-                "place": place.label,
-                "impacts": str(place.impacts),
-                "mean rating": f"{place.mean:.1f}",
-                "beyond noise": value,
-                "95 %": ends,
-                "mu": f"{place.friction:.3f}",
-                "restitution": f"{place.restitution:.3f}",
-            }
-        )
+        beyond = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
+        means = (f"{place.friction:.3f}", f"{place.restitution:.3f}")
+        cells = (place.label, str(place.impacts), f"{place.mean:.1f}", *beyond, *means)
+        rows.append(dict(zip(heads, cells, strict=True)))
     return rows
 
 
 def surface_rows(pace: CourtPace) -> list[Row]:
     """Every surface, by the model."""
-    return [_row(rating) for rating in pace.ratings]
-
-
-def _row(rating: PaceRating) -> Row:
-    found = rating.rating
-    value, ends = ranged(found, places=1)
-    row = {"surface": surface_words(rating), "impacts": str(rating.impacts), "rating": value}
-    sampled = found.q025 is not None and found.q975 is not None
-    if found.q025 is not None and found.q975 is not None:
-        row["68 %"] = interval(found.q16, found.q84, decimals(0.25 * (found.q975 - found.q025)))
-        row["95 %"] = ends
-    return {
-        **row,
-        "category": _shares(rating.categories, sampled),
-        "mu of the test": _with_interval(rating.friction),
-        "by fitted mu": ranged(rating.sliding_rating, places=1)[0],
-        "restitution": _with_interval(rating.restitution),
-        "contact there": _shares(rating.regimes, sampled),
-    }
+    rows = []
+    for rating in pace.ratings:
+        value, ends = ranged(rating.rating, places=1)
+        row, sampled = (
+            {"surface": surface_words(rating), "impacts": str(rating.impacts), "rating": value},
+            ends != "-",
+        )
+        row |= {"68 %": inner(rating.rating), "95 %": ends} if sampled else {}
+        row |= {"category": _shares(rating.categories, sampled), "mu of the test": _with_interval(rating.friction)}
+        row |= {"by fitted mu": ranged(rating.sliding_rating, places=1)[0]}
+        row |= {"restitution": _with_interval(rating.restitution), "contact there": _shares(rating.regimes, sampled)}
+        rows.append(row)
+    return rows
 
 
 def rating_words(rating: PaceRating) -> str:
     """A rating with its interval and its most probable category."""
-    row = _row(rating)
-    within = f" {row['95 %']} (95 %)" if "95 %" in row else ""
-    return f"{row['rating']}{within}, {category_words(rating)}"
+    value, ends = ranged(rating.rating, places=1)
+    return f"{value}{'' if ends == '-' else f' {ends} (95 %)'}, {category_words(rating)}"
 
 
 def category_words(rating: PaceRating) -> str:
@@ -196,31 +179,29 @@ def pace_remarks(pace: CourtPace) -> list[str]:
     """What the ratings rest on, and how far they reach."""
     remarks = []
     for rating in pace.ratings:
-        name = f"{', '.join(rating.labels)}: " if rating.labels else ""
+        said = []
         if rating.reach.outside:
             lines = f"; the line of {' and of '.join(rating.reach.lines)} is continued" if rating.reach.lines else ""
-            remarks.append(f"{name}An extrapolation: the test impact lies {reach_words(rating.reach)}{lines}.")
+            said.append(f"An extrapolation: the test impact lies {reach_words(rating.reach)}{lines}.")
         one, other = (it.point if it.median is None else it.median for it in (rating.rating, rating.sliding_rating))
-        gap = abs(one - other)
-        if gap > EQUAL:
-            remarks.append(
-                f"{name}The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
+        if abs(one - other) > EQUAL:
+            said.append(
+                "The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
                 f"throughout with probability {percent(rating.slides)}): with the fitted one the rating would be "
                 f"{ranged(rating.sliding_rating, places=1)[0]}."
             )
         if rating.saturated > SATURATES:
-            remarks.append(
-                f"{name}The model is at its grip limit in the test impact, or within 5 % of it (probability "
+            said.append(
+                "The model is at its grip limit in the test impact, or within 5 % of it (probability "
                 f"{percent(rating.saturated)}): there it rates all rougher courts alike, and its interval and its "
                 "category are surer than the data. Models that fit how a ball grips, two-mass and grip-slip, have no "
                 "such limit."
             )
         if rating.failed > 0.0:
-            remarks.append(
-                f"{name}{percent(rating.failed)} of the draws cannot be solved there: intervals are of the rest."
-            )
-    remarks.append(warmth_words(pace))
-    return remarks
+            said.append(f"{percent(rating.failed)} of the draws cannot be solved there: intervals are of the rest.")
+        name = f"{', '.join(rating.labels)}: " if rating.labels else ""
+        remarks += [f"{name}{text}" for text in said]
+    return [*remarks, warmth_words(pace)]
 
 
 def warmth_words(pace: CourtPace) -> str:

@@ -1,25 +1,27 @@
-"""What a fit found, as rows and lines of its report: parameters, predictions, balances, point fit and sampler, error
-budget.
+"""A fit as rows and lines: parameters, predictions, balances, point fit and sampler, error budget; in few words: its
+`repr`, a table for a notebook, a report in the manner of lmfit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from fitball.data.balances import Balance, Balances
-from fitball.inference.results.quantiles import ESSENTIALS, quantiles
-from fitball.inference.results.results import Diagnostics, ErrorBudget, Fit, RunStatus
+from fitball.inference.results.quantiles import ESSENTIALS, SUMMARY, quantiles
+from fitball.inference.results.results import Diagnostics, ErrorBudget, Estimate, Fit, RunStatus, Verdict
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.models.types import regime_name
 from fitball.report.figures.quantities import prediction, prediction_of
 from fitball.report.fit.judged import named
-from fitball.report.form.document import MOST_ROWS, Row, Table, term
+from fitball.report.form.document import MOST_ROWS, Row, Table, columns, term, wrapped
 from fitball.report.form.numbers import (
     THESIS,
+    Scale,
     decimals,
     digits,
     file_words,
@@ -36,6 +38,8 @@ from fitball.wording import spoken
 
 # Sequence of slip and grip that is named without its probability.
 SURE = 0.995
+# Correlations that a report lists.
+WORTH_TELLING = 0.5
 
 
 def parameter_table(fit: Fit) -> list[Row]:
@@ -148,34 +152,28 @@ def _regime(fit: Fit, k: int) -> str:
 
 def balance_table(balances: Balances) -> tuple[Table, list[str]]:
     """The balances that at least one impact has, value and one standard deviation, and a sentence for each."""
-    known = [balance for balance in balances.all if balance.known]
-    scales = [handy(item.name, item.unit) for item in known]
-    heads = [
-        f"{item.name} [{scale.unit}]" if scale.unit else item.name for item, scale in zip(known, scales, strict=True)
-    ]
+    known = [(item, handy(item.name, item.unit)) for item in balances.all if item.known]
+    heads = [f"{item.name} [{scale.unit}]" if scale.unit else item.name for item, scale in known]
     rows = [
-        [name, *(_balance(item, k, scale.factor) for item, scale in zip(known, scales, strict=True))]
+        [name, *(_balance(item, k, scale) for item, scale in known)]
         for k, name in enumerate(balances.ids[:MOST_ROWS])
     ]
     rest = file_words("`balances.csv`", len(balances.ids))
     table = Table("Model-free balances", [["impact", *heads], *rows], count=len(balances.ids), rest=rest)
-    return table, [term(item.name, item.meaning) for item in known]
+    return table, [term(item.name, item.meaning) for item, _scale in known]
 
 
-def _balance(balance: Balance, index: int, factor: float) -> str:
+def _balance(balance: Balance, index: int, scale: Scale) -> str:
     if balance.reasons[index]:
         return "-"
-    value, sd = balance.values[index] * factor, balance.sd[index] * factor
-    return plus_minus(value, sd) if sd > 0.0 else significant(value)
+    value, sd = balance.values[index], balance.sd[index]
+    return scale.plus_minus(value, sd) if sd > 0.0 else significant(value * scale.factor)
 
 
 def diagnosis_lines(fit: Fit) -> list[str]:
     """Sampler and point fit in sentences."""
     squares = fit.least_squares
-    rms = ", ".join(
-        f"{name} {significant(value * output_scale(name).factor)} {output_scale(name).unit}"
-        for name, value in squares.rms.items()
-    )
+    rms = ", ".join(f"{name} {output_scale(name).measured(value)}" for name, value in squares.rms.items())
     lines = [
         f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom"
         + (f", best of {squares.starts} starts ({len(squares.optima)} distinct optima)" if squares.starts else "")
@@ -259,3 +257,120 @@ def budget_sentence(budget: ErrorBudget) -> str:
     if budget.share > 0.0:
         size = f"its error is at most {budget.share:.0e} of the smaller of the other two"
     return f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {most}."
+
+
+def _head(fit: Fit) -> str:
+    table, free = fit.source, len(fit.free_names)
+    return (
+        f"{fit.fitted.model_name} to {table.name}: {table.impacts:,} impacts, {free} free parameter"
+        f"{'s' if free != 1 else ''}, {fit.status}"
+    )
+
+
+def _rows(fit: Fit) -> list[tuple[Estimate, ParameterRow]]:
+    return [(item, parameter_row(item)) for item in fit.parameters.values()]
+
+
+def _brief(fit: Fit) -> list[str]:
+    """Whether the model describes the table, and the parameters that were fitted by what the table says of them."""
+    adequacy, rows = fit.adequacy, _rows(fit)
+    lines = [] if adequacy is None else [f"does the model describe the table: {adequacy.answer}"]
+    for verdict in Verdict:
+        told = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
+        if told and verdict is not Verdict.FIXED:
+            lines.append(f"{verdict}: {'; '.join(told)}")
+    return lines
+
+
+def short_text(fit: Fit) -> str:
+    """What it is and what it found, in a few lines."""
+    return "\n".join([f"<Fit of {_head(fit)}>", *wrapped(_brief(fit), "  ", " " * 4)])
+
+
+def html_text(fit: Fit) -> str:
+    """The same as a table of HTML."""
+    heads = ("", "median", "sd", "95 %", "unit", "verdict")
+    lines = []
+    for item, row in _rows(fit):
+        cells = (item.name, row.best, row.sd, row.interval_95, row.unit, row.verdict)
+        shown = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
+        lines.append(f'<tr title="{escape(item.meaning)}"><th>{escape(item.name)}</th>{shown}</tr>')
+    top = "".join(f"<th>{head}</th>" for head in heads)
+    return (
+        f"<p><b>Fit of {escape(_head(fit))}</b>{''.join(f'<br>{escape(line)}' for line in _brief(fit)[:1])}</p>"
+        f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+    )
+
+
+def report_text(fit: Fit) -> str:
+    """Outcome, statistics, parameters, correlations and notes."""
+    measured = listed(fit.source.measurements)
+    head = f"{fit.fitted.model_name} on {fit.source.name}: {fit.source.impacts:,} impacts with {measured}"
+    closures = ", ".join(f"{name} = {value}" for name, value in fit.fitted.options.items())
+    lines = ["[[Fit]]", f"    {head}; {len(fit.free_names)} free parameters"]
+    lines += [f"    closures: {closures}"] if closures else []
+    lines += wrapped([fit.verdict], " " * 4, " " * 4)
+    lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(fit).items())]
+    lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)", *_parameter_lines(fit)]
+    lines += [] if fit.correlation is None else _correlations(fit.free_names, fit.correlation.tolist())
+    if fit.notes:
+        lines += ["[[Notes]]", *wrapped(fit.notes, " " * 4, " " * 6)]
+    return "\n".join(lines)
+
+
+def _statistics(fit: Fit) -> dict[str, str]:
+    sampler = fit.diagnostics
+    told = {
+        "log posterior": f"{fit.log_posterior:.3f}",
+        "log likelihood": f"{fit.log_likelihood:.3f}",
+        "chi-square": f"{fit.least_squares.chi_square:.3f}",
+        "degrees of freedom": str(fit.least_squares.degrees_of_freedom),
+    }
+    if sampler is not None:
+        told |= {
+            "sampler": sampler_words(sampler),
+            "effective sample size": f"{min(sampler.min_ess_bulk, sampler.min_ess_tail):.0f}",
+            "R-hat": f"{sampler.max_r_hat:.4f}",
+        }
+    return told | {"seed": str(fit.seed)}
+
+
+def _parameter_lines(fit: Fit) -> list[str]:
+    cells = []
+    for item, row in _rows(fit):
+        fixed = item.verdict is Verdict.FIXED
+        interval = "" if row.interval_95 == "-" else row.interval_95
+        cells.append([f"{item.name}:", row.plus_minus, interval, "" if fixed else item.prior, row.verdict])
+    return [f"    {line}" for line in columns(cells, left=5)]
+
+
+def _correlations(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> list[str]:
+    """Pairs that are correlated by more than WORTH_TELLING, the strongest first."""
+    pairs = [(abs(matrix[i][j]), names[j], names[i], matrix[i][j]) for i in range(len(names)) for j in range(i)]
+    told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
+    if not told:
+        return []
+    return [
+        f"[[Correlations]] (those above {WORTH_TELLING:g})",
+        *(f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told),
+    ]
+
+
+def summary_rows(fit: Fit) -> list[dict[str, Any]]:
+    """One row per parameter, SI at full precision; None where a point fit has no number."""
+    squares = fit.least_squares
+    return [
+        {"parameter": it.name}
+        | {name: getattr(it, name) for name in ("unit", *SUMMARY, "point")}
+        | {"least_squares": squares.values[it.name], "least_squares_stderr": squares.stderr[it.name]}
+        | {"prior": it.prior, "contraction": it.contraction, "verdict": it.verdict_words}
+        | {name: getattr(it, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
+        for it in fit.estimates
+    ]
+
+
+def summary_columns(fit: Fit) -> Mapping[str, list[object]]:
+    """The same by column, without reasons and least squares."""
+    names = ("unit", *SUMMARY, "point", "prior", "contraction", "verdict", "ess_bulk", "ess_tail", "r_hat")
+    rows = summary_rows(fit)
+    return {name: [row[name] for row in rows] for name in names}

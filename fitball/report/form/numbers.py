@@ -65,6 +65,13 @@ def ranged(spread: Spread, factor: float = 1.0, places: int | None = None) -> tu
     return fixed(factor * spread.median, places), interval(factor * spread.q025, factor * spread.q975, places)
 
 
+def inner(spread: Spread) -> str:
+    """The 68 % interval, with the decimals of the 95 % one in `ranged`; a dash where there is none."""
+    if spread.q025 is None or spread.q975 is None:
+        return "-"
+    return interval(spread.q16, spread.q84, decimals(0.25 * (spread.q975 - spread.q025)))
+
+
 def percent(share: float, fine: bool = False) -> str:
     """A share in whole per cent, or as `fine` as a tenth where it is small; what is neither none nor all is not
     called so.
@@ -99,10 +106,30 @@ POUND = 0.45359237
 
 @dataclass(frozen=True)
 class Scale:
-    """A unit and the factor that turns an SI value into it."""
+    """A unit and the factor that turns an SI value into it; its methods write values in SI as text in the unit."""
 
     unit: str
-    factor: float
+    factor: float = 1.0
+
+    def decimals(self, sd: float) -> int:
+        """As `decimals`."""
+        return decimals(sd * self.factor)
+
+    def fixed(self, value: float | None, places: int) -> str:
+        """As `fixed`."""
+        return fixed(None if value is None else value * self.factor, places)
+
+    def interval(self, low: float | None, high: float | None, places: int) -> str:
+        """As `interval`."""
+        return f"[{self.fixed(low, places)}, {self.fixed(high, places)}]"
+
+    def plus_minus(self, value: float, sd: float) -> str:
+        """As `plus_minus`."""
+        return plus_minus(value * self.factor, sd * self.factor)
+
+    def measured(self, value: float, digits: int = 3) -> str:
+        """As `significant`, with the unit."""
+        return f"{significant(value * self.factor, digits)} {self.unit}".rstrip()
 
 
 # Other units than SI in which people read parameters and columns of a rebound, by name.

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from fitball.inference.prediction.regime_map import NONE, RegimeMap
+from fitball.inference.prediction.simulate import NONE, RegimeMap
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import new_figure, other_scale, own_style, verbatim

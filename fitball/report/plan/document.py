@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fitball.files import all_or_none
-from fitball.inference.design.results import Plan, Worth
-from fitball.inference.design.sensor import AS_BEFORE
-from fitball.inference.design.settings import Setting
-from fitball.inference.design.target import Part
+from fitball.inference.design.asked import AS_BEFORE, Part, Setting
+from fitball.inference.design.make_plan import Plan, Worth
 from fitball.inference.problem.problem import Problem
 from fitball.report.form.document import Document, Picture, Row, Section, Table, Words, as_page, on_terminal
 from fitball.report.form.files import csv_text, json_text, write_text

@@ -12,8 +12,8 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from fitball.inference.design.results import Plan
-from fitball.inference.design.sensor import AS_BEFORE
+from fitball.inference.design.asked import AS_BEFORE
+from fitball.inference.design.make_plan import Plan
 from fitball.report.figures.canvas import Margins, filled, heading, new_figure, own_style, verbatim
 from fitball.report.form.palette import FAINT, MEASURED, MODEL, TREND, series_style
 from fitball.report.plan.document import spin_text

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from fitball.inference.design.results import Plan
-from fitball.inference.design.settings import Setting
-from fitball.inference.design.target import levels_at
+from fitball.inference.design.asked import Setting
+from fitball.inference.design.make_plan import Plan
 from fitball.inference.problem.problem import Problem
 from fitball.observables import OBSERVABLES
 from fitball.report.form.numbers import output_scale
@@ -48,7 +47,8 @@ def plan_rows(plan: Plan, problem: Problem) -> list[Row]:
                 row |= {"omega_1 [rad/s]": _number(state.spin)} if spun else {}
             else:
                 row["v_y1 [m/s]"] = _number(state.speed)
-            row |= levels_at(problem, found.rows[found.surfaces.index(state.surface)])
+            at = found.rows[found.surfaces.index(state.surface)]
+            row |= {pooling.column: pooling.labels[int(pooling.index[at])] for pooling in problem.pooling}
             row |= dict.fromkeys(f"{name} [{output_scale(name).unit}]" for name in empty)
             row |= dict.fromkeys(f"{name} [{output_scale(name.removesuffix('_sd')).unit}]" for name in stated)
             row |= dict.fromkeys(incident)

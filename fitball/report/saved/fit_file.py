@@ -4,22 +4,26 @@ it is read when it is asked for. Nothing is fitted or sampled again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
 import numpy as np
 
-from fitball.data.balances import Balances, scene_balances
-from fitball.data.table import ImpactTable
-from fitball.errors import FitballError, ResultFolderError
+from fitball.data.balances import scene_balances
+from fitball.errors import FitballError, ParameterError, ResultFolderError
+from fitball.inference.assemble import rests_on
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
-from fitball.inference.problem.force_records import ForceRecords
+from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
+from fitball.inference.results.quantiles import QUANTILES
 from fitball.inference.results.results import (
     BESIDE,
     KIND,
@@ -29,11 +33,14 @@ from fitball.inference.results.results import (
     Posterior,
     Predictive,
     Record,
+    RunStatus,
     Verdict,
     thinned,
 )
+from fitball.models.registry import parameter_spec
+from fitball.models.specs import ParameterSpec
+from fitball.models.types import regime_name
 from fitball.report.form.files import json_text
-from fitball.report.saved.fit_consistency import beyond, checked, outside
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, read_draws
 from fitball.report.saved.run_file import RUN_NAME, RunRecord, read_run
 from fitball.report.saved.structure import (
@@ -45,9 +52,14 @@ from fitball.report.saved.structure import (
     refuse_foreign,
     structured,
 )
+from fitball.values import FloatArray
 
 # By what share the log likelihood of the point estimate may differ on another machine.
 ROUNDING = 1e-6
+# A value at a bound is the exponential of a logarithm: rounding may take it this share of the bounds' width beyond.
+AT_BOUND = 1e-9
+# Speeds and spins far beyond any that could be measured, and far below where squares overflow.
+FASTEST = 1e6
 
 
 def fit_text(fit: Fit) -> str:
@@ -78,14 +90,9 @@ def read_fit(path: Path) -> Fit:
     content = read_json(place)
     refuse_foreign(place, content, KIND, SCHEMA_VERSION)
     record = structured(place, content, Record)
-    wrong = checked(record)
+    wrong = _contradiction(record)
     if wrong is not None:
         raise damaged(place, wrong)
-    return _with_files(record, place)
-
-
-def _with_files(record: Record, place: Path) -> Fit:
-    """A fit of which only the record is in memory."""
     fitted = record.fitted
     if not len(fitted.draws):
         fitted = replace(fitted, draws=np.empty((0, len(fitted.names))))
@@ -94,19 +101,12 @@ def _with_files(record: Record, place: Path) -> Fit:
     return fit
 
 
-def restore(path: Path) -> Fit:
-    """Read a fit as `read_fit`, with the run, the measurements and the draws beside it at once; the table that was
-    fitted need not be there any more.
+def load(fit: Fit) -> None:
+    """Read the run, the measurements and the draws that lie beside a fit, unless they are in memory; the table that
+    was fitted need not be there any more.
 
     Raises ResultFolderError for files that are missing, damaged or foreign, or of different runs.
     """
-    fit = read_fit(path)
-    load(fit)
-    return fit
-
-
-def load(fit: Fit) -> None:
-    """Read what lies beside a fit, unless it is in memory. Raises ResultFolderError as `restore` does."""
     for name in BESIDE:
         getattr(fit, name)
 
@@ -119,12 +119,12 @@ def complete(fit: Fit) -> bool:
 
 
 def _later(fit: Fit, name: str) -> object:
-    """What the files beside the `fit.json` of a fit say; `name` is one of BESIDE. Raises ResultFolderError."""
+    """What the files beside the `fit.json` of a fit say; `name` is one of BESIDE. Raises as `load`."""
     assert fit.place is not None
     makers: Mapping[str, Callable[[Fit, Path], object]] = {
         "posterior": partial(read_posterior, agreeing=True),
         "problem": _problem,
-        "balances": _balances,
+        "balances": lambda fit, _place: scene_balances(fit.problem.table, fit.problem.scene),
         "point": _point,
         "predictive": _predictive,
     }
@@ -145,7 +145,7 @@ def read_posterior(fit: Fit, place: Path, *, agreeing: bool) -> Posterior | None
     posterior = read_draws(beside, fit.free_names, shape)
     for k, name in enumerate(posterior.names):
         for values in (posterior.values[..., k], posterior.prior_draws[:, k]):
-            if outside(name, values):
+            if beyond(spec_of(name), values):
                 raise damaged(beside, f"draws of {name} lie outside its bounds")
     mine = fit.fitted.with_draws(posterior.names, thinned(posterior, fit.fitted.draws.shape[0])).draws
     if agreeing and not np.array_equal(mine, fit.fitted.draws):
@@ -158,7 +158,11 @@ def read_posterior(fit: Fit, place: Path, *, agreeing: bool) -> Posterior | None
 
 def _problem(fit: Fit, place: Path) -> Problem:
     record = read_run(place)
-    table, force = _measured(fit, place, record)
+    table, force = read_data(fit.source, place.with_name(DATA_NAME))
+    named, records = record.file.table.files, record.file.force
+    table = replace(table, files=tuple((str(record.place_of(file)), file.sha256) for file in named))
+    if force is not None and records is not None:
+        force = replace(force, source=str(record.place_of(records)))
     try:
         problem = record.problem(table, force)
     except FitballError as error:
@@ -171,15 +175,6 @@ def _problem(fit: Fit, place: Path) -> Problem:
     return problem
 
 
-def _measured(fit: Fit, place: Path, record: RunRecord) -> tuple[ImpactTable, ForceRecords | None]:
-    """The measurements, with the places of the files that they were read from."""
-    table, force = read_data(fit.source, place.with_name(DATA_NAME))
-    table = replace(table, files=tuple((str(record.place_of(named)), named.sha256) for named in record.tables))
-    if force is not None and record.force is not None:
-        force = replace(force, source=str(record.place_of(record.force)))
-    return table, force
-
-
 def _refuse_other(fit: Fit, record: RunRecord, problem: Problem) -> None:
     """Raise ResultFolderError unless `run.toml` and `fit.json` speak of the same model and parameters."""
     fitted, chosen = fit.fitted, problem.model
@@ -189,7 +184,7 @@ def _refuse_other(fit: Fit, record: RunRecord, problem: Problem) -> None:
         for name, item in fit.parameters.items()
     }
     pairs = [
-        (record.effort.seed, fit.seed),
+        (record.file.fitball.seed, fit.seed),
         ((chosen.name, dict(chosen.options), chosen.ball), (fitted.model_name, dict(fitted.options), fitted.ball)),
         (problem.contact_time, fit.source.contact_time),
         (list(described.items()), list(kept.items())),
@@ -203,10 +198,6 @@ def _other(place: Path) -> ResultFolderError:
         f"{place}: this run is another than that of the fit.json beside it; calibrate again, or put the files of one "
         "run together"
     )
-
-
-def _balances(fit: Fit, _place: Path) -> Balances:
-    return scene_balances(fit.problem.table, fit.problem.scene)
 
 
 def _point(fit: Fit, place: Path) -> PointFit:
@@ -237,3 +228,159 @@ def _predictive(fit: Fit, _place: Path) -> Predictive | None:
     if posterior is None:
         return None
     return predictive(fit.problem, point, posterior, predictive_generator(fit.seed))
+
+
+def _contradiction(fit: Record) -> str | None:
+    """A sentence on the first part of a record that contradicts another, or what a model or a prior says of itself;
+    None where all agree. Nothing is repaired.
+    """
+    parts = (_names, _shapes, _parameters, _profiles, _adequacy, _given, _golden)
+    try:
+        return next(chain.from_iterable(part(fit) for part in parts), None)
+    except FitballError as error:
+        return str(error)
+
+
+def spec_of(name: str) -> ParameterSpec | None:
+    """Bounds and prior of a parameter of a model or of its noise; None for one that only this fit has."""
+    return NOISE_SPECS.get(name) or parameter_spec(name)
+
+
+def beyond(spec: ParameterSpec | None, values: FloatArray) -> bool:
+    """Whether any of the values is beyond the bounds by more than rounding, or no number; none are known without."""
+    if spec is None:
+        return False
+    slack = AT_BOUND * (spec.upper - spec.lower)
+    return not bool(np.all((values >= spec.lower - slack) & (values <= spec.upper + slack)))
+
+
+def _names(fit: Record) -> Iterator[str]:
+    pairs: list[tuple[str, Iterable[str], Iterable[str]]] = [
+        ("fitted.names", fit.fitted.names, fit.parameters),
+        ("golden.parameters", fit.golden.parameters, fit.parameters),
+        ("identifiability.evidence", fit.identifiability.evidence, fit.free_names),
+        ("parameters, names", (item.name for item in fit.parameters.values()), fit.parameters),
+        ("derived, names", (item.name for item in fit.derived.values()), fit.derived),
+    ]
+    looks = ("ess_bulk", "ess_tail", "r_hat") if fit.diagnostics is not None else ()
+    pairs += [(f"diagnostics.{it}", sorted(getattr(fit.diagnostics, it)), sorted(fit.free_names)) for it in looks]
+    for what, names, expected in pairs:
+        one, other = [*names], [*expected]
+        if one != other:
+            yield f"{what}: read {_listed(one)}, expected {_listed(other)}"
+    for name in ("incident_columns", "incident_sd", "measurements", "with_sd", "labels"):
+        listed: Sequence[str] = getattr(fit.source, name)
+        if len(set(listed)) < len(listed):
+            yield f"source.{name}: read {_listed(listed)}, where a name comes twice"
+    missing = [name for name in fit.fitted.model.parameter_names if name not in fit.parameters]
+    if missing:
+        yield f"parameters: without {', '.join(missing)}, which model {fit.fitted.model_name} has"
+
+
+def _shapes(fit: Record) -> Iterator[str]:
+    fitted, free, draws = fit.fitted, len(fit.free_names), len(fit.fitted.draws)
+    shapes: list[tuple[str, FloatArray | None, tuple[int, ...]]] = [
+        ("fitted.point", fitted.point, (len(fitted.names),)),
+        ("fitted.draws", fitted.draws if draws else None, (draws, len(fitted.names))),
+        ("covariance", fit.covariance, (free, free)),
+        ("correlation", fit.correlation, (free, free)),
+    ]
+    for what, array, shape in shapes:
+        if array is not None and array.shape != shape:
+            yield f"{what}: numbers of shape {array.shape}, expected {shape}"
+        elif array is not None and not np.isfinite(array).all():
+            yield f"{what}: expected finite numbers"
+    for what, impacts in (("fitted.impacts", fitted.impacts), ("golden.impacts", fit.golden.impacts)):
+        if any(np.any(np.abs(column) > FASTEST) for column in impacts.states()[:3]):
+            yield f"{what}: a speed or spin beyond {FASTEST:g}"
+    sampled = fit.status is not RunStatus.POINT_ONLY
+    if sampled != (fit.diagnostics is not None) or sampled != bool(draws):
+        yield f"status is '{fit.status}', but diagnostics and fitted.draws say otherwise"
+    if fit.diagnostics is not None and fit.diagnostics.warm_up >= fit.diagnostics.steps:
+        yield f"diagnostics: {fit.diagnostics.warm_up} steps of warm-up in {fit.diagnostics.steps} steps"
+
+
+def _parameters(fit: Record) -> Iterator[str]:
+    for k, (name, item) in enumerate(fit.parameters.items()):
+        for place, value in (
+            ("fitted.point", fit.fitted.point[k]),
+            ("golden.parameters", fit.golden.parameters[name]),
+        ):
+            if value != item.point:
+                yield f"{place} of {name}: read {float(value)!r}, but its point is {item.point!r}"
+        spec = spec_of(name)
+        if spec is None:
+            continue
+        listed = [value for name in ("point", *QUANTILES) if (value := getattr(item, name)) is not None]
+        for what, values in (
+            (f"parameters.{name}", np.array(listed)),
+            (f"fitted.draws of {name}", fit.fitted.draws[:, k] if len(fit.fitted.draws) else np.empty(0)),
+        ):
+            if beyond(spec, values):
+                yield f"{what}: outside its bounds [{spec.lower:g}, {spec.upper:g}] {spec.unit}".rstrip()
+        if item.unit != spec.unit:
+            yield f"parameters.{name}.unit: read {item.unit!r}, expected {spec.unit!r}"
+        parse_prior(name, item.prior, spec.lower, spec.upper, spec.unit)
+
+
+def _profiles(fit: Record) -> Iterator[str]:
+    for name, evidence in fit.identifiability.evidence.items():
+        for profile in filter(None, (evidence.profile, evidence.alone)):
+            values, drop = profile.values, profile.drop
+            if values.ndim != 1 or values.shape != drop.shape or values.size < 2:
+                yield f"profile of {name}: {values.size} values and {drop.size} drops"
+            elif not (np.all(np.diff(values) > 0.0) and np.all(drop >= 0.0)):
+                yield f"profile of {name}: its values do not rise, or a drop is negative"
+            elif beyond(spec_of(name), values):
+                yield f"profile of {name}: a value lies beyond the bounds of the parameter"
+
+
+def _adequacy(fit: Record) -> Iterator[str]:
+    described = fit.adequacy
+    if described is None:
+        return
+    unknown = [name for name in described.moved if name not in fit.parameters]
+    if unknown:
+        yield f"adequacy.moved: read {_listed(unknown)}, which are no parameters"
+    for name, item in fit.parameters.items():
+        sure = item.verdict in (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
+        if sure if described.conditional(name) else item.verdict is Verdict.CONDITIONAL:
+            yield f"parameters.{name} is '{item.verdict}', but adequacy says otherwise"
+    chances = [*(check.p for check in described.checks), *(check.adjusted for check in described.noise)]
+    for values in (chances, described.unseen.values(), *described.loo_pit.values()):
+        if not all(0.0 <= value <= 1.0 + AT_BOUND for value in values):
+            yield "adequacy: a probability or share lies outside of 0 to 1"
+
+
+def _given(fit: Record) -> Iterator[str]:
+    """What verdicts name as their assumptions, beside what the looks say."""
+    items = {**fit.parameters, **fit.derived}
+    for name in {} if fit.assumptions is None else fit.assumptions.given:
+        if name not in items:
+            yield f"assumptions.parameters: {name} is none of the parameters"
+    for name, item in items.items():
+        known = rests_on(name, fit.adequacy, fit.assumptions)
+        scene = (CONTACT_TIME, own_prior(name))
+        rest = tuple(one for one in item.given if one not in scene or one in known)
+        if item.verdict is Verdict.GIVEN and rest != known:
+            yield f"parameters.{name}.given: read {_listed(item.given)}, but the looks say {_listed(known)}"
+
+
+def _golden(fit: Record) -> Iterator[str]:
+    made, count = fit.golden.rebound, len(fit.golden.impacts)
+    for item in fields(made):
+        column = getattr(made, item.name)
+        unknown = np.isnan(column)
+        if column.shape != (count,):
+            yield f"golden.impacts and golden.rebound.{item.name} differ in number: {count} and {column.size}"
+        elif unknown.any() and not (item.name == "contact_time" and unknown.all()):
+            yield f"golden.rebound.{item.name}: a number is missing"
+    for code in made.regime.tolist():
+        try:
+            regime_name(code)
+        except ParameterError:
+            yield f"golden.rebound.regime: {code} is no sequence of phases"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)[:300] or "none"

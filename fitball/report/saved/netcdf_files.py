@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fitball.data.columns import SD_SUFFIX
 from fitball.data.hdf5_arrays import array, finite, group, opened, texts
 from fitball.data.table import ImpactTable, Measurement
-from fitball.errors import ParameterError, ResultFolderError
+from fitball.errors import ResultFolderError
 from fitball.inference.problem.force_records import Averaged, ForceRecords
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit, Posterior
@@ -32,8 +32,6 @@ from fitball.inference.results.source import (
     INCIDENT,
     LABEL,
     NUMBERS,
-    Columns,
-    ForceSource,
     Source,
     data_columns,
     digest,
@@ -115,14 +113,19 @@ def read_columns(source: Source, place: Path) -> dict[str, NDArray[Any]]:
     sds = [name + SD_SUFFIX for name in source.with_sd]
     exact = (*INCIDENT, *(name + SD_SUFFIX for name in source.incident_sd))
     with opened(place, "the measurements that belong to the fit.json beside it") as file:
-        columns = {name: texts(file, name, source.impacts) for name in ("impact", *_labels(source))}
+        columns = {
+            name: texts(file, name, source.impacts)
+            for name in ("impact", *(f"{LABEL}{k}" for k in range(len(source.labels))))
+        }
         columns |= {name: finite(file, name, (source.impacts,)) for name in exact}
         columns |= {name: finite(file, name, (source.impacts,), gaps=True) for name in (*source.measurements, *sds)}
-        _check_gaps(columns, source)
         if source.incident_sd:
             columns[COVARIANCE] = finite(file, COVARIANCE, (source.impacts, 3, 3))
         if source.force is not None:
-            columns |= _force_columns(file)
+            means = array(file, FORCE + "means", (None, None))
+            columns |= {FORCE + name: array(file, FORCE + name, means.shape[:1], "iu") for name in COUNTS}
+            columns |= {FORCE + name: finite(file, FORCE + name, means.shape[:1]) for name in NUMBERS}
+            columns[FORCE + "means"] = means
         read = digest(columns)
     if read != source.digest:
         raise ResultFolderError(
@@ -132,32 +135,6 @@ def read_columns(source: Source, place: Path) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def _check_gaps(columns: Columns, source: Source) -> None:
-    """Raise ValueError where a column or an impact has no measurement at all, or one has no sd that states them."""
-    missing = {name: np.isnan(columns[name]) for name in source.measurements}
-    for name, gaps in missing.items():
-        if gaps.all():
-            raise ValueError(f"{name}: not one number")
-        if name in source.with_sd and np.any(np.isnan(columns[name + SD_SUFFIX]) != gaps):
-            raise ValueError(f"{name}{SD_SUFFIX}: expected a number wherever {name} has one")
-    if missing and np.all(list(missing.values()), axis=0).any():
-        raise ValueError("an impact without a measurement")
-
-
-def _labels(source: Source) -> list[str]:
-    return [f"{LABEL}{k}" for k in range(len(source.labels))]
-
-
-def _force_columns(file: h5py.File) -> Columns:
-    means = array(file, FORCE + "means", (None, None))
-    counts = {FORCE + name: array(file, FORCE + name, means.shape[:1], "iu") for name in COUNTS}
-    return (
-        counts
-        | {FORCE + name: finite(file, FORCE + name, means.shape[:1]) for name in NUMBERS}
-        | {FORCE + "means": means}
-    )
-
-
 def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | None]:
     """The table in `data.nc` that `source` describes, with its force records.
 
@@ -165,10 +142,7 @@ def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | 
     `read_columns` does.
     """
     columns = read_columns(source, place)
-    try:
-        impacts = Impacts(*(columns[name] for name in INCIDENT))
-    except ParameterError as error:
-        raise ResultFolderError(f"{place}: damaged: {error}") from None
+    impacts = Impacts(*(columns[name] for name in INCIDENT))
     table = ImpactTable(
         name=source.name,
         source=source.file,
@@ -181,25 +155,24 @@ def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | 
             Measurement(name, columns[name], columns.get(name + SD_SUFFIX)) for name in source.measurements
         ),
         redundant=(),
-        labels={name: _texts(columns[label]) for name, label in zip(source.labels, _labels(source), strict=True)},
+        labels={name: _texts(columns[f"{LABEL}{k}"]) for k, name in enumerate(source.labels)},
         units={},
         notices=(),
         incident_covariance=columns.get(COVARIANCE),
         flipped=source.flipped,
     )
-    return table, None if source.force is None else _force(source.force, columns)
-
-
-def _texts(column: NDArray[Any]) -> tuple[str, ...]:
-    return tuple(map(str, column))
-
-
-def _force(part: ForceSource, columns: Columns) -> ForceRecords:
+    if source.force is None:
+        return table, None
     records = []
     for k, means in enumerate(columns[FORCE + "means"]):
         numbers: dict[str, Any] = {name: columns[FORCE + name][k].item() for name in (*COUNTS, *NUMBERS)}
         records.append(Averaged(**numbers, means=tuple(means[~np.isnan(means)].tolist())))
-    return ForceRecords(part.file, part.sha256, part.start_sd, tuple(records))
+    force = source.force
+    return table, ForceRecords(force.file, force.sha256, force.start_sd, tuple(records))
+
+
+def _texts(column: NDArray[Any]) -> tuple[str, ...]:
+    return tuple(map(str, column))
 
 
 def variable(name: str) -> str:
@@ -211,44 +184,38 @@ def write_netcdf(fit: Fit, posterior: Posterior, path: Path) -> None:
     """Write groups posterior and sample_stats (chain = walker of an ensemble, draw = step), prior (all that was
     known before the table) and observed_data. Raises ResultFolderError.
     """
-    groups = {
-        "posterior": _draws(fit, posterior),
-        "sample_stats": [Variable("lp", CHAINS, _chains(posterior.log_posterior))],
-        "prior": _prior(posterior),
-        "observed_data": _observed(fit),
-    }
-    write_groups(path, groups, model=fit.problem.model.name)
-
-
-def _chains(values: FloatArray) -> FloatArray:
-    """(ensembles, steps, walkers) as (chains, draws)."""
-    ensembles, steps, walkers = values.shape
-    return values.transpose(0, 2, 1).reshape(ensembles * walkers, steps)
-
-
-def _draws(fit: Fit, posterior: Posterior) -> Iterator[Variable]:
-    ensembles, steps, walkers, _ = posterior.values.shape
-    yield Variable("chain", ("chain",), np.arange(ensembles * walkers))
-    yield Variable("draw", ("draw",), np.arange(steps))
-    yield Variable("ensemble", ("chain",), np.repeat(np.arange(ensembles), walkers))
-    for k, name in enumerate(posterior.names):
-        told = {"units": fit.parameters[name].unit, "coordinates": "ensemble"}
-        yield Variable(variable(name), CHAINS, _chains(posterior.values[..., k]), told)
-
-
-def _prior(posterior: Posterior) -> Iterator[Variable]:
-    yield Variable("chain", ("chain",), np.arange(1))
-    yield Variable("draw", ("draw",), np.arange(len(posterior.prior_draws)))
-    for k, name in enumerate(posterior.names):
-        yield Variable(variable(name), CHAINS, posterior.prior_draws[None, :, k])
-
-
-def _observed(fit: Fit) -> Iterator[Variable]:
-    table = fit.problem.table
+    values, names, table = posterior.values, posterior.names, fit.problem.table
+    ensembles, steps, walkers, _ = values.shape
     places = listed_places(len(table))
-    yield Variable("impact", ("impact",), np.array([table.ids[k] for k in places], dtype=object))
-    for observable in fit.problem.observables:
-        yield Variable(observable.name, ("impact",), observable.everywhere(len(table)).observed[places])
+
+    def chains(column: FloatArray) -> FloatArray:
+        """(ensembles, steps, walkers) as (chains, draws)."""
+        return column.transpose(0, 2, 1).reshape(ensembles * walkers, steps)
+
+    def axes(count: int, draws: int) -> Iterator[Variable]:
+        yield Variable("chain", ("chain",), np.arange(count))
+        yield Variable("draw", ("draw",), np.arange(draws))
+
+    def drawn() -> Iterator[Variable]:
+        yield from axes(ensembles * walkers, steps)
+        yield Variable("ensemble", ("chain",), np.repeat(np.arange(ensembles), walkers))
+        for k, name in enumerate(names):
+            told = {"units": fit.parameters[name].unit, "coordinates": "ensemble"}
+            yield Variable(variable(name), CHAINS, chains(values[..., k]), told)
+
+    def known() -> Iterator[Variable]:
+        yield from axes(1, len(posterior.prior_draws))
+        for k, name in enumerate(names):
+            yield Variable(variable(name), CHAINS, posterior.prior_draws[None, :, k])
+
+    def observed() -> Iterator[Variable]:
+        yield Variable("impact", ("impact",), np.array([table.ids[k] for k in places], dtype=object))
+        for it in fit.problem.observables:
+            yield Variable(it.name, ("impact",), it.everywhere(len(table)).observed[places])
+
+    scores = [Variable("lp", CHAINS, chains(posterior.log_posterior))]
+    groups = {"posterior": drawn(), "sample_stats": scores, "prior": known(), "observed_data": observed()}
+    write_groups(path, groups, model=fit.problem.model.name)
 
 
 def read_draws(path: Path, names: Sequence[str], shape: tuple[int, int, int]) -> Posterior:

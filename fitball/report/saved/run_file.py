@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Literal
@@ -213,28 +213,50 @@ def _named(source: str, digest: str, folder: Path) -> NamedTable:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run: `place` is the file that describes it. `scene` and `choices` together define the problem; `reasons` say
-    why parameters are fixed, `sources` where priors were published, `notes` are those of the problem; `force` are the
-    force records, if there were any, `flipped` the columns counted the other way round, `columns` names in the tables
-    that are not ours, by our name.
-    """
+    """A run: `file` is what the `run.toml` at `place` says. `scene` and `choices` together define the problem."""
 
     place: Path
-    tables: tuple[NamedTable, ...]
-    force: NamedTable | None
-    scene: Scene
-    choices: Choices
-    reasons: Mapping[str, str]
-    notes: tuple[str, ...]
-    effort: Effort
-    flipped: tuple[str, ...] = ()
-    sources: Mapping[str, str] = field(default_factory=dict)
-    columns: Mapping[str, str] = field(default_factory=FrozenMapping)
+    file: RunFile
 
     @property
     def folder(self) -> Path:
         """The result folder."""
         return self.place.parent
+
+    @property
+    def scene(self) -> Scene:
+        """What the scene knew."""
+        known = {name: value for name, value in msgspec.structs.asdict(self.file.scene).items() if value is not None}
+        time = self.file.contact_time
+        known["contact_time"] = None if time is None else (time.value, time.sd)
+        return Scene(ball=self.file.ball, ball_sd=FrozenMapping(known.pop("ball_sd")), **known)
+
+    @property
+    def choices(self) -> Choices:
+        """What was chosen."""
+        file = self.file
+        return Choices(
+            model=file.model.name,
+            closures=file.model.closures,
+            priors=file.priors,
+            fix=file.fix,
+            noise=file.measurement.distribution,
+            pool=file.pool,
+            offsets=file.measurement.offsets,
+            incident_errors=file.measurement.incident_errors,
+        )
+
+    @property
+    def effort(self) -> Effort:
+        """How it was sampled."""
+        sampler, made = self.file.sampler, self.file.fitball
+        effort = Effort(seed=made.seed, point_only=made.point_only)
+        if sampler is None:
+            return effort
+        # One walker is no ensemble: draws were weighed, as they would be again.
+        walkers = None if sampler.walkers == 1 else sampler.walkers
+        steps, ess = sampler.max_steps, sampler.target_ess
+        return replace(effort, walkers=walkers, ensembles=sampler.ensembles, max_steps=steps, ess=ess)
 
     def place_of(self, named: NamedTable) -> Path:
         """Where a file lay that the run was made from. Raises ResultFolderError."""
@@ -250,16 +272,16 @@ class RunRecord:
 
         Raises as `build_problem` does.
         """
-        made = build_problem(table, self.scene, self.choices, force)
+        made, file = build_problem(table, self.scene, self.choices, force), self.file
         parameters = tuple(
             replace(
                 item,
-                fixed_because=self.reasons.get(item.name, item.fixed_because),
-                prior_source=self.sources.get(item.name, ""),
+                fixed_because=file.fixed_because.get(item.name, item.fixed_because),
+                prior_source=file.prior_sources.get(item.name, ""),
             )
             for item in made.parameters
         )
-        return replace(made, parameters=parameters, notes=self.notes)
+        return replace(made, parameters=parameters, notes=file.notes)
 
 
 def read_run(path: Path) -> RunRecord:
@@ -274,51 +296,7 @@ def read_run(path: Path) -> RunRecord:
             f"{place}: made by a fitball that did not keep all it takes to repeat a run; run calibrate again"
         )
     refuse_foreign(place, content, RUN_KIND, RUN_SCHEMA)
-    return _record(place, structured(place, content, RunFile))
-
-
-def _record(place: Path, file: RunFile) -> RunRecord:
-    time = file.contact_time
-    known = {name: value for name, value in msgspec.structs.asdict(file.scene).items() if value is not None}
-    ball_sd = FrozenMapping(known.pop("ball_sd"))
-    contact_time = None if time is None else (time.value, time.sd)
-    choices = Choices(
-        model=file.model.name,
-        closures=file.model.closures,
-        priors=file.priors,
-        fix=file.fix,
-        noise=file.measurement.distribution,
-        pool=file.pool,
-        offsets=file.measurement.offsets,
-        incident_errors=file.measurement.incident_errors,
-    )
-    return RunRecord(
-        place=place,
-        tables=file.table.files,
-        force=file.force,
-        scene=Scene(ball=file.ball, ball_sd=ball_sd, contact_time=contact_time, **known),
-        choices=choices,
-        reasons=file.fixed_because,
-        notes=file.notes,
-        effort=_effort(file.fitball, file.sampler),
-        flipped=file.table.flipped,
-        sources=file.prior_sources,
-        columns=file.table.columns,
-    )
-
-
-def _effort(made: MadePart, sampler: SamplerPart | None) -> Effort:
-    effort = Effort(seed=made.seed, point_only=made.point_only)
-    if sampler is None:
-        return effort
-    return replace(
-        effort,
-        # One walker is no ensemble: draws were weighed, as they would be again.
-        walkers=None if sampler.walkers == 1 else sampler.walkers,
-        ensembles=sampler.ensembles,
-        max_steps=sampler.max_steps,
-        ess=sampler.target_ess,
-    )
+    return RunRecord(place, structured(place, content, RunFile))
 
 
 def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...]:
@@ -326,29 +304,28 @@ def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...
 
     Raises ResultFolderError when one is gone or has changed, naming both digests.
     """
-    if not record.tables:
+    tables = record.file.table.files
+    if not tables:
         raise ResultFolderError(
             f"{record.place}: names no file: the table was made in Python; fit it there again to repeat the run"
         )
-    if given and len(given) != len(record.tables):
-        count = len(record.tables)
+    if given and len(given) != len(tables):
         raise ResultFolderError(
-            f"{record.place}: made from {count} table{'s' if count > 1 else ''}, but {len(given)} named; "
+            f"{record.place}: made from {len(tables)} table{'s' if len(tables) > 1 else ''}, but {len(given)} named; "
             "name each of them, in the order of the fit"
         )
-    return tuple(
-        _found(Path(given[k]) if given else record.place_of(named), named, "the table", "data")
-        for k, named in enumerate(record.tables)
-    )
+    places = map(Path, given) if given else map(record.place_of, tables)
+    return tuple(_found(place, named, "the table", "data") for place, named in zip(places, tables, strict=True))
 
 
 def find_records(record: RunRecord, given: str | None = None) -> Path | None:
     """The file of the run's force records, None where it had none; as `find_tables`."""
-    if record.force is None:
+    force = record.file.force
+    if force is None:
         if given is not None:
             raise ResultFolderError(f"{record.place}: made without force records, but {given} named")
         return None
-    return _found(Path(given) if given else record.place_of(record.force), record.force, "the force record", "force")
+    return _found(Path(given) if given else record.place_of(force), force, "the force record", "force")
 
 
 def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
@@ -377,6 +354,7 @@ def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | No
 
     Raises as reading and `build_problem` do.
     """
-    table = load_tables(tables, record.scene, record.flipped, record.columns)
-    force = None if records is None else build_records(load_force(records, table), record.scene.force_start_sd)
+    named, scene = record.file.table, record.scene
+    table = load_tables(tables, scene, named.flipped, named.columns)
+    force = None if records is None else build_records(load_force(records, table), scene.force_start_sd)
     return record.problem(table, force)

@@ -216,42 +216,32 @@ def _array(kind: type, value: object) -> np.ndarray:
 
 def _located(content: Content, kind: type[Any], error: str) -> tuple[object, str]:
     """What stands at the path that ends an `error`, and the path with its keys: msgspec writes [...] for any key."""
-    value: Any = content
-    steps: list[str | int] = []
+    value, path = content, ""
     for match in _STEP.finditer(error.rpartition("`$")[2].removesuffix("`")):
+        step: Any = match["field"] or int(match["index"] or 0)
         if match["any"]:
-            steps.append(next((key for key in value if _says(content, kind, [*steps, key], error)), "?"))
-        else:
-            steps.append(int(match["index"]) if match["index"] else match["field"])
+            step = next((key for key in list(value) if _says(content, kind, value, key, error)), "?")
+        path += f"[{step}]" if match["index"] else f".{step}"
         try:
-            value = value[steps[-1]]
+            value = value[step]
         except (LookupError, TypeError):
-            return content, _joined(steps)
-    return value, _joined(steps)
+            value = content
+            break
+    return value, path.removeprefix(".")[:200]
 
 
-def _says(content: Content, kind: type[Any], steps: list[str | int], error: str) -> bool:
-    """Whether the content still gives that error with one key alone in the mapping at which `steps` end."""
+def _says(content: Content, kind: type[Any], inner: Content, key: str, error: str) -> bool:
+    """Whether the content still gives that error with one key alone in a mapping in it."""
+    kept = dict(inner)
+    inner.clear()
+    inner[key] = kept[key]
     try:
-        _converted(_narrowed(content, steps), kind)
+        _converted(content, kind)
     except msgspec.ValidationError as found:
         return str(found) == error
     except FitballError:
         return False
+    finally:
+        inner.clear()
+        inner.update(kept)
     return False
-
-
-def _narrowed(value: Any, steps: list[str | int]) -> Any:
-    """`value` with the last of `steps` as the only key of its mapping."""
-    first, *rest = steps
-    if not rest:
-        return {first: value[first]}
-    inner = _narrowed(value[first], rest)
-    if isinstance(value, Mapping):
-        return {**value, first: inner}
-    return [inner if k == first else item for k, item in enumerate(value)]
-
-
-def _joined(steps: list[str | int]) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
-    return (text.removeprefix("."))[:200]

@@ -1,0 +1,453 @@
+"""What a plan is asked: quantities to know better, settings of a machine, and ways of measuring."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import isfinite, sqrt
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.data.columns import NUMBERS
+from fitball.data.heights import GRAVITY
+from fitball.data.lines import Range, parse_impact
+from fitball.data.numbers import refuse_beyond
+from fitball.data.units import Dimension, parse_unit
+from fitball.errors import FitError, ParameterError, UnitError, suggestion
+from fitball.inference.design.knowledge import Knowledge
+from fitball.inference.prediction.posterior_predictive import by_level
+from fitball.inference.problem.noise import Sizes
+from fitball.inference.problem.observables import Observable
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results.pace_rating import PACE_CONSTANT, apparent_friction, itf_impact, pace_rating
+from fitball.models.types import Rebound
+from fitball.observables import OBSERVABLES
+from fitball.values import FloatArray, Impacts
+from fitball.wording import option, spoken
+
+# What a plan is about: parameters, the rebound of an impact, or the court pace rating.
+
+COURT_PACE, IMPACT = "court pace", "impact"
+# All parameters in words, by their number: one is called by its name.
+ALL = {1: "", 2: "both parameters of the model", 3: "all {} parameters of the model"}
+TARGET_FORMS = f"expected parameters separated by commas, '{COURT_PACE}', or {IMPACT}=\"v=30 m/s, theta=16 deg\""
+
+
+def asked_for(text: str) -> str:
+    """How a target was asked for."""
+    return spoken(f"--for {text}", f"target={text!r}")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One quantity of a target: its `name` and `unit` (SI); `log`: it is the logarithm that is known so well."""
+
+    name: str
+    unit: str
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class Target:
+    """Quantities that are functions of the parameters, called `words` in a sentence: at coordinates (draws, free)
+    their `values` (draws, parts), and the derivatives of these, `gradients` (draws, parts, free); NaN where the model
+    has no answer.
+    """
+
+    words: str
+    parts: tuple[Part, ...]
+    values: Callable[[FloatArray], FloatArray]
+    gradients: Callable[[FloatArray], FloatArray]
+
+
+def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
+    """The target that `text` names; without one all parameters of the model. Raises ParameterError that quotes it,
+    FitError for a prediction that the fit has not.
+    """
+    problem = known.problem
+    if text is None:
+        names = tuple(name for name in problem.model_names if name in problem.free_names)
+        if not names:
+            raise FitError("no parameter of the model is free: name one that is (a noise) to plan for")
+        return of_parameters(problem, names, ALL[min(len(names), 3)].format(len(names)))
+    if not isinstance(text, str):
+        try:
+            names = tuple(map(str, text))
+        except TypeError:
+            raise ParameterError(f"{asked_for(str(text))}: {TARGET_FORMS}") from None
+        return of_parameters(problem, names)
+    kind, equals, rest = (part.strip() for part in text.partition("="))
+    if equals:
+        if kind != IMPACT:
+            raise ParameterError(f"{asked_for(text)}: {TARGET_FORMS}")
+        return of_impact(known, parse_impact(rest), rest)
+    if text.strip().replace("_", " ").lower() == COURT_PACE:
+        return of_court_pace(known)
+    return of_parameters(problem, tuple(name.strip() for name in text.split(",")))
+
+
+def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> Target:
+    """Parameters by name. Raises ParameterError for one that is not free or named twice."""
+    for name in names:
+        if name not in problem.free_names:
+            fixed = name in {parameter.name for parameter in problem.parameters}
+            why = "is fixed in this fit" if fixed else "is no parameter of this fit"
+            raise ParameterError(
+                f"{asked_for(','.join(names))}: '{name}' {why}: {suggestion(name, problem.free_names)}; "
+                f"{TARGET_FORMS}"
+            )
+    if len(set(names)) < len(names):
+        raise ParameterError(f"{asked_for(','.join(names))}: a name is given twice")
+    places = tuple(problem.free_names.index(name) for name in names)
+    chosen = [problem.free[k] for k in places]
+    parts = tuple(Part(item.name, item.spec.unit, item.prior.log) for item in chosen)
+
+    def gradients(coordinates: FloatArray) -> FloatArray:
+        unit = np.eye(coordinates.shape[1])[list(places)]
+        return np.broadcast_to(unit, (len(coordinates), *unit.shape))
+
+    return Target(words or ", ".join(names), parts, lambda coordinates: coordinates[:, places], gradients)
+
+
+def of_impact(known: Knowledge, impact: Impacts, text: str) -> Target:
+    """The rebound of an impact in the middle of all levels. Raises ParameterError for one it cannot know."""
+    problem = known.problem
+    if not problem.table.has_tangential and (impact.v_x1[0] or impact.omega_1[0]):
+        raise ParameterError(f"impact '{text}': this fit of a drop test knows the vertical motion only")
+    shown = ("v_x2", "v_y2", "omega_2") if problem.table.has_tangential else ("v_y2",)
+    parts = tuple(Part(name, OBSERVABLES[name].unit) for name in shown)
+    at = known.common(impact)
+
+    def values(coordinates: FloatArray) -> FloatArray:
+        rebound = at.rebound(at.to_values(coordinates))
+        return np.concatenate([OBSERVABLES[name].predict(rebound) for name in shown], axis=1)
+
+    def gradients(coordinates: FloatArray) -> FloatArray:
+        rebound, slopes = at.differentiated(coordinates)
+        return np.concatenate([OBSERVABLES[name].slopes(rebound, slopes) for name in shown], axis=1)
+
+    return Target(f"the rebound of {text}", parts, values, gradients)
+
+
+def of_court_pace(known: Knowledge) -> Target:
+    """The ITF's rating of each surface; a temperature of the ball, which only shifts it, is left out. Raises FitError
+    where the fit has none.
+    """
+    problem = known.problem
+    if not problem.table.has_tangential:
+        raise FitError("a fit of a drop test has no court pace rating: no motion along the court was measured")
+    if not problem.scene.tennis:
+        raise FitError("a fit of another ball than a tennis ball has no court pace rating: the test is made with one")
+    surfaces, first = surfaces_of(problem)
+    impacts = itf_impact().take(np.zeros(len(surfaces), dtype=np.int64))
+    at = replace(known.at(impacts, np.array(first)), group_bias=None, incident=None)
+    parts = tuple(Part(f"court pace {words}".strip(), "") for words in surfaces)
+
+    def values(coordinates: FloatArray) -> FloatArray:
+        rebound = at.rebound(at.to_values(coordinates))
+        friction = apparent_friction(impacts.v_x1, impacts.v_y1, rebound.v_x2, rebound.v_y2)
+        return pace_rating(friction, rebound.v_y2 / impacts.v_y1)
+
+    def gradients(coordinates: FloatArray) -> FloatArray:
+        rebound, slopes = at.differentiated(coordinates)
+        vertical = (impacts.v_y1 + rebound.v_y2)[..., None]
+        lost = (impacts.v_x1 - rebound.v_x2)[..., None]
+        friction = -slopes["v_x2"] / vertical - lost / vertical**2 * slopes["v_y2"]
+        return np.asarray(-100.0 * friction - PACE_CONSTANT * slopes["v_y2"] / impacts.v_y1[:, None])
+
+    return Target("the court pace rating", parts, values, gradients)
+
+
+def surfaces_of(problem: Problem) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Combinations of levels by their labels in words (empty where there are none), and the first row of each."""
+    columns, levels = [pooling.column for pooling in problem.pooling], by_level(problem)
+    # Two parameters over one column have the same labels.
+    words = [", ".join(dict(zip(columns, labels, strict=True)).values()) for labels in levels]
+    return tuple(words), tuple(int(rows[0]) for rows in levels.values())
+
+
+# Incident states that a machine can be set to: a grid over speed, angle and spin, on each surface of a fit.
+
+# Steps of a range for which no number of steps was given.
+SPEEDS, ANGLES, SPINS = 6, 15, 5
+# Points of a grid, beyond which it takes longer than it tells.
+MOST = 20_000
+
+
+@dataclass(frozen=True)
+class Setting:
+    """An incident state: `speed`, `angle` to the court, `spin`, and the `surface` (empty where there is one only)."""
+
+    surface: str
+    speed: float
+    angle: float
+    spin: float
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The grid: axes in SI, and the table's `rows` whose surface and ball are met, with their `surfaces`. `assumed`
+    says which ranges nobody asked for.
+    """
+
+    speeds: FloatArray
+    angles: FloatArray
+    spins: FloatArray
+    rows: tuple[int, ...]
+    surfaces: tuple[str, ...]
+    assumed: tuple[str, ...]
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Surfaces, speeds, angles, spins."""
+        return len(self.rows), self.speeds.size, self.angles.size, self.spins.size
+
+    @cached_property
+    def _points(self) -> list[FloatArray]:
+        axes = (np.arange(len(self.rows), dtype=np.float64), self.speeds, self.angles, self.spins)
+        return [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
+
+    @property
+    def impacts(self) -> Impacts:
+        """All of them, (settings,), in the order of `shape`."""
+        _surface, speed, angle, spin = self._points
+        upright = np.isclose(angle, np.pi / 2.0)
+        return Impacts(np.where(upright, 0.0, speed * np.cos(angle)), speed * np.sin(angle), spin)
+
+    @property
+    def like(self) -> NDArray[np.int64]:
+        """The row of the table whose surface and ball each meets, (settings,)."""
+        return np.array(self.rows, dtype=np.int64)[self._points[0].astype(np.int64)]
+
+    def setting(self, place: int) -> Setting:
+        """One of them."""
+        surface, *state = (float(axis[place]) for axis in self._points)
+        return Setting(self.surfaces[int(surface)], *state)
+
+
+def build_settings(problem: Problem, speed: Range | None, angle: Range | None, spin: Range | None) -> Settings:
+    """The grid of the ranges asked for, those of the fitted table where nothing was.
+
+    Raises ParameterError for a range of what the fit knows nothing of, and for a grid too fine.
+    """
+    table = problem.table
+    open_to = {"speed": True, "angle": table.has_tangential, "spin": table.has_tangential and table.has_spin}
+    for name, given, words in (
+        ("angle", angle, "this fit of a drop test knows the vertical motion only"),
+        ("spin", spin, "no spin was measured, so this fit knows none"),
+    ):
+        if given is not None and not open_to[name]:
+            raise ParameterError(f"{option(name, '...')}: {words}; leave it out")
+    impacts = problem.impacts
+    assumed = []
+    axes = []
+    measured = (
+        ("speed", speed, impacts.speed, SPEEDS),
+        ("angle", angle, np.minimum(np.arctan2(impacts.v_y1, np.abs(impacts.v_x1)), np.pi / 2.0), ANGLES),
+        ("spin", spin, impacts.omega_1, SPINS),
+    )
+    for name, given, values, steps in measured:
+        chosen = given or Range(float(values.min()), float(values.max()))
+        # Of a drop test there is but one angle and no spin.
+        if given is None and open_to[name]:
+            assumed.append(name)
+        count = chosen.count or (steps if chosen.high > chosen.low else 1)
+        axes.append(np.linspace(chosen.low, chosen.high, count))
+    surfaces, first = surfaces_of(problem)
+    size = len(surfaces) * axes[0].size * axes[1].size * axes[2].size
+    if size > MOST:
+        raise ParameterError(f"{size:,} settings: expected {MOST:,} at most; ask for fewer steps")
+    return Settings(axes[0], axes[1], axes[2], first, surfaces, tuple(assumed))
+
+
+# Ways of measuring a planned impact: the columns that are read, each with its noise; written in a line, they are
+# `contact_time=0.2ms`, `camera=0.5`, `drop=254cm`, or several joined by commas.
+
+# The name of measuring as the fitted table was measured.
+AS_BEFORE = "as before"
+_VALUE = re.compile(r"^\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*$")
+CAMERA, DROP, PLATE, NONE = "camera", "drop", "force", "none"
+# A camera twice as good, a plate of some per cent of the peak, and the height of the ITF's drop test (100 in).
+BETTER, GOOD_PLATE, ITF_DROP = "0.5", "20N", "254cm"
+SENSOR_FORMS = (
+    "expected COLUMN=SD such as contact_time=0.2ms, camera=SHARE of the noise, force=SD of a sample, or drop=HEIGHT; "
+    "several joined by commas are one sensor"
+)
+
+
+@dataclass(frozen=True)
+class PlannedColumn(Observable):
+    """One column that is read, of which nothing is `observed` yet: its noise is `share` of the fitted parameter
+    `noise`, or of `sd` () where that is known.
+    """
+
+    observed: FloatArray = field(default_factory=lambda: np.zeros(()), compare=False)
+    sd: FloatArray | None = None
+    noise: str | None = None
+    share: float = 1.0
+
+    def sds(self, sizes: Sizes, rebound: Rebound) -> FloatArray:
+        """Standard deviation (draws, impacts) of a measurement, for parameters among `sizes` (draws,)."""
+        return np.asarray(self.share * np.broadcast_to(super().sds(sizes, rebound), rebound.v_x2.shape))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A way of measuring an impact, called `name` and in `words`, at a `cost` of so many ordinary impacts.
+
+    A `drop` is the one impact that it is made with; None: any. With a `plate` force is recorded too, with that sd [N]
+    of a sample.
+    """
+
+    name: str
+    words: str
+    columns: tuple[PlannedColumn, ...]
+    cost: float = 1.0
+    drop: Impacts | None = None
+    plate: float | None = None
+
+
+def as_before(problem: Problem) -> Sensor:
+    """The columns of the fitted table, each as well as it was measured there (a stated sd: its median)."""
+    columns = tuple(
+        PlannedColumn(item.name, sd=None if item.sd is None else np.asarray(np.nanmedian(item.sd)), noise=item.noise)
+        for item in problem.observables
+    )
+    return Sensor(AS_BEFORE, "measured as before", columns)
+
+
+def usual_sensors(problem: Problem) -> tuple[str, ...]:
+    """What is looked at where nothing was asked for: what the model can answer for and was not measured yet."""
+    usual = [f"{CAMERA}={BETTER}"]
+    timed = OBSERVABLES["contact_time"]
+    if (
+        problem.model.has_time
+        and problem.force is None
+        and all(item.name != timed.name for item in problem.observables)
+    ):
+        if problem.model.has_force:
+            usual.insert(0, f"{PLATE}={GOOD_PLATE}")
+        usual.insert(0, f"{timed.name}={float(timed.noise.typical) * 1e3:g}ms")
+    if problem.table.has_tangential and any(item.column.restitution for item in problem.observables):
+        usual.append(f"{DROP}={ITF_DROP}")
+    return tuple(usual)
+
+
+def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[str, Any]) -> tuple[Sensor, ...]:
+    """All ways of measuring, that of the fitted table first. Raises ParameterError that quotes a text."""
+    if texts is None:
+        texts = usual_sensors(problem)
+    elif list(texts) == [NONE]:
+        texts = ()
+    sensors = [as_before(problem), *(parse_sensor(problem, text) for text in texts)]
+    names = [sensor.name for sensor in sensors]
+    plates = {sensor.plate for sensor in sensors if sensor.plate is not None}
+    if len(plates) > 1:
+        raise ParameterError(f"{said(PLATE)}: all plates of a plan need the same sd")
+    for name in names:
+        if names.count(name) > 1:
+            raise ParameterError(f"{said(name)}: this sensor is given twice")
+    for name, cost in costs.items():
+        if name not in names:
+            raise ParameterError(f"{_cost(name, cost)}: no such sensor is looked at: {suggestion(name, names)}")
+        if not (isinstance(cost, Real) and isfinite(cost) and float(cost) > 0.0):
+            raise ParameterError(
+                f"{_cost(name, cost)}: expected a number above 0, an impact measured as before being 1"
+            )
+    return tuple(replace(sensor, cost=costs.get(sensor.name, 1.0)) for sensor in sensors)
+
+
+def said(text: str) -> str:
+    """How a sensor was asked for."""
+    return spoken(f"--sensor {text}", f"sensors=[{text!r}]")
+
+
+def _cost(name: str, cost: object) -> str:
+    number = f"{cost:g}" if isinstance(cost, Real) else repr(cost)
+    return spoken(f"--cost {name}={number}", f"cost={{{name!r}: {number}}}")
+
+
+def parse_sensor(problem: Problem, text: str) -> Sensor:
+    """The sensor that `text` names. Raises ParameterError that quotes it."""
+    before = as_before(problem)
+    columns = {column.name: column for column in before.columns}
+    names, words, drop, plate = [], [], None, None
+    for item in text.split(","):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals or not key or not value:
+            raise ParameterError(f"{said(text)}: {SENSOR_FORMS}")
+        try:
+            if key == CAMERA:
+                share = _number(key, value, None)
+                columns = {name: replace(column, share=share * column.share) for name, column in columns.items()}
+                words.append(f"noise {share:g} times as large")
+            elif key == DROP:
+                drop = _dropped(_number(key, value, Dimension.LENGTH))
+                words.append(f"a ball dropped from {value}")
+            elif key == PLATE:
+                plate = _plate(problem, value)
+                words.append(f"force within {value} a sample")
+            else:
+                columns[key] = _column(problem, key, value)
+                words.append(f"{OBSERVABLES[key].title} within {value}")
+        except (ParameterError, UnitError) as error:
+            raise ParameterError(f"{said(text)}: {error}") from None
+        names.append(key)
+    if drop is not None and plate is not None:
+        raise ParameterError(f"{said(text)}: a plate under a drop test is not looked at")
+    if drop is not None:
+        columns = {name: column for name, column in columns.items() if not column.column.tangential}
+        if not columns:
+            raise ParameterError(f"{said(text)}: no column that is read shows a rebound from a drop")
+    return Sensor("+".join(names), " and ".join(words), tuple(columns.values()), drop=drop, plate=plate)
+
+
+def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
+    if name not in OBSERVABLES:
+        raise ParameterError(
+            f"unknown column '{name}': {suggestion(name, (*OBSERVABLES, CAMERA, PLATE, DROP))}; {SENSOR_FORMS}"
+        )
+    column = OBSERVABLES[name]
+    if column.timed and not problem.model.has_time:
+        raise ParameterError(f"model {problem.model.name} has no contact time")
+    if column.tangential and not problem.table.has_tangential:
+        raise ParameterError("this fit of a drop test knows the vertical motion only")
+    measured = [item.name for item in problem.observables]
+    if column.velocity and name not in measured and sum(OBSERVABLES[item].velocity for item in measured) >= 2:
+        raise ParameterError(f"{name} follows from the velocities that are measured already")
+    sd = _number(name, value, NUMBERS[name])
+    refuse_beyond(f"{name}_sd", np.array([sd]))
+    return PlannedColumn(name, sd=np.array(sd))
+
+
+def _plate(problem: Problem, value: str) -> float:
+    """Noise of a sample. Raises ParameterError for a model without a force, and a fit that knows a plate already."""
+    if not problem.model.has_force:
+        raise ParameterError(f"model {problem.model.name} has no force-time course")
+    if problem.force is not None:
+        raise ParameterError("this fit has force records: further ones are not planned")
+    return _number(PLATE, value, Dimension.FORCE)
+
+
+def _dropped(height: float) -> Impacts:
+    refuse_beyond("drop_height", np.array([height]))
+    return Impacts(np.zeros(1), np.array([sqrt(2.0 * GRAVITY * height)]), np.zeros(1))
+
+
+def _number(name: str, text: str, dimension: Dimension | None) -> float:
+    """A positive number in SI, or without a unit."""
+    matched = _VALUE.match(text)
+    if matched is None:
+        raise ParameterError(f"{name}: read '{text}', expected a positive number")
+    if dimension is None and matched["unit"]:
+        raise ParameterError(f"{name}: read '{text}', expected a number without a unit")
+    number = float(matched["number"])
+    value = number if dimension is None else parse_unit(matched["unit"] or None, dimension).to_si(number)
+    if not (isfinite(value) and value > 0.0):
+        raise ParameterError(f"{name}: read '{text}', expected a positive number")
+    return float(value)
