@@ -18,8 +18,7 @@ from fitball.inference.results.adequacy import Answer
 from fitball.inference.results.results import Fit, RunStatus
 from fitball.kinds import checked
 from fitball.report.form.folders import clear_folder, held
-from fitball.report.plan.document import render
-from fitball.report.plan.rows import plan_json, plan_rows
+from fitball.report.plan.document import plan_json, plan_rows, render
 from fitball.wording import option
 
 if TYPE_CHECKING:

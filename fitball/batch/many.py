@@ -17,10 +17,9 @@ from fitball.inference.effort import MAX_STEPS, Effort
 from fitball.inference.problem.problem import Choices
 from fitball.kinds import checked
 from fitball.report.batch.document import Shown, render, write_results
-from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
 from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row, check_row, read_rows
-from fitball.report.batch.series import all_series
+from fitball.report.batch.series import Over, all_series
 from fitball.report.form.files import read_bounded
 from fitball.report.form.folders import held
 from fitball.report.saved.fit_file import read_fit
