@@ -13,7 +13,7 @@ from snippets import posix_shell
 
 import fitball
 from fitball.cli.main import main
-from fitball.inference.comparison import cross_validation
+from fitball.inference.comparison import left_out
 from fitball.report.figures import canvas
 from fitball.report.history import film
 
@@ -54,8 +54,8 @@ def make_quick(patch) -> None:
     patch.setattr(canvas, "rendered", lambda _figure, form, _dpi: BLANK[form])
     patch.setattr(fitball, "calibrate", lambda *a, **k: calibrate(*a, **{"max_steps": STEPS, "cores": 1} | k), False)
     patch.setattr(film, "DPI", 8)
-    patch.setattr(cross_validation, "SINGLY", 1)
-    patch.setattr(cross_validation, "FOLDS", 2)
+    patch.setattr(left_out, "SINGLY", 1)
+    patch.setattr(left_out, "FOLDS", 2)
 
 
 def quick_shell(code: str, folder: Path) -> tuple[int, str]:

@@ -13,10 +13,8 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement
 from fitball.inference.adequacy.describe import adequacy
-from fitball.inference.adequacy.directions import directions
-from fitball.inference.adequacy.looks import distributions, family, kurtosis_score, patterns
-from fitball.inference.adequacy.made_tables import _looks
-from fitball.inference.adequacy.refit import refit, standard_deviates
+from fitball.inference.adequacy.looks import Tables, distributions, family, kurtosis_score, looks_of, single
+from fitball.inference.adequacy.refit import patterns, refit, standard_deviates
 from fitball.inference.assemble import qualified
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
@@ -128,9 +126,9 @@ def test_a_bend_is_the_partial_f_test():
     observed = problem.observables[0].observed
     best, rest = np.linalg.lstsq(design, observed, rcond=None)[:2]
     error = np.sqrt(rest[0] / 9.0 * np.linalg.inv(design.T @ design)[2, 2])
-    found = [item for item in directions(problem, point, fit) if item.kind in ("trend", "bend")]
+    found = [item for item in patterns(problem, point, fit) if item.kind in ("trend", "bend")]
     # Of what is straight or bent in speed the model leaves one direction.
-    (look,) = patterns(fit, found[:1], fit.measured[None, :])
+    (look,) = single(Tables(fit, fit.measured[None, :]), found[:1])
     assert float(look.p[0]) == pytest.approx(2.0 * t.sf(abs(best[2] / error), 9), rel=0.25)
 
 
@@ -141,7 +139,7 @@ def test_the_chance_of_a_false_alarm_is_the_stated_one():
     problem = build_problem(simulated(20), SCENE, Choices(model="two-mass"))
     point = maximum_posterior(problem, np.array([[TWO_MASS[name] for name in problem.free_names]]))
     fit = refit(problem, point)
-    found = directions(problem, point, fit)
+    found = patterns(problem, point, fit)
     made = fit.replicate(standard_deviates(problem, fit, dict(point.values), 199, np.random.default_rng(1)))
     new = fit.replicate(standard_deviates(problem, fit, dict(point.values), 100, np.random.default_rng(2)))
     shift = 3.0 * (np.array(problem.table.labels["group"]) == "b")
@@ -151,8 +149,8 @@ def test_the_chance_of_a_false_alarm_is_the_stated_one():
     for k, observed in enumerate(new):
         for spoilt in (False, True) if k < 10 else (False,):
             shifted = observed + (left if spoilt else 0.0)
-            residual = np.concatenate([shifted[None, :], made])
-            looks = [*_looks(problem, fit, found, residual), *distributions(fit, residual, None)]
+            tables = Tables(fit, np.concatenate([shifted[None, :], made]))
+            looks = [*looks_of(problem, tables, found), *distributions(tables, None)]
             alarm = family(looks)[0].min() < FALSE_EXCEPT
             alarms, seen = alarms + (alarm and not spoilt), seen + (alarm and spoilt)
     assert binomtest(int(alarms), 100, FALSE_EXCEPT).pvalue > 1e-3

@@ -16,9 +16,8 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
 from fitball.inference.adequacy import describe, looks
 from fitball.inference.adequacy.describe import adequacy
-from fitball.inference.adequacy.directions import directions
-from fitball.inference.adequacy.looks import farthest, spreads, uneven
-from fitball.inference.adequacy.refit import refit
+from fitball.inference.adequacy.looks import Tables, farthest, spreads, uneven
+from fitball.inference.adequacy.refit import patterns, refit
 from fitball.inference.assemble import qualified
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
@@ -121,9 +120,10 @@ def test_the_growth_of_a_noise_is_a_likelihood_ratio(tmp_path):
     """The signed root of it, against a search by scipy over one exponent and three scales."""
     problem, point = fitted(foreign(tmp_path, "growing"))
     fit = refit(problem, point)
+    observed = Tables(fit, fit.measured[None, :])
     (look,) = (
         one
-        for one in spreads(fit, {"v_1": np.hypot(problem.impacts.v_x1, problem.impacts.v_y1)}, fit.measured[None, :])
+        for one in spreads(observed, {"v_1": np.hypot(problem.impacts.v_x1, problem.impacts.v_y1)})
         if one.over == "v_1"
     )
     residual = fit.measured / np.sqrt(1.0 - fit.leverage)
@@ -141,7 +141,7 @@ def test_the_growth_of_a_noise_is_a_likelihood_ratio(tmp_path):
     assert best.x > 0.3
     assert float(look.seen[0]) == pytest.approx(np.sqrt(2.0 * (minus(0.0) - best.fun)), rel=1e-5)
     # Noise that falls has the other sign.
-    down = next(iter(spreads(fit, {"v_1": 1.0 / speed[:24]}, fit.measured[None, :])))
+    down = next(iter(spreads(observed, {"v_1": 1.0 / speed[:24]})))
     assert float(down.seen[0]) == pytest.approx(-float(look.seen[0]), rel=1e-5)
 
 
@@ -192,7 +192,7 @@ def test_columns_that_share_a_noise_are_compared(tmp_path):
     )
     problem, point = fitted(replace(table, measurements=spoilt), velocity_noise="tied")
     fit = refit(problem, point)
-    (look,) = uneven(fit, fit.measured[None, :])
+    (look,) = uneven(Tables(fit, fit.measured[None, :]))
     sizes = [np.sum(fit.measured[fit.rows(k)] ** 2) for k in (0, 1)]
     freedom = [np.sum(1.0 - fit.leverage[fit.rows(k)]) for k in (0, 1)]
     ratio = (sizes[0] / freedom[0]) / (sizes[1] / freedom[1])
@@ -201,7 +201,7 @@ def test_columns_that_share_a_noise_are_compared(tmp_path):
     _, found = said(replace(table, measurements=spoilt), velocity_noise="tied")
     assert any(check.found for check in found.checks if check.kind == "uneven")
     # With a noise of its own each there is nothing to compare.
-    assert not list(uneven(refit(*fitted(table)), fit.measured[None, :]))
+    assert not list(uneven(Tables(refit(*fitted(table)), fit.measured[None, :])))
 
 
 def test_one_column_does_not_vouch_for_another(tmp_path):
@@ -281,12 +281,10 @@ def test_friction_of_a_surface_shows_where_balls_grip_at_the_mean(tmp_path):
     kinds = problem.rebound(values).regime[0]
     sliding = np.count_nonzero(kinds == np.bincount(kinds).argmin()) if np.unique(kinds).size > 1 else 0
     assert moved > sliding
-    assert {item.kind for item in directions(problem, point, fit) if item.column < 0} == {"drift", "level"}
+    assert {item.kind for item in patterns(problem, point, fit) if item.column < 0} == {"drift", "level"}
 
 
 def test_every_kind_of_check_has_its_share_of_the_chance():
-    kinds = [kind for kinds, _share in looks.TIERS for kind in kinds]
-    assert len(kinds) == len(set(kinds))
-    assert {*describe.PATTERNS, "jointly"} <= {*kinds}
-    assert sum(share for _kinds, share in looks.TIERS) == pytest.approx(1.0)
+    assert {kind.tier for kind in looks.KINDS.values()} == set(range(len(looks.TIERS)))
+    assert sum(looks.TIERS) == pytest.approx(1.0)
     assert sum(1.0 / times for times in (describe.OF_PATTERNS, describe.OF_NOISE)) == pytest.approx(1.0)

@@ -14,12 +14,12 @@ from fitball.data.read import load_table
 from fitball.inference.adequacy.made_tables import loo_pit
 from fitball.inference.assemble import qualified
 from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternatives, assumptions_generator, look
-from fitball.inference.identifiability.fisher import about
-from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.identifiability.information import about
+from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.posterior import pointwise
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.prediction.new_impacts import predict_new, with_assumptions
-from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span
+from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span, summary
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Posterior, Verdict
 from fitball.inference.sampling.importance import equal_draws, importance_posterior, smoothed_elpd
@@ -67,10 +67,10 @@ def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_clos
     assert draws.effective >= 400.0
     for k in range(2):
         sd = np.sqrt(covariance[k, k])
-        assert draws.sd(draws.values[:, k]) == pytest.approx(sd, rel=0.15)
+        told = summary(draws.values[:, k], np.exp(draws.log_weights))
+        assert told.sd == pytest.approx(sd, rel=0.15)
         wanted = norm.ppf([0.025, 0.5, 0.975], mean[k], sd)
-        found = draws.quantiles(draws.values[:, k], np.array([0.025, 0.5, 0.975]))
-        np.testing.assert_allclose(found, wanted, atol=0.35 * sd)
+        np.testing.assert_allclose([told.q025, told.median, told.q975], wanted, atol=0.35 * sd)
     # A measurement left out of a linear fit: its residual and variance follow from its leverage.
     leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
     left_out = (measured - 0.05 * design @ mean) / (1.0 - leverage)
@@ -235,7 +235,9 @@ def test_of_long_tables_and_many_parameters_all_is_to_first_order():
     linear = Compared(problem, point, None, np.random.default_rng(1)).linear
     np.testing.assert_allclose(linear.elpd(np.random.default_rng(1)), exact, atol=0.05)
     for k in range(2):
-        assert linear.draws.sd(linear.draws.values[:, k]) == pytest.approx(np.sqrt(covariance[k, k]), rel=0.1)
+        assert linear.parameters(problem.noise)[problem.free_names[k]].sd == pytest.approx(
+            np.sqrt(covariance[k, k]), rel=0.1
+        )
     found = look(problem, point, None, assumptions_generator(1))
     assert found.examined
     assert all(item.difference is not None for item in found.alternatives)

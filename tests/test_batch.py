@@ -16,7 +16,7 @@ import pytest
 from samples import HANG
 
 import fitball
-from fitball.batch.run import Plan, fit_one, run_tasks
+from fitball.batch.many import Plan, fit_one, run_tasks
 from fitball.batch.tables import OWN_NAMES, fault_of, tasks_of
 from fitball.cli.main import main
 from fitball.errors import FitballError
@@ -199,7 +199,7 @@ def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch
     def broken(*_given):
         raise ZeroDivisionError("one over nothing")
 
-    monkeypatch.setattr("fitball.batch.run.row_of", broken)
+    monkeypatch.setattr("fitball.batch.many.row_of", broken)
     rows = run_tasks(tasks_of(f"{courts}/court_[03].csv"), quick(tmp_path / "out"), Here())
     assert [row["outcome"] for row in rows] == ["failed", "failed"]
     assert "ZeroDivisionError: one over nothing" in rows[0]["reason"]
@@ -207,7 +207,7 @@ def test_a_fault_of_ours_in_one_table_is_a_row_too(courts, tmp_path, monkeypatch
 
 def test_a_cluster_gives_the_same_bytes_as_one_process(courts, alone, cluster, tmp_path, monkeypatch):
     # Fewer tasks ahead than there are: the others follow as these are done.
-    monkeypatch.setattr("fitball.scheduling.cluster.AHEAD", 1)
+    monkeypatch.setattr("fitball.scheduling.engine.AHEAD", 1)
     fitball.calibrate_many(courts, "grip-slip", out=tmp_path / "two", point_only=True, scheduler=cluster)
     assert contents(tmp_path / "two") == contents(alone[0])
 
@@ -224,7 +224,7 @@ def test_what_is_finished_is_not_fitted_again_and_other_settings_are_refused(cou
         fitted.append(place.name)
         write(fit, place, full)
 
-    from fitball.batch import run as one
+    from fitball.batch import many as one
 
     write = one._write
     monkeypatch.setattr(one, "_write", note)
@@ -385,7 +385,7 @@ def test_a_folder_of_other_things_is_left_alone(courts, tmp_path, capsys):
 @pytest.mark.parametrize(("given", "said"), [("localhost", "tcp://"), ("tcp://127.0.0.1:1", "no Dask scheduler")])
 def test_a_scheduler_that_is_none_is_refused(courts, tmp_path, capsys, monkeypatch, given, said):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("fitball.scheduling.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("fitball.scheduling.engine.PATIENCE", 0.5)
     assert main(["batch", str(courts), "--out", str(tmp_path / "out"), "--scheduler", given]) == 2
     assert said in capsys.readouterr().err
 

@@ -14,7 +14,7 @@ import pytest
 from benchmarks import __main__ as command
 from benchmarks import processes, samplers
 
-from fitball.batch.run import Going
+from fitball.batch.many import Going
 from fitball.bench import clock
 from fitball.bench.errors import OURS, SCRIPT
 from fitball.bench.problems import posed, spread_coordinates

@@ -50,7 +50,7 @@ def test_an_open_profile_is_read_back_open():
     read = structured(Path("fit.json"), plain(identifiability), Identifiability)
     same_values(read.evidence["mu"], evidence)
     assert read.profile_coverage == 0.87
-    assert read.eigendirections == identifiability.eigendirections
+    assert read.eigendirections == identifiability.information
 
 
 def test_kinds_and_formats_are_the_ones_promised(short_fit):

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples import drop_table, linear_problem, problem_of, search_briefly
+from samples import TWO_MASS, drop_table, linear_problem, problem_of, search_briefly
 from validation.harness import SCHEDULE
 
 from fitball.data.read import load_table
@@ -18,7 +18,7 @@ from fitball.errors import FitError, ModelError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.candidates import build_candidates, default_names, parse_name
 from fitball.inference.comparison.compare import compare
-from fitball.inference.comparison.published_sets import published_sets
+from fitball.inference.comparison.results import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.residuals import Weighting
 from fitball.inference.point.lmfit_minimiser import Minimiser
@@ -55,7 +55,7 @@ def duel(monkeypatch):
     """A function that compares models by densities alone: the refits without some impacts have tests of their own."""
     search_briefly(monkeypatch)
     monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
     return compared
 
 
@@ -68,27 +68,26 @@ def compared(table, *models):
 COR = {"cor_10": 0.76, "cor_slope": -0.014}
 
 
-def test_data_of_grip_slip_prefer_grip_slip_to_brody(duel):
-    found = duel(synthetic_table("grip-slip", 5, mu=0.55, e_x=0.25, offset=2.5e-3, **COR), "brody", "grip-slip")
-    gap = found.elpd_difference("grip-slip", "brody")
+@pytest.mark.parametrize(
+    ("name", "truth"),
+    [
+        ("grip-slip", {"mu": 0.55, "e_x": 0.25, "offset": 2.5e-3, **COR}),
+        ("two-mass", {**TWO_MASS, "k_y": 2.5e4, "k_theta": 16.0, "mass_ratio": 0.88, **COR}),
+    ],
+)
+def test_data_of_a_model_prefer_it_to_brody(duel, name, truth):
+    found = duel(synthetic_table(name, 5, **truth), "brody", name)
+    gap = found.elpd_difference(name, "brody")
     assert gap.value > 4.0
     assert gap.sure
-    assert found.models[0].name == found.simplest.name == "grip-slip"
-    assert found.stacking["grip-slip"] > 0.8
+    assert found.models[0].name == found.simplest.name == name
+    assert found.stacking[name] > 0.8
     # What the table refuses takes part in the mixture by its weight, and in no range.
     friction = found.assumptions["mu"]
-    assert friction.as_good == ("grip-slip",)
-    assert (friction.span.low, friction.span.high) == (friction.by_model["grip-slip"].median,) * 2
-    assert set(friction.by_model) == {"grip-slip", "brody"}
+    assert friction.as_good == (name,)
+    assert (friction.span.low, friction.span.high) == (friction.by_model[name].median,) * 2
+    assert set(friction.by_model) == {name, "brody"}
     assert "e_x" not in found.assumptions
-
-
-def test_data_of_two_masses_prefer_two_masses_to_brody(duel):
-    truth = {"mass_ratio": 0.88, "k_y": 2.5e4, "k_theta": 16.0, "mu": 0.55, "eps_10": 2.5e-3, "eps_slope": 0.0}
-    found = duel(synthetic_table("two-mass", 6, **truth, **COR), "brody", "two-mass")
-    assert found.elpd_difference("two-mass", "brody").sure
-    assert found.models[0].name == "two-mass"
-    assert found.stacking["two-mass"] > 0.8
 
 
 def test_data_of_brody_do_not_pay_for_more_parameters(duel):
@@ -252,7 +251,7 @@ def test_a_pareto_k_without_a_number_is_null_in_json(brief):
 def test_words_of_a_duel(monkeypatch, brief):
     """The paragraph on Wang's zero-spin impacts, from chains too short to converge: signs, units, counts."""
     table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
     effort = Effort(seed=1, max_steps=150, ensembles=2, cores=1)
     found = compare(
         table, build_candidates(table, scene, ("brody", "two-mass+torsion=rigid")), effort, engine(1), quick=True

@@ -8,12 +8,10 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
-from numba import TypingError
 
 import fitball
 from fitball.models.kernels import bounce, derivative, dual, phases, vertical
-from fitball.models.kernels.compiled import Entry, apart, calling, compiled, inner
+from fitball.models.kernels.compiled import compiled, inner
 from fitball.values import Impacts
 
 
@@ -69,62 +67,27 @@ def test_what_only_kernels_call_is_linked_and_has_no_machine_code_of_its_own():
     assert entry.library.get_pointer_to_function(entry.fndesc.llvm_func_name) != 0
 
 
-THIRD = """
-@apart
-def third(x):
-    return x / 3.0
-
-ENTRY = Entry(third, (1.0,), {result})
-third_of = ENTRY.call
-
-@calling(ENTRY)
-def ninth(x):
-    return third_of(third_of(x))
-"""
-
-
-def test_a_kernel_with_an_entry_is_called_and_not_copied():
-    space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
-    exec(THIRD.format(result="0.0"), space)
-    assert space["ninth"](18.0) == 2.0
-    (entry,) = space["ninth"].overloads.values()
-    assert "declare i32 @fitball.third" in entry.library.get_llvm_str()
-    assert space["third"](1.0) == 1.0 / 3.0
-
-
-def test_an_entry_gives_what_it_says():
-    space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
-    exec(THIRD.format(result="0"), space)
-    with pytest.raises(TypeError, match=r"fitball\.third gives float64, not int64"):
-        space["ninth"](18.0)
-
-
-def test_a_kernel_that_does_not_name_the_entry_it_calls_is_refused():
-    space = {"__name__": __name__, "apart": apart, "calling": calling, "Entry": Entry}
-    exec(THIRD.format(result="0.0").replace("@calling(ENTRY)", "@calling()"), space)
-    with pytest.raises(TypingError, match=r"fitball\.third is not linked: name it in @calling"):
-        space["ninth"](18.0)
-
-
 TOGETHER = """
-import sys
+import numpy as np
 from dataclasses import replace
 from fitball.inference.calibrate import compile_ahead
-from fitball.models.kernels import bounce, derivative
-from fitball.models.kernels.compiled import on_disk
-from fitball.first_compile import when_compiling
+from fitball.environment import when_compiling
+from fitball.models.two_mass import KERNELS, to_be_compiled
 from fitball.bench.problems import posed
 told = []
 when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)
-compile_ahead(replace(posed("wang_zero_spin"), threads=2))
-for entry in (bounce.BOUNCE, bounce.BATCH, derivative.JACOBIAN):
-    assert on_disk(entry.kernel, entry.signature.args), entry.name
-print(*told, len(bounce.bounce_batch.overloads))
+print(len(to_be_compiled()))
+problem = replace(posed("wang_zero_spin"), threads=2)
+compile_ahead(problem)
+chosen = problem.model
+values = np.array([[spec.typical for spec in chosen.parameters]])
+chosen.jacobian(chosen.parameter_names, values, problem.impacts)
+print(len(told) > 0, sum(len(kernel.signatures) for kernel in KERNELS.values()))
 """
 
 
-def test_two_processes_compile_what_a_fit_calls(tmp_path):
-    """Each its share; the process that fits reads from disk what the other compiled."""
+def test_processes_compile_what_a_fit_calls(tmp_path):
+    """Each its share; the process that fits reads from disk what the others compiled."""
     told = [
         subprocess.run(
             [sys.executable, "-c", TOGETHER], capture_output=True, text=True, check=True,
@@ -132,7 +95,7 @@ def test_two_processes_compile_what_a_fit_calls(tmp_path):
         ).stdout.split()
         for _ in range(2)
     ]  # fmt: skip
-    assert told == [["bounce", "jacobian_batch", "0"], ["0"]]
-    # No kernel that both compiled is kept: the files of one would stand in the index of the other.
+    assert told == [["3", "True", "3"], ["0", "False", "3"]]
+    # No kernel that two compiled is kept: the files of one would stand in the index of the other.
     kept = {file.name.partition("-")[0].partition(".")[2] for file in tmp_path.rglob("*.nbc")}
-    assert kept == {"bounce", "bounce_batch", "jacobian_batch"}
+    assert kept == {"bounce_each", "bounce_batch", "jacobian_batch"}

@@ -20,7 +20,7 @@ from fitball.inference.results.pace_rating import apparent_friction, itf_impact,
 from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.document import page, render
 from fitball.report.fit.folder import render_json
-from fitball.report.fit.pace import pace_lines, pace_remarks
+from fitball.report.fit.itf_tests import pace_lines, pace_remarks
 from fitball.report.saved.fit_file import fit_text
 
 # 30 m/s at 16 degrees, by a pocket calculator.

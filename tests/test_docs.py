@@ -29,10 +29,8 @@ from fitball.inference.adequacy import describe, looks, refit
 from fitball.inference.adequacy import words as adequacy_words
 from fitball.inference.assumptions import ball_constants
 from fitball.inference.assumptions import look as assumptions_look
-from fitball.inference.comparison import cross_validation as leave_out
-from fitball.inference.comparison import psis_loo as loo
-from fitball.inference.identifiability import examine, power_scaling, profile, profile_ends, verdict
-from fitball.inference.identifiability import posterior_verdict as identifiability
+from fitball.inference.comparison import left_out
+from fitball.inference.identifiability import examine, profile, verdict
 from fitball.inference.identifiability.examine import PROFILED
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.posterior import log_posterior
@@ -72,13 +70,13 @@ DECIDING = {
     "rows beyond which draws are weighed": calibrate.WEIGHED,
     "effective weighed draws, at least": calibrate.LEAST_WEIGHED,
     "rows profiled unasked": PROFILED,
-    "contraction that is next to nothing": identifiability.NEGLIGIBLE,
-    "contraction without the scene that is not enough": identifiability.NOT_ALONE,
-    "loss without the scene that counts": identifiability.RESTS_ON_SCENE,
-    "share of the peak at an open end": identifiability.OPEN_SHARE,
+    "contraction that is next to nothing": verdict.NEGLIGIBLE,
+    "contraction without the scene that is not enough": verdict.NOT_ALONE,
+    "loss without the scene that counts": verdict.RESTS_ON_SCENE,
+    "share of the peak at an open end": verdict.OPEN_SHARE,
     "contraction of a pinned parameter": PINNED,
-    "share of the drop kept beyond the end of a search": profile_ends.KEPT,
-    "power-scaling sensitivity": power_scaling.SENSITIVE,
+    "share of the drop kept beyond the end of a search": profile.KEPT,
+    "power-scaling sensitivity": verdict.SENSITIVE,
     "degrees of freedom for a noise of its own": measurement_noise.FREEDOM,
     "rows spent by parameters": measurement_noise.SPENT,
     "reach of a kink in sds": regime_mixture.REACH,
@@ -88,7 +86,7 @@ DECIDING = {
     "correlation length of the misfit": force_records.ALIKE,
     "expected spread between levels": levels.EXPECTED_SPREAD,
     "expected group offset in noises": levels.EXPECTED,
-    "Pareto k": loo.K_TRUSTED,
+    "Pareto k": left_out.K_TRUSTED,
     "sure difference in standard errors": assumption_values.SURE_ERRORS,
     "sure difference": assumption_values.SURE_SIZE,
     "effective draws of a quick fit": importance.ENOUGH,
@@ -110,7 +108,7 @@ DECIDING = {
     "share by which friction is changed to see what it does": refit.FRICTION,
     "rows of which one may lie far off with others": looks.FEWER,
     "sds by which a misfit moves a conditional parameter": adequacy.MOVED,
-    "rows left out singly": leave_out.SINGLY,
+    "rows left out singly": left_out.SINGLY,
     "slack of the hull": SLACK,
     "draws of a prediction": fitted_model.PREDICTING,
     "tables that tell a parameter, for its population": LEAST_TABLES,

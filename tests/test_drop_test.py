@@ -15,8 +15,7 @@ from fitball.data.heights import BALL_TYPES
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement
-from fitball.inference.prediction.drop_test import drop_test
-from fitball.inference.prediction.one_way import one_way, plain_mean
+from fitball.inference.prediction.drop_test import drop_test, one_way, plain_mean
 from fitball.inference.results.drop_test import (
     drag,
     fall_speed,
@@ -27,7 +26,7 @@ from fitball.inference.results.drop_test import (
     share_within,
 )
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
+from fitball.report.fit.itf_tests import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
 from fitball.values import Ball, Impacts
 
 V0 = 7.058171

@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.integrate import quad
 
 from fitball.errors import FitError
-from fitball.inference.identifiability.scene_share import within_support
+from fitball.inference.identifiability.verdict import within_support
 from fitball.inference.sampling import ensembles
 
 

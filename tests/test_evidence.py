@@ -12,12 +12,16 @@ from scipy.stats import norm
 
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability.eigendirections import combination, eigendirections, product, relative
 from fitball.inference.identifiability.examine import active_impacts, examine, profile_all
-from fitball.inference.identifiability.fisher import fisher_information, information_evidence
-from fitball.inference.identifiability.posterior_verdict import Judgement
-from fitball.inference.identifiability.power_scaling import CONFLICT
-from fitball.inference.identifiability.verdict import combine
+from fitball.inference.identifiability.information import (
+    combination,
+    eigendirections,
+    fisher_information,
+    information_evidence,
+    product,
+    relative,
+)
+from fitball.inference.identifiability.verdict import CONFLICT, Marginal, Numbers, contraction_alone, judge
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.results.evidence import (
@@ -185,7 +189,7 @@ def test_impacts_in_doubt_are_named_with_their_share():
     everything = active_impacts(problem, at[None, :], [{"slide": 0.6, "grip": 0.4}] * 7)
     assert everything["mu"].share_doubtful == pytest.approx(1.0)
     evidence = replace(EVIDENCE, active_impacts=everything["mu"])
-    judged = combine(problem, problem.free[3], None, evidence)
+    judged = judge(Numbers(problem, problem.free[3], evidence))
     assert "100 % of what the table says of it comes from impacts whose regime is in doubt (zero-1, zero-2" in (
         judged.reason
     )
@@ -199,12 +203,12 @@ def profile(left=End.CLOSED, right=End.CLOSED, leans=((), ()), at=(0.5, 0.55, 0.
 
 
 EVIDENCE = Evidence(profile(), None, InformationEvidence(0.3, 0.3, 0.9, 0.9), None, None, None)
-IDENTIFIED = Judgement(0.9, Verdict.IDENTIFIED, "the table narrows it from both sides")
-ONE_SIDED = Judgement(0.5, Verdict.ONE_SIDED, "from below only", (False, True))
-DOMINATED = Judgement(0.1, Verdict.PRIOR_DOMINATED, "as it was known before", (True, True))
+IDENTIFIED = Marginal(0.9, 0.9, (False, False), 30.0, (0.52, 0.53, 0.57, 0.58))
+ONE_SIDED = replace(IDENTIFIED, narrowed=0.5, open_sides=(False, True))
+DOMINATED = replace(IDENTIFIED, narrowed=0.1, open_sides=(True, True))
 OPEN_RIGHT, OPEN = profile(right=End.BOUND), profile(End.BOUND, End.BOUND)
 CASES = [
-    # base, profile, profile without scene, verdict
+    # posterior, profile, profile without scene, verdict
     (IDENTIFIED, profile(), None, Verdict.IDENTIFIED),
     (IDENTIFIED, OPEN_RIGHT, None, Verdict.ONE_SIDED),
     (IDENTIFIED, OPEN, None, Verdict.PRIOR_DOMINATED),
@@ -228,7 +232,7 @@ CASES = [
 @pytest.mark.parametrize(("base", "shape", "alone", "verdict"), CASES)
 def test_the_evidence_adds_up_to_one_verdict(base, shape, alone, verdict):
     problem = problem_of("wang_zero_spin.csv")
-    judged = combine(problem, problem.free[3], base, replace(EVIDENCE, profile=shape, alone=alone))
+    judged = judge(Numbers(problem, problem.free[3], replace(EVIDENCE, profile=shape, alone=alone), base))
     assert judged.verdict is verdict
     assert judged.reason
 
@@ -240,7 +244,8 @@ def test_a_size_that_comes_from_the_scene_is_identified_given_the_scene():
         EVIDENCE, profile=profile(at=stiffness), alone=profile(End.BOUND, End.BOUND, at=stiffness),
         information=InformationEvidence(0.2, None, 0.3, 0.3),
     )  # fmt: skip
-    judged = combine(problem, problem.free[1], None, evidence)
+    alone = contraction_alone(problem, problem.free[1], evidence.information, evidence.alone, False)
+    judged = judge(Numbers(problem, problem.free[1], evidence, alone=alone))
     assert (judged.verdict, judged.given) == (Verdict.IDENTIFIED, ("contact_time",))
     assert "its size comes from the scene's contact time (5 +- 0.5 ms)" in judged.reason
 
@@ -251,7 +256,7 @@ def test_a_prior_that_the_table_contradicts_is_what_a_value_is_given(own_prior, 
     problem = problem_of("wang_zero_spin.csv")
     mu = replace(problem.free[3], prior=parse_prior("mu", "normal(0.9, 0.05)", 0.0, 5.0))
     pulled = replace(EVIDENCE, power=PowerEvidence(0.2, own_prior, None, 0.2, CONFLICT))
-    judged = combine(problem, mu, IDENTIFIED, pulled)
+    judged = judge(Numbers(problem, mu, pulled, IDENTIFIED))
     assert (judged.verdict, judged.given) == (Verdict.IDENTIFIED, given)
     assert ("its prior and the table disagree" in judged.reason) == bool(given)
 

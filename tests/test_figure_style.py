@@ -29,6 +29,7 @@ from fitball.report.figures.quantities import parameter_axis
 from fitball.report.figures.registry import draw
 from fitball.report.figures.sketch import ball_sketch
 from fitball.report.fit.document import page
+from fitball.report.form.numbers import symbol_html
 from fitball.report.form.palette import (
     MEASURED,
     MODEL,
@@ -42,7 +43,6 @@ from fitball.report.form.palette import (
     style_rules,
     verdict_mark,
 )  # fmt: skip
-from fitball.report.form.parameters import symbol_html
 from fitball.wording import in_formula, short
 
 

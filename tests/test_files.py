@@ -445,20 +445,3 @@ def test_a_limit_on_file_sizes_ends_in_words_and_no_signal(tmp_path):
     assert done.returncode == 2, done
     assert "posterior.h5: larger than a file may be here (ulimit -f): it needs" in done.stdout
     assert names(tmp_path) == []
-
-
-@POSIX
-def test_a_full_file_system_of_its_own(short_fit, tmp_path):
-    place = tmp_path / "small"
-    place.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(place)], capture_output=True, check=False
-    )
-    if mounted.returncode:
-        pytest.skip("no file system may be mounted here; the tests above refuse what this one has no room for")
-    try:
-        with pytest.raises(ResultFolderError, match=NO_ROOM):
-            short_fit.save(place / "fit", figures=False)
-        assert names(place / "fit") == []
-    finally:
-        subprocess.run(["umount", str(place)], check=True)

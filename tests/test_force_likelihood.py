@@ -19,7 +19,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError
 from fitball.inference.assemble import force_notes
-from fitball.inference.identifiability.fisher import fisher_information, information_evidence
+from fitball.inference.identifiability.information import fisher_information, information_evidence
 from fitball.inference.likelihood.force import (
     aligned,
     force_cost,

@@ -24,7 +24,7 @@ from fitball.data.scene import NO_CONTACT_TIME, Scene
 from fitball.exports.parameters import latex_table
 from fitball.inference.calibrate import fingerprint, run
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability.fisher import information_evidence
+from fitball.inference.identifiability.information import information_evidence
 from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict

@@ -48,7 +48,7 @@ def test_help_imports_nothing_heavy():
 def test_a_fit_loads_none_of_what_its_packages_import_and_it_does_not_use():
     done = python(
         "import sys\nimport fitball.api\nimport fitball.inference.sampling.array_stats\n"
-        "from fitball.on_demand import HEAVY\n"
+        "from fitball.environment import HEAVY\n"
         "print('LOADED', [name for name in (*HEAVY, 'arviz_stats', 'xarray') if name in sys.modules])"
     )
     assert "LOADED []" in done.stdout, done.stdout + done.stderr
@@ -165,7 +165,7 @@ def test_the_compile_cache_expires_when_a_called_kernel_changes(tmp_path):
     )
     code = (
         "import sys\nsys.path.insert(0, '.')\nfrom fitball.models.toy import toy\n"
-        "from fitball.first_compile import when_compiling\ntold = []\nwhen_compiling(told.append)\n"
+        "from fitball.environment import when_compiling\ntold = []\nwhen_compiling(told.append)\n"
         "print(toy(0.5), *(one and one.kernel for one in told))"
     )
     env = {"PATH": "", "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_NUM_THREADS": "1"}

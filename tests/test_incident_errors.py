@@ -16,7 +16,7 @@ from fitball.bench.problems import BASE
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference.identifiability.fisher import fisher_information, prior_sds
+from fitball.inference.identifiability.information import fisher_information, prior_sds
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.cells import cells, joint_root, shared_covariance, solved
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, pointwise

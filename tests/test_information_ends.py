@@ -9,14 +9,14 @@ from samples import TWO_MASS, coordinates_of, hard_sphere, problem_of, synthetic
 from fitball.inference import calibrate
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability.eigendirections import eigendirections
-from fitball.inference.identifiability.fisher import (
+from fitball.inference.identifiability.information import (
+    eigendirections,
     fisher_information,
     information_evidence,
     inverse,
     standard_errors,
 )
-from fitball.inference.identifiability.profile_path import best_top
+from fitball.inference.identifiability.profile import best_top
 from fitball.inference.point.gauss_newton import Reached
 from fitball.inference.point.least_squares import least_squares
 from fitball.inference.point.lmfit_minimiser import Minimum
@@ -84,7 +84,7 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
 def test_a_profile_begins_with_finite_steps_where_there_is_no_derivative(at_end):
     problem, _ = at_end
     objective = Surface(problem)
-    top, _ = best_top(objective, objective.from_values(row(problem, END)), False)
+    top, _ = best_top(objective, objective.from_values(row(problem, END)))
     assert np.all(top.errors > 0.0) and np.all(np.isfinite(top.errors))
 
 

@@ -28,7 +28,7 @@ from fitball.inference.results.pace_rating import CourtPace, adjusted
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.registry import parameter_spec
-from fitball.report.fit.pace import court_lines, place_rows, warmth_words
+from fitball.report.fit.itf_tests import court_lines, place_rows, warmth_words
 
 MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
 

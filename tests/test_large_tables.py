@@ -14,11 +14,11 @@ from fitball.bench.problems import enlarged, spread_draws
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
-from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.calibrate import run as calibrate_problem
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability import fisher as information
+from fitball.inference.identifiability import information
 from fitball.inference.identifiability.examine import active_impacts
+from fitball.inference.identifiability.information import prior_draws
 from fitball.inference.likelihood.posterior import densities, log_posterior
 from fitball.inference.likelihood.residuals import IMPOSSIBLE
 from fitball.inference.point import lmfit_minimiser

@@ -13,8 +13,14 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import FitError
 from fitball.inference.calibrate import run
-from fitball.inference.comparison.cross_validation import IMPACTS, leave_out, make_folds
-from fitball.inference.comparison.psis_loo import leave_one_out, refitted_elpd, smoothed_elpd
+from fitball.inference.comparison.left_out import (
+    IMPACTS,
+    leave_one_out,
+    leave_out,
+    make_folds,
+    refitted_elpd,
+    smoothed_elpd,
+)
 from fitball.inference.comparison.results import criteria
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import impact_terms, log_posterior, pointwise
@@ -111,9 +117,9 @@ def test_refits_and_smoothed_importance_sampling_agree_where_k_is_good(monkeypat
     # Effective parameters: some, but no more than there are.
     assert 1.0 < found.p_loo < 5.0
     # Were these not to be trusted: by proposals of their own, and where those fail by a chain.
-    monkeypatch.setattr("fitball.inference.comparison.psis_loo.K_TRUSTED", 0.5)
+    monkeypatch.setattr("fitball.inference.comparison.left_out.K_TRUSTED", 0.5)
     monkeypatch.setattr(
-        "fitball.inference.comparison.psis_loo.smoothed_elpd",
+        "fitball.inference.comparison.left_out.smoothed_elpd",
         lambda *_args: (found.elpd.copy(), np.where(np.isin(np.arange(7), best), 0.9, 0.1)),
     )
     again = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=True)

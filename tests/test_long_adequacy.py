@@ -13,9 +13,8 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.inference.adequacy import made_tables
 from fitball.inference.adequacy.describe import adequacy
-from fitball.inference.adequacy.directions import directions, overlap
-from fitball.inference.adequacy.looks import scored, spanned
-from fitball.inference.adequacy.refit import refit
+from fitball.inference.adequacy.looks import Tables, scored
+from fitball.inference.adequacy.refit import overlap, patterns, refit
 from fitball.inference.likelihood.residuals import Weighting, residual_slopes, residuals
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.problem import subsample
@@ -82,7 +81,7 @@ def test_patterns_are_what_a_refit_leaves():
     """A pattern is kept as its shape and what the basis has of it; that is its projection, of length one."""
     problem, point = simulated(rows=60)
     fit = refit(problem, point)
-    found = directions(problem, point, fit)
+    found = patterns(problem, point, fit)
     lefts = []
     for item in found:
         whole = np.zeros(fit.measured.size)
@@ -93,12 +92,11 @@ def test_patterns_are_what_a_refit_leaves():
     lefts = np.array(lefts)
     products = [[overlap(fit, one, other) for other in found] for one in found]
     np.testing.assert_allclose(products, lefts @ lefts.T, atol=1e-9)
-    noise = np.random.default_rng(1).standard_normal((5, fit.measured.size))
-    mine = found[:6]
-    square, rank = spanned(fit, [*mine, mine[0]], noise, noise @ fit.own)
+    tables = Tables(fit, np.random.default_rng(1).standard_normal((5, fit.measured.size)))
+    square, rank = tables.spanned([*found[:6], found[0]])
     # A pattern that is there twice spans nothing new.
     assert rank == 6
-    np.testing.assert_allclose(square, np.sum((noise @ np.linalg.qr(lefts[:6].T)[0]) ** 2, axis=1), rtol=1e-6)
+    np.testing.assert_allclose(square, np.sum((tables.even @ np.linalg.qr(lefts[:6].T)[0]) ** 2, axis=1), rtol=1e-6)
 
 
 def test_parts_make_up_the_whole(monkeypatch):

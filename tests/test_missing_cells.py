@@ -19,11 +19,11 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import Measurement
 from fitball.errors import FitError
 from fitball.inference.adequacy.describe import largest_misfits
-from fitball.inference.adequacy.looks import distributions, links
+from fitball.inference.adequacy.looks import Tables, distributions, links
 from fitball.inference.adequacy.refit import refit
 from fitball.inference.comparison.results import criteria
 from fitball.inference.identifiability.examine import active_impacts
-from fitball.inference.identifiability.fisher import fisher_information
+from fitball.inference.identifiability.information import fisher_information
 from fitball.inference.identifiability.profile import coverage
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior, pointwise
 from fitball.inference.likelihood.residuals import Weighting, default_noise, residual_slopes, residuals
@@ -254,22 +254,23 @@ def test_residuals_of_gaps_are_looked_at_where_they_are():
     )
     other = refit(rare, maximum_posterior(rare, values_of(rare)))
     assert [other.noises[other.noise_of(k)] for k in range(3)] == ["v_x_sd", "v_y_sd", "spin_sd"]
-    for misfit in largest_misfits(problem, point, fit):
+    for misfit in largest_misfits(problem, point, Tables(fit, fit.measured[None])):
         row, name = WANG.ids.index(misfit.id), misfit.column
         assert misfit.measured == WANG.measurement(name).values[row]
         assert not np.isnan(GAPPY.measurement(name).values[row])
-    residual = np.concatenate([fit.measured[None], np.random.default_rng(1).standard_normal((50, fit.measured.size))])
+    made = np.random.default_rng(1).standard_normal((50, fit.measured.size))
+    tables = Tables(fit, np.concatenate([fit.measured[None], made]))
     both = masks[0] & masks[1]
     a, b = (np.full(21, np.nan) for _ in range(2))
     a[masks[0]], b[masks[1]] = fit.measured[fit.rows(0)], fit.measured[fit.rows(1)]
-    linked = {(look.column, look.over): float(look.seen[0]) for look in links(fit, residual)}
+    linked = {(look.column, look.over): float(look.seen[0]) for look in links(tables)}
     expected = np.sum(a[both] * b[both]) / np.sqrt(np.sum(a[both] ** 2) * np.sum(b[both] ** 2))
     assert linked[0, "v_y2"] == pytest.approx(expected)
     # Of left-out probabilities the missing ones take no part: uniform ones pass, whatever stands in the gaps.
     uniform = np.full((3, 21), np.nan)
     for k, mask in enumerate(masks):
         uniform[k, mask] = (np.arange(mask.sum()) + 0.5) / mask.sum()
-    assert all(look.seen[0] < 0.06 for look in distributions(fit, residual, uniform))
+    assert all(look.seen[0] < 0.06 for look in distributions(tables, uniform))
 
 
 def test_leaving_out_and_parts_keep_gaps():

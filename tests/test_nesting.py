@@ -117,7 +117,7 @@ def stuck(monkeypatch, tmp_path):
     monkeypatch.setattr(calibrate, "point_fit", ends_low)
     monkeypatch.setattr(calibrate, "search_again", lambda _problem, squares, point, _sampled: (squares, point, ()))
     monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.comparison.scoring.criteria", lambda _problem, _starts: None)
+    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
     candidates = build_candidates(problem.table, problem.scene, ("brody", "grip-slip"))
     effort = Effort(seed=2, max_steps=100, ensembles=2, ess=100.0, cores=1)
     place.compare = lambda: compare(problem.table, candidates, effort, engine(1), quick=True)

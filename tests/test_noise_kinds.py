@@ -18,7 +18,7 @@ from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError
-from fitball.inference.identifiability.fisher import fisher_information, information_evidence
+from fitball.inference.identifiability.information import fisher_information, information_evidence
 from fitball.inference.likelihood.cells import prediction_slopes
 from fitball.inference.likelihood.posterior import log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import Weighting, default_noise, residuals

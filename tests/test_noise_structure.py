@@ -19,7 +19,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.calibrate import run
-from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS, leave_out, make_folds
+from fitball.inference.comparison.left_out import GROUPS, IMPACTS, leave_out, make_folds
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, log_posterior
 from fitball.inference.likelihood.residuals import root_mean_squares

@@ -30,14 +30,14 @@ def measured(truths, rng, _root):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Populations of ten tables and on levels of four, begun and gone on with."""
+    """Populations of ten tables, begun and gone on with."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "fitted", measured)
         patch.setattr(study, "TABLES", 10)
         folder = tmp_path_factory.mktemp("study")
-        populations, levels, _joint = study.studies()
+        populations = study.studies()[0]
         run(populations, 1, 3, folder, engine(1))
-        return {one.name: run(one, 1, count, folder, engine(1)) for one, count in ((populations, 12), (levels, 6))}
+        return run(populations, 1, 12, folder, engine(1))
 
 
 def rates(rows):
@@ -45,7 +45,7 @@ def rates(rows):
 
 
 def test_intervals_hold_where_priors_are_divided_out_and_not_where_they_are_left_in(made):
-    found = rates([row for rows in made["populations"] for row in rows])
+    found = rates([row for rows in made for row in rows])
     for name in SDS:
         for what in ("centre", "spread"):
             right = found[name, what, PRIORS[0]]
@@ -73,7 +73,7 @@ def test_the_verdict_asks_for_the_joint_fit_too(made):
          for name in SDS for what in ("centre of levels", "levels") for priors in PRIORS]
     ] * 40  # fmt: skip
     near = {"set": 0, "quantity": "mu", "what": "centre", "apart": 0.1, "width": 1.0}
-    told = {name: made["populations"] if name == "populations" else every for name in ("populations", "levels")}
+    told = {"populations": made, "levels": every}
     assert judge({**told, "joint": [[near]]}, 1).content["holds"] is True
     assert judge({**told, "joint": [[{**near, "apart": -0.6}]]}, 1).content["holds"] is False
     content = judge({**told, "joint": [[near]]}, 1).content

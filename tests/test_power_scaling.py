@@ -1,55 +1,22 @@
-"""Power-scaling against ArviZ and the published formula."""
+"""Power-scaling against the published formula."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import arviz_stats.utils
 import numpy as np
 import pytest
-import xarray as xr
-from arviz_stats.base.array import array_stats
-from arviz_stats.psense import psense_summary
 from samples import GRIP_SLIP, coordinates_of, problem_of, synthetic
 
 from fitball.data.read import load_table
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
-from fitball.inference.identifiability.fisher import fisher_information
-from fitball.inference.identifiability.power_scaling import CONFLICT, WEAK, diagnosis, power_evidence, sensitivities
-from fitball.inference.likelihood.posterior import impact_terms, log_likelihood
+from fitball.inference.identifiability.examine import WEAK, diagnosis, power_evidence, sensitivities
+from fitball.inference.identifiability.information import fisher_information
+from fitball.inference.identifiability.verdict import CONFLICT
+from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Posterior
-
-
-class OnArrays:
-    """ArviZ's psense needs a package for its own arrays on xarray that is not installed here: the same on numpy."""
-
-    @staticmethod
-    def power_scale_lw(da, alpha=0, dim=None):
-        return xr.DataArray(array_stats.power_scale_lw(da.to_numpy().ravel(), alpha=alpha)[None], dims=dim)
-
-    @staticmethod
-    def power_scale_sense(da, lower_w, upper_w, lower_alpha, upper_alpha, sample_dims=None):
-        parts = [item.to_numpy() for item in (da, lower_w, upper_w)]
-        return xr.DataArray(array_stats.power_scale_sense(*parts, lower_alpha, upper_alpha))
-
-
-def power_tree(problem, values):
-    """What ArviZ wants: posterior, log prior and log likelihood, one chain."""
-    coordinates = problem.to_coordinates(values)
-    dims = ("chain", "draw")
-    rebound = problem.rebound(values)
-    names = problem.free_names
-    prior = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(names)}
-    terms = impact_terms(problem, values, rebound)
-    return xr.DataTree.from_dict(
-        {
-            "posterior": xr.Dataset({name: (dims, coordinates[None, :, k]) for k, name in enumerate(names)}),
-            "log_prior": xr.Dataset({name: (dims, item[None]) for name, item in prior.items()}),
-            "log_likelihood": xr.Dataset({name: ((*dims, "impact"), item[None]) for name, item in terms.items()}),
-        }
-    )
 
 
 def cumulative_jensen_shannon(x, weights):
@@ -84,21 +51,8 @@ def drawn(problem):
     return values, Posterior(problem.free_names, values[None, :, None, :], np.zeros((1, 3000, 1)), values)
 
 
-def test_power_scaling_is_arvizs(monkeypatch):
-    monkeypatch.setattr(arviz_stats.utils, "import_module", lambda _name: OnArrays)
-    problem = synthetic(problem_of("wang_all.csv", "grip-slip"), GRIP_SLIP, 4)
-    values, posterior = drawn(problem)
-    found = power_evidence(problem, posterior)
-    expected = psense_summary(power_tree(problem, values), round_to=10)
-    for name in problem.free_names:
-        assert found[name].prior == pytest.approx(expected.loc[name, "prior"], abs=1e-9)
-        assert found[name].likelihood == pytest.approx(expected.loc[name, "likelihood"], abs=1e-9)
-    own = psense_summary(power_tree(problem, values), prior_var_names=["mu"], round_to=10)
-    assert found["mu"].own_prior == pytest.approx(own.loc["mu", "prior"], abs=1e-9)
-
-
 def test_where_levels_lie_among_the_others_is_no_prior():
-    """Of a pooled parameter the spread is prior; the places are the model's. Against ArviZ, told which are priors."""
+    """Of a pooled parameter the spread is prior; the places are the model's."""
     table = load_table("wang_all.csv")
     table = replace(table, labels={"surface": tuple("ab"[k % 2] for k in range(len(table)))}, redundant=())
     problem = problem_of(table, "grip-slip", pool={"mu": "surface"})
@@ -124,14 +78,17 @@ def test_power_scaling_is_the_published_formula():
     found = power_evidence(problem, posterior)
     coordinates = problem.to_coordinates(values)
     likelihood = log_likelihood(problem, values, problem.rebound(values))
+    own = {name: problem.free[k].prior.log_density(coordinates[:, k]) for k, name in enumerate(problem.free_names)}
     for k, name in enumerate(problem.free_names):
-        slopes = []
-        for power in (0.99, 1.01):
-            weights = np.exp((power - 1.0) * (likelihood - likelihood.max()))
-            distance = cumulative_jensen_shannon(coordinates[:, k], weights / weights.sum())
-            slopes.append(distance / abs(np.log2(power)))
-        # Smoothing of the largest weights changes little at powers so near one.
-        assert found[name].likelihood == pytest.approx(np.mean(slopes), rel=0.05)
+        parts = {"likelihood": likelihood, "prior": sum(own.values()), "own_prior": own[name]}
+        for part, density in parts.items():
+            slopes = []
+            for power in (0.99, 1.01):
+                weights = np.exp((power - 1.0) * (density - density.max()))
+                distance = cumulative_jensen_shannon(coordinates[:, k], weights / weights.sum())
+                slopes.append(distance / abs(np.log2(power)))
+            # Smoothing of the largest weights changes little at powers so near one.
+            assert getattr(found[name], part) == pytest.approx(np.mean(slopes), rel=0.05), part
     assert sensitivities(values, np.full(3000, 2.0)).tolist() == [0.0] * problem.dimension
 
 

@@ -14,10 +14,8 @@ from fitball.data.table import Measurement
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import profile as profile_module
-from fitball.inference.identifiability.posterior_verdict import Judgement
-from fitball.inference.identifiability.profile import DROP_95, profiles
-from fitball.inference.identifiability.profile_ends import profile_contraction
-from fitball.inference.identifiability.verdict import combine, from_profile
+from fitball.inference.identifiability.profile import DROP_95, profile_contraction, profiles
+from fitball.inference.identifiability.verdict import Marginal, Numbers, judge
 from fitball.inference.point.surface import Surface
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.evidence import End, Evidence, Profile
@@ -42,11 +40,16 @@ def simulated(truth, seed, **choices):
     )
 
 
-def judged(problem, truth, names, value=None):
+def only(profile):
+    """A profile, and nothing else."""
+    return Evidence(profile, None, None, None, None, None)
+
+
+def judged(problem, truth, names):
     """Profiles of some parameters, searched from the truth, and what is said of each without a posterior."""
     found = profiles(problem, [truth], names=names).by_name
     said = {
-        item.name: combine(problem, item, None, Evidence(found[item.name], None, None, None, None, None), value=value)
+        item.name: judge(Numbers(problem, item, only(found[item.name])))
         for item in problem.free
         if item.name in names
     }
@@ -122,16 +125,16 @@ def test_a_range_that_keeps_the_best_fit_out_decides_and_not_the_table(value, ve
         at.name, np.array(seen), np.array([2.5, 0.0, 2.5]), 0.99, seen[::2], seen[::2], (End.CLOSED, End.CLOSED),
         ((), ()), 0,
     )  # fmt: skip
-    evidence = Evidence(profile, None, None, None, None, None)
-    base = Judgement(0.9, IDENTIFIED, "the table narrows it", middle=(value - 1e-3, value))
-    for judged_by in (None, base):
-        assert combine(problem, at, judged_by, evidence, value=value).verdict is verdict
+    middle = (value - 2e-3, value - 1e-3, value, value + 1e-3)
+    seen = Numbers(problem, at, only(profile), Marginal(0.9, 0.9, (False, False), 30.0, middle), value)
+    for posterior in (None, seen.marginal):
+        assert judge(replace(seen, marginal=posterior)).verdict is verdict
     # A narrow peak that holds the best point, but hardly the posterior, is no work of priors.
-    narrow = replace(base, middle=(0.90, 0.95))
-    assert combine(problem, at, narrow, evidence, value=0.99).verdict is IDENTIFIED
+    narrow = replace(seen, value=0.99, marginal=replace(seen.marginal, levels=(0.88, 0.90, 0.95, 0.97)))
+    assert judge(narrow).verdict is IDENTIFIED
     opened = replace(profile, interval_95=(0.989, None), ends=(End.CLOSED, End.BOUND))
-    assert combine(problem, at, narrow, replace(evidence, profile=opened), value=0.99).verdict is IDENTIFIED
-    said = combine(problem, at, base, evidence).reason
+    assert judge(replace(narrow, evidence=only(opened))).verdict is IDENTIFIED
+    said = judge(replace(seen, value=None)).reason
     assert ("keep it from where the table alone has it: 95 % within [0.989, 0.992]" in said) == (verdict is DOMINATED)
 
 
@@ -178,10 +181,7 @@ def written(monkeypatch, residuals, *starts):
     kind = type("Here", (Written,), {"residuals": staticmethod(residuals)})
     monkeypatch.setattr(profile_module, "surface_of", kind)
     found = profiles(problem, [{"cor_10": a, "cor_slope": b} for a, b in starts]).by_name
-    said = {
-        item.name: from_profile(problem, item, Evidence(found[item.name], None, None, None, None, None)).verdict
-        for item in problem.free
-    }
+    said = {item.name: judge(Numbers(problem, item, only(found[item.name]))).verdict for item in problem.free}
     return found, said
 
 

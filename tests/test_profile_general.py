@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from samples import GRIP_SLIP, TWO_MASS, drop_table, problem_of, synthetic
+from samples import GRIP_SLIP, drop_table, problem_of, synthetic
 from scipy.optimize import minimize
 from scipy.stats import norm, t
 
@@ -16,8 +16,6 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import profile as profile_module
 from fitball.inference.identifiability.profile import DROP_95, profiles
-from fitball.inference.identifiability.profile_path import free_searches
-from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.point.surface import Surface, surface_of
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
@@ -113,39 +111,6 @@ def test_the_general_surface_is_that_of_exact_noise_where_both_are_known(monkeyp
         assert one.ends == other.ends
         length = np.diff(other.interval_95)
         np.testing.assert_allclose(one.interval_95, other.interval_95, atol=float(0.01 * length[0]))
-
-
-def test_the_general_cost_is_the_likelihood_with_mixtures_at_kinks():
-    table = problem_of("wang_all.csv", "grip-slip").table
-    covariance = np.zeros((21, 3, 3))
-    covariance[:, [0, 1], [0, 1]] = 0.3**2
-    covariance[:, 2, 2] = 10.0**2
-    problem = problem_of(
-        replace(table, incident_covariance=covariance, incident_sd={"v_x1": np.full(21, 0.3)}), "grip-slip"
-    )
-    values = np.array([[GRIP_SLIP[name] for name in problem.free_names]])
-    slopes_are_differences(problem, values, -log_likelihood(problem, values, problem.rebound(values))[0])
-
-
-def test_the_general_cost_counts_the_contact_time_of_the_scene():
-    problem = problem_of("wang_zero_spin.csv", "two-mass", noise="student-t")
-    values = np.array([[{**TWO_MASS, "degrees_of_freedom": 4.0}[name] for name in problem.free_names]])
-    rebound = problem.rebound(values)
-    time = norm(*problem.contact_time).logpdf(rebound.contact_time.mean())
-    slopes_are_differences(problem, values, -log_likelihood(problem, values, rebound)[0] - time)
-
-
-def slopes_are_differences(problem, values, cost):
-    """The cost of a surface at free values (1, free), and its gradient."""
-    objective = surface_of(problem)
-    found, given = objective.from_values(values), free_searches(objective, values, True).given
-    gradient, _ = objective.linearised(found, given)
-    assert objective.cost(found, given)[0] == pytest.approx(cost, rel=1e-12)
-    for k in range(problem.dimension):
-        step = np.zeros(problem.dimension)
-        step[k] = 1e-4 * objective.width[k]
-        slope = (objective.cost(found + step, given)[0] - objective.cost(found - step, given)[0]) / (2.0 * step[k])
-        assert gradient[0, k] * objective.width[k] == pytest.approx(slope * objective.width[k], rel=1e-3, abs=0.02)
 
 
 def test_biases_of_groups_count_as_the_model_has_them():

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from fitball.cli.terminal import ProgressLine
-from fitball.first_compile import Compiling, tell_nobody, when_compiling
+from fitball.environment import Compiling, tell_nobody, when_compiling
 from fitball.inference.sampling.convergence import Convergence
 from fitball.inference.sampling.ensembles import Progress
 

@@ -17,7 +17,7 @@ from scipy.stats import norm
 import fitball
 from fitball.cli.main import main
 from fitball.errors import ParameterError, ResultFolderError
-from fitball.inference.comparison.psis_loo import leave_one_out
+from fitball.inference.comparison.left_out import leave_one_out
 from fitball.inference.effort import Effort
 from fitball.inference.prediction.simulate import COURSES, Band
 from fitball.report.figures.registry import FIGURES

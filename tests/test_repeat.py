@@ -27,8 +27,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.source import digest
 from fitball.inference.sampling.convergence import standard_errors, summaries
-from fitball.repeat.compare import Outcome, compared
-from fitball.repeat.kept import read_kept, write_numbers
+from fitball.repeat.compare import Outcome, compared, read_kept, write_numbers
 from fitball.report.saved.run_file import find_tables, read_run, record_problem, run_text
 
 BALLS = """id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]

@@ -16,7 +16,7 @@ from PIL import Image
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.identifiability.posterior_verdict import plain
+from fitball.inference.identifiability.verdict import plain
 from fitball.inference.prediction.outputs import root_mean_square
 from fitball.inference.results.results import BudgetLine, ErrorBudget, Verdict
 from fitball.inference.thesis.published_cases import case_errors, compare_cases

@@ -23,7 +23,7 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.sampling.chain_file import ChainFile, EnsembleChain
-from fitball.repeat.kept import write_numbers
+from fitball.repeat.compare import write_numbers
 from fitball.report.saved.fit_file import fit_schema
 from fitball.report.saved.netcdf_files import write_data, write_netcdf
 from fitball.report.saved.structure import read_json, read_toml

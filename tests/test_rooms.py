@@ -34,7 +34,7 @@ BREAKS = {
 ROOMS = sorted(place.parent for place in (ROOT / "fitball").rglob("__init__.py") if place.parent.name != "fitball")
 # What every module may use.
 OPEN_TO_ALL = {
-    "environment", "errors", "files", "first_compile", "kinds", "observables", "on_demand", "values", "version",
+    "environment", "errors", "files", "kinds", "observables", "values", "version",
     "visible", "wording",
 }  # fmt: skip
 

@@ -10,8 +10,8 @@ from samples import problem_of
 
 from fitball.data.scene import Scene
 from fitball.errors import FitError
-from fitball.inference.assumptions import known_before as prior_draws_module
-from fitball.inference.assumptions.known_before import known_before, prior_draws
+from fitball.inference.identifiability import information
+from fitball.inference.identifiability.information import known_before, prior_draws
 from fitball.inference.point import least_squares as least_squares_module
 from fitball.inference.point.gauss_newton import Searches, descend
 from fitball.inference.point.least_squares import deeper
@@ -44,7 +44,7 @@ def test_searches_that_creep_far_above_the_best_are_given_up(wang):
 
 def test_prior_draws_do_not_depend_on_the_parts_they_are_looked_at_in(wang, monkeypatch):
     few = prior_draws(wang, np.random.default_rng(3), 60, 400)
-    monkeypatch.setattr(prior_draws_module, "PART", 37)
+    monkeypatch.setattr(information, "AT_ONCE", 37)
     np.testing.assert_array_equal(prior_draws(wang, np.random.default_rng(3), 60, 400), few)
 
 

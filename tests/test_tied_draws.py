@@ -13,8 +13,8 @@ from scipy.stats import chisquare, kstest, norm, uniform
 from test_power_scaling import cumulative_jensen_shannon, drawn
 
 from fitball.errors import FitError
-from fitball.inference.comparison.psis_loo import LeaveOneOut, smoothed_elpd
-from fitball.inference.identifiability.power_scaling import POWERS, power_evidence, sensitivities
+from fitball.inference.comparison.left_out import LeaveOneOut, smoothed_elpd
+from fitball.inference.identifiability.examine import POWERS, power_evidence, sensitivities
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.convergence import convergence, standard_errors

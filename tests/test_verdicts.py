@@ -11,7 +11,7 @@ import fitball
 from fitball.inference.calibrate import search
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.derived import extrapolated
-from fitball.inference.identifiability.examine import _joined, several_fits, traded
+from fitball.inference.identifiability.examine import joined, several_fits, traded
 from fitball.inference.identifiability.profile import degrees_of_freedom, profiles
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.point.surface import surface_of
@@ -175,16 +175,16 @@ def test_two_fits_are_said_and_what_they_agree_on():
     table = fitball.load_table({**frame(v_x, v_y, omega, rebound), **sds})
     problem = build_problem(table, fitball.load_scene(None), Choices(model="grip-slip"))
     truth = {"mu": 0.39, "e_x": 0.15, "offset": 0.002, "cor_10": 0.77, "cor_slope": -0.012}
-    several = several_fits(problem, [truth, {**truth, "mu": 2.0}])
+    words, agree = several_fits(problem, [truth, {**truth, "mu": 2.0}])
     misfit = densities(
         problem, np.array([[{**truth, "mu": mu}[n] for n in problem.free_names] for mu in (0.39, 2.0)])
     )
     assert 0.1 < float(np.diff(-misfit.likelihood)[0]) < 1.9
-    assert several.words.startswith("Two fits")
-    assert several.agree == {"e_x", "offset", "cor_10", "cor_slope"}
-    assert several_fits(problem, [truth]).words == ""
+    assert words.startswith("Two fits")
+    assert agree == {"e_x", "offset", "cor_10", "cor_slope"}
+    assert several_fits(problem, [truth]) == ("", frozenset())
     # Places on the plateau are one fit, the peak beside it is another.
     objective = surface_of(problem)
     rows = [[{**truth, "mu": mu}[name] for name in problem.free_names] for mu in (2.0, 3.0, 0.39)]
     at = objective.from_values(np.array(rows))
-    assert _joined(objective, [at[1]], at[0], False) and not _joined(objective, [at[2]], at[0], False)
+    assert joined(objective, at[1], at[0]) and not joined(objective, at[2], at[0])

@@ -17,7 +17,6 @@ from fitball.inference.comparison import results
 from fitball.inference.comparison.candidates import Candidates, build_candidates, default_names
 from fitball.inference.comparison.compare import ESS, MAX_STEPS
 from fitball.inference.comparison.compare import compare as run_comparison
-from fitball.inference.comparison.published_sets import published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.results.results import RunStatus
 from fitball.kinds import checked
@@ -132,10 +131,7 @@ class Contest:
 
     def compare(self, report: Callable[[str], None] = lambda _stage: None) -> Comparison:
         """Fit and score every model. Raises as `inference.comparison.compare` does."""
-        published = published_sets(self.table)
-        return Comparison(
-            run_comparison(self.table, self.candidates, self.effort, self.engine, self.quick, published, report)
-        )
+        return Comparison(run_comparison(self.table, self.candidates, self.effort, self.engine, self.quick, report))
 
 
 def contest(

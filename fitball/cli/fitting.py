@@ -35,7 +35,7 @@ from fitball.models.names import RANKED
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fitball.batch.run import Going
+    from fitball.batch.many import Going
 
 
 def run_calibrate(args: argparse.Namespace) -> int:
@@ -192,8 +192,7 @@ did not converge.""",
 def run_batch(args: argparse.Namespace) -> int:
     """Fit what is not fitted yet, write the files of all, print what was found."""
     args.progress("loading", None)
-    from fitball.batch.many import FOLDER, batch_of
-    from fitball.batch.run import Plan
+    from fitball.batch.many import FOLDER, Plan, batch_of
     from fitball.inference.results.results import RunStatus
     from fitball.report.batch.rows import FAILED
 
@@ -300,8 +299,7 @@ def run_repeat(args: argparse.Namespace) -> int:
 
     from fitball.api import begin
     from fitball.errors import ResultFolderError
-    from fitball.repeat.compare import Outcome, compared
-    from fitball.repeat.kept import check_rows, read_kept, write_numbers
+    from fitball.repeat.compare import Outcome, check_rows, compared, read_kept, write_numbers
     from fitball.repeat.text import render, repetition_json
     from fitball.report.fit.folder import older_result, write_all
     from fitball.report.form.files import json_text

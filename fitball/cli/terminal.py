@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from fitball.first_compile import Compiling, tell_nobody, when_compiling
+from fitball.environment import Compiling, tell_nobody, when_compiling
 from fitball.visible import visible
 
 if TYPE_CHECKING:

@@ -10,20 +10,22 @@ from dataclasses import dataclass
 from fitball.inference.results.drop_test import DropTest
 from fitball.inference.results.pace_rating import CourtPace
 from fitball.inference.results.results import Fit, Verdict
-from fitball.report.fit.drop import ball_rows, drop_lead, drop_remarks, speed_rows
-from fitball.report.fit.pace import (
+from fitball.report.fit.itf_tests import (
+    ball_rows,
     category_words,
     court_lines,
+    drop_lead,
+    drop_remarks,
     pace_remarks,
     place_rows,
     rating_words,
     rests,
+    speed_rows,
     surface_rows,
     surface_words,
 )
-from fitball.report.form.document import Row
-from fitball.report.form.parameters import parameter_row
-from fitball.report.form.template import render_template
+from fitball.report.form.document import Row, render_template
+from fitball.report.form.numbers import parameter_row
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
 MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9

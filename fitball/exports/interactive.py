@@ -21,8 +21,8 @@ from fitball.inference.prediction.simulate import chosen_parameters
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.models.registry import model
 from fitball.models.types import PHASE_SYMBOL
+from fitball.report.form.document import render_template
 from fitball.report.form.palette import PHASES
-from fitball.report.form.template import render_template
 from fitball.values import Impacts
 
 # Ends and steps of the sliders [m/s, deg, rpm]: from a ball let fall to the fastest serve.

@@ -18,7 +18,7 @@ from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunS
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
 from fitball.report.form.document import markdown_table
-from fitball.report.form.parameters import parameter_row
+from fitball.report.form.numbers import parameter_row
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
 

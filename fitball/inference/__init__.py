@@ -6,7 +6,7 @@ May import: models, data, scheduling.
 
 from __future__ import annotations
 
-from fitball.on_demand import heavy_later
+from fitball.environment import heavy_later
 
 with heavy_later():
     import scipy.optimize  # noqa: F401

@@ -19,11 +19,10 @@ from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.derived import Derived, derived
 from fitball.inference.identifiability.examine import examine
-from fitball.inference.identifiability.posterior_verdict import Judgement
+from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces, rotated
 from fitball.inference.prediction.court_pace import court_pace
-from fitball.inference.prediction.drop_test import drop_test
-from fitball.inference.prediction.one_way import lab_generator
+from fitball.inference.prediction.drop_test import drop_test, lab_generator
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
 from fitball.inference.prediction.reach import spanning_impacts

@@ -6,19 +6,17 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from fitball.errors import enough_memory
 from fitball.inference.assemble import assemble
 from fitball.inference.assumptions.ball_constants import ball_constants
-from fitball.inference.assumptions.known_before import known_before
 from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
-from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
+from fitball.inference.identifiability.information import DRAWN_ABOUT, about, known_before
 from fitball.inference.point.least_squares import deeper
 from fitball.inference.point.maximum_posterior import higher_maximum
 from fitball.inference.point.point_fit import point_fit
@@ -196,34 +194,17 @@ def search(
 
 
 def compile_ahead(problem: Problem) -> None:
-    """Compile what the model's rebounds and their derivatives call, by two processes at once, unless it is on disk or
-    would not be kept there. What an algebraic bounce takes is not worth a second process.
+    """Compile what the model's rebounds and their derivatives call, by several processes at once, unless it is on
+    disk or would not be kept there. What an algebraic bounce takes is not worth a second process.
     """
     call = problem.model.kernel_call(problem.model_names, np.ones(len(problem.model_names)))
     if call.convention != "two-mass" or problem.threads == 1:
         return
-    from fitball.models.kernels.bounce import BATCH, BOUNCE
-    from fitball.models.kernels.compiled import kept, on_disk
-    from fitball.models.kernels.derivative import JACOBIAN
+    from fitball.models.two_mass import compile_kernel, to_be_compiled
 
-    if not kept(BATCH.kernel) or on_disk(BATCH.kernel, BATCH.signature.args):
-        return
-    # They share next to nothing: the bounce of one impact and its derivatives, and that of eight.
-    for _ in engine(2).unordered(_compile, [_named(BOUNCE, JACOBIAN), _named(BATCH)]):
-        pass
-
-
-# A kernel by module and name, and the kinds of arguments that it is compiled for.
-Wanted: TypeAlias = tuple[str, str, tuple[Any, ...]]
-
-
-def _named(*entries: Any) -> list[Wanted]:
-    return [(entry.kernel.__module__, entry.kernel.__name__, entry.signature.args) for entry in entries]
-
-
-def _compile(wanted: Sequence[Wanted]) -> None:
-    for module, name, kinds in wanted:
-        getattr(import_module(module), name).compile(kinds)
+    if names := to_be_compiled():
+        for _ in engine(min(problem.threads, len(names))).unordered(compile_kernel, names):
+            pass
 
 
 def draw(

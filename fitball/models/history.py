@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
-from fitball.models.kernels.bounce import BOUNCE, solve_alone
-from fitball.models.kernels.compiled import calling, inlined, inner
+from fitball.models.kernels.bounce import ROOM, STACK, scratch_in
+from fitball.models.kernels.compiled import compiled, inlined, inner
 from fitball.models.kernels.contact import Contact, contact_of, impulse_at, landed
 from fitball.models.kernels.equations import (
     State,
@@ -32,17 +32,15 @@ from fitball.models.kernels.oscillator import Oscillators, basis_at
 from fitball.models.kernels.phases import (
     EVENT,
     FORCE_ENDED,
-    MAX_PHASES,
     PIECE_ENDING,
     PIECE_PHASE,
-    PIECE_SIZE,
     PIECE_TIME,
     UNFINISHED,
     Scratch,
     logged_piece,
-    make_scratch,
     rigid_phase,
 )
+from fitball.models.kernels.search import Stack
 from fitball.models.kernels.vertical import (
     BALL_MASS,
     BALL_RADIUS,
@@ -183,7 +181,7 @@ class Followed(NamedTuple):
     pieces: int
 
 
-@calling(BOUNCE)
+@compiled
 def follow(
     row: FloatArray,
     codes: NDArray[np.int64],
@@ -195,12 +193,16 @@ def follow(
     courses: FloatArray,
     phases: NDArray[np.int64],
     phase_log: FloatArray,
+    pieces: int,
+    room: FloatArray,
+    stack: Stack,
 ) -> Followed:
-    """Fill `courses` (COURSES, times), `phases` (times,) and the `phase_log` of a contact that has a solution.
+    """Fill `courses` (COURSES, times) and `phases` (times,) of a contact whose `pieces` stand in the `phase_log`; of
+    a ball that turns as one it is filled here. Scratch is as in `scratch_in`.
 
     `times` [s] lie within it, to rounding.
     """
-    scratch = make_scratch()
+    scratch = scratch_in(room, stack)
     _status, vertical = vertical_motion(row, codes, v_y, cor)
     _status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
     spring = vertical.spring
@@ -224,7 +226,6 @@ def follow(
         landed_omega = omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
         pieces = rigid_pieces(contact, phase_log)
         return Followed(vertical, contact.landing, v_x - friction / contact.mass, landed_omega, pieces)
-    pieces = solve_alone(row, codes, v_x, v_y, omega, cor, scratch, phase_log).pieces
     follow_pieces(contact, times, courses, phases, phase_log, pieces, scratch)
     landed_v_x, landed_omega, _stuck = landed(contact)
     return Followed(vertical, contact.landing, landed_v_x, landed_omega, pieces)
@@ -325,9 +326,17 @@ def follow_pieces(
 
 
 def two_mass_history(
-    row: FloatArray, codes: NDArray[np.int64], impact: Impacts, rebound: Rebound, times: ArrayLike
+    row: FloatArray,
+    codes: NDArray[np.int64],
+    impact: Impacts,
+    rebound: Rebound,
+    phase_log: FloatArray,
+    pieces: int,
+    times: ArrayLike,
 ) -> History:
-    """Courses of the impact whose rebound is known; `row` and `codes` as in `bounce`. Raises ParameterError."""
+    """Courses of the impact whose rebound and `pieces` are known; `row` and `codes` as in `bounce`. Raises
+    ParameterError.
+    """
     contact_time = float(rebound.contact_time[0])
     wanted = checked_times(times, contact_time)
     v_x, v_y, omega = (float(column[0]) for column in (impact.v_x1, impact.v_y1, impact.omega_1))
@@ -335,8 +344,8 @@ def two_mass_history(
     # The end is looked at whether it was asked for or not.
     times = np.append(wanted, contact_time)
     courses, phases = np.zeros((COURSES, times.size)), np.zeros(times.size, dtype=np.int64)
-    phase_log = np.zeros((MAX_PHASES, PIECE_SIZE))
-    followed = follow(row, codes, v_x, v_y, omega, cor, times, courses, phases, phase_log)
+    scratch = np.zeros(ROOM), np.zeros(STACK)
+    followed = follow(row, codes, v_x, v_y, omega, cor, times, courses, phases, phase_log, pieces, *scratch)
     courses, at_end = courses[:, :-1], courses[:, -1]
     spin = followed.landed_omega
     landed = Motion(followed.landed_v_x, v_y, spin if codes[TORSION] == TORSION_RIGID else omega, spin)

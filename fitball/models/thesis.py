@@ -340,9 +340,8 @@ def thesis_batch(
     All are one kind of number, real or complex. `rows` (draws, columns) as named by `COLUMNS`, of which EPS is set
     here; `eps`, `cor` (draws, impacts); the incident columns the same or (1, impacts), shared by all draws.
     """
-    row = np.empty_like(rows[0])
     for i in range(rows.shape[0]):
-        row[:] = rows[i]
+        row = rows[i]
         own = i if v_x1.shape[0] > 1 else 0
         for j in range(v_x1.shape[1]):
             row[EPS] = eps[i, j]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.models.history import History, two_mass_history
 from fitball.models.kernels import bounce, derivative, vertical
+from fitball.models.kernels.compiled import to_be_made
 from fitball.models.kernels.dual import NumberArray
+from fitball.models.kernels.phases import MAX_PHASES, PIECE_SIZE
 from fitball.models.model import (
     KernelCall,
     LinearConstraint,
@@ -113,11 +116,15 @@ class TwoMassModel(Model):
 
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
-        draws, count = values.shape[0], len(impacts)
-        out = np.empty((4, draws, count))
-        regime = np.empty((draws, count), dtype=np.int64)
-        status = np.empty((draws, count), dtype=np.int8)
-        bounce.bounce_batch(self._rows(names, values), self.codes, *_incident(impacts), out, regime, status)
+        given = self._rows(names, values), self.codes, *_incident(impacts)
+        out, regime, status = made = _room(values.shape[0], len(impacts))
+        left = status.size
+        if self.tangential and self.closures.torsion != "rigid":
+            left = bounce.bounce_batch(*given, *made, np.zeros(bounce.LANE_ROOM))
+        if left:
+            places = np.arange(status.size) if left == status.size else np.flatnonzero(status == bounce.LEFT)
+            for _part in _each(given, places, made):
+                pass
         return Rebound(out[0], out[1], out[2], out[3], regime, status)
 
     def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
@@ -182,11 +189,9 @@ class TwoMassModel(Model):
         parameters: Sequence[str] | None = None,
     ) -> ReboundJacobian:
         """See `Model.jacobian`; some 10 us an impact for all parameters."""
-        draws, count = values.shape[0], len(impacts)
         chosen = tuple(names) if parameters is None else tuple(parameters)
-        slopes = np.empty((draws, count, 4, derivative.INPUTS + len(chosen)))
-        gains = seeds(self._rows, names, values, chosen)
-        derivative.jacobian_batch(self._rows(names, values), gains, self.codes, *_incident(impacts), slopes)
+        given = self._rows(names, values), self.codes, *_incident(impacts)
+        slopes = _slopes(given, seeds(self._rows, names, values, chosen), len(impacts))
         return ReboundJacobian(
             rebound=self.evaluate(names, values, impacts),
             names=chosen,
@@ -199,7 +204,71 @@ class TwoMassModel(Model):
         """See `Model.history`."""
         names, values = self._single(parameters, impact)
         rebound = self.rebound(parameters, impact)
-        return two_mass_history(self._rows(names, values)[0], self.codes, impact, rebound, times)
+        given = self._rows(names, values), self.codes, *_incident(impact)
+        ((_first, _stop, log, ends),) = _each(given, np.arange(1), _room(1, 1))
+        return two_mass_history(given[0][0], self.codes, impact, rebound, log, int(ends[0]), times)
+
+
+# What the kernels of batches begin with: rows, codes, incident columns.
+Given: TypeAlias = tuple[FloatArray, NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray]
+Made: TypeAlias = tuple[FloatArray, NDArray[np.int64], NDArray[np.int8]]
+# Pieces of contacts that are held at once.
+LOGGED = 2 * MAX_PHASES
+
+
+def _room(draws: int, impacts: int) -> Made:
+    """Outputs, regimes and statuses to be filled in."""
+    shape = draws, impacts
+    return np.empty((4, *shape)), np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
+
+
+def _each(
+    given: Given, places: NDArray[np.int64], made: Made
+) -> Iterator[tuple[int, int, FloatArray, NDArray[np.int64]]]:
+    """Solve the impacts at `places` one by one: those from a first to a stop at a time, with log and ends."""
+    log, ends = np.empty((LOGGED, PIECE_SIZE)), np.empty(places.shape, dtype=np.int64)
+    room, stack = np.zeros(bounce.ROOM), np.zeros(bounce.STACK)
+    stop, first = 0, -1
+    while first < stop:
+        first = stop
+        stop = bounce.bounce_each(*given, places, first, *made, log, ends, room, stack)
+        yield first, stop, log, ends
+        if stop == places.size:
+            return
+
+
+def _slopes(given: Given, gains: FloatArray, count: int) -> FloatArray:
+    """Derivatives (draws, impacts, 4, inputs and parameters) of `count` impacts."""
+    draws = given[0].shape[0]
+    slopes, made = np.empty((draws, count, 4, derivative.INPUTS + len(gains))), _room(draws, count)
+    room = np.zeros(derivative.ROOM)
+    for first, stop, log, ends in _each(given, np.arange(draws * count), made):
+        derivative.jacobian_batch(given[0], gains, *given[1:], first, stop, made[2], log, ends, slopes, room)
+    return slopes
+
+
+KERNELS = {"rebounds": bounce.bounce_batch, "rebounds alone": bounce.bounce_each, "slopes": derivative.jacobian_batch}
+
+
+def to_be_compiled() -> tuple[str, ...]:
+    """Which of the kernels of rebounds and their derivatives are not on disk, and could be kept there."""
+    return tuple(name for name, kernel in KERNELS.items() if to_be_made(kernel))
+
+
+def compile_kernel(name: str) -> None:
+    """Compile one of `KERNELS`: on no impacts."""
+    row, column = np.zeros((1, len(vertical.COLUMNS))), _read_only(np.zeros((1, 0)))
+    given = row, np.zeros(vertical.TANGENTIAL + 1, dtype=np.int64), column, column, column, column
+    made, none = _room(1, 0), np.arange(0)
+    if name == "rebounds":
+        bounce.bounce_batch(*given, *made, np.zeros(bounce.LANE_ROOM))
+    elif name == "slopes":
+        log, slopes = np.zeros((1, PIECE_SIZE)), np.empty((1, 0, 4, derivative.INPUTS))
+        gains, room = np.zeros((0, *row.shape)), np.zeros(derivative.ROOM)
+        derivative.jacobian_batch(row, gains, *given[1:], 0, 0, made[2], log, none, slopes, room)
+    else:
+        for _part in _each(given, none, made):
+            pass
 
 
 @lru_cache(maxsize=64)

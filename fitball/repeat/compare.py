@@ -11,15 +11,80 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
+from fitball.errors import ResultFolderError
+from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import QUANTILES
+from fitball.inference.results.results import Fit, Posterior
+from fitball.inference.results.source import data_columns
+from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.inference.sampling.convergence import standard_errors, summaries
-from fitball.repeat.kept import Kept
+from fitball.report.fit.folder import CHAIN_NAME
+from fitball.report.form.files import write_text
+from fitball.report.saved.fit_file import fit_text, read_fit, read_posterior
+from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_columns, write_data, write_netcdf
+from fitball.report.saved.structure import FIT_NAME
+
+# A run as it lies in its folder, or as it was just made again: what a repetition compares.
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a result folder says: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains with
+    their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
+    """
+
+    folder: Path
+    saved: Fit
+    posterior: Posterior | None
+    chains: tuple[EnsembleChain, ...] | None
+
+    @cached_property
+    def content(self) -> Mapping[str, Any]:
+        """`fit.json`."""
+        content: Mapping[str, Any] = json.loads(fit_text(self.saved))
+        return content
+
+
+def read_kept(folder: Path) -> Kept:
+    """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
+    saved = read_fit(folder)
+    posterior, chain = read_posterior(saved, folder / FIT_NAME, agreeing=False), folder / CHAIN_NAME
+    chains = tuple(read_chains(chain)[2]) if chain.exists() and posterior is not None else None
+    return Kept(folder, saved, posterior, chains)
+
+
+def check_rows(problem: Problem, original: Kept) -> None:
+    """Raise ResultFolderError unless the rows of the files are those the fit was made from, to the last digit."""
+    place = original.folder / DATA_NAME
+    kept, now = read_columns(original.saved.source, place), data_columns(problem.table, problem.force)
+    # Names of tables, and so ids and labels, may differ: a file may lie elsewhere under another name.
+    numbers = [name for name, column in now.items() if column.dtype.kind in "fi"]
+    changed = [
+        name for name in numbers if name not in kept or not np.array_equal(now[name], kept[name], equal_nan=True)
+    ]
+    if changed:
+        raise ResultFolderError(
+            f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
+            "table was changed in Python before it was fitted, or this file was changed since; calibrate anew"
+        )
+
+
+@all_or_none()
+def write_numbers(fit: Fit, folder: Path) -> None:
+    """Write what a repetition compares, and no figures. Raises ResultFolderError."""
+    if fit.posterior is not None:
+        write_netcdf(fit, fit.posterior, folder / POSTERIOR_NAME)
+    write_data(fit.problem, folder / DATA_NAME)
+    write_text(folder / FIT_NAME, fit_text(fit))
+
 
 # Whether the files of one result agree with each other: a number changed by hand shows even where a repetition has
 # other draws.
@@ -27,18 +92,12 @@ from fitball.repeat.kept import Kept
 # Shares by which rounding may differ: of a summary of many draws, and of one draw (an exponential).
 SUMMARY, DRAW = 1e-9, 1e-12
 
-Contradiction = tuple[str, float, float, str]
 
-
-def contradictions(kept: Kept) -> Iterator[Contradiction]:
-    """What is said, the number there, the number that follows from the other file, and which file that is."""
-    yield from _summaries(kept)
-    yield from _draws(kept)
-
-
-def _summaries(kept: Kept) -> Iterator[Contradiction]:
+def _summaries(kept: Kept) -> Iterator[Finding]:
+    """Numbers of `fit.json` that are not those of its own draws."""
     if kept.posterior is None:
         return
+    basis = "what its own draws in posterior.nc give"
     for k, name in enumerate(kept.posterior.names):
         item = kept.content["parameters"].get(name)
         if item is None:
@@ -46,10 +105,10 @@ def _summaries(kept: Kept) -> Iterator[Contradiction]:
         recomputed = summaries(kept.posterior.values[..., k])
         for number, value in recomputed.items():
             if item[number] is None or not abs(item[number] - value) <= SUMMARY * (abs(value) + recomputed["sd"]):
-                yield f"{name} {number}", item[number], value, "what its own draws in posterior.nc give"
+                yield Finding(f"{name} {number}", item[number], value, basis, True)
 
 
-def _draws(kept: Kept) -> Iterator[Contradiction]:
+def _draws(kept: Kept) -> Iterator[Finding]:
     """Draws of `posterior.nc` that are not those of `posterior.h5`: the first of each parameter."""
     if kept.posterior is None or kept.chains is None:
         return
@@ -58,7 +117,7 @@ def _draws(kept: Kept) -> Iterator[Contradiction]:
     ensembles, *shape = kept.posterior.values.shape
     if [list(part.shape) for part in parts] != [shape] * ensembles:
         size = sum(part.size for part in parts)
-        yield "number of draws", float(kept.posterior.values.size), float(size), "posterior.h5"
+        yield Finding("number of draws", float(kept.posterior.values.size), float(size), "posterior.h5", True)
         return
     chains = np.stack(parts)
     for k, name in enumerate(kept.posterior.names):
@@ -69,7 +128,8 @@ def _draws(kept: Kept) -> Iterator[Contradiction]:
         if apart.size:
             at = tuple(int(i) for i in apart[0])
             what = f"{name} draw (ensemble {at[0]}, step {at[1] + warm_up}, walker {at[2]})"
-            yield what, float(values[at]), float(chain[at]), f"posterior.h5, {len(apart)} draws in all"
+            basis = f"posterior.h5, {len(apart)} draws in all"
+            yield Finding(what, float(values[at]), float(chain[at]), basis, True)
 
 
 # Whether two results are the same bytes, and where they are not.
@@ -206,8 +266,9 @@ def compared(problem: Problem, original: Kept, repeated: Kept) -> Repetition:
         *_monte_carlo(original, repeated, limit),
         *_point(problem, original, repeated),
         *_golden(original),
+        *_summaries(original),
+        *_draws(original),
     ]
-    findings += [Finding(what, a, b, basis, True) for what, a, b, basis in contradictions(original)]
     findings += _derived(original, repeated, same, {finding.what for finding in findings if finding.differs})
     outcome = Outcome.DIFFERENT if any(finding.differs for finding in findings) else Outcome.WITHIN
     return Repetition(outcome, same, tuple(findings), limit, notes)

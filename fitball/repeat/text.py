@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import shorten
 from typing import Any
 
-from fitball.repeat.compare import FALSE_ALARM, Finding, Outcome, Repetition
-from fitball.repeat.kept import Kept
+from fitball.repeat.compare import FALSE_ALARM, Finding, Kept, Outcome, Repetition
 from fitball.report.form.document import columns
 from fitball.report.form.numbers import significant
 

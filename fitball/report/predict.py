@@ -13,7 +13,7 @@ from fitball.inference.prediction.new_impacts import NewPrediction, ObservableSc
 from fitball.inference.results.quantiles import BAND
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.form.document import MOST_LINES, Document, Part, Section, Table, Words
-from fitball.report.form.numbers import INCIDENT, decimals, fixed, interval, output_scale, percent, significant
+from fitball.report.form.numbers import INCIDENT, Scale, decimals, fixed, output_scale, percent, significant
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
@@ -45,7 +45,14 @@ def predict_document(
     title = "Measured against predicted: validation on unseen impacts"
     if seen:
         title = f"Measured against predicted: no validation, {seen} of {count} impacts are among those of the fit"
-    return Document("", parts, [*sections, Section("scores", title, score_parts(scores))])
+    rows = [["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]]
+    for score in scores:
+        scale = output_scale(score.output)
+        sizes = (score.bias * scale.factor, score.rms * scale.factor, score.rms_z)
+        shares = ["-" if share is None else percent(share) for share in (score.within_68, score.within_95)]
+        rows.append([f"{score.output} [{scale.unit}]", str(score.impacts), *map(significant, sizes), *shares])
+    scored = Section("scores", title, [Table("Measured against predicted", rows)])
+    return Document("", parts, [*sections, scored])
 
 
 def _all() -> str:
@@ -67,8 +74,9 @@ def _in_full(prediction: NewPrediction, row: int) -> list[Part]:
     else:
         heads = ["", "median", "rebound 68 %", "rebound 95 %", "measurement 68 %", "measurement 95 %"]
         heads += ["measured", "z"] if measured else []
-    said = [*_over(prediction, row)]
-    said += [f"regime: {_regimes(prediction, row)}"] if prediction.regimes[row] else []
+    said, shares = _over(prediction, row), prediction.regimes[row]
+    told = [f"{name} {percent(share, fine=True)}" if prediction.draws else name for name, share in shares.items()]
+    said += [f"regime: {', '.join(told if prediction.draws else told[:1])}"] if told else []
     return [
         Table("Rebound", [heads, *(_cells(output, row, measured) for output in prediction.outputs)]),
         _shares(prediction, row),
@@ -82,10 +90,9 @@ def _shares(prediction: NewPrediction, row: int) -> Table:
     for output in prediction.outputs:
         if output.shares is None:
             continue
-        scale = output_scale(output.name)
-        shares = (output.shares.parameters, output.shares.incident, output.shares.measurement)
-        sizes = [None if sd is None else float(sd[row] * scale.factor) for sd in shares]
-        cells = [fixed(size, 0 if size is None else min(max(decimals(size), 0), 3)) for size in sizes]
+        scale, shares = output_scale(output.name), output.shares
+        sds = [None if it is None else it[row] for it in (shares.parameters, shares.incident, shares.measurement)]
+        cells = [scale.fixed(sd, 0 if sd is None else min(max(scale.decimals(sd), 0), 3)) for sd in sds]
         rows.append([f"{output.name} [{scale.unit}]", *cells])
     return Table("What the uncertainty comes from", rows)
 
@@ -94,48 +101,36 @@ def _over(prediction: NewPrediction, row: int) -> list[str]:
     """How far each output moves over assumptions; nothing where that was not looked at."""
     parts = []
     for output in prediction.outputs:
-        if output.over is None:
-            continue
-        scale, places = output_scale(output.name), _places(output, row)
-        low, high = (fixed(float(end * scale.factor), places) for end in output.over[:, row])
-        if low != high:
-            parts.append(f"{output.name} {low} to {high} {scale.unit}")
+        scale, places = _written(output, row)
+        low, high = ("", "") if output.over is None else (scale.fixed(end, places) for end in output.over[:, row])
+        parts += [f"{output.name} {low} to {high} {scale.unit}"] * (low != high)
     return [f"over assumptions that the table cannot tell apart: {', '.join(parts)}"] if parts else []
 
 
-def _places(output: OutputPrediction, row: int) -> int:
-    """Decimals that the uncertainty of the rebound supports, between none and three; three without one."""
+def _written(output: OutputPrediction, row: int) -> tuple[Scale, int]:
+    """The unit of an output, and the decimals that the uncertainty of the rebound supports, between none and three;
+    three without one.
+    """
+    scale = output_scale(output.name)
     if output.rebound is None:
-        return 3
-    levels = output.rebound[:, row] * output_scale(output.name).factor
+        return scale, 3
+    levels = output.rebound[:, row] * scale.factor
     # A rebound that most draws agree on to the last digit has no inner interval.
     half = 0.5 * max(levels[3] - levels[1], 0.5 * (levels[4] - levels[0]))
-    return min(max(decimals(float(half)), 0), 3)
+    return scale, min(max(decimals(float(half)), 0), 3)
 
 
 def _cells(output: OutputPrediction, row: int, measured: bool) -> list[str]:
-    scale, places = output_scale(output.name), _places(output, row)
-    cells = [f"{output.name} [{scale.unit}]"]
-    observed = ["-"] if measured else []
-    if output.observed is not None:
-        observed = [fixed(float(output.observed[row] * scale.factor), places)]
+    scale, places = _written(output, row)
+    head = f"{output.name} [{scale.unit}]"
+    observed = [scale.fixed(None if output.observed is None else output.observed[row], places)] * measured
     if output.rebound is None:
-        return [*cells, fixed(float(output.point[row] * scale.factor), places), *observed]
-    cells.append(fixed(float(output.rebound[2, row] * scale.factor), places))
+        return [head, scale.fixed(output.point[row], places), *observed]
+    cells = [head, scale.fixed(output.rebound[2, row], places)]
     for levels in (output.rebound, output.measured):
-        ends = None if levels is None else levels[:, row] * scale.factor
         for low, high in ((1, 3), (0, 4)):
-            cells.append("-" if ends is None else interval(float(ends[low]), float(ends[high]), places))
-    if measured:
-        cells += [*observed, "-" if output.z is None else fixed(float(output.z[row]), 1)]
-    return cells
-
-
-def _regimes(prediction: NewPrediction, row: int) -> str:
-    shares = prediction.regimes[row]
-    if prediction.draws == 0:
-        return next(iter(shares))
-    return ", ".join(f"{name} {percent(share, fine=True)}" for name, share in shares.items())
+            cells.append("-" if levels is None else scale.interval(levels[low, row], levels[high, row], places))
+    return [*cells, *observed, *[fixed(None if output.z is None else output.z[row], 1)] * measured]
 
 
 def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[Part]:
@@ -143,28 +138,25 @@ def _in_brief(prediction: NewPrediction, ids: Sequence[str]) -> list[Part]:
     not known).
     """
     impacts = prediction.impacts
-    heads = ["impact", "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]"]
     shown = [output for output in prediction.outputs if output.name in COMPARED]
-    heads += [f"{item.name} [{output_scale(item.name).unit}]" for item in shown]
-    rows = []
+    heads = ["impact", "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]"]
+    rows = [[*heads, *(f"{item.name} [{output_scale(item.name).unit}]" for item in shown)]]
     for k, name in enumerate(ids[:MOST_LINES]):
         mark = "*" if prediction.range.outside[k] or prediction.failures[k] else ""
         angle = np.degrees(np.arctan2(impacts.v_y1[k], impacts.v_x1[k]))
         speed = np.hypot(impacts.v_x1[k], impacts.v_y1[k])
-        cells = [name + mark, f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
-        rows.append([*cells, *(_brief_cell(item, k) for item in shown)])
+        row = [name + mark, f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
+        for item in shown:
+            scale, places = _written(item, k)
+            ends = item.rebound if item.measured is None else item.measured
+            if item.rebound is None or ends is None:
+                row.append(scale.fixed(item.point[k], places))
+            else:
+                within = scale.interval(ends[0, k], ends[4, k], places)
+                row.append(f"{scale.fixed(item.rebound[2, k], places)} {within}")
+        rows.append(row)
     brackets = "Median, and in brackets 95 % of new measurements (of rebounds where their noise is not known)."
-    listed = Table("Impacts", [heads, *rows], count=len(ids), rest=_all())
-    return [listed, Words([brackets] if prediction.draws else [])]
-
-
-def _brief_cell(output: OutputPrediction, row: int) -> str:
-    scale, places = output_scale(output.name), _places(output, row)
-    if output.rebound is None:
-        return fixed(float(output.point[row] * scale.factor), places)
-    ends = (output.rebound if output.measured is None else output.measured)[:, row] * scale.factor
-    middle = fixed(float(output.rebound[2, row] * scale.factor), places)
-    return f"{middle} {interval(float(ends[0]), float(ends[4]), places)}"
+    return [Table("Impacts", rows, count=len(ids), rest=_all()), Words([brackets] if prediction.draws else [])]
 
 
 def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
@@ -199,18 +191,6 @@ def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
     return remarks
 
 
-def score_parts(scores: Sequence[ObservableScore]) -> list[Part]:
-    """Residuals and coverage of the measured columns."""
-    rows = [["output", "impacts", "mean residual", "rms residual", "rms z", "within 68 %", "within 95 %"]]
-    for score in scores:
-        scale, within = output_scale(score.output), (score.within_68, score.within_95)
-        sizes = (score.bias * scale.factor, score.rms * scale.factor, score.rms_z)
-        shares = ["-" if share is None else percent(share) for share in within]
-        head = [f"{score.output} [{scale.unit}]", str(score.impacts)]
-        rows.append([*head, *map(significant, sizes), *shares])
-    return [Table("Measured against predicted", rows)]
-
-
 def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
     """Every column of one output in SI, by what it is; those that do not exist are absent."""
     columns: dict[str, FloatArray] = {"point": output.point}
@@ -223,11 +203,10 @@ def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
         columns |= {"sd_parameters": output.shares.parameters, "sd_incident": output.shares.incident}
         if output.shares.measurement is not None:
             columns["sd_measurement"] = output.shares.measurement
-    residual = output.residual
     if output.over is not None:
         columns |= {"over_low": output.over[0], "over_high": output.over[1]}
-    if output.observed is not None and residual is not None:
-        columns |= {"measured": output.observed, "residual": residual}
+    if output.observed is not None and output.residual is not None:
+        columns |= {"measured": output.observed, "residual": output.residual}
     return columns
 
 
@@ -287,26 +266,24 @@ def prediction_json(
 ) -> dict[str, Any]:
     """All of it in SI (angles in radians), one object per impact."""
     reach = prediction.range
-    impacts = []
+    impacts: list[dict[str, Any]] = []
     for k, name in enumerate(ids):
         outputs = {
             output.name: {kind: _number(column[k]) for kind, column in _columns(output).items()}
             | ({} if output.z is None else {"z": _number(output.z[k])})
             for output in prediction.outputs
         }
-        beyond = {quantity: float(column[k]) for quantity, column in reach.beyond.items()}
+        state = {axis: float(getattr(prediction.impacts, axis)[k]) for axis in ("v_x1", "v_y1", "omega_1")}
         impacts.append(
-            {
-                "id": name,
-                "v_x1": float(prediction.impacts.v_x1[k]),
-                "v_y1": float(prediction.impacts.v_y1[k]),
-                "omega_1": float(prediction.impacts.omega_1[k]),
+            {"id": name}
+            | state
+            | {
                 "outputs": outputs,
                 "regimes": dict(prediction.regimes[k]),
                 "failed": dict(prediction.failures[k]),
                 "intervals": intervals_of(prediction, k),
                 "outside": bool(reach.outside[k]),
-                "beyond": beyond,
+                "beyond": {quantity: float(column[k]) for quantity, column in reach.beyond.items()},
                 "hull_distance": None if reach.hull_distance is None else float(reach.hull_distance[k]),
                 "extrapolated": _extrapolated(prediction, k).split(),
             }

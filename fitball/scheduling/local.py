@@ -12,15 +12,14 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pickle import PicklingError
 from queue import SimpleQueue
 from typing import Any
 
-from fitball.errors import ParameterError
-from fitball.scheduling.engine import Elsewhere, Item, Made
+from fitball.scheduling.engine import Attempt, Elsewhere, Item, Made, tried_again
 
 # Processes share the cores: threads of numerical libraries would only fight over them.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -28,7 +27,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 WARM = 60
 # How loky says that a process ended: the name of a signal, or EXIT, and its number.
 _ENDED = re.compile(r"(?P<name>[A-Z]+)\((?P<code>-?\d+)\)")
-# Processes of earlier calls that wait for a task, each a pool of its own.
+# Processes of earlier calls that wait for a task, each a pool of its own: one that dies takes no other task with it.
 _waiting: list[Any] = []
 
 
@@ -46,119 +45,79 @@ class LocalEngine:
         lost: Callable[[Item, str], Made] | None = None,
     ) -> Iterator[Made]:
         """See `Engine`."""
-        if lost is not None:
-            yield from self._isolated(Elsewhere(make), items, lost)
-            return
         here = make if here is None else here
-        if self.cores == 1 or len(items) < 2:
+        if lost is None and (self.cores == 1 or len(items) < 2):
             yield from map(here, items)
             return
-        from joblib.externals.loky.process_executor import TerminatedWorkerError
+        from joblib.externals.loky.process_executor import BrokenProcessPool, TerminatedWorkerError
 
-        waiting, ready = deque(items), SimpleQueue[Future[Made]]()
-        workers = min(self.cores, len(items)) - 1
-        pool, elsewhere = _pool(workers), Elsewhere(make)
+        elsewhere = Elsewhere(make)
 
-        def hand_out(done: Future[Made] | None = None) -> None:
-            """The next task to the process that is free; in a thread of the pool, while this one works."""
-            if done is None or not (done.cancelled() or done.exception()):
-                # One at a time, so that none waits behind a long one.
-                for item in _taken(waiting):
-                    pool.submit(elsewhere, item).add_done_callback(hand_out)
-            if done is not None:
-                ready.put(done)
-
-        left, mine = len(items), _taken(waiting)
-        try:
-            with _interrupts_held():
-                for _ in range(workers):
-                    hand_out()
-            while left:
-                if not mine and ready.empty():
-                    mine = _taken(waiting)
-                yield here(mine.pop()) if mine else ready.get().result()
-                left -= 1
-        except TerminatedWorkerError:
-            raise ParameterError(
-                "a process that worked was killed, as a system does that is short of memory: use fewer cores"
-            ) from None
-        finally:
-            waiting.clear()
-            if left:
-                pool.shutdown(wait=False, kill_workers=True)
-
-    def _isolated(
-        self, make: Callable[[Item], Made], items: Sequence[Item], lost: Callable[[Item, str], Made]
-    ) -> Iterator[Made]:
-        """Whose process died is tried again when all others are done, alone: a system that is short of memory kills
-        whichever process it likes.
-        """
-        from joblib.externals.loky.process_executor import BrokenProcessPool
-
-        died: list[tuple[Item, str]] = []
-        for alone in (False, True):
-            left, died = ([item for item, _how in died] if alone else items), []
+        def attempt(left: Sequence[Item], alone: bool) -> Attempt[Item, Made]:
             while alone and left and _waiting:
                 # None that waits takes memory.
                 _waiting.pop().shutdown(kill_workers=True)
-            for item, done in _each_alone(1 if alone else self.cores, make, left):
-                try:
-                    yield done.result()
-                except (BrokenProcessPool, PicklingError) as error:
-                    died.append((item, _ending(error)))
-        for item, how in died:
-            yield lost(item, how)
+            if lost is None:
+                return _each(self.cores - 1, elsewhere, left, here)
+            return _each(1 if alone else self.cores, elsewhere, left)
+
+        if lost is None:
+            yield from tried_again(attempt, items, None, TerminatedWorkerError, _killed)
+        else:
+            yield from tried_again(attempt, items, lost, (BrokenProcessPool, PicklingError), _ending)
 
 
-def _each_alone(
-    processes: int, make: Callable[[Item], Made], items: Sequence[Item]
-) -> Iterator[tuple[Item, Future[Made]]]:
-    """Every item with what became of it. Each process is a pool of its own: one that dies takes no other task with
-    it. The process that asks only hands out.
-    """
-    waiting, ready = deque(items), SimpleQueue[tuple[Any, Item, Future[Made]]]()
+def _each(
+    processes: int, make: Callable[[Item], Made], items: Sequence[Item], here: Callable[[Item], Made] | None = None
+) -> Attempt[Item, Made]:
+    """Every item with how its result is had, as it is ready; the process that asks makes some too by `here`."""
+    waiting, ready = deque(items), SimpleQueue[tuple[Any, Item, Future[Made], bool]]()
     running: set[Any] = set()
 
-    def hand_out(pool: Any) -> None:
-        item = waiting.popleft()
-        running.add(pool)
+    def hand_out(pool: Any) -> bool:
+        """The next task to a process that is free, one at a time, so that none waits behind a long one; whether there
+        was one.
+        """
+        taken = _taken(waiting)
+        for item in taken:
+            running.add(pool)
+            pool.submit(make, item).add_done_callback(partial(finished, pool, item))
+        return bool(taken)
+
+    def finished(pool: Any, item: Item, done: Future[Made]) -> None:
+        """In a thread of the pool, while this process works."""
+        ready.put((pool, item, done, not (done.cancelled() or done.exception()) and hand_out(pool)))
+
+    def begin() -> None:
         with _interrupts_held():
-            pool.submit(make, item).add_done_callback(lambda done: ready.put((pool, item, done)))
-
-    try:
-        for _ in range(min(processes, len(items))):
             hand_out(_waiting.pop() if _waiting else _one_process())
-        while running:
-            pool, item, done = ready.get()
-            running.remove(pool)
-            if done.exception() is not None:
-                pool.shutdown(wait=False, kill_workers=True)
-                pool = _one_process()
-            if waiting:
-                hand_out(pool)
+
+    left, mine = len(items), _taken(waiting) if here else []
+    try:
+        for _ in range(min(processes, len(waiting))):
+            begin()
+        while left:
+            if here and not mine and ready.empty():
+                mine = _taken(waiting)
+            if here and mine:
+                item = mine.pop()
+                yield item, partial(here, item)
             else:
-                _waiting.append(pool)
-            yield item, done
+                pool, item, done, busy = ready.get()
+                if not busy:
+                    running.remove(pool)
+                    if done.exception() is None:
+                        _waiting.append(pool)
+                    else:
+                        pool.shutdown(wait=False, kill_workers=True)
+                        if waiting:
+                            begin()
+                yield item, done.result
+            left -= 1
     finally:
-        for pool in running:
+        waiting.clear()
+        for pool in list(running):
             pool.shutdown(wait=False, kill_workers=True)
-
-
-def _one_process() -> Any:
-    from joblib.externals.loky import ProcessPoolExecutor
-
-    settings = _settings()
-    # Of a process that crashes the result tells, not a dump of its stack in the middle of the terminal.
-    settings["env"]["PYTHONFAULTHANDLER"] = os.environ.get("PYTHONFAULTHANDLER", "")
-    return ProcessPoolExecutor(1, **settings)
-
-
-def _ending(error: Exception) -> str:
-    """How a process ended, in words."""
-    ended = _ENDED.search(str(error).rpartition("exit codes")[2])
-    if ended is None:
-        return " ".join(str(error).split("\n")[0].split())
-    return f"exit code {ended['code']}" if int(ended["code"]) >= 0 else f"signal {ended['name']}"
 
 
 def _taken(waiting: deque[Item]) -> list[Item]:
@@ -169,22 +128,30 @@ def _taken(waiting: deque[Item]) -> list[Item]:
         return []
 
 
-def _pool(workers: int) -> Any:
-    """The processes that work, those of an earlier call where they are still there."""
-    from joblib.externals.loky import get_reusable_executor
-
-    return get_reusable_executor(workers, **_settings())
+def _killed(_error: Exception) -> str:
+    return "a process that worked was killed, as a system does that is short of memory: use fewer cores"
 
 
-def _settings() -> dict[str, Any]:
-    """What every pool of processes has."""
+def _ending(error: Exception) -> str:
+    """How a process ended, in words."""
+    ended = _ENDED.search(str(error).rpartition("exit codes")[2])
+    if ended is None:
+        return " ".join(str(error).split("\n")[0].split())
+    return f"exit code {ended['code']}" if int(ended["code"]) >= 0 else f"signal {ended['name']}"
+
+
+def _one_process() -> Any:
     from multiprocessing import resource_tracker
+
+    from joblib.externals.loky import ProcessPoolExecutor
 
     if sys.platform != "win32":
         # Processes need it, and Python lets Ctrl-C through again when it has started it.
         resource_tracker.ensure_running()
-    begin = {"initializer": _begin, "initargs": (_lifeline()[0],)}
-    return {"timeout": WARM, "env": dict.fromkeys(THREADS, "1"), **begin}
+    # Of a process that crashes the result tells, not a dump of its stack in the middle of the terminal.
+    quiet = {"PYTHONFAULTHANDLER": os.environ.get("PYTHONFAULTHANDLER", "")}
+    env = dict.fromkeys(THREADS, "1") | quiet
+    return ProcessPoolExecutor(1, timeout=WARM, env=env, initializer=_begin, initargs=(_lifeline()[0],))
 
 
 @cache
@@ -215,6 +182,11 @@ def _begin(asker: Connection) -> None:
     """Only the process that asks acts on a Ctrl-C, and ends the others. Where it was killed they end with it: what
     they would write meets the files of whoever asks next.
     """
+    from joblib.externals.loky import process_executor
+
+    # Loky takes growth since the first task for a leak, but one task is a sleep and the next a fit: its process would
+    # be replaced with a warning, under the next task.
+    process_executor._USE_PSUTIL = False
     threading.Thread(target=_end_with, args=(asker,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":

@@ -20,11 +20,10 @@ from fitball.inference.thesis.inputs import C1, C2, INCH, STIFFNESS, TORSION, ca
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
-from fitball.report.form.document import figure_html
+from fitball.report.form.document import figure_html, render_template
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
-from fitball.report.form.template import render_template
 from fitball.thesis import ranking, recalibration
 from fitball.thesis.appendix_d import CASE_IN_APPENDIX_C, percentage_errors
 from fitball.thesis.chapter_five import ChapterFive

@@ -21,7 +21,7 @@ from scipy.stats import beta
 
 from fitball.errors import FitError, ResultFolderError
 from fitball.files import refusal
-from fitball.inference.assumptions.known_before import prior_draws
+from fitball.inference.identifiability.information import prior_draws
 from fitball.inference.point.maximum_posterior import maximum_posterior
 from fitball.inference.point.point_fit import STARTS, starting_points
 from fitball.inference.prediction.posterior_predictive import with_noise

@@ -17,7 +17,7 @@ from fitball.errors import FitError
 from fitball.inference.design.asked import Sensor, Target, as_before, parse_sensor, parse_target
 from fitball.inference.design.knowledge import Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, Plan, make_plan
-from fitball.inference.identifiability.fisher import about
+from fitball.inference.identifiability.information import about
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit

@@ -19,12 +19,11 @@ import numpy as np
 from fitball.errors import FitballError, FitError
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.assemble import qualified
-from fitball.inference.assumptions.known_before import prior_draws
 from fitball.inference.assumptions.look import look
 from fitball.inference.calibrate import search_again
 from fitball.inference.identifiability.examine import examine, profile_all
-from fitball.inference.identifiability.profile import DROP_95, profiles
-from fitball.inference.identifiability.profile_ends import profile_contraction
+from fitball.inference.identifiability.information import prior_draws
+from fitball.inference.identifiability.profile import DROP_95, profile_contraction, profiles
 from fitball.inference.point.point_fit import point_fit
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter

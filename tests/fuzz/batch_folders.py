@@ -10,7 +10,7 @@ from fuzz.saved_files import damage_hdf5, damage_json, damaged_somehow
 from fuzz.structured import damage_table, damage_toml
 
 from fitball.api import pose
-from fitball.batch.run import KIND, Plan
+from fitball.batch.many import KIND, Plan
 from fitball.batch.tables import ROW_NAME
 from fitball.data.bundled import bundled_folder
 from fitball.inference.effort import Effort

@@ -107,7 +107,7 @@ def fitted_thesis(
 def total_bounce(
     row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
 ) -> Solved:
-    """The rebound of any impact with finite numbers and `v_y1 >= 0`, see `prediction.valid_range.total_rebound`."""
+    """The rebound of any impact with finite numbers and `v_y1 >= 0`, see `prediction.reach.total_rebound`."""
     bad = Solved(math.nan, math.nan, math.nan, math.nan, 0, 0, BAD_INPUT)
     if not (math.isfinite(v_x1) and math.isfinite(v_y1) and math.isfinite(omega_1) and v_y1 >= 0.0):
         return bad

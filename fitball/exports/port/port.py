@@ -45,7 +45,7 @@ from fitball.version import __version__
 # which the search for transitions amplifies a hundredfold or so.
 SELF_TEST_TOLERANCE = 1e-12
 
-# Length of the first three arrays of the two-mass kernel's scratch; see `two_mass.make_scratch`.
+# Length of the first three arrays of the two-mass kernel's scratch; see `bounce.scratch_in`.
 SERIES_SIZE = max(SERIES_LENGTH, SIZE)
 
 WIDTH = 110

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, chdtri, ndtr, ndtri, stdtr, stdtrit
 
 from fitball.data.scene import NO_SPIN_SD, NO_VELOCITY_SD
-from fitball.inference.adequacy.directions import Direction, directions
-from fitball.inference.adequacy.looks import Look, family, farthest, spanned, standardised
+from fitball.inference.adequacy.looks import KINDS, Look, Tables, family, farthest
 from fitball.inference.adequacy.made_tables import LEFT_OUT, look_at
-from fitball.inference.adequacy.refit import EVERY, Refit, influence, refit
+from fitball.inference.adequacy.refit import EVERY, Pattern, Refit, patterns, refit
 from fitball.inference.adequacy.words import (
     ALL,
     based_on,
@@ -27,7 +26,6 @@ from fitball.inference.adequacy.words import (
 )
 from fitball.inference.problem.measurement_noise import expected_prior
 from fitball.inference.problem.parameters import FORCE_NOISE, SD_SPECS, Parameter
-from fitball.inference.problem.priors import Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import (
     FALSE_EXCEPT,
@@ -52,42 +50,43 @@ WORSE = 1.2
 def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) -> tuple[NoiseCheck, ...]:
     """Each noise against what was known of it, adjusted for their number (Holm 1979) times `share` families."""
     known = {parameter.name: parameter for parameter in problem.parameters}
+    scales = fit.scales(fit.measured[None, :])[0]
     checks = []
     for number, name in enumerate(fit.noises):
         columns = tuple(column for k, column in enumerate(fit.columns) if fit.noise_of(k) == number)
-        freedom = float(fit.freedom[number])
+        freedom, scale, parameter = float(fit.freedom[number]), float(scales[number]), known.get(name)
         if freedom < 1.0:
             continue
-        scale = float(fit.scales(fit.measured[None, :])[0, number])
-        if name not in known:
-            checks.append(_stated(name, columns, "", scale, 1.0, freedom))
-        elif known[name].fixed is not None:
-            unit, size = known[name].spec.unit, point.values[name]
-            checks.append(_stated(name, columns, unit, scale * size, size, freedom))
+        if parameter is None or parameter.fixed is not None:
+            size, unit = (1.0, "") if parameter is None else (point.values[name], parameter.spec.unit)
+            p = float(chdtrc(freedom, freedom * scale**2))
+            checks.append(NoiseCheck(name, columns, unit, True, scale * size, size, freedom, scale, p, p, False))
         else:
             # The residuals of heavy tails are not in units of their scale, which the fit has found.
             fitted = point.values[name] * (1.0 if problem.noise.parameters else scale)
-            checks.append(_expected(known[name], columns, fitted, freedom, _is_assumed(problem, name)))
+            checks.append(_expected(parameter, columns, fitted, freedom, _is_assumed(problem, parameter)))
     if problem.force is not None:
-        free = [parameter for parameter in problem.free if parameter.name in FORCE_NOISE]
         nodes = float(problem.force.nodes)
-        checks += [_expected(item, ("force",), point.values[item.name], nodes, True) for item in free]
-    return _holm(checks, share)
+        checks += [
+            _expected(item, ("force",), point.values[item.name], nodes, True)
+            for item in problem.free
+            if item.name in FORCE_NOISE
+        ]
+    largest = 0.0
+    for place, k in enumerate(sorted(range(len(checks)), key=lambda k: checks[k].p)):
+        check = checks[k]
+        largest = max(largest, min(1.0, (len(checks) - place) * check.p))
+        p = min(1.0, share * largest)
+        far = not check.assumed and check.ratio >= FAR_FROM_STATED
+        checks[k] = replace(check, adjusted=p, found=far or (p < FALSE_EXCEPT and check.ratio >= WORSE))
+    return tuple(checks)
 
 
-def _stated(
-    name: str, columns: tuple[str, ...], unit: str, fitted: float, stated: float, freedom: float
-) -> NoiseCheck:
-    p = float(chdtrc(freedom, freedom * (fitted / stated) ** 2))
-    return NoiseCheck(name, columns, unit, True, fitted, stated, freedom, fitted / stated, p, p, False)
-
-
-def _is_assumed(problem: Problem, name: str) -> bool:
+def _is_assumed(problem: Problem, parameter: Parameter) -> bool:
     """Whether the scene says nothing of what noise to expect, or a prior says so much that its width counts."""
-    prior = next(parameter.prior for parameter in problem.parameters if parameter.name == name)
-    if prior.text != expected_prior(name, problem.scene, problem.table):
+    if parameter.prior.text != expected_prior(parameter.name, problem.scene, problem.table):
         return True
-    unit = SD_SPECS[name].unit
+    unit = SD_SPECS[parameter.name].unit
     silence = {"rad/s": NO_SPIN_SD, "m/s": NO_VELOCITY_SD, "rad": NO_VELOCITY_SD}.get(unit)
     return silence is None or silence in problem.notes
 
@@ -95,33 +94,19 @@ def _is_assumed(problem: Problem, name: str) -> bool:
 def _expected(
     parameter: Parameter, columns: tuple[str, ...], fitted: float, freedom: float, assumed: bool
 ) -> NoiseCheck:
-    median = float(parameter.prior.quantile(np.array([0.5]))[0])
-    p = _upper_tail(parameter.prior, fitted, freedom)
-    name, unit = parameter.name, parameter.spec.unit
-    return NoiseCheck(name, columns, unit, False, fitted, median, freedom, fitted / median, p, p, False, assumed)
-
-
-def _upper_tail(prior: Prior, fitted: float, freedom: float) -> float:
-    """Probability, before the table, of a noise that comes out as large with so many degrees of freedom."""
-    at = float(prior.coordinate(np.array(fitted)))
+    """A noise beside its prior: the probability, before the table, of one that comes out as large with so many
+    degrees of freedom.
+    """
+    prior, unit = parameter.prior, parameter.spec.unit
+    median, at = float(prior.quantile(np.array([0.5]))[0]), float(prior.coordinate(np.array(fitted)))
     error = (1.0 if prior.log else fitted) / math.sqrt(2.0 * freedom)
+    (low, high), ratio = prior.support, fitted / median
     if prior.normal:
-        return float(ndtr((prior.a - at) / math.hypot(prior.b, error)))
-    low, high = prior.support
-    # A uniform density knows no size that would be improbable but by its ends.
-    return float(ndtr((high - at) / error)) if at > high else (high - max(at, low)) / (high - low)
-
-
-def _holm(checks: Sequence[NoiseCheck], share: float) -> tuple[NoiseCheck, ...]:
-    order = sorted(range(len(checks)), key=lambda k: checks[k].p)
-    adjusted = list(checks)
-    largest = 0.0
-    for place, k in enumerate(order):
-        largest = max(largest, min(1.0, (len(checks) - place) * checks[k].p))
-        p = min(1.0, share * largest)
-        far = not checks[k].assumed and checks[k].ratio >= FAR_FROM_STATED
-        adjusted[k] = replace(checks[k], adjusted=p, found=far or (p < FALSE_EXCEPT and checks[k].ratio >= WORSE))
-    return tuple(adjusted)
+        p = float(ndtr((prior.a - at) / math.hypot(prior.b, error)))
+    else:
+        # A uniform density knows no size that would be improbable but by its ends.
+        p = float(ndtr((high - at) / error)) if at > high else (high - max(at, low)) / (high - low)
+    return NoiseCheck(parameter.name, columns, unit, False, fitted, median, freedom, ratio, p, p, False, assumed)
 
 
 # Patterns have three fifths of the chance of a false alarm, the size of the noise two.
@@ -132,9 +117,6 @@ SMALL = 0.1
 FAR_WORSE = 2.0
 # A model fails where smooth patterns explain this share of a column's residual variance.
 HALF = 0.5
-# Patterns that count as the model's own: a group may be biased for reasons of its own.
-SMOOTH = ("trend", "bend", "together", "regime", "bias", "row", "drift")
-PATTERNS = (*SMOOTH, "group", "level")
 # How choices of a kind of noise begin.
 NOISE = "noise="
 # Misfits that are told, and rows that a check names.
@@ -155,8 +137,9 @@ def adequacy(
     # The fourth of a run's streams: those before it are the point fit's, the priors' and the predictions'.
     rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(4)[3])
     fit = refit(problem, point)
+    observed = Tables(fit, fit.measured[None, :])
     noise = noise_checks(problem, point, fit, OF_NOISE)
-    found = directions(problem, point, fit)
+    found = patterns(problem, point, fit)
     looked = look_at(problem, point, posterior, fit, found, rng)
     looks, left_out = looked.looks, looked.left_out
     made = f"{looked.tables:,} tables" + (f" of {looked.impacts:,} impacts" if looked.impacts < fit.impacts else "")
@@ -165,13 +148,18 @@ def adequacy(
     if looks:
         p, level = family(looks)
         checks = tuple(
-            _check(problem, fit, look, found, min(1.0, OF_PATTERNS * float(p[k]))) for k, look in enumerate(looks)
+            _check(problem, observed, look, min(1.0, OF_PATTERNS * chance))
+            for look, chance in zip(looks, p.tolist(), strict=True)
         )
         unseen = _unseen(fit, looks, level, noise)
-    misfits = [_misfit(fit, look, found) for look, check in zip(looks, checks, strict=True) if check.p < FALSE_EXCEPT]
-    moved = influence(fit, [misfit for misfit in misfits if misfit is not None])
+    misfits = [
+        _misfit(observed, look, found) for look, check in zip(looks, checks, strict=True) if check.p < FALSE_EXCEPT
+    ]
+    # By how many of its sds each parameter moves, at most, if one of these is taken out.
+    parts = [np.abs(fit.reach @ misfit) for misfit in misfits if misfit is not None]
+    moved = dict(zip(fit.names, np.max(parts, axis=0).tolist(), strict=True)) if parts else {}
     better = () if assumptions is None else surely_better(assumptions.alternatives)
-    answer = _answer(fit, found, checks, noise, unseen, better)
+    answer = _answer(observed, found, checks, noise, unseen, better)
     return Adequacy(
         answer=answer,
         sentence=sentence(problem, answer, noise, checks, unseen, moved, better),
@@ -183,7 +171,7 @@ def adequacy(
         ),
         noise=noise,
         checks=checks,
-        misfits=largest_misfits(problem, point, fit),
+        misfits=largest_misfits(problem, point, observed),
         moved=moved,
         given=_given(problem, fit, checks, better),
         unseen=unseen,
@@ -208,22 +196,21 @@ def surely_better(alternatives: Sequence[Alternative]) -> tuple[Alternative, ...
     return tuple(found)
 
 
-def _check(problem: Problem, fit: Refit, look: Look, found: Sequence[Direction], p: float) -> Check:
+def _check(problem: Problem, observed: Tables, look: Look, p: float) -> Check:
     """A check as it is told; a pattern of a size that matters, or one that is none but sure, is `found`."""
-    explained = abs(float(look.seen[0])) if look.kind in (*PATTERNS, "jointly") else None
-    size = None
-    if look.kind in PATTERNS:
-        pattern = found[look.number]
-        even = (fit.measured / fit.scales(fit.measured[None, :])[0, fit.noise])[None, :]
-        size = abs(float(pattern.along(fit, even, even @ fit.own)[0])) / pattern.shape.size**0.5
-    elif look.kind == "jointly" and explained is not None:
+    fit, explained, size = observed.fit, None, None
+    if look.found is not None:
+        explained = abs(float(look.seen[0]))
+        size = abs(float(observed.along(look.found)[0])) / look.found.shape.size**0.5
+    elif look.kind == "jointly":
+        explained = abs(float(look.seen[0]))
         size = (explained * len(fit.columns)) ** 0.5
     made = sorted(abs(float(value)) for value in look.seen[1:])
     return Check(
         kind=look.kind,
         column=ALL if look.column == EVERY else fit.columns[look.column],
         over=look.over,
-        words=_words(problem, fit, look),
+        words=_words(problem, observed, look),
         statistic=float(look.seen[0]),
         usual=made[int(0.95 * len(made))],
         p=p,
@@ -233,15 +220,15 @@ def _check(problem: Problem, fit: Refit, look: Look, found: Sequence[Direction],
     )
 
 
-def _words(problem: Problem, fit: Refit, look: Look) -> str:
+def _words(problem: Problem, observed: Tables, look: Look) -> str:
     """What a check looked for, and how it came out: which rows, which way."""
-    if look.column == EVERY and look.kind in PATTERNS:
+    if look.column == EVERY and look.found is not None:
         return look.words
-    column = ALL if look.column == EVERY else fit.columns[look.column]
+    column = ALL if look.column == EVERY else observed.fit.columns[look.column]
     if look.kind == "spread":
         return f"{column}: the noise {'grows' if look.seen[0] > 0.0 else 'falls'} with {look.over}"
     if look.kind == "outlier":
-        places = fit.places[look.column][_farthest(fit, look.column)]
+        places = observed.fit.places[look.column][_farthest(observed, look.column)]
         ids = [problem.table.ids[place] for place in places[:NAMED_ROWS]]
         more = f" and {places.size - NAMED_ROWS} more" if places.size > NAMED_ROWS else ""
         which = f"impact {ids[0]} lies" if places.size == 1 else f"impacts {', '.join(ids)}{more} lie"
@@ -249,14 +236,14 @@ def _words(problem: Problem, fit: Refit, look: Look) -> str:
     return f"{column} {look.words}" if look.kind == "bias" else f"{column}: {look.words}"
 
 
-def _farthest(fit: Refit, column: int) -> NDArray[np.int64]:
+def _farthest(observed: Tables, column: int) -> NDArray[np.int64]:
     """Which of a column's measurements lie farthest off together, the farthest first: those of the group that the
     others show to be off (Rosner 1983).
     """
-    own = distances(fit)[fit.rows(column)]
+    fit = observed.fit
+    own = observed.standardised[:, fit.rows(column)]
     freedom = float(fit.freedom[fit.noise_of(column)])
-    count, _p = farthest(own[None, :], freedom)
-    far = np.argsort(-np.abs(own), kind="stable")[: int(count[0])]
+    far = np.argsort(-np.abs(own[0]), kind="stable")[: int(farthest(own, freedom)[0][0])]
     off, spread = _left_out(fit, column, far)
     left = freedom - far.size
     noise = fit.noise == fit.noise_of(column)
@@ -276,24 +263,21 @@ def _left_out(fit: Refit, column: int, far: NDArray[np.int64]) -> tuple[FloatArr
     return inverse @ fit.measured[fit.rows(column)][far], np.sqrt(np.diag(inverse))
 
 
-def _misfit(fit: Refit, look: Look, found: Sequence[Direction]) -> FloatArray | None:
+def _misfit(observed: Tables, look: Look, found: Sequence[Pattern]) -> FloatArray | None:
     """What the basis has (rank,) of what was found, as a part of the residuals before a refit; None of what is no
     part of them.
     """
-    if look.kind in (*PATTERNS, "jointly"):
-        mine = [found[look.number]] if look.kind in PATTERNS else [item for item in found if item.over == look.over]
+    fit = observed.fit
+    if look.found is not None or look.kind == "jointly":
+        mine = [item for item in found if item.over == look.over] if look.found is None else [look.found]
+        measured = [float(item.along(fit, fit.measured[None, :], fit.taken[None, :])[0]) for item in mine]
         # Of all that act together the strongest: the others are known too badly to be taken out.
-        direction = max(mine, key=lambda item: abs(_measured(fit, item)))
-        return np.asarray(direction.taken * (_measured(fit, direction) / direction.length))
+        k = int(np.argmax(np.abs(measured)))
+        return np.asarray(mine[k].taken * (measured[k] / mine[k].length))
     if look.kind != "outlier":
         return None
-    far = _farthest(fit, look.column)
+    far = _farthest(observed, look.column)
     return np.asarray(_left_out(fit, look.column, far)[0] @ fit.own[fit.rows(look.column)][far])
-
-
-def _measured(fit: Refit, direction: Direction) -> float:
-    """How much of a pattern is in the residuals as measured."""
-    return float(direction.along(fit, fit.measured[None, :], fit.taken[None, :])[0])
 
 
 def _given(
@@ -330,8 +314,8 @@ def _unseen(fit: Refit, looks: Sequence[Look], level: FloatArray, noise: Sequenc
 
 
 def _answer(
-    fit: Refit,
-    found: Sequence[Direction],
+    observed: Tables,
+    found: Sequence[Pattern],
     checks: Sequence[Check],
     noise: Sequence[NoiseCheck],
     unseen: dict[str, float],
@@ -339,43 +323,34 @@ def _answer(
 ) -> Answer:
     if any(check.adjusted < FALSE_FAILS and check.ratio >= FAR_WORSE for check in noise):
         return Answer.FAILS
-    sure = [check for check in checks if check.kind in SMOOTH and check.p < FALSE_FAILS]
+    sure = [check for check in checks if KINDS[check.kind].smooth and check.p < FALSE_FAILS]
     columns = {check.column for check in sure} - {ALL}
     together = max((check.explained or 0.0 for check in sure if check.column == ALL), default=0.0)
-    if max([together, *(explained(fit, found, fit.columns.index(name)) for name in columns)]) >= HALF:
+    if max([together, *(explained(observed, found, observed.fit.columns.index(name)) for name in columns)]) >= HALF:
         return Answer.FAILS
     if better or any(check.found for check in checks) or any(check.found for check in noise):
         return Answer.EXCEPT
     return Answer.UNTOLD if blind(unseen) else Answer.DESCRIBES
 
 
-def explained(fit: Refit, found: Sequence[Direction], column: int) -> float:
+def explained(observed: Tables, found: Sequence[Pattern], column: int) -> float:
     """Share of a column's residual variance that all smooth patterns explain together, beyond what as many
     meaningless ones would; that of the best alone where there are too many to say.
     """
-    mine = [item for item in found if item.column == column and item.kind in SMOOTH]
-    noise = fit.noise_of(column)
-    even = (fit.measured / fit.scales(fit.measured[None, :])[0][fit.noise])[None, :]
-    taken = even @ fit.own
-    freedom = float(fit.freedom[noise])
+    mine = [item for item in found if item.column == column and KINDS[item.kind].smooth]
+    freedom = float(observed.fit.freedom[observed.fit.noise_of(column)])
 
-    def share(patterns: Sequence[Direction]) -> float:
-        square, rank = spanned(fit, patterns, even, taken)
+    def share(some: Sequence[Pattern]) -> float:
+        square, rank = observed.spanned(some)
         part = min(float(square[0]) / freedom, 1.0)
         return 1.0 - (1.0 - part) * freedom / (freedom - rank) if freedom - rank >= 1.0 else 0.0
 
     return max(share(mine), *(share([one]) for one in mine))
 
 
-def distances(fit: Refit) -> FloatArray:
-    """Each measurement's distance from its prediction by all others, in sds of that prediction (measurements,)."""
-    own: FloatArray = standardised(fit, fit.measured[None, :])[0]
-    return own
-
-
-def largest_misfits(problem: Problem, point: PointFit, fit: Refit) -> tuple[Misfit, ...]:
-    """The largest, farthest first."""
-    far = distances(fit)
+def largest_misfits(problem: Problem, point: PointFit, observed: Tables) -> tuple[Misfit, ...]:
+    """The largest, farthest first, each by its distance from its prediction by all others, in sds of that."""
+    far, fit = observed.standardised[0], observed.fit
     columns = problem.all_values(np.array([[point.values[name] for name in problem.free_names]]))
     told = []
     for k in np.argsort(-np.abs(far), kind="stable")[:TOLD]:

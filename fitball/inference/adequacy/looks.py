@@ -1,35 +1,73 @@
-"""Statistics of residuals, of many tables at once, each with a probability that is about right for one table.
-
-About is enough: `family` holds the least of them all against what tables that the model made have.
+"""Statistics of residuals, of a table and of many that the fitted model makes, each with a probability that is about
+right for one table; about is enough: `family` holds the least of them all against what the made tables have.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc, fdtr, fdtrc, gammaln, kolmogorov, ndtr, stdtr
 
-from fitball.inference.adequacy.directions import LEAST_FREEDOM, WHOLE_TABLE, Direction, overlap
-from fitball.inference.adequacy.refit import EVERY, Refit
+from fitball.inference.adequacy.refit import (
+    EVERY,
+    LEAST_FREEDOM,
+    WHOLE_TABLE,
+    Pattern,
+    Refit,
+    covariates,
+    overlap,
+)
+from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import FALSE_EXCEPT
 from fitball.values import FloatArray
 
 # Rows from which an order, a scatter, a correlation, a tail and a distribution can be looked at.
 ORDERED, SCATTERED, LINKED, TAILED, DISTRIBUTED = 8, 10, 8, 20, 15
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of check: the `tier` that it shares the chance of a false alarm with, and how its statistic falls with
+    rows, of a table that means nothing: as this power of their number. `smooth` patterns count as the model's own,
+    where a group may be biased for reasons of its own. Of `scored` ones only made tables tell the probability, and of
+    `shaped` ones where the noise has a shape of its own.
+    """
+
+    tier: int
+    falls: float = 1.0
+    smooth: bool = False
+    scored: bool = False
+    shaped: bool = False
+
+
 # What is looked for first has most of the chance of a false alarm: smooth trends and biases of groups, then what is
 # less likely, then the shape of the noise.
-TIERS = (
-    (("trend", "row", "group", "jointly"), 0.35),
-    (("drift", "level"), 0.15),
-    (("bias", "uneven"), 0.1),
-    (("spread",), 0.1),
-    (("bend", "together", "regime"), 0.1),
-    (("order", "scatter", "linked", "outlier", "tails", "loo-pit"), 0.2),
-)
+TIERS = (0.35, 0.15, 0.1, 0.1, 0.1, 0.2)
+KINDS: Mapping[str, Kind] = {
+    "trend": Kind(0, smooth=True),
+    "row": Kind(0, smooth=True),
+    "group": Kind(0),
+    "jointly": Kind(0),
+    "drift": Kind(1, smooth=True),
+    "level": Kind(1),
+    "bias": Kind(2, smooth=True),
+    "uneven": Kind(2, falls=0.5),
+    "spread": Kind(3, falls=0.0),
+    "bend": Kind(4, smooth=True),
+    "together": Kind(4, smooth=True),
+    "regime": Kind(4, smooth=True),
+    "order": Kind(5, falls=0.5, scored=True),
+    "scatter": Kind(5, falls=0.5, scored=True),
+    "linked": Kind(5, falls=0.5, scored=True),
+    "outlier": Kind(5, falls=0.0, shaped=True),
+    "tails": Kind(5, falls=0.0, shaped=True),
+    "loo-pit": Kind(5),
+}
 # A share of a column's residuals, one in so many, and a number up to which they may lie far off together.
 FEWER, MOST_FAR = 6, 20
 # Covariates with which a noise may grow as a power, and the Newton steps that find it, each so long at most.
@@ -44,109 +82,128 @@ SPANNED = 1e-9
 
 @dataclass(frozen=True)
 class Look:
-    """One check: its `kind`, the column's number, `over` what, in `words`; `number` is its place among those of its
-    kind. `seen` (tables,) is its statistic, `p` (tables,) the probability of as much, the observed table first.
+    """One check: its `kind`, the column's number, `over` what, in `words`. `seen` (tables,) is its statistic, `p`
+    (tables,) the probability of as much, the observed table first; of a pattern `found` is that.
     """
 
     kind: str
     column: int
     over: str
     words: str
-    number: int
     seen: FloatArray
     p: FloatArray
+    found: Pattern | None = None
+
+    @property
+    def key(self) -> tuple[str, int, str, str]:
+        """What is looked for."""
+        return self.kind, self.column, self.over, self.words
 
 
-def patterns(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> Iterator[Look]:
+@dataclass(frozen=True)
+class Tables:
+    """Residuals (tables, measurements) of tables that are fitted alike, the observed one first."""
+
+    fit: Refit
+    residual: FloatArray
+
+    @cached_property
+    def even(self) -> FloatArray:
+        """In units of the noise that they show, (tables, measurements)."""
+        return np.asarray(self.residual / self.fit.scales(self.residual)[:, self.fit.noise])
+
+    @cached_property
+    def taken(self) -> FloatArray:
+        """What the basis has of these, (tables, rank)."""
+        return np.asarray(self.even @ self.fit.own)
+
+    @cached_property
+    def standardised(self) -> FloatArray:
+        """Over their standard deviations, (tables, measurements)."""
+        return np.asarray(self.even / np.sqrt(np.maximum(1.0 - self.fit.leverage, 1.0 - WHOLE)))
+
+    def along(self, found: Pattern) -> FloatArray:
+        """How much of a pattern is in each, (tables,)."""
+        return found.along(self.fit, self.even, self.taken)
+
+    def spanned(self, mine: Sequence[Pattern]) -> tuple[FloatArray, int]:
+        """The squared length (tables,) of what patterns together have of them; and in how many directions these
+        patterns differ.
+        """
+        products = np.array([[overlap(self.fit, one, other) for other in mine] for one in mine])
+        sizes, axes = np.linalg.eigh(products)
+        kept = sizes > SPANNED * sizes[-1]
+        along = np.stack([self.along(item) for item in mine], axis=1)
+        return np.sum((along @ axes[:, kept]) ** 2 / sizes[kept], axis=1), int(kept.sum())
+
+
+def single(tables: Tables, found: Sequence[Pattern]) -> Iterator[Look]:
     """Trends and biases: the share of the residual variance that each explains, with its sign."""
-    even = residual / fit.scales(residual)[:, fit.noise]
-    taken = even @ fit.own
-    for number, direction in enumerate(found):
+    fit = tables.fit
+    for item in found:
         # A refit spreads a pattern over columns, whose noises are known to different degrees (Satterthwaite 1946).
-        parts = np.bincount(fit.noise, direction.left(fit) ** 2, len(fit.noises))
+        parts = np.bincount(fit.noise, item.left(fit) ** 2, len(fit.noises))
         freedom = float(1.0 / np.sum(parts**2 / fit.freedom))
-        z = direction.along(fit, even, taken)
+        z = tables.along(item)
         share = np.minimum(z**2 / freedom, WHOLE)
         ratio = np.sqrt(share * (freedom - 1.0) / (1.0 - share))
         p = 2.0 * np.asarray(stdtr(freedom - 1.0, -ratio), dtype=np.float64)
-        about = direction.kind, direction.column, direction.over, direction.words
-        yield Look(*about, number, np.copysign(share, z), p)
+        yield Look(item.kind, item.column, item.over, item.words, np.copysign(share, z), p, item)
 
 
-def together(fit: Refit, found: Sequence[Direction], residual: FloatArray) -> Iterator[Look]:
+def together(tables: Tables, found: Sequence[Pattern]) -> Iterator[Look]:
     """All patterns over one quantity, or of one kind of groups, in all columns at once: their common share."""
-    even = residual / fit.scales(residual)[:, fit.noise]
-    taken = even @ fit.own
-    freedom = float(fit.freedom.sum())
-    for number, over in enumerate(dict.fromkeys(direction.over for direction in found)):
-        mine = [k for k, direction in enumerate(found) if direction.over == over]
+    freedom = float(tables.fit.freedom.sum())
+    for over in dict.fromkeys(item.over for item in found):
+        mine = [item for item in found if item.over == over]
         if not 2 <= len(mine) < freedom - 2.0:
             continue
-        square, _rank = spanned(fit, [found[k] for k in mine], even, taken)
+        square, _rank = tables.spanned(mine)
         share = np.minimum(square / freedom, WHOLE)
         ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
         p = np.asarray(fdtrc(len(mine), freedom - len(mine), ratio), dtype=np.float64)
         words = f"they are biased in {over}" if over == WHOLE_TABLE else f"they depend on {over}"
-        yield Look("jointly", EVERY, over, words, number, share, p)
+        yield Look("jointly", EVERY, over, words, share, p)
 
 
-def spanned(fit: Refit, mine: Sequence[Direction], even: FloatArray, taken: FloatArray) -> tuple[FloatArray, int]:
-    """The squared length (tables,) of what patterns together have of residuals (tables, measurements), of which the
-    basis has `taken` (tables, rank); and in how many directions these patterns differ.
+def along_covariates(tables: Tables, known: Mapping[str, FloatArray]) -> Iterator[Look]:
+    """Whether neighbours along each covariate deviate alike, by the correlation of one residual with the next; and
+    whether residuals scatter more at one end of it, by one with their sizes.
     """
-    products = np.array([[overlap(fit, one, other) for other in mine] for one in mine])
-    sizes, axes = np.linalg.eigh(products)
-    kept = sizes > SPANNED * sizes[-1]
-    along = np.stack([item.along(fit, even, taken) for item in mine], axis=1)
-    return np.sum((along @ axes[:, kept]) ** 2 / sizes[kept], axis=1), int(kept.sum())
-
-
-def orders(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> Iterator[Look]:
-    """Whether neighbours along each covariate deviate alike: the correlation of one residual with the next."""
-    for column, name, along in _measured_along(fit, known):
-        if np.unique(along).size >= max(ORDERED, along.size // 2):
-            own = residual[:, fit.rows(column)][:, np.argsort(along, kind="stable")]
-            seen = np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1)
-            yield _scored("order", column, name, f"neighbours along {name} deviate alike", seen, sides=1)
-
-
-def _measured_along(fit: Refit, known: Mapping[str, FloatArray]) -> Iterator[tuple[int, str, FloatArray]]:
-    """Each column with each covariate, by name, where the column was measured (measurements,)."""
+    fit, sizes = tables.fit, np.abs(tables.standardised)
     for column, places in enumerate(fit.places):
-        for name, along in known.items():
-            yield column, name, along[places]
+        rows = fit.rows(column)
+        for name, whole in known.items():
+            along = whole[places]
+            if np.unique(along).size >= max(ORDERED, along.size // 2):
+                own = tables.residual[:, rows][:, np.argsort(along, kind="stable")]
+                seen = np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1)
+                yield _scored("order", column, name, f"neighbours along {name} deviate alike", seen, sides=1)
+            if along.size >= SCATTERED and np.ptp(along) > 0.0:
+                size = sizes[:, rows] - sizes[:, rows].mean(axis=1, keepdims=True)
+                centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
+                seen = size @ centred / np.linalg.norm(size, axis=1)
+                yield _scored("scatter", column, name, f"scatter that changes with {name}", seen)
 
 
-def scatters(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> Iterator[Look]:
-    """Whether residuals scatter more at one end of each covariate: a correlation of their sizes."""
-    sizes = np.abs(standardised(fit, residual))
-    for column, name, along in _measured_along(fit, known):
-        if along.size < SCATTERED or np.ptp(along) <= 0.0:
-            continue
-        size = sizes[:, fit.rows(column)]
-        size = size - size.mean(axis=1, keepdims=True)
-        length = np.linalg.norm(size, axis=1)
-        centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
-        yield _scored("scatter", column, name, f"scatter that changes with {name}", size @ centred / length)
-
-
-def spreads(fit: Refit, known: Mapping[str, FloatArray], residual: FloatArray) -> Iterator[Look]:
+def spreads(tables: Tables, known: Mapping[str, FloatArray]) -> Iterator[Look]:
     """Whether the noise of all columns grows or falls together: the likelihood ratio of one exponent by which all sds
     go with the speed, or as an exponential with the angle or the predicted size, as its signed root.
     """
+    fit = tables.fit
     if fit.impacts < SCATTERED:
         return
-    squares = standardised(fit, residual) ** 2
+    squares = tables.standardised**2
     rows = np.concatenate(fit.places)
     along = {name: np.log(column)[rows] for name, column in known.items() if name in SPEEDS}
     along |= {name: column[rows] for name, column in known.items() if name == "theta_1"}
-    for number, (name, shape) in enumerate({**along, "predicted size": fit.predicted}.items()):
+    for name, shape in {**along, "predicted size": fit.predicted}.items():
         means = np.bincount(fit.noise, shape) / np.bincount(fit.noise)
         centred = shape - means[fit.noise]
         if np.abs(centred).max() <= SPANNED:
             continue
         seen = _exponent(fit, squares, centred)
-        yield Look("spread", EVERY, name, f"the noise changes with {name}", number, seen, 2.0 * ndtr(-np.abs(seen)))
+        yield Look("spread", EVERY, name, f"the noise changes with {name}", seen, 2.0 * ndtr(-np.abs(seen)))
 
 
 def _exponent(fit: Refit, squares: FloatArray, along: FloatArray) -> FloatArray:
@@ -174,8 +231,9 @@ def _exponent(fit: Refit, squares: FloatArray, along: FloatArray) -> FloatArray:
     return np.asarray(np.sign(p) * np.sqrt(2.0 * np.maximum(value + gain, 0.0)))
 
 
-def links(fit: Refit, residual: FloatArray) -> Iterator[Look]:
+def links(tables: Tables) -> Iterator[Look]:
     """Whether two columns deviate together, as they do where the incident state is not what the table says."""
+    fit, residual = tables.fit, tables.residual
     for one, other in combinations(range(len(fit.columns)), 2):
         both = np.isin(fit.places[one], fit.places[other]), np.isin(fit.places[other], fit.places[one])
         if both[0].sum() >= LINKED:
@@ -185,10 +243,11 @@ def links(fit: Refit, residual: FloatArray) -> Iterator[Look]:
             yield _scored("linked", one, fit.columns[other], words, seen)
 
 
-def uneven(fit: Refit, residual: FloatArray) -> Iterator[Look]:
+def uneven(tables: Tables) -> Iterator[Look]:
     """Whether a column scatters more than another that shares its noise: the ratio of their variances (Fisher's F),
     in logarithms.
     """
+    fit, residual = tables.fit, tables.residual
     freedom = np.array([np.sum(1.0 - fit.leverage[fit.rows(column)]) for column in range(len(fit.columns))])
     for one, other in combinations(range(len(fit.columns)), 2):
         if fit.noise_of(one) == fit.noise_of(other) and min(freedom[one], freedom[other]) > 1.0:
@@ -197,23 +256,21 @@ def uneven(fit: Refit, residual: FloatArray) -> Iterator[Look]:
             tails = [tail(freedom[one], freedom[other], ratio) for tail in (fdtr, fdtrc)]
             p = 2.0 * np.minimum(*tails)
             words = f"its scatter is not that of {fit.columns[other]}, which shares its noise"
-            yield Look("uneven", one, fit.columns[other], words, one, np.log(ratio), p)
+            yield Look("uneven", one, fit.columns[other], words, np.log(ratio), p)
 
 
-def outliers(fit: Refit, residual: FloatArray) -> Iterator[Look]:
+def outliers(tables: Tables) -> Iterator[Look]:
     """The largest residual of each column, and how heavy the tails are."""
-    studentised = standardised(fit, residual)
+    fit = tables.fit
     for column in range(len(fit.columns)):
-        own = studentised[:, fit.rows(column)]
-        freedom = fit.freedom[fit.noise_of(column)]
+        own, freedom = tables.standardised[:, fit.rows(column)], fit.freedom[fit.noise_of(column)]
         if freedom <= LEAST_FREEDOM:
             continue
         _count, p = farthest(own, freedom)
-        words = "single impacts lie far off"
-        yield Look("outlier", column, "impacts", words, column, -np.log10(p), p)
+        yield Look("outlier", column, "impacts", "single impacts lie far off", -np.log10(p), p)
         if own.shape[1] >= TAILED:
-            z = kurtosis_score(studentised[:, fit.rows(column)])
-            yield Look("tails", column, "impacts", "the tails are heavy", column, z, np.asarray(ndtr(-z)))
+            z = kurtosis_score(own)
+            yield Look("tails", column, "impacts", "the tails are heavy", z, np.asarray(ndtr(-z)))
 
 
 def farthest(studentised: FloatArray, freedom: float) -> tuple[NDArray[np.int64], FloatArray]:
@@ -233,19 +290,21 @@ def farthest(studentised: FloatArray, freedom: float) -> tuple[NDArray[np.int64]
     return best + 1, np.exp(np.minimum(logs[np.arange(len(logs)), best], 0.0))
 
 
-def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None) -> Iterator[Look]:
+def distributions(tables: Tables, left_out: FloatArray | None) -> Iterator[Look]:
     """Whether the probability that a measurement exceeds what all others predict is uniform: its largest distance
     from that. Of the made tables to first order, where a deleted residual has Student's distribution (Cook and
     Weisberg 1982); of the observed one as in `left_out` (columns, impacts), if there is that.
     """
-    studentised = standardised(fit, residual)
+    fit = tables.fit
     for column in range(len(fit.columns)):
-        freedom = fit.freedom[fit.noise_of(column)]
-        own = studentised[:, fit.rows(column)]
+        own, freedom = tables.standardised[:, fit.rows(column)], fit.freedom[fit.noise_of(column)]
         count = own.shape[1]
         if count < DISTRIBUTED or freedom <= LEAST_FREEDOM:
             continue
-        uniform = np.asarray(stdtr(freedom - 1.0, np.copysign(_deleted(np.abs(own), freedom), own)))
+        # Each left out of its own noise.
+        square = np.minimum(own**2, WHOLE * freedom)
+        deleted = np.sqrt(square * (freedom - 1.0) / (freedom - square))
+        uniform = np.asarray(stdtr(freedom - 1.0, np.copysign(deleted, own)))
         if left_out is not None:
             uniform[0] = left_out[column][fit.places[column]]
         ordered = np.sort(uniform, axis=1)
@@ -254,19 +313,7 @@ def distributions(fit: Refit, residual: FloatArray, left_out: FloatArray | None)
         step = np.arange(count + 1) / count
         seen = np.maximum((step[1:] - ordered).max(axis=1), (ordered - step[:-1]).max(axis=1))
         words = "predictions from the other impacts are too wide, too narrow or off"
-        yield Look("loo-pit", column, "all impacts", words, column, seen, kolmogorov(seen * stretched))
-
-
-def standardised(fit: Refit, residual: FloatArray) -> FloatArray:
-    """Residuals (tables, measurements) over their standard deviations."""
-    spread = fit.scales(residual)[:, fit.noise] * np.sqrt(np.maximum(1.0 - fit.leverage, 1.0 - WHOLE))
-    return np.asarray(residual / spread)
-
-
-def _deleted(size: FloatArray, freedom: float) -> FloatArray:
-    """Sizes of standardised residuals, each left out of its own noise."""
-    square = np.minimum(size**2, WHOLE * freedom)
-    return np.asarray(np.sqrt(square * (freedom - 1.0) / (freedom - square)), dtype=np.float64)
+        yield Look("loo-pit", column, "all impacts", words, seen, kolmogorov(seen * stretched))
 
 
 def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sides: int = 2) -> Look:
@@ -274,7 +321,7 @@ def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sid
     table alone there is none.
     """
     p = scored(seen, seen[1:], sides) if seen.size > 1 else np.full(1, np.nan)
-    return Look(kind, column, over, words, column, seen, p)
+    return Look(kind, column, over, words, seen, p)
 
 
 def scored(seen: FloatArray, made: FloatArray, sides: int, shorter: float = 1.0) -> FloatArray:
@@ -290,8 +337,8 @@ def family(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:
     The least of all probabilities is held against the least of each made table (Westfall and Young 1993), each
     counted by the weight of its kind, which the checks of a kind share (Genovese, Roeder and Wasserman 2006).
     """
-    kinds = [next(number for number, (kinds, _) in enumerate(TIERS) if look.kind in kinds) for look in looks]
-    weight = np.array([TIERS[kind][1] / kinds.count(kind) for kind in kinds])
+    tiers = [KINDS[look.kind].tier for look in looks]
+    weight = np.array([TIERS[tier] / tiers.count(tier) for tier in tiers])
     logs = np.log(np.maximum(np.stack([look.p for look in looks]), SMALLEST))
     # Probabilities are about right; that one made table in 20 has less than 1/20 makes checks comparable.
     power = np.log(TAIL) / np.quantile(logs[:, 1:], TAIL, axis=1)
@@ -318,3 +365,19 @@ def kurtosis_score(samples: FloatArray) -> FloatArray:
     a = 6.0 + 8.0 / skewness * (2.0 / skewness + np.sqrt(1.0 + 4.0 / skewness**2))
     ratio = (1.0 - 2.0 / a) / (1.0 + x * np.sqrt(2.0 / (a - 4.0)))
     return np.asarray((1.0 - 2.0 / (9.0 * a) - np.cbrt(ratio)) / np.sqrt(2.0 / (9.0 * a)))
+
+
+def looks_of(problem: Problem, tables: Tables, found: Sequence[Pattern]) -> list[Look]:
+    """All checks but that of the distribution."""
+    if not np.all(tables.fit.freedom > 1.0):
+        return []
+    known = covariates(problem)
+    return [
+        *single(tables, found),
+        *together(tables, found),
+        *sorted(along_covariates(tables, known), key=lambda look: look.kind),
+        *spreads(tables, known),
+        *links(tables),
+        *uneven(tables),
+        *outliers(tables),
+    ]

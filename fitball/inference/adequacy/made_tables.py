@@ -15,22 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.adequacy.directions import Direction, covariates, direction
-from fitball.inference.adequacy.looks import (
-    DISTRIBUTED,
-    Look,
-    distributions,
-    links,
-    orders,
-    outliers,
-    patterns,
-    scatters,
-    scored,
-    spreads,
-    together,
-    uneven,
-)
-from fitball.inference.adequacy.refit import EVERY, Refit, refit, standard_deviates
+from fitball.inference.adequacy.looks import DISTRIBUTED, KINDS, Look, Tables, distributions, looks_of, scored
+from fitball.inference.adequacy.refit import EVERY, Pattern, Refit, pattern, refit, standard_deviates
 from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.prediction.posterior_predictive import measurements
 from fitball.inference.problem.parameters import NOISE_SPECS
@@ -97,10 +83,6 @@ def _shares(
 MOST_TABLES, LEAST_TABLES, RESIDUALS = 1999, 399, 4_000_000
 # Measurements of a made table, at most.
 MADE = RESIDUALS // LEAST_TABLES
-SCORED, SHAPED = ("order", "scatter", "linked"), ("outlier", "tails")
-# Kinds whose statistic, of a table that means nothing, does not fall with rows, or as their root; that of others is a
-# share of the variance.
-STEADY, ROOT = ("spread", *SHAPED), ("uneven", *SCORED)
 
 
 @dataclass(frozen=True)
@@ -120,7 +102,7 @@ def look_at(
     point: PointFit,
     posterior: Posterior | None,
     fit: Refit,
-    found: Sequence[Direction],
+    found: Sequence[Pattern],
     rng: np.random.Generator,
 ) -> Looked:
     """Look at the residuals of `fit` for the patterns `found`, and for all else."""
@@ -131,17 +113,14 @@ def look_at(
     rows = thinned_rows(problem, MADE // len(fit.columns))
     part = part_of(problem, rows)
     small = refit(part, point)
-    known = _at_part(fit, small, rows, found)
-    beside, _ = _beside_made(part, point, posterior, small, known, tables, rng)
-    chances = {_key(look): look for look in beside}
-    whole = _looks(problem, fit, found, fit.measured[None, :])
-    shaped = SHAPED if problem.noise.parameters else ()
-    looks = [
-        chances[_key(look)]
-        if look.kind in shaped
-        else _joined(fit, small, look, chances.get(_key(look)), tables, rng)
-        for look in whole
-    ]
+    beside, _ = _beside_made(part, point, posterior, small, _at_part(fit, small, rows, found), tables, rng)
+    chances = {look.key: look for look in beside}
+    looks = []
+    for look in looks_of(problem, Tables(fit, fit.measured[None, :]), found):
+        chance = chances.get(look.key)
+        if chance is None or not (problem.noise.parameters and KINDS[look.kind].shaped):
+            chance = _joined(look, chance, small.measured.size / fit.measured.size, tables, rng)
+        looks.append(chance)
     return Looked([*looks, *(look for look in beside if look.kind == "loo-pit")], tables, small.impacts, None)
 
 
@@ -150,63 +129,40 @@ def _beside_made(
     point: PointFit,
     posterior: Posterior | None,
     fit: Refit,
-    found: Sequence[Direction],
-    tables: int,
+    found: Sequence[Pattern],
+    count: int,
     rng: np.random.Generator,
 ) -> tuple[list[Look], FloatArray | None]:
-    """The checks of a table and of as many that the model makes at its rows."""
+    """The checks of a table and of `count` that the model makes at its rows."""
     sizes = {name: value for name, value in point.values.items() if name in NOISE_SPECS}
-    made = fit.replicate(standard_deviates(problem, fit, sizes, tables, rng))
-    residual = np.concatenate([fit.measured[None, :], made])
-    left_out = None
+    made = fit.replicate(standard_deviates(problem, fit, sizes, count, rng))
+    tables, left_out = Tables(fit, np.concatenate([fit.measured[None, :], made])), None
     if posterior is not None and fit.impacts >= DISTRIBUTED:
         left_out = loo_pit(problem, posterior, rng)
-    looks = _looks(problem, fit, found, residual)
-    return [*looks, *(distributions(fit, residual, left_out) if looks else ())], left_out
+    looks = looks_of(problem, tables, found)
+    return [*looks, *(distributions(tables, left_out) if looks else ())], left_out
 
 
-def _looks(problem: Problem, fit: Refit, found: Sequence[Direction], residual: FloatArray) -> list[Look]:
-    """All checks but that of the distribution."""
-    if not np.all(fit.freedom > 1.0):
-        return []
-    known = covariates(problem)
-    return [
-        *patterns(fit, found, residual),
-        *together(fit, found, residual),
-        *orders(fit, known, residual),
-        *scatters(fit, known, residual),
-        *spreads(fit, known, residual),
-        *links(fit, residual),
-        *uneven(fit, residual),
-        *outliers(fit, residual),
-    ]
-
-
-def _at_part(fit: Refit, small: Refit, rows: NDArray[np.int64], found: Sequence[Direction]) -> list[Direction]:
+def _at_part(fit: Refit, small: Refit, rows: NDArray[np.int64], found: Sequence[Pattern]) -> list[Pattern]:
     """The patterns at the impacts `rows`, but those that only others have."""
     kept = []
     for item in found:
         columns = range(len(fit.columns)) if item.column == EVERY else [item.column]
         places = [np.searchsorted(fit.places[k], rows[small.places[k]]) + fit.starts[k] for k in columns]
         shape = item.shape[np.concatenate(places) - fit.rows(item.column).start]
-        own = direction(small, item.column, item.kind, item.over, item.words, shape)
+        own = pattern(small, item.column, item.kind, item.over, item.words, shape)
         kept += [] if own is None else [own]
     return kept
 
 
-def _key(look: Look) -> tuple[str, int, str, str]:
-    return look.kind, look.column, look.over, look.words
-
-
-def _joined(fit: Refit, small: Refit, look: Look, chance: Look | None, tables: int, rng: np.random.Generator) -> Look:
-    """A check of the table, with the chances of made ones."""
+def _joined(look: Look, chance: Look | None, shorter: float, tables: int, rng: np.random.Generator) -> Look:
+    """A check of the table, with the chances of made ones, whose rows are a share `shorter`."""
     if chance is None:
         # A pattern of too few impacts to be among those of made tables: its probability is right by itself.
-        return replace(
-            look, seen=np.append(look.seen, np.zeros(tables)), p=np.append(look.p, rng.uniform(size=tables))
-        )
-    p, made, shorter = look.p[:1], chance.seen[1:], small.measured.size / fit.measured.size
-    if look.kind in SCORED:
-        p = scored(look.seen, made, sides=1 if look.kind == "order" else 2, shorter=shorter)
-    made = made * shorter ** (0.0 if look.kind in STEADY else 0.5 if look.kind in ROOT else 1.0)
-    return replace(look, seen=np.append(look.seen[:1], made), p=np.append(p, chance.p[1:]))
+        made, p, chances = np.zeros(tables), look.p, rng.uniform(size=tables)
+    else:
+        kind, made, p, chances = KINDS[look.kind], chance.seen[1:], look.p, chance.p[1:]
+        if kind.scored:
+            p = scored(look.seen, made, sides=1 if look.kind == "order" else 2, shorter=shorter)
+        made = made * shorter**kind.falls
+    return replace(look, seen=np.append(look.seen[:1], made), p=np.append(p[:1], chances))

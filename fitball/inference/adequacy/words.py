@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from fitball.inference.adequacy.directions import covariates
 from fitball.inference.adequacy.looks import DISTRIBUTED
+from fitball.inference.adequacy.refit import covariates
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.adequacy import (
     FALSE_EXCEPT,

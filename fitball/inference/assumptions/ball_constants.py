@@ -14,7 +14,7 @@ import numpy as np
 
 from fitball.data.heights import ITF_LIMITS
 from fitball.inference.identifiability.derived import quantities
-from fitball.inference.identifiability.fisher import first_order_draws
+from fitball.inference.identifiability.information import first_order_draws
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.problem import Problem

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from fitball.errors import FitballError
 from fitball.inference.identifiability.derived import quantities
-from fitball.inference.identifiability.fisher import DRAWN_ABOUT, about
+from fitball.inference.identifiability.information import DRAWN_ABOUT, about
 from fitball.inference.likelihood.posterior import log_posterior, pointwise
 from fitball.inference.point.maximum_posterior import distinct, maxima
 from fitball.inference.prediction.court_pace import pace_by_surface
@@ -20,7 +20,16 @@ from fitball.inference.problem.noise import KINDS, NoiseKind
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.problem.subsample import thinned_problem
-from fitball.inference.results.assumptions import FEW, Alternative, Assumptions, Span, Summary, elpd_difference, span
+from fitball.inference.results.assumptions import (
+    FEW,
+    Alternative,
+    Assumptions,
+    Span,
+    Summary,
+    elpd_difference,
+    span,
+    summary,
+)
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.inference.sampling.importance import (
     K_TRUSTED,
@@ -36,8 +45,6 @@ from fitball.models.registry import closure_options, model
 from fitball.values import FloatArray
 
 # The problems that differ from one in a single choice: another option of a closure, or another kind of noise.
-
-Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,9 @@ def alternatives(problem: Problem, probes: FloatArray) -> tuple[Change, ...]:
         except FitballError as error:
             found.append(Change(name, instead_of, None, str(error)))
             continue
-        if not _same(problem, posed, probes):
+        # A choice that acts nowhere here: the same parameters are as probable to the last bit.
+        alike = problem.free_names == posed.free_names
+        if not (alike and np.array_equal(log_posterior(problem, probes), log_posterior(posed, probes))):
             found.append(Change(name, instead_of, posed))
     return tuple(found)
 
@@ -114,15 +123,8 @@ def _posed(problem: Problem, choices: Choices, there: Model) -> Problem:
     return replace(build_problem(problem.table, scene, left, problem.force), threads=problem.threads)
 
 
-def _without(named: Mapping[str, Value], gone: Collection[str]) -> dict[str, Value]:
+def _without(named: Mapping[str, Any], gone: Collection[str]) -> dict[str, Any]:
     return {name: value for name, value in named.items() if name not in gone}
-
-
-def _same(one: Problem, other: Problem, probes: FloatArray) -> bool:
-    """Whether a choice acts nowhere here: the same parameters are as probable to the last bit."""
-    return one.free_names == other.free_names and np.array_equal(
-        log_posterior(one, probes), log_posterior(other, probes)
-    )
 
 
 # Rows and free parameters up to which posteriors are drawn: of more rows they are normal, and weighted draws in many
@@ -146,7 +148,6 @@ FOLLOWED, NEW_STARTS = 2, (0.16, 0.5, 0.84)
 PROBES = 20
 # Share of draws that must give a quantity for it to be compared.
 COMPARED = 0.9
-LEVELS = np.array([0.025, 0.5, 0.975])
 
 
 @dataclass(frozen=True)
@@ -177,21 +178,19 @@ class Fitted:
         """
         columns = dict(zip(self.problem.free_names, self.draws.values.T, strict=True))
         columns |= {item.parameter.name: item.rule(self.draws.values) for item in quantities(self.problem)}
-        alike = self.problem.noise.name == noise.name
-        return {name: self._summary(column) for name, column in columns.items() if alike or name not in NOISE_SPECS}
+        alike, weights = self.problem.noise.name == noise.name, np.exp(self.draws.log_weights)
+        return {
+            name: summary(column, weights) for name, column in columns.items() if alike or name not in NOISE_SPECS
+        }
 
     def court_pace(self) -> dict[str, Summary]:
         """Of the rating of each surface that can be rated."""
-        rated = pace_by_surface(self.problem, self.draws.values)
+        rated, weights = pace_by_surface(self.problem, self.draws.values), np.exp(self.draws.log_weights)
         return {
-            name: self._summary(rating)
+            name: summary(rating, weights)
             for name, rating in rated.items()
-            if np.sum(np.exp(self.draws.log_weights[np.isfinite(rating)])) >= COMPARED
+            if np.sum(weights[np.isfinite(rating)]) >= COMPARED
         }
-
-    def _summary(self, column: FloatArray) -> Summary:
-        low, median, high = map(float, self.draws.quantiles(column, LEVELS))
-        return Summary(median, self.draws.sd(column), low, high)
 
     def centre(self) -> dict[str, float]:
         """All parameters by name at the mean in coordinates."""
@@ -265,13 +264,14 @@ def _on_whole(
     would: as far from the fit itself as there, as much wider or narrower.
     """
     moved = {}
-    for name in whole.keys() & part.keys() & other.keys():
-        given, own, there = whole[name], part[name], other[name]
-        share = given.sd / own.sd if own.sd > 0.0 else 0.0
-        median = given.median + there.median - own.median
-        ends = (median + share * (end - there.median) for end in (there.q025, there.q975))
-        moved[name] = Summary(median, share * there.sd, *ends)
-    return {name: moved[name] for name in other if name in moved}
+    for name, there in other.items():
+        if name in whole and name in part:
+            given, own = whole[name], part[name]
+            share = given.sd / own.sd if own.sd > 0.0 else 0.0
+            median = given.median + there.median - own.median
+            ends = (median + share * (end - there.median) for end in (there.q025, there.q975))
+            moved[name] = Summary(median, share * there.sd, *ends)
+    return moved
 
 
 @dataclass(frozen=True)
@@ -294,12 +294,15 @@ class Compared:
     @cached_property
     def own_scores(self) -> FloatArray | None:
         """Of the impacts by draws; None of few impacts, of which no score tells anything."""
-        return None if self.own is None or len(self.problem.impacts) < FEW else self.own.elpd(self.rng)
+        return self._scores(self.own)
 
     @cached_property
     def linear_scores(self) -> FloatArray | None:
         """The same to first order."""
-        return None if self.linear is None or len(self.problem.impacts) < FEW else self.linear.elpd(self.rng)
+        return self._scores(self.linear)
+
+    def _scores(self, fitted: Fitted | None) -> FloatArray | None:
+        return None if fitted is None or len(self.problem.impacts) < FEW else fitted.elpd(self.rng)
 
     def fitted(self, told: tuple[Mapping[str, Summary], Mapping[str, Summary]], change: Change) -> Alternative:
         """A single change, fitted quickly and scored beside the fit itself, of whose parameters and court pace this
@@ -315,13 +318,12 @@ class Compared:
         optima = _optima(problem, self.point)
         if not len(optima):
             return without("no search led to parameters that the model can evaluate")
-        draws = None
+        found = None
         if self.own is not None:
             draws = importance_posterior(problem, [about(problem, at) for at in optima], self.rng)
-        found = Fitted(problem, draws) if draws is not None and draws.settled else None
+            found = Fitted(problem, draws) if draws.settled else None
         drawn = found is not None
-        if found is None:
-            found = _linear(problem, optima[0], self.rng)
+        found = found or _linear(problem, optima[0], self.rng)
         if found is None or (not drawn and self.linear is None):
             return without("a quick look at its posterior did not settle", unsettled=True)
         scored = self.own_scores if drawn else self.linear_scores

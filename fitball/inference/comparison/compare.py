@@ -4,26 +4,130 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
-from fitball.inference.comparison.candidates import Candidates
-from fitball.inference.comparison.cross_validation import make_folds
-from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
-from fitball.inference.comparison.scoring import Task, scored
+from fitball.inference.calibrate import run
+from fitball.inference.comparison.candidates import Candidate, Candidates
+from fitball.inference.comparison.left_out import FOLLOWED, Fold, leave_one_out, leave_out, make_folds
+from fitball.inference.comparison.results import Comparison, ModelScore, criteria, published_sets
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.prediction.court_pace import pace_by_surface
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.assumptions import FEW, PACE, Quantity, Summary, elpd_difference, span
+from fitball.inference.results.assumptions import FEW, PACE, Quantity, elpd_difference, span, summary
 from fitball.inference.results.results import RunStatus, thinned
 from fitball.models.kernels.contact import tied_inertia_split
 from fitball.scheduling.engine import Engine
 from fitball.values import FloatArray
+
+# Ensembles of an exact refit: enough to see that they agree.
+REFIT_ENSEMBLES = 2
+# Impacts times draws by which a model is timed.
+TIMED = 2000
+
+
+@dataclass(frozen=True)
+class Task:
+    """All it takes to score one model; `columns` are the measured ones scored, `seed` the root of its generators,
+    `beside` further places (all parameters by name) from which its searches begin.
+    """
+
+    candidate: Candidate
+    columns: tuple[str, ...]
+    folds: tuple[Fold, ...]
+    effort: Effort
+    seed: np.random.SeedSequence
+    quick: bool
+    beside: tuple[Mapping[str, float], ...] = ()
+
+    def again(self, beside: Iterable[Mapping[str, float]]) -> Task:
+        """The same task with further places, its generators as they were before."""
+        seed = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
+        return replace(self, seed=seed, beside=tuple(beside))
+
+
+def scored(tasks: Sequence[Task], engine: Engine, report: Callable[[str], None]) -> Iterator[ModelScore]:
+    """Scores of all tasks as they are done.
+
+    Raises what `score_model` and `Engine.unordered` raise.
+    """
+    done, count = 0, len(tasks)
+    # The longest first, so that none waits for it at the end.
+    tasks = sorted(tasks, key=_cost, reverse=True)
+
+    def here(task: Task) -> ModelScore:
+        return score_model(task, lambda stage: report(f"{task.candidate.name}: {stage} ({done} of {count} done)"))
+
+    for score in engine.unordered(score_model, tasks, here):
+        done += 1
+        report(f"{score.name}: done ({done} of {count})")
+        yield score
+
+
+def _cost(task: Task) -> float:
+    """How long a task takes beside others: CPU time of a batch of densities and derivatives, times the parameters.
+
+    Where a cold start has no kernels on disk, they are compiled here, once and not by every process for itself.
+    """
+    problem = task.candidate.problem
+    values = problem.prior.draw(np.random.default_rng(0), max(1, TIMED // len(problem.impacts)))
+    took = 0.0
+    for _ in range(2):
+        begun = time.process_time()
+        log_posterior(problem, problem.to_coordinates(values))
+        columns = problem.all_values(values[:1])
+        names = problem.model.parameter_names
+        problem.model.jacobian(names, np.stack([columns[name] for name in names], axis=1), problem.impacts)
+        took = time.process_time() - begun
+    return took * problem.dimension
+
+
+def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None) -> ModelScore:
+    """Posterior, leave-one-out densities and left-out errors of a model. Raises FitError, KeyboardInterrupt."""
+    begun = time.perf_counter()
+    candidate, effort, columns = task.candidate, task.effort, task.columns
+    problem = candidate.problem
+    fit = run(problem, effort, report=lambda stage, _progress: report(stage), beside=task.beside)
+    assert fit.posterior is not None
+    report("leave-one-out scores")
+    # The refits' ensembles must not repeat those of the full fit.
+    fold_seed, refit_seed = task.seed.spawn(2)
+    refits = replace(effort, seed=int(refit_seed.generate_state(1)[0]), ensembles=REFIT_ENSEMBLES)
+    settings = refits.settings(problem)
+    loo = leave_one_out(problem, fit, fit.posterior, columns, settings, exact=not task.quick)
+    report("refits without some impacts")
+    missed, notes = leave_out(
+        problem, fit.point, task.folds, candidate.given_columns, np.random.default_rng(fold_seed)
+    )
+    notes += fit.notes[len(problem.table.remarks) + len(problem.notes) :]
+    every = {observable.name for observable in problem.observables} == set(columns)
+    starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
+    information = criteria(problem, starts) if every else None
+    if not every:
+        extra = ", ".join(observable.name for observable in problem.observables if observable.name not in columns)
+        notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")
+    left = sum(observable.observed.size for observable in problem.observables) - len(problem.observables)
+    if left <= problem.dimension:
+        notes.append(
+            f"without one impact {left} measurements are left for {problem.dimension} free parameters: its priors "
+            "decide its scores"
+        )
+    return ModelScore(
+        name=candidate.name,
+        fit=fit,
+        given_columns=candidate.given_columns,
+        loo=loo,
+        missed=missed,
+        criteria=information,
+        notes=tuple(notes),
+        seconds=time.perf_counter() - begun,
+    )
+
 
 # Which model contains which: one that does can fit no table worse, and if it seems to, its search has failed.
 
@@ -82,22 +186,6 @@ def _added(container: Problem, contained: Problem, values: Values) -> Values | N
     return added
 
 
-def settled_words(score: ModelScore, others: Sequence[str]) -> str:
-    """That a model was searched again from what those it contains had found."""
-    return (
-        f"{score.name} contains {' and '.join(others)} and had fitted worse, which no maximum can: it was searched "
-        f"again from theirs, and its log posterior is {score.fit.point.log_posterior:.2f} now"
-    )
-
-
-def alarm_words(name: str, others: Sequence[str]) -> str:
-    """That a model fits worse than what it contains even so."""
-    return (
-        f"ALARM: {name} contains {' and '.join(others)} and fits worse even so: its maximum was not found, and "
-        "nothing said of it here holds"
-    )
-
-
 def overtaken(score: ModelScore, others: Sequence[ModelScore]) -> dict[str, list[Values]]:
     """Models of `others` that `score`'s model contains and that fit better all the same, with the values from which
     its search has to begin anew.
@@ -132,7 +220,6 @@ def _loses(score: ModelScore, other: ModelScore, starts: Sequence[Values]) -> bo
 DRAWS = 4000
 # Share of a model's draws that must give a quantity for it to be told.
 TOLD = 0.9
-LEVELS = np.array([0.025, 0.5, 0.975])
 
 
 def over_models(models: Sequence[ModelScore], stacking: Mapping[str, float]) -> dict[str, Quantity]:
@@ -167,22 +254,15 @@ def _quantities(score: ModelScore) -> dict[str, FloatArray]:
 def _quantity(
     columns: Mapping[str, FloatArray], unit: str, weights: Mapping[str, float], as_good: list[str]
 ) -> Quantity:
-    by_model = {name: _summary(column, np.ones(column.size)) for name, column in columns.items()}
+    by_model = {name: summary(column, np.ones(column.size)) for name, column in columns.items()}
     weight = sum(weights[name] for name in columns)
     stacked = None
     if weight > 0.0:
         shares = [np.full(column.size, weights[name] / column.size) for name, column in columns.items()]
-        stacked = _summary(np.concatenate(list(columns.values())), np.concatenate(shares))
+        stacked = summary(np.concatenate(list(columns.values())), np.concatenate(shares))
     good = [name for name in columns if name in as_good]
     over = span(by_model[good[0]], [(name, name, by_model[name]) for name in good[1:]]) if good else None
     return Quantity(unit, by_model, stacked, min(weight, 1.0), tuple(good), over)
-
-
-def _summary(column: FloatArray, weights: FloatArray) -> Summary:
-    """Of draws (draws,) that count by `weights`."""
-    low, median, high = np.quantile(column, LEVELS, weights=weights, method="inverted_cdf").tolist()
-    mean = np.average(column, weights=weights)
-    return Summary(median, float(np.sqrt(np.average((column - mean) ** 2, weights=weights))), low, high)
 
 
 # Weights of several models from their pointwise predictive densities (Yao, Vehtari, Simpson and Gelman 2018).
@@ -226,7 +306,6 @@ def compare(
     effort: Effort,
     engine: Engine,
     quick: bool = False,
-    published: Sequence[FixedPrediction] = (),
     report: Callable[[str], None] = lambda _stage: None,
 ) -> Comparison:
     """Fit and score every model of the candidates.
@@ -275,7 +354,7 @@ def compare(
         table=table,
         columns=candidates.columns,
         models=tuple(scores),
-        published=tuple(published),
+        published=published_sets(table),
         stacking=stacking,
         status=RunStatus.INTERRUPTED if interrupted else _status(scores, alarms),
         notes=(*candidates.notes, *notes),
@@ -311,9 +390,14 @@ def _searched_again(
     mended = [better.get(score.name, score) for score in scores]
     said, alarms = [], []
     for name, score in better.items():
-        still = overtaken(score, mended)
-        if still:
-            alarms.append(alarm_words(name, tuple(still)))
+        if still := overtaken(score, mended):
+            alarms.append(
+                f"ALARM: {name} contains {' and '.join(still)} and fits worse even so: its maximum was not found, "
+                "and nothing said of it here holds"
+            )
         else:
-            said.append(settled_words(score, tuple(behind[name])))
+            said.append(
+                f"{name} contains {' and '.join(behind[name])} and had fitted worse, which no maximum can: it was "
+                f"searched again from theirs, and its log posterior is {score.fit.point.log_posterior:.2f} now"
+            )
     return mended, sorted(said), sorted(alarms)

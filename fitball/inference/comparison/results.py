@@ -1,24 +1,27 @@
-"""What a comparison found: frozen values and the differences between any two models; no fitting."""
+"""What a comparison found: frozen values and the differences between any two models; beside them the parameter sets
+that Jafri (2004) published, as predictions of Wang's impacts.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from fitball.data.published import SPINS, thesis_table
 from fitball.data.table import ImpactTable
-from fitball.inference.comparison.cross_validation import IMPACTS, Missed
-from fitball.inference.comparison.psis_loo import LeaveOneOut
-from fitball.inference.identifiability.profile_path import free_searches
+from fitball.inference.comparison.left_out import IMPACTS, LeaveOneOut, Missed
+from fitball.inference.identifiability.profile import free_searches
 from fitball.inference.point.gauss_newton import descend
 from fitball.inference.point.surface import surface_of
-from fitball.inference.prediction.outputs import root_mean_square
+from fitball.inference.prediction.outputs import measured_outputs, output_errors, root_mean_square
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import FEW, ElpdDifference, Quantity, elpd_difference
 from fitball.inference.results.results import Fit, RunStatus, Verdict
+from fitball.inference.thesis.published_cases import case_errors, set_name, wang_rows
 from fitball.values import FloatArray
 
 # Akaike's and the Bayesian information criterion, from the maximised likelihood without priors.
@@ -58,9 +61,9 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
     """
     # Their penalty would be part of the likelihood, and each would count as a parameter.
     assert not problem.pooling and problem.group_bias is None, "levels and biases are not counted"
-    objective = surface_of(problem, SETTLED)
+    objective = surface_of(replace(problem, contact_time=None), SETTLED)
     begun = objective.from_values(np.array([[start[name] for name in problem.free_names] for start in starts]))
-    reached = descend(objective, free_searches(objective, begun, scene=False))
+    reached = descend(objective, free_searches(objective, begun))
     measurements = sum(observable.observed.size for observable in problem.observables)
     return Criteria(-float(reached.cost.min()), problem.dimension, measurements)
 
@@ -78,6 +81,36 @@ class FixedPrediction:
     source: str
     errors: Mapping[str, FloatArray]
     given_columns: tuple[str, ...]
+
+
+TABLE_9 = (
+    "Jafri (2004), Table 9 with Eq. (53) and Chapter V's damping and mean restitution; hand-tuned on these impacts"
+)
+APPENDIX_C = "Jafri (2004), Appendix C as printed; each impact's own measured restitution is its input"
+
+
+def published_sets(table: ImpactTable) -> tuple[FixedPrediction, ...]:
+    """Errors of the three cases of Table 9 and the seven sets of Appendix C; empty where the data are not Wang's."""
+    rows = wang_rows(table)
+    measured = measured_outputs(table)
+    if rows is None or not {"v_x2", "v_y2", "omega_2"} <= measured.keys():
+        return ()
+    made = [
+        FixedPrediction(f"Table 9, case {case}", TABLE_9, errors, ()) for case, errors in case_errors(table).items()
+    ]
+    printed = thesis_table("appendix_c")
+    for case in sorted(printed["case"].unique()):
+        mine = printed[printed["case"] == case]
+
+        def column(name: str, mine: object = mine) -> FloatArray:
+            parts = [mine[mine["spin"] == spin][name].to_numpy() for spin in SPINS]  # type: ignore[index]
+            return np.concatenate(parts)[rows]
+
+        predicted = {"v_x2": column("v_x2 [m/s]"), "omega_2": column("omega_2 [rad/s]")}
+        predicted["theta_2"] = np.arctan2(measured["v_y2"], predicted["v_x2"])
+        name = f"Appendix C, {set_name(mine.iloc[0].to_dict())}"
+        made.append(FixedPrediction(name, APPENDIX_C, output_errors(measured, predicted), ("v_y2",)))
+    return tuple(made)
 
 
 @dataclass(frozen=True)

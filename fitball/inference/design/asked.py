@@ -387,7 +387,9 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
                 columns = {name: replace(column, share=share * column.share) for name, column in columns.items()}
                 words.append(f"noise {share:g} times as large")
             elif key == DROP:
-                drop = _dropped(_number(key, value, Dimension.LENGTH))
+                height = _number(key, value, Dimension.LENGTH)
+                refuse_beyond("drop_height", np.array([height]))
+                drop = Impacts(np.zeros(1), np.array([sqrt(2.0 * GRAVITY * height)]), np.zeros(1))
                 words.append(f"a ball dropped from {value}")
             elif key == PLATE:
                 plate = _plate(problem, value)
@@ -432,11 +434,6 @@ def _plate(problem: Problem, value: str) -> float:
     if problem.force is not None:
         raise ParameterError("this fit has force records: further ones are not planned")
     return _number(PLATE, value, Dimension.FORCE)
-
-
-def _dropped(height: float) -> Impacts:
-    refuse_beyond("drop_height", np.array([height]))
-    return Impacts(np.zeros(1), np.array([sqrt(2.0 * GRAVITY * height)]), np.zeros(1))
 
 
 def _number(name: str, text: str, dimension: Dimension | None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +14,6 @@ from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
 from fitball.inference.problem.force_records import ForceRecords, averaged
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter
-from fitball.inference.problem.pooling import GroupBias
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import IncidentErrors, Problem
 from fitball.inference.results.results import Posterior, thinned
@@ -128,24 +128,27 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
         )
     if problem.dimension == 0:
         raise FitError("no parameter of this fit is free: no measurement could tell more of any")
-    coordinates = problem.to_coordinates(thinned(posterior, DRAWS))
-    if problem.group_bias is None:
-        return Knowledge(problem, coordinates)
-    extended, added = _with_next_group(problem, problem.group_bias)
-    drawn = [parameter.prior.coordinate(parameter.prior.draw(rng, len(coordinates))) for parameter in added]
-    return Knowledge(extended, np.column_stack([coordinates, *drawn]))
-
-
-def _with_next_group(problem: Problem, bias: GroupBias) -> tuple[Problem, tuple[Parameter, ...]]:
-    """The problem with a further group, and the biases of that, which have the prior of all others."""
+    known = Knowledge(problem, problem.to_coordinates(thinned(posterior, DRAWS)))
+    bias = problem.group_bias
+    if bias is None:
+        return known
+    # A further group, whose biases have the prior of all others.
     by_name = {parameter.name: parameter for parameter in problem.parameters}
     added = []
     for observable in problem.observables:
         like = by_name[bias.name(observable.name, bias.labels[0])]
-        name = bias.name(observable.name, NEXT)
-        added.append(replace(like, spec=replace(like.spec, name=name), fixed=None))
-    wider = replace(bias, labels=(*bias.labels, NEXT))
-    return replace(problem, parameters=(*problem.parameters, *added), group_bias=wider), tuple(added)
+        spec = replace(like.spec, name=bias.name(observable.name, NEXT))
+        added.append(replace(like, spec=spec, fixed=None))
+    wider = replace(problem, group_bias=replace(bias, labels=(*bias.labels, NEXT)))
+    return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
+
+
+def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.random.Generator) -> Knowledge:
+    """What is known with parameters of which nothing is but their priors."""
+    problem = replace(known.problem, parameters=(*known.problem.parameters, *added))
+    priors = [parameter.prior for parameter in added if parameter.free]
+    drawn = [prior.coordinate(prior.draw(rng, len(known.coordinates))) for prior in priors]
+    return Knowledge(problem, np.column_stack([known.coordinates, *drawn]))
 
 
 def _alike(known: IncidentErrors, measured: Impacts, planned: Impacts) -> IncidentErrors:
@@ -186,16 +189,11 @@ def with_plate(known: Knowledge, sd: float, rng: np.random.Generator) -> Knowled
     names = {parameter.name for parameter in known.problem.parameters}
     if names.issuperset(FORCE_NOISE):
         return known
-    added = [_noise(FORCE_NOISE[0], sd), _noise(FORCE_NOISE[1], None)]
-    problem = replace(known.problem, parameters=(*known.problem.parameters, *added))
-    prior = added[1].prior
-    drawn = prior.coordinate(prior.draw(rng, len(known.coordinates)))
-    return Knowledge(problem, np.column_stack([known.coordinates, drawn]))
-
-
-def _noise(name: str, fixed: float | None) -> Parameter:
-    spec = NOISE_SPECS[name]
-    return Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), fixed)
+    added = []
+    for name, fixed in zip(FORCE_NOISE, (sd, None), strict=True):
+        spec = NOISE_SPECS[name]
+        added.append(Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), fixed))
+    return _with_parameters(known, added, rng)
 
 
 def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], root: FloatArray) -> FloatArray:

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.inference.identifiability.fisher import first_order_draws
-from fitball.inference.identifiability.posterior_verdict import Judgement, judged_draws
+from fitball.inference.identifiability.information import first_order_draws
+from fitball.inference.identifiability.verdict import Judgement, Numbers, judge, marginal
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.priors import parse_prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results.evidence import Evidence
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.kernels.vertical import ANCHOR_SPEED
 from fitball.models.specs import ParameterSpec
@@ -28,6 +29,8 @@ BEYOND = 0.05
 LINES = {"cor_10": "cor_slope", "eps_10": "eps_slope"}
 # Draws of a point fit.
 DRAWS = 2000
+# They are judged by their draws alone.
+NOTHING = Evidence(None, None, None, None, None, None)
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,6 @@ def derived(
         # Where the model has hardly an answer there is nothing to be told.
         if 2 * len(draws) < len(values) or 2 * len(known) < len(before):
             continue
-        judged = judged_draws(problem, item.parameter, draws, item.parameter.prior.coordinate(known), "")
-        found.append(Derived(item, float(item.rule(best)[0]), draws, judged))
+        numbers = Numbers(problem, item.parameter, NOTHING, marginal(item.parameter.prior, draws, known))
+        found.append(Derived(item, float(item.rule(best)[0]), draws, judge(numbers)))
     return tuple(found)

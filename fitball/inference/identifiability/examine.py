@@ -1,23 +1,39 @@
-"""All evidence at all parameters, and the verdicts they add up to."""
+"""All evidence at all parameters, and the verdicts they add up to: profiles and information (see there), several
+fits,
+in which impacts a parameter acts, whether only priors of others hold it, power-scaling.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fitball.inference.identifiability.derived import extrapolated, extrapolated_words
-from fitball.inference.identifiability.eigendirections import eigendirections
-from fitball.inference.identifiability.fisher import UNINFORMED, information_evidence, inverse, prior_sds
-from fitball.inference.identifiability.posterior_verdict import Judgement, judge, plain
-from fitball.inference.identifiability.power_scaling import power_evidence
-from fitball.inference.identifiability.profile import DROP_95, coverage, profiles
-from fitball.inference.identifiability.profile_path import best_top, free_searches, standard_errors
-from fitball.inference.identifiability.scene_share import contraction_alone, touched_by_scene
-from fitball.inference.identifiability.verdict import combine
+from fitball.inference.identifiability.information import (
+    UNINFORMED,
+    eigendirections,
+    information_evidence,
+    inverse,
+    prior_sds,
+)
+from fitball.inference.identifiability.profile import DROP_95, best_top, coverage, profiles, standard_errors
+from fitball.inference.identifiability.verdict import (
+    CONFLICT,
+    SENSITIVE,
+    Judgement,
+    Numbers,
+    contraction_alone,
+    judge,
+    marginal,
+    plain,
+    tied_words,
+    touched_by_scene,
+)
 from fitball.inference.likelihood.cells import prediction_slopes
 from fitball.inference.likelihood.force import force_information, force_slopes, noise_held
+from fitball.inference.likelihood.posterior import Densities, densities
 from fitball.inference.point.surface import Surface, surface_of
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import NOISE_SPECS
@@ -30,9 +46,12 @@ from fitball.inference.results.evidence import (
     ContractionEvidence,
     Evidence,
     Identifiability,
+    PowerEvidence,
     Profiles,
 )
 from fitball.inference.results.results import PointFit, Posterior, Verdict, thinned
+from fitball.inference.sampling.convergence import TAILS
+from fitball.inference.sampling.importance import smoothed
 from fitball.scheduling.engine import Engine
 from fitball.values import FloatArray
 
@@ -48,76 +67,43 @@ BETWEEN, FLAT = 15, 0.1
 ROWS = 300
 
 
-@dataclass(frozen=True)
-class SeveralFits:
-    """What several fits say: `words` for a reader, and the parameters that are not noise that all of them `agree` on;
-    nothing of either where there is one fit.
-    """
-
-    words: str
-    agree: frozenset[str]
-
-
-def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> SeveralFits:
+def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> tuple[str, frozenset[str]]:
     """The fits that searches from `optima`, each all parameters by name in SI, lead to, the best first: those within
-    a drop of 1.92 of the best that differ in something.
+    a drop of 1.92 of the best that differ in something. In words, and the parameters that are not noise that all of
+    them agree on; nothing of either where there is one fit.
     """
-    one = SeveralFits("", frozenset())
     if len(problem.impacts) > ROWS:
-        return one
+        return "", frozenset()
     objective = surface_of(problem)
-    scene = problem.contact_time is not None
     starts = objective.from_values(np.array([[optimum[name] for name in problem.free_names] for optimum in optima]))
-    top, others = best_top(objective, starts, scene)
-    kept, errors, costs = [top.x], [_errors(objective, top.x, scene)], [top.cost]
-    for x in others:
-        cost = float(objective.cost(x[None, :], free_searches(objective, x[None, :], scene).given)[0])
-        error = _errors(objective, x, scene)
-        near = [
-            np.all(np.abs(x - y) < APART * np.minimum(error, known)) for y, known in zip(kept, errors, strict=True)
-        ]
-        if cost - top.cost < DROP_95 and not any(near) and not _joined(objective, kept, x, scene):
-            kept.append(x)
-            errors.append(error)
-            costs.append(cost)
-    if len(kept) < 2:
-        return one
-    return _told(objective, np.array(kept), np.array(errors), np.array(costs) - top.cost, scene)
+    top, others = best_top(objective, starts)
+    drops = objective.cost(others, objective.free(others)) - top.cost if len(others) else ()
+    fits = [(top.x, top.errors[objective.columns], 0.0)]
+    for x, drop in zip(others, drops, strict=True):
+        errors = standard_errors(objective, x[None, :])[objective.columns]
+        near = any(np.all(np.abs(x - y) < APART * np.minimum(errors, known)) for y, known, _ in fits)
+        if drop < DROP_95 and not near and not any(joined(objective, y, x) for y, *_ in fits):
+            fits.append((x, errors, float(drop)))
+    if len(fits) < 2:
+        return "", frozenset()
+    places = np.array([x for x, *_ in fits])
+    apart = np.ptp(places, axis=0) > APART * np.min([errors for _, errors, _ in fits], axis=0)
+    parameters = [problem.free[k] for k in objective.columns]
+    told = []
+    for row, (_x, _errors, drop) in zip(objective.values(places, objective.free(places)), fits, strict=True):
+        values = zip(parameters, row[objective.columns], apart, strict=True)
+        words = ", ".join(f"{one.name} {plain(value, one.spec.unit)}" for one, value, differs in values if differs)
+        told.append(words + (f" (log likelihood {drop:.1f} below the best)" if drop > 0.0 else ""))
+    agree = [one.name for one, differs in zip(parameters, apart, strict=True) if not differs]
+    count = "Two" if len(told) == 2 else str(len(told))
+    same = f" They agree on {', '.join(agree)}." if agree else ""
+    return f"{count} fits describe the data: {'; or '.join(told)}.{same}", frozenset(agree)
 
 
-def _joined(objective: Surface, kept: Sequence[FloatArray], x: FloatArray, scene: bool) -> bool:
-    """Whether the straight way from `x` to one of the fits `kept` is flat all along, as on a plateau."""
-    shares = np.linspace(0.0, 1.0, BETWEEN)[:, None]
-    for y in kept:
-        way = x + shares * (y - x)
-        cost = objective.cost(way, free_searches(objective, way, scene).given)
-        if float(np.ptp(cost)) < FLAT:
-            return True
-    return False
-
-
-def _errors(objective: Surface, x: FloatArray, scene: bool) -> FloatArray:
-    return standard_errors(objective, x[None, :], scene)[objective.columns]
-
-
-def _told(objective: Surface, x: FloatArray, errors: FloatArray, drops: FloatArray, scene: bool) -> SeveralFits:
-    """What fits at `x` (fits, columns) say, with their standard errors and drops of the log likelihood."""
-    apart = np.ptp(x, axis=0) > APART * errors.min(axis=0)
-    names = [objective.problem.free[k].name for k in objective.columns]
-    values = objective.values(x, free_searches(objective, x, scene).given)[:, objective.columns]
-    units = [objective.problem.free[k].spec.unit for k in objective.columns]
-    fits = []
-    for row, drop in zip(values, drops, strict=True):
-        told = ", ".join(
-            f"{name} {plain(value, unit)}"
-            for name, value, unit, differs in zip(names, row, units, apart, strict=True)
-            if differs
-        )
-        fits.append(f"{told} (log likelihood {drop:.1f} below the best)" if drop > 0.0 else told)
-    count = "Two" if len(fits) == 2 else str(len(fits))
-    agree = frozenset(name for name, differs in zip(names, apart, strict=True) if not differs)
-    same = f" They agree on {', '.join(name for name in names if name in agree)}." if agree else ""
-    return SeveralFits(f"{count} fits describe the data: {'; or '.join(fits)}.{same}", agree)
+def joined(objective: Surface, y: FloatArray, x: FloatArray) -> bool:
+    """Whether the straight way between two places (columns,) is flat all along, as on a plateau."""
+    way = x + np.linspace(0.0, 1.0, BETWEEN)[:, None] * (y - x)
+    return float(np.ptp(objective.cost(way, objective.free(way)))) < FLAT
 
 
 # In which impacts a parameter moves the rebound, from the derivative over draws, and in which the regime is in doubt.
@@ -233,6 +219,82 @@ def traded(problem: Problem, coordinates: FloatArray) -> Mapping[str, tuple[str,
     }
 
 
+# Sensitivity of the posterior to priors, scene and likelihood: each part of its density is raised to a power near
+# one, the draws reweighted (Pareto-smoothed), and the change of each marginal measured by the cumulative
+# Jensen-Shannon distance per doubling of the power (Kallioinen, Paananen, Buerkner and Vehtari 2023, Stat Comput 34,
+# 57).
+
+# The authors' powers.
+POWERS = (0.99, 1.01)
+DRAWS = 4000
+WEAK = "strong prior / weak likelihood"
+
+
+def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvidence]:
+    """The evidence on every free parameter, in the coordinate of its prior, on a few thousand draws."""
+    scored = replace(
+        posterior, values=np.concatenate([posterior.values, posterior.log_posterior[..., None]], axis=-1)
+    )
+    values, score = np.split(thinned(scored, DRAWS), [-1], axis=1)
+    coordinates = problem.to_coordinates(values)
+    each = np.stack(
+        [parameter.prior.log_density(coordinates[:, k]) for k, parameter in enumerate(problem.free)], axis=1
+    )
+    # Where a level lies among the others is the model's, not a prior: what is prior there is their spread.
+    places = [pooling.place_name(label) for pooling in problem.pooling for label in pooling.labels]
+    stated = np.where(np.isin(problem.free_names, places), 0.0, each)
+    density = _parts(problem, values, score[:, 0] - each.sum(axis=1))
+    priors, likelihood = (sensitivities(coordinates, part) for part in (stated.sum(axis=1), density.likelihood))
+    scene = None if problem.contact_time is None else sensitivities(coordinates, density.scene)
+    return {
+        name: PowerEvidence(
+            prior=float(priors[k]),
+            own_prior=float(sensitivities(coordinates[:, k : k + 1], stated[:, k])[0]),
+            scene=None if scene is None else float(scene[k]),
+            likelihood=float(likelihood[k]),
+            diagnosis=diagnosis(float(priors[k]), float(likelihood[k])),
+        )
+        for k, name in enumerate(problem.free_names)
+    }
+
+
+def _parts(problem: Problem, values: FloatArray, both: FloatArray) -> Densities:
+    """Scene and likelihood at draws (draws, free); of a large table the likelihood is what the scene, told by a part
+    of the impacts, leaves of `both` (draws,).
+    """
+    if len(problem.impacts) <= LOOKED_AT:
+        return densities(problem, values)
+    scene = densities(thinned_problem(problem, LOOKED_AT), values, measured=False)
+    return replace(scene, likelihood=both - scene.scene)
+
+
+def sensitivities(draws: FloatArray, log_density: FloatArray) -> FloatArray:
+    """Power-scaling sensitivity (columns,) of each column of `draws` (draws, columns) to a part of the log density
+    (draws,); zero for a part that is the same at every draw, which no power changes, and for a column that is, which
+    no weights move. Draws may be tied, as those of a walker are that sat.
+    """
+    from fitball.inference.sampling.array_stats import array_stats
+
+    if np.ptp(log_density) <= 0.0:
+        return np.zeros(draws.shape[1])
+    efficiency = float(array_stats.ess(log_density[None, :], method="tail", prob=TAILS)) / log_density.size
+    lower, upper = (np.exp(smoothed((power - 1.0) * log_density, efficiency)[0])[None, :] for power in POWERS)
+    sensitivity = np.zeros(draws.shape[1])
+    for k in np.flatnonzero(np.ptp(draws, axis=0) > 0.0):
+        column = draws[None, :, k]
+        sensitivity[k] = array_stats.power_scale_sense(
+            column, lower, upper, lower_alpha=POWERS[0], upper_alpha=POWERS[1]
+        )
+    return sensitivity
+
+
+def diagnosis(prior: float, likelihood: float) -> str:
+    """The authors' diagnosis in words, "" where there is none."""
+    if prior < SENSITIVE:
+        return ""
+    return CONFLICT if likelihood >= SENSITIVE else WEAK
+
+
 # Rows up to which profiles are made unasked: ten seconds or so.
 PROFILED = 300
 # Draws over which derivatives are taken.
@@ -296,54 +358,50 @@ def examine(
     searches found, from which several fits are looked for.
     """
     at = _coordinates(problem, point)
-    information = information_evidence(problem, at)
-    bases: dict[str, Judgement] = {}
-    powers, draws = {}, at[None, :]
-    if posterior is not None:
-        draws = problem.to_coordinates(thinned(posterior, DERIVED))
-    held_by_others = traded(problem, draws[:: -(-len(draws) // LOOKS)])
-    if posterior is not None and correlation is not None:
-        alone = contraction_alone(problem, information, profiled[1].by_name, held_by_others)
-        bases = judge(problem, posterior, correlation, alone, held_by_others)
-        powers = power_evidence(problem, posterior)
-    active = active_impacts(problem, draws, regimes)
-    evidence, judgements, beyond = {}, {}, extrapolated(problem)
-    several = several_fits(noise_held(problem, point.values), optima or point.optima)
-    for parameter in problem.parameters:
-        if not parameter.free:
-            held = f"held at its value: {parameter.fixed_because}"
-            judgements[parameter.name] = Judgement(None, Verdict.FIXED, held)
-            continue
-        base = bases.get(parameter.name)
-        contraction = None
-        if base is not None and base.contraction is not None:
-            contraction = ContractionEvidence(base.contraction, base.open_sides)
-        seen = Evidence(
-            profile=profiled[0].by_name.get(parameter.name),
-            alone=profiled[1].by_name.get(parameter.name),
-            information=information.get(parameter.name),
-            contraction=contraction,
-            power=powers.get(parameter.name),
-            active_impacts=active.get(parameter.name),
+    draws = at[None, :] if posterior is None else problem.to_coordinates(thinned(posterior, DERIVED))
+    by_others = traded(problem, draws[:: -(-len(draws) // LOOKS)])
+    powers = {} if posterior is None else power_evidence(problem, posterior)
+    active, information = active_impacts(problem, draws, regimes), information_evidence(problem, at)
+    several, agree = several_fits(noise_held(problem, point.values), optima or point.optima)
+    whole, without_scene = profiled
+    beyond = extrapolated(problem)
+    judgements = {
+        item.name: Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+        for item in problem.parameters
+    }
+    evidence = {}
+    for k, parameter in enumerate(problem.free):
+        name = parameter.name
+        look, unaided, others = information.get(name), without_scene.by_name.get(name), by_others.get(name)
+        alone = contraction_alone(problem, parameter, look, unaided, others is not None)
+        told, tied = None, ""
+        if posterior is not None and correlation is not None:
+            told = marginal(parameter.prior, posterior.draws[:, k], posterior.prior_draws[:, k], alone)
+            tied = tied_words(posterior.names, correlation, k)
+        evidence[name] = Evidence(
+            profile=whole.by_name.get(name),
+            alone=unaided,
+            information=look,
+            contraction=None if told is None else ContractionEvidence(told.contraction, told.open_sides),
+            power=powers.get(name),
+            active_impacts=active.get(name),
         )
-        judgements[parameter.name] = combine(
+        numbers = Numbers(
             problem,
             parameter,
-            base,
-            seen,
-            value=point.values[parameter.name],
-            many=profiled[0].missing == LEFT_OUT,
-            traded=held_by_others.get(parameter.name),
-            agreed=parameter.name in several.agree,
+            evidence[name],
+            told,
+            value=point.values[name],
+            alone=alone,
+            many=whole.missing == LEFT_OUT,
+            traded=others,
+            agreed=name in agree,
+            tied=tied,
+            beyond=extrapolated_words(problem) if name in beyond else "",
         )
-        if parameter.name in beyond:
-            judged = judgements[parameter.name]
-            reason = f"{extrapolated_words(problem)}; {judged.reason}"
-            judgements[parameter.name] = replace(judged, verdict=Verdict.EXTRAPOLATED, reason=reason)
-        evidence[parameter.name] = seen
-    return Identifiability(
-        evidence, eigendirections(problem, at), profiled[0].missing, coverage(problem), several.words
-    ), judgements
+        judgements[name] = judge(numbers)
+    directions = eigendirections(problem, at)
+    return Identifiability(evidence, directions, whole.missing, coverage(problem), several), judgements
 
 
 def _coordinates(problem: Problem, point: PointFit) -> FloatArray:

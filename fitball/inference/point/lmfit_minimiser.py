@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.environment import heavy_later
 from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, differentiable, residual_slopes, residuals
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import PART, whole_of_parts
 from fitball.models.model import HAIR
-from fitball.on_demand import heavy_later
 from fitball.values import FloatArray
 
 # Times that a problem is straightened, and the length of a step, in sds, that ends it.

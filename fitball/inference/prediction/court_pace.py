@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.prediction import one_way as lab
+from fitball.inference.prediction.drop_test import DRAWN, one_way, plain_mean
 from fitball.inference.prediction.posterior_predictive import by_level, regime_shares
 from fitball.inference.prediction.reach import calibrated_range, lines_of
 from fitball.inference.problem.problem import Problem
@@ -265,16 +265,16 @@ def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) ->
     index = np.array([labels.index(name) for name in named], dtype=np.int64)
     between = elsewhere = levels = None
     remark = ""
-    found = lab.one_way(rating, np.ones((rating.size, 1)), index, rng) if len(labels) > 1 else ""
+    found = one_way(rating, np.ones((rating.size, 1)), index, rng) if len(labels) > 1 else ""
     if isinstance(found, str):
-        mean, within = lab.plain_mean(rating, rng)
+        mean, within = plain_mean(rating, rng)
         remark = found and f"differences between places are not told from noise: {found}"
     else:
-        elsewhere = found.coefficients[:, 0] + found.between * rng.standard_normal(lab.DRAWS)
+        elsewhere = found.coefficients[:, 0] + found.between * rng.standard_normal(DRAWN)
         mean, within = found.levels @ (np.bincount(index) / index.size), found.within
         between, levels = found.between, found.levels
     # The thermometer's error is one for all impacts.
-    warm = PER_KELVIN * (scene.ball_temperature_sd or 0.0) * rng.standard_normal(lab.DRAWS)
+    warm = PER_KELVIN * (scene.ball_temperature_sd or 0.0) * rng.standard_normal(DRAWN)
     means = np.array([rating[index == k].mean() for k in range(len(labels))])
     court = CourtMean(
         column=column,

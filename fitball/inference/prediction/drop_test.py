@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import HEIGHTS
 from fitball.data.heights import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
-from fitball.inference.prediction.one_way import OneWay, one_way
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.problem.problem import Problem
@@ -30,10 +29,107 @@ from fitball.inference.results.drop_test import (
     rise_height_in_air,
     share_within,
 )
-from fitball.inference.results.quantiles import MOST_UNSOLVED, spread_of
+from fitball.inference.results.quantiles import MOST_UNSOLVED, Spread, spread_of
 from fitball.inference.results.results import PointFit, Posterior, thinned
 from fitball.models.types import STATUS_REASON, Status
 from fitball.values import FloatArray, Impacts
+
+# Repeated measurements of several balls, or at several places: their differences apart from measurement noise. `y = X
+# beta + b[label] + noise`, where `b` and the noise are normal. Priors are flat in `beta`, in the standard deviation
+# between labels (Gelman 2006, *Bayesian Analysis* 1, 515) and in the logarithm of that of the noise. Given the ratio
+# of the two, everything else is known in closed form (a linear mixed model with one factor; Searle, Casella and
+# McCulloch 1992, *Variance Components*, ch. 3), so that the ratio alone is summed over a grid.
+
+DRAWN = 8000
+# Ratios of the two standard deviations, evenly spaced in their logarithm: beyond, nothing is left of either.
+RATIOS = np.exp(np.linspace(np.log(1e-4), np.log(1e4), 800))
+# Below this share of the whole scatter repeats agree to the digits they are printed with.
+LEAST_SCATTER = 1e-12
+
+
+def lab_generator(seed: int) -> np.random.Generator:
+    """The generator of what drop tests and courts are told by, a stream of a run that nothing else draws from."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(13,)))
+
+
+@dataclass(frozen=True)
+class OneWay:
+    """Draws: `coefficients` (draws, columns of the design), standard deviations `between` labels and `within` one,
+    each (draws,), and how far each label lies from the others, `shifts` (draws, labels).
+    """
+
+    coefficients: FloatArray
+    between: FloatArray
+    within: FloatArray
+    shifts: FloatArray
+
+    @property
+    def levels(self) -> FloatArray:
+        """Each label (draws, labels), where the first column of the design is one."""
+        return self.coefficients[:, :1] + self.shifts
+
+
+def plain_mean(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Draws of mean and standard deviation, each (draws,), of independent `values` (at least three)."""
+    count = values.size
+    freedom = count - 1
+    spread = np.sqrt(np.sum((values - values.mean()) ** 2) / rng.chisquare(freedom, DRAWN))
+    return values.mean() + spread / np.sqrt(count) * rng.standard_normal(DRAWN), spread
+
+
+def one_way(
+    values: FloatArray, design: FloatArray, index: NDArray[np.int64], rng: np.random.Generator
+) -> OneWay | str:
+    """Draws for `values` (rows,) with `design` (rows, columns) and labels `index` (rows,), or why there are none."""
+    labels = np.eye(int(index.max()) + 1)[index]
+    rank = int(np.linalg.matrix_rank(np.hstack([design, labels])))
+    shared = int(np.linalg.matrix_rank(design)) + labels.shape[1] - rank
+    if labels.shape[1] - shared < 2:
+        return "fewer than three of them"
+    if values.size - rank < 2:
+        return "too few repeats"
+    beta: FloatArray = np.asarray(np.linalg.lstsq(design, values, rcond=None)[0], dtype=np.float64)
+    rest = values - design @ beta
+    pure = rest - _fitted(np.hstack([design, labels]), rest)
+    if not pure @ pure > LEAST_SCATTER * (values @ values):
+        return "repeats agree to the last digit"
+    return _draws(rest, beta, design, labels, rng)
+
+
+def _fitted(matrix: FloatArray, values: FloatArray) -> FloatArray:
+    return np.asarray(matrix @ np.linalg.lstsq(matrix, values, rcond=None)[0])
+
+
+def _draws(
+    rest: FloatArray, beta: FloatArray, design: FloatArray, labels: FloatArray, rng: np.random.Generator
+) -> OneWay:
+    """Draws around the least-squares `beta`, which leaves `rest` (rows,)."""
+    freedom = rest.size - design.shape[1] - 1
+    count = labels.sum(axis=0)
+    sums, totals = labels.T @ design, labels.T @ rest
+    share = RATIOS[:, None] ** 2 / (1.0 + count * RATIOS[:, None] ** 2)
+    information = design.T @ design - np.einsum("gm,mp,mq->gpq", share, sums, sums)
+    right = design.T @ rest - np.einsum("gm,mp,m->gp", share, sums, totals)
+    move = np.linalg.solve(information, right[..., None])[..., 0]
+    square = rest @ rest - share @ totals**2 - np.einsum("gp,gp->g", right, move)
+    density = (
+        -0.5 * np.linalg.slogdet(information)[1]
+        - 0.5 * np.log1p(count * RATIOS[:, None] ** 2).sum(axis=1)
+        - 0.5 * freedom * np.log(square)
+        + np.log(RATIOS)
+    )
+    weight = np.cumsum(np.exp(density - density.max()))
+    chosen = np.searchsorted(weight, weight[-1] * (np.arange(DRAWN) + rng.uniform()) / DRAWN)
+    chosen = rng.permutation(np.minimum(chosen, RATIOS.size - 1))
+    within = np.sqrt(square[chosen] / rng.chisquare(freedom, DRAWN))
+    roots = np.linalg.cholesky(np.linalg.inv(information))[chosen]
+    moved = move[chosen] + within[:, None] * np.einsum(
+        "dpq,dq->dp", roots, rng.standard_normal((DRAWN, design.shape[1]))
+    )
+    spread = within[:, None] * np.sqrt(share[chosen])
+    shifts = share[chosen] * (totals - moved @ sums.T) + spread * rng.standard_normal((DRAWN, count.size))
+    return OneWay(beta + moved, RATIOS[chosen] * within, within, shifts)
+
 
 DRAWS = 4000
 # Speeds closer to the next one than this share of themselves were meant to be the same.
@@ -43,12 +139,8 @@ MOST_SPEEDS, WIDEST = 6, 0.15
 BALLS = "ball"
 
 
-@dataclass(frozen=True)
-class _Law:
-    """The restitution over speed: at the best values, and draws (None without a posterior)."""
-
-    point: Callable[[float], float]
-    draws: Callable[[float], FloatArray] | None
+# The restitution at a speed [m/s]: at the best values, then draws (none without a posterior).
+Law = Callable[[float], FloatArray]
 
 
 def drop_test(
@@ -111,21 +203,21 @@ def _settings(speeds: FloatArray) -> list[NDArray[np.int64]]:
     return [rows for rows in near if rows.size]
 
 
-def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None, speed: float) -> _Law | str:
+def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None, speed: float) -> Law | str:
     """Restitution as the model has it; the reason where it has none at the landing `speed` [m/s]."""
-    best = np.array([[point.values[name] for name in problem.free_names]])
-    values = None if posterior is None else thinned(posterior, DRAWS)
+    values = np.array([[point.values[name] for name in problem.free_names]])
+    if posterior is not None:
+        values = np.concatenate([values, thinned(posterior, DRAWS)])
 
-    def at(rows: FloatArray, speed: float) -> FloatArray:
-        rebound = problem.rebound(rows, _drop(speed))
-        solved = rebound.status[:, 0] == 0
-        return np.asarray(np.where(solved, rebound.v_y2[:, 0] / speed, np.nan))
+    def at(speed: float) -> FloatArray:
+        rebound = problem.rebound(values, _drop(speed))
+        return np.asarray(np.where(rebound.status[:, 0] == 0, rebound.v_y2[:, 0] / speed, np.nan))
 
-    for rows in (best, values):
-        if rows is not None and np.mean(np.isnan(at(rows, speed))) > MOST_UNSOLVED:
-            rebound = problem.rebound(rows, _drop(speed))
-            return f"the model cannot be evaluated there: {STATUS_REASON[Status(int(rebound.status.max()))]}"
-    return _Law(lambda v: float(at(best, v)[0]), None if values is None else lambda v: at(values, v))
+    unsolved = np.isnan(at(speed))
+    if unsolved[0] or np.mean(unsolved) > MOST_UNSOLVED:
+        status = int(problem.rebound(values, _drop(speed)).status.max())
+        return f"the model cannot be evaluated there: {STATUS_REASON[Status(status)]}"
+    return at
 
 
 def _balls(
@@ -153,36 +245,40 @@ def _design(speeds: FloatArray, speed: float) -> FloatArray:
     return np.stack([ones, speeds - speed] if len(_settings(speeds)) > 1 else [ones], axis=1)
 
 
-def _law_of_balls(found: OneWay, fitted: _Law, speeds: FloatArray, speed: float) -> _Law:
+def _law_of_balls(found: OneWay, fitted: Law, speeds: FloatArray, speed: float) -> Law:
     """Restitution of the mean ball: a line in speed where there are several; else what was found at the one speed,
     carried to others by the difference that the fit has between the two.
     """
     tested = float(speeds.mean())
 
-    def draws(v: float) -> FloatArray:
+    def at(v: float) -> FloatArray:
         if found.coefficients.shape[1] > 1:
-            return np.asarray(found.coefficients @ np.array([1.0, v - speed]))
-        if fitted.draws is None:
-            return np.asarray(found.coefficients[:, 0] + fitted.point(v) - fitted.point(tested))
-        difference = fitted.draws(v) - fitted.draws(tested)
-        return np.asarray(found.coefficients[:, 0] + np.resize(difference, found.within.size))
+            draws = found.coefficients @ np.array([1.0, v - speed])
+        else:
+            difference = fitted(v) - fitted(tested)
+            draws = found.coefficients[:, 0] + np.resize(difference[1:] if difference.size > 1 else difference, DRAWN)
+        return np.append(np.nanmedian(draws), draws)
 
-    return _Law(lambda v: float(np.nanmedian(draws(v))), draws)
+    return at
 
 
-def _tested(law: _Law, speeds: FloatArray, cor: FloatArray, rows: NDArray[np.int64]) -> TestedSpeed:
+def _spread(told: FloatArray) -> Spread:
+    """Of a number at the best values and its draws."""
+    return spread_of(told[1:] if told.size > 1 else None, float(told[0]))
+
+
+def _tested(law: Law, speeds: FloatArray, cor: FloatArray, rows: NDArray[np.int64]) -> TestedSpeed:
     speed = float(speeds[rows].mean())
-    draws = None if law.draws is None else law.draws(speed)
     scatter = float(cor[rows].std(ddof=1)) if rows.size > 1 else None
     return TestedSpeed(
-        speed, float(speeds[rows].min()), float(speeds[rows].max()), rows.size,
-        spread_of(draws, law.point(speed)), float(cor[rows].mean()), scatter,
+        speed, float(speeds[rows].min()), float(speeds[rows].max()), rows.size, _spread(law(speed)),
+        float(cor[rows].mean()), scatter,
     )  # fmt: skip
 
 
 def _rebound(
     problem: Problem,
-    law: _Law,
+    law: Law,
     found: OneWay | None,
     kind: str,
     rng: np.random.Generator,
@@ -191,35 +287,29 @@ def _rebound(
     speed = fall_speed(DROP_HEIGHT)
     k = drag(problem.model.ball)
     slower = fall_speed_in_air(DROP_HEIGHT, k)
-    passing = dict.fromkeys(BALL_TYPES, Passing(None, None, None))
-    mean = air = drop = None
-    if law.draws is not None:
-        cor = law.draws(speed)
-        mean, air = rise_height(cor * speed), rise_height_in_air(law.draws(slower) * slower, k)
-        ball = None
-        if found is not None:
-            other = cor + found.between * rng.standard_normal(cor.size)
-            ball = rise_height(other * speed)
-            drop = rise_height((other + found.within * rng.standard_normal(cor.size)) * speed)
-        elif posterior is not None:
-            drop = rise_height(_one_drop(problem, posterior, speed, rng))
-        passing = {
-            name: Passing(
-                *(None if heights is None else share_within(heights, name) for heights in (mean, ball, drop))
-            )
-            for name in BALL_TYPES
-        }
-    at = law.point(speed)
-    height = float(rise_height(np.array(at * speed)))
+    cor, thinner = law(speed), law(slower)
+    height, air = rise_height(cor * speed), rise_height_in_air(thinner * slower, k)
+    sampled = cor.size > 1
+    ball = drop = None
+    if sampled and found is not None:
+        other = cor[1:] + found.between * rng.standard_normal(cor.size - 1)
+        ball = rise_height(other * speed)
+        drop = rise_height((other + found.within * rng.standard_normal(cor.size - 1)) * speed)
+    elif posterior is not None:
+        drop = rise_height(_one_drop(problem, posterior, speed, rng))
+    told = (height[1:] if sampled else None, ball, drop)
     reach = calibrated_range(problem.table.impacts, _drop(speed), problem.model.ball.radius, False, ()).beyond["v_y1"]
     return StandardRebound(
         speed=speed,
-        height=spread_of(mean, height),
-        drop=spread_of(drop, height),
-        passing=passing,
-        with_air=spread_of(air, float(rise_height_in_air(np.array(law.point(slower) * slower), k))),
-        passing_with_air=None if air is None else share_within(air, kind),
-        air_share=launch_speed_in_air(height, k) / slower / at - 1.0,
+        height=_spread(height),
+        drop=spread_of(drop, float(height[0])),
+        passing={
+            name: Passing(*(None if heights is None else share_within(heights, name) for heights in told))
+            for name in BALL_TYPES
+        },
+        with_air=_spread(air),
+        passing_with_air=share_within(air[1:], kind) if sampled else None,
+        air_share=launch_speed_in_air(float(height[0]), k) / slower / float(cor[0]) - 1.0,
         beyond=float(reach[0]) if abs(reach[0]) > SAME * speed else 0.0,
     )
 

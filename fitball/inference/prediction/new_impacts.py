@@ -15,7 +15,6 @@ from fitball.inference.likelihood import regime_mixture
 from fitball.inference.prediction.posterior_predictive import joined, regime_shares, with_noise
 from fitball.inference.prediction.reach import CalibratedRange, calibrated_range, lines_of
 from fitball.inference.problem.measurement_noise import derived, noise_in
-from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable, build_observables
 from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.fitted_model import FittedModel
@@ -243,43 +242,27 @@ def _batch(
     drawn = [fixed]
     if covariance is not None:
         drawn = [drawn_rebound(fitted, impacts, covariance, states) for _ in range(2)]
-    _withhold((fixed, *drawn), np.mean(drawn[0].status != 0, axis=0) > MOST_UNSOLVED)
+    withheld = np.mean(drawn[0].status != 0, axis=0) > MOST_UNSOLVED
+    for rebound in (fixed, *drawn):
+        for name in OUTPUTS:
+            getattr(rebound, name)[:, withheld] = np.nan
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
     outputs = []
     for observable in observables:
-        made = _output(fitted.noise, observable, observable.predict(at_point)[0], columns, drawn[0], rng)
+        predicted, known = observable.predict(drawn[0]), observable.known(columns.keys())
+        made = OutputPrediction(observable.name, observable.predict(at_point)[0], bands(predicted))
+        if known:
+            data = with_noise(fitted.noise, observable, columns, drawn[0], rng)[2]
+            mean, sd = over_draws(np.nanmean, data), over_draws(np.nanstd, data)
+            made = replace(made, measured=bands(data), mean=mean, sd=sd)
         if covariance is not None:
-            noise = None
-            if made.measured is not None:
-                # The noise of a measurement at the stated incident state, from numbers of its own.
-                predicted, _spread, data = with_noise(fitted.noise, observable, columns, fixed, states)
-                noise = data - predicted
-            one, other = map(observable.predict, drawn)
-            made = replace(made, shares=shares(observable.predict(fixed), one, other, noise))
+            # The noise of a measurement at the stated incident state, from numbers of its own.
+            stated, noise = observable.predict(fixed), None
+            if known:
+                noise = with_noise(fitted.noise, observable, columns, fixed, states)[2] - stated
+            made = replace(made, shares=shares(stated, predicted, observable.predict(drawn[1]), noise))
         outputs.append(made)
     return outputs, regime_shares(drawn[0]), _failures(drawn[0])
-
-
-def _withhold(rebounds: Sequence[Rebound], rows: NDArray[np.bool_]) -> None:
-    """Take away what draws say of the impacts `rows`."""
-    for rebound in rebounds:
-        for name in OUTPUTS:
-            getattr(rebound, name)[:, rows] = np.nan
-
-
-def _output(
-    noise: NoiseKind,
-    observable: Observable,
-    point: FloatArray,
-    columns: Mapping[str, FloatArray],
-    drawn: Rebound,
-    rng: np.random.Generator,
-) -> OutputPrediction:
-    if not observable.known(columns.keys()):
-        return OutputPrediction(observable.name, point, bands(observable.predict(drawn)))
-    predicted, _spread, data = with_noise(noise, observable, columns, drawn, rng)
-    mean, sd = over_draws(np.nanmean, data), over_draws(np.nanstd, data)
-    return OutputPrediction(observable.name, point, bands(predicted), bands(data), mean, sd)
 
 
 def _failures(rebound: Rebound) -> _Shares:

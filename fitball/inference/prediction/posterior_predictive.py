@@ -45,12 +45,12 @@ def curves(problem: Problem, values: FloatArray) -> tuple[Curve, ...]:
     """
     found = {", ".join(labels): rows for labels, rows in sorted(by_level(problem).items())}
     if problem.table.has_tangential:
-        return tuple(
-            _over_angle(problem, values, label, rows)
-            for label, rows in _crowds(problem, found if len(found) > 1 else {"": np.arange(len(problem.impacts))})
-        )
+        return tuple(_curve(problem, values, *crowd) for crowd in _crowds(problem, found))
     busiest = sorted(found.items(), key=lambda item: -item[1].size)[:MOST_CURVES]
-    return tuple(_over_speed(problem, values, label, rows) for label, rows in sorted(busiest))
+    spin = problem.impacts.omega_1
+    return tuple(
+        _curve(problem, values, label, None, float(np.median(spin[rows])), rows) for label, rows in sorted(busiest)
+    )
 
 
 def by_level(problem: Problem) -> dict[tuple[str, ...], NDArray[np.int64]]:
@@ -82,15 +82,15 @@ def _near(
     return rows[np.maximum(apart, turning) <= share * speed]
 
 
-def _crowds(
-    problem: Problem, levels: dict[str, NDArray[np.int64]]
-) -> list[tuple[str, tuple[float, float, NDArray[np.int64]]]]:
-    """Label, and speed, spin and rows of the impacts near them, by label, spin and speed."""
-    left = dict(levels)
-    chosen: list[tuple[str, tuple[float, float, NDArray[np.int64]]]] = []
+Crowd = tuple[str, float, float, NDArray[np.int64]]
+
+
+def _crowds(problem: Problem, levels: Mapping[str, NDArray[np.int64]]) -> list[Crowd]:
+    """Label, speed, spin and rows of the impacts near them, by label, spin and speed."""
+    left, chosen = dict(levels), list[Crowd]()
     while left and len(chosen) < MOST_CURVES:
-        best = max(((label, _crowd(problem, rows)) for label, rows in left.items()), key=lambda item: item[1][2].size)
-        label, (speed, spin, near) = best
+        best = max((_crowd(problem, label, rows) for label, rows in left.items()), key=lambda crowd: crowd[3].size)
+        label, speed, spin, near = best
         if chosen and near.size < FEWEST:
             break
         chosen.append(best)
@@ -100,56 +100,42 @@ def _crowds(
         # Of several surfaces each has one curve.
         if len(levels) == 1 and rest.size:
             left[label] = rest
-    return sorted(chosen, key=lambda item: (item[0], item[1][1], item[1][0]))
+    return sorted(chosen, key=lambda crowd: (crowd[0], crowd[2], crowd[1]))
 
 
-def _crowd(problem: Problem, rows: NDArray[np.int64]) -> tuple[float, float, NDArray[np.int64]]:
+def _crowd(problem: Problem, label: str, rows: NDArray[np.int64]) -> Crowd:
     """A round speed and spin with as many of `rows` near them as at any of those tried."""
-    impacts, radius = problem.impacts, problem.model.ball.radius
-    speed = impacts.speed
+    speed, spin = problem.impacts.speed, problem.impacts.omega_1
     tried = rows[np.unique(np.linspace(0, rows.size - 1, TRIED).round().astype(np.int64))]
-    near = max((_near(problem, rows, speed[k], impacts.omega_1[k]) for k in tried), key=len)
+    near = max((_near(problem, rows, speed[k], spin[k]) for k in tried), key=len)
     middle = float(np.median(speed[near]))
     middle = _rounded(middle, NEAR * middle)
-    spin = _rounded(float(np.median(impacts.omega_1[near])), NEAR * middle / radius)
-    round_near = _near(problem, rows, middle, spin)
+    turning = _rounded(float(np.median(spin[near])), NEAR * middle / problem.model.ball.radius)
+    round_near = _near(problem, rows, middle, turning)
     # Of two impacts far apart the rounded middle may lie near neither.
-    return middle, spin, round_near if round_near.size else near
+    return label, middle, turning, round_near if round_near.size else near
 
 
-def _over_angle(
-    problem: Problem, values: FloatArray, label: str, crowd: tuple[float, float, NDArray[np.int64]]
+def _curve(
+    problem: Problem, values: FloatArray, label: str, speed: float | None, spin: float, near: NDArray[np.int64]
 ) -> Curve:
-    """The curve over all angles of the table."""
-    speed, spin, near = crowd
-    angles = problem.impacts.angle
-    low, high = float(angles.min()), float(angles.max())
-    room = max(0.0, 0.5 * (NARROWEST - (high - low)))
-    along = np.linspace(max(low - room, LOWEST), min(high + room, math.pi - LOWEST), CURVE_POINTS)
-    cor = _typical_cor(problem, near)
-    impacts = Impacts.polar(speed, along, np.full_like(along, spin), cor)
-    return Curve(label, speed, spin, near, along, impacts, _bands(problem, values, impacts, near))
-
-
-def _over_speed(problem: Problem, values: FloatArray, label: str, rows: NDArray[np.int64]) -> Curve:
-    """The curve of a drop test."""
-    low, high = float(problem.impacts.v_y1.min()), float(problem.impacts.v_y1.max())
-    room = max(0.0, 0.5 * (NEAR * high - (high - low)))
+    """The curve over all angles of the table at a speed; over all speeds where there is none, in a drop test."""
+    known = problem.impacts.v_y1 if speed is None else problem.impacts.angle
+    low, high = float(known.min()), float(known.max())
+    room = max(0.0, 0.5 * ((NEAR * high if speed is None else NARROWEST) - (high - low)))
+    if speed is not None:
+        low, high = max(low, LOWEST + room), min(high, math.pi - LOWEST - room)
     along = np.linspace(low - room, high + room, CURVE_POINTS)
-    spin = float(np.median(problem.impacts.omega_1[rows]))
-    impacts = Impacts(np.zeros_like(along), along, np.full_like(along, spin), _typical_cor(problem, rows))
-    return Curve(label, None, spin, rows, along, impacts, _bands(problem, values, impacts, rows))
-
-
-def _typical_cor(problem: Problem, rows: NDArray[np.int64]) -> FloatArray | None:
-    """For models that are given the restitution of each impact the median of `rows`."""
+    # Models that are given the restitution of each impact have the median of those near.
     given = problem.impacts.cor
-    return None if given is None else np.full(CURVE_POINTS, np.median(given[rows]))
-
-
-def _bands(problem: Problem, values: FloatArray, impacts: Impacts, rows: NDArray[np.int64]) -> dict[str, FloatArray]:
-    rebound = problem.rebound(values, impacts, int(rows[0]) if rows.size else None)
-    return {name: bands(column.predict(rebound)) for name, column in OBSERVABLES.items()}
+    cor = None if given is None else np.full(CURVE_POINTS, np.median(given[near]))
+    if speed is None:
+        impacts = Impacts(np.zeros_like(along), along, np.full_like(along, spin), cor)
+    else:
+        impacts = Impacts.polar(speed, along, np.full_like(along, spin), cor)
+    rebound = problem.rebound(values, impacts, int(near[0]) if near.size else None)
+    shown = {name: bands(column.predict(rebound)) for name, column in OBSERVABLES.items()}
+    return Curve(label, speed, spin, near, along, impacts, shown)
 
 
 if TYPE_CHECKING:

@@ -41,6 +41,8 @@ def elpd_difference(one: FloatArray, other: FloatArray) -> ElpdDifference:
 # Sds of a fit's own posterior by which its median, or an end of its 95 % interval, must move for a value to rest on
 # an assumption: the other median is then outside of the interval, or the other interval about twice as wide.
 MOVED = 2.0
+# Levels of a summary.
+LEVELS = np.array([0.025, 0.5, 0.975])
 # What the scene states that a value may rest on, as it is named in a verdict.
 CONTACT_TIME = "contact_time"
 # What the rating is called among other quantities.
@@ -60,6 +62,15 @@ class Summary:
     sd: float
     q025: float
     q975: float
+
+
+def summary(column: FloatArray, weights: FloatArray) -> Summary:
+    """Of draws (draws,) that count by `weights`, among those for which the quantity is finite."""
+    known = np.isfinite(column)
+    column, weights = column[known], weights[known]
+    low, median, high = np.quantile(column, LEVELS, weights=weights, method="inverted_cdf").tolist()
+    mean = np.average(column, weights=weights)
+    return Summary(median, float(np.sqrt(np.average((column - mean) ** 2, weights=weights))), low, high)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitball.on_demand import heavy_later
+from fitball.environment import heavy_later
 
 with heavy_later("arviz_base", "arviz_stats", "xarray"):
     from arviz_stats.base.array import array_stats

@@ -103,19 +103,6 @@ class WeightedDraws:
         """Whether there are draws enough to say something."""
         return self.effective >= LEAST
 
-    def quantiles(self, column: FloatArray, levels: FloatArray) -> FloatArray:
-        """Quantiles (levels,) of a quantity (draws,), among the draws for which it is finite."""
-        known = np.isfinite(column)
-        weights = np.exp(self.log_weights[known])
-        return np.asarray(np.quantile(column[known], levels, weights=weights, method="inverted_cdf"))
-
-    def sd(self, column: FloatArray) -> float:
-        """Standard deviation of a quantity (draws,), among the draws for which it is finite."""
-        known = np.isfinite(column)
-        weights = np.exp(self.log_weights[known])
-        mean = np.average(column[known], weights=weights)
-        return float(np.sqrt(np.average((column[known] - mean) ** 2, weights=weights)))
-
 
 def equal_draws(values: FloatArray) -> WeightedDraws:
     """Draws (draws, free) of a chain, all of one weight."""

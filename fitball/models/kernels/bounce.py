@@ -1,4 +1,6 @@
-"""One bounce of any two-mass composition, and batches over draws and impacts: eight at once where they are plain."""
+"""One bounce of any two-mass composition, and batches over draws and impacts: one by one, and eight at once where
+they are plain.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.compiled import Entry, apart, calling, inner, read_only
+from fitball.models.kernels.compiled import compiled, inner
 from fitball.models.kernels.contact import contact_of
 from fitball.models.kernels.dual import WIDTH
 from fitball.models.kernels.lanes.number import lane_array
@@ -35,22 +37,10 @@ from fitball.models.kernels.lanes.start import (
     V_Y,
     vertical_in_lanes,
 )
-from fitball.models.kernels.phases import (
-    MAX_PHASES,
-    PIECE_SIZE,
-    Scratch,
-    make_scratch,
-    rigid_contact,
-    two_mass_contact,
-)
-from fitball.models.kernels.vertical import (
-    COLUMNS,
-    OK,
-    TANGENTIAL,
-    TORSION,
-    TORSION_RIGID,
-    vertical_motion,
-)
+from fitball.models.kernels.oscillator import SERIES_LENGTH
+from fitball.models.kernels.phases import MAX_PHASES, Scratch, rigid_contact, two_mass_contact
+from fitball.models.kernels.search import MAX_DEPTH, SIZE, Stack
+from fitball.models.kernels.vertical import COLUMNS, OK, TANGENTIAL, TORSION, TORSION_RIGID, vertical_motion
 from fitball.values import FloatArray
 
 
@@ -72,7 +62,7 @@ def unsolved(status: int, regime: int) -> Bounce:
     return Bounce(status, math.nan, math.nan, math.nan, math.nan, regime, 0)
 
 
-@apart
+@inner
 def bounce(
     row: FloatArray,
     codes: NDArray[np.int64],
@@ -102,15 +92,58 @@ def bounce(
     return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, pieces)
 
 
-BOUNCE = Entry(
-    bounce,
-    (
-        np.zeros(len(COLUMNS)), np.zeros(TANGENTIAL + 1, dtype=np.int64), 0.0, 0.0, 0.0, 0.0,
-        Scratch(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((1, 5))), np.zeros((MAX_PHASES, PIECE_SIZE)),
-    ),
-    Bounce(0, 0.0, 0.0, 0.0, 0.0, 0, 0),
-)  # fmt: skip
-solve_alone = BOUNCE.call
+# Sizes of the scratch of one contact, and of the rows of lanes that eight take.
+FUNCTION, ROOM = max(SERIES_LENGTH, SIZE), max(SERIES_LENGTH, SIZE) + 2 * SERIES_LENGTH
+STACK = (MAX_DEPTH + 1, 5)
+LANE_ROOM = (INPUTS + OUTPUTS + SCRATCH, WIDTH)
+
+
+@inner
+def scratch_in(room: FloatArray, stack: Stack) -> Scratch:
+    """Scratch for one contact, in arrays (ROOM,) and `STACK`."""
+    return Scratch(
+        room[:FUNCTION], room[FUNCTION : FUNCTION + SERIES_LENGTH], room[FUNCTION + SERIES_LENGTH : ROOM], stack
+    )
+
+
+@compiled
+def bounce_each(
+    rows: FloatArray,
+    codes: NDArray[np.int64],
+    v_x1: FloatArray,
+    v_y1: FloatArray,
+    omega_1: FloatArray,
+    cor: FloatArray,
+    places: NDArray[np.int64],
+    first: int,
+    out: FloatArray,
+    regime: NDArray[np.int64],
+    status: NDArray[np.int8],
+    log: FloatArray,
+    ends: NDArray[np.int64],
+    room: FloatArray,
+    stack: Stack,
+) -> int:
+    """As `bounce_batch`, one by one and of any composition: those at `places` from the `first` on, counted draw by
+    draw.
+
+    Their pieces stand in the `log` (at least MAX_PHASES, PIECE_SIZE) one behind the other, those of each up to its
+    row in `ends` (places,). Returns how many places are done: not all of them where the log is full.
+    """
+    scratch = scratch_in(room, stack)
+    used, stop = 0, len(places)
+    for place in range(first, stop):
+        if used + MAX_PHASES > log.shape[0]:
+            return place
+        i = places[place] // v_x1.shape[1]
+        j = places[place] - i * v_x1.shape[1]
+        own = i if v_x1.shape[0] > 1 else 0
+        one = bounce(rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, log[used:])
+        out[0, i, j], out[1, i, j], out[2, i, j] = one.v_x2, one.v_y2, one.omega_2
+        out[3, i, j], regime[i, j], status[i, j] = one.contact_time, one.regime, one.status
+        used += one.pieces
+        ends[place] = used
+    return stop
 
 
 @inner
@@ -123,7 +156,11 @@ def give_vertical(row: FloatArray, codes: NDArray[np.int64], lane: int, given: F
     given[T_FORCE, lane], given[T_CONTACT, lane] = vertical.t_force, vertical.t_contact
 
 
-@calling(BOUNCE)
+# Of an impact that is not plain.
+LEFT = -1
+
+
+@compiled
 def bounce_batch(
     rows: FloatArray,
     codes: NDArray[np.int64],
@@ -134,55 +171,42 @@ def bounce_batch(
     out: FloatArray,
     regime: NDArray[np.int64],
     status: NDArray[np.int8],
+    room: FloatArray,
 ) -> int:
-    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses.
+    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses, eight at once.
 
     The incident columns are (1, impacts), shared by all draws, or (draws, impacts). No impact's answer depends on
-    which others there are. Returns how many were not plain and solved one by one.
+    which others there are. Those that are not plain have the status LEFT; returns how many. `room` is scratch of the
+    shape LANE_ROOM. The composition has a joint and motion along the court.
     """
-    scratch, phase_log = make_scratch(), np.empty((MAX_PHASES, PIECE_SIZE))
     draws, impacts = rows.shape[0], v_x1.shape[1]
-    in_lanes = codes[TANGENTIAL] != 0 and codes[TORSION] != TORSION_RIGID
-    given, solved, room = np.zeros((INPUTS, WIDTH)), np.zeros((OUTPUTS, WIDTH)), np.zeros((SCRATCH, WIDTH))
+    given, solved, rest = room[:INPUTS], room[INPUTS : INPUTS + OUTPUTS], room[INPUTS + OUTPUTS :]
     alone = not vertical_in_lanes(codes)
     count = draws * impacts
-    careful = 0
+    left = 0
     for first in range(0, count, WIDTH):
-        filled = min(WIDTH, count - first)
-        if in_lanes:
+        filled = WIDTH if first + WIDTH <= count else count - first
+        for lane in range(WIDTH):
             # Draws of one impact lie side by side: they go through the same phases. The last lanes repeat.
-            for lane in range(WIDTH):
-                j, i = divmod(first + min(lane, filled - 1), draws)
-                own = i if v_x1.shape[0] > 1 else 0
-                for column in range(len(COLUMNS)):
-                    given[column, lane] = rows[i, column]
-                given[V_X, lane], given[V_Y, lane] = v_x1[own, j], v_y1[own, j]
-                given[OMEGA, lane], given[COR, lane] = omega_1[own, j], cor[own, j]
-                if alone:
-                    give_vertical(rows[i], codes, lane, given)
-            bounce_lanes(lane_array(given), codes, lane_array(solved), room)
+            place = first + (lane if lane < filled else filled - 1)
+            j = place // draws
+            i = place - j * draws
+            own = i if v_x1.shape[0] > 1 else 0
+            for column in range(len(COLUMNS)):
+                given[column, lane] = rows[i, column]
+            given[V_X, lane], given[V_Y, lane] = v_x1[own, j], v_y1[own, j]
+            given[OMEGA, lane], given[COR, lane] = omega_1[own, j], cor[own, j]
+            if alone:
+                give_vertical(rows[i], codes, lane, given)
+        bounce_lanes(lane_array(given), codes, lane_array(solved), rest)
         for lane in range(filled):
-            j, i = divmod(first + lane, draws)
+            j = (first + lane) // draws
+            i = first + lane - j * draws
+            status[i, j] = LEFT
             if solved[PLAIN, lane] > 0.5:
                 out[0, i, j], out[1, i, j] = solved[V_X2, lane], solved[V_Y2, lane]
                 out[2, i, j], out[3, i, j] = solved[OMEGA_2, lane], solved[CONTACT_TIME, lane]
                 regime[i, j], status[i, j] = int(solved[REGIME, lane]), OK
-                continue
-            careful += 1
-            own = i if v_x1.shape[0] > 1 else 0
-            one = solve_alone(
-                rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, phase_log
-            )
-            out[0, i, j], out[1, i, j], out[2, i, j] = one.v_x2, one.v_y2, one.omega_2
-            out[3, i, j], regime[i, j], status[i, j] = one.contact_time, one.regime, one.status
-    return careful
-
-
-BATCH = Entry(
-    bounce_batch,
-    (
-        np.zeros((1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64), *(read_only((1, 1)) for _ in range(4)),
-        np.zeros((4, 1, 1)), np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1), dtype=np.int8),
-    ),
-    0,
-)  # fmt: skip
+            else:
+                left += 1
+    return left

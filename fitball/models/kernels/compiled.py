@@ -2,8 +2,7 @@
 
 What only kernels call becomes code that is linked into what Python calls and optimised there: Numba makes machine
 code of every function, optimised by itself, and then once more as part of each that calls it, which for kernels that
-are all expanded into one batch is half of a cold start. What several batches call has machine code of its own
-(`Entry`).
+are all expanded into one batch is half of a cold start.
 
 On disk each kernel has a file for each kind of arguments, sealed with a checksum. Numba's own files end a run in a
 traceback when one is cut short, end the process when its machine code is damaged, and mix up kernels that two
@@ -19,22 +18,19 @@ import os
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from inspect import Parameter, Signature
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import Any, Generic, ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
+from weakref import WeakKeyDictionary
 
 import llvmlite.binding as llvm
 import numba
-import numpy as np
-from numba.core import cgutils, codegen, compiler, event, typed_passes, untyped_passes
+from numba.core import codegen, compiler, event, typed_passes, untyped_passes
 from numba.core.compiler_machinery import register_pass
 from numba.core.serialize import dumps
-from numba.core.typing.templates import Signature as Kinds
-from numba.extending import intrinsic
+from numba.core.types.functions import BaseFunction
 
-from fitball import first_compile
-from fitball.values import FloatArray
+from fitball import environment
 
 IDLE = (
     untyped_passes.InlineClosureLikes,
@@ -46,11 +42,33 @@ IDLE = (
 )
 
 
-class LinkOnlyLibrary(codegen.JITCodeLibrary):
-    """Code for the libraries it is linked into."""
+class Library(codegen.JITCodeLibrary):
+    """Machine code of a kernel and all that it calls, which is optimised once: numba's first round, for counts of
+    references, finds none in kernels.
+    """
 
     def _optimize_final_module(self) -> None:
-        """Leave it to these."""
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+
+class LinkOnlyLibrary(Library):
+    """Code for the libraries it is linked into, which do with it all that is to be done."""
+
+    def add_llvm_module(self, ll_module: Any) -> None:
+        """Add it as it is."""
+        ll_module.data_layout = self._codegen._data_layout
+        self._final_module.link_in(ll_module)
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _get_module_for_linking(self) -> Any:
+        self._ensure_finalized()
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = llvm.Linkage.linkonce_odr
+        return self._final_module
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -59,8 +77,21 @@ class LinkOnlyLibrary(codegen.JITCodeLibrary):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
+class Lowering(typed_passes.NativeLowering):
+    """Lowers into a library of ours."""
+
+    _name = "lowering_once"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower the function of `state`."""
+        state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return bool(super().run_pass(state))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
 class LinkOnlyLowering(typed_passes.NativeLowering):
-    """Lowers into such a library."""
+    """Lowers into a library that has no machine code."""
 
     _name = "link_only_lowering"
 
@@ -76,14 +107,16 @@ class LinkOnlyLowering(typed_passes.NativeLowering):
         return True
 
 
-class LinkOnlyCompiler(compiler.CompilerBase):
-    """Numba's compiler, up to the code that is linked."""
+class Compiler(compiler.CompilerBase):
+    """Numba's compiler less its idle passes, for kernels that Python calls."""
+
+    lowering: type[Any] = Lowering
 
     def define_pipelines(self) -> list[Any]:
-        """The passes: numba's own, less those that are idle."""
+        """The passes."""
         manager = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
         manager.passes = [
-            (LinkOnlyLowering if one is typed_passes.NativeLowering else one, words)
+            (self.lowering if one is typed_passes.NativeLowering else one, words)
             for one, words in manager.passes
             if one not in IDLE
         ]
@@ -91,17 +124,41 @@ class LinkOnlyCompiler(compiler.CompilerBase):
         return [manager]
 
 
+class LinkOnlyCompiler(Compiler):
+    """For those that only kernels call: up to the code that is linked."""
+
+    lowering = LinkOnlyLowering
+
+
+def _remember_calls() -> None:
+    """Let numba find what a function makes of some kinds of arguments once: at each operator it asks dozens
+    of templates, which took a sixth of a cold start.
+    """
+    plain = BaseFunction.get_call_type
+    found: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
+
+    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        if kws:
+            return plain(self, context, args, kws)
+        known = found.setdefault(self, {})
+        if args not in known:
+            known[args] = plain(self, context, args, kws)
+        return known[args]
+
+    BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]
+
+
+_remember_calls()
 SEAL = hashlib.sha256().digest_size
 
 
 class KernelFiles:
     """Stands in for numba's files of one function: `stem` begins their names, `stamp` says of which sources and of
-    which numba they are. `loaded` is called before machine code that came from disk is linked.
+    which numba they are.
     """
 
     def __init__(self, folder: Path, stem: str, stamp: tuple[Any, ...]) -> None:
         self.folder, self.stem, self.stamp = folder, stem, stamp
-        self.loaded: Callable[[], None] = lambda: None
 
     def place(self, key: object) -> Path:
         """Where the kernel is kept for what numba calls its key: kinds of arguments, processor, bytecode."""
@@ -115,7 +172,6 @@ class KernelFiles:
             return None
         if content[:SEAL] != self._seal(key, content[SEAL:]):
             return None
-        self.loaded()
         return pickle.loads(content[SEAL:])
 
     def save(self, key: object, data: object) -> None:
@@ -137,66 +193,6 @@ class KernelFiles:
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-
-class Entry(Generic[P, R]):
-    """A compiled kernel that the linker knows by name, for one kind of arguments: of these and of the result it is
-    given examples. Kernels that `call` it name it in their decorator, `calling`, so that it is linked before them
-    where these come from disk; where they are compiled it is linked last, when another process may have compiled it.
-    """
-
-    def __init__(self, kernel: Callable[P, R], arguments: Sequence[Any], result: R) -> None:
-        self.kernel: Any = kernel
-        self.name = f"fitball.{self.kernel.__name__}"
-        self.signature = Kinds(numba.typeof(result), tuple(map(numba.typeof, arguments)), None)
-        self.call = cast("Callable[P, R]", intrinsic(self._typed()))
-        # How many of the kernels that are being compiled name it.
-        self.named = 0
-        self._linked = False
-
-    def link(self) -> None:
-        """Compile the kernel or read it from disk, if that was not done, and tell the linker where it is.
-
-        Raises TypeError where it gives something else than its example says.
-        """
-        if self._linked:
-            return
-        self.kernel.compile(self.signature.args)
-        made = self.kernel.overloads[self.signature.args]
-        if made.signature.return_type != self.signature.return_type:
-            raise TypeError(f"{self.name} gives {made.signature.return_type}, not {self.signature.return_type}")
-        llvm.add_symbol(self.name, made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
-        self._linked = True
-
-    def _typed(self) -> Any:
-        """The call, as numba wants it from `intrinsic`."""
-
-        def typed(_context: Any, *_kinds: Any) -> Any:
-            if not self.named:
-                # From disk the code would call nothing, and end the process.
-                raise numba.TypingError(f"{self.name} is not linked: name it in @calling")
-            return self.signature, self._emit
-
-        names = ["context", *(f"x{k}" for k in range(len(self.signature.args)))]
-        typed.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_ONLY) for name in names])  # type: ignore[attr-defined]
-        return typed
-
-    def _emit(self, context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        self.link()
-        conventions, given, taken = context.call_conv, self.signature.return_type, self.signature.args
-        kind = conventions.get_function_type(given, taken)
-        function = cgutils.get_or_insert_function(builder.module, kind, self.name)
-        status, result = conventions.call_function(builder, function, given, taken, values)
-        with cgutils.if_unlikely(builder, status.is_error):
-            conventions.return_status_propagate(builder, status)
-        return result
-
-
-def read_only(shape: tuple[int, ...]) -> FloatArray:
-    """An array as kernels are given impacts."""
-    array = np.zeros(shape)
-    array.flags.writeable = False
-    return array
 
 
 def _kernel_sources() -> tuple[tuple[str, float, int], ...]:
@@ -222,63 +218,29 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a kernel that Python calls: cached on disk, free of the interpreter lock, strict IEEE arithmetic.
 
     `error_model="numpy"` lets a division by zero give an infinity instead of an exception, so that a batch is never
-    stopped by one impact; every kernel marks such an impact by its status.
+    stopped by one impact; every kernel marks such an impact by its status. Kernels make no arrays but views, and
+    count no references to them, which took a fifth of the time: the owner is whoever calls from Python.
     """
-    return cast("Callable[P, R]", _compile(function, {"no_cfunc_wrapper": True}))
+    dispatcher = _made(function, {"_nrt": False, "no_cfunc_wrapper": True, "pipeline_class": Compiler})
+    # Where neither the folder of the sources nor that of the user can be written to, each run compiles for itself.
+    with suppress(RuntimeError):
+        dispatcher.enable_caching()
+        _keep_whole(dispatcher)
+    return cast("Callable[P, R]", dispatcher)
 
 
 def inner(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, for what kernels call and what makes no arrays: linked into them, not kept on disk.
+    """As `compiled`, for what kernels call: linked into them, not kept on disk, where two processes that compile
+    kernels which call the same one would mix up their copies.
 
-    Called from Python it is Python. References to arrays are not counted: their owner is the kernel above, and the
-    counting took a fifth of the time.
+    Called from Python it is Python.
     """
-    return cast("Callable[P, R]", _inner(function, INNER))
+    return cast("Callable[P, R]", _without_entry(_made(function, INNER)))
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """As `inner`, always expanded where it is called: for what is apart for order's sake, called once or twice."""
-    return cast("Callable[P, R]", _inner(function, {**INNER, "forceinline": True}))
-
-
-def inner_allocating(function: Callable[P, R]) -> Callable[P, R]:
-    """As `inner`, for kernels that make arrays."""
-    return cast("Callable[P, R]", _inner(function, {**INNER, "_nrt": True}))
-
-
-def calling(*entries: Entry[..., Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """As `compiled`, for kernels that call others at their `entries`: these are linked before them."""
-
-    def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        dispatcher = _compile(function, {"no_cfunc_wrapper": True})
-        alone = dispatcher.compile
-
-        def link_entries() -> None:
-            for entry in entries:
-                entry.link()
-
-        if kept(dispatcher):
-            dispatcher._cache._cache_file.loaded = link_entries
-
-        def compile_with(signature: Any) -> Any:
-            for entry in entries:
-                entry.named += 1
-            try:
-                return alone(signature)
-            finally:
-                for entry in entries:
-                    entry.named -= 1
-
-        dispatcher.compile = compile_with
-        return cast("Callable[P, R]", dispatcher)
-
-    return decorate
-
-
-def apart(function: Callable[P, R]) -> Callable[P, R]:
-    """As `inner`, with machine code of its own, which an `Entry` leads to."""
-    options = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("Callable[P, R]", _without_entry(_compile(function, options)))
+    return cast("Callable[P, R]", _without_entry(_made(function, {**INNER, "forceinline": True})))
 
 
 def _made(function: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -293,33 +255,10 @@ def _made(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     return dispatcher
 
 
-def _inner(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    # Two processes may compile kernels that call the same inner one: on disk their copies would be mixed up.
-    return _without_entry(_made(function, options))
-
-
-def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    dispatcher = _made(function, options)
-    try:
-        dispatcher.enable_caching()
-    except RuntimeError:
-        # Neither the folder of the sources nor that of the user can be written to: each run compiles for itself.
-        return dispatcher
-    _keep_whole(dispatcher)
-    return dispatcher
-
-
-def on_disk(kernel: Any, kinds: Any) -> bool:
-    """Whether there is a kernel on disk that is compiled for these kinds of arguments."""
-    if not kept(kernel):
-        return False
-    cache = kernel._cache
-    return bool(cache._cache_file.place(cache._index_key(kinds, kernel.targetctx.codegen())).exists())
-
-
-def kept(kernel: Any) -> bool:
-    """Whether a kernel that is compiled is kept on disk."""
-    return isinstance(getattr(kernel._cache, "_cache_file", None), KernelFiles)
+def to_be_made(kernel: Any) -> bool:
+    """Whether a kernel that is compiled is kept on disk, and was not yet for any kind of arguments."""
+    files = getattr(kernel._cache, "_cache_file", None)
+    return isinstance(files, KernelFiles) and not any(files.folder.glob(f"{files.stem}.*"))
 
 
 def _without_entry(dispatcher: Any) -> Any:
@@ -357,14 +296,14 @@ class _Compilations(event.Listener):
             self.collected = gc.isenabled()
             gc.disable()
             folder = dispatcher.stats.cache_path
-            first_compile.tell(first_compile.Compiling(dispatcher.py_func.__name__, folder))
+            environment.tell(environment.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
             if self.collected:
                 gc.enable()
-            first_compile.tell(None)
+            environment.tell(None)
 
 
 event.register("numba:compile", _Compilations())

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.models.kernels.bounce import BOUNCE, solve_alone
-from fitball.models.kernels.compiled import Entry, calling, inlined, inner, inner_allocating, read_only
+from fitball.models.kernels.compiled import compiled, inlined, inner
 from fitball.models.kernels.contact import Contact, contact_of, landed
 from fitball.models.kernels.dual import SLOPES, STEP, WIDTH, GradientArray, Number, NumberArray, carry, gradient_array
 from fitball.models.kernels.equations import (
@@ -36,12 +35,9 @@ from fitball.models.kernels.oscillator import SERIES_LENGTH, Oscillators, basis_
 from fitball.models.kernels.phases import (
     EVENT,
     FORCE_ENDED,
-    MAX_PHASES,
-    PIECE_SIZE,
     RESUMED,
     Piece,
     logged_piece,
-    make_scratch,
     rigid_contact,
 )
 from fitball.models.kernels.vertical import (
@@ -139,6 +135,11 @@ def on_time(
 # Derivatives with respect to an impact's own speeds, spin, and measured restitution come first.
 V_X1, V_Y1, OMEGA_1, COR, INPUTS = range(5)
 TWIST = max(SERIES_LENGTH, 4)
+# Rows of scratch that one thread needs: numbers and their slopes.
+IMPACT = len(COLUMNS)
+REBOUND = IMPACT + INPUTS
+SERIES = REBOUND + 4
+ROOM = (SERIES + TWIST + SERIES_LENGTH, WIDTH)
 
 
 class GradientScratch(NamedTuple):
@@ -150,17 +151,6 @@ class GradientScratch(NamedTuple):
     impact: FloatArray
     rebound: FloatArray
     series: FloatArray
-
-
-@inner_allocating
-def make_gradient_scratch() -> GradientScratch:
-    """Scratch for one thread."""
-    return GradientScratch(
-        np.zeros((len(COLUMNS), WIDTH)),
-        np.zeros((INPUTS, WIDTH)),
-        np.zeros((4, WIDTH)),
-        np.zeros((TWIST + SERIES_LENGTH, WIDTH)),
-    )
 
 
 @inlined
@@ -195,7 +185,7 @@ def bounce_gradient(codes: NDArray[np.int64], phase_log: FloatArray, pieces: int
         out[0], out[2] = followed_again(contact, phase_log, pieces, twist, force)
 
 
-@calling(BOUNCE)
+@compiled
 def jacobian_batch(
     rows: FloatArray,
     seeds: FloatArray,
@@ -204,41 +194,40 @@ def jacobian_batch(
     v_y1: FloatArray,
     omega_1: FloatArray,
     cor: FloatArray,
+    first: int,
+    stop: int,
+    status: NDArray[np.int8],
+    log: FloatArray,
+    ends: NDArray[np.int64],
     slopes: FloatArray,
+    room: FloatArray,
 ) -> None:
-    """Fill `slopes` (draws, impacts, 4, INPUTS + parameters): those of what `bounce_batch` gives of the same impacts.
+    """Fill `slopes` (draws, impacts, 4, INPUTS + parameters): those of what `bounce_each` gave of the places from
+    `first` to `stop`, each draw's impacts in turn, with their `status`, `log` and `ends`.
 
     `seeds` (parameters, draws, columns): what each column of `rows` gains per unit of a parameter. Without a measured
-    restitution among the inputs the slopes along it are zero; where the status is not OK all are NaN.
+    restitution among the inputs the slopes along it are zero; where the status is not OK all are NaN. `room` is
+    scratch of the shape ROOM.
     """
-    scratch, carrying = make_scratch(), make_gradient_scratch()
-    phase_log = np.empty((MAX_PHASES, PIECE_SIZE))
+    carrying = GradientScratch(room[:IMPACT], room[IMPACT:REBOUND], room[REBOUND:SERIES], room[SERIES:])
     directions = INPUTS + seeds.shape[0]
-    for i in range(rows.shape[0]):
+    used = 0
+    for place in range(first, stop):
+        i = place // v_x1.shape[1]
+        j = place - i * v_x1.shape[1]
         own = i if v_x1.shape[0] > 1 else 0
-        for j in range(v_x1.shape[1]):
-            v_x, v_y, omega, measured = v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j]
-            solved = solve_alone(rows[i], codes, v_x, v_y, omega, measured, scratch, phase_log)
-            if solved.status != OK:
-                slopes[i, j] = math.nan
-                continue
-            impact = carrying.impact
-            impact[V_X1, 0], impact[V_Y1, 0], impact[OMEGA_1, 0], impact[COR, 0] = v_x, v_y, omega, measured
-            for first in range(0, directions, SLOPES):
-                lay(rows[i], seeds, i, first, carrying)
-                bounce_gradient(codes, phase_log, solved.pieces, carrying)
-                for output in range(4):
-                    for place in range(min(SLOPES, directions - first)):
-                        slopes[i, j, output, first + place] = carrying.rebound[output, 1 + place] / STEP
-            if codes[RESTITUTION] != COR_MEASURED:
-                slopes[i, j, :, COR] = 0.0
-
-
-JACOBIAN = Entry(
-    jacobian_batch,
-    (
-        np.zeros((1, len(COLUMNS))), np.zeros((1, 1, len(COLUMNS))), np.zeros(TANGENTIAL + 1, dtype=np.int64),
-        *(read_only((1, 1)) for _ in range(4)), np.zeros((1, 1, 4, INPUTS)),
-    ),
-    None,
-)  # fmt: skip
+        begin, used = used, ends[place]
+        if status[i, j] != OK:
+            slopes[i, j] = math.nan
+            continue
+        impact = carrying.impact
+        impact[V_X1, 0], impact[V_Y1, 0] = v_x1[own, j], v_y1[own, j]
+        impact[OMEGA_1, 0], impact[COR, 0] = omega_1[own, j], cor[own, j]
+        for along in range(0, directions, SLOPES):
+            lay(rows[i], seeds, i, along, carrying)
+            bounce_gradient(codes, log[begin:], used - begin, carrying)
+            for output in range(4):
+                for k in range(along, directions if directions < along + SLOPES else along + SLOPES):
+                    slopes[i, j, output, k] = carrying.rebound[output, 1 + k - along] / STEP
+        if codes[RESTITUTION] != COR_MEASURED:
+            slopes[i, j, :, COR] = 0.0

@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from fitball.models.kernels.compiled import inlined, inner, inner_allocating
+from fitball.models.kernels.compiled import inlined, inner
 from fitball.models.kernels.contact import Contact, impulsive_friction, landed
 from fitball.models.kernels.dual import Number, exp
 from fitball.models.kernels.equations import (
@@ -31,8 +29,8 @@ from fitball.models.kernels.equations import (
     solve_twist,
     swung_to,
 )
-from fitball.models.kernels.oscillator import AT_START, SERIES_LENGTH, Basis, Oscillators, Series, basis_at
-from fitball.models.kernels.search import HALVINGS_LEFT, MAX_DEPTH, MAX_HALVINGS, SIZE, Stack, first_zero
+from fitball.models.kernels.oscillator import AT_START, Basis, Oscillators, Series, basis_at
+from fitball.models.kernels.search import HALVINGS_LEFT, MAX_HALVINGS, Stack, first_zero
 from fitball.models.types import (
     FREE,
     GRIP,
@@ -268,17 +266,6 @@ MAX_PHASES = 4096
 FIRST_IMPULSE = 1e-300
 # Slip below this share of its two terms is none: their rounding.
 SLIP_ROUNDING = 4.5e-16
-
-
-@inner_allocating
-def make_scratch() -> Scratch:
-    """Scratch for one thread."""
-    return Scratch(
-        np.zeros(max(SERIES_LENGTH, SIZE)),
-        np.zeros(SERIES_LENGTH),
-        np.zeros(SERIES_LENGTH),
-        np.zeros((MAX_DEPTH + 1, 5)),
-    )
 
 
 @inner

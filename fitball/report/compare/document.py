@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fitball.files import all_or_none
-from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
+from fitball.inference.comparison.left_out import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, measured_outputs
 from fitball.inference.results.adequacy import Answer

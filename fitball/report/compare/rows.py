@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.inference.comparison.cross_validation import GROUPS, IMPACTS
+from fitball.inference.comparison.left_out import GROUPS, IMPACTS
 from fitball.inference.comparison.results import Comparison, FixedPrediction, ModelScore
 from fitball.inference.prediction.outputs import OUTPUTS, root_mean_square
 from fitball.inference.results.adequacy import Answer

@@ -30,9 +30,8 @@ from fitball.report.figures.canvas import (
 )
 from fitball.report.figures.quantities import ParameterAxis, drawn, parameter, parameter_axis
 from fitball.report.figures.sheet import Panel, Sheet, Side
-from fitball.report.form.numbers import handy
+from fitball.report.form.numbers import handy, parameter_row, profile_interval
 from fitball.report.form.palette import GUIDE, MEASURED, MODEL, PRIOR, SERIES, pale
-from fitball.report.form.parameters import parameter_row, profile_interval
 from fitball.values import FloatArray
 from fitball.wording import short
 

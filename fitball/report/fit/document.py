@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from fitball.inference.results.results import Fit, Verdict
-from fitball.inference.thesis.published_cases import CaseComparison, PublishedCase, compare_cases
+from fitball.inference.thesis.published_cases import PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
-from fitball.report.fit.drop import drop_parts, lead_lines
+from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_parts
 from fitball.report.fit.judged import adequacy_parts, assumption_parts, evidence_parts
-from fitball.report.fit.pace import pace_parts
 from fitball.report.fit.rows import (
     balance_table,
     budget_rows,
@@ -25,17 +24,24 @@ from fitball.report.fit.rows import (
     thesis_rows,
 )
 from fitball.report.form.document import Document, Part, Picture, Section, Table, Words, as_page, on_terminal
-from fitball.report.form.numbers import THESIS, Scale, digits, file_words, handy, output_scale
-from fitball.report.form.parameters import NOT_TOLD, TOLD, parameter_row, told_line
+from fitball.report.form.numbers import (
+    NOT_TOLD,
+    THESIS,
+    TOLD,
+    Scale,
+    digits,
+    file_words,
+    handy,
+    output_scale,
+    parameter_row,
+    told_line,
+)
 from fitball.version import versions_line
 from fitball.wording import speaking_to_command_line
 
-# The three best cases of the thesis beside a fit of the same impacts, as parts of a report.
-
+# Parameters of the three best cases of the thesis, in SI where that has no handy multiple.
 PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}
-
-
 CASES = (
     "{} The cases are those of Table 9 of Jafri (2004), with Eq. (53), and the damping and mean restitution of "
     "Chapter V, computed as the thesis does; this fit: {}. Thesis units first, SI below."
@@ -45,19 +51,40 @@ CASES = (
 def case_parts(fit: Fit) -> list[Part]:
     """Fitted values and errors beside those of each case; nothing where the data are not Wang's."""
     given_columns = ("v_y2",) if fit.problem.model.needs_cor else ()
-    cases = compare_cases(fit.problem.table, fit.point.rebound, given_columns)
-    if cases is None:
+    found = compare_cases(fit.problem.table, fit.point.rebound, given_columns)
+    if found is None:
         return []
-    heads = ("quantity", "unit", "this fit", *(f"case {case.case}" for case in cases.cases))
+    cases, mine = found.cases, found.fitted_rms
+    theirs = []
+    for name, unit in (("v_x2", "m/s"), ("omega_2", "rad/s")):
+        texts = [digits(rms, 2) for rms in sorted(case.rms[name] for case in cases)]
+        theirs.append(f"{' to '.join(dict.fromkeys((texts[0], texts[-1])))} {unit}")
+    free = sum(name in fit.problem.model_names for name in fit.problem.free_names)
+    sentence = (
+        f"On these {len(fit.problem.table)} impacts the point estimate ({free} free parameters of the model) misses "
+        f"v_x2 by {digits(mine['v_x2'], 2)} m/s and omega_2 by {digits(mine['omega_2'], 2)} rad/s, the three cases, "
+        f"hand-tuned on Wang's impacts, {' and '.join(theirs)} (root mean square)."
+    )
+    # As the thesis prints them (m/s, rad/s, degrees), and in SI where that differs.
+    errors = [
+        (
+            name if k == 0 else "",
+            scale.unit,
+            *(digits(it[name] * scale.factor, 2) if name in it else "told" for it in (mine, *(c.rms for c in cases))),
+        )
+        for name in COMPARED
+        for k, scale in enumerate(dict.fromkeys((output_scale(name), Scale(OBSERVABLES[name].unit))))
+    ]
+    heads = ("quantity", "unit", "this fit", *(f"case {case.case}" for case in cases))
     values = "the point estimate" if fit.posterior is None else "median and 95 % interval"
     return [
-        Words([CASES.format(_sentence(fit, cases), values)], only="page"),
-        Table("Parameters beside Table 9", [heads, *_values(fit, cases)], ["unit"], only="page"),
-        Table("Root mean square errors on these impacts", [heads, *_errors(cases)], ["unit"], only="page"),
+        Words([CASES.format(sentence, values)], only="page"),
+        Table("Parameters beside Table 9", [heads, *_case_values(fit, cases)], ["unit"], only="page"),
+        Table("Root mean square errors on these impacts", [heads, *errors], ["unit"], only="page"),
     ]
 
 
-def _values(fit: Fit, cases: CaseComparison) -> list[tuple[str, ...]]:
+def _case_values(fit: Fit, cases: Sequence[PublishedCase]) -> list[tuple[str, ...]]:
     """Parameters in the thesis's units, then in handy multiples of SI where these differ."""
     rows: list[tuple[str, ...]] = []
     thesis = {row.name.rpartition(" = ")[2]: row for row in thesis_rows(fit)}
@@ -66,52 +93,17 @@ def _values(fit: Fit, cases: CaseComparison) -> list[tuple[str, ...]]:
     if "offset" in fitted:
         fitted["eps_10"], thesis["eps_10"] = fitted["offset"], thesis["offset"]
     for name in PARAMETERS:
-        if name not in fitted:
-            rows.append((name, THESIS[name].unit if name in THESIS else "", "not in this model", *_of(cases, name)))
-            continue
-        if name in THESIS:
-            rows.append((name, THESIS[name].unit, thesis[name].within, *_of(cases, name)))
-        scale = handy(name, SI_UNITS.get(name, ""))
-        rows.append(("" if name in THESIS else name, scale.unit, fitted[name].within, *_of(cases, name, scale)))
-    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (case.restitution for case in cases.cases))
+        own = THESIS.get(name, Scale(""))
+        scales = [own] * (name in THESIS or name not in fitted)
+        scales += [handy(name, SI_UNITS.get(name, ""))] * (name in fitted)
+        for k, scale in enumerate(scales):
+            row = (thesis if scale is own else fitted).get(name)
+            known = (digits(case.values[name] * scale.factor, 3) for case in cases)
+            rows.append((name if k == 0 else "", scale.unit, row.within if row else "not in this model", *known))
+    means = (f"{low:.2f} to {high:.2f} by spin" for low, high in (case.restitution for case in cases))
     cor = fitted.get("cor_10") or fitted.get("cor")
     rows.append(("restitution", "", "measured" if cor is None else f"{cor.within} at 10 m/s", *means))
     return rows
-
-
-def _of(cases: CaseComparison, name: str, scale: Scale | None = None) -> list[str]:
-    chosen = scale or THESIS.get(name, Scale("", 1.0))
-    return [digits(case.values[name] * chosen.factor, 3) for case in cases.cases]
-
-
-def _errors(cases: CaseComparison) -> list[tuple[str, ...]]:
-    """Root mean square errors as the thesis prints them (m/s, rad/s, degrees), and in SI where that differs."""
-    rows = []
-    for name in COMPARED:
-        for k, scale in enumerate(dict.fromkeys((output_scale(name), Scale(OBSERVABLES[name].unit, 1.0)))):
-            mine = _rms(cases.fitted_rms, name, scale)
-            theirs = (_rms(case.rms, name, scale) for case in cases.cases)
-            rows.append((name if k == 0 else "", scale.unit, mine, *theirs))
-    return rows
-
-
-def _rms(errors: Mapping[str, float], name: str, scale: Scale) -> str:
-    return digits(errors[name] * scale.factor, 2) if name in errors else "told"
-
-
-def _sentence(fit: Fit, cases: CaseComparison) -> str:
-    free, mine = sum(name in fit.problem.model_names for name in fit.problem.free_names), cases.fitted_rms
-    return (
-        f"On these {len(fit.problem.table)} impacts the point estimate ({free} free parameters of the model) misses "
-        f"v_x2 by {digits(mine['v_x2'], 2)} m/s and omega_2 by {digits(mine['omega_2'], 2)} rad/s, the three cases, "
-        f"hand-tuned on Wang's impacts, {_range(cases.cases, 'v_x2', 'm/s')} and "
-        f"{_range(cases.cases, 'omega_2', 'rad/s')} (root mean square)."
-    )
-
-
-def _range(cases: tuple[PublishedCase, ...], name: str, unit: str) -> str:
-    texts = [digits(item.rms[name], 2) for item in sorted(cases, key=lambda item: item.rms[name])]
-    return f"{texts[0]} {unit}" if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]} {unit}"
 
 
 POOLED = (

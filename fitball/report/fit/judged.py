@@ -21,9 +21,10 @@ from fitball.report.form.numbers import (
     output_scale,
     percent,
     plus_minus,
+    profile_interval,
     significant,
+    symbol_cell,
 )
-from fitball.report.form.parameters import profile_interval, symbol_cell
 from fitball.wording import option, spoken
 
 # The order in which kinds of checks are shown, of each and each column the surest; the file has them all.

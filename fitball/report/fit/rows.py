@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -21,6 +21,7 @@ from fitball.report.fit.judged import named
 from fitball.report.form.document import MOST_ROWS, Row, Table, columns, term, wrapped
 from fitball.report.form.numbers import (
     THESIS,
+    ParameterRow,
     Scale,
     decimals,
     digits,
@@ -29,11 +30,13 @@ from fitball.report.form.numbers import (
     handy,
     listed,
     output_scale,
+    parameter_row,
     percent,
     plus_minus,
+    rounded,
     significant,
+    verdict_cell,
 )
-from fitball.report.form.parameters import ParameterRow, parameter_row, rounded, verdict_cell
 from fitball.wording import spoken
 
 # Sequence of slip and grip that is named without its probability.
@@ -174,22 +177,24 @@ def diagnosis_lines(fit: Fit) -> list[str]:
     """Sampler and point fit in sentences."""
     squares = fit.least_squares
     rms = ", ".join(f"{name} {output_scale(name).measured(value)}" for name, value in squares.rms.items())
+    starts, count = squares.starts, len(fit.point.optima)
+    # A fit that was read back does not know what its search found.
+    found = f", best of {starts} starts ({len(squares.optima)} distinct optima)" if starts else ""
+    optima = f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if starts else ""
     lines = [
         f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom"
-        + (f", best of {squares.starts} starts ({len(squares.optima)} distinct optima)" if squares.starts else "")
-        + f"; root mean square residuals: {rms}.",
-        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{_optima(fit)}.",
+        f"{found}; root mean square residuals: {rms}.",
+        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{optima}.",
     ]
-    diagnostics = fit.diagnostics
-    if diagnostics is not None:
-        k = diagnostics.pareto_k
-        pareto = "" if k is None else f", Pareto k of the weights {k:.2f}"
+    sampler = fit.diagnostics
+    if sampler is not None:
+        after, k = sampler.steps - sampler.warm_up, sampler.pareto_k
+        kept = "" if sampler.kept == after else f", {sampler.kept} of the other {after} kept"
         lines.append(
-            f"Sampling: {sampler_words(diagnostics)} "
-            f"({diagnostics.warm_up} of them warm-up{_thinning(diagnostics)}), acceptance "
-            f"{np.mean(diagnostics.acceptance):.2f}, smallest effective sample size "
-            f"{diagnostics.min_ess_bulk:.0f} (bulk), {diagnostics.min_ess_tail:.0f} (tail), "
-            f"largest R-hat {diagnostics.max_r_hat:.4f}{pareto}."
+            f"Sampling: {sampler_words(sampler)} ({sampler.warm_up} of them warm-up{kept}), acceptance "
+            f"{np.mean(sampler.acceptance):.2f}, smallest effective sample size {sampler.min_ess_bulk:.0f} (bulk), "
+            f"{sampler.min_ess_tail:.0f} (tail), largest R-hat {sampler.max_r_hat:.4f}"
+            f"{'' if k is None else f', Pareto k of the weights {k:.2f}'}."
         )
     for cause in dict.fromkeys(squares.missing.values()):
         names = [name for name, why in squares.missing.items() if why == cause]
@@ -200,12 +205,6 @@ def diagnosis_lines(fit: Fit) -> list[str]:
     return lines
 
 
-def _optima(fit: Fit) -> str:
-    """What the search found, in words; nothing where a fit was read back, which does not know."""
-    count = len(fit.point.optima)
-    return f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if fit.least_squares.starts else ""
-
-
 def sampler_words(diagnostics: Diagnostics) -> str:
     """How often was drawn by whom."""
     chains, steps = diagnostics.ensembles, diagnostics.steps
@@ -214,49 +213,42 @@ def sampler_words(diagnostics: Diagnostics) -> str:
     return f"{chains} ensembles of {diagnostics.walkers} walkers, {steps} steps"
 
 
-def _thinning(diagnostics: Diagnostics) -> str:
-    """That of a long run not all steps are kept, in words; nothing where they are."""
-    after = diagnostics.steps - diagnostics.warm_up
-    return "" if diagnostics.kept == after else f", {diagnostics.kept} of the other {after} kept"
-
-
 def budget_rows(budget: ErrorBudget) -> list[Row]:
     """A row for each output, in handy units."""
+
+    def power(value: float, form: str) -> str:
+        return format(value, form) if value > 0.0 else "none found"
+
     rows = []
     for name, line in budget.lines.items():
-        scale = output_scale(name)
-        width = "-" if line.posterior is None else digits(line.posterior * scale.factor, 2)
-        least = min(line.measurement, line.posterior or line.measurement)
+        scale, width = output_scale(name), line.posterior
+        least = min(line.measurement, width or line.measurement)
         rows.append(
             {
                 "output": name,
                 "unit": scale.unit,
-                "arithmetic, at most": _power(line.numerical * scale.factor, ".1e"),
+                "arithmetic, at most": power(line.numerical * scale.factor, ".1e"),
                 "measurement, one sd": digits(line.measurement * scale.factor, 2),
-                "parameters, half of 68 %": width,
-                "arithmetic over the smaller": _power(line.numerical / least, ".0e"),
+                "parameters, half of 68 %": "-" if width is None else digits(width * scale.factor, 2),
+                "arithmetic over the smaller": power(line.numerical / least, ".0e"),
             }
         )
     return rows
 
 
-def _power(value: float, form: str) -> str:
-    """An error as a power of ten; none at all where every compared digit is the same."""
-    return format(value, form) if value > 0.0 else "none found"
-
-
 def budget_sentence(budget: ErrorBudget) -> str:
     """What the table of the budget says."""
     measured = {not line.posterior or line.measurement > line.posterior for line in budget.lines.values()}
-    most = "the measurement limits some outputs, the uncertain parameters others"
-    if measured == {True}:
-        most = "the measurement limits every single impact"
-    elif measured == {False}:
-        most = "the uncertain parameters limit the prediction"
+    limits = "the measurement limits some outputs, the uncertain parameters others"
+    if len(measured) == 1:
+        one = "the measurement limits every single impact", "the uncertain parameters limit the prediction"
+        limits = one[False in measured]
     size = "no error of it was found"
     if budget.share > 0.0:
         size = f"its error is at most {budget.share:.0e} of the smaller of the other two"
-    return f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {most}."
+    return (
+        f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {limits}."
+    )
 
 
 def _head(fit: Fit) -> str:
@@ -311,8 +303,19 @@ def report_text(fit: Fit) -> str:
     lines += [f"    closures: {closures}"] if closures else []
     lines += wrapped([fit.verdict], " " * 4, " " * 4)
     lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(fit).items())]
-    lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)", *_parameter_lines(fit)]
-    lines += [] if fit.correlation is None else _correlations(fit.free_names, fit.correlation.tolist())
+    cells = []
+    for item, row in _rows(fit):
+        prior = "" if item.verdict is Verdict.FIXED else item.prior
+        within = "" if row.interval_95 == "-" else row.interval_95
+        cells.append([f"{item.name}:", row.plus_minus, within, prior, row.verdict])
+    lines += ["[[Parameters]] (median +- sd; 95 % interval; prior in SI)"]
+    lines += [f"    {line}" for line in columns(cells, left=5)]
+    if fit.correlation is not None:
+        matrix, names = fit.correlation, fit.free_names
+        pairs = [(abs(matrix[i, j]), names[j], names[i], matrix[i, j]) for i in range(len(names)) for j in range(i)]
+        told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
+        lines += [f"[[Correlations]] (those above {WORTH_TELLING:g})"] * bool(told)
+        lines += [f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told]
     if fit.notes:
         lines += ["[[Notes]]", *wrapped(fit.notes, " " * 4, " " * 6)]
     return "\n".join(lines)
@@ -333,27 +336,6 @@ def _statistics(fit: Fit) -> dict[str, str]:
             "R-hat": f"{sampler.max_r_hat:.4f}",
         }
     return told | {"seed": str(fit.seed)}
-
-
-def _parameter_lines(fit: Fit) -> list[str]:
-    cells = []
-    for item, row in _rows(fit):
-        fixed = item.verdict is Verdict.FIXED
-        interval = "" if row.interval_95 == "-" else row.interval_95
-        cells.append([f"{item.name}:", row.plus_minus, interval, "" if fixed else item.prior, row.verdict])
-    return [f"    {line}" for line in columns(cells, left=5)]
-
-
-def _correlations(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> list[str]:
-    """Pairs that are correlated by more than WORTH_TELLING, the strongest first."""
-    pairs = [(abs(matrix[i][j]), names[j], names[i], matrix[i][j]) for i in range(len(names)) for j in range(i)]
-    told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
-    if not told:
-        return []
-    return [
-        f"[[Correlations]] (those above {WORTH_TELLING:g})",
-        *(f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told),
-    ]
 
 
 def summary_rows(fit: Fit) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from markupsafe import Markup, escape
 
 from fitball.inference.results.results import Verdict
 from fitball.report.form.palette import style_rules, verdict_mark
+from fitball.version import __version__
 from fitball.visible import one_line
 
 # A row of a table as text, by the heads of its columns, in their order: what terminal, page and certificate show.
@@ -231,6 +232,21 @@ def page_style() -> str:
     """The style sheet of all pages."""
     sheet = files("fitball.report").joinpath("templates/page.css").read_text(encoding="utf-8")
     return f"{sheet}{style_rules()}\n"
+
+
+def render_template(package: str, template: str, **context: object) -> str:
+    """A page from `template`, looked for in the templates of `package`, then among those of the reports."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("fitball.report")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: value.replace("+-", "\u00b1") if isinstance(value, str) else value,
+    )
+    return environment.get_template(template).render(version=__version__, colours=style_rules(), **context)
 
 
 PAGE = """<!doctype html>

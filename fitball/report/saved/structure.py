@@ -6,7 +6,7 @@ import json
 import re
 import reprlib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -34,6 +34,10 @@ _WORDS = {
 }  # fmt: skip
 
 
+def _kinds(match: re.Match[str]) -> str:
+    return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | "))
+
+
 class OlderFileError(ResultFolderError):
     """A file that an older fitball wrote."""
 
@@ -52,41 +56,50 @@ def place_of(path: Path, name: str) -> Path:
 
 def read_json(place: Path) -> Content:
     """The object in a JSON file, where no key comes twice and every number is finite. Raises ResultFolderError."""
-    data = _bytes(place)
-    try:
+
+    def read(data: bytes) -> Any:
         content = msgspec.json.decode(data)
         json.loads(data, object_pairs_hook=_each_key_once)
-    except (ValueError, RecursionError) as error:
-        raise ResultFolderError(f"{place}: not readable as JSON: {_words(error)}; {REMEDY}") from None
+        return content
+
+    content = _read(place, "JSON", read)
     return content if isinstance(content, dict) else {}
 
 
 def read_toml(place: Path) -> Content:
     """The content of a TOML file in which every number is finite. Raises ResultFolderError."""
-    data = _bytes(place)
+    made: Content = _read(place, "TOML", lambda data: tomllib.loads(data.decode("utf-8"), parse_float=_finite))
+    return made
+
+
+def _read(place: Path, language: str, read: Callable[[bytes], Any]) -> Any:
     try:
-        return tomllib.loads(data.decode("utf-8"), parse_float=_finite)
+        data = read_bounded(place)
+    except FileNotFoundError:
+        raise ResultFolderError(f"{place}: there is no such file; expected a result of fitball calibrate") from None
+    except (OSError, ValueError) as error:
+        raise ResultFolderError(f"{place}: cannot be opened: {getattr(error, 'strerror', None) or error}") from None
+    try:
+        return read(data)
     except (ValueError, RecursionError) as error:
-        raise ResultFolderError(f"{place}: not readable as TOML: {_words(error)}; {REMEDY}") from None
+        words = "brackets within brackets without end" if isinstance(error, RecursionError) else error
+        raise ResultFolderError(f"{place}: not readable as {language}: {words}; {REMEDY}") from None
 
 
 def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> None:
     """Raise ResultFolderError for a file of another `kind`, or of an older or newer schema than `version`."""
     if content.get("kind") != kind:
-        read = _shown(content.get("kind"))
+        read = reprlib.repr(content.get("kind"))
         raise ResultFolderError(f"{place}: not a file of this kind: read kind {read}, expected '{kind}'; {REMEDY}")
     version_read = content.get("schema_version")
     if isinstance(version_read, bool) or version_read != version:
         older = isinstance(version_read, int) and version_read < version
-        said = f"{place}: schema_version {_shown(version_read)}; this fitball reads version {version}: "
+        said = f"{place}: schema_version {reprlib.repr(version_read)}; this fitball reads version {version}: "
         if older:
-            raise OlderFileError(f"{said}run calibrate again{_repeat() if place.name == FIT_NAME else ''}")
+            verb = spoken("`fitball repeat FOLDER --out NEW`", "the verb repeat of the command line")
+            again = f", or let {verb} make the run of the run.toml beside it again" * (place.name == FIT_NAME)
+            raise OlderFileError(f"{said}run calibrate again{again}")
         raise ResultFolderError(f"{said}install the fitball that wrote it")
-
-
-def _repeat() -> str:
-    again = spoken("`fitball repeat FOLDER --out NEW`", "the verb repeat of the command line")
-    return f", or let {again} make the run of the run.toml beside it again"
 
 
 def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
@@ -95,11 +108,11 @@ def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
     Raises ResultFolderError that says which field is wrong, what was read and what was expected.
     """
     try:
-        made = _converted(content, kind)
+        made = msgspec.convert(content, kind, dec_hook=_array)
     except msgspec.ValidationError as error:
-        words = _QUOTED.sub(_named_kinds, str(error).partition(" - at ")[0])
+        words = _QUOTED.sub(_kinds, str(error).partition(" - at ")[0])
         wrong, where = _located(content, kind, str(error))
-        shown = "" if wrong is content else f"read {_shown(wrong)}, "
+        shown = "" if wrong is content else f"read {reprlib.repr(wrong)}, "
         raise damaged(place, f"{where}: {shown}{words[:1].lower()}{words[1:]}" if where else words) from None
     except FitballError as error:
         raise damaged(place, str(error)) from None
@@ -146,11 +159,6 @@ def _unpacked(value: Any) -> Any:
     return value.tolist()
 
 
-def _named_kinds(match: re.Match[str]) -> str:
-    """The types that msgspec names, in the words of a reader."""
-    return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | "))
-
-
 def damaged(place: Path, what: str) -> ResultFolderError:
     """The error of a file that is not what fitball wrote: `what` says which part is not, and why."""
     return ResultFolderError(
@@ -158,26 +166,11 @@ def damaged(place: Path, what: str) -> ResultFolderError:
     )
 
 
-def _bytes(place: Path) -> bytes:
-    try:
-        return read_bounded(place)
-    except FileNotFoundError:
-        raise ResultFolderError(f"{place}: there is no such file; expected a result of fitball calibrate") from None
-    except (OSError, ValueError) as error:
-        raise ResultFolderError(f"{place}: cannot be opened: {_words(error)}") from None
-
-
-def _words(error: Exception) -> str:
-    if isinstance(error, RecursionError):
-        return "brackets within brackets without end"
-    return getattr(error, "strerror", None) or str(error)
-
-
 def _each_key_once(pairs: list[tuple[str, Any]]) -> Content:
     content = dict(pairs)
     if len(content) < len(pairs):
         names = [name for name, _ in pairs]
-        raise ValueError(f"key {_shown(next(name for name in names if names.count(name) > 1))} comes twice")
+        raise ValueError(f"key {reprlib.repr(next(name for name in names if names.count(name) > 1))} comes twice")
     return content
 
 
@@ -186,14 +179,6 @@ def _finite(text: str) -> float:
     if not np.isfinite(value):
         raise ValueError(f"read {text}, expected a finite number")
     return value
-
-
-def _shown(value: object) -> str:
-    return reprlib.repr(value)
-
-
-def _converted(content: object, kind: type[Kept]) -> Kept:
-    return msgspec.convert(content, kind, dec_hook=_array)
 
 
 def _array(kind: type, value: object) -> np.ndarray:
@@ -236,7 +221,7 @@ def _says(content: Content, kind: type[Any], inner: Content, key: str, error: st
     inner.clear()
     inner[key] = kept[key]
     try:
-        _converted(content, kind)
+        msgspec.convert(content, kind, dec_hook=_array)
     except msgspec.ValidationError as found:
         return str(found) == error
     except FitballError:
