@@ -11,8 +11,7 @@ import sys
 from pathlib import Path
 
 import matplotlib
-from made import DOCS, ROOT, SharedFits, code_mark, is_current, make, pages
-from snippets import SnippetError, snippets
+from snippets import DOCS, ROOT, SharedFits, SnippetError, code_mark, is_current, make, pages, snippets
 from sphinx.cmd.build import main as sphinx_build
 
 MADE = DOCS / "_made"

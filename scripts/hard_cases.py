@@ -10,7 +10,7 @@ import math
 import sys
 from pathlib import Path
 
-from fitball.bench.hard_cases import HardCase, hard_cases
+from fitball.bench.problems import HardCase, hard_cases
 from fitball.models.kernels.contact import tied_inertia_split
 from fitball.models.oracle import oracle_rebound
 from fitball.models.types import Status

@@ -11,8 +11,7 @@ import argparse
 import re
 from pathlib import Path
 
-import told_of_bench as bench
-import told_of_fits as fits
+import told
 from measured import ROOT, kept, measure
 
 MARKED = re.compile(
@@ -23,10 +22,10 @@ MARKED = re.compile(
 def blocks() -> dict[str, str]:
     """Every block by the name in its marks."""
     numbers = kept()
-    quoting = (fits.wang, fits.wang_short, fits.compared, fits.together, fits.stiffness, fits.thesis)
+    quoting = (told.wang, told.wang_short, told.compared, told.together, told.stiffness, told.thesis)
     others = (
-        *(fits.validation, fits.trust, fits.faults, fits.plan, fits.population, fits.priors),
-        *(bench.speed, bench.speed_line, bench.densities, bench.samplers, bench.tables),
+        *(told.validation, told.trust, told.faults, told.plan, told.population, told.priors),
+        *(told.speed, told.speed_line, told.densities, told.samplers, told.tables),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}
     return {name.replace("_", "-"): text for name, text in written.items()}

@@ -10,7 +10,7 @@ from samples import GRIP_SLIP, TWO_MASS
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import beta, f, norm
-from validation.foreign import INERTIA_RATIO, MASS, RADIUS, foreign_text, rebound
+from validation.scenarios import INERTIA_RATIO, MASS, RADIUS, foreign_rebound, foreign_text
 
 from fitball.data.read import load_table
 from fitball.data.scene import Scene, load_scene
@@ -65,7 +65,7 @@ def test_the_other_code_bounces_as_the_model_that_it_stands_for():
     rng = np.random.default_rng(1)
     incident = np.stack([rng.uniform(2, 25, 50), rng.uniform(3, 20, 50), rng.uniform(-300, 300, 50)])
     friction, restitution = rng.uniform(0.3, 0.8, 50), rng.uniform(0.6, 0.8, 50)
-    made = rebound(incident, friction, restitution)
+    made = foreign_rebound(incident, friction, restitution)
     ball = Ball(MASS, RADIUS, INERTIA_RATIO * MASS * RADIUS**2)
     for k in range(50):
         values = {"mu": friction[k], "e_x": 0.15, "offset": 2e-3, "cor_10": restitution[k], "cor_slope": 0.0}
@@ -150,7 +150,7 @@ def test_three_outliers_do_not_hide_each_other(fitted_model, tmp_path):
     """Each is named, and no other; the noise that they make is given the kind of noise."""
     table = foreign(tmp_path, "wild", seed=8)
     problem, found = said(table, fitted_model)
-    clean = rebound(
+    clean = foreign_rebound(
         np.stack([table.impacts.v_x1, table.impacts.v_y1, table.impacts.omega_1]),
         np.full(24, 0.6),
         0.77 - 0.012 * (table.impacts.v_y1 - 10.0),

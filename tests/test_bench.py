@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from fitball.bench import clock, measure, ratios, report
+from fitball.bench import clock, measure
 from fitball.bench.clock import Pace, by_turns
 from fitball.bench.errors import (
     CAREFUL,
@@ -25,7 +26,7 @@ from fitball.bench.errors import (
     work_precision,
 )
 from fitball.bench.integrators import adaptive, fixed_steps, set_up
-from fitball.bench.measure import Bench, batch_costs
+from fitball.bench.measure import RATIO, WORK, Bench, batch_costs
 from fitball.bench.problems import (
     Scene,
     base_values,
@@ -35,7 +36,6 @@ from fitball.bench.problems import (
     spread_coordinates,
     spread_draws,
 )
-from fitball.bench.ratios import RATIO, WORK
 from fitball.cli.main import main
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.values import impacts
@@ -193,10 +193,10 @@ def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert FASTEST in printed
     assert {item.name for item in out.iterdir()} == {
-        report.FIGURE, "summary.md", *(f"{name}.csv" for name in made.frames),
+        measure.FIGURE, "summary.md", *(f"{name}.csv" for name in made.frames),
     }  # fmt: skip
-    assert "\n".join(report.summary(made)) in (out / "summary.md").read_text(encoding="utf-8")
-    monkeypatch.setattr(report, "save_figure", lambda figure, path: None)
+    assert "\n".join(measure.summary(made)) in (out / "summary.md").read_text(encoding="utf-8")
+    monkeypatch.setattr(measure, "save_figure", lambda figure, path: None)
     assert main(["bench", "--quick", "--out", str(out), "--json", "--quiet"]) == 0
     assert json.loads(capsys.readouterr().out)["machine"] == "a machine"
     (tmp_path / "file").write_text("")
@@ -222,7 +222,7 @@ def test_files_and_words(precision, densities, tmp_path, monkeypatch, capsys):
 def test_what_became_slower_is_told(text, code, said, tmp_path, monkeypatch, capsys):
     """Ratios 2 and 3 now; no clock is asked."""
     now = pd.DataFrame({WORK: ["a", "b"], RATIO: [2.0, 3.0]})
-    monkeypatch.setattr(ratios, "ratios", lambda pace: now)
+    monkeypatch.setattr(measure, "ratios", lambda pace: now)
     kept = tmp_path / "kept.csv"
     if text is not None:
         kept.write_text(text)
@@ -234,12 +234,12 @@ def test_what_became_slower_is_told(text, code, said, tmp_path, monkeypatch, cap
 
 def test_ratios_are_of_the_work_that_is_kept(monkeypatch):
     """What a run measures is what the ratios in the repository are of."""
-    kept = ratios.read_ratios(ratios.Path(__file__).parent.parent / "fits" / "bench" / ratios.FILE)
-    monkeypatch.setattr(ratios, "by_turns", lambda actions, pace: dict.fromkeys(actions, 2.0))
-    monkeypatch.setattr(ratios, "fresh_process", lambda code: clock.Told([], 2.0, 1.0))
-    now = ratios.ratios(TINY)
+    kept = measure.read_ratios(Path(__file__).parent.parent / "fits" / "bench" / "ratios.csv")
+    monkeypatch.setattr(measure, "by_turns", lambda actions, pace: dict.fromkeys(actions, 2.0))
+    monkeypatch.setattr(measure, "fresh_process", lambda code: clock.Told([], 2.0, 1.0))
+    now = measure.ratios(TINY)
     assert (now[RATIO] == 1.0).all()
-    assert len(ratios.compared(kept, now)) == len(now)
+    assert len(measure.compared(kept, now)) == len(now)
 
 
 @pytest.mark.parametrize("verb", [["bench"], ["calibrate", "wang_all.csv"]])

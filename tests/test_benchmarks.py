@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from benchmarks import __main__ as command
-from benchmarks import many_tables, samplers
+from benchmarks import processes, samplers
 
 from fitball.batch.many import Going
 from fitball.bench import clock
@@ -87,8 +87,8 @@ class Asked:
 
 def test_batches_of_tables_are_watched_as_they_go_on(capsys):
     """CPU a table is that since the look before: a table that costs more and more is seen."""
-    seen = iter([many_tables.Family(30.0, 200.0, 300.0), many_tables.Family(110.0, 210.0, 300.0)])
-    watch = many_tables.Watch(2, lambda: next(seen))
+    seen = iter([processes.Family(30.0, 200.0, 300.0), processes.Family(110.0, 210.0, 300.0)])
+    watch = processes.Watch(2, lambda: next(seen))
     for done in range(15):
         watch(Going(done, 14, 0, 0))
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
@@ -107,12 +107,12 @@ def test_many_tables_are_fitted_in_a_process_of_its_own(monkeypatch):
             ["2", "20", "10", "60.5", "2.5", "210", "nan", "2", "20", "12", "70", "2", "210", "300"], 1.0, 1.0
         )
 
-    monkeypatch.setattr(many_tables, "fresh_process", fresh)
-    frame = many_tables.many_costs(3, 2)
+    monkeypatch.setattr(processes, "fresh_process", fresh)
+    frame = processes.many_costs(3, 2)
     assert list(frame["tables"]) == [10, 12]
     assert frame["worker [MB]"].isna().tolist() == [True, False]
     (tables,) = asked
-    assert [len(table) for table in tables] == [many_tables.ROWS] * 3
+    assert [len(table) for table in tables] == [processes.ROWS] * 3
     assert len({table.digest for table in tables}) == 3
 
 
@@ -120,10 +120,10 @@ def test_many_tables_are_fitted_in_a_process_of_its_own(monkeypatch):
 def test_processes_that_were_started_count():
     # The system counts CPU in hundredths of a second.
     code = "import time\nwhile time.process_time() < 0.1: pass\nprint(flush=True); input()"
-    alone = many_tables.running()
+    alone = processes.running()
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
         child.stdout.readline()
-        both = many_tables.running()
+        both = processes.running()
         child.communicate(b"\n")
     assert 3.0 < both.worker < both.parent
     assert both.seconds >= alone.seconds + 0.05

@@ -23,9 +23,9 @@ from fitball.inference.results.evidence import (
     Profile,
 )
 from fitball.report.figures.canvas import STAMPS
-from fitball.report.figures.profiles import profile_panels
-from fitball.report.figures.regimes import OTHERS, regime_bars, regime_colours
-from fitball.report.figures.registry import FIGURES, drawable_kinds, drawing
+from fitball.report.figures.evidence import profile_panels
+from fitball.report.figures.predictions import OTHERS, regime_bars, regime_colours
+from fitball.report.figures.registry import FIGURES, drawable_kinds
 from fitball.report.fit.document import fit_document
 from fitball.report.form.numbers import handy
 from fitball.report.form.palette import FAINT
@@ -54,7 +54,7 @@ def test_an_open_profile_is_read_back_open():
 
 
 def test_kinds_and_formats_are_the_ones_promised(short_fit):
-    assert all(callable(drawing(name).figure) for name in FIGURES)
+    assert all(callable(kind.of(f"{name}_{what}")) for name, kind in FIGURES.items() for what in ("figure", "words"))
     assert {text.section for text in FIGURES.values()} <= {it.name for it in fit_document(short_fit).sections}
     assert ("png", *STAMPS) == FORMATS
 

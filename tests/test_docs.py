@@ -13,12 +13,12 @@ from typing import get_args, get_type_hints
 import numpy as np
 import pytest
 import xarray as xr
-from made import pages
 from samples import TWO_MASS, coordinates_of, problem_of
 from scipy.stats import norm
 from scipy.stats import t as student
-from validation.pinned import PINNED
+from snippets import pages
 from validation.ranks import FAMILY_ERROR, RANKED
+from validation.trust import PINNED
 
 import fitball
 from fitball.data.columns import HEIGHTS, LABELS, MEASURED

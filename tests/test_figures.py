@@ -21,12 +21,11 @@ from fitball.inference.problem.pooling import build_group_bias
 from fitball.inference.problem.problem import Choices
 from fitball.models.registry import model
 from fitball.observables import OBSERVABLES
-from fitball.report.figures.corner import LEVELS, corner_data, pair_density
-from fitball.report.figures.curves import curve_columns
-from fitball.report.figures.predictive import agreements, interval_band
+from fitball.report.figures.evidence import LEVELS, corner_data, pair_density
+from fitball.report.figures.measured import agreements, incident_quantities, interval_band, residual_data, trend
+from fitball.report.figures.predictions import curve_columns
 from fitball.report.figures.quantities import measured_outputs
 from fitball.report.figures.registry import draw
-from fitball.report.figures.residuals import incident_quantities, residual_data, trend
 from fitball.report.fit.document import page
 from fitball.report.fit.rows import thesis_rows
 

@@ -28,7 +28,7 @@ from fitball.inference.identifiability.information import information_evidence
 from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results.results import Verdict
-from fitball.report.figures.force import force_panels
+from fitball.report.figures.predictions import force_panels
 from fitball.report.figures.registry import drawable_kinds
 
 # Enough to settle a verdict on six parameters, not to converge.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.bench.hard_cases import BASE, FAST, HardCase, hard_cases
+from fitball.bench.problems import BASE, FAST, HardCase, hard_cases
 from fitball.errors import ParameterError
 from fitball.models.oracle import oracle_rebound
 from fitball.models.specs import SPECS

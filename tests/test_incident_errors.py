@@ -12,7 +12,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import fitball
-from fitball.bench.hard_cases import BASE
+from fitball.bench.problems import BASE
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene

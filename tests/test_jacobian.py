@@ -9,7 +9,7 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
-from fitball.bench.hard_cases import BASE, FAST, SHALLOW, STEEP, HardCase, hard_cases
+from fitball.bench.problems import BASE, FAST, SHALLOW, STEEP, HardCase, hard_cases
 from fitball.models.oracle import oracle_rebound
 from fitball.models.types import Status, regime_name
 from fitball.values import Ball

@@ -11,7 +11,7 @@ import pytest
 from samples import COMPOSITIONS
 
 import fitball
-from fitball.bench.hard_cases import hard_cases
+from fitball.bench.problems import hard_cases
 from fitball.models.kernels import bounce
 from fitball.models.kernels.dual import WIDTH, choose
 from fitball.models.kernels.lanes import number

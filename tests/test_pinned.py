@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from samples import GRIP_SLIP, TWO_MASS, drop_table, linear_problem, problem_of
-from validation.pinned import BEYOND, PINNED, pinned
+from validation.trust import BEYOND, PINNED, pinned
 
 LINE = {"cor_10": 0.76, "cor_slope": -0.014, "velocity_sd": 0.05}
 

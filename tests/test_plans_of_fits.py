@@ -23,7 +23,7 @@ from fitball.inference.design.make_plan import Asked, Chosen, make_plan
 from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
 from fitball.inference.likelihood.cells import shared_covariance
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.report.plan.rows import plan_rows
+from fitball.report.plan.document import plan_rows
 from fitball.values import Impacts
 
 RNG = np.random.default_rng(11)

@@ -12,8 +12,8 @@ from scipy.special import ndtr
 from fitball.errors import ParameterError
 from fitball.inference.population.hyper import Before, TableDraws
 from fitball.inference.population.levels import level_nodes, population, population_over
-from fitball.report.batch.grouping import grouped
 from fitball.report.batch.rows import LABEL, NAME
+from fitball.report.batch.series import grouped
 
 WIDE = (-np.inf, np.inf)
 CENTRE = stats.norm(0.0, 2.0)

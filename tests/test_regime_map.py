@@ -16,7 +16,7 @@ from fitball.errors import ModelError, ParameterError
 from fitball.inference.prediction.simulate import NONE, Window, regime_map
 from fitball.inference.results.fitted_model import at_values
 from fitball.models.types import regime_name
-from fitball.report.figures.regimes import OTHERS
+from fitball.report.figures.predictions import OTHERS
 from fitball.report.history.regime_map import NO_SOLUTION, areas, map_figure, map_rows
 
 COR, ALPHA = 0.75, 0.56

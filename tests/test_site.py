@@ -10,9 +10,21 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from headless import Browser, find_browser
-from made import SharedFits, is_current, make, outcomes_of, pages
 from quick_shell import make_quick, quick_shell
-from snippets import Outcome, SnippetError, figures, files, run_page, snippets, woven
+from snippets import (
+    Outcome,
+    SharedFits,
+    SnippetError,
+    figures,
+    files,
+    is_current,
+    make,
+    outcomes_of,
+    pages,
+    run_page,
+    snippets,
+    woven,
+)
 
 import fitball
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 from validation.command import main
-from validation.foreign import FAULTS, foreign_text
 from validation.harness import Rate
-from validation.scenarios import DESIGNS, SCENARIOS, TRUTH
+from validation.scenarios import DESIGNS, FAULTS, SCENARIOS, TRUTH, foreign_text
 from validation.trust import REFUSED, finding, findings, replicate, text, wanted
 
 from fitball.inference.results.evidence import Answer

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import binom, binomtest, chisquare, kstest
-from validation.uniformity import bins_for, chi_square, coverage, holm, null_distribution
+from validation.ranks import bins_for, chi_square, coverage, holm, null_distribution
 
 
 def exact_probability_within(low, high, count, values):

@@ -6,8 +6,7 @@ import os
 import shutil
 from pathlib import Path
 
-from made import outcomes_of
-from snippets import figures, files, snippets, woven
+from snippets import figures, files, outcomes_of, snippets, woven
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 

@@ -25,7 +25,7 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.results import results
 from fitball.inference.results.evidence import LEFT_OUT
 from fitball.kinds import checked
-from fitball.report.figures.registry import FIGURES
+from fitball.report.figures.registry import FIGURES, no_profiles
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.rows import html_text, report_text, short_text, summary_columns
 from fitball.report.form.folders import held
@@ -75,7 +75,7 @@ class Plots:
             return self("corner")
         if package != "corner":
             raise ParameterError(f"package={package!r}: expected 'fitball' or 'corner'")
-        from fitball.report.figures.corner import package_corner_figure
+        from fitball.report.figures.evidence import package_corner_figure
 
         return package_corner_figure(self._whole())
 
@@ -102,9 +102,7 @@ class Plots:
 
 def lacks_profiles(fit: Fit) -> bool:
     """Whether there are no profiles that could be computed."""
-    from fitball.report.figures.profiles import has_profiles
-
-    return not has_profiles(fit) and fit.identifiability.profiles_missing in ("", LEFT_OUT)
+    return bool(no_profiles(fit)) and fit.identifiability.profiles_missing in ("", LEFT_OUT)
 
 
 def profiled(fit: Fit, cores: int | None = None, scheduler: str | None = None) -> Fit:

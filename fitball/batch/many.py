@@ -25,7 +25,6 @@ from fitball.inference.results import results
 from fitball.inference.results.source import Digest
 from fitball.kinds import checked, spelled
 from fitball.report.batch.document import Shown, render, write_results
-from fitball.report.batch.grouping import Over
 from fitball.report.batch.populations import Populated, default_names, populations
 from fitball.report.batch.rows import (
     CSV_NAME,
@@ -39,7 +38,7 @@ from fitball.report.batch.rows import (
     read_rows,
     row_of,
 )
-from fitball.report.batch.series import all_series
+from fitball.report.batch.series import Over, all_series
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.form.files import json_text, read_bounded, remove, write_text
 from fitball.report.form.folders import LOCK_NAME, held, make_folder

@@ -16,7 +16,7 @@ from fitball.api.reading import PathLike, Table
 from fitball.data.read import in_memory
 from fitball.errors import ParameterError
 from fitball.report.batch import document as files_of_all
-from fitball.report.batch import population_files
+from fitball.report.batch.populations import POPULATION_CSV, POPULATION_JSON
 from fitball.report.batch.rows import CSV_NAME
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME, DERIVED
@@ -33,7 +33,7 @@ ROW_NAME = "row.json"
 OWN_NAMES = frozenset(
     (
         RECORD_NAME, ROW_NAME, CSV_NAME, files_of_all.PAGE_NAME, files_of_all.PARQUET_NAME, files_of_all.PICTURE,
-        files_of_all.DRIFT, population_files.JSON_NAME, population_files.CSV_NAME, FIT_NAME, CHAIN_NAME, DATA_NAME,
+        files_of_all.DRIFT, POPULATION_JSON, POPULATION_CSV, FIT_NAME, CHAIN_NAME, DATA_NAME,
         POSTERIOR_NAME, RUN_NAME, *DERIVED, *(f"{name}.png" for name in FIGURES),
     )
 )  # fmt: skip

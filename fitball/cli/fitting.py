@@ -244,7 +244,7 @@ a table failed or a posterior did not converge.""",
 def run_population(args: argparse.Namespace) -> int:
     """Weight the draws, write the files, print what was found."""
     from fitball.batch.many import FOLDER, load_batch
-    from fitball.report.batch.population_files import content
+    from fitball.report.batch.populations import content
     from fitball.report.form.files import json_text
 
     batch = load_batch(Path(args.folder) if args.folder else FOLDER)

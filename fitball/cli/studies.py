@@ -250,8 +250,7 @@ BENCH_FOLDER = Path("fits") / "bench"
 
 def run_bench(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the summary; or compare ratios."""
-    from fitball.bench.measure import FULL, QUICK, measure
-    from fitball.bench.report import summary, write
+    from fitball.bench.measure import FULL, QUICK, measure, summary, write
     from fitball.report.form.folders import held
 
     extent = QUICK if args.quick else FULL
@@ -272,15 +271,14 @@ def run_bench(args: argparse.Namespace) -> int:
 
 def _check_ratios(args: argparse.Namespace, pace: Pace) -> int:
     """Compare ratios with those kept; 1 when something has become slower."""
-    from fitball.bench import ratios
-    from fitball.bench.report import verdict
+    from fitball.bench import measure
 
-    kept = ratios.read_ratios(args.check)
-    compared = ratios.compared(kept, ratios.ratios(pace))
-    if (compared["times"] > ratios.TOLERATED).any():
+    kept = measure.read_ratios(args.check)
+    compared = measure.compared(kept, measure.ratios(pace))
+    if (compared["times"] > measure.TOLERATED).any():
         # What other programs on the machine took is not taken twice.
-        compared = ratios.least(compared, ratios.compared(kept, ratios.ratios(pace)))
-    lines, good = verdict(compared)
+        compared = measure.least(compared, measure.compared(kept, measure.ratios(pace)))
+    lines, good = measure.verdict(compared)
     print(compared.to_json(orient="records", indent=2) if args.json else "\n".join(lines))
     if not good and args.json:
         print("\n".join(lines), file=sys.stderr)

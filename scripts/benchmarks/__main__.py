@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks import many_tables, processes, samplers
+from benchmarks import processes, samplers
 from fitball.bench.clock import Pace
 from fitball.bench.errors import density_costs
+from fitball.bench.measure import markdown
 from fitball.bench.problems import problems
-from fitball.bench.report import markdown
 from fitball.report.figures.canvas import save_figure
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import held
@@ -39,7 +39,7 @@ def _samplers(quick: bool, folder: Path) -> Frames:
 
 def _tables(quick: bool, _folder: Path) -> Frames:
     batches = ((10, 1),) if quick else ((200, 1), (1000, 2))
-    found = [many_tables.many_costs(count, cores) for count, cores in batches]
+    found = [processes.many_costs(count, cores) for count, cores in batches]
     return {"tables": pd.concat(found, ignore_index=True)}
 
 

@@ -20,8 +20,8 @@ from arviz_stats.base.array import array_stats
 from matplotlib.figure import Figure
 
 from fitball.bench.errors import OURS, SCRIPT
+from fitball.bench.measure import MARKS
 from fitball.bench.problems import problems
-from fitball.bench.report import MARKS
 from fitball.inference.effort import Effort
 from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.point.point_fit import point_fit

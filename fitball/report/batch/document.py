@@ -12,15 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from fitball.inference.population.hyper import Known
-from fitball.inference.population.trend import Line
 from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.importance import K_TRUSTED
-from fitball.report.batch.grouping import Over
-from fitball.report.batch.population_files import write_populations
-from fitball.report.batch.populations import Populated, default_names, populations
+from fitball.report.batch.populations import Populated, default_names, populations, write_populations
 from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row
-from fitball.report.batch.series import REACH, Along, Series, all_series
+from fitball.report.batch.series import REACH, Along, Over, Series, all_series
 from fitball.report.form.document import (
     MOST_LINES,
     MOST_ROWS,
@@ -34,7 +31,7 @@ from fitball.report.form.document import (
     term,
 )
 from fitball.report.form.files import remove, write_bytes, write_csv, write_text
-from fitball.report.form.numbers import decimals, fixed, handy, interval, listed, percent, plus_minus, significant
+from fitball.report.form.numbers import Scale, listed, percent, significant
 from fitball.wording import spoken
 
 CENTRE_HEADS = ("quantity", "unit", "told by", "centre", "95 %", "spread", "95 %", "typical sd")
@@ -118,14 +115,16 @@ def batch_document(
             Words([POOLED] * bool(pooled), only="page"),
             Table(
                 "Tables alone and given all",
-                [("table", *(head for one in populated for head in pooled_heads(one))), *pooled], only="page",
+                [
+                    ("table", *(head for one in populated for head in (f"{one.head} alone", "given all"))), *pooled
+                ], only="page",
             ),
         ]),
         Section("tables", "Each table", [
             Words([TABLES], only="page"),
             Table(
                 "Every table with its parameters",
-                [("table", "impacts", "outcome", "describes", *map(head, series)), *listing],
+                [("table", "impacts", "outcome", "describes", *(one.head for one in series)), *listing],
                 ["outcome", "describes"], count=len(rows), only="page",
                 rest="`batch.csv`, which holds every number of this page and more",
             ),
@@ -213,19 +212,6 @@ def _write_parquet(rows: Sequence[Row], place: Path) -> None:
     write_bytes(place, made.getvalue())
 
 
-def head(series: Series) -> str:
-    """Column head with the unit people read."""
-    unit = handy(series.quantity, series.unit).unit
-    return f"{series.name}{f' [{unit}]' if unit else ''}"
-
-
-def pooled_heads(populated: Populated) -> tuple[str, ...]:
-    """Heads of the columns of a quantity: alone, and given the other tables."""
-    unit = handy(populated.quantity.name, populated.quantity.unit).unit
-    name = f"{populated.name}{f' [{unit}]' if unit else ''}"
-    return f"{name} alone", "given all"
-
-
 def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Sequence[Populated]) -> tuple[str, ...]:
     """One table as text: each quantity alone, and given the other tables; `?` where weights are not to be trusted."""
     columns = {one.quantity: one for one in series}
@@ -233,22 +219,18 @@ def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Seq
     for one in populated:
         table = next((table for table in one.population.tables if table.name == name), None)
         if table is None:
-            shown += ["-"] * len(pooled_heads(one))
+            shown += ["-", "-"]
             continue
         column = columns.get(one.quantity.name)
         # A ratio is no column of the tables: its draws are all there is.
-        alone = cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name])
-        shown.append(alone)
+        shown.append(cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name]))
         shown.append(_drawn(one, table.known, table.sd) + ("" if table.trusted else " ?"))
     return tuple(shown)
 
 
 def _drawn(populated: Populated, known: Known, sd: float) -> str:
-    quantity = populated.quantity
-    factor = handy(quantity.name, quantity.unit).factor
-    middle = quantity.value(known.median) * factor
-    size = sd * (middle if quantity.log else factor)
-    return plus_minus(middle, size)
+    middle = populated.quantity.value(known.median)
+    return populated.scale.plus_minus(middle, sd * (middle if populated.quantity.log else 1.0))
 
 
 def cells(row: Row, place: int, series: Sequence[Series]) -> tuple[str, ...]:
@@ -263,11 +245,8 @@ def cell(series: Series, place: int) -> str:
     if place not in series.rows:
         return "-"
     k = series.rows.index(place)
-    factor = handy(series.quantity, series.unit).factor
-    middle, sd = float(series.median[k]) * factor, float(series.sd[k]) * factor
-    if not np.isfinite(sd):
-        return significant(middle, 4)
-    return plus_minus(middle, sd)
+    middle, sd = float(series.median[k]), float(series.sd[k])
+    return series.scale.plus_minus(middle, sd) if np.isfinite(sd) else significant(middle * series.scale.factor, 4)
 
 
 @dataclass(frozen=True)
@@ -325,36 +304,27 @@ def _some(names: Sequence[str], most: int = 5) -> str:
 
 def _standing_out(series: Series) -> list[str]:
     """Drifts and outliers of a quantity, in words."""
-    name, factor, unit = _shown(series)
     sentences = []
     for along, line in series.drifts:
         # A slope of logarithms is a share of the quantity.
-        scale, each = (100.0, "%") if series.logarithmic else (factor, unit)
-        slope, low, high = (float(end[1]) * scale for end in (line.coefficients, line.low, line.high))
-        per = f"{each} per day" if along.first_day is not None else f"{each} per unit of {along.name}"
-        places = decimals((high - low) / (2.0 * REACH))
+        scale = Scale("%", 100.0) if series.logarithmic else series.scale
+        slope, low, high = (float(end[1]) for end in (line.coefficients, line.low, line.high))
+        per = f"{scale.unit} per day" if along.first_day is not None else f"{scale.unit} per unit of {along.name}"
         sentences.append(
-            f"{name} drifts along {along.name}: {fixed(slope, places)} {interval(low, high, places)} {per.strip()} "
+            f"{series.name} drifts along {along.name}: {' '.join(_with_ends(scale, slope, low, high))} {per.strip()} "
             f"(p = {significant(float(line.p[1]), 2)}, not corrected for the number of quantities)."
         )
     if series.outside:
         places_of = dict(zip(series.rows, series.names, strict=True))
         far = [f"{places_of[row]} ({distance:+.1f} sd)" for row, distance in series.outside]
-        sentences.append(f"{name} lies outside the bulk in {_some(far)}.")
+        sentences.append(f"{series.name} lies outside the bulk in {_some(far)}.")
     return sentences
 
 
-def _shown(series: Series) -> tuple[str, float, str]:
-    """Name, factor and unit in which people read a quantity."""
-    scale = handy(series.quantity, series.unit)
-    return series.name, scale.factor, scale.unit
-
-
-def centre_of(series: Series, line: Line) -> tuple[float, float, float]:
-    """Low end, middle, high end of the centre of a quantity, SI."""
-    ends = (float(end[0]) for end in (line.low, line.coefficients, line.high))
-    low, middle, high = (float(np.exp(end)) if series.logarithmic else end for end in ends)
-    return low, middle, high
+def _with_ends(scale: Scale, middle: float, low: float, high: float) -> tuple[str, str]:
+    """A value and its 95 % interval, all SI, in the unit people read."""
+    places = scale.decimals((high - low) / (2.0 * REACH))
+    return scale.fixed(middle, places), scale.interval(low, high, places)
 
 
 def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -> list[tuple[str, ...]]:
@@ -362,26 +332,28 @@ def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -
     rows: list[tuple[str, ...]] = []
     known = {one.name: one for one in populated}
     for one in series:
-        name, factor, unit = _shown(one)
         counted = np.array(one.told) & np.isfinite(one.sd)
-        head = (name, unit, f"{counted.sum():,} of {len(one.names):,}")
+        head = (one.name, one.scale.unit, f"{counted.sum():,} of {len(one.names):,}")
         if one.quantity in known:
             rows.append((*head, *population_cells(known.pop(one.quantity))))
-            continue
-        if one.centre is None:
-            rows.append((*head, "-", "-", "-", "-", "-"))
-            continue
-        low, middle, high = (value * factor for value in centre_of(one, one.centre))
-        places = decimals(max((high - low) / (2.0 * REACH), 1e-12))
-        # Of logarithms a small spread is a share.
-        spread = one.centre.spread * (middle if one.logarithmic else factor)
-        typical = float(np.median(one.sd[counted])) * factor
-        cells = fixed(middle, places), interval(low, high, places), significant(spread, 2), "-"
-        rows.append((*head, *cells, significant(typical, 2)))
-    rows += [(*head_of(one), *population_cells(one)) for one in known.values()]
-    heads = centre_heads(populated)
+        elif one.middle is None or one.centre is None:
+            rows.append((*head, *["-"] * 5))
+        else:
+            # Of logarithms a small spread is a share.
+            spread = one.centre.spread * (one.middle[0] if one.logarithmic else 1.0)
+            spread, typical = spread * one.scale.factor, float(np.median(one.sd[counted])) * one.scale.factor
+            rows.append(
+                (*head, *_with_ends(one.scale, *one.middle), significant(spread, 2), "-", significant(typical, 2))
+            )
+    # A ratio is no column of the tables.
+    rows += [(*_named(one), f"- of {len(one.own):,}", *population_cells(one)) for one in known.values()]
     # What has no levels has no spread within them.
-    return [row if len(row) == len(heads) else (*row[:7], "-", "-", row[7]) for row in rows]
+    wide = len(centre_heads(populated))
+    return [row if len(row) == wide else (*row[:7], "-", "-", row[7]) for row in rows]
+
+
+def _named(populated: Populated) -> tuple[str, str]:
+    return populated.name, populated.scale.unit
 
 
 def centre_heads(populated: Sequence[Populated]) -> tuple[str, ...]:
@@ -393,47 +365,32 @@ def level_rows(populated: Sequence[Populated]) -> list[tuple[str, ...]]:
     """For each quantity the value of each level, and of one to come, with what a new table there would have."""
     rows: list[tuple[str, ...]] = []
     for one in populated:
-        head = head_of(one)[:2]
         found = one.population
         for level in found.levels:
             new = "-" if level.new is None else _known_cells(one, level.new)[1]
-            rows.append((*head, level.name, f"{len(level.tables):,}", *_known_cells(one, level.known), new))
+            rows.append((*_named(one), level.name, f"{len(level.tables):,}", *_known_cells(one, level.known), new))
         if found.new_level is not None:
-            rows.append(
-                (*head, "a new one", "-", *_known_cells(one, found.new_level), _known_cells(one, found.new)[1])
-            )
+            new = _known_cells(one, found.new)[1]
+            rows.append((*_named(one), "a new one", "-", *_known_cells(one, found.new_level), new))
     return rows
 
 
 def _known_cells(populated: Populated, known: Known) -> tuple[str, str]:
     """Something in the coordinate with its interval, in the unit people read."""
-    quantity = populated.quantity
-    factor = handy(quantity.name, quantity.unit).factor
-    middle, low, high = (end * factor for end in populated.ends(known))
-    places = decimals((high - low) / (2.0 * REACH))
-    return fixed(middle, places), interval(low, high, places)
-
-
-def head_of(populated: Populated) -> tuple[str, str, str]:
-    """Name, unit and number of tables of a quantity that is no column of theirs, such as a ratio."""
-    scale = handy(populated.quantity.name, populated.quantity.unit)
-    return populated.name, scale.unit, f"- of {len(populated.own):,}"
+    return _with_ends(populated.scale, *populated.ends(known))
 
 
 def population_cells(populated: Populated) -> tuple[str, ...]:
     """Centre and spread with their intervals, and the typical sd of a table, in the unit people read."""
-    one = populated.quantity
-    factor = handy(one.name, one.unit).factor
     found = populated.population
     # Of logarithms a spread is a share, and so is the uncertainty of a table.
-    scale, sign = (100.0, " %") if one.log else (factor, "")
+    scale, sign = (Scale("%", 100.0), " %") if populated.quantity.log else (populated.scale, "")
     cells = list(_known_cells(populated, found.centre))
     for spread in (found.spread, found.within):
         if spread is not None:
-            ends = [scale * end for end in (spread.median, spread.low, spread.high)]
-            few = decimals((ends[2] - ends[1]) / (2.0 * REACH))
-            cells += [f"{fixed(ends[0], few)}{sign}", interval(ends[1], ends[2], few)]
-    typical = float(np.median(list(populated.own_sds.values()))) * scale
+            size, ends = _with_ends(scale, spread.median, spread.low, spread.high)
+            cells += [f"{size}{sign}", ends]
+    typical = float(np.median(list(populated.own_sds.values()))) * scale.factor
     return (*cells, f"{significant(typical, 2)}{sign}")
 
 

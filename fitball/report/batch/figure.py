@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
-from fitball.report.batch.document import centre_of
 from fitball.report.batch.populations import Populated
 from fitball.report.batch.series import Along, Series
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, verbatim
@@ -144,9 +143,8 @@ def _lines(
         panel.axhline(
             populated.ends(populated.population.centre)[0] * shown.factor, color=GUIDE, linewidth=0.8, linestyle="--"
         )
-    elif series.centre is not None:
-        middle = centre_of(series, series.centre)[1]
-        panel.axhline(middle * shown.factor, color=GUIDE, linewidth=0.8, linestyle="--")
+    elif series.middle is not None:
+        panel.axhline(series.middle[0] * shown.factor, color=GUIDE, linewidth=0.8, linestyle="--")
 
 
 def _name_tables(panel: Axes, tables: Sequence[str]) -> None:

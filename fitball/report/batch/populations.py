@@ -1,4 +1,4 @@
-"""Populations over the tables of a batch, from the draws that each table's `fit.json` holds."""
+"""Populations over the tables of a batch, from the draws that each table's `fit.json` holds, and their files."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import numpy as np
 
 from fitball.errors import ParameterError
 from fitball.inference.population.hyper import Known, TableDraws
-from fitball.inference.population.levels import Population, population, population_over
+from fitball.inference.population.levels import Level, Population, population, population_over
 from fitball.inference.population.quantity import Quantity, known, prior_of, quantity
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.problem.parameters import Prior
 from fitball.inference.results.results import Fit, Verdict
-from fitball.report.batch.grouping import Grouping, Over, grouped
 from fitball.report.batch.rows import DONE, NAME, Row
-from fitball.report.batch.series import Series
+from fitball.report.batch.series import Grouping, Over, Series, grouped
+from fitball.report.figures.quantities import axis_label
+from fitball.report.form.files import json_text, remove, write_csv, write_text
+from fitball.report.form.numbers import Scale, handy
 from fitball.report.saved.fit_file import read_fit
 from fitball.report.saved.structure import damaged
 from fitball.values import FloatArray
@@ -42,6 +44,16 @@ class Populated:
     def name(self) -> str:
         """What it is called beside others."""
         return self.quantity.name
+
+    @property
+    def scale(self) -> Scale:
+        """The unit in which people read it."""
+        return handy(self.quantity.name, self.quantity.unit)
+
+    @property
+    def head(self) -> str:
+        """Its name with that unit."""
+        return axis_label(self.name, self.scale.unit)
 
     def ends(self, known: Known) -> tuple[float, float, float]:
         """Median, low and high end of something in the coordinate, in SI."""
@@ -149,3 +161,80 @@ def _populated(one: _Gathered, grouping: Grouping) -> Populated:
     before = asked.before(ends)
     found = population_over(levels, before) if grouping.levels else population(tables, before)
     return Populated(asked, found, own, sds, one.left_out, grouping.over, grouping.said)
+
+
+POPULATION_JSON, POPULATION_CSV = "population.json", "population.csv"
+KIND = "fitball population"
+
+
+def write_populations(populated: Sequence[Populated], folder: Path) -> None:
+    """Write both files, or remove those of an earlier run where there is no population."""
+    if not populated:
+        for name in (POPULATION_JSON, POPULATION_CSV):
+            remove(folder / name)
+        return
+    write_csv(folder / POPULATION_CSV, (row for one in populated for row in table_rows(one)))
+    write_text(folder / POPULATION_JSON, json_text(content(populated)))
+
+
+def table_rows(populated: Populated) -> list[dict[str, object]]:
+    """Each table alone and given the others: medians with the ends of 95 % intervals in SI, effective draws, k."""
+    rows: list[dict[str, object]] = []
+    levels = {name: level.name for level in populated.population.levels for name in level.tables}
+    for table in populated.population.tables:
+        row: dict[str, object] = {
+            "quantity": populated.quantity.name, "unit": populated.quantity.unit, "table": table.name
+        }  # fmt: skip
+        for head, told in (("", populated.own[table.name]), ("pooled_", table.known)):
+            row |= {f"{head}{end}": value for end, value in _ends(populated, told).items()}
+        row |= {"effective_draws": table.effective, "pareto_k": _finite(table.pareto_k), "trusted": table.trusted}
+        row |= {"level": levels.get(table.name)}
+        rows.append(row)
+    return rows
+
+
+def content(populated: Sequence[Populated]) -> Mapping[str, object]:
+    """What `population.json` holds."""
+    return {"kind": KIND, "quantities": {one.quantity.name: _quantity(one) for one in populated}}
+
+
+def _quantity(one: Populated) -> Mapping[str, object]:
+    found = one.population
+    told: dict[str, object] = {
+        "unit": one.quantity.unit,
+        "logarithmic": one.quantity.log,
+        "tables": len(found.tables),
+        "centre": _ends(one, found.centre) | {"error": found.centre.error},
+        "spread": _spread(found.spread),
+        "new_table": _ends(one, found.new),
+        "not_trusted": list(found.doubtful),
+        "left_out": dict(one.left_out),
+    }
+    if found.levels:
+        told |= {
+            "over": one.over,
+            "within": None if found.within is None else _spread(found.within),
+            "new_level": None if found.new_level is None else _ends(one, found.new_level),
+            "levels": {level.name: _level(one, level) for level in found.levels},
+        }
+    return told
+
+
+def _level(one: Populated, level: Level) -> Mapping[str, object]:
+    return {
+        "tables": list(level.tables), **_ends(one, level.known), "error": level.known.error,
+        "new_table": None if level.new is None else _ends(one, level.new),
+    }  # fmt: skip
+
+
+def _spread(spread: Known) -> Mapping[str, float]:
+    return {"median": spread.median, "q025": spread.low, "q975": spread.high, "error": spread.error}
+
+
+def _ends(populated: Populated, known: Known) -> dict[str, float]:
+    return dict(zip(("median", "q025", "q975"), populated.ends(known), strict=True))
+
+
+def _finite(k: float) -> float | None:
+    """Infinite where weights have no tail, or are equal."""
+    return float(k) if np.isfinite(k) else None

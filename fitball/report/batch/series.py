@@ -1,20 +1,28 @@
-"""Columns of a batch as series: each parameter over the tables, along what the tables can be ordered by."""
+"""Columns of a batch as series: each parameter over the tables, along what the tables can be ordered by; and on which
+level each table lies: by a label that all its rows share, by its folder, or as told.
+"""
 
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.errors import ParameterError, suggestion
 from fitball.inference.population.trend import Line, outliers, random_effects
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.results import Verdict
 from fitball.models.registry import parameter_spec
 from fitball.report.batch.rows import DONE, LABEL, NAME, Row
+from fitball.report.figures.quantities import axis_label
+from fitball.report.form.numbers import Scale, handy, listed
 from fitball.values import FloatArray
+from fitball.wording import option
 
 PACE = "court_pace"
 TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
@@ -80,6 +88,25 @@ class Series:
             if self.quantity == PACE
             else self.quantity.replace("cor_at_", "COR at ").replace("_m/s", " m/s")
         )
+
+    @property
+    def scale(self) -> Scale:
+        """The unit in which people read it."""
+        return handy(self.quantity, self.unit)
+
+    @property
+    def head(self) -> str:
+        """Its name with that unit."""
+        return axis_label(self.name, self.scale.unit)
+
+    @property
+    def middle(self) -> tuple[float, float, float] | None:
+        """The centre with the low and the high end of its 95 % interval, SI."""
+        if self.centre is None:
+            return None
+        line = self.centre
+        ends = float(line.coefficients[0]), float(line.low[0]), float(line.high[0])
+        return (math.exp(ends[0]), math.exp(ends[1]), math.exp(ends[2])) if self.logarithmic else ends
 
 
 def things_along(rows: Sequence[Row]) -> tuple[Along, ...]:
@@ -196,3 +223,93 @@ def _number(cell: object) -> float | None:
 def _or_nan(cell: object) -> float:
     number = _number(cell)
     return np.nan if number is None else number
+
+
+# Levels that are the folders of tables, unless tables have a label of that name.
+FOLDER = "folder"
+# What every table is a level of by itself.
+TABLE = "table"
+# What levels are called that are told table by table.
+LEVEL = "level"
+Over = str | Mapping[str, str] | None
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """The level of each table that has one, `over` what; none where every table is a level by itself. `said` is what
+    is to be said of that.
+    """
+
+    over: str = ""
+    levels: Mapping[str, str] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
+
+
+def grouped(rows: Sequence[Row], over: Over) -> Grouping:
+    """Tables grouped `over` a label, over "folder", or as a mapping of tables to levels tells.
+
+    Numbers or dates of which every table has its own are no levels: what drifts along them is told of a batch anyway.
+    Raises ParameterError for a label that no table has, or all have the same.
+    """
+    if over is None or over == TABLE:
+        return Grouping()
+    done = {str(row[NAME]): row for row in rows if row["outcome"] == DONE}
+    if not isinstance(over, str):
+        for table in over.keys() - {str(row[NAME]) for row in rows}:
+            raise ParameterError(f"over: no table is called '{table}': {suggestion(str(table), done)}")
+        name, levels = LEVEL, {table: str(over[table]) for table in done if table in over}
+    else:
+        name, levels = over, _labelled(done, over)
+    count = len(set(levels.values()))
+    if count < 2:
+        same = ", ".join(set(levels.values()))
+        raise ParameterError(f"{option('over', name)}: one level alone, {same}; expected at least two levels")
+    along = next((item for item in things_along(rows) if item.name == name), None)
+    kind = "" if along is None else "dates" if along.first_day is not None else "numbers"
+    if kind and count == len(levels):
+        return Grouping(said=(_DRIFT.format(name=name, kind=kind),))
+    said = [f"{len(levels):,} tables lie on {count:,} levels of {name}."]
+    without = [table for table in done if table not in levels]
+    if without:
+        said.append(f"Left out, without one {name} for all their rows: {listed(without[:5])}{_more(without)}.")
+    if kind:
+        said.append(
+            f"{name} holds {kind}, which are taken as names of levels; what drifts along them is told beside."
+        )
+    return Grouping(name, levels, (*said, *_weak(name, count, len(levels))))
+
+
+_DRIFT = "{name} holds {kind}, and every table another: there are no levels; what drifts along it is told."
+
+
+def _labelled(done: Mapping[str, Row], over: str) -> dict[str, str]:
+    labels = {key.removeprefix(LABEL) for row in done.values() for key in row if key.startswith(LABEL)}
+    if over in labels:
+        cells = {table: row.get(f"{LABEL}{over}") for table, row in done.items()}
+        return {table: str(cell) for table, cell in cells.items() if cell is not None}
+    if over == FOLDER:
+        return {table: PurePosixPath(table).parent.as_posix() for table in done}
+    known = sorted({*labels, FOLDER})
+    raise ParameterError(
+        f"{option('over', over)}: no table has one {over} for all its rows; expected a label that tables have, or "
+        f"their folder: {', '.join(known)}"
+    )
+
+
+def _weak(name: str, levels: int, tables: int) -> list[str]:
+    """What so few levels and tables hardly tell."""
+    said = []
+    if levels == 2:
+        said.append(f"Two levels of {name} hardly tell how far levels lie apart: that spread rests on its prior too.")
+    if tables == levels:
+        said.append(
+            f"Every {name} has one table: how tables of one {name} differ cannot be told from how levels do, and the "
+            "spread is of both."
+        )
+    elif tables == levels + 1:
+        said.append(f"One {name} alone has two tables: the spread within levels rests on its prior too.")
+    return said
+
+
+def _more(names: Sequence[str]) -> str:
+    return f" and {len(names) - 5:,} more" if len(names) > 5 else ""

@@ -20,7 +20,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMethodFormatter
+from matplotlib.markers import TICKDOWN, TICKLEFT
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -37,6 +38,8 @@ DIGITS = (
     tuple(0.1 * k for k in range(10, 100)), tuple(0.02 * k for k in range(50, 500)),
 )  # fmt: skip
 LEAST_TICKS, MOST_TICKS, MOST_UNNAMED = 3, 5, 40
+# What ticks without a number are known by.
+UNNAMED = "unnamed ticks"
 # Groups named in a legend.
 MOST_NAMED = 12
 # Colour and marker of each group.
@@ -250,17 +253,25 @@ def _within(low: float, high: float, digits: Sequence[float]) -> list[float]:
 
 
 def log_scale(axis: Axes, low: float, high: float, which: Literal["x", "y"] = "x") -> None:
-    """Make an axis from `low` to `high` logarithmic and let it look so: unevenly spaced ticks, few of them named."""
+    """Make an axis from `low` to `high` logarithmic and let it look so: unevenly spaced ticks, few of them named; the
+    others are one artist, since a tick of matplotlib's is five.
+    """
     named, unnamed = log_ticks(low, high)
+    along, edge = np.array(unnamed), np.zeros(len(unnamed))
+    side: Axis
     if which == "x":
         axis.set_xscale("log")
+        side, places, marker, within = axis.xaxis, (along, edge), TICKDOWN, axis.get_xaxis_transform()
     else:
         axis.set_yscale("log")
-    side = axis.xaxis if which == "x" else axis.yaxis
+        side, places, marker, within = axis.yaxis, (edge, along), TICKLEFT, axis.get_yaxis_transform()
     side.set_major_locator(FixedLocator(named))
-    side.set_minor_locator(FixedLocator(unnamed))
+    side.set_minor_locator(NullLocator())
     side.set_major_formatter(StrMethodFormatter("{x:g}"))
-    side.set_minor_formatter(NullFormatter())
+    axis.plot(
+        *places, linestyle="none", marker=marker, markersize=2.0, markeredgewidth=0.6, color="black", clip_on=False,
+        transform=within, gid=UNNAMED,
+    )  # fmt: skip
     (axis.set_xlim if which == "x" else axis.set_ylim)(low, high)
 
 

@@ -170,8 +170,3 @@ def drawn(fit: Fit) -> Posterior:
     if fit.posterior is None:
         raise ResultFolderError(f"this figure needs a posterior; run calibrate without {option('point_only')}")
     return fit.posterior
-
-
-def no_posterior(fit: Fit) -> str:
-    """Why a fit has no figure of its posterior, "" where it has."""
-    return "" if fit.posterior is not None else f"it needs a posterior; run calibrate without {option('point_only')}"

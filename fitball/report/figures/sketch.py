@@ -23,7 +23,7 @@ TURNS = 5
 FORCE = GUIDE
 
 
-def figure(fit: Fit) -> Figure:
+def sketch_figure(fit: Fit) -> Figure:
     """The sketch for the parameters that the model of a fit has."""
     return ball_sketch(fit.problem.model.specs, f"{fit.problem.model.name}: symbols and signs")
 
@@ -159,12 +159,7 @@ def _symbol(name: str) -> str:
     return SPECS[name].label
 
 
-def missing(_fit: Fit) -> str:
-    """Every fit has this figure."""
-    return ""
-
-
-def words(fit: Fit) -> str:
+def sketch_words(fit: Fit) -> str:
     """The figure in words and numbers, for who does not see it."""
     specs = fit.problem.model.specs
     what = "a core within a shell, joined by springs and dampers" if "mass_ratio" in specs else "one body"

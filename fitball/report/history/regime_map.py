@@ -21,7 +21,7 @@ from fitball.inference.prediction.simulate import NONE, RegimeMap
 from fitball.models.types import STATUS_REASON, Status, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import new_figure, other_scale, own_style, verbatim
-from fitball.report.figures.regimes import OTHERS, regime_colours
+from fitball.report.figures.predictions import OTHERS, regime_colours
 from fitball.report.form.numbers import output_scale
 from fitball.report.form.palette import REGIMES
 from fitball.values import FloatArray, Impacts

@@ -1,4 +1,4 @@
-"""The figure of residuals: against every incident quantity, by group, and against normal quantiles."""
+"""Measurements beside what the fit makes of them: measured against predicted, and residuals."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from fitball.inference.problem.observables import Observable
 from fitball.inference.results.results import Fit
 from fitball.observables import OBSERVABLES
 from fitball.report.figures.canvas import (
+    MOST_POINTS,
     Margins,
     Styles,
+    filled,
     fit_heading,
     group_handles,
     group_styles,
@@ -30,10 +33,165 @@ from fitball.report.figures.canvas import (
     shown_rows,
     verbatim,
 )
-from fitball.report.figures.quantities import bias, group_of, measured_part, measured_rows, noise_sd, prediction
-from fitball.report.form.palette import FAINT, GUIDE, MEASURED, TREND
+from fitball.report.figures.quantities import (
+    bias,
+    group_of,
+    measured_part,
+    measured_rows,
+    noise_sd,
+    output_label,
+    prediction,
+    prediction_of,
+)
+from fitball.report.form.numbers import output_scale
+from fitball.report.form.palette import FAINT, GUIDE, MEASURED, MODEL, NOISE, TREND
 from fitball.values import FloatArray
 from fitball.wording import short
+
+SHARE = 0.95
+# Bins of a band that stands for more intervals than can be told apart.
+BAND_BINS = 24
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One output at the impacts `rows` where it was measured, in the unit in which people read it.
+
+    `predicted` is the posterior median without noise, or the point estimate; 95 % intervals (2, rows) of the model,
+    which is what its parameters leave open (None for a point fit), and of a new `measurement`, which noise widens.
+    """
+
+    name: str
+    rows: NDArray[np.int64]
+    measured: FloatArray
+    predicted: FloatArray
+    model: FloatArray | None
+    measurement: FloatArray
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which measurements lie in the interval of a new one."""
+        return np.asarray((self.measured >= self.measurement[0]) & (self.measured <= self.measurement[1]))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square difference of measured and predicted."""
+        return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
+
+    @property
+    def words(self) -> str:
+        """How many measurements lie inside."""
+        return f"{np.count_nonzero(self.inside):,} of {self.inside.size:,} within 95 %"
+
+
+def agreements(fit: Fit) -> tuple[Agreement, ...]:
+    """Every measured column that the fit answers for."""
+    return tuple(_agreement(fit, item) for item in fit.problem.observables)
+
+
+def _agreement(fit: Fit, observable: Observable) -> Agreement:
+    factor = output_scale(observable.name).factor
+
+    def part(*arrays: FloatArray) -> FloatArray:
+        return factor * measured_part(observable, np.stack(arrays))
+
+    told, measured, model = prediction_of(fit, observable), part(observable.observed)[0], None
+    predicted = part(prediction(fit, observable))[0]
+    if told is not None:
+        model, ends = part(told.mean_q025, told.mean_q975), part(told.data_q025, told.data_q975)
+    else:
+        away = fit.problem.noise.reach(SHARE, fit.point.values) * noise_sd(fit, observable)
+        centre = measured_part(observable, prediction(fit, observable)) + bias(fit, observable)
+        ends = factor * np.stack([centre - away, centre + away])
+    return Agreement(observable.name, measured_rows(observable), measured, predicted, model, ends)
+
+
+def interval_band(item: Agreement, interval: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (bins,) and ends (2, bins) of the interval about the 1:1 line: medians over bins of equal count."""
+    order = np.argsort(item.predicted, kind="stable")
+    parts = [part for part in np.array_split(order, BAND_BINS) if part.size]
+    places = np.array([np.median(item.predicted[part]) for part in parts])
+    ends = np.stack([[np.median(side[part] - item.predicted[part]) for part in parts] for side in interval])
+    return places, places + ends
+
+
+COLUMNS = 3
+# Impacts beyond which intervals become a band, and points small.
+MOST_INTERVALS = 150
+
+
+def predictive_figure(fit: Fit) -> Figure:
+    """A panel for each output."""
+    items = agreements(fit)
+    columns, narrow = min(COLUMNS, len(items)), len(items) == 1
+    groups = group_of(fit)
+    styles = group_styles(groups)
+    handles = {f"measured: {name}" if name else "measured": mark for name, mark in group_handles(styles).items()}
+    if fit.predictive is not None:
+        handles["95 %: the model, by its parameters"] = _bar(MODEL)
+    handles["95 %: a new measurement, with noise"] = _bar(NOISE)
+    # Labels of the axis and the lines of the legend.
+    below = 0.62 + 0.19 * -(-len(handles) // min(columns, len(handles)))
+    margins = Margins(across=0.8, down=0.85, top=0.85 if narrow else 0.65, bottom=below)
+    figure, axes = filled(len(items), COLUMNS, (2.85, 2.85), margins)
+    for axis, item in zip(axes.ravel(), items, strict=False):
+        _draw_agreement(axis, item, groups, styles)
+    legend_below(figure, handles, columns)
+    shown = f" ({MOST_POINTS:,} of {len(groups):,} impacts)" if len(groups) > MOST_POINTS else ""
+    fit_heading(figure, fit, f"measured against predicted{shown}", narrow)
+    return figure
+
+
+def _bar(colour: str) -> Line2D:
+    return Line2D([], [], color=colour, linewidth=4, solid_capstyle="butt")
+
+
+def _draw_agreement(axis: Axes, item: Agreement, groups: tuple[str, ...], styles: Styles) -> None:
+    everything = np.concatenate([item.measured, item.predicted, item.measurement.ravel()])
+    low, high = float(everything.min()), float(everything.max())
+    room = 0.04 * ((high - low) or 1.0)
+    ends = (low - room, high + room)
+    axis.plot(ends, ends, color=GUIDE, linewidth=0.8, zorder=1)
+    many = item.rows.size > MOST_INTERVALS
+    for interval, colour, width in ((item.measurement, NOISE, 2.2), (item.model, MODEL, 4.0)):
+        if interval is None:
+            continue
+        if many:
+            places, sides = interval_band(item, interval)
+            axis.fill_between(places, *sides, color=colour, alpha=0.9, linewidth=0, zorder=2)
+        else:
+            axis.vlines(item.predicted, *interval, color=colour, linewidth=width, zorder=2)
+    label = np.array(groups)[item.rows]
+    drawn = shown_rows(np.arange(item.rows.size))
+    for group, (colour, marker) in styles.items():
+        mine = drawn[label[drawn] == group]
+        axis.plot(
+            item.predicted[mine], item.measured[mine], marker, color=colour, markersize=2.0 if many else 4.5,
+            alpha=0.2 if many else 1.0, markeredgewidth=0.0 if many else 0.5,
+            markeredgecolor="white", zorder=3,
+        )  # fmt: skip
+    axis.set_xlim(*ends)
+    axis.set_ylim(*ends)
+    axis.set_aspect("equal")
+    # Above the diagonal there is room.
+    axis.text(0.03, 0.97, item.words, transform=axis.transAxes, va="top", fontsize=9)
+    axis.locator_params(nbins=6)
+    axis.set_title(OBSERVABLES[item.name].title)
+    axis.set_xlabel(f"predicted {output_label(item.name)}")
+    axis.set_ylabel(f"measured {output_label(item.name)}")
+    axis.grid()
+
+
+def predictive_words(fit: Fit) -> str:
+    """The figure in words and numbers, for who does not see it."""
+    parts = [
+        f"{item.name}: {np.count_nonzero(item.inside)} of {item.inside.size} measurements within the 95 % range of a "
+        f"new one, root mean square difference {item.rms:.2g} {output_scale(item.name).unit}"
+        for item in agreements(fit)
+    ]
+    what = "posterior median" if fit.predictive is not None else "point estimate"
+    return f"Measured rebounds against the {what}. " + "; ".join(parts) + "."
+
 
 WITHIN = 1.959963984540054
 # A quantity whose values lie as near to each other as this share of the largest does not differ.
@@ -104,16 +262,15 @@ def trend(along: FloatArray, values: FloatArray, bins: int) -> Trend:
     return Trend(np.array([np.median(along[part]) for part in parts]), np.array(means), np.array(halves))
 
 
-CELL = (1.75, 1.6)
 # From how many impacts on means over bins are shown, and beyond how many the density of dots instead of dots.
 MEANS_FROM, MOST_DOTS = 60, 500
-BINS, PIXELS = 12, (36, 36)
+TREND_BINS, PIXELS = 12, (36, 36)
 GREYS = LinearSegmentedColormap.from_list("density", ["#ffffff", FAINT, GUIDE, MEASURED])
 # Groups that fit side by side with their names.
 MOST_GROUPS = 8
 
 
-def figure(fit: Fit) -> Figure:
+def residuals_figure(fit: Fit) -> Figure:
     """A row for each output, a column for each quantity, one for groups and one for quantiles."""
     data, quantities = residual_data(fit), incident_quantities(fit)
     groups = np.array(group_of(fit))
@@ -122,7 +279,10 @@ def figure(fit: Fit) -> Figure:
     count = len(quantities) + grouped + 1
     few = count < 4
     figure, axes = panels(
-        len(data), count, (2.6, 1.9) if few else CELL, Margins(left=0.8, top=0.7 if few else 0.5, bottom=1.15)
+        len(data),
+        count,
+        (2.6, 1.9) if few else (1.75, 1.6),
+        Margins(left=0.8, top=0.7 if few else 0.5, bottom=1.15),
     )
     for row, item in zip(axes, data, strict=True):
         reach = 1.12 * max(2.5, float(np.max(np.abs(item.values), initial=0.0)))
@@ -139,7 +299,7 @@ def figure(fit: Fit) -> Figure:
     for axis, label in zip(axes[-1], labels, strict=True):
         axis.set_xlabel(label)
     inner(axes, grid=False)
-    _legend(figure, fit, styles)
+    _residual_legend(figure, fit, styles)
     fit_heading(figure, fit, "residuals (measured - predicted) / sd", narrow=few)
     return figure
 
@@ -163,7 +323,7 @@ def _draw_along(
     else:
         _dots(axis, along, item, groups, styles)
     if item.rows.size >= MEANS_FROM:
-        found = trend(along, item.values, BINS)
+        found = trend(along, item.values, TREND_BINS)
         axis.errorbar(
             found.along, found.mean, found.half, fmt="o-", color=TREND, markersize=2.5, linewidth=1.0, zorder=4
         )
@@ -213,7 +373,7 @@ def _draw_quantiles(axis: Axes, item: Residuals) -> None:
     axis.locator_params(axis="x", nbins=4)
 
 
-def _legend(figure: Figure, fit: Fit, styles: Styles) -> None:
+def _residual_legend(figure: Figure, fit: Fit, styles: Styles) -> None:
     handles: dict[str, Any] = {**group_handles(styles)} if len(styles) > 1 else {}
     means = len(fit.problem.table) >= MEANS_FROM or len(styles) > 1
     handles["1 and 2 sd"] = Patch(color=GUIDE, alpha=0.15, linewidth=0)
@@ -224,12 +384,7 @@ def _legend(figure: Figure, fit: Fit, styles: Styles) -> None:
     legend_below(figure, handles, 6 if figure.get_figwidth() > 7.0 else 3)
 
 
-def missing(_fit: Fit) -> str:
-    """Every fit has this figure."""
-    return ""
-
-
-def words(fit: Fit) -> str:
+def residuals_words(fit: Fit) -> str:
     """The figure in words and numbers, for who does not see it."""
     parts = []
     for item in residual_data(fit):
