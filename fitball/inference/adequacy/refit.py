@@ -152,7 +152,8 @@ def _effects(problem: Problem, values: FloatArray, weighting: Weighting, slopes:
     (measurements, free) are the derivatives.
     """
     names = problem.free_names
-    effects = {name: slopes[:, names.index(name)] for name in WEARING if name in names}
+    # Copies: a view would keep the derivatives of all parameters for as long as the effects live.
+    effects = {name: slopes[:, names.index(name)].copy() for name in WEARING if name in names}
     if "mu" in effects:
         ends = np.repeat(values, 2, axis=0)
         ends[:, names.index("mu")] *= 1.0 + FRICTION * np.array([-1.0, 1.0])

@@ -21,9 +21,9 @@ LOOKED_AT = 3000
 # Impacts with a force record, or a measurement of a column with gaps, that are kept in any part of a table.
 RECORDED = 20
 # Rows whose derivatives are taken at once.
-PART = 100_000
-# Draws times impacts that are evaluated at once: some twenty arrays of as many numbers live at a time (150 MB).
-CELLS = 1_000_000
+PART = 20_000
+# Draws times impacts that are evaluated at once: some twenty arrays of as many numbers live at a time (80 MB).
+CELLS = 500_000
 # With errors of the incident state a cell has Jacobians too.
 INCIDENT_COST = 8
 
