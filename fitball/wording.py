@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 # Letters of a user's name that a figure has room for, and of one in a formula.
 MOST_LETTERS, MOST_IN_FORMULA = 22, 12
@@ -48,6 +49,36 @@ def speaking_to_command_line() -> Iterator[None]:
         yield
     finally:
         listen(before)
+
+
+@dataclass(frozen=True)
+class Screen:
+    """What a report is shown on: letters a line, whether it takes colours, and whether all is wanted or what comes
+    first. A caller of Python gets all, plain.
+    """
+
+    width: int = 100
+    colour: bool = False
+    full: bool = True
+
+
+_SCREEN = [Screen()]
+
+
+def screen() -> Screen:
+    """What reports are shown on now."""
+    return _SCREEN[0]
+
+
+@contextmanager
+def shown_on(wanted: Screen) -> Iterator[None]:
+    """Reports made meanwhile are laid out for that screen."""
+    before = screen()
+    _SCREEN[0] = wanted
+    try:
+        yield
+    finally:
+        _SCREEN[0] = before
 
 
 def spoken(command: str, python: str) -> str:

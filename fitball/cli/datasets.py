@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import textwrap
 from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -33,7 +32,7 @@ def _list(args: argparse.Namespace) -> int:
 
 def _priors(args: argparse.Namespace) -> int:
     from fitball.data.published import PREFIX, published_priors
-    from fitball.report.form.document import WIDTH
+    from fitball.report.form.document import wrapped
 
     rows = published_priors()
     if args.json:
@@ -42,8 +41,7 @@ def _priors(args: argparse.Namespace) -> int:
     print("Priors from the literature, in SI units: --prior NAME=literature:KEY, or [priors] of a scene.")
     for row in rows:
         print(f"\n{row.parameter}={PREFIX}{row.key}  {row.text}")
-        for words in (row.note, f"Source: {row.source}"):
-            print(textwrap.fill(words, WIDTH, initial_indent="  ", subsequent_indent="  "))
+        print("\n".join(wrapped([row.note, f"Source: {row.source}"], "  ", "  ")))
     return 0
 
 

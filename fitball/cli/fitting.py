@@ -14,6 +14,7 @@ from fitball.cli.options import (
     CONFIG,
     CORES,
     FITTING,
+    FULL,
     READING,
     SCHEDULER,
     SEED,
@@ -27,7 +28,7 @@ from fitball.cli.options import (
     tell_notes,
     whole,
 )
-from fitball.cli.terminal import time_left
+from fitball.cli.terminal import show, time_left
 from fitball.errors import ModelError, ParameterError, ResultFolderError
 from fitball.models.specs import RANKED
 
@@ -76,7 +77,10 @@ def run_calibrate(args: argparse.Namespace) -> int:
                 return 130
             raise ResultFolderError(f"{error}\nNot finished{_farewell(folder)}" if kept else str(error)) from None
     progress.finish()
-    print(render_json(fit, folder) if args.json else folder if args.quiet else render(fit, folder))
+    if args.json:
+        print(render_json(fit, folder))
+    else:
+        show(str(folder) if args.quiet else render(fit, folder))
     return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
 
 
@@ -104,6 +108,7 @@ CALIBRATE = Verb(
         switch("--no-figures", "draw none: neither files nor on the page"),
         switch("--resume", "go on with an interrupted or unconverged run"),
         switch("--overwrite", "replace an older result in the folder"),
+        FULL,
         switch("--json", "print the summary as JSON"),
         switch("--quiet", "no progress, no table: only errors and files"),
     ),
@@ -166,6 +171,7 @@ COMPARE = Verb(
         SCHEDULER,
         option("--out", "DIR", "result folder", type=place),
         switch("--overwrite", "replace an older result in the folder"),
+        FULL,
         switch("--json", "print compare.json"),
         switch("--quiet", "no progress, no table: only errors and the folder"),
     ),
@@ -192,7 +198,7 @@ def run_batch(args: argparse.Namespace) -> int:
     from fitball.report.batch.rows import FAILED
 
     folder = Path(args.out) if args.out else FOLDER
-    plan = plan_of(folder, args.model, args.full, args.overwrite, **fitting_of(args))
+    plan = plan_of(folder, args.model, args.all_files, args.overwrite, **fitting_of(args))
     try:
         batch = batch_of(args.data, plan, args.cores, args.scheduler, telling(args), args.command)
     except KeyboardInterrupt:
@@ -200,7 +206,7 @@ def run_batch(args: argparse.Namespace) -> int:
         print(f"Interrupted. Finished tables are kept in {folder}; the same line goes on.", file=sys.stderr)
         return 130
     args.progress.finish()
-    print(folder if args.quiet else batch.report())
+    show(str(folder) if args.quiet else batch.report())
     unsure = any(row["status"] == RunStatus.NOT_CONVERGED for row in batch.rows)
     return 1 if unsure or any(row["outcome"] == FAILED for row in batch.rows) else 0
 
@@ -223,10 +229,11 @@ BATCH = Verb(
     (
         option("data", "DATA", "tables, folders of tables, or patterns in quotes ('courts/*.csv')", nargs="+"),
         *FITTING,
-        switch("--full", "all files of calibrate for each table, not fit.json alone"),
+        switch("--all-files", "all files of calibrate for each table, not fit.json alone"),
         switch("--overwrite", "replace results of other data or settings"),
         SCHEDULER,
         option("--out", "DIR", "result folder (default: fits/batch)", type=place),
+        FULL,
         switch("--quiet", "no progress, no table: only errors and the folder"),
     ),
     run_batch,
@@ -236,8 +243,8 @@ BATCH = Verb(
   fitball batch courts --scheduler tcp://head:8786
 
 Results go to fits/batch/ unless --out names another folder: batch.csv with a row a table, batch.html, and a folder a
-table with fit.json (--full: all that calibrate writes). The same line goes on after an interruption. Exit code 1 if
-a table failed or a posterior did not converge.""",
+table with fit.json (--all-files: all that calibrate writes). The same line goes on after an interruption. Exit code
+1 if a table failed or a posterior did not converge.""",
 )  # fmt: skip
 
 
@@ -250,7 +257,10 @@ def run_population(args: argparse.Namespace) -> int:
     batch = load_batch(Path(args.folder) if args.folder else FOLDER)
     asked = [name.strip() for name in args.of.split(",") if name.strip()]
     populated = batch.summarise(asked, args.command, args.over)
-    sys.stdout.write(json_text(content(populated)) if args.json else batch.report() + "\n")
+    if args.json:
+        print(json_text(content(populated)), end="")
+    else:
+        show(batch.report())
     return 1 if any(one.population.doubtful for one in populated) else 0
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from fitball.cli.terminal import show
 from fitball.errors import ParameterError, suggestion
 from fitball.models.specs import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
@@ -210,6 +211,7 @@ PICTURE: Mapping[str, Any] = {"default": "png", "type": one_of("format", FORMATS
 CONFIG = option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)")
 SEED = option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1)
 EXACT = "--exact-incidence", "take the incident state as exact even where its sd is stated"
+FULL = switch("--full", "print the whole report, not only its first screen")
 FIT = option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json")
 # Model, priors, structure of the likelihood, effort.
 FITTING = (
@@ -280,7 +282,7 @@ def print_result(args: argparse.Namespace, result: Told, brief: object, *where: 
     if args.json:
         print(json_text(result.json()), end="")
     else:
-        print(brief if args.quiet else result.report(*where))
+        show(str(brief) if args.quiet else result.report(*where))
 
 
 def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:
@@ -289,7 +291,7 @@ def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iter
         print(json_text, end="")
         return
     if not args.quiet:
-        print(f"{text}\n\nResults:")
+        show(f"{text}\n\nResults:")
     for place in places:
         print(place if args.quiet else f"  {place}")
 
