@@ -120,8 +120,8 @@ def test_errors_that_quote_files_and_options(hostile, small_fit, tmp_path, capsy
     commands = [
         ("datasets", "check", bad),
         ("datasets", "show", bad),
-        ("datasets", "check", "wang_all", "--config", scene),
-        ("datasets", "check", "wang_all", "--force", force),
+        ("datasets", "check", "wang_all", "--scene", scene),
+        ("datasets", "check", "wang_all", "--force-records", force),
         ("datasets", "show", HOSTILE),
         ("predict", small_fit, bad),
         ("verify", bad, "--fit", small_fit),
