@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 # Options with another name on the command line than in Python.
 FLAGS = {"config": "scene", "force": "force-records"}
@@ -49,6 +50,36 @@ def speaking_to_command_line() -> Iterator[None]:
         yield
     finally:
         listen(before)
+
+
+@dataclass(frozen=True)
+class Screen:
+    """What a report is shown on: letters a line, whether it takes colours, and whether all is wanted or what comes
+    first. A caller of Python gets all, plain.
+    """
+
+    width: int = 100
+    colour: bool = False
+    full: bool = True
+
+
+_SCREEN = [Screen()]
+
+
+def screen() -> Screen:
+    """What reports are shown on now."""
+    return _SCREEN[0]
+
+
+@contextmanager
+def shown_on(wanted: Screen) -> Iterator[None]:
+    """Reports made meanwhile are laid out for that screen."""
+    before = screen()
+    _SCREEN[0] = wanted
+    try:
+        yield
+    finally:
+        _SCREEN[0] = before
 
 
 def spoken(command: str, python: str) -> str:

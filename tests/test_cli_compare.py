@@ -41,7 +41,7 @@ def done(tmp_path_factory):
     (place / "balls.csv").write_text(ROWS, encoding="utf-8")
     out, err = io.StringIO(), io.StringIO()
     with contextlib.chdir(place), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(["compare", "balls.csv", *PAIR])
+        code = main(["compare", "balls.csv", "--full", *PAIR])
     return place, code, out.getvalue(), err.getvalue()
 
 
@@ -117,7 +117,7 @@ def test_the_page_says_what_the_terminal_says(done):
     shown = plain(page)
     # "None" may begin a sentence.
     assert not re.search(r"\b(nan|Undefined|inf)\b|>None<", re.sub(r"data:image/[^\"]*", "", page))
-    assert "fitball compare balls.csv --models brody,grip-slip" in shown
+    assert "fitball compare balls.csv --full --models brody,grip-slip" in shown
     content = json.loads((place / "fits" / "balls" / "compare" / "compare.json").read_text(encoding="utf-8"))
     models = [model["name"] for model in content["models"]]
     said = [LEGEND, ERRORS, ASSUMED, content["words"], *(f"{note}." for note in content["notes"])]
@@ -187,7 +187,7 @@ def test_few_impacts_and_a_drop_test(tmp_path, monkeypatch, capsys):
     [
         (["nothing.csv"], "no such file"),
         (["wang_zero_spin.csv", "--models", "brody"], "at least two different models"),
-        (["wang_zero_spin.csv", "--models", "brody,,two-mass"], "empty name"),
+        (["wang_zero_spin.csv", "--models", "brody,,two-mass"], "brody,,two-mass"),
         (["wang_zero_spin.csv", "--models", "brody,thesis"], "is not ranked"),
         (["wang_zero_spin.csv", "--models", "brody,two-mass+spin=both"], "unknown option 'both' of closure spin"),
         (["wang_zero_spin.csv", "--seed", "-1"], "seed = -1"),

@@ -119,7 +119,7 @@ def test_bad_files_are_explained(golden, verify):
             golden.assign(**{"v_x2 [m/s]": ["fast"] * 12}),
             "12 rows (first: row 1, line 2), column 'v_x2': read 'fast'",
         ),
-        (golden.assign(**{"omega_1 [rad/s]": -golden["omega_1 [rad/s]"]}), "is the port fed with this fit's?"),
+        (golden.assign(**{"omega_1 [rad/s]": -golden["omega_1 [rad/s]"]}), "not the golden impact"),
         (golden.rename(columns={"v_x2 [m/s]": "v_x2 [rpm]"}), "measures spin"),
         (golden.iloc[:0], "no rows"),
     ]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import textwrap
 from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from fitball.cli.options import COLUMNS, FLIP, FORCE, READING, SCENE, Option, Run, Verb, fitting_of, option, switch
+from fitball.cli.terminal import show
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def _list(args: argparse.Namespace) -> int:
 
 def _priors(args: argparse.Namespace) -> int:
     from fitball.data.published import PREFIX, published_priors
-    from fitball.report.form.document import WIDTH
+    from fitball.report.form.document import wrapped
 
     rows = published_priors()
     if args.json:
@@ -42,8 +42,7 @@ def _priors(args: argparse.Namespace) -> int:
     print("Published priors, in SI units. Use one with --prior NAME=literature:KEY, or in [priors] of a scene.")
     for row in rows:
         print(f"\n{row.parameter}={PREFIX}{row.key}  {row.text}")
-        for words in (row.note, f"Source: {row.source}"):
-            print(textwrap.fill(words, WIDTH, initial_indent="  ", subsequent_indent="  "))
+        print("\n".join(wrapped([row.note, f"Source: {row.source}"], "  ", "  ")))
     return 0
 
 
@@ -75,7 +74,7 @@ def _show(args: argparse.Namespace) -> int:
     ]
     sections += [Section(head, f"{head}:", [Words([*map(one_line, texts)], "list")]) for head, texts in lists.items()]
     title = one_line(f"{table.name}: {scene.description or table.source}")
-    print(on_terminal(Document(title, [Words([*map(one_line, heads)], "lead")], sections)))
+    show(on_terminal(Document(title, [Words([*map(one_line, heads)], "lead")], sections)))
     return 0
 
 

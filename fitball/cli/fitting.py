@@ -7,12 +7,14 @@ import shlex
 import sys
 import time
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
     CORES,
     FORCE,
+    FULL,
     MODEL,
     NOISE,
     OVERWRITE,
@@ -32,7 +34,7 @@ from fitball.cli.options import (
     switch,
     whole,
 )
-from fitball.cli.terminal import time_left
+from fitball.cli.terminal import show, time_left
 from fitball.errors import ModelError, ParameterError, ResultFolderError
 from fitball.models.specs import RANKED
 
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from fitball.batch.many import Going
+    from fitball.inference.problem.problem import Problem
 
 
 def run_calibrate(args: argparse.Namespace) -> int:
@@ -65,7 +68,7 @@ def run_calibrate(args: argparse.Namespace) -> int:
         begun = begin(problem, effort, folder, overwrite=args.overwrite, resume=args.resume)
         if not args.quiet:
             progress.finish()
-            print_notes([*problem.table.remarks, *problem.notes])
+            print_notes(_by_weight(problem), args.full)
         if args.resume and not begun.resumes:
             print(f"note: {folder} holds no chain to resume; a new run is started", file=sys.stderr)
         try:
@@ -81,8 +84,19 @@ def run_calibrate(args: argparse.Namespace) -> int:
                 return 130
             raise ResultFolderError(f"{error}\nNot finished{_farewell(folder)}" if kept else str(error)) from None
     progress.finish()
-    print(render_json(fit, folder) if args.json else folder if args.quiet else render(fit, folder))
+    if args.json:
+        print(render_json(fit, folder))
+    else:
+        show(str(folder) if args.quiet else render(fit, folder))
     return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
+
+
+def _by_weight(problem: Problem) -> list[object]:
+    """Notes before a fit: one on the fit, one on the table, and so on; what the scene leaves open comes last."""
+    usual = problem.scene.assumed
+    own = [note for note in problem.notes if note not in usual]
+    both = [note for pair in zip_longest(own, problem.table.remarks) for note in pair if note is not None]
+    return [*both, *(note for note in problem.notes if note in usual)]
 
 
 def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:
@@ -110,6 +124,7 @@ CALIBRATE = Verb(
             switch("--no-figures", "draw no figures, neither as files nor in the report"),
             switch("--resume", "continue an interrupted or unconverged run"),
             OVERWRITE,
+            FULL,
             switch("--json", "print the summary as JSON"),
             switch("--quiet", "print errors and the result folder only"),
         )),
@@ -179,6 +194,7 @@ COMPARE = Verb(
         Group("output", (
             option("--out", "DIR", "result folder (default: fits/<table>/compare)", type=place),
             OVERWRITE,
+            FULL,
             switch("--json", "print compare.json"),
             switch("--quiet", "print errors and the result folder only"),
         )),
@@ -214,7 +230,7 @@ def run_batch(args: argparse.Namespace) -> int:
     from fitball.report.batch.rows import FAILED
 
     folder = Path(args.out) if args.out else FOLDER
-    plan = plan_of(folder, args.model, args.full, args.overwrite, **fitting_of(args))
+    plan = plan_of(folder, args.model, args.all_files, args.overwrite, **fitting_of(args))
     try:
         batch = batch_of(args.data, plan, args.cores, args.scheduler, counting(args), args.command)
     except KeyboardInterrupt:
@@ -222,7 +238,7 @@ def run_batch(args: argparse.Namespace) -> int:
         print(f"Interrupted. Finished tables are saved in {folder}; the same command continues.", file=sys.stderr)
         return 130
     args.progress.finish()
-    print(folder if args.quiet else batch.report())
+    show(str(folder) if args.quiet else batch.report())
     unsure = any(row["status"] == RunStatus.NOT_CONVERGED for row in batch.rows)
     return 1 if unsure or any(row["outcome"] == FAILED for row in batch.rows) else 0
 
@@ -250,8 +266,9 @@ BATCH = Verb(
         Group("sampling", (*SAMPLING.options, SCHEDULER)),
         Group("output", (
             option("--out", "DIR", "result folder (default: fits/batch)", type=place),
-            switch("--full", "write all files of calibrate for each table, not fit.json alone"),
+            switch("--all-files", "write all files of calibrate for each table, not fit.json alone"),
             switch("--overwrite", "replace results of other data or settings"),
+            FULL,
             switch("--quiet", "print errors and the result folder only"),
         )),
     ),
@@ -276,7 +293,10 @@ def run_population(args: argparse.Namespace) -> int:
     batch = load_batch(Path(args.folder) if args.folder else FOLDER)
     asked = [name.strip() for name in args.parameters.split(",") if name.strip()]
     populated = batch.summarise(asked, args.command, args.over)
-    sys.stdout.write(json_text(content(populated)) if args.json else batch.report() + "\n")
+    if args.json:
+        print(json_text(content(populated)), end="")
+    else:
+        show(batch.report())
     return 1 if any(one.population.doubtful for one in populated) else 0
 
 

@@ -19,13 +19,13 @@ from fitball.cli.datasets import DATASETS
 from fitball.cli.fitting import BATCH, CALIBRATE, COMPARE, POPULATION, REPEAT
 from fitball.cli.options import Help, Verb, either, one_of, option
 from fitball.cli.studies import BENCH, REDERIVE, SIMULATE
-from fitball.cli.terminal import told_of_compiling, visible_streams
+from fitball.cli.terminal import screen_of, told_of_compiling, visible_streams
 from fitball.cli.using import EXPORT, PLAN, PLOT, PREDICT, VERIFY
 from fitball.environment import check_environment
 from fitball.errors import FitballError, enough_memory, suggestion
 from fitball.version import __version__
 from fitball.visible import one_line
-from fitball.wording import speaking_to_command_line
+from fitball.wording import shown_on, speaking_to_command_line
 
 DESCRIPTION = (
     "Fit a model of a bouncing tennis ball to measured impacts: friction, stiffness and restitution, with their "
@@ -188,7 +188,7 @@ def _run(words: list[str]) -> int:
             parser.print_help()
             return 2
         check_environment()
-        with enough_memory(), told_of_compiling(args):
+        with enough_memory(), told_of_compiling(args), shown_on(screen_of(args)):
             return int(args.run(args))
     finally:
         # A fault of writing shows only now.

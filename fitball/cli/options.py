@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from fitball.cli.terminal import show
 from fitball.errors import ParameterError, suggestion
 from fitball.models.specs import DEFAULT_MODEL, RANKED
 from fitball.visible import one_line
@@ -269,9 +270,9 @@ FORCE = option(
     old="--force", dest="force",
 )  # fmt: skip
 SEED = option("--seed", "N", "seed of all random numbers (default: 1)", type=whole, default=1)
+FULL = switch("--full", "print the whole report (default: its first screen)")
 EXACT = "--exact-incidence", "treat the incident state as exact, even if its sd is given"
 FIT = option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json")
-OUT = option("--out", "DIR", "result folder", type=place)
 OVERWRITE = switch("--overwrite", "replace an older result in the folder")
 MODEL = Group("model and priors", (
     option("--model", "NAME", either(marked(RANKED))),
@@ -321,10 +322,17 @@ def fitting_of(args: argparse.Namespace) -> Fitting:
     return cast(Fitting, {name: getattr(args, name) for name in Fitting.__annotations__ if hasattr(args, name)})
 
 
-def print_notes(notes: Iterable[object]) -> None:
-    """Notes on a result, on stderr, one line each."""
-    for note in notes:
+# Lines of notes before a fit; the report has all of them.
+MOST_NOTES = 3
+
+
+def print_notes(notes: Sequence[object], full: bool = True) -> None:
+    """Notes, on stderr, one line each; unless `full`, the first ones of many and how many more there are."""
+    first = notes if full or len(notes) <= MOST_NOTES else notes[: MOST_NOTES - 1]
+    for note in first:
         print(one_line(f"note: {note}"), file=sys.stderr)
+    if len(first) < len(notes):
+        print(f"note: {len(notes) - len(first)} more in the report, and here with --full", file=sys.stderr)
 
 
 class Result(Protocol):
@@ -345,7 +353,7 @@ def print_result(args: argparse.Namespace, result: Result, brief: object, *where
     if args.json:
         print(json_text(result.json()), end="")
     else:
-        print(brief if args.quiet else result.report(*where))
+        show(str(brief) if args.quiet else result.report(*where))
 
 
 def print_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:
@@ -354,7 +362,7 @@ def print_files(args: argparse.Namespace, json_text: str, text: str, places: Ite
         print(json_text, end="")
         return
     if not args.quiet:
-        print(f"{text}\n\nResults:")
+        show(f"{text}\n\nResults:")
     for place in places:
         print(place if args.quiet else f"  {place}")
 

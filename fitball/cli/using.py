@@ -28,6 +28,7 @@ from fitball.cli.options import (
     switch,
     whole,
 )
+from fitball.cli.terminal import show
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.formats import FORMATS as EXPORTS
 from fitball.exports.formats import KINDS
@@ -129,7 +130,7 @@ def run_predict(args: argparse.Namespace) -> int:
         print(json_text(prediction_json(prediction, ids, found.scores, found.notes)), end="")
     elif not args.quiet:
         seen = impacts_seen(fit.impacts, found.new.impacts) if found.scores else 0
-        print(on_terminal(predict_document(prediction, ids, found.scores, seen)))
+        show(on_terminal(predict_document(prediction, ids, found.scores, seen)))
     if args.out is not None and not args.json and not is_stream(Path(args.out)):
         print(args.out)
     return 0

@@ -43,7 +43,7 @@ from fitball.report.form.files import csv_text, json_text, write_text
 from fitball.report.form.numbers import fixed, output_scale
 from fitball.values import FloatArray
 from fitball.version import versions_line
-from fitball.wording import option
+from fitball.wording import Screen, option, shown_on
 
 JSON_NAME = "compare.json"
 PICTURES = {"ranking": "compare.png", "forest": "forest.png"}
@@ -161,7 +161,8 @@ def write_all(comparison: Comparison, folder: Path, command: str | None = None) 
     images = {name: save_figure(figure, folder / PICTURES[name]) for name, figure in draw_all(comparison).items()}
     write_text(folder / "compare.html", as_page(compare_document(comparison, images, command), images))
     write_text(folder / "compare.csv", csv_text(csv_rows(comparison)))
-    write_text(folder / "compare.txt", render(comparison, str(folder)) + "\n")
+    with shown_on(Screen()):
+        write_text(folder / "compare.txt", render(comparison, str(folder)) + "\n")
     write_text(folder / JSON_NAME, json_text(json_content(comparison, words(comparison))))
 
 
