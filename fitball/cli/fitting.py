@@ -278,6 +278,7 @@ POPULATION = Verb(
             "--over", "LABEL",
             "tables lie on levels: of a label that all rows of a table share (surface, ball, date), or their folder",
         ),
+        FULL,
         switch("--json", "print JSON for other programs"),
     ),
     run_population,
