@@ -74,7 +74,7 @@ def test_a_point_fit_shows_what_it_has(point_folder, tmp_path, capsys):
     captured = capsys.readouterr()
     drawn = {item.stem for item in tmp_path.iterdir()}
     assert drawn == {"sketch", "predictive", "curves", "profiles", "residuals"}
-    assert "left out regimes, corner, trace" in captured.err
+    assert "lacks the data for them: regimes, corner, trace" in captured.err
     for kind in ("corner", "trace", "regimes"):
         assert main(["plot", str(point_folder), kind]) == 2
         assert "needs a posterior; run calibrate without --point-only" in capsys.readouterr().err
@@ -101,7 +101,7 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
     for name in ("data.nc", "run.toml"):
         shutil.copy(point_folder / name, tmp_path)
     assert main(["plot", str(place), "profiles"]) == 0
-    assert "holds no profiles: computing them" in capsys.readouterr().err
+    assert "has no profiles" in capsys.readouterr().err
     assert (tmp_path / "profiles.png").stat().st_size > 0
     content["identifiability"]["profiles_missing"] = "the noise falls to its bound"
     place.write_text(json.dumps(content), encoding="utf-8")
