@@ -261,7 +261,7 @@ class Fit(results.Fit):
         (a file or a folder) the places that were written.
 
         Forms are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
-        `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
+        `latex`, `markdown`, `certificate`, and `pdf` and `netcdf` (files only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
         the JSON alone). Raises ParameterError, ResultFolderError.
 
