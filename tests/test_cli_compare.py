@@ -193,7 +193,7 @@ def test_few_impacts_and_a_drop_test(tmp_path, monkeypatch, capsys):
     [
         (["nothing.csv"], "no such file"),
         (["wang_zero_spin.csv", "--models", "brody"], "at least two different models"),
-        (["wang_zero_spin.csv", "--models", "brody,,two-mass"], "empty name"),
+        (["wang_zero_spin.csv", "--models", "brody,,two-mass"], "brody,,two-mass"),
         (["wang_zero_spin.csv", "--models", "brody,thesis"], "is not ranked"),
         (["wang_zero_spin.csv", "--models", "brody,two-mass+spin=both"], "unknown option 'both' of closure spin"),
         (["wang_zero_spin.csv", "--seed", "-1"], "seed = -1"),

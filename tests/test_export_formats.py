@@ -259,7 +259,7 @@ def test_manners(small_fit, tmp_path, capsys):
         (["json", "--out", str(tmp_path / "none" / "p.json")], "make it first"),
         (["json", "--out", str(small_fit / "fit.json"), "--overwrite"], "belongs to the result"),
         (["netcdf", "--out", str(small_fit / "posterior.nc"), "--overwrite"], "belongs to the result"),
-        (["netcdf", "--out", "-"], "no text"),
+        (["netcdf", "--out", "-"], "not text"),
         (["json", "--range", "v=1"], "--range belongs to --to lookup"),
         (["c", "--prefix", "9-"], "the beginning of a name"),
         (["csharp", "--prefix", "_9"], "the beginning of a name"),

@@ -354,21 +354,20 @@ def _masses(comparison: Comparison) -> str:
         return ""
     rival, family = found
     default = comparison.by_name.get(DEFAULT_MODEL, family[0])
-    text = f"Is the second mass worth its parameters? {_duel(comparison, default, rival)}"
+    text = f"Is the second mass worth its parameters? {default.name} has {_duel(comparison, default, rival)}."
     if family[0] is not default:
-        text += f" The best of the {len(family)} two-mass models: {_duel(comparison, family[0], rival)}"
+        text += (
+            f" {family[0].name}, the best of {len(family)} such models, has {_duel(comparison, family[0], rival)}."
+        )
     return text
 
 
 def _duel(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
     gap = comparison.elpd_difference(one.name, other.name)
     more = one.free - other.free
-    decided = "Yes" if gap.value > 0.0 else "No"
     count = f"{abs(more)} {'more' if more >= 0 else 'fewer'}"
-    return (
-        f"{decided if gap.sure else 'Not decided'}: {one.name} has {count} than {other.name}, elpd difference "
-        f"{_signed(gap.value, 1)} +- {fixed(gap.se, 1)}."
-    )
+    decided = ("yes" if gap.value > 0.0 else "no") if gap.sure else "not decided"
+    return f"{count} than {other.name}, elpd difference {_signed(gap.value, 1)} +- {fixed(gap.se, 1)}: {decided}"
 
 
 def changes(comparison: Comparison) -> str:

@@ -133,7 +133,7 @@ def remarks(fit: Fit) -> list[str]:
         pooled = spoken(f"--pool {name}={best.over}", f"pool={{'{name}': '{best.over}'}}")
         lines.append(f"To fit a separate {name} for each {best.over}, use {pooled}.")
     if "uneven" in seen:
-        lines.append(f"To fit a separate noise for each column, use {option('velocity_noise', 'separate')}.")
+        lines.append(f"To fit a separate noise for each column, use {option('noise', 'separate')}.")
     if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append(f"To give outliers less weight, use {option('noise', 'student-t')}.")
     if "linked" in seen and fit.problem.incident is None and not fails:
