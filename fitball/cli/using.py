@@ -260,7 +260,7 @@ def run_export(args: argparse.Namespace) -> int:
     made = fit.exported(args.to, {name: getattr(args, name) for name in KINDS})
     if args.out == "-":
         if not made.texts:
-            raise ParameterError("--out -: netCDF is not text; name a file")
+            raise ParameterError(f"--out -: {args.to} is not text; name a file")
         sys.stdout.write(next(iter(made.texts.values())))
     else:
         path = Path(args.fit)
