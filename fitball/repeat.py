@@ -106,7 +106,7 @@ def _summaries(kept: Kept) -> Iterator[Finding]:
     """Numbers of `fit.json` that are not those of its own draws."""
     if kept.posterior is None:
         return
-    basis = "what its own draws in posterior.nc give"
+    basis = "computed from its draws in posterior.nc"
     for k, name in enumerate(kept.posterior.names):
         item = kept.content["parameters"].get(name)
         if item is None:
@@ -297,15 +297,15 @@ def _notes(original: Kept, repeated: Kept) -> Iterator[str]:
         if old["versions"].get(name) != version
     ]
     if others:
-        yield "made with other versions, so that bits may differ: " + "; ".join(others)
+        yield "other versions, so bits may differ: " + "; ".join(others)
     if old["seed"] != new["seed"]:
-        yield f"run.toml names seed {new['seed']}, the fit was made with seed {old['seed']}"
+        yield f"run.toml has seed {new['seed']}, but the fit used seed {old['seed']}"
     for name, item in new["parameters"].items():
         before = old["parameters"].get(name)
         if before is not None and before["prior"] != item["prior"]:
-            yield f"run.toml has the prior {item['prior']} for {name}, the fit was made with {before['prior']}"
+            yield f"run.toml has the prior {item['prior']} for {name}, but the fit used {before['prior']}"
     if old["status"] == "not converged":
-        yield "the sampler of this fit did not converge: the standard errors are themselves unsure"
+        yield "the sampler of this fit did not converge, so the standard errors are uncertain themselves"
 
 
 def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
@@ -350,7 +350,7 @@ def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding
     old, new = original.content, repeated.content
     measured = sum(observable.observed.size for observable in problem.observables)
     allowed = LOG_POSTERIOR + LOG_POSTERIOR_EACH * measured
-    basis = "what the search for the maximum leaves open"
+    basis = "tolerance of the search for the maximum"
     scores = [float(item["log_posterior"]) for item in (old, new)]
     yield _number("log posterior at the point estimate", scores[0], scores[1], allowed, basis)
     for parameter in problem.parameters:
@@ -422,7 +422,8 @@ def render(repetition: Repetition, original: Kept) -> str:
     if largest is not None:
         lines += ["", f"  Largest difference: {largest.what}, {largest.ratio or 0.0:.2g} standard errors."]
         lines.append(
-            f"  Up to {repetition.limit:.2g} count as equal: of a thousand true repetitions one has a number beyond."
+            f"  Differences up to {repetition.limit:.2g} count as equal: one true repetition in a thousand "
+            "exceeds that."
         )
     return "\n".join(lines)
 
@@ -544,7 +545,8 @@ def repeat(
         check_rows(problem, original)
     if out is not None and (older := older_result(out)):
         raise ResultFolderError(
-            f"{out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another folder "
+            f"{out}: holds {' and '.join(older)} of an older run, which is never overwritten here: name another "
+            "folder "
             "with --out"
         )
     place = nullcontext(out) if out is not None else TemporaryDirectory(prefix="fitball-repeat-")

@@ -141,7 +141,7 @@ class Model(ABC):
 
     has_time: ClassVar[bool] = False
     has_force: ClassVar[bool] = False
-    no_history: ClassVar[str] = "has no time axis: its bounce is one impulse"
+    no_history: ClassVar[str] = "has no time axis: it computes a bounce as one impulse"
     absent_is_zero: ClassVar[bool] = False
     remark: ClassVar[str] = ""
     unranked: ClassVar[str] = ""
@@ -275,8 +275,8 @@ class Model(ABC):
         check_impacts(impacts)
         if self.needs_cor and impacts.cor is None:
             raise ModelError(
-                "closure cor = 'measured' needs each impact's own coefficient of restitution: "
-                + spoken("take a model with cor = line or mean", "pass impacts(..., cor=...)")
+                "cor = measured needs the measured coefficient of restitution of each impact: "
+                + spoken("use cor = line or mean", "pass impacts(..., cor=...)")
             )
         rebound = self.evaluate(names, values, impacts)
         if not single:
@@ -312,7 +312,7 @@ class Model(ABC):
             raise ParameterError("a history takes one value of each parameter, not draws")
         check_impacts(impact)
         if len(impact) != 1:
-            raise ParameterError(f"a history is that of one impact: read {len(impact)}")
+            raise ParameterError(f"a history has one impact: read {len(impact)}")
         return names, values
 
     def _checked(self, parameters: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], FloatArray, bool]:
@@ -345,7 +345,7 @@ class Model(ABC):
             values = np.stack(np.broadcast_arrays(*columns), axis=-1)
         except ValueError:
             lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
-            raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
+            raise ParameterError(f"all parameters need the same number of draws: read {lengths}") from None
         return names, np.atleast_2d(values), values.ndim == 1
 
 

@@ -1,6 +1,6 @@
 """The ladder of models by name, and `model`, which composes one.
 
-A new model is one entry of `MODELS`; what stands here of it is what has to be known before it is composed.
+A new model is one entry of `MODELS`, with what has to be known before it is composed.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _Chosen = Closures | ThesisClosures | ImpulseClosures
 
 @dataclass(frozen=True)
 class Reduced:
-    """What a model is on a table that does not show all of it: the `closures` it takes there unless told otherwise,
-    and the `candidates` that a comparison tries of it by default, as names with closures.
+    """A model on a table that does not show all of it: the `closures` it has there by default, and the `candidates`
+    that a comparison tries of it by default, as names with closures.
     """
 
     closures: Mapping[str, str] = field(default_factory=dict)
@@ -61,7 +61,7 @@ MODELS: dict[str, Entry] = {
         Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line"),
         candidates=("two-mass",),
         # One closure changed at a time. `normal = inner` is left to those who name it, because it breaks the momentum
-        # balance of the ball; `cor = measured`, because it is told a column that the others predict.
+        # balance of the ball; `cor = measured`, because it takes as an input a column that the others predict.
         variants=(
             "two-mass+release=zero_displacement",
             "two-mass+normal=total",
@@ -117,7 +117,7 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
     """
     chosen = entry(name)
     if chosen.closures is None and closures:
-        raise ModelError(f"model {name} has no closures, so {', '.join(sorted(closures))} cannot be chosen")
+        raise ModelError(f"model {name} has no model variants (closures): read {', '.join(sorted(closures))}")
     composed = chosen.closures and _changed(chosen.closures, closures)
     return chosen.compose(name, ball if ball is not None else Ball(), tangential, composed)
 

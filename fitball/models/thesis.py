@@ -389,16 +389,16 @@ class ThesisModel(SteppedModel):
 
     has_time = True
     no_history = (
-        "has no history: forces and spins of its computation do not obey its own equations; `course` gives the "
-        "velocities it computed"
+        "has no history: forces and spins of the printed computation violate its own equations; `course` gives the "
+        "computed velocities"
     )
     remark = (
-        "model thesis repeats a printed computation with its slips: it breaks the ball's own balances, reproduces "
-        "print, and is no rival of the other models"
+        "model thesis reproduces a printed computation with its mistakes, which violate the balances of the ball: do "
+        "not compare it with the other models"
     )
     unranked = (
-        "model thesis repeats a printed computation with its slips and is not ranked; its published parameter sets "
-        "are scored by themselves on Wang's tables, and thesis-exact solves its equations"
+        "model thesis reproduces a printed computation with its mistakes and is not ranked. Its published parameter "
+        "sets are scored on Wang's tables; thesis-exact solves its equations"
     )
 
     convention = "thesis"
