@@ -1,7 +1,7 @@
 """A fit beside its repetition: bit-equal, equal within a tolerance, or different and where.
 
-Numbers of a posterior may differ by their Monte Carlo standard errors, a maximum by what its search leaves open,
-rebounds by rounding; verdicts and the status not at all.
+Numbers of a posterior may differ by their Monte Carlo standard errors, a maximum by the tolerance of its search,
+rebounds by rounding; verdicts and the status must be equal.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ from fitball.report.saved.structure import FIT_NAME, OlderFileError
 
 @dataclass(frozen=True)
 class Kept:
-    """What a result folder says: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains with
-    their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
+    """The content of a result folder: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains
+    with their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
     """
 
     folder: Path
@@ -202,7 +202,7 @@ ROUNDING = 1e-9
 
 
 class Outcome(StrEnum):
-    """What a repetition found."""
+    """The outcome of a repetition."""
 
     BIT_EQUAL = "bit-equal"
     WITHIN = "equal within tolerance"
@@ -212,7 +212,7 @@ class Outcome(StrEnum):
 @dataclass(frozen=True)
 class Finding:
     """One thing compared. `allowed` is the largest difference that counts as equal (None: equality alone does),
-    `standard_error` that of the difference of two Monte Carlo numbers, `basis` why so much is allowed.
+    `standard_error` that of the difference of two Monte Carlo numbers, `basis` the reason for that tolerance.
     """
 
     what: str
@@ -241,7 +241,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Repetition:
-    """The outcome; `same` says of each part whether it is the same bytes. `limit` is the largest ratio of a
+    """The outcome; `same`: for each part whether it is the same bytes. `limit` is the largest ratio of a
     difference to its standard error that counts as equal; `findings` are empty where all is the same bytes.
     """
 
@@ -253,7 +253,7 @@ class Repetition:
 
     @property
     def different(self) -> tuple[Finding, ...]:
-        """What differs by more than it may."""
+        """What differs by more than its tolerance."""
         return tuple(finding for finding in self.findings if finding.differs)
 
     @property
@@ -409,7 +409,7 @@ WIDEST = 40
 
 
 def render(repetition: Repetition, original: Kept) -> str:
-    """The outcome, what it rests on, and the numbers."""
+    """The outcome, its basis, and the numbers."""
     lines = [f"{original.folder} repeated: {repetition.outcome}", ""]
     if repetition.outcome is Outcome.BIT_EQUAL:
         return "\n".join([*lines, f"  {_bytes(original)}: the same bytes."])
@@ -528,7 +528,7 @@ def repeat(
     fit: Path, tables: Sequence[str], force: str | None, out: Path | None, cores: int, report: Report
 ) -> Repeated | None:
     """Make the fit of a folder or of a `run.toml` again and compare; None for one of an older fitball, which is only
-    made again. `tables` and `force` say where its files are now; the new result is kept in the folder `out`.
+    made again. `tables` and `force` are the present places of its files; the new result is kept in the folder `out`.
 
     Raises ResultFolderError, and as `calibrate` does; KeyboardInterrupt with nothing compared.
     """

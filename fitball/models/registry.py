@@ -37,7 +37,7 @@ class Entry:
     """How a model is composed, from its name, ball, whether there is motion along the court, and its closures, which
     are `closures` with some replaced (None: it has none).
 
-    `candidates` are what a comparison tries of it by default, `variants` what more unless it has to be quick.
+    `candidates` are what a comparison tries of it by default, `variants` what it adds unless it is to be quick.
     `spinless` and `vertical` are the model on a table without spin, and without any motion along the court; None
     where it cannot be fitted to such a table.
     """
@@ -99,7 +99,7 @@ MODELS: dict[str, Entry] = {
 
 
 def entry(name: str) -> Entry:
-    """What is known of the model called `name`. Raises ModelError for an unknown one."""
+    """The entry of the model called `name`. Raises ModelError for an unknown one."""
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}")
     return MODELS[name]
@@ -129,7 +129,7 @@ def closure_options(name: str) -> dict[str, tuple[str, ...]]:
 
 
 def parameter_spec(name: str) -> ParameterSpec | None:
-    """What a parameter of any model, or of its ball, is; None for a name that none of them has."""
+    """The specification of a parameter of any model, or of its ball; None for an unknown name."""
     own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
     return SPECS.get(name) or next(own, None)
 

@@ -87,7 +87,7 @@ class ImpulseClosures:
 
 
 class Phase(IntEnum):
-    """What the contact point does; the digits of a packed regime sequence."""
+    """The motion of the contact point; the digits of a packed regime sequence."""
 
     SLIDE_FORWARD = 1
     SLIDE_BACKWARD = 2
