@@ -180,7 +180,7 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     assert said.err == "".join(f"note: {note}\n" for note in notes)
     assert any("k_y, which is fixed" in note for note in notes)
     far = ["simulate", "--impact", "v=120, theta=42, spin=100", "--fit", str(folder), "--out", str(tmp_path / "far")]
-    assert main(far) == 2 and "restitution leaves (0, 1]" in capsys.readouterr().err
+    assert main(far) == 2 and "(0, 1]" in capsys.readouterr().err
     far[2] = "v=25, theta=42, spin=100"
     assert main([*far, "--format", "svg"]) == 0
     assert "outside the calibrated range: v_y1" in capsys.readouterr().err
