@@ -10,7 +10,7 @@ from fitball.inference.thesis.published_cases import PublishedCase, compare_case
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
-from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, evidence_parts
+from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, brief_answer, evidence_parts
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import (
     balance_table,
@@ -167,13 +167,13 @@ def fit_document(
 
 def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
     """The first screen, and the top of the page."""
-    answer = fit.adequacy.sentence if fit.adequacy is not None else ""
+    answer = "" if fit.adequacy is None else fit.adequacy.sentence
     results = [*lead_lines(fit.drop_test), *measured_lines(fit), *pace_lines(fit)]
     left = len(results) - MOST_RESULTS
     brief = results if left <= 0 else [*results[:4], f"... and {left + 1} more: report.html", *results[-2:]]
     warnings = [f"Warning: {line}" for line in warning_lines(fit)]
     pooled = [f"{it.parameter} differs between {len(it.labels)} {it.column}s." for it in fit.problem.pooling]
-    sentences = [answer, fit.verdict.removeprefix(answer).strip(), *pooled]
+    sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled]
     found: list[Part] = [
         Words(results, "list", "page"),
         Words(brief, "lead", "terminal", "first"),
