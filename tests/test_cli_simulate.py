@@ -183,7 +183,7 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     assert main(far) == 2 and "(0, 1]" in capsys.readouterr().err
     far[2] = "v=25, theta=42, spin=100"
     assert main([*far, "--format", "svg"]) == 0
-    assert "outside the calibrated range: v_y1" in capsys.readouterr().err
+    assert "outside the range of the fitted data: v_y1" in capsys.readouterr().err
     rows = pd.read_csv(tmp_path / "bands" / "history.csv")
     low, high = rows["v_x_q025 [m/s]"], rows["v_x_q975 [m/s]"]
     assert (low <= rows["v_x [m/s]"] + 0.1).all() and (high >= rows["v_x [m/s]"] - 0.1).all() and (high > low).all()
