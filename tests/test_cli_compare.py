@@ -93,7 +93,7 @@ def test_the_terminal_says_what_was_done(done):
     assert "What the table does not tell" in out
     assert "standard error of a difference is itself uncertain" in out
     assert "grip-slip: sampling (0 of 2 done)" in err or "brody: sampling (0 of 2 done)" in err
-    assert "there is no scene file" in err
+    assert "no scene file" in err
     # Nothing of the thesis beside data that are not Wang's.
     assert "Table 9" not in out
 
