@@ -42,7 +42,7 @@ def test_a_users_own_table(here, capsys):
     assert code == 0, err
     assert "holds no chain" not in err
     assert "grip-slip fitted to balls (5 impacts)" in out
-    assert "Converged" in out
+    assert "converged" in out
     assert "no scene file" in err
     for name in (
         "fit.json", "posterior.h5", "posterior.nc", "summary.csv", "corner.png", "trace.png", "predictive.png",

@@ -65,7 +65,7 @@ def test_rows_without_incident_state_or_rebound_are_left_out(tmp_path: Path) -> 
     assert "row 2: ignored, since v_y1 of the incident ball" in told(table)
     assert "row 4: ignored, since omega_1 of the incident ball" in told(table)
     assert "row 5: ignored, since the rebound was not measured" in told(table)
-    with pytest.raises(TableError, match="1 of 3 rows are left; expected 2: row 1: left out"):
+    with pytest.raises(TableError, match="1 of 3 rows are left; expected 2: row 1: ignored"):
         read(tmp_path, HEADER, "14,,0,9,5,250", ROWS[0], "1,5,0,,,")
     # To predict an impact its rebound need not be known.
     assert len(read(tmp_path, HEADER, "12,8,0,,-,", "12,8,0,1,,", rebound=False)) == 2

@@ -251,7 +251,7 @@ def test_every_verb_asks_and_names_both_that_explain_as_much(spins, tmp_path, ca
     assert main(["datasets", "check", str(spins), "--json"]) == 2
     assert "omega_1 and omega_2 negated" in json.loads(capsys.readouterr().out)["faults"][0]["message"]
     assert main(["datasets", "show", str(spins)]) == 0
-    assert "another reading explains" in capsys.readouterr().out
+    assert "another reading" in capsys.readouterr().out
 
 
 def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys, brief):
@@ -274,11 +274,9 @@ def test_a_flip_is_applied_told_kept_and_repeated(spins, tmp_path, capsys, brief
     np.testing.assert_array_equal(again.table.impacts.omega_1, table.impacts.omega_1)
     # A prediction for a table of the same sign needs the flip too, and says so where it is missing.
     assert main(["predict", str(tmp_path / "fit"), str(spins)]) == 0
-    assert (
-        "made with omega_1, omega_2 flipped, these impacts are read with no column flipped" in capsys.readouterr().err
-    )
+    assert "omega_1, omega_2 in the fit, no column in these impacts" in capsys.readouterr().err
     assert main(["predict", str(tmp_path / "fit"), str(spins), "--flip", "omega_1,omega_2"]) == 0
-    assert "flipped, these" not in capsys.readouterr().err
+    assert "flipped columns differ" not in capsys.readouterr().err
 
 
 def test_no_chain_goes_on_with_other_signs(spins):

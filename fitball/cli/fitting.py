@@ -313,6 +313,7 @@ POPULATION = Verb(
             "--over", "LABEL",
             "group tables by a label that all rows of a table share (surface, ball, date), or by their folder",
         ),
+        FULL,
         switch("--json", "print JSON for other programs"),
     ),
     run_population,

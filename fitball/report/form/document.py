@@ -181,7 +181,7 @@ def _coloured(text: str, colour: str) -> str:
 
 # What no line is broken inside of: an interval, a number and its unit, what is added to or taken from a number.
 UNITS = r"%|[kmc]?m|m?s|k?g|k?N|J|deg|rad|sd|rpm|[a-zA-Z]+/[a-z]+\^?2?"
-UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|\+- [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
+UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?\+- [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
 # A space that textwrap does not take for one.
 HARD = "\u00a0"
 
