@@ -89,7 +89,7 @@ MISUSE = [
     (["--impact", "v=17, theta=18", "--set", "mass_ratio=0.5"], "exceeds mass_ratio"),
     (["--impact", "v_x=17, v_y=-3"], "positive speed v_y towards the court"),
     (["--impact", "v=17, theta=0"], "between 0 and 180 deg"),
-    (["--impact", "v=17 lb, theta=18"], "means two things: write lbf"),
+    (["--impact", "v=17 lb, theta=18"], "is ambiguous: write lbf"),
     (["--impact", "v=17 glops, theta=18"], "unknown"),
     (["--impact", "v=17, theta=18", "--model", "brody"], "models with a history: two-mass, thesis-exact"),
     (["--impact", "v=17, theta=18", "--model", "grip-slip"], "no time axis"),
