@@ -257,7 +257,7 @@ def test_words_of_a_duel(monkeypatch, brief):
     assert change.q05 <= change.value <= change.q95
     assert change.q95 < 0.0
     text = words(found)
-    assert "two-mass+torsion=rigid against brody, 4 more free: elpd +" in text
+    assert "two-mass+torsion=rigid has 4 more than brody" in text
     assert f"v_x2 {change.value:.2f} [" in text or f"v_x2 {change.value:.1f} [" in text
     assert "omega_2 +" in text
     assert "With 7 impacts" in text

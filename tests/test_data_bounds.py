@@ -57,12 +57,12 @@ def test_the_verbs_take_the_scene_they_are_given(
     scene.write_text(ALUMINA, encoding="utf-8")
     assert main(["datasets", "check", str(table)]) == 2
     assert "6 faults" in capsys.readouterr().out
-    assert main(["datasets", "check", str(table), "--config", str(scene)]) == 0
+    assert main(["datasets", "check", str(table), "--scene", str(scene)]) == 0
     assert "no fault" in capsys.readouterr().out
     out = str(tmp_path / "fit")
     words = ["calibrate", str(table), "--model", "brody", "--point-only", "--out", out, "--quiet"]
     assert main(words) == 2
-    assert main([*words, "--config", str(scene)]) == 0
+    assert main([*words, "--scene", str(scene)]) == 0
     # The run knows its ball and noise: it is repeated without that file.
     assert main(["repeat", out, "--quiet"]) == 0
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import pytest
 from markupsafe import Markup
 from test_report_html import faults
@@ -9,6 +12,8 @@ from test_report_html import faults
 from fitball.inference.results.results import Verdict
 from fitball.report.form import document as module
 from fitball.report.form.document import (
+    FIRST_LINES,
+    MOST_LINES,
     Cell,
     Document,
     Picture,
@@ -22,6 +27,7 @@ from fitball.report.form.document import (
     on_terminal,
     term,
 )
+from fitball.wording import Screen
 
 # The header of a PNG file up to its width, 300 pixels.
 PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + (300).to_bytes(4, "big")
@@ -57,7 +63,39 @@ def test_a_terminal_has_plain_lines():
         "Second\n- mu: one & two\n- plain",
         "there",
     ]
-    assert on_terminal(DOCUMENT, full=False).endswith("<none>")
+    assert on_terminal(DOCUMENT, Screen(full=False)).endswith("<none>")
+
+
+COLOUR = re.compile(r"\x1b\[[0-9]+m")
+
+
+def test_colours_change_no_letter_and_a_stranger_has_none():
+    hostile = Document("A \x1b[31mtitle", [Words(["red \x1b[31mtext"]), *DOCUMENT.sections[0].parts], [])
+    plain, coloured = (on_terminal(hostile, Screen(colour=colour)) for colour in (False, True))
+    assert COLOUR.sub("", coloured) == plain and "\x1b" not in plain
+    assert "\x1b[33mgiven\x1b[0m" in coloured and "\x1b[31m" not in coloured
+
+
+@pytest.mark.parametrize("width", [40, 80, 100])
+def test_lines_keep_to_the_width_and_break_nowhere_inside_a_number(width):
+    rows = [["name", *(f"column {k}" for k in range(9))], ["mu", *(f"{k}.25 +- 0.03" for k in range(9))]]
+    text = "The friction coefficient is 0.556 [0.516, 0.608] (95 %), the speed 24.1 +- 0.3 m/s. " * 9
+    shown = on_terminal(Document("T", [Words([text]), Table("Values", rows)], []), Screen(width))
+    assert max(map(len, shown.splitlines())) <= width
+    words, _blank, table = shown.partition("\n\nname")
+    for whole in ("[0.516, 0.608]", "95 %", "+- 0.3 m/s"):
+        assert words.count(whole) == 9
+    assert all(table.count(cell) == 1 for cell in rows[1][1:])
+    assert [line for line in shown.splitlines() if line.startswith("mu")][-1].endswith("8.25 +- 0.03")
+
+
+def test_the_first_screen_has_brief_tables_and_says_how_much_is_left():
+    rows = [["id", "value", "prior"], *([f"i{k}", "1", "2"] for k in range(60))]
+    table = Table("Long", rows, rest="`long.csv`", brief=("value",), rank="first")
+    short, full = (on_terminal(Document("", [table], []), Screen(full=full)) for full in (False, True))
+    assert short.splitlines()[0].split() == ["id", "value"] and full.splitlines()[0].split() == rows[0]
+    assert short.splitlines()[-1] == f"... and {60 - FIRST_LINES} more: long.csv"
+    assert full.splitlines()[-1] == f"... and {60 - MOST_LINES} more: long.csv"
 
 
 def test_a_page_is_typeset_escaped_and_whole():
@@ -70,6 +108,10 @@ def test_a_page_is_typeset_escaped_and_whole():
         '<section id="two" class="short">', ">here<", 'alt="It rises."',
     ):  # fmt: skip
         assert said in page, said
+    folded = as_page(
+        replace(DOCUMENT, sections=[replace(it, rank="folded") for it in DOCUMENT.sections]), {"curve": PNG}
+    )
+    assert faults(folded) == [] and "<details><summary><h2>First</h2></summary>" in folded
     assert "there" not in page and "Nothing" not in page and "Contents" not in page
 
 

@@ -172,6 +172,9 @@ def test_check_and_calibrate_refuse_in_words(tmp_path, capsys):
     assert "read 'drop 9', which is no impact" in capsys.readouterr().out
     assert main(["calibrate", str(table), "--out", str(tmp_path / "out")]) == 2
     assert "column 'id'" in capsys.readouterr().err
-    assert main(["calibrate", str(table), "--force", str(tmp_path / "none.csv"), "--out", str(tmp_path / "out")]) == 2
+    assert (
+        main(["calibrate", str(table), "--force-records", str(tmp_path / "none.csv"), "--out", str(tmp_path / "out")])
+        == 2
+    )
     assert "cannot be opened" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

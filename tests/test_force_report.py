@@ -136,9 +136,9 @@ def test_records_that_were_moved_or_changed(table, tmp_path, capsys, brief):
     folder = fitball.calibrate(table, point_only=True, cores=1).save(tmp_path / "fit")
     moved = tmp_path / "moved.csv"
     shutil.copyfile(table.with_name("drops_force.csv"), moved)
-    assert main(["repeat", str(folder), "--quiet", "--force", str(moved)]) == 0
+    assert main(["repeat", str(folder), "--quiet", "--force-records", str(moved)]) == 0
     moved.write_text(moved.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert main(["repeat", str(folder), "--quiet", "--force", str(moved)]) == 2
+    assert main(["repeat", str(folder), "--quiet", "--force-records", str(moved)]) == 2
     assert "changed since the fit" in capsys.readouterr().err
 
 

@@ -344,7 +344,7 @@ def test_a_batch_that_lies_there_tells_its_population(season, capsys):
     (mu,) = fitball.load_batch(season).population("mu")
     middle, low, high = mu.ends(mu.population.centre)
     assert low < mu.quantity.value(mu.own["a"].median) < high
-    code = main(["population", str(season), "--of", "spin_sd/velocity_sd", "--json"])
+    code = main(["population", str(season), "--parameters", "spin_sd/velocity_sd", "--json"])
     told = json.loads(capsys.readouterr().out)["quantities"]
     assert code == (1 if any(one["not_trusted"] for one in told.values()) else 0)
     assert told == json.loads((season / "population.json").read_text("utf-8"))["quantities"]
@@ -360,8 +360,11 @@ def test_a_batch_that_lies_there_tells_its_population(season, capsys):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [(["--of", "friction"], "no model has"), (["--of", "k_y"], "0 tables have draws"), (["nowhere"], "no such file")],
+    [
+        (["--parameters", "friction"], "no model has"), (["--parameters", "k_y"], "0 tables have draws"),
+        (["nowhere"], "no such file"),
+    ],
 )  # fmt: skip
 def test_mistakes_are_told_in_words(season, capsys, words, said):
-    assert main(["population", *([str(season)] if words[0] == "--of" else []), *words]) == 2
+    assert main(["population", *([str(season)] if words[0] == "--parameters" else []), *words]) == 2
     assert said in capsys.readouterr().err

@@ -6,12 +6,16 @@ import io
 import json
 import sys
 import unicodedata
+from argparse import Namespace
 
 import pytest
 
 from fitball.cli.main import main
+from fitball.cli.terminal import screen_of, show, visible_streams
 from fitball.errors import Fault, TableError
+from fitball.report.form.document import Document, on_terminal
 from fitball.visible import EACH, LINE, LINES, folded, kind_of, one_line, visible
+from fitball.wording import Screen, shown_on
 
 EVERYTHING = "".join(map(chr, range(sys.maxunicode + 1)))
 DIRECTIONS = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
@@ -98,7 +102,7 @@ def test_verbs_that_print_text_of_tables(hostile, small_fit, tmp_path, capsys):
         ("datasets", "show", hostile, "--json"),
         ("datasets", "check", hostile),
         ("datasets", "check", hostile, "--json"),
-        ("calibrate", hostile, "--model", "grip-slip", "--point-only", "--cores", "1", "--out", out),
+        ("calibrate", hostile, "--model", "grip-slip", "--point-only", "--full", "--out", out),
         ("predict", small_fit, hostile),
         ("predict", small_fit, hostile, "--json"),
         ("predict", out, hostile),
@@ -120,8 +124,8 @@ def test_errors_that_quote_files_and_options(hostile, small_fit, tmp_path, capsy
     commands = [
         ("datasets", "check", bad),
         ("datasets", "show", bad),
-        ("datasets", "check", "wang_all", "--config", scene),
-        ("datasets", "check", "wang_all", "--force", force),
+        ("datasets", "check", "wang_all", "--scene", scene),
+        ("datasets", "check", "wang_all", "--force-records", force),
         ("datasets", "show", HOSTILE),
         ("predict", small_fit, bad),
         ("verify", bad, "--fit", small_fit),
@@ -163,3 +167,25 @@ def test_what_an_encoding_lacks_is_no_exception(monkeypatch, tmp_path):
 def test_what_the_system_refuses_is_told_without_a_traceback(small_fit, capsys):
     assert main(["predict", str(small_fit), "--impact", "v_y=6", "--out", "a" * 5000]) == 2
     assert "File name too long" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("given", "coloured"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
+def test_colours_are_for_terminals_that_take_them(given, coloured, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "64")
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    assert screen_of(Namespace()) == Screen()
+    out = Terminal()
+    monkeypatch.setattr(sys, "stdout", out)
+    with visible_streams():
+        shape = screen_of(Namespace(full=False))
+        with shown_on(shape):
+            show(on_terminal(Document("T \x1b[2J", [], [])))
+    assert shape == Screen(64, coloured, False)
+    assert ("\x1b[1m" in out.getvalue()) is coloured and "\x1b[2J" not in out.getvalue()

@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from fitball.environment import Compiling, tell_nobody, when_compiling
 from fitball.visible import visible
+from fitball.wording import Screen, screen
 
 if TYPE_CHECKING:
     from fitball.inference.sampling.convergence import Convergence
@@ -33,7 +35,8 @@ class Stream:
     def write(self, text: str) -> int:
         """Write `text`. Raises OSError."""
         encoding = getattr(self.stream, "encoding", None) or "utf-8"
-        shown = text if self.plain else visible(text).encode(encoding, "backslashreplace").decode(encoding)
+        shown = text if self.plain else visible(text)
+        shown = shown.encode(encoding, "backslashreplace").decode(encoding)
         with self._named():
             self.stream.write(shown)
         return len(text)
@@ -92,6 +95,28 @@ def _open_closed_streams() -> None:
 def own_stream(stream: TextIO) -> TextIO:
     """The stream below, for a program's own line that rewrites itself."""
     return cast(TextIO, Stream(stream.stream, remarks=True, plain=True)) if isinstance(stream, Stream) else stream
+
+
+def screen_of(args: argparse.Namespace) -> Screen:
+    """The screen that a verb's report is shown on: the terminal's width where there is one, its colours unless
+    NO_COLOR (no-color.org) or TERM=dumb says that it is to have none; what comes first unless `--full` is given.
+    """
+    here = sys.stdout.isatty()
+    plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM", "dumb") == "dumb"
+    width = min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST) if here else WIDEST
+    return Screen(width, here and not plain, getattr(args, "full", True))
+
+
+# Letters a line: more are hard to read, fewer leave no room for a name and a number.
+NARROWEST, WIDEST = 40, 100
+
+
+def show(report: str) -> None:
+    """Print a report that `on_terminal` laid out: it is visible already, and may have colours."""
+    out = sys.stdout
+    if screen().colour and isinstance(out, Stream):
+        out = cast(TextIO, Stream(out.stream, out.name, plain=True))
+    print(report, file=out)
 
 
 # Measured on an idle core of 2023; the second sentence says where.

@@ -9,7 +9,6 @@ figure, with the reason.
 from __future__ import annotations
 
 import math
-import textwrap
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from fitball.inference.thesis.published_cases import BALL_RADIUS, INERTIA, INERT
 from fitball.models.history import History, Span
 from fitball.models.registry import model
 from fitball.models.types import Phase
-from fitball.report.form.document import WIDTH, columns
+from fitball.report.form.document import columns, wrapped
 from fitball.thesis.printed_tables import examples, rebound_words, transition_words
 from fitball.values import FloatArray, impacts
 
@@ -345,14 +344,14 @@ def list_json() -> list[dict[str, str]]:
 def example_text(example: Example, results: Sequence[Finding]) -> str:
     """Title, inputs, and each claim with its finding."""
     head = f"{example.name}: {example.title} (Jafri 2004)"
-    lines = [head, "=" * len(head), *_wrapped("Stated: ", example.stated)]
+    lines = [head, "=" * len(head), *wrapped([example.stated], "Stated: ", " " * 8)]
     for text in example.assumed:
-        lines += _wrapped("Assumed: ", text)
+        lines += wrapped([text], "Assumed: ", " " * 9)
     for text in remarks(example):
-        lines += _wrapped("Note: ", text)
+        lines += wrapped([text], "Note: ", " " * 6)
     rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
     rows += [[finding.claim.said, *_cells(finding)] for finding in results]
-    notes = [line for finding in results if finding.note for line in _wrapped("* ", finding.note)]
+    notes = [line for finding in results if finding.note for line in wrapped([finding.note], "* ", " " * 2)]
     return "\n".join([*lines, "", *columns(rows), *notes])
 
 
@@ -378,10 +377,6 @@ def example_json(example: Example, results: Sequence[Finding]) -> dict[str, Any]
             for finding in results
         ],
     }
-
-
-def _wrapped(head: str, text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
 
 
 def _cells(finding: Finding) -> list[str]:

@@ -20,6 +20,7 @@ from fitball.inference.problem.noise import KINDS, NoiseKind
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.problem.subsample import thinned_problem
+from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import (
     FEW,
     Alternative,
@@ -219,7 +220,7 @@ def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np
     compared = Compared(part, point, own, rng)
     base = own or compared.linear
     if base is None:
-        return Assumptions((), {}, {}, "neither draws nor a derivative at the best value tell of the fit itself")
+        return Assumptions((), {}, {}, sentences.NOTHING_DRAWN)
     # What is told of the fit itself is what its estimates tell: of every draw, not of those that are scored.
     whole = base if posterior is None else Fitted(problem, equal_draws(posterior.draws))
     told = whole.parameters(problem.noise), whole.court_pace()
@@ -317,7 +318,7 @@ class Compared:
             return without(change.reason)
         optima = _optima(problem, self.point)
         if not len(optima):
-            return without("no search led to parameters that the model can evaluate")
+            return without(sentences.NO_OPTIMUM)
         found = None
         if self.own is not None:
             draws = importance_posterior(problem, [about(problem, at) for at in optima], self.rng)
@@ -325,14 +326,14 @@ class Compared:
         drawn = found is not None
         found = found or _linear(problem, optima[0], self.rng)
         if found is None or (not drawn and self.linear is None):
-            return without("a quick look at its posterior did not settle", unsettled=True)
+            return without(sentences.NOT_SETTLED, unsettled=True)
         scored = self.own_scores if drawn else self.linear_scores
         difference, left = None, ""
         if scored is not None:
             gaps = found.elpd(self.rng) - scored
             known = np.isfinite(gaps)
             if known.sum() < FEW:
-                return without("too few of its scores by left-out impacts settled", unsettled=True)
+                return without(sentences.SCORES_NOT_SETTLED, unsettled=True)
             difference = elpd_difference(gaps[known], np.zeros(int(known.sum())))
             left = ", ".join(problem.table.ids[k] for k in np.flatnonzero(~known))
         noise = self.problem.noise
@@ -344,7 +345,7 @@ class Compared:
             change.name,
             change.instead_of,
             difference,
-            f"without impact {left}, whose score did not settle" if left else "",
+            sentences.WITHOUT.format(ids=left) if left else "",
             found.centre(),
             parameters,
             paces,

@@ -21,6 +21,7 @@ from fitball.inference.likelihood.posterior import densities
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, spanning_part, thinned_problem
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import Direction, Eigendirections, InformationEvidence
 from fitball.inference.results.results import PointFit
 from fitball.inference.sampling.importance import importance_posterior
@@ -254,11 +255,11 @@ def _about_scene(problem: Problem, optimum: FloatArray) -> StudentProposal:
 
 
 def scene_words(problem: Problem) -> str:
-    """What the scene knows of the contact time."""
+    """What the scene states of the contact time."""
     if problem.contact_time is None:
-        return "the scene"
+        return sentences.SCENE
     value, sd = problem.contact_time
-    return f"the scene's contact time ({1e3 * value:.3g} +- {1e3 * sd:.2g} ms)"
+    return sentences.CONTACT_TIME.format(value=1e3 * value, sd=1e3 * sd)
 
 
 # --- directions in words

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from fitball.data.table import FrozenMapping
+from fitball.inference.results import sentences
 from fitball.values import FloatArray
 
 Interval = tuple[float | None, float | None]
@@ -277,11 +278,11 @@ class Adequacy:
     replicates: int
     given: Mapping[str, tuple[str, ...]] = field(default_factory=FrozenMapping)
 
-    def why(self, name: str) -> str:
-        """What a conditional parameter `name` rests on, before a reason that would hold then."""
+    def qualified(self, name: str, reason: str) -> str:
+        """The `reason` of the verdict on a conditional parameter, with what it depends on."""
         if self.answer is Answer.FAILS:
-            return "if the model described it"
-        return f"without what the model misses it would move by {self.moved[name]:.2g} of its sds; if it did not"
+            return sentences.IF_RIGHT.format(reason=reason)
+        return sentences.IF_MISFIT.format(sds=self.moved[name], reason=reason)
 
     def conditional(self, name: str) -> bool:
         """Whether what the table says of parameter `name` holds only if the misfits do not matter."""

@@ -1,9 +1,9 @@
-"""A comparison of models for a person: one document, for terminal and page; in words, which model for which use."""
+"""A comparison of models for a person: one document, for terminal and page; which model to use, in words."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +26,12 @@ from fitball.report.compare.rows import (
     schemes,
     score_table,
     scored_outputs,
+    summary_table,
 )
 from fitball.report.form.document import (
     MOST_ROWS,
     Document,
+    Part,
     Picture,
     Section,
     Table,
@@ -40,108 +42,138 @@ from fitball.report.form.document import (
     term,
 )
 from fitball.report.form.files import csv_text, json_text, write_text
-from fitball.report.form.numbers import fixed, output_scale
+from fitball.report.form.numbers import fixed, handy, listed, output_scale
 from fitball.values import FloatArray
 from fitball.version import versions_line
-from fitball.wording import option
+from fitball.wording import Screen, option, screen, shown_on
 
 JSON_NAME = "compare.json"
-PICTURES = {"ranking": "compare.png", "forest": "forest.png"}
+PICTURES = {"scores": "scores.png", "ranking": "compare.png", "forest": "forest.png"}
+# Notes on the first screen; models that are named as not significantly worse.
+MOST_NOTES, MOST_CLOSE = 3, 3
 LEGEND = (
-    "elpd: log predictive density of impacts left out one at a time, summed over the scored columns (Pareto smoothed "
-    "importance sampling; an impact whose Pareto k exceeds 0.7 is left out and the model sampled anew; "
-    "every chain has an effective sample size of at least 400 or is named below). Difference: to the best, with "
-    "sqrt(n) times the sd over impacts. p_loo: effective number of parameters. Stacking: weights of models "
-    "(Yao et al. 2018); those that predict alike share theirs. AICc, BIC: maximised likelihood without priors; all "
-    "free parameters, noise included, count whether or not the table sees them, and n is the number of measurements. "
-    "Describes: whether the model describes the table at all; below stands what is against it."
+    "elpd: expected log predictive density of left-out impacts, summed over the scored columns.",
+    "It is estimated by Pareto-smoothed importance sampling. An impact with Pareto k above 0.7 is left out and the "
+    "model sampled again.",
+    "elpd difference: to the best model, +- its standard error (sqrt(n) times the sd over impacts).",
+    "p_loo: effective number of parameters. max k: largest Pareto k.",
+    "stacking: weight of each model in the best mixture (Yao et al. 2018). Models with equal predictions share a "
+    "weight.",
+    "AICc, BIC: from the maximised likelihood, without priors. They count all free parameters, noise included, and n "
+    "measurements.",
 )
 ANSWERS = {
-    Answer.DESCRIBES: "yes, no check of the residuals finds a pattern",
+    Answer.DESCRIBES: "yes, no residual test finds a misfit",
     Answer.EXCEPT: "yes, with exceptions: {}",
     Answer.FAILS: "NO: {}",
-    Answer.UNTOLD: "this table cannot tell",
+    Answer.UNTOLD: "too few data to test it",
 }
-ERRORS = "Root mean square errors of predictions at the maximum of the posterior of a fit without those impacts."
-ANGLE = " theta_2 follows from v_x2 and v_y2 where it is not an independent column."
+ERRORS = (
+    "Root mean square errors. Each impact is predicted at the posterior maximum of a fit that leaves this impact out."
+)
+ANGLE = " theta_2 is computed from v_x2 and v_y2 where it is not a measured column."
 ASSUMED = (
-    "What rests on assumptions: the median and sd of each parameter under the best model that has it; its lowest and "
-    "highest median, and the outermost ends of its 95 % intervals, over the models that this table does not surely "
-    "score below the best of all; and the mixture of all models by stacking weights."
+    "best model: median +- sd under the best model that has the parameter.",
+    "range: lowest to highest median over the models that predict equally well (not significantly worse than the "
+    "best). 95 % over these: the outermost ends of their 95 % intervals.",
+    "largest shift: the model that moves the median most, in sd of the best model.",
+    "mixture: all models, weighted by stacking.",
 )
 PUBLISHED = (
-    " In brackets: parameter sets published with these data, nothing fitted here and not out of sample, since they "
-    "were tuned on these impacts; those of Appendix C are told each impact's v_y2."
+    " In brackets: parameter sets published with these data. They were tuned on these impacts, so their errors are "
+    "not out of sample. The sets of Appendix C use each impact's measured v_y2."
+)
+SCORES = (
+    "Left: elpd minus that of the best model, with its standard error. Right: rms errors on left-out impacts, one "
+    "panel for each output."
 )
 RANKING = (
-    "Left: log predictive density of impacts left out, less that of the best model, with the standard error of the "
-    "difference. Right: root mean square errors on impacts left out, one panel an output."
+    "Left: elpd minus that of the best model, with its standard error. Right: rms errors on left-out impacts, for "
+    "each way of leaving impacts out."
 )
 FOREST = (
-    "Each quantity under each model, best model at the top: median, 95 % interval (thin) and within it one standard "
-    "deviation (thick); pale under models that the table surely scores below the best. Shaded: lowest to highest "
-    "median over those that are not pale. Below the line: the mixture of all by stacking weights."
+    "Each parameter under each model, best model at the top: median, 95 % interval (thin), one standard deviation "
+    "(thick). Pale: models that are significantly worse. Shaded: range of the medians of the others. Below the line: "
+    "mixture of all models, weighted by stacking."
 )
 
 
 def compare_document(
     comparison: Comparison, pictures: Collection[str] = (), command: str | None = None, folder: str = ""
 ) -> Document:
-    """All that is said of a comparison, with those of the pictures `ranking` and `forest` that there are; `command`
-    is the line that made it, None where none did.
+    """The report on a comparison, with those of the pictures `scores`, `ranking` and `forest` that there are;
+    `command` is the line that made it, None where none did.
     """
-    table, models, said = comparison.table, comparison.models, sentences(comparison)
+    table, models = comparison.table, comparison.models
     scores, errors, assumed = score_table(comparison), error_table(comparison), assumption_table(comparison)
+    main, first = summary_table(comparison)
     angle = ANGLE * ("theta_2" in scored_outputs(comparison))
-    ranked = "; ".join(f"{row[0]} {row[scores[0].index('difference')]}" for row in scores[1:])
+    ranked = "; ".join(f"{row[0]} {row[1]}" for row in main[1:])
     moved = "; ".join(
-        f"{row[0]} {row[2]} {row[1]}".strip() + f", over as good {row[3]}" * (row[3] != "-") for row in assumed[1:]
+        f"{row[0]} {row[2]} {row[1]}".strip() + f", range {row[3]}" * (row[3] != "-") for row in assumed[1:]
     )
     drawn = {
-        "ranking": Picture("ranking", RANKING, f"Models by predictive density: {ranked}."),
-        "forest": Picture("forest", FOREST, f"Each quantity under each model. By the best model: {moved}."),
+        "scores": Picture("scores", SCORES, f"Models by elpd: {ranked}.", rank="first"),
+        "ranking": Picture("ranking", RANKING, f"Models by elpd: {ranked}."),
+        "forest": Picture("forest", FOREST, f"Each parameter under each model. Best model: {moved}."),
     }
-    looked = [(scored.name, scored.fit.adequacy) for scored in models]
+    answers = [(scored.name, scored.fit.adequacy) for scored in models]
     described = [
-        term(name, ANSWERS[it.answer].format("; ".join(it.exceptions))) for name, it in looked if it is not None
+        term(name, ANSWERS[it.answer].format("; ".join(it.exceptions))) for name, it in answers if it is not None
     ]
-    done = f"{comparison.seconds:.0f} s"
     quick = f"; {option('quick')}: no exact refits of influential impacts" * comparison.quick
+    notes = [f"{note}." for note in remarks(comparison)]
+    lead: list[Part] = [
+        Words(answer(comparison), "lead", rank="first"),
+        *[drawn[name] for name in pictures if name == "scores"],
+        Table("Models, best first", main, brief=first, rank="first"),
+        Words(reasons(comparison), "list", rank="first"),
+    ]
     sections = [
-        Section("ranking", "Which model predicts best", [
-            *[drawn[name] for name in pictures if name == "ranking"],
-            Table("Scores and weights", scores, ["describes"]), Words([LEGEND], "quiet"),
+        Section("parameters", "How each parameter depends on the model", [
+            *[drawn[name] for name in pictures if name == "forest"],
+            Table("Each parameter over the models", assumed, ["unit", "largest shift"]),
+            Words([" ".join(ASSUMED)] * bool(assumed), "quiet"),
         ]),
-        Section("adequacy", "Does each model describe the table?", [Words(described, "list")]),
-        Section("errors", "Errors on impacts left out", [
-            Table("Errors, each impact left out", errors), *extrapolation_table(comparison),
+        Section("errors", "Errors on left-out impacts", [
+            *[drawn[name] for name in pictures if name == "ranking"],
+            Table("Rms errors, each impact left out", errors), *extrapolation_table(comparison),
+            Words([changes(comparison)] if comparison.meaningful else []),
             Words([ERRORS + angle + PUBLISHED * bool(comparison.published)], "quiet"),
         ]),
-        Section("parameters", "Each parameter over the models", [
-            *[drawn[name] for name in pictures if name == "forest"],
-            Table("Each quantity over the models", assumed, ["unit", "most moved by"]),
-            Words([ASSUMED] * bool(assumed), "quiet"),
+        Section("adequacy", "Does each model fit the data?", [Words(described, "list")]),
+        Section("verdicts", "Parameters that are not determined", [
+            Words([term(scored.name, undetermined(scored)) for scored in models], "list"), verdict_table(comparison),
         ]),
-        Section("verdicts", "What the table does not tell of each model's parameters", [
-            Words([term(scored.name, untold(scored)) for scored in models], "list"), verdict_table(comparison),
+        Section("notes", "Notes", [
+            Words(shortened(notes), "list", "terminal", rank="first"), Words(notes, "list", "page"),
         ]),
-        Section("predictions", "Impacts left out, predicted", held_out(comparison)),
-        Section("notes", "Notes, and what was left out", [
-            Words([f"{note}." for note in remarks(comparison)], "list"),
-        ]),
-        Section("repeat", "How to repeat it", [
+        Section("ranking", "Scores and weights", [
+            Table("Scores and weights", scores, ["fits the data"]), Words([" ".join(LEGEND)], "quiet"),
+        ], rank="folded"),
+        Section("predictions", "Left-out impacts, measured and predicted", held_out(comparison), rank="folded"),
+        Section("repeat", "How to repeat this comparison", [
             Words([command] if command else [], "code", "page"),
             Words([
                 f"Table {table.name}, SHA-256 {table.digest}",
-                f"Seed {comparison.seed}{quick}; {done}",
+                f"Seed {comparison.seed}{quick}; {comparison.seconds:.0f} s",
                 f"Versions: {versions_line()}",
-                "`compare.json` holds every number of this page and more; `compare.csv` a row a model.",
+                "`compare.json` holds every number of this page and more; `compare.csv` has one row for each model.",
             ], "list", "page"),
-        ]),
-        Section("", "", [Words([f"Time: {done}.{f' Results: {folder}' * bool(folder)}"], only="terminal")]),
+        ], rank="folded"),
+        Section("", "", [Words([f"Report: {folder}/compare.html"] * bool(folder), only="terminal", rank="first"),
+                         Words([f"Time: {comparison.seconds:.0f} s."], only="terminal")]),
     ]  # fmt: skip
     title = f"{len(models)} models on {table.name} ({len(table)} impacts), scored by {', '.join(comparison.columns)}"
-    return Document(title, [Words(said[:1], "lead", rank="first"), Words(said[1:], rank="first")], sections)
+    return Document(title, lead, sections)
+
+
+def shortened(notes: Sequence[str]) -> Sequence[str]:
+    """The first notes, for a first screen, and how many more there are."""
+    left = len(notes) - MOST_NOTES
+    return (
+        notes if screen().full or left <= 1 else [*notes[:MOST_NOTES], f"{left} more notes: --full, or the report."]
+    )
 
 
 def render(comparison: Comparison, folder: str = "") -> str:
@@ -161,40 +193,41 @@ def write_all(comparison: Comparison, folder: Path, command: str | None = None) 
     images = {name: save_figure(figure, folder / PICTURES[name]) for name, figure in draw_all(comparison).items()}
     write_text(folder / "compare.html", as_page(compare_document(comparison, images, command), images))
     write_text(folder / "compare.csv", csv_text(csv_rows(comparison)))
-    write_text(folder / "compare.txt", render(comparison, str(folder)) + "\n")
+    with shown_on(Screen()):
+        write_text(folder / "compare.txt", render(comparison, str(folder)) + "\n")
     write_text(folder / JSON_NAME, json_text(json_content(comparison, words(comparison))))
 
 
 def remarks(comparison: Comparison) -> list[str]:
-    """What a reader of the whole should know: what was left out, what did not settle."""
-    notes = [*comparison.notes]
+    """What a reader should know of a comparison: what was left out, what did not converge."""
+    notes = []
     for scored in comparison.models:
         found, ids, own = scored.fit.diagnostics, scored.fit.problem.table.ids, [*scored.notes]
         if found is not None and not found.converged:
-            own.append("its posterior did not converge: " + "; ".join(found.complaints))
+            own.append("sampling did not converge: " + "; ".join(found.complaints))
         if scored.loo.unsettled:
             own.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
         if scored.loo.doubtful:
-            own.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is doubtful (Pareto k above 0.7)")
+            own.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is unreliable (Pareto k above 0.7)")
         notes += [f"{scored.name}: {note}" for note in own]
-    return notes
+    return [*comparison.notes, *notes]
 
 
-def untold(scored: ModelScore) -> str:
-    """The parameters of a model that the table leaves open, by verdict."""
+def undetermined(scored: ModelScore) -> str:
+    """The parameters of a model that the data do not determine, by verdict."""
     parts = []
     for verdict in (Verdict.CONDITIONAL, Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED):
         names = [name for name, one in scored.unidentified.items() if one is verdict]
-        parts += [f"{verdict} {', '.join(names)}"] * bool(names)
-    return "; ".join(parts) if scored.unidentified else "identified throughout"
+        parts += [f"{verdict}: {', '.join(names)}"] * bool(names)
+    return "; ".join(parts) or "none, all parameters are identified"
 
 
 def verdict_table(comparison: Comparison) -> Table:
-    """What each model's fit says of each parameter; empty where a model has it not."""
-    told = [{one.name: one.verdict for one in scored.fit.estimates} for scored in comparison.models]
-    names = dict.fromkeys(name for one in told for name in one)
+    """The verdict on each parameter under each model; empty where a model does not have it."""
+    verdicts = [{one.name: one.verdict for one in scored.fit.estimates} for scored in comparison.models]
+    names = dict.fromkeys(name for one in verdicts for name in one)
     heads = ["parameter", *(scored.name for scored in comparison.models)]
-    rows = [[name, *(judged(one[name], one[name]) if name in one else "" for one in told)] for name in names]
+    rows = [[name, *(judged(one[name], one[name]) if name in one else "" for one in verdicts)] for name in names]
     return Table("Verdict on each parameter under each model", [heads, *rows], heads, only="page")
 
 
@@ -224,62 +257,60 @@ def held_out(comparison: Comparison) -> list[Words | Table]:
         largest = float(np.nanmax(np.abs(known_ones))) * scale.factor
         places = 0 if largest >= 100.0 else 1 if largest >= 20.0 else 2
         misses = [one.get(name, np.full(len(table), np.nan)) for one in errors]
-        told = np.transpose([known_ones + miss for miss in (np.zeros(len(table)), *misses)])[:MOST_ROWS]
-        columns[head(name)] = [" | ".join(scale.fixed(it, places) for it in row) for row in told.tolist()]
-    columns["elpd, first less second"] = [fixed(it, 1) for it in (chosen[0].loo.elpd - chosen[1].loo.elpd).tolist()]
+        values = np.transpose([known_ones + miss for miss in (np.zeros(len(table)), *misses)])[:MOST_ROWS]
+        columns[head(name)] = [" | ".join(scale.fixed(it, places) for it in row) for row in values.tolist()]
+    columns["elpd, first minus second"] = [fixed(it, 1) for it in (chosen[0].loo.elpd - chosen[1].loo.elpd).tolist()]
     text = (
-        f"Measured | {best.name} | {chosen[1].name}, each impact predicted at the maximum of the posterior of a fit "
-        "without it. Last column: its share in the difference of scores, positive where "
-        f"{best.name} foresees it better."
+        f"Each cell: measured | {best.name} | {chosen[1].name}. Each impact is predicted by a fit without it, at the "
+        f"maximum of the posterior. Last column: difference of their elpd, positive where {best.name} predicts the "
+        "impact better."
     )
     rows = list(zip(*columns.values(), strict=False))
-    label = "Impacts left out, measured and predicted"
+    label = "Left-out impacts, measured and predicted"
     listed = Table(label, [[*columns], *rows], count=len(table), rest="`compare.json`", only="page")
     return [Words([text], only="page"), listed]
 
 
 def words(comparison: Comparison) -> str:
-    """A paragraph; what it recommends rests on the numbers of this table alone."""
-    return " ".join(sentences(comparison))
+    """A paragraph on the comparison, its answer first; it rests on the numbers of this table alone."""
+    parts = [*answer(comparison), *reasons(comparison)]
+    return " ".join([*parts, changes(comparison)] if comparison.meaningful else parts).strip()
 
 
-def sentences(comparison: Comparison) -> list[str]:
-    """What the words say, point by point, the best model first."""
+def answer(comparison: Comparison) -> list[str]:
+    """Which model to use, in two or three sentences."""
     if not comparison.meaningful:
         return [
-            f"{len(comparison.table)} impacts are too few: the numbers describe these impacts and recommend no "
-            "model. Measure at least six, better twenty, over the angles and spins that matter."
+            f"{len(comparison.table)} impacts are too few to compare models: the scores describe these impacts only.",
+            "Measure at least six impacts, better twenty, over the angles and spins that matter.",
         ]
-    points = (_best, _simplest, _beyond, _time, _masses, _caution)
-    return [text for point in points if (text := point(comparison))]
-
-
-def _best(comparison: Comparison) -> str:
-    best = comparison.models[0]
-    close = [
-        scored.name for scored in comparison.models[1:] if not comparison.elpd_difference(best.name, scored.name).sure
-    ]
-    text = f"For impacts like these {best.name} predicts best ({_errors(best.out_of_sample())})"
+    best, chosen, others = comparison.models[0], comparison.simplest, comparison.models[1:]
+    close = [scored.name for scored in others if not comparison.elpd_difference(best.name, scored.name).sure]
+    sentences = [f"{best.name} predicts left-out impacts best: {_errors(best.out_of_sample())} (rms errors)."]
     if not close:
-        return text + ", ahead of every other by more than luck."
-    return f"{text}; not told apart from it with certainty: {', '.join(close)}."
-
-
-def _simplest(comparison: Comparison) -> str:
-    chosen, best = comparison.simplest, comparison.models[0]
+        return [*sentences, "All other models are significantly worse."]
+    few = f"Not significantly worse: {', '.join(close)}."
+    many = f"{len(close)} of the {len(others)} other models are not significantly worse."
+    sentences.append(few if len(close) <= MOST_CLOSE else many)
     if chosen is best:
-        return f"None with fewer parameters comes up to it ({best.free} free, noise included)."
+        return [*sentences, f"No simpler model predicts as well: it has {best.free} free parameters, noise included."]
     gap = comparison.elpd_difference(chosen.name, best.name)
-    return (
-        f"The fewest parameters among those has {chosen.name} ({chosen.free} free against {best.free}, elpd "
-        f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}; {_errors(chosen.out_of_sample())}): take it where a quick "
-        "formula or a sparse table is all there is."
-    )
+    return [
+        *sentences,
+        f"The simplest of these is {chosen.name}: {chosen.free} free parameters instead of {best.free}, elpd "
+        f"difference {fixed(gap.value, 1)} +- {fixed(gap.se, 1)}. Use it for quick formulas or small data sets.",
+    ]
+
+
+def reasons(comparison: Comparison) -> list[str]:
+    """What else the scores say, point by point; nothing where they mean nothing."""
+    points = (_masses, _assumptions, _beyond, _time, _caution) if comparison.meaningful else ()
+    return [text for point in points if (text := point(comparison))]
 
 
 def _beyond(comparison: Comparison) -> str:
     """Best by group and at the ends of incidence, judged by the mean ratio of its errors to the smallest ones."""
-    parts = []
+    ways: dict[str, list[str]] = {}
     for way in schemes(comparison):
         if way == IMPACTS:
             continue
@@ -287,10 +318,10 @@ def _beyond(comparison: Comparison) -> str:
         complete = {name: one for name, one in rms.items() if one.keys() == rms[comparison.models[0].name].keys()}
         if len(complete) < 2:
             continue
-        name = min(complete, key=lambda item: _mean_ratio(item, complete))
-        place = "a group it has not seen" if way == GROUPS else f"the {way}"
-        parts.append(f"{place}: {name} ({_errors(complete[name])})")
-    return f"Best where the table ends, predicting {'; '.join(parts)}." if parts else ""
+        name = min(complete, key=lambda name: _mean_ratio(name, complete))
+        ways.setdefault(name, []).append("a left-out group" if way == GROUPS else f"the {way}")
+    parts = [f"{name} for {listed(ends)}" for name, ends in ways.items()]
+    return f"Best at extrapolation: {'; '.join(parts)}." if parts else ""
 
 
 def _mean_ratio(name: str, rms: Mapping[str, Mapping[str, float]]) -> float:
@@ -303,30 +334,48 @@ def _time(comparison: Comparison) -> str:
     if not timed or len(timed) == len(comparison.models):
         return ""
     return (
-        "Contact time, forces and the course of the contact come from the two-mass family alone; of it "
-        f"{timed[0].name} scores best here."
+        f"Only two-mass models give contact time, forces and the motion during contact (best here: {timed[0].name})."
     )
+
+
+def rivals(comparison: Comparison) -> tuple[ModelScore, list[ModelScore]] | None:
+    """The best model without a time axis, and the two-mass models, best first; None where the table cannot compare
+    them.
+    """
+    others = [scored for scored in comparison.models if not scored.fit.problem.model.has_time]
+    family = [scored for scored in comparison.models if scored.fit.problem.model.has_time]
+    whole = comparison.table.has_spin and comparison.table.has_tangential
+    return (others[0], family) if others and family and whole else None
 
 
 def _masses(comparison: Comparison) -> str:
     """The two-mass ball against its strongest rival without a time axis, as composed and as chosen afterwards."""
-    rivals = [scored for scored in comparison.models if not scored.fit.problem.model.has_time]
-    family = [scored for scored in comparison.models if scored.fit.problem.model.has_time]
-    if not rivals or not family or not comparison.table.has_spin or not comparison.table.has_tangential:
+    if (found := rivals(comparison)) is None:
         return ""
+    rival, family = found
     default = comparison.by_name.get(DEFAULT_MODEL, family[0])
-    text = f"Do two masses earn their parameters? {_duel(comparison, default, rivals[0])}."
+    text = f"Is the second mass worth its parameters? {default.name} has {_duel(comparison, default, rival)}."
     if family[0] is not default:
-        text += f" {_duel(comparison, family[0], rivals[0])}, though chosen afterwards as the best of {len(family)}."
+        text += (
+            f" {family[0].name}, the best of {len(family)} such models, has {_duel(comparison, family[0], rival)}."
+        )
     return text
 
 
 def _duel(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
     gap = comparison.elpd_difference(one.name, other.name)
     more = one.free - other.free
-    decided = "they do" if gap.value > 0.0 else "they do not, the rival predicts better"
-    decided = decided if gap.sure else "this table does not decide it"
-    changes = []
+    count = f"{abs(more)} {'more' if more >= 0 else 'fewer'}"
+    decided = ("yes" if gap.value > 0.0 else "no") if gap.sure else "not decided"
+    return f"{count} than {other.name}, elpd difference {_signed(gap.value, 1)} +- {fixed(gap.se, 1)}: {decided}"
+
+
+def changes(comparison: Comparison) -> str:
+    """How the errors of the default two-mass model and its rival differ, output by output; empty without a rival."""
+    if (found := rivals(comparison)) is None:
+        return ""
+    other, family = found
+    one, parts = comparison.by_name.get(DEFAULT_MODEL, family[0]), []
     for output in scored_outputs(comparison):
         change = comparison.rms_difference(one.name, other.name, output)
         if change is None:
@@ -334,14 +383,26 @@ def _duel(comparison: Comparison, one: ModelScore, other: ModelScore) -> str:
         scale = output_scale(output)
         value, low, high = (scale.factor * x for x in (change.value, change.q05, change.q95))
         places = 1 if max(abs(low), abs(high)) >= 1.0 else 2
-        if max(abs(value), abs(low), abs(high)) < 0.5 * 10.0**-places:
-            continue
         ends = f"[{_signed(low, places)}, {_signed(high, places)}]"
-        changes.append(f"{output} {_signed(value, places)} {ends} {scale.unit}")
+        parts.append(f"{output} {_signed(value, places)} {ends} {scale.unit}")
     return (
-        f"{one.name} against {other.name}, {abs(more)} {'more' if more >= 0 else 'fewer'} free: elpd "
-        f"{_signed(gap.value, 1)} +- {fixed(gap.se, 1)}; rms error left out (with 90 % of the bootstrap) "
-        f"{', '.join(changes)}: {decided}"
+        f"Rms errors of {one.name} minus those of {other.name} (90 % interval): {', '.join(parts)}." if parts else ""
+    )
+
+
+def _assumptions(comparison: Comparison) -> str:
+    """The quantity that the choice of model moves most, over the models that predict equally well."""
+    quantities = comparison.assumptions.items()
+    moved = {name: one.span for name, one in quantities if one.span is not None and len(one.as_good) > 1}
+    name, span = max(moved.items(), key=lambda item: item[1].shift, default=("", None))
+    if span is None or not span.by:
+        return ""
+    scale = handy(name, comparison.assumptions[name].unit)
+    low, high = (scale.fixed(end, scale.decimals(span.own.sd)) for end in (span.low, span.high))
+    over = f"{low} to {high} {scale.unit}".rstrip()
+    return (
+        f"The choice of model moves {name} most: {over} across the models that predict equally well. The largest "
+        f"shift is {fixed(span.shift, 1)} sd, with {span.by}."
     )
 
 
@@ -349,14 +410,14 @@ def _caution(comparison: Comparison) -> str:
     if len(comparison.table) >= 100:
         return ""
     return (
-        f"With {len(comparison.table)} impacts a standard error of a difference is itself uncertain: below 4, or "
-        "below two standard errors, nothing is decided."
+        f"With {len(comparison.table)} impacts the standard errors are themselves uncertain. A difference below 4, "
+        "or below two standard errors, decides nothing."
     )
 
 
 def _errors(rms: Mapping[str, float]) -> str:
-    shown = [name for name in OUTPUTS if name in rms]
-    return ", ".join(f"{name} {in_unit(name, rms[name])} {output_scale(name).unit}" for name in shown[:3])
+    names = [name for name in OUTPUTS if name in rms]
+    return ", ".join(f"{name} {in_unit(name, rms[name])} {output_scale(name).unit}" for name in names[:3])
 
 
 def _signed(value: float, places: int) -> str:

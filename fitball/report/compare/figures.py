@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from fitball.inference.comparison.results import Comparison
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.assumptions import Quantity
 from fitball.models.registry import parameter_spec
-from fitball.report.compare.rows import published_rms, schemes, scored_outputs
+from fitball.report.compare.rows import published_rms, schemes, scored_outputs, summarised
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, verbatim
 from fitball.report.figures.quantities import ParameterAxis, axis_label, output_label, parameter_axis
 from fitball.report.form.numbers import handy, output_scale
@@ -29,9 +30,9 @@ PANELS, TICKS = 4, 4
 
 
 def draw_all(comparison: Comparison) -> dict[str, Figure]:
-    """The figures by name: `ranking`, and `forest` where there is something to draw."""
-    figures = {"ranking": compare_figure(comparison)}
-    if shown(comparison.assumptions):
+    """The figures by name: `scores`, `ranking`, and `forest` where there is something to draw."""
+    figures = {"scores": compare_figure(comparison, brief=True), "ranking": compare_figure(comparison)}
+    if drawn_quantities(comparison.assumptions):
         title = f"{comparison.table.name}: median, sd and 95 % interval under each model"
         models = [scored.name for scored in comparison.models]
         figures["forest"] = forest_figure(comparison.assumptions, models, title)
@@ -39,24 +40,30 @@ def draw_all(comparison: Comparison) -> dict[str, Figure]:
 
 
 @own_style()
-def compare_figure(comparison: Comparison) -> Figure:
-    """Models from best (top) to worst; published sets below them, with errors only."""
-    outputs = scored_outputs(comparison)
+def compare_figure(comparison: Comparison, brief: bool = False) -> Figure:
+    """Models from best (top) to worst; published sets below them, with errors only. A `brief` one has no published
+    sets, two outputs and one way of leaving impacts out.
+    """
+    if brief:
+        comparison = replace(comparison, published=())
+    outputs = summarised(comparison) if brief else scored_outputs(comparison)
     labels = [broken(scored.name) for scored in comparison.models] + [
         broken(published.name) for published in comparison.published
     ]
-    height = 1.9 + 0.36 * len(labels)
-    figure = new_figure(4.2 + 1.6 * len(outputs), height)
+    height = (1.0 if brief else 1.9) + 0.36 * len(labels)
+    figure = new_figure(6.0 if brief else 4.2 + 1.6 * len(outputs), height)
     axes = figure.subplots(1, 1 + len(outputs), sharey=True, width_ratios=[1.3, *([1.0] * len(outputs))])
     _draw_differences(axes[0], comparison)
     for axis, output in zip(axes[1:], outputs, strict=True):
-        _draw_errors(axis, comparison, output)
+        _draw_errors(axis, comparison, output, schemes(comparison)[: 1 if brief else None])
     axes[0].set_yticks(np.arange(len(labels)), labels, fontsize=9)
     axes[0].set_ylim(len(labels) - 0.5, -0.5)
     for axis in axes:
         axis.grid(alpha=0.3)
         if comparison.published:
             axis.axhline(len(comparison.models) - 0.5, color="0.5", linewidth=0.8)
+    if brief:
+        return figure
     handles, names = axes[1].get_legend_handles_labels()
     columns = max(1, int(figure.get_figwidth() / LEGEND_ENTRY))
     figure.legend(handles, names, loc="outside lower center", ncols=min(columns, len(names)), frameon=False)
@@ -72,12 +79,12 @@ def _draw_differences(axis: Axes, comparison: Comparison) -> None:
         [gap.value for gap in gaps], np.arange(len(gaps)), xerr=[gap.se for gap in gaps], fmt="o", color=MODEL,
         capsize=3, markersize=5, linewidth=1.2,
     )  # fmt: skip
-    axis.set_xlabel("elpd less that of\nthe best, with se")
+    axis.set_xlabel("elpd minus that of\nthe best, with se")
 
 
-def _draw_errors(axis: Axes, comparison: Comparison, output: str) -> None:
+def _draw_errors(axis: Axes, comparison: Comparison, output: str, ways: Sequence[str]) -> None:
     scale = output_scale(output)
-    for k, way in enumerate(schemes(comparison)):
+    for k, way in enumerate(ways):
         rms = [scored.out_of_sample(way).get(output, np.nan) for scored in comparison.models]
         colour, marker = series_style(k)
         axis.plot(
@@ -106,15 +113,15 @@ def broken(name: str) -> str:
     return name
 
 
-def shown(quantities: Mapping[str, Quantity]) -> list[str]:
+def drawn_quantities(quantities: Mapping[str, Quantity]) -> list[str]:
     """The quantities that have a panel: all but the noise."""
     return [name for name in quantities if name not in NOISE_SPECS]
 
 
 @own_style()
 def forest_figure(quantities: Mapping[str, Quantity], models: Sequence[str], title: str) -> Figure:
-    """A panel a quantity; models from best (top) to worst, pale where the table surely scores them below the best."""
-    names = shown(quantities)
+    """A panel a quantity; models from best (top) to worst, pale where they are significantly worse."""
+    names = drawn_quantities(quantities)
     across = min(PANELS, len(names))
     down = -(-len(names) // across)
     figure = new_figure(2.2 + 2.5 * across, 1.2 + down * (0.7 + 0.27 * (len(models) + 1)))

@@ -18,9 +18,9 @@ from fitball.report.form.numbers import fixed, handy, output_scale
 from fitball.values import FloatArray
 from fitball.version import __version__
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 SCHEMES = (IMPACTS, GROUPS, "shallowest third", "steepest third", "slowest third", "fastest third")
-SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "untold"}
+SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "too few data"}
 # Outputs shown for the schemes that leave out many impacts, as far as there is room.
 SHOWN = ("v_x2", "omega_2", "v_y2", "theta_2")
 
@@ -29,6 +29,12 @@ def scored_outputs(comparison: Comparison) -> tuple[str, ...]:
     """Outputs that at least one model has an out-of-sample error of, in a fixed order."""
     known = {name for scored in comparison.models for missed in scored.missed for name in missed.errors}
     return tuple(name for name in OUTPUTS if name in known)
+
+
+def summarised(comparison: Comparison) -> tuple[str, ...]:
+    """The first outputs, for which there is room beside other columns."""
+    outputs = scored_outputs(comparison)
+    return tuple(name for name in SHOWN if name in outputs)[:2]
 
 
 def schemes(comparison: Comparison) -> tuple[str, ...]:
@@ -55,20 +61,42 @@ def in_unit(output: str, value: float | None) -> str:
     return fixed(scaled, 1) if scaled >= 10.0 else fixed(scaled, 2)
 
 
+def summary_table(comparison: Comparison) -> tuple[list[list[str]], tuple[str, ...]]:
+    """What decides between models: elpd difference, errors of the first outputs on left-out impacts, free parameters
+    and weight; and the heads of those columns that a first screen has room for.
+    """
+    outputs = summarised(comparison)
+    heads = ["model", "elpd difference", *map(head, outputs), "free", "stacking"]
+    rows = [
+        [
+            scored.name, _difference(comparison, scored),
+            *(in_unit(output, scored.out_of_sample().get(output)) for output in outputs), str(scored.free),
+            fixed(comparison.stacking[scored.name], 2),
+        ]
+        for scored in comparison.models
+    ]  # fmt: skip
+    return [heads, *rows], tuple(heads[:-2])
+
+
+def _difference(comparison: Comparison, scored: ModelScore) -> str:
+    """Elpd less that of the best model, with its standard error."""
+    best = comparison.models[0].name
+    gap = comparison.elpd_difference(scored.name, best)
+    return "best" if scored.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}"
+
+
 def score_table(comparison: Comparison) -> list[list[str]]:
     """Elpd, its difference to the best with standard error, effective parameters, Pareto k, weights, criteria."""
-    heads = ("model", "free", "elpd", "difference", "p_loo", "max k", "stacking", "AICc", "BIC")
-    rows = [[*heads, "describes"]]
-    best = comparison.models[0].name
+    heads = ("model", "free", "elpd", "elpd difference", "p_loo", "max k", "stacking", "AICc", "BIC")
+    rows = [[*heads, "fits the data"]]
     for scored in comparison.models:
-        gap = comparison.elpd_difference(scored.name, best)
         criteria, mark = _criteria(scored), ""
         for word in ("refitted", "doubtful"):
             count = len(getattr(scored.loo, word))
             mark += f" ({count} {word})" * bool(count)
         rows.append(
             [scored.name, str(scored.free), fixed(scored.loo.total, 1),
-             "best" if scored.name == best else f"{fixed(gap.value, 1)} +- {fixed(gap.se, 1)}",
+             _difference(comparison, scored),
              fixed(scored.loo.p_loo, 1), fixed(float(np.max(scored.loo.pareto_k)), 2) + mark,
              fixed(comparison.stacking[scored.name], 2),
              fixed(criteria["aicc"], 1), fixed(criteria["bic"], 1), described(scored)]
@@ -77,7 +105,7 @@ def score_table(comparison: Comparison) -> list[list[str]]:
 
 
 def described(scored: ModelScore) -> str:
-    """Whether a model describes the table, in a word."""
+    """Whether a model fits the data, in a word."""
     return "-" if scored.fit.adequacy is None else SHORT[scored.fit.adequacy.answer]
 
 
@@ -87,7 +115,7 @@ def error_table(comparison: Comparison) -> list[list[str]]:
     known = [(scored.name, scored.out_of_sample()) for scored in comparison.models]
     known += [(f"({item.name})", published_rms(item)) for item in comparison.published]
     rows = [[name, *(in_unit(output, rms.get(output)) for output in outputs)] for name, rms in known]
-    return [["each impact left out", *map(head, outputs)], *rows]
+    return [["model", *map(head, outputs)], *rows]
 
 
 def extrapolation_table(comparison: Comparison) -> list[Table]:
@@ -95,22 +123,22 @@ def extrapolation_table(comparison: Comparison) -> list[Table]:
     names = [name for name in schemes(comparison) if name != IMPACTS]
     if not names:
         return []
-    outputs = [name for name in SHOWN if name in scored_outputs(comparison)][:2]
-    rows = [["left out together", *(names * len(outputs))]]
+    outputs = summarised(comparison)
+    rows = [["model", *(names * len(outputs))]]
     for scored in comparison.models:
         cells = [in_unit(output, scored.out_of_sample(name).get(output)) for output in outputs for name in names]
         rows.append([scored.name, *cells])
     over = [("", 1), *((head(output), len(names)) for output in outputs)]
-    return [Table("Errors where many impacts were left out together", rows, over=over)]
+    return [Table("Rms errors, many impacts left out together", rows, over=over)]
 
 
 def assumption_table(comparison: Comparison) -> list[list[str]]:
-    """Each quantity under the best model that has it, over those the table does not tell from the best of all, and
+    """Each quantity under the best model that has it, over those that are not surely worse than the best of all, and
     in the mixture; empty where scores mean nothing.
     """
     if not comparison.meaningful:
         return []
-    rows = [["", "unit", "best model's", "over as good", "95 % over those", "most moved by", "stacked mixture, 95 %"]]
+    rows = [["", "unit", "best model", "range", "95 % over these", "largest shift", "mixture, 95 %"]]
     for name, item in comparison.assumptions.items():
         if item.span is None:
             continue
@@ -186,7 +214,7 @@ def json_content(comparison: Comparison, words: str) -> dict[str, Any]:
         "models": [_model_content(comparison, scored, best) for scored in comparison.models],
         "assumptions": {name: asdict(item) for name, item in comparison.assumptions.items()},
         "published": [
-            {"name": published.name, "source": published.source, "told": list(published.given_columns),
+            {"name": published.name, "source": published.source, "given_columns": list(published.given_columns),
              "rms": published_rms(published),
              "errors": _known(published.errors)}
             for published in comparison.published
@@ -207,7 +235,7 @@ def _model_content(comparison: Comparison, scored: ModelScore, best: str) -> dic
     return {
         "name": scored.name,
         "closures": dict(scored.fit.problem.model.options),
-        "told": list(scored.given_columns),
+        "given_columns": list(scored.given_columns),
         "status": str(scored.fit.status),
         "free_parameters": scored.free,
         "elpd": scored.loo.total,

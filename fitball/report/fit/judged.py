@@ -135,7 +135,7 @@ def remarks(fit: Fit) -> list[str]:
         pooled = spoken(f"--pool {name}={best.over}", f"pool={{'{name}': '{best.over}'}}")
         lines.append(f"{pooled} fits {name} to each {best.over}.")
     if "uneven" in seen:
-        lines.append(f"{option('velocity_noise', 'separate')} fits a noise of its own to each column.")
+        lines.append(f"{option('noise', 'separate')} fits a noise of its own to each column.")
     if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append(f"Outliers count for less with {option('noise', 'student-t')}.")
     if "linked" in seen and fit.problem.incident is None and not fails:

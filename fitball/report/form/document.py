@@ -1,7 +1,7 @@
 """A report as a document: words, tables and pictures, said once, and shown on a terminal, as a page, as Markdown.
 
-A part may be for one reader `only`, and has a `rank`: "first" is what everybody sees, "full" what is seen by who asks
-for all of it, "folded" what a page shows on demand.
+A part may be for one reader `only`, and has a `rank`: "first" is on the first screen of a terminal, "full" where all
+is asked for, and open on a page, "folded" where all is asked for, and folded on a page, as a whole section may be.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from typing import Any, Literal, TypeAlias
 from markupsafe import Markup, escape
 
 from fitball.inference.results.results import Verdict
-from fitball.report.form.palette import style_rules, verdict_mark
+from fitball.report.form.palette import VERDICTS, style_rules, verdict_mark
 from fitball.version import __version__
-from fitball.visible import one_line
+from fitball.visible import one_line, visible
+from fitball.wording import Screen, screen, shown_on
 
 # A row of a table as text, by the heads of its columns, in their order: what terminal, page and certificate show.
 Row: TypeAlias = dict[str, str]
-WIDTH = 100
 # A cell that is longer than the texts of this program is a label of the user's: a few words of it tell which.
 WIDEST = 80
 Only: TypeAlias = Literal["", "page", "terminal"]
 Rank: TypeAlias = Literal["first", "full", "folded"]
 # Rows of a table that a terminal shows, and a page.
 MOST_LINES, MOST_ROWS = 40, 300
+# Rows of a table on the first screen of a terminal.
+FIRST_LINES = 20
 # Letters of a cell of words from which on it may break.
 LONG = 34
 # Dots an inch of figures as PNG files.
@@ -37,15 +39,16 @@ DPI = 150
 
 
 class Cell(str):
-    """Text as terminal and Markdown have it; `html` is what a page shows instead."""
+    """Text as Markdown has it; `html` is what a page shows instead, `colour` how a terminal that can shows it."""
 
     html: Markup
+    colour: str
 
-    def __new__(cls, text: str, html: Markup) -> Cell:
-        """`text` with its other form."""
-        made = super().__new__(cls, text)
-        made.html = html
-        return made
+    def __new__(cls, text: str, html: Markup, colour: str = "") -> Cell:
+        """`text` with its other forms."""
+        cell = super().__new__(cls, text)
+        cell.html, cell.colour = html, colour
+        return cell
 
 
 def term(name: str, said: str) -> Cell:
@@ -56,7 +59,7 @@ def term(name: str, said: str) -> Cell:
 def judged(verdict: Verdict, words: str, reason: str = "") -> Cell:
     """A verdict in its colour; the reason shows where one points at it."""
     span = Markup('<span class="v-{}" title="{}">{}</span>')
-    return Cell(words, span.format(verdict_mark(verdict), reason, words))
+    return Cell(words, span.format(verdict_mark(verdict), reason, words), VERDICTS[verdict].terminal)
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ class Words:
 class Table:
     """Rows of cells, heads first: the first column and those headed by one of `words` are flush left. `over` are
     heads above the heads, each with its number of columns. Of many rows, `count` in all, some are shown, and the rest
-    stands in the file `rest`. A terminal has no room for the columns `aside`.
+    stands in the file `rest`. A terminal has no room for the columns `aside`, its first screen for none but those
+    headed by one of `brief`.
     """
 
     label: str
@@ -86,6 +90,7 @@ class Table:
     count: int = 0
     rest: str = ""
     aside: Collection[str] = ()
+    brief: Collection[str] = ()
     only: Only = ""
     rank: Rank = "full"
 
@@ -120,14 +125,15 @@ Part: TypeAlias = Words | Table | Picture
 
 @dataclass(frozen=True)
 class Section:
-    """Parts under a title, to which `name` leads; one without parts is left out. On paper a "short" one is kept
-    together, a "leaf" begins a page.
+    """Parts under a title, to which `name` leads; one without parts is left out. A page folds one whose rank is
+    "folded"; on paper a "short" one is kept together, a "leaf" begins a page.
     """
 
     name: str
     title: str
     parts: Sequence[Part]
     paper: Literal["", "short", "leaf"] = ""
+    rank: Rank = "full"
 
 
 @dataclass(frozen=True)
@@ -146,49 +152,84 @@ class Document:
                 yield section, parts
 
 
-def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1) -> list[str]:
+def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colour: bool = False) -> list[str]:
     """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right. A cell stays
-    in its line.
+    in its line, and has its colour where there is to be `colour`.
     """
     aligned = [k < left for k in range(len(rows[0]))] if isinstance(left, int) else left
-    rows = [[one_line(cell, WIDEST) for cell in row] for row in rows]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    widths = _widths(rows)
     lines = []
     for row in rows:
-        cells = [
-            cell.ljust(width) if flush else cell.rjust(width)
-            for cell, width, flush in zip(row, widths, aligned, strict=True)
-        ]
+        cells = []
+        for cell, width, flush in zip(row, widths, aligned, strict=True):
+            text = one_line(cell, WIDEST)
+            text = text.ljust(width) if flush else text.rjust(width)
+            cells.append(_coloured(text, cell.colour) if colour and isinstance(cell, Cell) else text)
         lines.append("  ".join(cells).rstrip())
     return lines
 
 
-def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
-    """Texts as lines of `WIDTH`, the first line of each indented by `first`, its others by `others`."""
+def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
+    return [max(len(one_line(row[k], WIDEST)) for row in rows) for k in range(len(rows[0]))]
+
+
+def _coloured(text: str, colour: str) -> str:
+    """Text in a colour of ISO 6429 (its number); what fills a column stays as it is."""
+    core = text.strip()
+    return text.replace(core, f"\x1b[{colour}m{core}\x1b[0m") if colour and core else text
+
+
+# What no line is broken inside of: an interval, a number and its unit, what is added to or taken from a number.
+UNITS = r"%|[kmc]?m|m?s|k?g|k?N|J|deg|rad|sd|rpm|[a-zA-Z]+/[a-z]+\^?2?"
+UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?\+- [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
+# A space that textwrap does not take for one.
+HARD = "\u00a0"
+
+
+def wrapped(texts: Iterable[str], first: str = "", others: str = "", width: int | None = None) -> list[str]:
+    """Texts as lines of the screen's width, the first line of each indented by `first`, its others by `others`."""
     return [
-        line
+        line.replace(HARD, " ")
         for text in texts
-        for line in textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others, break_on_hyphens=False)
+        for line in textwrap.wrap(
+            UNBROKEN.sub(lambda found: found[0].replace(" ", HARD), visible(text)),
+            screen().width if width is None else width,
+            initial_indent=first,
+            subsequent_indent=others,
+            break_on_hyphens=False,
+        )
     ]
 
 
-def more(count: int, where: str) -> list[str]:
+def more(count: int, where: str, most: int = MOST_LINES) -> list[str]:
     """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
-    return [f"... and {count - MOST_LINES:,} more: {where}"] if count > MOST_LINES else []
+    return [f"... and {count - most:,} more{': ' * bool(where)}{where}"] if count > most else []
 
 
-def on_terminal(document: Document, full: bool = True) -> str:
-    """Plain text in lines of a terminal's width; what has rank "first" alone where it is not to be `full`."""
-    blocks = [f"{document.title}\n{'=' * len(document.title)}"] if document.title else []
+def on_terminal(document: Document, wanted: Screen | None = None) -> str:
+    """Text in lines of a terminal's width, for the screen that is `wanted`, or else that of now; what has rank
+    "first" alone where not all is to be shown.
+    """
+    with shown_on(wanted or screen()):
+        return "\n\n".join(_blocks(document))
+
+
+def _blocks(document: Document) -> Iterator[str]:
+    bold = BOLD if screen().colour else ""
+    if document.title:
+        title = "\n".join(wrapped([document.title]))
+        yield f"{_coloured(title, bold)}\n{'=' * max(map(len, title.splitlines()))}"
     for section, parts in document.read_by("terminal"):
-        shown = [part for part in parts if full or part.rank == "first"]
-        tables = [part for part in shown if isinstance(part, Table)]
-        texts = ["\n".join(_lines(part, part in tables[1:])) for part in shown if not isinstance(part, Picture)]
+        kept = [part for part in parts if screen().full or part.rank == "first"]
+        tables = [part for part in kept if isinstance(part, Table)]
+        texts = ["\n".join(_lines(part, part in tables[1:])) for part in kept if not isinstance(part, Picture)]
         if section.title and texts:
-            listed = isinstance(shown[0], Words) and shown[0].kind == "list"
-            blocks.append(section.title + ("\n" if listed else "\n\n") + texts.pop(0))
-        blocks += texts
-    return "\n\n".join(blocks)
+            listed = isinstance(kept[0], Words) and kept[0].kind == "list"
+            yield _coloured(section.title, bold) + ("\n" if listed else "\n\n") + texts.pop(0)
+        yield from texts
+
+
+BOLD = "1"
 
 
 def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
@@ -198,13 +239,31 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
             return wrapped(part.texts, "- ", "  ")
         between = "\n" if part.kind == "lead" else "\n\n"
         return [between.join("\n".join(wrapped([text])) for text in part.texts)]
-    kept = [k for k, head in enumerate(part.rows[0]) if head not in part.aside]
-    shown = [[row[k] for k in kept] for row in part.rows[: MOST_LINES + 1]]
+    most = MOST_LINES if screen().full else FIRST_LINES
+    brief = part.brief if part.brief and not screen().full else part.rows[0]
+    kept = [k for k, head in enumerate(part.rows[0]) if head not in part.aside and (k == 0 or head in brief)]
+    rows = [[row[k] for k in kept] for row in part.rows[: most + 1]]
     if part.over:
-        shown.insert(0, [text if k == 0 else "" for text, count in part.over for k in range(count)])
-    lines = columns(shown, [part.left[k] for k in kept])
-    lines += more(max(part.count, len(part.rows) - 1), part.rest.replace("`", ""))
+        rows.insert(0, [text if k == 0 else "" for text, count in part.over for k in range(count)])
+    lines: list[str] = []
+    for places in _side_by_side(_widths(rows)):
+        block = [[row[k] for k in places] for row in rows]
+        lines += [""] * bool(lines)
+        lines += columns(block, [part.left[kept[k]] for k in places], screen().colour)
+    lines += more(max(part.count, len(part.rows) - 1), part.rest.replace("`", ""), most)
     return [f"{part.label}:", "", *lines] if labelled else lines
+
+
+def _side_by_side(widths: Sequence[int]) -> list[list[int]]:
+    """Numbers of the columns that the screen has room for at once, the first in every block."""
+    blocks, taken = [[0]], widths[0]
+    for k, width in enumerate(widths[1:], start=1):
+        if taken + 2 + width > screen().width and len(blocks[-1]) > 1:
+            blocks.append([0])
+            taken = widths[0]
+        blocks[-1].append(k)
+        taken += 2 + width
+    return blocks
 
 
 def as_page(document: Document, images: Mapping[str, bytes]) -> str:
@@ -213,15 +272,31 @@ def as_page(document: Document, images: Mapping[str, bytes]) -> str:
     shown = list(document.read_by("page"))
     titled = [section for section, _parts in shown if section.name]
     for section, parts in shown:
-        inside = Markup("\n").join(_html(part, images) for part in parts)
+        inside = Markup("\n").join(_html(part, images) for part in parts) if section.name else _beside(parts, images)
         kind = Markup(' class="{}"').format(section.paper) if section.paper else ""
-        whole = Markup('<section id="{}"{}>\n<h2>{}</h2>\n{}\n</section>')
-        body.append(whole.format(section.name, kind, section.title, inside) if section.name else inside)
+        if section.name:
+            whole = FOLDED_SECTION if section.rank == "folded" else SECTION
+            inside = whole.format(section.name, kind, section.title, inside)
+        body.append(inside)
         if not section.name and len(titled) > 4:
             links = (Markup('<li><a href="#{}">{}</a></li>').format(it.name, it.title) for it in titled)
             contents = Markup('<nav class="toc" aria-label="Contents"><b>Contents</b>\n<ol>\n{}\n</ol></nav>')
             body.append(contents.format(Markup("\n").join(links)))
     return PAGE.format(title=escape(document.title), style=page_style(), body="\n\n".join(body))
+
+
+def _beside(parts: Sequence[Part], images: Mapping[str, bytes]) -> Markup:
+    """What comes first on a page: a picture that a table follows stands beside it where there is room."""
+    made: list[Markup] = []
+    for k, part in enumerate(parts):
+        before, after = parts[k - 1 : k], parts[k + 1 : k + 2]
+        if isinstance(part, Picture) and after and isinstance(after[0], Table):
+            made.append(
+                Markup('<div class="beside">\n{}\n{}\n</div>').format(_html(part, images), _html(after[0], images))
+            )
+        elif not (isinstance(part, Table) and before and isinstance(before[0], Picture)):
+            made.append(_html(part, images))
+    return Markup("\n").join(made)
 
 
 def page_style() -> str:
@@ -259,6 +334,8 @@ PAGE = """<!doctype html>
 </body>
 </html>
 """
+SECTION = Markup('<section id="{}"{}>\n<h2>{}</h2>\n{}\n</section>')
+FOLDED_SECTION = Markup('<section id="{}"{}>\n<details><summary><h2>{}</h2></summary>\n{}\n</details>\n</section>')
 # What is wide scrolls in a box of its own, which the keyboard reaches.
 BOX = Markup('<div class="wide" role="region" tabindex="0" aria-label="{}"{}>\n{}</div>')
 WORDS = {
@@ -284,7 +361,7 @@ def _html(part: Part, images: Mapping[str, bytes]) -> Markup:
     if part.kind == "code":
         return Markup("\n").join(WORDS["code"].format(text) for text in part.texts)
     made = Markup("\n").join(WORDS[part.kind].format(_typeset(text)) for text in part.texts)
-    return Markup('<ul class="told">\n{}\n</ul>').format(made) if part.kind == "list" else made
+    return Markup('<ul class="points">\n{}\n</ul>').format(made) if part.kind == "list" else made
 
 
 def figure_html(png: bytes, caption: str, alt: str) -> Markup:

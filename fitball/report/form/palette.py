@@ -27,17 +27,18 @@ PHASES = ("#dbe8f6", "#fae1d7", "#ffe2e8", "#d9f0e9", "#e8e8e8")
 
 @dataclass(frozen=True)
 class Tone:
-    """A colour of text on light paper and on dark."""
+    """A colour of text on light paper and on dark, and its number among those of terminals (ISO 6429)."""
 
     light: str
     dark: str
+    terminal: str
 
 
 GOOD, PART, POOR, QUIET = (
-    Tone("#00684a", "#5fd3a8"),
-    Tone("#8a5500", "#f0b95a"),
-    Tone("#9c2f2f", "#f29a94"),
-    Tone("#59626b", "#a2abb4"),
+    Tone("#00684a", "#5fd3a8", "32"),
+    Tone("#8a5500", "#f0b95a", "33"),
+    Tone("#9c2f2f", "#f29a94", "31"),
+    Tone("#59626b", "#a2abb4", "2"),
 )
 VERDICTS: Mapping[Verdict, Tone] = {
     Verdict.IDENTIFIED: GOOD,

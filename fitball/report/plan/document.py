@@ -20,8 +20,8 @@ from fitball.values import FloatArray
 from fitball.wording import spoken
 
 PlanRow = dict[str, object]
-# What states the uncertainty of an incident state, by whether that is speed and angle or vertical, and which stated
-# sds of a table call for it.
+# Columns for the uncertainty of an incident state, by whether that is speed and angle or vertical, each with the
+# stated sds of a table that ask for it.
 INCIDENT_SDS = {
     True: {
         "v_1_sd [m/s]": {"v_x1", "v_y1"}, "theta_1_sd [deg]": {"v_x1", "v_y1"}, "omega_1_sd [rad/s]": {"omega_1"},
@@ -31,9 +31,9 @@ INCIDENT_SDS = {
 
 
 def plan_rows(plan: Plan, problem: Problem) -> list[PlanRow]:
-    """A row an impact, repeats included, in the columns that the fitted table has, so that both can be fitted
-    together: incident state, labels of the surface, what is to be measured and stated (empty), and behind it gains
-    and expected sds, which reading leaves aside.
+    """One row for each impact, repeats included, in the columns of the fitted table, so that both can be fitted
+    together: incident state, labels of the surface, empty columns for measurements and their sds; then gains and
+    expected sds, which a later fit does not read.
     """
     table, found = problem.table, plan.settings
     empty = [name for one in plan.chosen for name in one.sensor.split("+") if name in OBSERVABLES]
@@ -67,7 +67,7 @@ def plan_rows(plan: Plan, problem: Problem) -> list[PlanRow]:
 
 
 def plan_json(plan: Plan) -> PlanRow:
-    """All of it, SI units; sds of `log` parts are those of the logarithm."""
+    """The whole plan in SI units; sds of `log` parts are those of the logarithm."""
     found = plan.settings
     return {
         "target": plan.target,
@@ -119,33 +119,35 @@ def _numbers(values: FloatArray) -> list[float | None]:
 
 
 def _number(value: float) -> float | None:
-    """A number to nine digits, which is more than it means and the same everywhere; None where there is none."""
+    """A number to nine digits, more than are significant and the same everywhere; None where there is none."""
     return float(f"{value:.9g}") if math.isfinite(value) else None
 
 
-# Nats below which nothing is said of a difference: two impacts in three of a pair cannot be told apart by it.
-TELLING = 0.05
+# Nats below which a sensor adds nothing worth its cost: as much as chance decides between two impacts.
+LEAST_GAIN = 0.05
 # An sd that falls to this share or less is named.
 NARROWER = 0.9
 # Parts of a target that are named in a sentence.
 MOST_NAMED = 3
-# Parts with a column of their own on a terminal.
-MOST_COLUMNS = 4
+# Parts with a column of their own on a page, and on a first screen.
+MOST_COLUMNS, MOST_BRIEF = 4, 2
 LEGEND = (
-    "Gain: nats that the impact is expected to tell beyond those before it, to first order, averaged over the "
-    "posterior; one nat narrows one quantity to 37 % of its sd. Behind it the expected sd of each part of the target."
+    "gain: expected information gain [nats], added to that of the impacts above it. It is computed to first order "
+    "and averaged over the posterior. One nat reduces the sd of one quantity to 37 %. sd: expected after this impact "
+    "and those above it."
 )
 SENSORS_LEGEND = (
-    "Best impact: the gain of the best single impact read that way. Same batch: the impacts above read that way; of "
-    "a drop as many drops."
+    "best impact: gain of the best single impact measured this way. same impacts: gain of the chosen impacts "
+    "measured this way; for a drop test, of as many drops. largest effect: the sd that falls most, and its value "
+    "without this sensor."
 )
 CAPTION = (
-    "Expected gain of one more impact, measured as before, over what the machine can be set to. Numbers: the chosen "
-    "impacts in their order. Dots: impacts of the fitted table, at the nearest spin."
+    "Expected information gain of one more impact, measured as before, over the settings of the machine. Numbers: "
+    "chosen impacts in their order. Dots: impacts of the fitted data, at the nearest spin."
 )
 FIRST_ORDER = (
-    "{} draws of the posterior to first order; noise and all other parameters as uncertain as the fit left them. "
-    "Within the fitted model: what it does not describe no gain counts."
+    "{} posterior draws, to first order. Noise and all other parameters are as uncertain as in the fit. Gains assume "
+    "that the model is right."
 )
 JSON_NAME, PICTURE = "plan.json", "plan.png"
 
@@ -153,39 +155,49 @@ JSON_NAME, PICTURE = "plan.json", "plan.png"
 def plan_document(
     plan: Plan, title: str, pictures: Collection[str] = (), command: str | None = None, folder: Path | None = None
 ) -> Document:
-    """All that is said of a plan, with its map of gains if that is among the `pictures`; `command` is the line that
-    made it, None where none did.
+    """The report on a plan, with its map of gains if that is among the `pictures`; `command` is the line that made
+    it, None where none did.
     """
-    said, sensors, parts = headline(plan), sensors_table(plan), parts_table(plan)
+    sensors, parts, chosen = sensors_table(plan), parts_table(plan), chosen_table(plan)
+    sds = [head for head in chosen[0] if head.startswith("sd of ")]
+    first = [head for head in chosen[0] if head != "contact" and head not in sds[MOST_BRIEF:]]
+    lead: list[Words | Picture | Table] = [
+        Words(headline(plan), "lead", rank="first"),
+        Table.of(
+            "Impacts to measure, best first", chosen, ["surface", "sensor", "contact"], brief=first, rank="first"
+        ),
+        *[Picture(name, CAPTION, f"{CAPTION} {headline(plan)[0]}", rank="first") for name in pictures],
+        Words(points(plan), "list", rank="first"),
+    ]
     sections = [
-        Section("impacts", "Impacts to measure, best first", [
-            Table.of("Chosen impacts", chosen_table(plan), ["surface", "sensor", "contact"], rank="first"),
-            Words([f"{LEGEND} `plan.csv` has these impacts with empty columns to fill in."], "quiet", "page"),
-            *[Picture(name, CAPTION, f"{CAPTION} {said}") for name in pictures],
-        ]),
         Section("sensors", "Ways of measuring", [
             Table.of(
-                "Ways of measuring side by side", sensors, ["what it reads"], only="" if len(sensors) > 1 else "page"
+                "Ways of measuring", sensors, ["what it reads", "largest effect"],
+                brief=["what it reads", "cost", "same impacts", "largest effect"],
+                only="" if len(sensors) > 1 else "page", rank="first",
             ),
             Words([SENSORS_LEGEND], "quiet", "page"),
-            Table("Expected sd of each part of the target after the batch", parts, only="page"),
         ]),
-        Section("rests", "What this rests on", [
+        Section("sds", "Expected standard deviations", [
+            Table("Expected sd of each part of the target, by way of measuring", parts, only="page"),
+        ], rank="folded"),
+        Section("rests", "What the plan assumes", [
             Words([
-                f"Settings looked at: {ranges_text(plan)}.", FIRST_ORDER.format(plan.draws),
-                f"Seed {plan.seed}. `plan.json` holds every number of this page and more.",
+                LEGEND, FIRST_ORDER.format(plan.draws), f"Settings: {ranges_text(plan)}.",
+                f"Seed {plan.seed}. `plan.json` holds every number of this page and more; `plan.csv` has the impacts "
+                "with empty columns to fill in.",
             ], "list", "page"),
             Words([] if command is None else [command], "code", "page"),
-        ]),
+        ], rank="folded"),
         Section("", "", [Words([] if folder is None else [
-            f"{folder / 'plan.html'}; plan.csv has the impacts to measure, with empty columns to fill in"
-        ], only="terminal")]),
+            f"Report: {folder / 'plan.html'}; table to fill in: {folder / 'plan.csv'}"
+        ], only="terminal", rank="first")]),
     ]  # fmt: skip
-    return Document(title, [Words([said], "lead", rank="first"), Words(points(plan), "list", rank="first")], sections)
+    return Document(title, lead, sections)
 
 
 def title_of(problem: Problem) -> str:
-    """What a plan is headed by."""
+    """The title of a plan."""
     return f"{problem.table.name}, {problem.model.name}: what to measure next"
 
 
@@ -211,7 +223,7 @@ def write_all(plan: Plan, problem: Problem, folder: Path, command: str | None = 
 
 
 def sd_text(part: Part, sd: float) -> str:
-    """An sd in the unit people read: of a logarithm in percent of the value."""
+    """An sd in a handy unit; that of a logarithm in percent of the value."""
     if not math.isfinite(sd):
         return "-"
     if part.log:
@@ -243,50 +255,61 @@ def nats(gain: float) -> str:
     return f"{gain:.2f}" if abs(gain) >= 0.1 else f"{gain:.2g}"
 
 
-def headline(plan: Plan) -> str:
-    """The best next impact, and what the batch is worth."""
+def headline(plan: Plan) -> list[str]:
+    """The best next impact, its gain and that of all, and what they reduce most."""
     first = plan.chosen[0]
     times = f", {plan.repeats} times" if plan.repeats > 1 else ""
     by = f" ({first.sensor})" if first.sensor != AS_BEFORE else ""
-    text = f"Measure next: {setting_text(first.setting)}{times}{by}. "
-    return f"{text}It is worth {nats(first.gain)} nats about {plan.target}."
+    sentences = [
+        f"Measure next: {setting_text(first.setting)}{times}{by}.",
+        f"Expected information gain: {nats(first.gain)} nats about {plan.target}.",
+    ]
+    count = len(plan.chosen) * plan.repeats
+    if count > 1:
+        sentences.append(
+            f"All {count} impacts below: {nats(plan.gain)} nats. Repeating {count} of the existing impacts: "
+            f"{nats(plan.again)} nats."
+        )
+        sentences.append(_narrowed(plan, plan.chosen[-1].sds))
+    return sentences
 
 
 def points(plan: Plan) -> tuple[str, ...]:
-    """What else stands out: the batch, the table again, sensors, what rests on what."""
-    said = []
-    count = len(plan.chosen) * plan.repeats
-    if count > 1:
-        said.append(
-            f"All {count} impacts below tell {nats(plan.gain)} nats; "
-            f"as many of the fitted table, measured again, {nats(plan.again)}. {_narrowed(plan, plan.chosen[-1].sds)}"
+    """The best way of measuring, and what limits the plan: settings and draws that are left out, ranges, cautions of
+    the fit.
+    """
+    sentences = []
+    best = max(plan.worths, key=lambda worth: worth.batch if math.isfinite(worth.batch) else -1.0)
+    if best.batch - plan.worths[0].batch >= LEAST_GAIN:
+        sentences.append(
+            f"The best way of measuring these impacts is {best.sensor} ({best.words}): {nats(best.batch)} nats "
+            f"instead of {nats(plan.worths[0].batch)}."
         )
-    said += [sensor_text(plan, worth) for worth in plan.worths if worth.sensor != AS_BEFORE]
     for reason, number in plan.failed.items():
-        said.append(
-            f"{number:,} of {math.prod(plan.settings.shape):,} settings are left out: at each more than half of the "
-            f"draws of the posterior cannot be evaluated ({reason})."
+        sentences.append(
+            f"{number:,} of {math.prod(plan.settings.shape):,} settings are left out. More than half of the "
+            f"posterior draws cannot be evaluated there ({reason})."
         )
     partly = [one for one in plan.chosen if one.unsolved > 0.0]
     if partly:
         most = max(one.unsolved for one in partly)
-        said.append(
-            f"At {len(partly)} of the chosen impacts up to {percent(most)} of the draws cannot be evaluated; "
-            "gains are averaged over the others."
+        sentences.append(
+            f"At {len(partly)} of the chosen impacts up to {percent(most)} of the draws cannot be evaluated. Their "
+            "gains are averages over the other draws."
         )
     if plan.lost > 0.0:
-        said.append(f"{100.0 * plan.lost:.1f} % of the draws have no answer for {plan.target} and are left out.")
+        sentences.append(f"{100.0 * plan.lost:.1f} % of the draws do not give {plan.target} and are left out.")
     if plan.settings.assumed:
         wider = listed([spoken(f"--{name}", name) for name in plan.settings.assumed])
-        said.append(
-            f"Ranges of {listed(plan.settings.assumed)} are those of the fitted table: {ranges_text(plan)}. What "
-            f"lies beyond may tell more: say by {wider} what can be reached."
+        sentences.append(
+            f"Only the range of the fitted data was searched: {ranges_text(plan)}. If your machine reaches further, "
+            f"give its range with {wider}."
         )
-    return (*said, *plan.notes)
+    return (*sentences, *plan.notes)
 
 
 def ranges_text(plan: Plan) -> str:
-    """The ranges that were looked at."""
+    """The ranges that were searched."""
     found = plan.settings
     if np.all(found.angles > 1.5707):
         return f"{_range(found.speeds)} m/s"
@@ -299,58 +322,55 @@ def _range(values: FloatArray) -> str:
 
 
 def _narrowed(plan: Plan, sds: FloatArray) -> str:
-    """The parts that narrow most, with their sds now and then."""
+    """The parts whose sd falls most, with their sds then and now."""
     ratios = _ratios(sds, plan.sds)
     order = [k for k in _narrowest(plan, sds) if ratios[k] <= NARROWER][:MOST_NAMED]
     if not order:
-        return "No sd falls by a tenth."
-    return f"Expected sd of {listed([f'{plan.parts[k].name} {_change(plan, k, sds)}' for k in order])}."
+        return "No sd falls by a tenth or more."
+    texts = [f"{plan.parts[k].name} {_change(plan, k, sds, plan.sds, 'now')}" for k in order]
+    return f"Expected sd after these: {', '.join(texts)}."
 
 
 def _ratios(sds: FloatArray, before: FloatArray) -> FloatArray:
-    """What is left of each sd."""
+    """The remaining share of each sd."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(before > 0.0, sds / before, 1.0)
 
 
 def _narrowest(plan: Plan, sds: FloatArray) -> list[int]:
-    """The parts, those that narrow most first."""
+    """The parts, those whose sd falls most first."""
     return [int(k) for k in np.argsort(_ratios(sds, plan.sds), kind="stable")]
 
 
-def _change(plan: Plan, k: int, sds: FloatArray) -> str:
+def _change(plan: Plan, k: int, sds: FloatArray, before: FloatArray, when: str) -> str:
     part = plan.parts[k]
-    return f"from {sd_text(part, plan.sds[k])} to about {sd_text(part, float(sds[k]))}"
+    return f"{sd_text(part, float(sds[k]))} ({sd_text(part, float(before[k]))} {when})"
 
 
-def sensor_text(plan: Plan, worth: Worth) -> str:
-    """What a sensor is worth on the same impacts, in a sentence."""
+def effect_text(plan: Plan, worth: Worth) -> str:
+    """The sd that a sensor reduces most on the same impacts, in a cell."""
     base = plan.worths[0]
-    what = f"{worth.sensor} ({worth.words})"
+    if worth is base:
+        return ""
     if not math.isfinite(worth.batch):
-        return f"{what}: most draws of the posterior cannot be evaluated there."
-    if worth.best.angle > 1.57 and worth.batch < base.batch and "drop" in worth.sensor:
-        return f"{what}: as many drops tell {nats(worth.batch)} nats, the impacts below {nats(base.batch)}."
-    more = worth.batch - base.batch
-    if more < TELLING:
-        return f"{what} adds next to nothing to the impacts below ({more:+.2f} nats)."
+        return "most draws cannot be evaluated"
+    if worth.batch - base.batch < LEAST_GAIN:
+        return "nothing more"
     ratios = _ratios(worth.sds, base.sds)
     k = int(np.argmin(ratios))
-    part, told = plan.parts[k], ""
-    if ratios[k] <= NARROWER:
-        without = sd_text(part, float(base.sds[k]))
-        told = f" and tell {part.name}: sd {_change(plan, k, worth.sds)} (without it {without})"
-    return f"{what} would add {more:.2f} nats to the impacts below{told}."
+    if ratios[k] > NARROWER:
+        return "no sd falls by a tenth"
+    return f"{plan.parts[k].name}: {_change(plan, k, worth.sds, base.sds, 'without')}"
 
 
 def chosen_table(plan: Plan) -> list[Row]:
-    """The batch, below the sds as they are now."""
+    """The chosen impacts, with the sds as they are now above them."""
     surfaces = any(one.setting.surface for one in plan.chosen)
     along = any(one.regimes for one in plan.chosen)
-    shown = sorted(_narrowest(plan, plan.chosen[-1].sds)[:MOST_COLUMNS])
+    columns = _narrowest(plan, plan.chosen[-1].sds)[:MOST_COLUMNS]
 
-    def told(sds: FloatArray) -> Row:
-        return {f"sd of {plan.parts[k].name}": sd_text(plan.parts[k], float(sds[k])) for k in shown}
+    def sd_cells(sds: FloatArray) -> Row:
+        return {f"sd of {plan.parts[k].name}": sd_text(plan.parts[k], float(sds[k])) for k in columns}
 
     rows = []
     for place, one in enumerate(plan.chosen, 1):
@@ -362,9 +382,10 @@ def chosen_table(plan: Plan) -> list[Row]:
         row |= {"surface": state.surface} if surfaces else {}
         row |= {"times": str(plan.repeats)} if plan.repeats > 1 else {}
         row |= {"sensor": one.sensor} if plan.by_cost else {}
-        row |= {"gain": nats(one.gain)} | ({"contact": next(iter(one.regimes), "-")} if along else {})
-        rows.append(row | told(one.sds))
-    return [dict.fromkeys(rows[0], "") | {"": "now"} | told(plan.sds), *rows]
+        row |= {"gain": nats(one.gain)} | sd_cells(one.sds)
+        row |= {"contact": next(iter(one.regimes), "-")} if along else {}
+        rows.append(row)
+    return [dict.fromkeys(rows[0], "") | {"": "now"} | sd_cells(plan.sds), *rows]
 
 
 def sensors_table(plan: Plan) -> list[Row]:
@@ -373,16 +394,16 @@ def sensors_table(plan: Plan) -> list[Row]:
     for worth in plan.worths:
         row = {"measured by": worth.sensor, "what it reads": worth.words}
         row |= {"cost": f"{worth.cost:g}"} if plan.by_cost else {}
-        row |= {"best impact": nats(worth.gain), "same batch": nats(worth.batch)}
-        rows.append(row)
+        row |= {"best impact": nats(worth.gain), "same impacts": nats(worth.batch)}
+        rows.append(row | {"largest effect": effect_text(plan, worth)})
     return rows
 
 
 def parts_table(plan: Plan) -> list[list[str]]:
-    """Every part of the target: sd now, after as many impacts of the table, and after the batch by each sensor; heads
-    first.
+    """Every part of the target: sd now, after as many repeats of existing impacts, and after the chosen impacts by
+    each sensor; heads first.
     """
     after = [plan.sds, plan.again_sds, *(worth.sds for worth in plan.worths)]
-    rows = [["", "now", "table again", *(worth.sensor for worth in plan.worths)]]
+    rows = [["", "now", "repeats", *(worth.sensor for worth in plan.worths)]]
     rows += [[part.name, *(sd_text(part, float(sds[k])) for sds in after)] for k, part in enumerate(plan.parts)]
     return rows

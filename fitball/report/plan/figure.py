@@ -22,7 +22,7 @@ from fitball.values import FloatArray
 CELL = (2.5, 2.6)
 MOST_COLUMNS = 5
 MARKS = (
-    "numbers: chosen impacts in their order; dots: impacts of the fitted table, at the nearest spin; "
+    "numbers: chosen impacts in their order; dots: impacts of the fitted data, at the nearest spin; "
     "grey: most draws cannot be evaluated"
 )
 # White paper to the colour of what the model says, and darker still.
