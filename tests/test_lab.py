@@ -168,7 +168,7 @@ def test_unknown_keys_are_answered_with_the_known_ones():
         ParameterError, match=r"did you mean 'clay'.*known keys of mu: acrylic, .*grass.*datasets priors"
     ):
         with_published({"mu": "literature:cley"})
-    with pytest.raises(ParameterError, match=r"none of eps_10 .it has mu, cor_10"):
+    with pytest.raises(ParameterError, match=r"none for eps_10 .it has mu, cor_10"):
         with_published({"eps_10": "literature:clay"})
     with pytest.raises(FitballError, match="literature:granite"):
         pose("wang_all.csv", Choices(model="grip-slip", priors={"mu": "literature:granite"}))
