@@ -40,14 +40,14 @@ from fitball.report.form.numbers import (
     told_line,
 )
 from fitball.version import versions_line
-from fitball.wording import speaking_to_command_line
+from fitball.wording import speaking_to_command_line, spoken
 
 # Parameters of the three best cases of the thesis, in SI where that has no handy multiple.
 PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}
 CASES = (
-    "{} The cases are those of Table 9 of Jafri (2004), with Eq. (53) and the damping and mean restitution of "
-    "Chapter V, computed as in the thesis. This fit: {}. Units of the thesis first, SI below."
+    "{} The cases are those of Table 9 of Jafri (2004), computed as in the thesis: with Eq. (53), and with the "
+    "damping and mean restitution of Chapter V. This fit: {}. Units of the thesis first, SI below."
 )
 
 
@@ -196,7 +196,8 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
 
 
 def _where(folder: Path | None) -> list[str]:
-    return [] if folder is None else [f"Report: {folder / 'report.html'} (here: --full)."]
+    here = spoken(" (here: --full)", "")
+    return [] if folder is None else [f"Report: {folder / 'report.html'}{here}."]
 
 
 def _folded_sections(fit: Fit, drawn: Mapping[str, list[Part]], command: str | None) -> list[Section]:

@@ -57,7 +57,8 @@ SCORES = (
     "Score: log predictive density of impacts left out one at a time, with the standard error of the difference. A "
     "variant fits equally well unless it is significantly worse: by more than two standard errors and by more than "
     "4. A value depends on an assumption if a variant that fits equally well moves it by more than two of its "
-    "sds: the median, or an end of the 95 % interval outwards. `fitball compare` fits such models in full."
+    "sds. What counts is the median, or an end of the 95 % interval outwards. To fit variants in full: "
+    "`fitball compare`."
 )
 CONSTANTS = (
     "Medians at both ends of the range of a constant, to first order. The range is two stated sds, else the ITF's "
