@@ -81,8 +81,8 @@ def check_rows(problem: Problem, original: Kept) -> None:
     ]
     if changed:
         raise ResultFolderError(
-            f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
-            "table was changed in Python before it was fitted, or this file was changed since; calibrate anew"
+            f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}. The table was changed in "
+            "Python before the fit, or this file was changed since. Calibrate anew"
         )
 
 

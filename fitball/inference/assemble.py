@@ -142,8 +142,8 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     samples = int(np.median(records.samples))
     worth = samples * information / alone
     notes = [
-        f"force records: sensor noise {sd:.3g} N per sample, misfit of the model's force {100.0 * misfit:.2g} % of "
-        f"the peak; the {samples} samples of a record count as {worth:.2g} independent ones. The misfit is assumed "
+        f"force records: sensor noise {sd:.3g} N per sample; misfit of the model's force {100.0 * misfit:.2g} % of "
+        f"the peak. The {samples} samples of a record count as {worth:.2g} independent ones. The misfit is assumed "
         "independent between impacts: more impacts do not average out a misfit that all share"
     ]
     rows = alignment.rows(records)[0, :, :-1]

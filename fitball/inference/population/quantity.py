@@ -100,7 +100,7 @@ def _spec(name: str, asked: str) -> ParameterSpec:
     spec = parameter_spec(name) or NOISE_SPECS.get(name)
     if spec is None:
         raise ParameterError(
-            f"population of {asked}: no model has a parameter '{name}'; expected a parameter that the tables were "
+            f"population of {asked}: no model has a parameter '{name}'. Expected a parameter that the tables were "
             "fitted with, or the ratio of two, such as k_theta/k_y"
         )
     return spec

@@ -215,7 +215,7 @@ def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes
     counts = records.samples
     notes.append(
         f"force records of {len(counts)} impacts ({Path(records.source).name}): {counts.min()} to {counts.max()} "
-        f"samples each, averaged to {records.nodes} means; sensor noise is independent between samples, the "
+        f"samples each, averaged to {records.nodes} means. Sensor noise is independent between samples; the "
         "misfit of the model's force is one slow curve per record"
     )
     notes.append(
@@ -233,7 +233,7 @@ def force_noise(
 ) -> tuple[str, ...]:
     """Names of the noise parameters of records; an sd known to the scene fixes that of a sample."""
     if scene.force_sd is not None:
-        fixed[FORCE_NOISE[0]] = (scene.force_sd, "known from the scene")
+        fixed[FORCE_NOISE[0]] = (scene.force_sd, "stated in the scene")
     else:
         priors[FORCE_NOISE[0]] = f"lognormal({EXPECTED * float(records.peak.mean()):.6g}, 1.0)"
     return FORCE_NOISE

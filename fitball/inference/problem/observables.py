@@ -228,7 +228,7 @@ def noise_parameters(
     for name in used:
         value = getattr(scene, name)
         if value is not None:
-            fixed[name] = (value, "known from the scene")
+            fixed[name] = (value, "stated in the scene")
         else:
             priors[name] = expected_prior(name, scene, table)
     return used

@@ -42,7 +42,7 @@ NO_NOISE = "The residuals' noise could not be estimated."
 
 NOISE = "{what}: {size}, {ratio} × the {known} {reference}"
 NOISE_BY_ROW = "{what}: {ratio} × the stated sds"
-RESIDUALS = "residuals of {columns}"
+RESIDUALS, PARAMETER = "residuals of {columns}", "noise parameter {name}"
 STATED, EXPECTED = "stated", "expected"
 
 # --- which patterns do the residuals show?
