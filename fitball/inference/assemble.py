@@ -415,8 +415,18 @@ def _sentence(
         least = min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail)
         head = sentences.CONVERGED.format(ess=least, r_hat=diagnostics.max_r_hat)
     else:
-        complaints = "; ".join(diagnostics.complaints)
-        head = sentences.NOT_CONVERGED.format(steps=diagnostics.steps, complaints=complaints)
+        sizes = {name: min(size, diagnostics.ess_tail[name]) for name, size in diagnostics.ess_bulk.items()}
+        rarest = min(sizes, key=lambda name: sizes[name])
+        apart = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
+        head = sentences.NOT_CONVERGED.format(
+            steps=diagnostics.steps,
+            ess=sizes[rarest],
+            rarest=rarest,
+            enough=diagnostics.target_ess,
+            r_hat=diagnostics.r_hat[apart],
+            apart=apart,
+            target=TARGET_R_HAT,
+        )
     parts: list[str] = []
     for verdict, template in VERDICTS:
         names = [estimate.name for estimate in estimates if estimate.verdict is verdict]
