@@ -317,7 +317,7 @@ def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
         if name in new["parameters"]
     ]
     for what, before, now in told:
-        yield Finding(what, before, now, "the same word", before != now)
+        yield Finding(what, before, now, "exactly equal", before != now)
 
 
 def _free(kept: Kept) -> str:

@@ -1,7 +1,7 @@
 """From the results of the stages to the one frozen fit: estimates, verdicts, predictions, the verdict in sentences.
 
-A verdict within a model is not yet final: a model that fails determines nothing, a value that changes with a model
-assumption is known only given that assumption, and where assumptions could not be examined the verdict says so.
+A verdict within a model is not yet final. A model that fails determines nothing. A value that changes with a model
+assumption is known only given that assumption. Where assumptions could not be examined the verdict says so.
 """
 
 from __future__ import annotations

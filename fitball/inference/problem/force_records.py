@@ -2,12 +2,11 @@
 noise.
 
 A record has many samples and little information. Its samples are averaged to means with triangular weights at evenly
-spaced nodes, and what separates these from the model is taken as white noise of the sensor, with an sd of `force_sd`
-a sample, plus a slow misfit of the model's force: a smooth random course with an sd of `force_misfit` times the
-record's peak during the contact (a Gaussian process with a Matern covariance of order 3/2, whose courses bend but do
-not jump). The misfit is what keeps a record sampled ten times as fast from knowing ten times as much. Both
-covariances have common axes (generalised eigenvectors), found here once: along these the deviations are independent
-whatever the size of the two.
+spaced nodes. The residuals of these are white noise of the sensor, with an sd of `force_sd` per sample, plus a slow
+misfit of the model's force: a smooth random course with an sd of `force_misfit` times the record's peak during the
+contact (a Gaussian process with a Matern covariance of order 3/2, whose courses bend but do not jump). The misfit is
+what keeps a record sampled ten times as fast from knowing ten times as much. Both covariances have common axes
+(generalised eigenvectors), found here once: along these the deviations are independent whatever the size of the two.
 """
 
 from __future__ import annotations
