@@ -1,4 +1,4 @@
-"""fitball: what the bounce of a tennis ball says about the ball and the court.
+"""fitball: fits models of a bouncing tennis ball to measured impacts.
 
 The names below are public. They are loaded on first use, so that `fitball --help` stays quick.
 """

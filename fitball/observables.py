@@ -1,4 +1,4 @@
-"""The columns of a rebound: whatever is true of one of them, once.
+"""The columns of a rebound: each with its name, units, noise and formula.
 
 Names, units and noises of `data`, predictions and derivatives of `inference`, words and units of `report` all come
 from `OBSERVABLES`. A model's own outputs (`models.types.OUTPUTS`) are predicted as they are; other columns are
@@ -19,14 +19,14 @@ from fitball.values import FloatArray
 @dataclass(frozen=True)
 class ColumnNoise:
     """The noise parameter of a column: name, bounds and typical size (as the text of a prior has it) in the unit of
-    the column, what it is the noise `of` in words, and its symbol (mathtext).
+    the column, its `source` in words, and its symbol (mathtext).
     """
 
     name: str
     lower: float
     upper: float
     typical: str
-    of: str
+    source: str
     symbol: str
 
 
@@ -42,12 +42,11 @@ class OfVelocity:
 class ReboundColumn:
     """A column of a rebound.
 
-    `unit` is SI, angles in radians; `shown` another unit in which people read it, with the factor from SI. `title`
-    and `symbol` (mathtext) head figures. `positive` says what it counts where it has no sign. `tangential` columns
-    are nothing without motion along the court, `timed` ones need a model with a time axis, and what shows the
-    `restitution` is no prediction of a model that takes the measured one. `velocity`: it is a component, the speed or
-    the angle, of which at most two count (`data.kinematics`) and which may share one noise.
-    `function` is None for what a model gives itself.
+    `unit` is SI, angles in radians; `handy` the unit of reports, with the factor from SI. `title` and `symbol`
+    (mathtext) head figures. `positive` is the convention of a column that has no sign. `tangential` columns need
+    motion along the court, `timed` ones a model with a time axis; those with `restitution` are not predicted by a
+    model that takes the measured one. `velocity`: a component, the speed or the angle, of which at most two count
+    (`data.kinematics`) and which may share one noise. `function` is None for what a model gives itself.
     """
 
     name: str
@@ -55,7 +54,7 @@ class ReboundColumn:
     title: str
     symbol: str
     noise: ColumnNoise
-    shown: tuple[str, float] | None = None
+    handy: tuple[str, float] | None = None
     positive: str = ""
     tangential: bool = False
     timed: bool = False
@@ -118,7 +117,7 @@ _ALL = (
     ReboundColumn(
         "theta_2", "rad", "rebound angle", r"$\theta_2$",
         ColumnNoise("angle_sd", 1e-5, 1.6, "0.025", "theta_2", r"$\sigma_\theta$"),
-        shown=("deg", 180.0 / np.pi), tangential=True, velocity=True,
+        handy=("deg", 180.0 / np.pi), tangential=True, velocity=True,
         function=OfVelocity(lambda v_x, v_y: np.arctan2(v_y, v_x), _angle_gradient),
     ),
     ReboundColumn(
@@ -128,9 +127,9 @@ _ALL = (
     ),
     ReboundColumn(
         "contact_time", "s", "contact time", r"$t_c$",
-        # A film of 5,000 frames a second sees as much.
+        # The resolution of a film of 5,000 frames a second.
         ColumnNoise("contact_time_sd", 1e-6, 1e-2, "2e-4", "the contact time", r"$\sigma_t$"),
-        shown=("ms", 1e3), positive="a positive time", timed=True,
+        handy=("ms", 1e3), positive="a positive time", timed=True,
     ),
 )  # fmt: skip
 # The noise of a velocity component, which all columns of the velocity may share.
@@ -145,5 +144,5 @@ NOISE_OF: Mapping[str, str] = {item.name: item.noise.name for item in _ALL}
 INCIDENT_UNITS: Mapping[str, str] = {"v_x1": "m/s", "v_y1": "m/s", "omega_1": "rad/s"}
 SI_UNITS: Mapping[str, str] = {**INCIDENT_UNITS, **{item.name: item.unit for item in _ALL}}
 VELOCITIES = tuple(item.name for item in _ALL if item.velocity)
-# What the rebound of a ball without a time axis is told by, in the order in which models are compared.
+# The columns by which models without a time axis are compared, in this order.
 COMPARED = ("v_x2", "v_y2", "omega_2", "theta_2")

@@ -1,8 +1,7 @@
-"""Whom messages speak to: a caller of Python, or whoever typed a command.
+"""Words of messages for two kinds of user: callers of Python, and users of the command line.
 
-What a message asks for is passed in one way on the command line (`--overwrite`) and in another in Python
-(`overwrite=True`). Messages ask here for the words; the command line says once that it is the one listening.
-Names that the user gave are cut here to what there is room for.
+An option is written `--overwrite` on the command line and `overwrite=True` in Python. Messages get the right form
+here; the command line switches to its form when it starts. Long names that a user gave are shortened here.
 """
 
 from __future__ import annotations
@@ -11,12 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-# Letters of a user's name that a figure has room for, and of one in a formula.
+# Options with another name on the command line than in Python.
+FLAGS = {"config": "scene", "force": "force-records"}
+# The longest name in a figure, and in a formula.
 MOST_LETTERS, MOST_IN_FORMULA = 22, 12
 
 
 def short(name: str, most: int = MOST_LETTERS) -> str:
-    """A user's name of `most` letters: a longer one loses its middle, where most are alike."""
+    """A user's name of at most `most` letters: a longer one loses its middle, where names differ least."""
     return name if len(name) <= most else f"{name[: most - most // 3 - 1].rstrip()}…{name[-(most // 3) :].lstrip()}"
 
 
@@ -26,23 +27,23 @@ def in_formula(name: str) -> str:
     return rf"\mathrm{{{plain}}}"
 
 
-# Whether messages go to whoever typed a command, in threads too, which is why this is no context variable.
+# Whether messages go to the command line. No context variable, since threads need it too.
 _COMMAND_LINE = [False]
 
 
 def on_command_line() -> bool:
-    """Whether messages go to whoever typed a command."""
+    """Whether messages go to the command line."""
     return _COMMAND_LINE[0]
 
 
 def listen(command_line: bool) -> None:
-    """Say who reads messages from now on, as a process that another one started is told."""
+    """Set where messages go from now on; a new process gets this from the one that started it."""
     _COMMAND_LINE[0] = command_line
 
 
 @contextmanager
 def speaking_to_command_line() -> Iterator[None]:
-    """Messages made meanwhile go to whoever typed a command."""
+    """Messages in this context go to the command line."""
     before = on_command_line()
     listen(True)
     try:
@@ -82,13 +83,13 @@ def shown_on(wanted: Screen) -> Iterator[None]:
 
 
 def spoken(command: str, python: str) -> str:
-    """The words for whoever listens."""
+    """The words for the command line, or those for Python."""
     return command if on_command_line() else python
 
 
 def option(name: str, *values: str | float) -> str:
     """How an option is passed: `--as-read` or `as_read=True`; with values `--flip a,b` or `flip=['a', 'b']`."""
-    flag = f"--{name.replace('_', '-')}"
+    flag = f"--{FLAGS.get(name, name).replace('_', '-')}"
     if not values:
         return spoken(flag, f"{name}=True")
     given = values[0] if len(values) == 1 else list(values)

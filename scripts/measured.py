@@ -26,7 +26,7 @@ CALIBRATED = {
     "all": ("wang_all.csv",),
     "zero": ("wang_zero_spin.csv",),
     "drop": ("synthetic_drop.csv",),
-    "bare": ("synthetic_drop.csv", "--force", "none", "--prior", FREE_K_Y),
+    "bare": ("synthetic_drop.csv", "--force-records", "none", "--prior", FREE_K_Y),
 }
 
 

@@ -11,7 +11,7 @@ import argparse
 import re
 from pathlib import Path
 
-import told
+import quoted
 from measured import ROOT, kept, measure
 
 MARKED = re.compile(
@@ -22,10 +22,10 @@ MARKED = re.compile(
 def blocks() -> dict[str, str]:
     """Every block by the name in its marks."""
     numbers = kept()
-    quoting = (told.wang, told.wang_short, told.compared, told.together, told.stiffness, told.thesis)
+    quoting = (quoted.wang, quoted.wang_short, quoted.compared, quoted.together, quoted.stiffness, quoted.thesis)
     others = (
-        *(told.validation, told.trust, told.faults, told.plan, told.population, told.priors),
-        *(told.speed, told.speed_line, told.densities, told.samplers, told.tables),
+        *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.priors),
+        *(quoted.speed, quoted.speed_line, quoted.densities, quoted.samplers, quoted.tables),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}
     return {name.replace("_", "-"): text for name, text in written.items()}

@@ -9,8 +9,9 @@ fence is only shown. Further words:
 - `status=2`: the exit code it must have;
 - `needs=node`: it is run only where that program is on the path, and only shown elsewhere.
 
-`<!-- figure: FILE | WORDS -->` stands for a picture that the snippets before it have drawn,
-`<!-- file: FILE | WORDS -->` for a link to a file that they have written.
+A fence inside an HTML comment (`<!--` on the line before, `-->` on the line after) is run, and its code is not shown.
+`<!-- figure: FILE | WORDS -->` shows a picture that earlier snippets drew; `<!-- file: FILE | WORDS -->` links to
+a file that they wrote.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-FENCE = re.compile(r"^(?P<marks>```+)(?P<info>[a-z]\w*[^\n`]*)\n(?P<code>.*?)^(?P=marks)$", re.DOTALL | re.MULTILINE)
+FENCE = re.compile(
+    r"^(?P<hidden><!--\n)?(?P<marks>```+)(?P<info>[a-z]\w*[^\n`]*)\n(?P<code>.*?)^(?P=marks)$(?(hidden)\n-->$)",
+    re.DOTALL | re.MULTILINE,
+)
 FIGURE = re.compile(r"^<!-- figure: (?P<file>\S+) \| (?P<words>[^\n]*) -->$", re.MULTILINE)
 FILE = re.compile(r"^<!-- file: (?P<file>\S+) \| (?P<words>[^\n]*) -->$", re.MULTILINE)
 RUN = ("bash", "python")
@@ -50,6 +54,7 @@ class Snippet:
     parts: tuple[int, ...] = ()
     status: int = 0
     needs: str = ""
+    hidden: bool = False
 
     @property
     def runs(self) -> bool:
@@ -90,7 +95,8 @@ class SnippetError(Exception):
 Shell = Callable[[str, Path], tuple[int, str]]
 
 
-def _parsed(info: str, code: str) -> Snippet:
+def _parsed(found: re.Match[str]) -> Snippet:
+    info, code = found["info"], found["code"]
     language, *words = info.split()
     parts: list[int] = []
     status, file, silent, needs = 0, None, False, ""
@@ -110,12 +116,12 @@ def _parsed(info: str, code: str) -> Snippet:
             file = word
         else:
             raise SnippetError(f"the fence {info!r} has a word that means nothing: {word}")
-    return Snippet(language, code, file, silent, tuple(parts), status, needs)
+    return Snippet(language, code, file, silent, tuple(parts), status, needs, bool(found["hidden"]))
 
 
 def snippets(text: str) -> list[Snippet]:
     """The fences of a page in their order."""
-    return [_parsed(found["info"], found["code"]) for found in FENCE.finditer(text)]
+    return [_parsed(found) for found in FENCE.finditer(text)]
 
 
 def figures(text: str) -> list[tuple[str, str]]:
@@ -129,7 +135,7 @@ def files(text: str) -> list[str]:
 
 
 def posix_shell(code: str, folder: Path) -> tuple[int, str]:
-    """Run by `sh`, which stops at the first command that fails. What is told is stdout, of a failure stderr too."""
+    """Run by `sh`, which stops at the first command that fails. Returns stdout, after a failure with stderr."""
     done = subprocess.run(
         ["sh", "-e", "-c", code], cwd=folder, capture_output=True, text=True, check=False,
         # A reader has `python`; a machine may have none but that of the environment this runs in.
@@ -232,12 +238,13 @@ def woven(text: str, outcomes: list[Outcome], place: str, beside: str = "") -> s
     left = iter(outcomes)
 
     def fence(found: re.Match[str]) -> str:
-        item = _parsed(found["info"], found["code"])
+        item = _parsed(found)
         if item.file is not None:
             return _block("text", item.code, f":caption: {item.file}")
         if not item.runs:
             return _block(item.language, item.code)
-        return _block("bash" if item.language == "bash" else "python", item.code) + _given(next(left), place)
+        code = "" if item.hidden else _block("bash" if item.language == "bash" else "python", item.code)
+        return code + _given(next(left), place)
 
     def figure(found: re.Match[str]) -> str:
         return f"```{{figure}} {place}/{found['file']}\n:alt: {found['words']}\n\n{found['words']}\n```"
@@ -308,7 +315,7 @@ def is_current(made: Path, page: str, text: str, code: str | None) -> bool:
 
 def make(made: Path, page: str, text: str, code: str, shell: Shell) -> None:
     """Run the snippets of a page and keep what they gave. Raises SnippetError."""
-    # A bundled table is told with its place, which is nobody's but this machine's.
+    # Messages name a bundled table with its place on this machine.
     outcomes = [replace(item, text=item.text.replace(f"{ROOT}/", "")) for item in run_page(text, made / page, shell)]
     kept = {"page": page_mark(text), "code": code, "outcomes": [asdict(item) for item in outcomes]}
     (made / f"{page}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")

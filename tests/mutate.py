@@ -1,9 +1,10 @@
 """Random small changes of the code, each met by the tests that reach it: which would nobody notice?
 
-Not part of the suite: `python tests/mutate.py --seed 1 --count 60 --out mutants.csv`. The tree is copied; a first run
-of every test file records which lines it reaches (kept in `--reach`, to be used again); then each mutant is met by
-the test files that reach its line, those first that reach least else, until one fails. A survivor is either
-equivalent (no input tells it from the original) or a hole in the tests: that is for a person to say.
+Not part of the suite: `python tests/mutate.py --seed 1 --count 60 --out mutants.csv`. The tree is copied; the suite
+is run once, with what pytest is given behind `--` (`-m "not slow"`), to record which test reaches which line (kept
+in `--reach`, to be used again); then each mutant runs the tests that reach its line, those first that reach least
+else, until one fails. A survivor is either equivalent (no input separates it from the original) or a hole in the
+tests: a person decides.
 """
 
 from __future__ import annotations
@@ -11,19 +12,22 @@ from __future__ import annotations
 import argparse
 import ast
 import csv
-import json
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import coverage
 import numpy as np
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-COPIED = ("fitball", "datasets", "tests", "scripts", "fits", "pyproject.toml", "README.md", "CHANGELOG.md")
+COPIED = ("fitball", "datasets", "tests", "scripts", "fits", "docs", "pyproject.toml", "README.md", "CHANGELOG.md")
 # Test files that run compiled kernels, whose lines no tracer sees.
 KERNEL_TESTS = (
     "small_and_flat", "certificates", "laws", "kernel_oracle", "jacobian", "history", "hard_cases",
@@ -35,8 +39,16 @@ COMPARED = {
 }  # fmt: skip
 COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
 JOINED = {ast.And: ast.Or, ast.Or: ast.And}
-# Seconds after which a test file that does not end has noticed, too.
-PATIENCE = 900
+# Seconds after which tests that do not end have noticed, too, and tests that meet a mutant at most.
+PATIENCE, MOST = 900, 60
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """As a plugin of the recorded run: lines that run now are reached by this test."""
+    if (running := coverage.Coverage.current()) is not None:
+        running.switch_context(item.nodeid)
+    return (yield)
 
 
 @dataclass(frozen=True)
@@ -99,49 +111,38 @@ def mutants(root: Path) -> list[Mutant]:
     return found
 
 
-def reached(root: Path, place: Path, judging: str) -> dict[str, dict[str, list[int]]]:
-    """Lines of each file that each test file reaches, measured once and kept in `place`."""
-    if place.exists():
-        return json.loads(place.read_text(encoding="utf-8"))
-    found = {}
-    for path in sorted((root / "tests").glob(judging)):
-        print(f"reach of {path.name}", file=sys.stderr)
-        measure = [sys.executable, "-m", "coverage"]
-        run = [
-            *measure,
-            "run",
-            "--source=fitball",
-            "-m",
-            "pytest",
-            "-q",
-            "-p",
-            "no:cacheprovider",
-            f"tests/{path.name}",
-        ]
-        subprocess.run(run, cwd=root, capture_output=True, check=False)
-        subprocess.run([*measure, "json", "-q", "-o", "reach.json"], cwd=root, check=True)
-        files = json.loads((root / "reach.json").read_text(encoding="utf-8"))["files"]
-        found[path.name] = {name: item["executed_lines"] for name, item in files.items() if item["executed_lines"]}
-    place.write_text(json.dumps(found), encoding="utf-8")
-    return found
+def reached(root: Path, place: Path, asked: list[str]) -> coverage.CoverageData:
+    """Which test reaches which line, measured once and kept in `place`."""
+    if not place.exists():
+        settings = root / "reach.ini"
+        settings.write_text(f"[run]\nsource = fitball\nrelative_files = true\ndata_file = {place.resolve()}\n")
+        run = ["-m", "coverage", "run", f"--rcfile={settings}", "-m", "pytest", "-q", "-p", "mutate", *asked, "tests"]
+        subprocess.run([sys.executable, *run], cwd=root, env=_environment(root), check=False)
+    data = coverage.CoverageData(str(place))
+    data.read()
+    return data
 
 
-def judges(root: Path, mutant: Mutant, reach: dict[str, dict[str, list[int]]]) -> list[str]:
-    """Test files that reach a mutant's line within a function, those first that reach little else."""
+def _environment(root: Path) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(root), str(root / "tests")])}
+
+
+def judges(root: Path, mutant: Mutant, reach: coverage.CoverageData, sizes: Counter[str]) -> list[str]:
+    """Tests that reach a mutant's line within a function, those first that reach little else."""
     source = (root / mutant.file).read_text(encoding="utf-8")
     tree = ast.parse(source)
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     within = [node for node in functions if node.lineno <= mutant.line <= (node.end_lineno or 0)]
     if "@compiled" in source or "@inlined" in source:
-        return [f"test_{name}.py" for name in KERNEL_TESTS]
+        return [f"tests/test_{name}.py" for name in KERNEL_TESTS]
     # A statement of many lines is reached where it begins.
     around = [node for node in ast.walk(tree) if isinstance(node, ast.stmt)]
     around = [node for node in around if node.lineno <= mutant.line <= (node.end_lineno or 0)]
     begun = max(node.lineno for node in around)
     bodies = {line for node in functions for line in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}
-    wanted = {begun} if within else bodies
-    found = {name: files for name, files in reach.items() if wanted & set(files.get(mutant.file, ()))}
-    return sorted(found, key=lambda name: sum(len(lines) for lines in found[name].values()))
+    lines = reach.contexts_by_lineno(mutant.file)
+    found = {name for line in ({begun} if within else bodies) for name in lines.get(line, ()) if name}
+    return sorted(found, key=lambda name: sizes[name])[:MOST]
 
 
 def met(root: Path, mutant: Mutant, tests: list[str]) -> str:
@@ -150,29 +151,17 @@ def met(root: Path, mutant: Mutant, tests: list[str]) -> str:
     source = path.read_text(encoding="utf-8")
     first, last = mutant.span
     path.write_text(source[:first] + mutant.after + source[last:], encoding="utf-8")
+    words = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]
     try:
-        for name in tests:
-            words = [
-                sys.executable,
-                "-m",
-                "pytest",
-                "-x",
-                "-q",
-                "--no-header",
-                "-p",
-                "no:cacheprovider",
-                f"tests/{name}",
-            ]
-            try:
-                done = subprocess.run(words, cwd=root, capture_output=True, text=True, timeout=PATIENCE, check=False)
-            except subprocess.TimeoutExpired:
-                return f"{name} does not end"
-            if done.returncode:
-                failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-                return failed[0].split(" - ")[0] if failed else f"{name}: exit {done.returncode}"
+        done = subprocess.run(
+            words, cwd=root, env=_environment(root), capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "the tests do not end"
     finally:
         path.write_text(source, encoding="utf-8")
-    return ""
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0].split(" - ")[0] if failed else f"exit {done.returncode}" * bool(done.returncode)
 
 
 def main() -> None:
@@ -181,10 +170,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--out", type=Path, default=Path("mutants.csv"))
-    parser.add_argument("--reach", type=Path, default=Path("reach.json"))
+    parser.add_argument("--reach", type=Path, default=Path("reach.sqlite"))
     parser.add_argument("--within", metavar="FOLDER", default="fitball", help="draw mutants of this part only")
-    parser.add_argument("--judges", metavar="GLOB", default="test_*.py", help="test files that take part")
     parser.add_argument("--at", metavar="FILE:LINE", action="append", help="every mutant of these lines instead")
+    parser.add_argument("asked", nargs="*", metavar="-- WORDS", help="what pytest is given for the recorded run")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         root = Path(scratch) / "copy"
@@ -192,7 +181,13 @@ def main() -> None:
         for name in COPIED:
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
             copy(ROOT / name, root / name)
-        reach = reached(root, given.reach, given.judges)
+        reach = reached(root, given.reach, given.asked)
+        sizes = Counter(
+            name
+            for file in reach.measured_files()
+            for names in reach.contexts_by_lineno(file).values()
+            for name in names
+        )
         everything = [item for item in mutants(root) if item.file.startswith(given.within)]
         chosen = [
             everything[k] for k in np.random.default_rng(given.seed).permutation(len(everything))[: given.count]
@@ -203,8 +198,8 @@ def main() -> None:
             rows = csv.writer(file)
             rows.writerow(("place", "before", "after", "outcome"))
             for item in chosen:
-                tests = judges(root, item, reach)
-                outcome = met(root, item, tests) or ("survived" if tests else "reached by no test")
+                tests = judges(root, item, reach, sizes)
+                outcome = (met(root, item, tests) or "survived") if tests else "reached by no test"
                 rows.writerow((f"{item.file}:{item.line}", item.before, item.after, outcome))
                 file.flush()
                 print(f"{item.file}:{item.line}  {item.before} -> {item.after}  {outcome}", file=sys.stderr)

@@ -21,6 +21,7 @@ from fitball.inference.adequacy.refit import patterns, refit
 from fitball.inference.assemble import qualified
 from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import Alternative, Assumptions, ElpdDifference
 from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Verdict
@@ -75,7 +76,7 @@ def test_the_other_code_bounces_as_the_model_that_it_stands_for():
 
 # Of each fault the words that name it, with each model.
 NAMED = {
-    "bias": "v_x2 is biased in all rows", "growing": "all columns: the noise grows with v_1",
+    "bias": "v_x2 is biased in all rows", "growing": sentences.GROWS.format(quantity="v_1"),
     "drift": " along the rows", "surfaces": "mu differs for surface",
 }  # fmt: skip
 
@@ -159,7 +160,7 @@ def test_three_outliers_do_not_hide_each_other(fitted_model, tmp_path):
     assert far.size == 3
     (check,) = (one for one in found.checks if one.kind == "outlier" and one.column == "omega_2")
     assert check.found
-    named = check.words.partition("impacts ")[2].partition(" lie")[0].split(", ")
+    named = check.words.partition("impacts ")[2].partition(" are")[0].split(", ")
     assert sorted(named) == sorted(table.ids[k] for k in far)
     assert qualified("spin_sd", Judged(), found, None) == (Verdict.GIVEN, ("noise=normal",))
     assert qualified("v_y_sd", Judged(), found, None)[0] is not Verdict.GIVEN
@@ -213,8 +214,8 @@ def test_one_column_does_not_vouch_for_another(tmp_path):
     _, found = said(replace(table, measurements=few))
     assert found.unseen["omega_2"] > 0.6 > found.unseen["v_y2"]
     assert found.answer is Answer.UNTOLD
-    assert "whether the model describes omega_2: with 5" in found.sentence
-    assert "In v_x2 and v_y2 no check finds a pattern" in found.sentence
+    assert found.sentence.startswith("Five measurements") and " omega_2" in found.sentence
+    assert sentences.ELSEWHERE.format(columns="v_x2 and v_y2") in found.sentence
 
 
 def alternative(name, instead_of, value, se):
@@ -265,7 +266,8 @@ def test_a_noise_three_times_the_scenes_is_an_exception_three_times_the_usual_a_
     assert own.ratio == pytest.approx(its.ratio) and own.ratio > 3.0
     assert own.assumed and not own.found
     assert its.found and not its.assumed
-    assert "far above what is usual" in silent.sentence and "far above" not in stated.sentence
+    wide = sentences.WIDE_RATIO.format(columns="omega_2", ratio=f"{own.ratio:.2g}")
+    assert wide in silent.sentence and wide not in stated.sentence
     assert stated.answer is not Answer.DESCRIBES
     # A wide prior that somebody chose says that such a noise is no surprise.
     _, wide = said(noisy, scene=Scene(), priors={"spin_sd": "lognormal(10, 1.5)"})

@@ -191,7 +191,7 @@ def test_the_table_of_all_is_the_same_as_csv_and_parquet(alone):
 
 def test_a_process_that_does_not_see_the_folder_writes_nothing_elsewhere(courts, tmp_path):
     done = fit_one(quick(tmp_path / "there"), tasks_of(f"{courts}/court_0.csv")[0])
-    assert "not the folder of the batch in the process that works" in done.row["reason"]
+    assert "same path" in done.row["reason"]
     assert not (tmp_path / "there").exists()
 
 
@@ -261,9 +261,9 @@ def pipe_at(folder, name="row.json"):
         (spoil_row(lambda content: content["row"].update(mu=99.0)), "mu is 99.0, but its fit.json says 0."),
         (spoil_row(lambda content: content["row"].update(mu_sd="x")), "mu_sd is 'x', but its fit.json says None"),
         (spoil_row(lambda content: content["row"].update(mu_sd=[1.0])), "row.mu_sd: read [1.0], expected"),
-        (spoil_row(lambda content: content["row"].update(table="court_1")), "not the row of the fit.json"),
+        (spoil_row(lambda content: content["row"].update(table="court_1")), "fit.json beside it"),
         (spoil_row(lambda content: content["row"].update(more=1.0)), "more is 1.0, but"),
-        (spoil_row(lambda content: content["row"].update({"label:date": "never"})), "not the row of the fit.json"),
+        (spoil_row(lambda content: content["row"].update({"label:date": "never"})), "fit.json beside it"),
         (spoil_row(lambda content: content.pop("mark")), "missing required field mark"),
         (lambda folder: (folder / "row.json").write_bytes(b"\xff"), "not readable as JSON"),
         (pipe_at, "row.json: not a file"),
@@ -378,7 +378,7 @@ def test_a_table_that_kills_its_process_is_a_failed_row_and_the_others_go_on(cou
 def test_a_folder_of_other_things_is_left_alone(courts, tmp_path, capsys):
     (tmp_path / "mine.txt").write_text("mine")
     assert main(["batch", str(courts), "--out", str(tmp_path)]) == 2
-    assert "holds other files" in capsys.readouterr().err
+    assert "name another folder" in capsys.readouterr().err
     assert contents(tmp_path) == {"mine.txt": b"mine"}
 
 

@@ -9,6 +9,7 @@ import pytest
 from samples import HANG, leave_out_figures
 
 from fitball.cli.main import main
+from fitball.cli.options import print_notes
 
 GOOD = """id,v_x1 [m/s],v_y1 [m/s],omega_1 [rpm],v_x2 [m/s],v_y2 [m/s],omega_2 [rpm]
 a,16.0,5.0,0,11.5,4.1,2400
@@ -41,8 +42,8 @@ def test_a_users_own_table(here, capsys):
     assert code == 0, err
     assert "holds no chain" not in err
     assert "grip-slip fitted to balls (5 impacts)" in out
-    assert "Converged" in out
-    assert "there is no scene file" in err
+    assert "converged" in out
+    assert "no scene file" in err
     for name in (
         "fit.json", "posterior.h5", "posterior.nc", "summary.csv", "corner.png", "trace.png", "predictive.png",
         "residuals.png", "report.html", "run.toml",
@@ -153,6 +154,7 @@ def test_out_is_a_file(here, capsys):
 AT_STEP_100 = """
 import os, signal, sys
 from fitball.cli.main import main
+from fitball.cli.options import print_notes
 from fitball.inference.sampling import ensembles
 
 advance, sent = ensembles.advance, []
@@ -185,3 +187,13 @@ def test_ctrl_c_keeps_the_chain_and_resume_gives_the_same_bytes(here, start, cap
         assert "holds no chain" not in capsys.readouterr().err
     for name in ("fit.json", "posterior.h5", "posterior.nc", "summary.csv", "predictions.csv", "run.toml"):
         assert (here / "a" / name).read_bytes() == (here / "b" / name).read_bytes(), name
+
+
+def test_many_notes_are_three_lines_until_all_are_wanted(capsys):
+    notes = [f"fact {k}" for k in range(1, 7)]
+    for given, full, lines in ((notes, False, 3), (notes, True, 6), (notes[:3], False, 3), ([], False, 0)):
+        print_notes(given, full)
+        err = capsys.readouterr().err.splitlines()
+        assert len(err) == lines
+        # None is lost: what is not printed is counted.
+        assert lines == len(given) or "4 more" in err[-1]

@@ -49,8 +49,8 @@ def test_show_prints_table_scene_and_notices(capsys: pytest.CaptureFixture[str])
         "32.39",
         "Wang",
         "57.6 g",
-        "0.55 +- 0.05",
-        "5 +- 0.5 ms",
+        "0.55 ± 0.05",
+        "5 ± 0.5 ms",
         "11.87 m/s",
     ):
         assert words in out
@@ -69,7 +69,7 @@ def test_show_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
 def test_show_says_what_is_assumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "t.csv").write_text("v_y1,v_y2\n4,3\n5,4\n")
     assert call("show", str(tmp_path / "t.csv")) == 0
-    assert "there is no scene file" in capsys.readouterr().out
+    assert "no scene file" in capsys.readouterr().out
 
 
 def test_check_of_a_good_table(capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +103,7 @@ def test_check_for_machines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_check_with_another_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "s.toml").write_text("[surface]\nmu = -1\n")
-    assert call("check", "wang_all", "--config", str(tmp_path / "s.toml")) == 2
+    assert call("check", "wang_all", "--scene", str(tmp_path / "s.toml")) == 2
     assert "surface.mu = -1" in capsys.readouterr().out
 
 

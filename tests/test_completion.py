@@ -26,7 +26,7 @@ CASES = {
     "fitball calibrate --mo": "--model ",
     "fitball calibrate mine.c": "mine.csv ",
     "fitball calibrate deeper/": "deeper/notes.md|deeper/two.CSV",
-    "fitball calibrate x.csv --config ": "deeper/|fits/|mine.csv|mine.png|mine.toml",
+    "fitball calibrate x.csv --scene ": "deeper/|fits/|mine.csv|mine.png|mine.toml",
     "fitball datasets ch": "check ",
 }
 

@@ -24,6 +24,7 @@ from fitball.inference.identifiability.information import (
 from fitball.inference.identifiability.verdict import CONFLICT, Marginal, Numbers, contraction_alone, judge
 from fitball.inference.likelihood.posterior import log_likelihood, log_scene_density
 from fitball.inference.problem.parameters import parse_prior
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import (
     LEFT_OUT,
     End,
@@ -145,7 +146,7 @@ def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below()
         fit = run(problem, Effort(seed=2, cores=1, point_only=point_only))
         mu, evidence = fit.parameters["mu"], fit.identifiability.evidence["mu"]
         assert mu.verdict is Verdict.ONE_SIDED
-        assert "from below only" in mu.reason
+        assert "only a lower bound" in mu.reason
         assert evidence.profile.ends == (End.CLOSED, End.BOUND)
         assert fit.parameters["e_x"].verdict is Verdict.IDENTIFIED
         assert len(fit.identifiability.evidence["e_x"].active_impacts.impacts) >= 6
@@ -160,7 +161,7 @@ def test_when_every_ball_grips_friction_acts_nowhere_and_is_bounded_from_below()
                 assert narrowed.contraction == pytest.approx(1.0 - draws.var() / before.var(), abs=1e-9)
     # The maximum lies at the edge of grip, where the prior draws it; over the posterior friction acts nowhere.
     assert evidence.active_impacts.impacts == ()
-    assert "moves the rebound of none of the 7 impacts (grip)" in mu.reason
+    assert sentences.ACTS_NOWHERE.format(impacts=7, regimes=" (grip)") in mu.reason
 
 
 def test_when_no_ball_grips_the_torsion_acts_nowhere():
@@ -190,9 +191,7 @@ def test_impacts_in_doubt_are_named_with_their_share():
     assert everything["mu"].share_doubtful == pytest.approx(1.0)
     evidence = replace(EVIDENCE, active_impacts=everything["mu"])
     judged = judge(Numbers(problem, problem.free[3], evidence))
-    assert "100 % of what the table says of it comes from impacts whose regime is in doubt (zero-1, zero-2" in (
-        judged.reason
-    )
+    assert "100 %" in judged.reason and "(zero-1, zero-2, " in judged.reason
 
 
 def profile(left=End.CLOSED, right=End.CLOSED, leans=((), ()), at=(0.5, 0.55, 0.6)):
@@ -247,14 +246,14 @@ def test_the_evidence_adds_up_to_one_verdict(base, shape, alone, verdict):
             "(contraction 0.15)",
         ),
         # A rival fit opens the profile that agrees on it.
-        ({"evidence": replace(EVIDENCE, profile=OPEN_RIGHT), "agreed": True}, Verdict.IDENTIFIED, "from both sides"),
-        ({"traded": ("k_y",)}, Verdict.PRIOR_DOMINATED, "only together with k_y: its own size comes from the priors"),
+        ({"evidence": replace(EVIDENCE, profile=OPEN_RIGHT), "agreed": True}, Verdict.IDENTIFIED, "to 30 %"),
+        ({"traded": ("k_y",)}, Verdict.PRIOR_DOMINATED, "with k_y: "),
         (
             {"marginal": replace(IDENTIFIED, rests=True), "alone": 0.7},
             Verdict.IDENTIFIED,
-            "; rests on the scene's contact time (5 +- 0.5 ms), without it the contraction would be 0.70",
+            sentences.PARTLY_SCENE.format(scene="the scene's contact time (5 ± 0.5 ms)", alone=0.7),
         ),
-        ({"beyond": "at 10 m/s", "tied": "; tied to e_x"}, Verdict.EXTRAPOLATED, "at 10 m/s; the table narrows it"),
+        ({"beyond": "at 10 m/s", "tied": "; tied to e_x"}, Verdict.EXTRAPOLATED, "at 10 m/s; the data reduce"),
     ],
 )
 def test_what_else_decides(change, verdict, words):
@@ -274,7 +273,7 @@ def test_a_size_that_comes_from_the_scene_is_identified_given_the_scene():
     alone = contraction_alone(problem, problem.free[1], evidence.information, evidence.alone, False)
     judged = judge(Numbers(problem, problem.free[1], evidence, alone=alone))
     assert (judged.verdict, judged.given) == (Verdict.IDENTIFIED, ("contact_time",))
-    assert "its size comes from the scene's contact time (5 +- 0.5 ms)" in judged.reason
+    assert sentences.FROM_SCENE.format(scene="the scene's contact time (5 ± 0.5 ms)") in judged.reason
 
 
 @pytest.mark.parametrize(("own_prior", "given"), [(0.2, ("the prior of mu",)), (0.01, ())])
@@ -285,7 +284,7 @@ def test_a_prior_that_the_table_contradicts_is_what_a_value_is_given(own_prior, 
     pulled = replace(EVIDENCE, power=PowerEvidence(0.2, own_prior, None, 0.2, CONFLICT))
     judged = judge(Numbers(problem, mu, pulled, IDENTIFIED))
     assert (judged.verdict, judged.given) == (Verdict.IDENTIFIED, given)
-    assert ("its prior and the table disagree" in judged.reason) == bool(given)
+    assert (sentences.CONTRADICTED.format(within="[0.5, 0.6]") in judged.reason) == bool(given)
 
 
 def synthetic_rows(problem, rows):
@@ -306,8 +305,8 @@ def test_without_profiles_a_point_fit_does_not_judge():
     left_out = Profiles(0.0, False, {}, LEFT_OUT)
     _, judgements = examine(problem, fit.point, (left_out, left_out), None, None, ())
     assert judgements["mu"].verdict is Verdict.IDENTIFIED
-    assert "known to 0.4 sd of its prior, to first order" in judgements["mu"].reason
+    assert "is 0.4 × the prior's sd" in judgements["mu"].reason
     assert profile_all(synthetic_rows(problem, 301), fit.point, fit.point.optima)[0].missing == LEFT_OUT
     # With them it does.
     assert fit.parameters["mu"].verdict is Verdict.IDENTIFIED
-    assert "95 % within [0.5" in fit.parameters["mu"].reason
+    assert "95 % interval [0.5" in fit.parameters["mu"].reason

@@ -59,7 +59,7 @@ def browser(tmp_path_factory):
 def models():
     dropped = replace(fitted("two-mass", normal="total"), tangential=False, impacts=Impacts([0, 0], [5, 8], [0, 0]))
     return {
-        "preset": replace(Subject.of(None, "two-mass", {}).fitted, impacts=load_table("wang_all").impacts),
+        "preset": replace(Subject.from_fit(None, "two-mass", {}).fitted, impacts=load_table("wang_all").impacts),
         "measured": ball_of("two-mass, measured"),
         "thesis": ball_of("thesis"),
         "brody": ball_of("brody"),

@@ -250,7 +250,7 @@ def test_figures_draw_some_of_many_impacts(long_fits, monkeypatch):
 
 def test_a_long_fit_is_read_back_whole(long_fits, tmp_path, capsys):
     fit = long_fits[1]
-    folder = fitball.Fit.of(fit).save(tmp_path / "fit")
+    folder = fitball.Fit.from_results(fit).save(tmp_path / "fit")
     # Every row is in the files that hold rows.
     assert len((folder / "predictions.csv").read_text(encoding="utf-8").splitlines()) == 3 * 1240 + 1
     assert len((folder / "balances.csv").read_text(encoding="utf-8").splitlines()) == 1241

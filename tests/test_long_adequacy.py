@@ -18,6 +18,7 @@ from fitball.inference.adequacy.refit import overlap, patterns, refit
 from fitball.inference.likelihood.residuals import Weighting, residual_slopes, residuals
 from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.problem import subsample
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import FALSE_FAILS, Answer
 from fitball.models.registry import model
 
@@ -48,7 +49,8 @@ def test_shorter_made_tables_give_the_same_answer(bias, answer, monkeypatch):
     monkeypatch.setattr(made_tables, "MADE", 900)
     short = adequacy(problem, point, None, 3)
     assert whole.answer is short.answer is answer
-    assert "399 tables that" in whole.based_on and "399 tables of 300 impacts that" in short.based_on
+    made = sentences.SIMULATED.format(count=399)
+    assert f"{made}." in whole.based_on and f"{made} of 300 impacts." in short.based_on
     others = {(check.kind, check.words): check for check in short.checks}
     assert len(others) == len(whole.checks)
     for check in whole.checks:
@@ -73,8 +75,8 @@ def test_a_long_table_that_is_far_off_is_not_described(monkeypatch):
     assert found.answer is Answer.FAILS
     name = max(found.moved, key=found.moved.get)
     assert found.moved[name] > 5.0
-    assert f"What it misses moves {name} by {found.moved[name]:.0f} of its sds" in found.sentence
-    assert "What it misses" not in adequacy(*simulated(0.0, rows=300), None, 3).sentence
+    assert f"{name} by {found.moved[name]:.0f} of its sds" in found.sentence
+    assert "of its sds" not in adequacy(*simulated(0.0, rows=300), None, 3).sentence
 
 
 def test_patterns_are_what_a_refit_leaves():

@@ -276,7 +276,7 @@ def test_the_command_line_and_the_scene_say_the_same(tmp_path, monkeypatch, caps
         '[model]\nname = "grip-slip"\n[measurement]\ndistribution = "student-t"\noffsets = "group"\n'
         '[pool]\nmu = "group"\n[surface]\nmu = { value = 0.55, sd = 0.05 }\n', encoding="utf-8",
     )  # fmt: skip
-    assert main(["calibrate", "wang_all.csv", "--config", "scene.toml"]) == 2
+    assert main(["calibrate", "wang_all.csv", "--scene", "scene.toml"]) == 2
     one, other = asked
     assert {"mu_spread", "omega_2_offset[zero]", "degrees_of_freedom"} <= set(one.free_names) == set(other.free_names)
     values = np.array([[item.prior.quantile(np.array([0.4]))[0] for item in one.free]])

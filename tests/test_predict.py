@@ -133,7 +133,7 @@ def test_draws_that_cannot_be_solved_are_told_with_the_reason():
     found = predict_new(replace(fitted, draws=raised), fitball.impacts([12.0, 12.0], [9.0, 100.0], 0.0))
     (reason, share), = found.failures[0].items()  # fmt: skip
     assert share == pytest.approx(0.25)
-    assert "coefficient of restitution leaves (0, 1]" in reason
+    assert "(0, 1]" in reason
     v_y = bounce(raised[len(raised) // 4 :], 12.0, 9.0, 0.0)[1]
     np.testing.assert_allclose(found.output("v_y2").rebound[:, 0], np.quantile(v_y, LEVELS), rtol=1e-10)
     assert sum(found.regimes[0].values()) == pytest.approx(1.0)

@@ -18,6 +18,7 @@ from fitball.inference.identifiability.profile import DROP_95, profile_contracti
 from fitball.inference.identifiability.verdict import Marginal, Numbers, judge
 from fitball.inference.point.surface import Surface
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import End, Evidence, Profile
 from fitball.inference.results.results import Verdict
 
@@ -70,9 +71,9 @@ def test_a_best_mass_ratio_of_one_leaves_the_others_identified():
     assert found["mass_ratio"].best > 0.99 and leaning(found) == {"mass_ratio"}
     ratio = said.pop("mass_ratio")
     assert ratio.verdict is ONE_SIDED
-    assert ratio.reason.endswith("upwards it is limited by what is possible, 1")
+    assert ratio.reason.endswith(sentences.POSSIBLE.format(limit="1"))
     assert {item.verdict for item in said.values()} == {IDENTIFIED}
-    assert "where its profile ends, mass_ratio lies on its bound" in said["mu"].reason
+    assert sentences.AT_BOUND.format(names="mass_ratio", at=sentences.ITS_BOUND) in said["mu"].reason
     # A word on the bound stands beside the interval; that interval stays.
     assert None not in found["mu"].interval_95
 
@@ -98,7 +99,7 @@ def test_a_best_friction_of_zero_is_bounded_from_above_and_what_it_never_moves_i
     assert leaning(found) == {"mu"}
     friction, restitution = said.pop("mu"), said.pop("e_x")
     assert friction.verdict is ONE_SIDED
-    assert "downwards it is limited by what is possible, 0" in friction.reason
+    assert sentences.POSSIBLE.format(limit="0") in friction.reason
     # No ball grips: the restitution along the court plays no part.
     assert restitution.verdict is DOMINATED
     assert {item.verdict for item in said.values()} == {IDENTIFIED}
@@ -135,14 +136,14 @@ def test_a_range_that_keeps_the_best_fit_out_decides_and_not_the_table(value, ve
     opened = replace(profile, interval_95=(0.989, None), ends=(End.CLOSED, End.BOUND))
     assert judge(replace(narrow, evidence=only(opened))).verdict is IDENTIFIED
     said = judge(replace(seen, value=None)).reason
-    assert ("keep it from where the table alone has it: 95 % within [0.989, 0.992]" in said) == (verdict is DOMINATED)
+    assert (said == sentences.HELD_OFF.format(within="[0.989, 0.992]")) == (verdict is DOMINATED)
 
 
 def test_a_noise_at_its_floor_leaves_no_profile_and_the_posterior_tells():
     """Drops far more exact than any noise may be: no maximum lies within bounds, the line is known all the same."""
     problem = linear_problem(drop_table(np.random.default_rng(1), noise=1e-6))
     fit = run(problem, Effort(seed=2, cores=1, max_steps=1500))
-    assert "velocity_sd falls to its bound; only its prior keeps it" in fit.identifiability.profiles_missing
+    assert "velocity_sd goes to its bound" in fit.identifiability.profiles_missing
     for name, value in (("cor_10", 0.76), ("cor_slope", -0.014)):
         assert fit.parameters[name].verdict is IDENTIFIED
         assert fit.parameters[name].median == pytest.approx(value, rel=0.01)

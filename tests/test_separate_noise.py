@@ -11,6 +11,7 @@ from samples import GRIP_SLIP, POLAR, search_briefly
 from scipy import stats
 
 import fitball
+from fitball.api.reading import choices_of
 from fitball.cli.main import main
 from fitball.data.balances import scene_balances
 from fitball.data.read import load_table
@@ -154,16 +155,38 @@ def test_what_is_named_decides(kind):
     assert told == ("velocity_sd" in expected and len(expected) == 2 and "velocity_noise" not in {*scene, *choices})
 
 
+@pytest.mark.parametrize(
+    ("given", "kind", "structure"),
+    [
+        (None, None, None), ("student-t", "student-t", None), ("separate", None, "separate"),
+        ("tied, normal", "normal", "tied"), (["student-t", "separate"], "student-t", "separate"),
+        ("tied,tied", None, "tied"),
+    ],
+)  # fmt: skip
+def test_one_option_takes_kind_and_structure(given, kind, structure):
+    chosen = choices_of(None, {"noise": given})
+    assert (chosen.noise, chosen.velocity_noise) == (kind, structure)
+
+
+def test_the_older_option_of_python_is_taken_with_a_note():
+    with pytest.warns(FutureWarning, match="noise='separate'"):
+        chosen = choices_of(None, {"noise": "student-t", "velocity_noise": "separate"})
+    assert (chosen.noise, chosen.velocity_noise) == ("student-t", "separate")
+    with pytest.raises(ParameterError, match="tied and separate"):
+        choices_of(None, {"noise": "tied", "velocity_noise": "separate"})
+
+
 def test_contradictions_name_what_to_write(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     words = ["calibrate", "wang_all.csv", "--model", "grip-slip", "--point-only", "--out", "a"]
     for more, expected in (
         (
-            ["--velocity-noise", "separate", "--prior", "velocity_sd=lognormal(0.2, 0.5)"],
+            ["--noise", "separate", "--prior", "velocity_sd=lognormal(0.2, 0.5)"],
             "expected v_x_sd and v_y_sd",
         ),
-        (["--velocity-noise", "tied", "--fix", "v_x_sd=0.3"], "expected velocity_sd"),
-        (["--velocity-noise", "seperate"], "separate"),
+        (["--noise", "tied", "--fix", "v_x_sd=0.3"], "expected velocity_sd"),
+        (["--noise", "seperate"], "separate"),
+        (["--noise", "tied", "--noise", "student-t,separate"], "tied and separate"),
         (["--fix", "velocity_sd=0.3", "--fix", "v_x_sd=0.3", "--fix", "v_y_sd=0.3"], "unknown parameter"),
     ):
         assert main([*words, *more]) == 2
@@ -187,7 +210,7 @@ def test_the_command_line_and_what_reads_its_files(tmp_path, monkeypatch, capsys
     """Exports know from fit.json alone which noise a column has."""
     monkeypatch.chdir(tmp_path)
     words = ["calibrate", "wang_zero_spin.csv", "--model", "grip-slip", "--point-only", "--quiet", "--out", "a"]
-    assert main([*words, "--velocity-noise", "separate"]) == 0
+    assert main([*words, "--noise", "separate"]) == 0
     fit = json.loads((tmp_path / "a" / "fit.json").read_text("utf-8"))
     noise = {name for name in fit["parameters"] if name.endswith("_sd")}
     assert noise == {"v_x_sd", "v_y_sd", "spin_sd"}
@@ -235,9 +258,7 @@ def fits():
     with pytest.MonkeyPatch.context() as patch:
         search_briefly(patch)
         return {
-            kind: fitball.calibrate(
-                table, "grip-slip", scene=Scene(), velocity_noise=kind, seed=1, cores=1, max_steps=300
-            )
+            kind: fitball.calibrate(table, "grip-slip", scene=Scene(), noise=kind, seed=1, cores=1, max_steps=300)
             for kind in (None, "tied")
         }
 

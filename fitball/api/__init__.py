@@ -1,4 +1,4 @@
-"""Everything a caller of Python can do, each once: the verbs of the command line call the same functions.
+"""The Python interface; the verbs of the command line call the same functions.
 
 Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `plan`, `Plan`,
 `export`, `plot`, `check`.

@@ -1,4 +1,4 @@
-"""The roads from a table: to a fit, `calibrate`, with its steps for the command line; and to models compared."""
+"""From a table to a fit, `calibrate`, with its steps for the command line; and to compared models, `compare`."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """A calibration that may begin: `chain` is where its walkers are kept (None: nowhere), `resumes` whether it goes
-    on with those.
+    """A calibration before it starts: `chain` is the file of its walkers (None: not saved), `resumes` whether it
+    continues with the walkers there.
     """
 
     problem: Problem
@@ -66,7 +66,7 @@ class Run:
 
     def fit(self, report: Report = silent) -> Fit:
         """Fit. Raises as `inference.calibrate.run` does, on Ctrl-C with the chain kept."""
-        return Fit.of(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
+        return Fit.from_results(run(self.problem, self.effort, self.chain, self.resumes, report, assumptions=True))
 
 
 def pose(
@@ -81,17 +81,17 @@ def pose(
     For `force`, `scene` and `reading` see `calibrate`. Raises as reading, `trusted_table` and `build_problem` do.
     """
     table, known, doubts, files = read(data, scene, **reading)
-    records, said = find_force(files, table, known, None if force is None else os.fspath(force))
+    records, found = find_force(files, table, known, None if force is None else os.fspath(force))
     averaged = None if records is None else build_records(records, known.force_start_sd)
     problem = build_problem(table, known, choices, averaged)
-    return replace(problem, notes=(*doubts, *said, *problem.notes))
+    return replace(problem, notes=(*doubts, *found, *problem.notes))
 
 
 def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = False, resume: bool = False) -> Run:
-    """A run whose chain is kept in a result folder, which is made. With `resume` it goes on with the chain there, if
-    there is one.
+    """A run whose chain is saved in a result folder, which is created. With `resume` it continues with the chain
+    there, if there is one.
 
-    Raises ParameterError before anything is touched, ResultFolderError as `folder.prepare_folder` does.
+    Raises ParameterError before any file is changed, ResultFolderError as `folder.prepare_folder` does.
     """
     mark = fingerprint(problem, effort)
     prepare_folder(folder, overwrite=overwrite, resume=resume)
@@ -111,24 +111,29 @@ def calibrate(
     progress: Wanted = None,
     **options: Unpack[Fitting],
 ) -> Fit:
-    """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, an `ImpactTable`, or to
-    several of them together.
+    """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, an `ImpactTable`, or
+    several of them, which are fitted together.
 
-    Columns are named as in files (`v_1 [mph]`); those that state no unit are in m/s, rad/s, degrees and s unless
-    `units` says otherwise (`{"v_1": "mph"}`); `columns` gives names that are not ours by our name
-    (`{"v_1": "Vin [mph]"}`). The scene is `scene`, or the file `config`, or the TOML file beside the
-    table. `priors` are texts such as `normal(0.55, 0.05)`, `fix` holds values in SI. `noise` is "normal" or
-    "student-t"; `pool` maps parameters to the label column over whose levels they differ (pooled in part), `offsets`
-    names the label column whose groups may be biased; without `incident_errors` the incident state counts as exact;
-    `velocity_noise` is "tied" or "separate" (default: as the table can tell). `force` is a file of force-time records
-    (see `data.force`), by default what the scene names or what lies beside the table, "none" for none. `flip`
-    names columns that count the other way round than fitball does: spins and velocities of the other sign, angles
-    measured from the normal (`TABLE:COLUMN` for one of several tables). A table that another reading explains much
-    better, and a scene that is unlike any ball's, are refused unless `as_read`.
+    Table. Columns are named as in files (`v_1 [mph]`). Columns without a unit are in m/s, rad/s, degrees and s, or in
+    the unit that `units` gives (`{"v_1": "mph"}`). `columns` maps fitball's names to those of the table (`{"v_1":
+    "Vin [mph]"}`). `flip` lists columns with the opposite convention: the sign of spins and velocities is reversed,
+    angles are taken from the normal (`TABLE:COLUMN` for one of several tables). The scene is `scene`, or the file
+    `config`, or the TOML file beside the table. `force` is a file of force-time records (see `data.force`); default:
+    the one that the scene names, or the one beside the table; "none" for none. A table is refused if another reading
+    fits much better, or if the ball is unlike any game ball, unless `as_read`.
 
-    `point_only` leaves out the posterior. `progress` is True, False, a function that is told stage and progress, or
+    Model. `closures` replace model assumptions, `priors` are texts such as `normal(0.55, 0.05)`, `fix` holds
+    parameters at values in SI. `pool` maps parameters to the label column between whose groups they differ, with
+    partial pooling.
+
+    Noise. `noise` is "normal" (default) or "student-t", and "tied" (one noise for all columns of the rebound
+    velocity) or "separate" (one for each; default if the table has enough rows); for both `"student-t,separate"`.
+    `offsets` names the label column whose groups may have a measurement bias. Without `incident_errors` the incident
+    state is exact. `velocity_noise` is an older name for the second part of `noise`.
+
+    Sampling. With `point_only` there is no posterior. `progress` is True, False, a function of stage and progress, or
     None: a bar in a notebook or terminal. The same seed gives the same fit. Raises subclasses of FitballError for
-    everything a caller can mend, KeyboardInterrupt when it is interrupted.
+    mistakes of the caller, KeyboardInterrupt when it is interrupted.
 
     >>> fit = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", point_only=True)
     >>> round(fit.parameters["mu"].point, 2)
@@ -141,8 +146,8 @@ def calibrate(
 
 
 class Comparison:
-    """What `compare` found: models best first, each with its fit (`comparison["two-mass"]`), scores by impacts left
-    out, and a recommendation.
+    """The result of `compare`: a recommendation, and models with the best first, each with its fit
+    (`comparison["two-mass"]`) and its scores on impacts that were left out.
     """
 
     def __init__(self, result: results.Comparison) -> None:
@@ -160,7 +165,7 @@ class Comparison:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What one should know."""
+        """Notes on the comparison."""
         return self.result.notes
 
     @property
@@ -170,43 +175,43 @@ class Comparison:
 
     def __getitem__(self, name: str) -> Fit:
         """The fit of a model."""
-        return Fit.of(self.result.by_name[name].fit)
+        return Fit.from_results(self.result.by_name[name].fit)
 
     def __repr__(self) -> str:
         head = f"<Comparison of {len(self.names)} models on {self.result.table.name}: {self.status}>"
         gaps = [self.result.elpd_difference(name, self.names[0]) for name in self.names]
         rows = [["", "elpd difference", "stacking"]] + [
-            [name, f"{gap.value:.1f} +- {gap.se:.1f}", f"{self.result.stacking[name]:.2f}"]
+            [name, f"{gap.value:.1f} ± {gap.se:.1f}", f"{self.result.stacking[name]:.2f}"]
             for name, gap in zip(self.names, gaps, strict=True)
         ]
         return "\n".join([head, *(f"  {line}" for line in aligned(rows))])
 
     def _repr_html_(self) -> str:
-        """The summary, as a notebook shows it."""
+        """The summary, for a notebook."""
         return f"<p>{self.words}</p>{self.summary().to_html(notebook=True)}"
 
     def summary(self) -> pd.DataFrame:
-        """One row a model, best first: scores, weights, criteria and errors on impacts left out, in SI."""
+        """One row for each model, best first: scores, weights, criteria and errors on impacts left out, in SI."""
         import pandas as pd
 
         return pd.DataFrame(csv_rows(self.result)).set_index("model")
 
     @property
     def exit_code(self) -> int:
-        """0 where every fit converged, 130 where it was interrupted, else 1."""
+        """0 if every fit converged, 130 if it was interrupted, else 1."""
         return {RunStatus.CONVERGED: 0, RunStatus.INTERRUPTED: 130}.get(self.status, 1)
 
     @checked
     def report(self, folder: Path | None = None) -> str:
-        """All of it as text, with the `folder` that it was saved in."""
+        """The comparison as text, with the `folder` that it was saved in."""
         return render(self.result, "" if folder is None else str(folder))
 
     def json(self) -> Mapping[str, object]:
-        """All of it as `compare.json` has it."""
+        """The content of `compare.json`."""
         return json_content(self.result, self.words)
 
     def plot(self) -> Figure:
-        """Scores and errors of the models, as a matplotlib Figure that pyplot does not know."""
+        """Scores and errors of the models, as a matplotlib Figure that is not registered with pyplot."""
         from fitball.report.compare.figures import compare_figure
 
         return compare_figure(self.result)
@@ -234,14 +239,14 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Contest:
-    """A comparison that may begin, and what is to be said before it does."""
+    """A comparison before it starts, with notes to print first."""
 
     table: ImpactTable
     candidates: Candidates
     effort: Effort
     engine: Engine
     quick: bool
-    said: tuple[str, ...]
+    notes: tuple[str, ...]
 
     def compare(self, report: Callable[[str], None] = lambda _stage: None) -> Comparison:
         """Fit and score every model. Raises as `inference.comparison.compare` does."""
@@ -265,12 +270,12 @@ def contest(
     workers = engine(cores, scheduler)
     effort = Effort(seed=seed, max_steps=MAX_STEPS if max_steps is None else max_steps, cores=1, ess=ESS)
     named = (models,) if isinstance(models, str) else models
-    names, said = default_names(table, quick) if named is None else (tuple(named), [])
+    names, skipped = default_names(table, quick) if named is None else (tuple(named), [])
     candidates = build_candidates(table, known, names)
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
     candidates = replace(candidates, notes=(*doubts, *candidates.notes))
-    return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *said))
+    return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *skipped))
 
 
 @checked
@@ -290,11 +295,10 @@ def compare(
 ) -> Comparison:
     """Compare models on a table by predictions of impacts left out, as the verb `compare` does.
 
-    `models` are names such as `two-mass+torsion=free` (default: those that can differ on this table, with `quick` the
-    main ones); for the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
-    `cores` models are fitted at once (default: as many as the machine has), each in a process, or as many as there
-    are workers on the Dask cluster whose `scheduler` is at that address; results are the same bytes. Raises
-    subclasses of FitballError.
+    `models` are names such as `two-mass+torsion=free` (default: all that can differ on this table, with `quick` the
+    main ones). For the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
+    `cores` models are fitted at once (default: all cores), each in its own process, or on the workers of the Dask
+    cluster at the address `scheduler`; the results do not depend on this. Raises subclasses of FitballError.
 
     >>> fitball.compare("wang_zero_spin", ["brody"], cores=1)
     Traceback (most recent call last):

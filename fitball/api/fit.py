@@ -1,5 +1,5 @@
-"""A fit for a caller of Python: one type, whether it was just made or read back from its folder, with all that can be
-made of it; and the verbs that begin from a fit, as functions.
+"""The fit in Python: one type for new fits and for those read back from a folder, with its methods; and the verbs
+that start from a fit, as functions.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ if TYPE_CHECKING:
 
 
 class Plots:
-    """Figures of a fit: `fit.plot.corner()` or `fit.plot("corner")` gives a matplotlib Figure, whose panels are its
-    `axes`. None is known to pyplot: nothing has to be closed, and a notebook shows the one that a cell ends with.
+    """Figures of a fit: `fit.plot.corner()` or `fit.plot("corner")` returns a matplotlib Figure, with its panels in
+    `axes`. They are not registered with pyplot: nothing has to be closed. A notebook shows the last one of a cell.
     """
 
     def __init__(self, fit: Fit) -> None:
         self._fit = fit
 
     def _whole(self) -> Fit:
-        """The fit with all its files: those of different runs are refused before anything is drawn."""
+        """The fit with all its files; files of different runs are refused before anything is drawn."""
         load(self._fit)
         return self._fit
 
     @checked
     def __call__(self, kind: str) -> Figure:
-        """A figure by name. Raises ParameterError for a name that is none, ResultFolderError where the fit has not
-        what it shows.
+        """A figure by name. Raises ParameterError for an unknown name, ResultFolderError if the fit lacks the data
+        for it.
         """
         from fitball.report.figures.registry import draw
 
@@ -67,9 +67,9 @@ class Plots:
 
     @checked
     def corner(self, package: str = "fitball") -> Figure:
-        """All pairs of parameters, drawn at once in one Axes; with `package="corner"` by the package of that name, in
-        the same units, each pair in an Axes of its own. Raises ParameterError for another package, ResultFolderError
-        for a point fit.
+        """All pairs of parameters in one Axes. With `package="corner"` the package of that name draws them, in the
+        same units, each pair in its own Axes. Raises ParameterError for another package, ResultFolderError for a
+        point fit.
         """
         if package == "fitball":
             return self("corner")
@@ -81,11 +81,11 @@ class Plots:
 
     def __getattr__(self, kind: str) -> Callable[[], Figure]:
         if kind not in FIGURES:
-            raise AttributeError(f"there is no figure '{kind}': {suggestion(kind, FIGURES)}")
+            raise AttributeError(f"unknown figure '{kind}': {suggestion(kind, FIGURES)}")
         return lambda: self(kind)
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the figures that this fit can show."""
+        """The names of the figures that this fit has data for."""
         from fitball.report.figures.registry import drawable_kinds
 
         return iter(drawable_kinds(self._whole()))
@@ -101,13 +101,13 @@ class Plots:
 
 
 def lacks_profiles(fit: Fit) -> bool:
-    """Whether there are no profiles that could be computed."""
+    """Whether the fit has no profiles yet but can have them."""
     return bool(no_profiles(fit)) and fit.identifiability.profiles_missing in ("", LEFT_OUT)
 
 
 def profiled(fit: Fit, cores: int | None = None, scheduler: str | None = None) -> Fit:
-    """The fit with its profiles, computed now where it has none and does not say why, by so many processes (default:
-    all cores) or on the Dask cluster whose `scheduler` is at that address.
+    """The fit with its profiles. Missing ones are computed now, unless the fit cannot have them, by `cores` processes
+    (default: all) or on the Dask cluster at the address `scheduler`.
     """
     if not lacks_profiles(fit):
         return fit
@@ -116,11 +116,11 @@ def profiled(fit: Fit, cores: int | None = None, scheduler: str | None = None) -
 
 
 class Fit(results.Fit):
-    """What a calibration found; `calibrate` makes one and `load_fit` reads one back, with all that its folder holds.
+    """The result of a calibration: `calibrate` returns one, and `load_fit` reads one from its folder.
 
-    Numbers are in SI, angles in radians. Two fits are equal when they say the same to the last digit: measurements,
-    model, priors, numbers and draws. Of a fit that was read back, `fit.json` is in memory, and the other files are
-    read when something in them is first asked for; ResultFolderError says if one is missing, damaged or foreign.
+    Numbers are in SI, angles in radians. Two fits are equal if measurements, model, priors, numbers and draws are the
+    same to the last digit. After `load_fit`, `fit.json` is in memory; the other files are read when they are first
+    needed. ResultFolderError is raised if one is missing, damaged or from another fit.
 
     >>> fit
     <Fit of grip-slip to wang_zero_spin: 7 impacts, 7 free parameters, not converged>
@@ -128,8 +128,8 @@ class Fit(results.Fit):
     """
 
     @classmethod
-    def of(cls, found: results.Fit) -> Fit:
-        """What a run found, or what was read, with all that can be asked of it here."""
+    def from_results(cls, found: results.Fit) -> Fit:
+        """A fit with the methods of this class, from the results of a run or of a file."""
         fit = cls.__new__(cls)
         fit.__dict__.update(vars(found))
         return fit
@@ -143,11 +143,11 @@ class Fit(results.Fit):
         return short_text(self)
 
     def _repr_html_(self) -> str:
-        """A short table, as a notebook shows it."""
+        """A short table, for a notebook."""
         return html_text(self)
 
     def report(self) -> str:
-        """The fit as text, in the manner of lmfit: outcome, statistics, parameters, correlations, notes.
+        """The fit as text, in the style of lmfit: outcome, statistics, parameters, correlations, notes.
 
         >>> print(fit.report())
         [[Fit]]
@@ -157,7 +157,7 @@ class Fit(results.Fit):
         return report_text(self)
 
     def summary(self) -> pd.DataFrame:
-        """One row a parameter, in SI: unit, median, sd, quantiles, point estimate, prior, verdict, sampling.
+        """One row for each parameter, in SI: unit, median, sd, quantiles, point estimate, prior, verdict, sampling.
 
         >>> fit.summary().loc["mu", ["unit", "verdict"]].tolist()
         ['', 'identified']
@@ -168,7 +168,7 @@ class Fit(results.Fit):
         return pd.DataFrame(columns, index=pd.Index(self.parameters, name="parameter"))
 
     def draws(self) -> pd.DataFrame:
-        """All draws of the free parameters in SI, one row a draw. Raises ResultFolderError for a point fit."""
+        """All draws of the free parameters in SI, one row each. Raises ResultFolderError for a point fit."""
         import pandas as pd
 
         posterior = self.posterior
@@ -192,13 +192,14 @@ class Fit(results.Fit):
         exact_incidence: bool = False,
         seed: int = 1,
     ) -> pd.DataFrame:
-        """Rebounds of new impacts with intervals: a row an impact, indexed as `data` is, columns with their units.
+        """Rebounds of new impacts with intervals: one row for each impact, with the index of `data`. Column names
+        contain units.
 
         `data` is a data frame, a path or bundled name, an `ImpactTable`, `Impacts`, or texts such as `"v=38 mph,
-        theta=18 deg, spin=950 rpm top"`; for `units`, `flip` and `columns` see `calibrate`. `v_x2_mean_q025 [m/s]`
-        and the like are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a measurement. Where sds of the
-        incident state are stated both contain it, unless `exact_incidence`. Rebound columns of `data` come back as
-        `v_x2_measured` with residuals. What one should know of it is in `.attrs["notes"]`.
+        theta=18 deg, spin=950 rpm top"`; for `units`, `flip` and `columns` see `calibrate`. Columns such as
+        `v_x2_mean_q025 [m/s]` are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a measurement of it. If
+        sds of the incident state are given, both include them, unless `exact_incidence`. Rebound columns of `data`
+        are returned as `v_x2_measured`, with residuals. Notes are in `.attrs["notes"]`.
 
         >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round().tolist()
         [10.0]
@@ -219,7 +220,7 @@ class Fit(results.Fit):
 
     @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
-        """One impact through time, with bands from `draws` of the posterior; see `fitball.simulate`."""
+        """One impact through time, with bands from `draws` posterior draws; see `fitball.simulate`."""
         return course_of(Subject(self.fitted, self), impact, draws)
 
     @checked
@@ -237,14 +238,15 @@ class Fit(results.Fit):
         seed: int = 1,
         progress: Wanted = False,
     ) -> Plan:
-        """What to measure next: the `impacts` expected to tell most about the `target`, and other ways of measuring.
+        """Plan the next measurements: the `impacts` with the largest expected information gain about the `target`,
+        and the gain of other sensors.
 
         `target` are names of parameters (default: all of the model), `"court pace"`, or `"impact=v=30 m/s, theta=16
-        deg"`. `speed`, `angle` and `spin` are what the machine can do: texts such as `"5:20"` [m/s], `"10:80"` [deg],
-        `"-300:300 rpm"`, or pairs in SI; by default the range of the fitted table. `sensors` are texts such as
-        `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`; `cost` what an impact read by one
-        costs, one measured as before being 1; for `progress` see `calibrate`. Raises FitError for a fit that cannot
-        be planned from, ParameterError.
+        deg"`. `speed`, `angle` and `spin` are the ranges of your machine: texts such as `"5:20"` [m/s], `"10:80"`
+        [deg], `"-300:300 rpm"`, or pairs in SI (default: the range of the fitted table). `sensors` are texts such as
+        `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`. `cost` is that of an impact with a
+        sensor, relative to one measured as before. For `progress` see `calibrate`. Raises ParameterError, and
+        FitError for a fit that allows no plan.
 
         >>> fit.plan("mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="camera=0.5")
         <Plan of 2 impacts about mu: ... nats>
@@ -257,13 +259,13 @@ class Fit(results.Fit):
     def export(
         self, /, to: str, out: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any
     ) -> Mapping[str, str] | tuple[Path, ...]:
-        """The fit in another form, as the verb `export` writes it: texts by the ending of their file, or with `out`
-        (a file or a folder) the places that were written.
+        """The fit in another format, as the verb `export` writes it. Returns texts by the ending of their file, or
+        with `out` (a file or a folder) the paths of the files.
 
-        Forms are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
-        `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
+        Formats are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
+        `latex`, `markdown`, `certificate`, and `pdf` and `netcdf` (files only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
-        the JSON alone). Raises ParameterError, ResultFolderError.
+        JSON only). Raises ParameterError, ResultFolderError.
 
         >>> print(fit.export("latex")[".tex"].splitlines()[0])
         %...
@@ -272,11 +274,11 @@ class Fit(results.Fit):
         if out is not None:
             return made.write(Path(out), overwrite)
         if not made.texts:
-            raise ParameterError(f"to={to!r} is no text: name a file, or use to_inferencedata()")
+            raise ParameterError(f"to={to!r} is not text: name a file (out), or use to_inferencedata()")
         return made.texts
 
     def exported(self, to: str, options: Mapping[str, Any]) -> Exported:
-        """The same, not yet written, with what one should know of it."""
+        """The same before it is written, with its note."""
         return exported(self, to, options)
 
     @checked
@@ -284,8 +286,8 @@ class Fit(results.Fit):
         """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
         observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
 
-        By default a thousand, fewer for long tables (see `exports.arviz_file`). `log_likelihood` is that of whole
-        impacts, which is what can be left out. Raises ResultFolderError for a point fit.
+        By default a thousand, fewer for long tables (see `exports.arviz_file`). `log_likelihood` has one value for
+        each impact, the unit of leave-one-out. Raises ResultFolderError for a point fit.
 
         >>> fit.to_inferencedata(draws=100)["posterior"].sizes["chain"]
         4
@@ -296,11 +298,9 @@ class Fit(results.Fit):
 
     @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True) -> Path:
-        """Write the result folder: `fit.json`, measurements, draws, tables, figures (unless without) and
-        `report.html`.
+        """Write the result folder: `fit.json`, measurements, draws, tables, `report.html` and, if `figures`, figures.
 
-        Raises ResultFolderError for a folder that cannot be written, or that holds an older result unless it may
-        `overwrite` that.
+        Raises ResultFolderError if the folder cannot be written, or if it holds an older result, unless `overwrite`.
         """
         path = Path(folder)
         load(self)
@@ -310,7 +310,7 @@ class Fit(results.Fit):
         return path
 
     def __getstate__(self) -> dict[str, Any]:
-        """All of it, so that it can be unpickled where its folder is not; of a lone `fit.json` that alone."""
+        """The whole fit, so that it can be unpickled without its folder; if only `fit.json` exists, its content."""
         if complete(self):
             load(self)
         return dict(vars(self))
@@ -318,15 +318,15 @@ class Fit(results.Fit):
 
 @checked
 def load_fit(path: PathLike) -> Fit:
-    """Read a fit back from its folder, or its `fit.json`; the other files of the folder are read when asked for.
+    """Read a fit from its folder, or its `fit.json`; the other files of the folder are read when they are needed.
 
-    Raises ResultFolderError for what is missing, damaged or foreign.
+    Raises ResultFolderError for files that are missing, damaged or from another fit.
 
     >>> fit = fitball.load_fit(folder)
     >>> fit.status
     <RunStatus.NOT_CONVERGED: 'not converged'>
     """
-    return Fit.of(read_fit(Path(path)))
+    return Fit.from_results(read_fit(Path(path)))
 
 
 FitOrFolder = Fit | str | os.PathLike[str]
@@ -335,12 +335,12 @@ T = TypeVar("T")
 
 
 def fit_of(fit: FitOrFolder) -> Fit:
-    """A fit, read from its folder where a path was given. Raises ResultFolderError."""
+    """The fit itself, or the one in a folder. Raises ResultFolderError."""
     return fit if isinstance(fit, Fit) else load_fit(fit)
 
 
 def _of_fit(method: Callable[Concatenate[Fit, P], T]) -> Callable[Concatenate[FitOrFolder, P], T]:
-    """A method of fits as a function, documented as that is, of a fit or the folder of one."""
+    """A method of fits as a function of a fit or of its folder, with the documentation of the method."""
 
     @wraps(method)
     def verb(fit: FitOrFolder, *args: P.args, **named: P.kwargs) -> T:
@@ -350,7 +350,7 @@ def _of_fit(method: Callable[Concatenate[Fit, P], T]) -> Callable[Concatenate[Fi
     fit, *others = own.parameters.values()
     first = fit.replace(name="fit", annotation="FitOrFolder")
     verb.__signature__ = own.replace(parameters=[first, *others])  # type: ignore[attr-defined]
-    # More than the type says: the fit may be given by name too.
+    # The fit may be given by keyword too, which the type does not say.
     return verb  # type: ignore[return-value]
 
 
@@ -361,10 +361,10 @@ export = _of_fit(Fit.export)
 
 @checked
 def plot(fit: FitOrFolder, kind: str) -> Figure:
-    """A figure of a fit by name, as the verb `plot` draws it: a matplotlib Figure, its panels in `axes`.
+    """A figure of a fit by name, as the verb `plot` draws it: a matplotlib Figure, with its panels in `axes`.
 
-    Kinds are `predictive`, `residuals`, `corner` and what `dir(fit.plot)` lists. Raises ParameterError for an unknown
-    one, ResultFolderError where the fit has not what it shows.
+    Kinds are `predictive`, `residuals`, `corner` and others that `dir(fit.plot)` lists. Raises ParameterError for an
+    unknown kind, ResultFolderError if the fit lacks the data for it.
 
     >>> len(fitball.plot(fit, "residuals").axes) > 0
     True
@@ -381,8 +381,8 @@ def simulate(
     values: Mapping[str, Any] | None = None,
     draws: int = 200,
 ) -> Course:
-    """One impact through time, as the verb `simulate` follows it: from a fit, with bands from `draws` of its
-    posterior, or from a model at round defaults with some `values` [SI] set.
+    """One impact through time, as the verb `simulate` computes it: from a fit, with bands from `draws` posterior
+    draws, or from a model at round default values, of which `values` [SI] replace some.
 
     `impact` is a text or `fitball.impacts(...)` of one impact. Raises ParameterError, ModelError.
 
@@ -390,6 +390,6 @@ def simulate(
     401
     """
     if fit is not None and (model is not None or values):
-        raise ParameterError("a fit brings its own model and parameters: leave out model and values")
-    subject = Subject.of(None if fit is None else fit_of(fit), model, values or {})
+        raise ParameterError("a fit has its own model and parameters: leave out model and values")
+    subject = Subject.from_fit(None if fit is None else fit_of(fit), model, values or {})
     return course_of(subject, impact, draws)

@@ -1,4 +1,4 @@
-"""What follows from a fit: rebounds of new impacts, whatever tells of these; and what to measure next."""
+"""Predictions from a fit: rebounds of new impacts; and plans of measurements."""
 
 from __future__ import annotations
 
@@ -46,18 +46,19 @@ if TYPE_CHECKING:
 
     from fitball.report.figures.canvas import Figure
 
-DRAWN = "the incident state is uncertain: it is drawn anew for each draw of the parameters"
-IGNORED = "the stated uncertainty of the incident state is not used"
+DRAWN = "the incident state is uncertain: a new one is drawn with each posterior draw"
+IGNORED = "the given uncertainty of the incident state is not used"
 NO_LINE = (
-    "a line of restitution ends somewhere; fit with the closure cor = saturating for one that holds at every speed"
+    "the line of restitution has no valid value at some of these speeds; a fit with the model assumption cor = "
+    "saturating is valid at every speed"
 )
-POINT_ONLY = "a point fit has no posterior: values at the point estimate, without intervals"
+POINT_ONLY = "a point fit has no posterior: best-fit values without intervals"
 
 
 @dataclass(frozen=True)
 class New:
-    """Impacts to predict, their names, the table they come from, the covariance of their states where it is stated,
-    and the index of the data frame they came in.
+    """Impacts to predict, their names, the table they are from, the covariance of their states if given, and the
+    index of the data frame they are from.
     """
 
     impacts: Impacts
@@ -69,7 +70,7 @@ class New:
 
 @dataclass(frozen=True)
 class Foretold:
-    """A prediction with what measurements of the same impacts say of it, and what one should know."""
+    """A prediction with its scores on measurements of the same impacts, and notes."""
 
     new: New
     prediction: NewPrediction
@@ -77,7 +78,7 @@ class Foretold:
     notes: tuple[str, ...]
 
     def frame(self) -> pd.DataFrame:
-        """One row an impact."""
+        """One row for each impact."""
         import pandas as pd
 
         made = pd.DataFrame(prediction_csv_rows(self.prediction, self.new.ids))
@@ -90,8 +91,8 @@ class Foretold:
 def new_impacts(
     data: Any, ball: Ball, units: Mapping[str, str] | None, flip: Sequence[str], columns: Mapping[str, str] | None
 ) -> New:
-    """What a caller hands over as impacts to predict; see `Fit.predict`. Raises as reading does, ParameterError for
-    what is none.
+    """Impacts to predict, from any argument that `Fit.predict` takes. Raises as reading does, ParameterError for
+    anything else.
     """
     if isinstance(data, Impacts):
         if not len(data):
@@ -107,7 +108,7 @@ def new_impacts(
     if _in_words(data):
         return _written([data])
     if isinstance(data, str | os.PathLike):
-        # The table's own scene says how its columns are called, the fit what ball it is.
+        # Names of columns are from the table's own scene, the ball from the fit.
         scene = Scene(ball=ball, columns=load_scene(data, as_read=True).columns)
         table = load_table(data, rebound=False, scene=scene, flip=flip, columns=columns, units=units)
         return New(table.impacts, table.ids, table, table.incident_covariance)
@@ -120,7 +121,7 @@ def new_impacts(
 
 
 def _in_words(data: Any) -> bool:
-    """Whether an impact is written out; a file may have such a name too."""
+    """Whether this is an impact as text; a file may have such a name too."""
     return isinstance(data, str) and "=" in data and not os.path.isfile(data)  # noqa: PTH113 - of texts of any length
 
 
@@ -170,7 +171,7 @@ def foretell(
 def _named_as_before(
     data: Any, asked: Mapping[str, str] | None, fitted: Mapping[str, str]
 ) -> tuple[Mapping[str, str] | None, tuple[str, ...]]:
-    """The names of columns, and a note: those `asked`, else those of the fit's own table that stand in this one."""
+    """The names of columns, and a note: those `asked`, else those of the fit's table that this one has too."""
     own = {ours: text for ours, text in fitted.items() if naming({ours: text}, (ours,)).theirs[ours] != ours}
     read = in_memory(data) or (isinstance(data, str | os.PathLike) and not _in_words(data))
     if asked or not own or not read:
@@ -179,50 +180,50 @@ def _named_as_before(
     cells = written_table(framed(data), known).heads
     found = {known.ours(cell, split_cell(cell, known)[0]) for cell in cells}
     taken = {ours: text for ours, text in own.items() if ours in found}
-    said = ", ".join(f"{ours}={text}" for ours, text in taken.items())
-    return taken, (f"columns are taken to be named as in the table of the fit: {said}",) if taken else ()
+    names = ", ".join(f"{ours}={text}" for ours, text in taken.items())
+    return taken, (f"columns are named as in the table of the fit: {names}",) if taken else ()
 
 
 def _cautions(saved: Fit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
-    """What the fit itself leaves open."""
-    notes = [f"{saved.at_common}; no interval contains how far they differ"] if saved.at_common else []
+    """Notes on limits of the fit."""
+    notes = [f"{saved.at_common}; intervals do not include the difference"] if saved.at_common else []
     if any(f"{name}_offset[" in parameter for name in OBSERVABLES for parameter in saved.parameters):
-        notes.append("columns of the fitted table were biased group by group (offsets): predictions have no bias")
+        notes.append("the fit has a measurement bias for each group (offsets); predictions are without bias")
     if saved.status is RunStatus.NOT_CONVERGED:
-        notes.append("the sampler of this fit did not converge: intervals may change")
+        notes.append("sampling of this fit did not converge: intervals may change")
     unknown = [output.name for output in prediction.outputs if output.rebound is not None and output.measured is None]
-    # A contact time is seldom measured: nobody misses its noise.
+    # Contact times are seldom measured: their noise is not missed.
     silent = [name for name in unknown if not OBSERVABLES[name].timed]
     if silent:
-        notes.append(f"the fit knows no noise of {', '.join(silent)}: no interval of a new measurement")
+        notes.append(f"the fit has no noise of {', '.join(silent)}: no interval for a new measurement of it")
     stiffness = saved.parameters.get("k_y")
     if stiffness is not None and stiffness.verdict is Verdict.FIXED:
-        notes.append("k_y was held at its value in this fit: contact times rest on that value alone")
-    # Another law of restitution would have an answer.
+        notes.append("k_y is fixed in this fit: contact times depend on its value")
+    # Another law of restitution has a solution there.
     if fitted.model.options.get("cor") == "line" and np.any(prediction.unsolved > 0.0):
         notes.append(NO_LINE)
     return notes
 
 
 def _other_flips(fitted: Source | ImpactTable, table: ImpactTable) -> tuple[str, ...]:
-    """What to say where the fit counted columns the other way round and these impacts do not, or the reverse."""
+    """A note if the fit flipped columns that these impacts do not, or the reverse."""
     flipped = [", ".join(sorted({name.rpartition(":")[2] for name in item.flipped})) for item in (fitted, table)]
     if flipped[0] == flipped[1]:
         return ()
     made, here = (names or "no column" for names in flipped)
     return (
-        f"the fit was made with {made} flipped, these impacts are read with {here} flipped ({option('flip', '...')})",
+        f"flipped columns differ: {made} in the fit, {here} in these impacts ({option('flip', '...')} changes them)",
     )
 
 
 # A range as text, as its ends in SI, or one value in SI.
 Span = str | float | tuple[float, float]
-NOT_CONVERGED = "The sampler of this fit did not converge: gains may change."
-NOT_DESCRIBED = "The model does not describe the fitted table: gains hold within the model only."
+NOT_CONVERGED = "Sampling of this fit did not converge: gains may change."
+NOT_DESCRIBED = "The model does not describe the fitted data: gains hold within the model only."
 
 
 class Plan:
-    """What to measure next: impacts in the order of their worth, ways of measuring, and what they would tell."""
+    """The next measurements: impacts in the order of choice, sensors, and their expected information gain."""
 
     def __init__(self, result: plans.Plan, problem: Problem) -> None:
         self.result = result
@@ -230,26 +231,26 @@ class Plan:
 
     @property
     def gain(self) -> float:
-        """Nats that all chosen impacts are expected to tell of the target, to first order."""
+        """Expected information gain of all chosen impacts about the target [nats], to first order."""
         return self.result.gain
 
     def to_frame(self) -> pd.DataFrame:
-        """One row an impact, as `plan.csv` has it: with empty columns for what is to be measured."""
+        """One row for each impact, as in `plan.csv`, with empty columns for the measurements."""
         import pandas as pd
 
         return pd.DataFrame(plan_rows(self.result, self._problem)).set_index("id")
 
     @checked
     def report(self, folder: Path | None = None) -> str:
-        """All of it as text, with the `folder` that it was saved in."""
+        """The plan as text, with the `folder` that it was saved in."""
         return render(self.result, self._problem, folder)
 
     def json(self) -> Mapping[str, object]:
-        """All of it as `plan.json` has it."""
+        """The content of `plan.json`."""
         return plan_json(self.result)
 
     def plot(self) -> Figure:
-        """The map of gains, as a matplotlib Figure that pyplot does not know."""
+        """The map of gains, as a matplotlib Figure that is not registered with pyplot."""
         from fitball.report.plan.document import title_of
         from fitball.report.plan.figure import plan_figure
 
@@ -271,7 +272,7 @@ class Plan:
         return f"<Plan of {len(chosen)} impacts about {self.result.target}: {self.gain:.2f} nats>"
 
     def _repr_html_(self) -> str:
-        """The impacts, as a notebook shows them."""
+        """The impacts, for a notebook."""
         return f"<p>{repr(self)[1:-1]}</p>{self.to_frame().to_html(notebook=True)}"
 
 
@@ -288,7 +289,7 @@ def planned(fit: Fit, asked: Asked, progress: Wanted) -> Plan:
 
 
 def parsed(quantity: str, given: Span | None) -> Range | None:
-    """What a caller says of a range. Raises ParameterError."""
+    """A range of speeds, angles or spins. Raises ParameterError."""
     if given is None:
         return None
     if isinstance(given, str):
@@ -297,6 +298,6 @@ def parsed(quantity: str, given: Span | None) -> Range | None:
         low, high = (given, given) if isinstance(given, int | float | Integral) else (float(end) for end in given)
     except (TypeError, ValueError):
         raise ParameterError(
-            f"{option(quantity, str(given))}: expected a text such as '5:20', a number, or two (low, high), in SI"
+            f"{option(quantity, str(given))}: expected a text such as '5:20', a number, or a pair (low, high), in SI"
         ) from None
     return checked_range(quantity, Range(float(low), float(high)), option(quantity, str(given)))

@@ -1,5 +1,5 @@
-"""What a caller hands over, looked at before anything begins, since no type checker may have seen it: whom to tell of
-progress, tables and choices; and whether a table is fit to be fitted.
+"""Arguments of the public functions, checked before anything begins: progress, tables, choices; and the check of a
+table for faults.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from fitball.data.force import find_force
 from fitball.data.read import check_source, in_memory, load_table, trusted_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
-from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError
+from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError, suggestion
 from fitball.inference.effort import Effort
+from fitball.inference.problem.noise import KINDS
+from fitball.inference.problem.observables import SEPARATE, TIED
 from fitball.inference.problem.parameters import FAMILIES
 from fitball.inference.problem.problem import Choices
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
@@ -29,14 +31,14 @@ from fitball.visible import one_line
 if TYPE_CHECKING:
     import pandas as pd
 
-# Is told the stage of a run and, while sampling, how far that is.
+# Is called with the stage of a run and, while sampling, with its progress.
 Report: TypeAlias = Callable[[str, Progress | None], None]
-# True, False, a function that is told, or None: as it suits who looks on.
+# True, False, a function, or None: a bar if somebody is looking.
 Wanted: TypeAlias = bool | Report | None
 
 
 def silent(_stage: str, _progress: Progress | None) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def somebody_looks_on() -> bool:
@@ -47,7 +49,7 @@ def somebody_looks_on() -> bool:
 
 @contextmanager
 def reporting(wanted: Wanted) -> Iterator[Report]:
-    """What tells of a run, and cleans up behind it."""
+    """The function that reports a run; a bar is closed at the end."""
     if callable(wanted):
         yield wanted
     elif not (somebody_looks_on() if wanted is None else wanted):
@@ -61,8 +63,8 @@ def reporting(wanted: Wanted) -> Iterator[Report]:
 
 
 class Bar:
-    """A bar of tqdm for terminals and notebooks: the stage, and while sampling the steps up to the next look at
-    whether they are enough.
+    """A bar of tqdm for terminals and notebooks: the stage, and while sampling the steps up to the next check of
+    convergence.
     """
 
     def __init__(self) -> None:
@@ -81,7 +83,7 @@ class Bar:
         self.bar.refresh()
 
     def close(self) -> None:
-        """Leave no trace."""
+        """Remove the bar."""
         self.bar.close()
 
 
@@ -91,8 +93,8 @@ def sampling_words(progress: Progress) -> str:
     if found is None:
         return words
     return (
-        f"{words}, min effective sample size {found.min_ess:.0f} (wanted {TARGET_ESS:.0f}), "
-        f"max R-hat {found.max_r_hat:.3f} (wanted below {TARGET_R_HAT})"
+        f"{words}, smallest effective sample size {found.min_ess:.0f} (target {TARGET_ESS:.0f}), "
+        f"largest R-hat {found.max_r_hat:.3f} (target below {TARGET_R_HAT})"
     )
 
 
@@ -102,7 +104,7 @@ Table: TypeAlias = "ImpactTable | PathLike | pd.DataFrame | Mapping[str, Sequenc
 
 
 class Reading(TypedDict, total=False):
-    """How a table is to be read, see `calibrate`. Said here once, for Python and for the command line."""
+    """How a table is read, see `calibrate`; for Python and for the command line."""
 
     config: PathLike | None
     units: Mapping[str, str] | None
@@ -112,12 +114,12 @@ class Reading(TypedDict, total=False):
 
 
 class Fitting(Reading, total=False):
-    """How it is to be fitted besides: choices and effort."""
+    """How a table is read and fitted, see `calibrate`: choices and effort too."""
 
     closures: Mapping[str, str] | None
     priors: Mapping[str, str] | None
     fix: Mapping[str, float] | None
-    noise: str | None
+    noise: str | Sequence[str] | None
     pool: Mapping[str, str] | None
     offsets: str | None
     incident_errors: bool
@@ -128,7 +130,7 @@ class Fitting(Reading, total=False):
     max_steps: int | None
 
 
-# What is not said is None, or:
+# An option that is not given is None, or:
 DEFAULTS: Mapping[str, Any] = {
     "flip": (), "as_read": False, "incident_errors": True, "seed": 1, "point_only": False,
 }  # fmt: skip
@@ -142,34 +144,56 @@ EXAMPLES = {
 
 
 def reading_of(asked: Mapping[str, Any]) -> Reading:
-    """What was said of how a table is to be read."""
+    """The options that say how a table is read."""
     return cast(Reading, {name: asked[name] for name in Reading.__annotations__ if name in asked})
 
 
 def choices_of(model: str | None, asked: Fitting) -> Choices:
-    """The choices that were asked for. Raises ParameterError for values of a type that cannot be meant, and says how
-    they are written: no type checker may have seen them.
+    """The choices among the options. Raises ParameterError for values of a wrong type, with an example of a right
+    one, and as `_noise_of` does.
     """
-    said: dict[str, Any] = {item.name: asked.get(item.name) for item in fields(Choices) if item.name != "model"}
+    given: dict[str, Any] = {item.name: asked.get(item.name) for item in fields(Choices) if item.name != "model"}
+    given |= _noise_of(asked.get("noise"), asked.get("velocity_noise"))
     for option in EXAMPLES:
-        value = said[option]
+        value = given[option]
         if not isinstance(value, Mapping | None):
             raise ParameterError(f"{option}: read {value!r}, expected a dict, such as {EXAMPLES[option]}")
         for name, item in (value or {}).items():
             _check_item(option, name, item)
-    return Choices(model, **{name: value for name, value in said.items() if value is not None})
+    return Choices(model, **{name: value for name, value in given.items() if value is not None})
+
+
+def _noise_of(noise: str | Sequence[str] | None, structure: str | None) -> dict[str, str | None]:
+    """Distribution and structure of the noise from names such as "student-t,separate"; `structure` is that of the
+    older `velocity_noise`. Raises ParameterError for an unknown name and for two that exclude each other.
+    """
+    names = [
+        name.strip() for text in ([noise] if isinstance(noise, str) else noise or ()) for name in text.split(",")
+    ]
+    names += [] if structure is None else [structure]
+    found: dict[str, str | None] = {"noise": None, "velocity_noise": None}
+    for name in names:
+        if name not in (known := (*KINDS, TIED, SEPARATE)):
+            raise ParameterError(f"unknown noise '{name}': {suggestion(name, known)}")
+        choice = "noise" if name in KINDS else "velocity_noise"
+        if found[choice] not in (None, name):
+            raise ParameterError(f"noise: {found[choice]} and {name} exclude each other; choose one")
+        found[choice] = name
+    if structure is not None:
+        warnings.warn(f"velocity_noise={structure!r} is now noise={structure!r}", FutureWarning, stacklevel=5)
+    return found
 
 
 def effort_of(asked: Fitting, cores: int) -> Effort:
-    """The effort that was asked for, with so many threads."""
-    said = {name: asked.get(name) for name in ("seed", "point_only", "walkers", "max_steps")}
-    return Effort(cores=cores, **{name: value for name, value in said.items() if value is not None})  # type: ignore[arg-type]
+    """The effort among the options, with this many threads."""
+    given = {name: asked.get(name) for name in ("seed", "point_only", "walkers", "max_steps")}
+    return Effort(cores=cores, **{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 
 def read(
     data: Table | Sequence[Table], scene: Scene | None = None, **reading: Unpack[Reading]
 ) -> tuple[ImpactTable, Scene, tuple[str, ...], tuple[str, ...]]:
-    """A table, or one joined of several, with its scene, what is to be said of it, and the files it was read from.
+    """A table, or one joined of several, with its scene, notes, and the files it was read from.
 
     The scene is `scene`, or the file `config`, or the TOML file beside the first table. Raises as reading and
     `trusted_table` do.
@@ -183,16 +207,16 @@ def read(
     flipped = flips(reading.get("flip", ()))
     table, doubts = trusted_table(sources, known, flipped, as_read, reading.get("columns"), reading.get("units"))
     if len(sources) > 1 and scene is None and known.source is not None:
-        doubts = (*doubts, f"the scene of {config or (files[0] if files else 'no file')} is taken for all tables")
+        doubts = (*doubts, f"the scene of {config or (files[0] if files else 'no file')} is used for all tables")
     return table, known, doubts, files
 
 
 def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
-    """The tables that were handed over, one by one, and the files they were or are read from."""
+    """The tables one by one, and the files they are read from."""
     alone = isinstance(data, ImpactTable | str | os.PathLike) or in_memory(data)
     sources = list(data) if not alone and isinstance(data, Sequence) else [data]
     if not sources:
-        raise ParameterError("read an empty list of tables, expected at least one")
+        raise ParameterError("the list of tables is empty; expected at least one")
     files = []
     for source in sources:
         if isinstance(source, ImpactTable):
@@ -204,7 +228,7 @@ def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
 
 
 def flips(flip: str | Sequence[str]) -> tuple[str, ...]:
-    """Columns to flip; one may be named without a list."""
+    """Columns to flip; a single one needs no list."""
     return (flip,) if isinstance(flip, str) else tuple(flip)
 
 
@@ -220,18 +244,18 @@ def _check_item(option: str, name: object, value: object) -> None:
 
 
 def _pair_words(name: object, value: object) -> str:
-    """What a pair of numbers may have been meant as: mean and sd or two bounds, which nobody can tell."""
+    """The two meanings that a pair of numbers may have: mean and sd, or two bounds."""
     if not (isinstance(value, Sequence) and len(value) == 2 and all(isinstance(item, Real) for item in value)):
         return ""
     a, b = value
     spread, ends = f"'normal({a:g}, {b:g})'", f"'uniform({min(a, b):g}, {max(a, b):g})'"
-    return f"; if these are mean and sd, write {{{name!r}: {spread}}}; if they are bounds, {{{name!r}: {ends}}}"
+    return f"; write {{{name!r}: {spread}}} if these are mean and sd, {{{name!r}: {ends}}} if they are bounds"
 
 
 @dataclass(frozen=True, repr=False)
 class Checked:
-    """What a look at a table found: `errors` for which it would be refused, `notices`, and the `table` if it could be
-    read. It counts as true where there is no error.
+    """Result of `check`: `errors` that prevent a fit, `notices`, and the `table` if it could be read. It is true if
+    there is no error.
     """
 
     source: str
@@ -241,7 +265,7 @@ class Checked:
 
     @property
     def ok(self) -> bool:
-        """Whether the table would be taken."""
+        """Whether the table can be fitted."""
         return not self.errors
 
     def __bool__(self) -> bool:
@@ -262,8 +286,8 @@ class Checked:
         lines = [str(error) for error in self.errors]
         if self.table is not None:
             lines.append(f"{self.table.source}: {len(self.table)} impacts{', no fault' if self.ok else ''}")
-            told = (*self.table.remarks, *(str(item) for item in self.notices[len(self.table.notices) :]))
-            lines += [one_line(f"  - {remark}") for remark in told]
+            remarks = (*self.table.remarks, *(str(item) for item in self.notices[len(self.table.notices) :]))
+            lines += [one_line(f"  - {remark}") for remark in remarks]
         return "\n".join(lines)
 
 
@@ -272,9 +296,10 @@ class Checked:
 def check(
     data: Table, *, scene: Scene | None = None, force: PathLike | None = None, **reading: Unpack[Reading]
 ) -> Checked:
-    """Look for every fault of a table, its scene and its force records, as the verb `datasets check` does.
+    """Find every fault of a table, its scene and its force records, as the verb `datasets check` does.
 
-    For what is handed over, one table, see `calibrate`. Raises nothing that is a fault of the table.
+    For the arguments see `calibrate`; several tables are checked one by one. Faults of the table are not raised, but
+    returned.
 
     >>> fitball.check({"v_y1": [4.0, 6.0], "v_y2": [3.2, -4.7]}).ok
     False
@@ -284,14 +309,14 @@ def check(
     extra: tuple[str, ...] = ()
     sources, files = sources_of(data)
     if len(sources) > 1:
-        raise ParameterError(f"read a list of {len(sources)} tables, expected one: check each by itself")
+        raise ParameterError(f"read a list of {len(sources)} tables, expected one; check them one by one")
     known, as_read = scene, reading.get("as_read", False)
     try:
         if known is None:
             try:
                 known = load_scene(files[0] if files else None, reading.get("config"), as_read)
             except SceneError as error:
-                # The table is still looked at, as one of tennis balls.
+                # The table is still checked, with tennis balls assumed.
                 errors.append(error)
         source = sources[0]
         table = source if isinstance(source, ImpactTable) else load_table(
@@ -311,7 +336,7 @@ def check(
 
 def _faults(error: FitballError) -> list[dict[str, Any]]:
     if isinstance(error, TableError):
-        faults = [*error.faults, *(Fault(f"what may be meant: {hint}") for hint in error.hints)]
+        faults = [*error.faults, *(Fault(f"possible meaning: {hint}") for hint in error.hints)]
     else:
         faults = [Fault(text) for text in (error.readings if isinstance(error, ReadingError) else [str(error)])]
     return [{"file": getattr(error, "source", None), **asdict(fault)} for fault in faults]

@@ -1,5 +1,5 @@
-"""A bounce followed through time, the regimes of contact over angle and spin, and the page with sliders: of a fit, or
-of a model at round values. Each is a value with its text, its content for machines, its figure and its files.
+"""One impact through time, a map of contact regimes over angle and spin, and the page with sliders: of a fit, or of a
+model at default values. Each has its text, its content for other programs, its figure and its files.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ CONTOURS = "theta_2"
 
 @dataclass(frozen=True)
 class Subject:
-    """What bounces: `fitted`, of the fit `saved`, or a model at its defaults, of which `given` were set."""
+    """The model to simulate: `fitted`, of the fit `saved`, or at default values except for those `given`."""
 
     fitted: FittedModel
     saved: Fit | None = None
     given: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, saved: Fit | None, name: str | None, values: Mapping[str, float]) -> Subject:
-        """A fit, or the model called so. Raises ModelError, ParameterError."""
+    def from_fit(cls, saved: Fit | None, name: str | None, values: Mapping[str, float]) -> Subject:
+        """A fit, or the model with this name. Raises ModelError, ParameterError."""
         if saved is not None:
             return cls(saved.fitted, saved)
         plain, closures = parse_name(str(name) if name is not None else DEFAULT_MODEL)
@@ -70,33 +70,32 @@ class Subject:
 
     @property
     def name(self) -> str:
-        """What files are named for."""
+        """The name in file names."""
         return f"{'' if self.saved is None else 'fit_'}{self.fitted.model.name}"
 
     @property
     def title(self) -> str:
-        """What it is, for a figure."""
+        """The title of figures."""
         return self.fitted.model.name + ("" if self.saved is None else f" fitted to {self.saved.source.name}")
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Its values by name."""
+        """The parameters by name."""
         return dict(zip(self.fitted.names, map(float, self.fitted.point), strict=True))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What one should know of its values."""
+        """Notes on its values."""
         if self.saved is not None:
             return (self.saved.at_common,) if self.saved.at_common else ()
         rest = ", ".join(f"{name} = {value:g}" for name, value in self.parameters.items() if name not in self.given)
-        return (f"defaults near the fits to Wang's balls: {rest}",) if rest else ()
+        return (f"default values, near the fits to Wang's balls: {rest}",) if rest else ()
 
 
 @dataclass(frozen=True, repr=False)
 class Course:
-    """One impact followed through time, or several in one picture, from `source`; `notes` say what one should know,
-    `panels` which courses the figure shows (empty: as the model has them), `heading` and `more` what text and files
-    of an example hold besides.
+    """One impact through time, or several in one figure, from `source`, with `notes`. `panels` are the quantities in
+    the figure (empty: those of the model), `heading` and `more` further text and data of an example.
     """
 
     simulations: tuple[Simulation, ...]
@@ -112,7 +111,7 @@ class Course:
 
     @property
     def name(self) -> str:
-        """What its folder is called."""
+        """The name of its folder."""
         if self.more:
             return self.source
         given = self.simulations[0].impact
@@ -123,22 +122,22 @@ class Course:
         return "\n\n".join(filter(None, (self.heading, document.render(self.simulations))))
 
     def to_frame(self) -> pd.DataFrame:
-        """The course: one row a point of time, columns with their units, quantiles where there is a posterior."""
+        """The time series: one row for each time, columns with units, and quantiles if there is a posterior."""
         import pandas as pd
 
         return pd.DataFrame(document.history_rows(self.simulations))
 
     def summary(self) -> Mapping[str, object]:
-        """What went in, phases, peaks, jumps and rebound, in SI; of several simulations the first."""
+        """Impact, phases, peaks, jumps and rebound in SI, of the first simulation."""
         return document.simulation_json(self.simulations[0])
 
     def json(self) -> dict[str, object]:
-        """All of it but the courses, as `simulate.json` has it."""
+        """The content of `simulate.json`: all but the time series."""
         more = self.more or {"notes": list(self.notes)}
         return {**more, "simulations": [document.simulation_json(item) for item in self.simulations]}
 
     def plot(self) -> Figure:
-        """The courses along the contact, as a matplotlib Figure that pyplot does not know."""
+        """The time series, as a matplotlib Figure that is not registered with pyplot."""
         from fitball.report.history.figure import history_figure
 
         return history_figure(self.simulations, self.title, self.panels)
@@ -153,12 +152,13 @@ class Course:
         csv: PathLike | None = None,
         film: PathLike | None = None,
     ) -> tuple[Path, ...]:
-        """Write `simulate.json`, `history.csv` and the figure; the courses to the file `csv` too, and a `film` of the
-        bounce. Returns their places; raises ResultFolderError.
+        """Write `simulate.json`, `history.csv` and the figure; also the time series to the file `csv`, and a `film`.
+        Returns the paths; raises ResultFolderError.
         """
         if film is not None and len(self.simulations) > 1:
-            shown = f"{spoken('--animate', 'a film')} shows one bounce"
-            raise ParameterError(f"{shown}; example {self.source} has {len(self.simulations)}")
+            raise ParameterError(
+                f"{spoken('--animate', 'a film')} shows one bounce; example {self.source} has {len(self.simulations)}"
+            )
         named = tuple(Path(place) for place in (csv, film) if place is not None)
         for place in named:
             refuse_existing(place, overwrite)
@@ -178,20 +178,20 @@ class Course:
 
 
 def impact_of(impact: Any) -> Impacts:
-    """One impact, from text or as it is. Raises ParameterError for several."""
+    """One impact, from text or `Impacts`. Raises ParameterError for several."""
     if isinstance(impact, str):
         return parse_impact(impact)
     if not isinstance(impact, Impacts) or len(impact) != 1:
         raise ParameterError(
-            f"simulate follows one impact: read {impact!r}, expected a text such as 'v=17, theta=18, spin=100' or "
+            f"simulate takes one impact: read {impact!r}, expected a text such as 'v=17, theta=18, spin=100' or "
             "fitball.impacts(v_x1, v_y1, omega_1)"
         )
     return impact
 
 
 def course_of(subject: Subject, impact: Impacts | str, draws: int) -> Course:
-    """Point estimate and bands of a fit, or a model at its values. Raises ModelError, ParameterError, and what
-    `Model.history` raises.
+    """Best-fit curves and bands of a fit, or curves of a model at its values. Raises ModelError, ParameterError, and
+    as `Model.history` does.
     """
     given, fitted, saved = impact_of(impact), subject.fitted, subject.saved
     if saved is None:
@@ -208,22 +208,22 @@ def course_of(subject: Subject, impact: Impacts | str, draws: int) -> Course:
 
 
 def _cautions(saved: Fit) -> Sequence[str]:
-    """What the fit itself leaves open."""
+    """Notes on limits of the fit."""
     notes = []
     if saved.status is RunStatus.POINT_ONLY:
-        notes.append("a point fit has no posterior: courses at the point estimate, without bands")
+        notes.append("a point fit has no posterior: best-fit curves without bands")
     if saved.status is RunStatus.NOT_CONVERGED:
-        notes.append("the sampler of this fit did not converge: bands may change")
+        notes.append("sampling of this fit did not converge: bands may change")
     stiffness = saved.parameters.get("k_y")
-    rests = {Verdict.FIXED: "the value it was held at", Verdict.PRIOR_DOMINATED: "its prior"}
-    if stiffness is not None and stiffness.verdict in rests:
-        notes.append(f"times, compression and forces rest on k_y, and in this fit k_y on {rests[stiffness.verdict]}")
+    sources = {Verdict.FIXED: "is fixed", Verdict.PRIOR_DOMINATED: "comes from its prior"}
+    if stiffness is not None and stiffness.verdict in sources:
+        notes.append(f"times, compression and forces depend on k_y, which {sources[stiffness.verdict]} in this fit")
     return notes
 
 
 @dataclass(frozen=True)
 class Regimes:
-    """Which sequence of slip and grip an impact of the subject goes through, with contours of one output."""
+    """The sequence of slip and grip over angle and spin, with contours of one output."""
 
     found: RegimeMap
     subject: Subject
@@ -231,12 +231,12 @@ class Regimes:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What one should know."""
+        """Notes on the values of the model."""
         return self.subject.notes
 
     @property
     def name(self) -> str:
-        """What its folder is called."""
+        """The name of its folder."""
         return f"map_{self.subject.name}_{self.found.window.speed:.4g}"
 
     def report(self) -> str:
@@ -246,14 +246,14 @@ class Regimes:
         return map_text(self.found, self.subject.title)
 
     def json(self) -> dict[str, object]:
-        """All of it but the grid, as `regime_map.json` has it."""
+        """The content of `regime_map.json`: all but the grid."""
         from fitball.report.history.regime_map import map_json
 
         chosen = self.subject.fitted.model
         return {"model": chosen.name, "closures": dict(chosen.options), **map_json(self.found)}
 
     def save(self, folder: Path, *, overwrite: bool = False, form: str = "png") -> tuple[Path, ...]:
-        """Write `regime_map.json`, `regime_map.csv` and the figure; their places. Raises ResultFolderError."""
+        """Write `regime_map.json`, `regime_map.csv` and the figure; returns the paths. Raises ResultFolderError."""
         from fitball.report.figures.canvas import save_figure
         from fitball.report.history.regime_map import map_figure, map_rows
 
@@ -270,8 +270,8 @@ class Regimes:
 
 
 def regimes_of(subject: Subject, asked: str, contours: str | None) -> Regimes:
-    """The map of a text such as `v=30, theta=10..80, spin=-300..300`; what it does not say is as the fitted impacts
-    were. Raises ModelError, ParameterError.
+    """The map of a text such as `v=30, theta=10..80, spin=-300..300`; ranges that are not given are those of the
+    fitted impacts. Raises ModelError, ParameterError.
     """
     from fitball.report.history.regime_map import contour_names
 
@@ -280,7 +280,7 @@ def regimes_of(subject: Subject, asked: str, contours: str | None) -> Regimes:
         raise ParameterError(f"unknown quantity '{chosen}': {suggestion(chosen, contour_names())}")
     window, (speed, angle, spin) = parse_window(asked), (SPEED, ANGLE, SPIN)
     if chosen == "contact_time" and not subject.fitted.model.has_time:
-        raise ParameterError(f"{option('contours', chosen)}: model {subject.fitted.model.name} has none")
+        raise ParameterError(f"{option('contours', chosen)}: model {subject.fitted.model.name} does not compute it")
     if subject.saved is not None:
         impacts = subject.saved.impacts
         speed, angles = float(np.median(impacts.speed)), impacts.angle
@@ -291,7 +291,7 @@ def regimes_of(subject: Subject, asked: str, contours: str | None) -> Regimes:
 
 
 def page_of(subject: Subject, impact: Impacts | None) -> str:
-    """The page with sliders as HTML, begun at an impact (by default in the middle of what was calibrated). Raises
+    """The page with sliders as HTML, starting at an impact (default: the middle of the calibrated range). Raises
     ModelError.
     """
     from fitball.exports.interactive import interactive_page, round_impact
@@ -301,8 +301,8 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
         fitted, table = subject.fitted, subject.saved.source
         intro, origin = f"As fitted to {table.name}, {table.impacts} impacts.", origin_of(subject.saved)
     else:
-        # As if fitted to these, by which the valid range is found.
-        fitted, origin = replace(subject.fitted, impacts=load_table("wang_all").impacts), "no fit, round parameters"
-        given = ", some of them given" if subject.given else ""
-        intro = f"No fit: round parameters near the fits to the balls of Wang (1989){given}."
+        # The valid range is that of these impacts.
+        fitted, origin = replace(subject.fitted, impacts=load_table("wang_all").impacts), "default values, no fit"
+        given = ", some of them set by the user" if subject.given else ""
+        intro = f"Default parameters, near the fits to the balls of Wang (1989){given}. This is not a fit."
     return interactive_page(fitted, round_impact(fitted) if impact is None else impact, intro, origin)

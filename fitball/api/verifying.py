@@ -1,5 +1,5 @@
-"""A port of a fit, which somebody wrote or exported, held against the fit's golden impacts: its file read, compared,
-and what was found as text and as plain data.
+"""A port of a fit, compared with the fit on its golden impacts: the file is read and compared, the result is text or
+plain data.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from fitball.report.form.document import columns
 from fitball.wording import option
 
 DEFAULT_TOLERANCE = 1e-9
-# Printed digits of an incident state that is repeated in the file: any fewer and it is not the golden one.
+# Relative difference of an incident state in the file from the golden one: rounding at most.
 REPEATED = 1e-6
 EXPLANATION = (
-    "Relative: speeds to the incident speed of the ball's centre and surface together, spins times the radius\n"
-    "likewise, contact times to themselves; angles in radians. Double precision gives 1e-12 or better."
+    "Relative differences: of speeds, and of spins times the radius, to the incident speed (of centre and surface\n"
+    "together); of contact times to their own value; of angles in radians. Double precision reaches 1e-12."
 )
 
 
@@ -42,17 +42,17 @@ class Verified:
 
     @property
     def outcome(self) -> str:
-        """Whether it passed, in a line."""
+        """Whether it passed, in one line."""
         failed = f"FAILED: {int(self.check.failed.sum())} of {len(self.ids)} impacts"
         return f"{'passed' if self.check.passed else failed} (tolerance {self.check.tolerance:g} relative)"
 
     @property
     def exit_code(self) -> int:
-        """0 where every impact passes, else 1."""
+        """0 if every impact passes, else 1."""
         return 0 if self.check.passed else 1
 
     def report(self) -> str:
-        """All of it as text."""
+        """The result as text."""
         check = self.check
         outputs = [["output", "largest difference", "relative", "at", ""]] + [
             [item.name, f"{item.absolute:.3g} {SI_UNITS[item.name]}", f"{item.relative:.2g}", self.ids[item.worst],
@@ -61,15 +61,15 @@ class Verified:
         ]  # fmt: skip
         impacts = [["impact", "relative", "", "regime"]] + [
             [label, f"{check.relative[k]:.2g}", "FAIL" if check.failed[k] else "ok",
-             check.regimes[k] + ("  (the port says another)" if k in check.regimes_wrong else "")]
+             check.regimes[k] + ("  (the port has another)" if k in check.regimes_wrong else "")]
             for k, label in enumerate(self.ids)
         ]  # fmt: skip
-        head = f"Port of {self.model} on {len(self.ids)} golden impacts"
+        head = f"Port of {self.model} on {len(self.ids)} golden impacts: {self.outcome}"
         tables = ("\n".join(columns(rows, left=len(rows[0]))) for rows in (outputs, impacts))
-        return "\n\n".join([head, *tables, EXPLANATION, self.outcome])
+        return "\n\n".join([head, *tables, EXPLANATION])
 
     def json(self) -> dict[str, Any]:
-        """All of it for machines: SI units, angles in radians."""
+        """The result for other programs: SI units, angles in radians."""
         check = self.check
         return {
             "kind": "fitball verify",
@@ -100,9 +100,10 @@ class Verified:
 
 @checked
 def verify(port: PathLike, fit: FitOrFolder | None = None, tolerance: float = DEFAULT_TOLERANCE) -> Verified:
-    """Compare a file of what a port answers to the golden impacts with the fit it is of (by default beside the file).
+    """Compare the rebounds that a port computed for the golden impacts, in a file, with its fit (default: the one
+    beside the file).
 
-    Raises ParameterError, ResultFolderError, and TableError for a file that is none of this fit's golden impacts.
+    Raises ParameterError, ResultFolderError, and TableError for a file of other impacts.
     """
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise ParameterError(f"{option('tolerance', f'{tolerance:g}')}: expected a positive number")
@@ -110,25 +111,23 @@ def verify(port: PathLike, fit: FitOrFolder | None = None, tolerance: float = DE
     if fit is None:
         fit = place.parent / "fit.json"
         if not fit.exists():
-            raise ResultFolderError(
-                f"{port}: no fit.json beside it; say with {option('fit', 'FIT')} which was ported"
-            )
-    saved, told = fit_of(fit), read_port(place)
+            raise ResultFolderError(f"{port}: no fit.json beside it; name the fit with {option('fit', 'FIT')}")
+    saved, given = fit_of(fit), read_port(place)
     ids = golden_ids(saved.golden)
-    order = _rows_of(told, ids)
-    _check_incident(told, order, saved.golden)
-    timed = [OBSERVABLES[name] for name in told.outputs if OBSERVABLES[name].timed]
+    order = _rows_of(given, ids)
+    _check_incident(given, order, saved.golden)
+    timed = [OBSERVABLES[name] for name in given.outputs if OBSERVABLES[name].timed]
     if timed and not saved.fitted.model.has_time:
-        message = f"model {saved.fitted.model_name} has no {timed[0].title} to compare with; delete the column"
-        raise TableError(told.source, [Fault(message, column=timed[0].name)])
-    outputs = {name: values[order] for name, values in told.outputs.items()}
-    regimes = None if told.regimes is None else tuple(told.regimes[k] for k in order)
+        message = f"model {saved.fitted.model_name} has no {timed[0].title}; delete the column"
+        raise TableError(given.source, [Fault(message, column=timed[0].name)])
+    outputs = {name: values[order] for name, values in given.outputs.items()}
+    regimes = None if given.regimes is None else tuple(given.regimes[k] for k in order)
     check = check_port(saved.fitted, saved.golden, outputs, regimes, tolerance)
     return Verified(check, ids, saved.fitted.model_name)
 
 
 def _rows_of(port: PortFile, ids: tuple[str, ...]) -> list[int]:
-    """For each golden impact the row of the port that answers it. Raises TableError."""
+    """The row of the port for each golden impact. Raises TableError."""
     if port.ids is None:
         if port.count != len(ids):
             message = f"read {port.count} rows; expected {len(ids)}, one for each golden impact, or a column id"
@@ -136,7 +135,7 @@ def _rows_of(port: PortFile, ids: tuple[str, ...]) -> list[int]:
         return list(range(port.count))
     rows = {label: k for k, label in enumerate(port.ids)}
     faults = [
-        Fault(f"read '{label}', which is no golden impact of this fit or comes twice; expected {ids[0]} to {ids[-1]}",
+        Fault(f"read '{label}', which is repeated or no golden impact of this fit; expected {ids[0]} to {ids[-1]}",
               row=k + 1, column="id")
         for k, label in enumerate(port.ids)
         if label not in ids or rows[label] != k
@@ -148,15 +147,13 @@ def _rows_of(port: PortFile, ids: tuple[str, ...]) -> list[int]:
 
 
 def _check_incident(port: PortFile, order: Sequence[int], golden: Golden) -> None:
-    """Raise TableError where the file repeats another incident state than that of the golden impact."""
+    """Raise TableError if an incident state in the file is not that of the golden impact."""
     faults = []
     for name in (name for name in INCIDENT if name in port.incident):
         read = port.incident[name]
         for row, meant in zip(order, getattr(golden.impacts, name).tolist(), strict=True):
             if abs(read[row] - meant) > REPEATED * (1.0 + abs(meant)):
-                said = (
-                    f"read {read[row]:g}, but this golden impact has {meant:g} (SI): is the port fed with this fit's?"
-                )
-                faults.append(Fault(said, row=row + 1, column=name))
+                message = f"read {read[row]:g}, expected {meant:g} (SI): this is not the golden impact of this fit"
+                faults.append(Fault(message, row=row + 1, column=name))
     if faults:
         raise TableError(port.source, faults)

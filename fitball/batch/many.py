@@ -1,4 +1,4 @@
-"""`calibrate_many`: many tables, each fitted by itself, for a caller of Python; the verb `batch` calls the same."""
+"""`calibrate_many`: many tables, each fitted on its own; the verb `batch` calls the same functions."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ MOST_BYTES = 2**30
 
 
 class Batch(Mapping[str, Fit]):
-    """What was found of many tables: `batch["name"]` is the fit of one, read from its folder when asked for;
-    `to_frame()` has a row a table, `failed` says why some could not be fitted.
+    """The fits of many tables: `batch["name"]` is the fit of one, read from its folder when it is needed.
+    `to_frame()` has one row for each table, `failed` the reasons why tables could not be fitted.
     """
 
     def __init__(self, folder: Path, rows: Sequence[Row]) -> None:
@@ -73,13 +73,15 @@ class Batch(Mapping[str, Fit]):
         return {str(row[NAME]): str(row["reason"]) for row in self.rows if row["outcome"] == FAILED}
 
     def to_frame(self) -> pd.DataFrame:
-        """A row a table: outcome, adequacy, labels, and each parameter's median (SI), sd, 95 % interval, verdict."""
+        """One row for each table: outcome, adequacy, labels, and each parameter's median (SI), sd, 95 % interval,
+        verdict.
+        """
         import pandas as pd
 
         return pd.DataFrame(self.rows).set_index(NAME)
 
     def report(self) -> str:
-        """What was found, as text."""
+        """The result as text."""
         shown = self._shown or Results(all_series(self.rows), ())
         return render(self.rows, shown.series, self.folder, shown.populated)
 
@@ -90,7 +92,7 @@ class Batch(Mapping[str, Fit]):
         command: str | None = None,
         over: Over = None,
     ) -> tuple[Populated, ...]:
-        """Write the files of all tables anew with the populations of `quantities`, which are returned; see
+        """Write the files of the batch anew with the populations of `quantities`, which are returned; see
         `population`.
         """
         with held(self.folder):
@@ -99,13 +101,13 @@ class Batch(Mapping[str, Fit]):
 
     @checked
     def population(self, *quantities: str, over: Over = None) -> tuple[Populated, ...]:
-        """Centre and spread of parameters or ratios of two (`"k_theta/k_y"`) over the tables, and each table given
-        all others, from the draws that were kept: nothing is fitted.
+        """Centre and spread of parameters, or ratios of two (`"k_theta/k_y"`), over the tables, and each table's
+        value given all others. They come from the saved draws: nothing is fitted.
 
-        Tables lie on levels `over` a label that all rows of a table share (`"surface"`), over their `"folder"`, or as
-        a mapping of tables to levels tells: then the spread is that between levels, beside that within them.
+        `over` groups tables into levels: by a label that all rows of a table share (`"surface"`), by their
+        `"folder"`, or by a mapping of tables to levels. There is then a spread between levels and one within them.
 
-        Raises ParameterError for what is no quantity or too few tables have, ResultFolderError.
+        Raises ParameterError for an unknown quantity, or one that too few tables have; ResultFolderError.
         """
         names = quantities or default_names(all_series(self.rows))
         return populations(self.rows, self.folder, names, over)
@@ -130,16 +132,15 @@ class Batch(Mapping[str, Fit]):
         return f"<Batch of {len(self.rows):,} tables{failed}, in {self.folder}>"
 
     def _repr_html_(self) -> str:
-        """The rows as a notebook shows them."""
+        """The rows, for a notebook."""
         return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=20, notebook=True)}"
 
 
 @checked
 def load_batch(folder: PathLike = FOLDER) -> Batch:
-    """The batch that lies in a folder, as `calibrate_many` or `fitball batch` left it; nothing is fitted.
+    """The batch in a folder that `calibrate_many` or `fitball batch` wrote; nothing is fitted.
 
-    Raises ResultFolderError where none does, one that has not ended, or one whose table of all says something else
-    than its fits.
+    Raises ResultFolderError if there is none, if it is not finished, or if its table disagrees with its fits.
 
     >>> many = folder.parent / "kept"
     >>> tables = {"still air": "wang_zero_spin"}
@@ -153,15 +154,15 @@ def load_batch(folder: PathLike = FOLDER) -> Batch:
         return Batch(place, _rows(table))
     except FileNotFoundError:
         raise ResultFolderError(
-            f"{table}: there is no such file; expected the folder of a batch that has ended: fitball batch "
-            "goes on where one stopped"
+            f"{table}: no such file; expected the folder of a finished batch (to finish one, run the same fitball "
+            "batch command again)"
         ) from None
     except (OSError, ValueError) as error:
         raise ResultFolderError(f"{table}: not the table of a batch: {error}; run fitball batch again") from None
 
 
 def _rows(place: Path) -> tuple[Row, ...]:
-    """The rows of a `batch.csv`, each held against the fit that it is of."""
+    """The rows of a `batch.csv`, each compared with its fit."""
     rows = read_rows(read_bounded(place, MOST_BYTES).decode("utf-8"))
     for row in rows:
         if row["outcome"] == DONE:
@@ -187,16 +188,16 @@ def calibrate_many(
     progress: Callable[[Going], None] | None = None,
     **options: Unpack[Fitting],
 ) -> Batch:
-    """Fit each of many tables by itself: named ones (`{"court 3": frame}`), paths, patterns (`"courts/*.csv"`),
+    """Fit many tables, each on its own: named ones (`{"court 3": frame}`), paths, patterns (`"courts/*.csv"`),
     folders.
 
-    Below the folder `out` every table has one of its own with `fit.json`, or with `full` all that `calibrate` writes;
-    beside them lie a table of all (CSV, Parquet where pyarrow is installed) and a page. Tables that are finished
-    there are not fitted again, so the same call goes on after an interruption; those of other data or settings are
-    refused unless `overwrite`. A table that cannot be fitted does not stop the others and says why. Tables run on
-    `cores` processes (default: all), or on the Dask cluster whose `scheduler` is at that address; results are the
-    same bytes. Each table is fitted as by `calibrate` with the same `seed`, for the other arguments see there.
-    `progress` is told how far all are.
+    In the folder `out`, every table has a folder with `fit.json`, or with `full` all files of `calibrate`; beside
+    them are a table with one row for each (CSV, and Parquet if pyarrow is installed) and a page. Finished tables are
+    not fitted again: the same call continues after an interruption. Results of other data or settings are refused
+    unless `overwrite`. A table that cannot be fitted does not stop the others; its row has the reason. Tables run on
+    `cores` processes (default: all), or on the Dask cluster at the address `scheduler`; the results do not depend on
+    this. Each table is fitted as by `calibrate` with the same `seed`; for the other arguments see there. `progress`
+    is called with the progress of the batch.
 
     Raises ParameterError, ResultFolderError; KeyboardInterrupt when it is interrupted.
 
@@ -211,7 +212,7 @@ def calibrate_many(
 
 
 def plan_of(folder: Path, model: str | None, full: bool, overwrite: bool, **options: Unpack[Fitting]) -> Plan:
-    """What is asked of every table. Raises ParameterError."""
+    """The settings for all tables. Raises ParameterError."""
     choices, config = choices_of(model, options), options.get("config")
     return Plan(
         folder,
@@ -235,7 +236,7 @@ def batch_of(
     report: Callable[[Going], None],
     command: str | None = None,
 ) -> Batch:
-    """The same for a plan; `command` is the line that asked for it."""
+    """The same for a plan; `command` is the command line."""
     workers = engine(cores, scheduler)
     tasks = tasks_of(tables, plan.folder)
     with held(plan.folder):
@@ -246,10 +247,10 @@ def batch_of(
 
 @dataclass(frozen=True)
 class Plan:
-    """How each table is read and fitted, and where its folder lies: below `folder`, by name.
+    """How each table is read and fitted; its result is in a folder of its name, in `folder`.
 
-    `full` results are those of `calibrate`, the others `fit.json` alone. `config` is the scene of all (None: each
-    its own, beside it).
+    `full` results have all files of `calibrate`, others `fit.json` alone. `config` is the scene of all tables (None:
+    each has its own beside it).
     """
 
     folder: Path
@@ -264,17 +265,17 @@ class Plan:
     overwrite: bool = False
 
     def mark(self, problem: Problem) -> str:
-        """SHA-256 over all that the result of a table depends on."""
+        """SHA-256 of everything that the result of a table depends on."""
         effort = self.effort
         parts = [fingerprint(problem, effort), *map(repr, (self.choices, effort.max_steps, effort.point_only))]
-        # What is told of a fit depends on the scene beyond its parameters: surface, type of ball, temperature.
+        # Reports depend on more of the scene than the parameters: surface, type of ball, temperature.
         scene = replace(problem.scene, source=None)
         parts += map(repr, (self.full, self.as_read, sorted(self.units.items()), problem.notes, scene))
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 class KeptRow(Part, frozen=True):
-    """What `row.json` holds: the digest of all that a fit depends on, and the row of the fit."""
+    """The content of `row.json`: the digest of everything that a fit depends on, and its row."""
 
     mark: Digest
     row: Mapping[str, str | float | None]
@@ -282,34 +283,34 @@ class KeptRow(Part, frozen=True):
 
 @dataclass(frozen=True)
 class Done:
-    """One table is done: its `row`, and whether that was `kept` from an earlier run."""
+    """A finished table: its `row`, and whether that was `kept` from an earlier run."""
 
     row: Row
     kept: bool = False
 
 
 def fit_one(plan: Plan, task: Task) -> Done:
-    """The row of a table; where it could not be fitted, a row that says why. Raises nothing but KeyboardInterrupt:
-    one table does not stop the others.
+    """The row of a table, with the reason if it could not be fitted. Raises KeyboardInterrupt only: one table does
+    not stop the others.
     """
     try:
-        # What one should know of a fit stands in its notes; warnings of two hundred tables are noise.
+        # Notes of a fit are in its file; warnings of two hundred tables would not be read.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return _fitted(plan, task)
     except FitballError as error:
         return Done(failed_row(task.name, " ".join(str(error).split())))
     except Exception as error:
-        # A fault of ours in one table must not cost a night's work on the others; its row tells of it.
-        said = f"a fault of fitball, please report it: {type(error).__name__}: {error}"
-        return Done(failed_row(task.name, " ".join(said.split())))
+        # A fault of fitball with one table must not stop the others; its row reports it.
+        reason = f"a fault of fitball, please report it: {type(error).__name__}: {error}"
+        return Done(failed_row(task.name, " ".join(reason.split())))
 
 
 def _fitted(plan: Plan, task: Task) -> Done:
     if not (plan.folder / RECORD_NAME).is_file():
         raise ResultFolderError(
-            f"{plan.folder.absolute()}: not the folder of the batch in the process that works; workers on other "
-            "machines need the files of this one at the same place"
+            f"{plan.folder.absolute()}: a worker does not find the folder of the batch here; workers on other "
+            "machines need the same files at the same path"
         )
     problem = pose(
         task.table, plan.choices, config=plan.config, flip=plan.flip, columns=plan.columns, as_read=plan.as_read,
@@ -321,16 +322,15 @@ def _fitted(plan: Plan, task: Task) -> Done:
             kept = kept_row(folder, task.name, mark, problem)
         except ResultFolderError as error:
             if not plan.overwrite:
-                raise ResultFolderError(f"{error}; or replace it with {option('overwrite')}") from None
+                raise ResultFolderError(f"{error}; {option('overwrite')} replaces it") from None
             kept = None
         if kept is not None:
             return Done(kept, kept=True)
         if not plan.overwrite:
             raise ResultFolderError(
-                f"{folder}: holds a fit of another table or with other settings; use {option('overwrite')} "
-                "to replace it"
+                f"{folder}: has a fit of another table or with other settings; {option('overwrite')} replaces it"
             )
-    # The table of all tells of the fit that goes: nobody shall read it beside the new one.
+    # The table of all has the row of the old fit, and must not be read beside the new one.
     for place in (plan.folder / CSV_NAME, folder / ROW_NAME):
         remove(place)
     prepare_folder(folder, overwrite=True, resume=False)
@@ -346,16 +346,16 @@ def _write(fit: results.Fit, folder: Path, full: bool) -> None:
     if full:
         write_all(fit, folder)
         return
-    # What a fit is read back with: measurements and settings.
+    # Measurements and settings, with which a fit is read back.
     write_data(fit.problem, folder / DATA_NAME)
     write_text(folder / RUN_NAME, run_text(fit, folder))
     write_text(folder / FIT_NAME, fit_text(fit))
 
 
 def kept_row(folder: Path, name: str, mark: str, problem: Problem) -> Row | None:
-    """The row of a finished table from the fit that lies there, None where that is of other data or settings.
+    """The row of a finished table, None if its fit is of other data or settings.
 
-    Raises ResultFolderError for files that are missing, damaged, or say different things.
+    Raises ResultFolderError for files that are missing, damaged, or disagree.
     """
     place = folder / ROW_NAME
     kept = structured(place, read_json(place), KeptRow)
@@ -365,7 +365,7 @@ def kept_row(folder: Path, name: str, mark: str, problem: Problem) -> Row | None
     check_row(dict(kept.row), saved, place)
     row = row_of(name, saved, problem)
     if saved.source.sha256 != problem.table.digest or kept.row != row:
-        raise damaged(place, "not the row of the fit.json beside it")
+        raise damaged(place, "its row is not that of the fit.json beside it")
     return row
 
 
@@ -374,10 +374,10 @@ KIND = "fitball batch"
 
 @dataclass(frozen=True)
 class Going:
-    """How far a batch is: so many `done` `of` all, `kept` of them from an earlier run, `failed`."""
+    """Progress of a batch: tables `done` of a `total`, with those `kept` from an earlier run and those `failed`."""
 
     done: int
-    of: int
+    total: int
     kept: int
     failed: int
 
@@ -385,16 +385,16 @@ class Going:
 def run_tasks(
     tasks: Sequence[Task], plan: Plan, engine: Engine, report: Callable[[Going], None] = lambda _going: None
 ) -> tuple[Row, ...]:
-    """One row a task, in their order, all with the same columns.
+    """One row for each task, in their order, all with the same columns.
 
     A table that is finished in `plan.folder` is not fitted again, one that was interrupted is. Raises
-    ResultFolderError for a folder that holds something else, ParameterError for two tables of one name and for what
-    `Engine.unordered` names.
+    ResultFolderError for a folder with other files, ParameterError for two tables of one name, and as
+    `Engine.unordered` does.
     """
     names = [task.name for task in tasks]
     twice = next((name for name in names if names.count(name) > 1), None) if len(set(names)) < len(names) else None
     if twice is not None:
-        raise ParameterError(f"two tables are called '{twice}'")
+        raise ParameterError(f"two tables have the name '{twice}'; rename one")
     _claim(plan)
     rows: dict[str, Row] = {}
     kept = failed = 0
@@ -418,14 +418,14 @@ def _done(tasks: Sequence[Task], plan: Plan, engine: Engine) -> Iterator[Done]:
 def _lost(task: Task, how: str) -> Done:
     """The row of a table that ended the process that fitted it."""
     reason = (
-        f"the process that read and fitted it ended with {how}, and so when nothing else ran beside it: the file "
-        "makes a library crash, or needs more memory than this machine has; look at it, or leave it out"
+        f"the process that fitted it ended with {how}, also when it ran alone: the file makes a library crash, or "
+        "needs more memory than this machine has; check it, or leave it out"
     )
     return Done(failed_row(task.name, reason))
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
-    """Those of all rows in the order of the row that has most, others behind."""
+    """The columns of all rows, in the order of the row with most columns, others after these."""
     most: Row = max(rows, key=len, default={})
     return list(dict.fromkeys([*HEAD, *most, *(column for row in rows for column in row)]))
 
@@ -435,9 +435,9 @@ def _claim(plan: Plan) -> None:
     record = plan.folder / RECORD_NAME
     if record.exists():
         if read_json(record) != {"kind": KIND}:
-            raise ResultFolderError(f"{record}: not what fitball batch writes; name another folder")
+            raise ResultFolderError(f"{record}: not written by fitball batch; name another folder")
         return
     if plan.folder.is_dir() and any(item.name != LOCK_NAME for item in plan.folder.iterdir()):
-        raise ResultFolderError(f"{plan.folder}: holds other files than those of a batch; name another folder")
+        raise ResultFolderError(f"{plan.folder}: has files other than those of a batch; name another folder")
     make_folder(plan.folder)
     write_text(record, json_text({"kind": KIND}))

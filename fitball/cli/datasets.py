@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fitball.cli.options import COLUMNS, FLIP, READING, Option, Run, Verb, fitting_of, option, switch
+from fitball.cli.options import COLUMNS, FLIP, FORCE, READING, SCENE, Option, Run, Verb, fitting_of, option, switch
+from fitball.cli.terminal import show
 from fitball.visible import one_line
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def _priors(args: argparse.Namespace) -> int:
     if args.json:
         _print_json([asdict(row) | {"prior": row.text} for row in rows])
         return 0
-    print("Priors from the literature, in SI units: --prior NAME=literature:KEY, or [priors] of a scene.")
+    print("Published priors, in SI units. Use one with --prior NAME=literature:KEY, or in [priors] of a scene.")
     for row in rows:
         print(f"\n{row.parameter}={PREFIX}{row.key}  {row.text}")
         print("\n".join(wrapped([row.note, f"Source: {row.source}"], "  ", "  ")))
@@ -64,14 +65,16 @@ def _show(args: argparse.Namespace) -> int:
         "known": _known(scene),
         "assumed": scene.assumed,
         "notices": table.remarks,
-        "another reading explains the table much better": () if doubt is None else doubt.lines(scene),
+        "another reading of the table fits much better": () if doubt is None else doubt.lines(scene),
     }
     heads = filter(None, (scene.citation, f"file {table.source}", f"SHA-256 {table.digest}"))
-    sections = [Section("table", "as read:", [_table(table)])]
-    sections += [Section("balances", "model-free, from the measurements alone:", [balances, Words(meanings, "list")])]
+    sections = [Section("table", "the table as it is read:", [_table(table)])]
+    sections += [
+        Section("balances", "balances of momentum and energy, without a model:", [balances, Words(meanings, "list")])
+    ]
     sections += [Section(head, f"{head}:", [Words([*map(one_line, texts)], "list")]) for head, texts in lists.items()]
     title = one_line(f"{table.name}: {scene.description or table.source}")
-    print(on_terminal(Document(title, [Words([*map(one_line, heads)], "lead")], sections)))
+    show(on_terminal(Document(title, [Words([*map(one_line, heads)], "lead")], sections)))
     return 0
 
 
@@ -103,7 +106,7 @@ def _columns(table: ImpactTable) -> dict[str, Any]:
 
 
 def _table(table: ImpactTable) -> Table:
-    """What a person reads; in SI units but for angles, which people read in degrees."""
+    """For people: SI units, but angles in degrees."""
     from fitball.data.units import UNITS
     from fitball.report.form.document import MOST_LINES, Table
     from fitball.report.form.numbers import significant
@@ -126,10 +129,10 @@ def _known(scene: Scene) -> tuple[str, ...]:
         lines.append(f"surface: {scene.surface}")
     if scene.mu is not None:
         value, sd = scene.mu
-        lines.append(f"friction coefficient {value:g}" + ("" if sd is None else f" +- {sd:g}"))
+        lines.append(f"friction coefficient {value:g}" + ("" if sd is None else f" ± {sd:g}"))
     if scene.contact_time is not None:
         value, spread = scene.contact_time
-        lines.append(f"contact time {1e3 * value:g} +- {1e3 * spread:g} ms")
+        lines.append(f"contact time {1e3 * value:g} ± {1e3 * spread:g} ms")
     return tuple(lines)
 
 
@@ -159,13 +162,14 @@ def _print_json(content: object) -> None:
 
 
 def _action(run: Run, name: str, help: str, example: str, *options: Option) -> Verb:
-    told = (switch("--json", "print JSON for other programs"), *options)
-    return Verb(name, help, told, run, f"example:\n  fitball datasets {example}\n")
+    known = (*options, switch("--json", "print JSON for other programs"))
+    return Verb(name, help, known, run, f"example:\n  fitball datasets {example}\n")
 
 
+DATA = option("data", "DATA", "a table (CSV, workbook, Parquet), or the name of a bundled one")
 DATASETS = Verb(
     "datasets",
-    "list, show and check impact tables; list priors from the literature",
+    "list, show and check tables of impacts; list published priors",
     (),
     _list,
     """examples:
@@ -175,23 +179,19 @@ DATASETS = Verb(
   fitball datasets check my_impacts.csv --json
   fitball datasets priors
 """,
-    description="List the tables that come with fitball, show one, or check a file and name every fault.",
+    description="List the bundled tables, show a table, check a table for faults, or list published priors.",
     actions=(
-        _action(_list, "list", "names of the bundled tables", "list"),
+        _action(_list, "list", "list the bundled tables", "list"),
         _action(
-            _show, "show", "a table as it was read, and what is known about it", "show wang_all",
-            option("data", "NAME", "a path, or the name of a bundled table"), FLIP, COLUMNS,
+            _show, "show", "show a table as it is read, and its scene", "show wang_all",
+            DATA, FLIP, COLUMNS,
         ),
         _action(
-            _check, "check", "every fault of a table, of its scene and of its force records", "check my_impacts.csv",
-            option("data", "FILE", "a path, or the name of a bundled table"),
-            option("--config", "FILE.toml", "the scene, instead of the TOML file beside the table"),
-            option("--force", "FILE", "force records, instead of those beside the table"),
-            *READING, switch("--quiet", "print faults only"),
+            _check, "check", "list the faults of a table, its scene and its force records", "check my_impacts.csv",
+            DATA, SCENE, FORCE, *READING, switch("--quiet", "print faults only"),
         ),
         _action(
-            _priors, "priors", "priors from the literature, for --prior NAME=literature:KEY, with their sources",
-            "priors",
+            _priors, "priors", "list published priors and their sources, for --prior NAME=literature:KEY", "priors",
         ),
     ),
 )  # fmt: skip

@@ -7,25 +7,31 @@ import shlex
 import sys
 import time
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
-    CONFIG,
     CORES,
-    FITTING,
+    FORCE,
     FULL,
+    MODEL,
+    NOISE,
+    OVERWRITE,
     READING,
+    SAMPLING,
+    SCENE,
     SCHEDULER,
     SEED,
+    Group,
     Verb,
     either,
     fitting_of,
     option,
     place,
+    print_notes,
     print_result,
     switch,
-    tell_notes,
     whole,
 )
 from fitball.cli.terminal import show, time_left
@@ -36,6 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from fitball.batch.many import Going
+    from fitball.inference.problem.problem import Problem
 
 
 def run_calibrate(args: argparse.Namespace) -> int:
@@ -50,7 +57,7 @@ def run_calibrate(args: argparse.Namespace) -> int:
     from fitball.report.form.folders import held
 
     if args.resume and args.overwrite:
-        raise ParameterError("--resume goes on with the old result and --overwrite discards it: choose one")
+        raise ParameterError("--resume continues the old run and --overwrite discards it: choose one")
     asked = fitting_of(args)
     choices = choices_of(args.model, asked)
     problem = pose(args.data, choices, args.force, **reading_of(asked))
@@ -61,9 +68,9 @@ def run_calibrate(args: argparse.Namespace) -> int:
         begun = begin(problem, effort, folder, overwrite=args.overwrite, resume=args.resume)
         if not args.quiet:
             progress.finish()
-            tell_notes([*problem.table.remarks, *problem.notes])
+            print_notes(_by_weight(problem), args.full)
         if args.resume and not begun.resumes:
-            print(f"note: {folder} holds no chain to resume: starting anew", file=sys.stderr)
+            print(f"note: {folder} holds no chain to resume; a new run is started", file=sys.stderr)
         try:
             fit = begun.fit(progress)
             progress("files" if args.no_figures else "figures and files", None)
@@ -72,7 +79,7 @@ def run_calibrate(args: argparse.Namespace) -> int:
             progress.finish()
             kept = begun.chain is not None and begun.chain.path.exists()
             if isinstance(error, KeyboardInterrupt):
-                words = _farewell(folder) if kept else " before sampling: nothing to keep."
+                words = _farewell(folder) if kept else " before sampling; nothing is saved."
                 print(f"Interrupted{words}", file=sys.stderr)
                 return 130
             raise ResultFolderError(f"{error}\nNot finished{_farewell(folder)}" if kept else str(error)) from None
@@ -84,41 +91,55 @@ def run_calibrate(args: argparse.Namespace) -> int:
     return 1 if fit.status is RunStatus.NOT_CONVERGED else 0
 
 
+def _by_weight(problem: Problem) -> list[object]:
+    """Notes before a fit: one on the fit, one on the table, and so on; what the scene leaves open comes last."""
+    usual = problem.scene.assumed
+    own = [note for note in problem.notes if note not in usual]
+    both = [note for pair in zip_longest(own, problem.table.remarks) for note in pair if note is not None]
+    return [*both, *(note for note in problem.notes if note in usual)]
+
+
 def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:
-    """fits/<table>/<model>/, the changed closures named behind the model."""
+    """fits/<table>/<model>/, with the closures changed after the model."""
     variant = "".join(f"+{name}={closures[name]}" for name in sorted(closures))
     return Path("fits") / table / (model + variant)
 
 
 def _farewell(folder: Path) -> str:
     command = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
-    return f". The chain is kept in {folder}; to go on:\n  fitball {shlex.join([*command, '--resume'])}"
+    return f". The chain is saved in {folder}; to continue:\n  fitball {shlex.join([*command, '--resume'])}"
 
 
+TABLE = option("data", "DATA", "a table (CSV, workbook, Parquet), or the name of a bundled one")
 CALIBRATE = Verb(
-    "calibrate", "fit a model to a table of impacts: parameters, uncertainty, verdicts, figures, exported files",
+    "calibrate", "fit a model to measured impacts: parameters, uncertainty, verdicts, report",
     (
-        option("data", "DATA", "a table (CSV, workbook, Parquet), or the name of a bundled one", nargs="+"),
-        *FITTING,
-        option(
-            "--force", "FILE",
-            "force-time records: columns id, t, F (default: <table>_force.csv beside DATA); none: without",
-        ),
-        option("--out", "DIR", "result folder", type=place),
-        switch("--no-figures", "draw none: neither files nor on the page"),
-        switch("--resume", "go on with an interrupted or unconverged run"),
-        switch("--overwrite", "replace an older result in the folder"),
-        FULL,
-        switch("--json", "print the summary as JSON"),
-        switch("--quiet", "no progress, no table: only errors and files"),
+        option("data", "DATA", TABLE.help, nargs="+"),
+        Group("table", (SCENE, FORCE, *READING)),
+        MODEL,
+        NOISE,
+        SAMPLING,
+        Group("output", (
+            option("--out", "DIR", "result folder (default: fits/<table>/<model>)", type=place),
+            switch("--no-figures", "draw no figures, neither as files nor in the report"),
+            switch("--resume", "continue an interrupted or unconverged run"),
+            OVERWRITE,
+            FULL,
+            switch("--json", "print the summary as JSON"),
+            switch("--quiet", "print errors and the result folder only"),
+        )),
     ),
     run_calibrate,
     """examples:
   fitball calibrate wang_zero_spin.csv
   fitball calibrate my_balls.csv --model grip-slip --out results/my_balls
-  fitball calibrate wang_all.csv --fix eps_slope=0 --prior "mu=normal(0.6, 0.1)" --seed 7
+  fitball calibrate wang_all.csv --fix eps_slope=0 --prior "mu=normal(0.6, 0.1)"
 
-Results go to fits/<table>/<model>/ below the current folder unless --out names another.""",
+Several tables are fitted together, with shared parameters. Models and their assumptions: fitball compare --help.""",
+    description="""Fit a model to a table of impacts.
+
+The result folder holds report.html, figures, parameters, draws of the posterior, and run.toml to repeat the fit. Exit
+code 1 if the posterior did not converge.""",
 )  # fmt: skip
 
 
@@ -140,7 +161,7 @@ def run_compare(args: argparse.Namespace) -> int:
         clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
         if not args.quiet:
             progress.finish()
-            tell_notes(asked.said)
+            print_notes(asked.notes)
         comparison = asked.compare(lambda stage: progress(stage, None))
         progress("figures and files", None)
         write_all(comparison.result, folder, args.command)
@@ -153,45 +174,56 @@ def model_names(text: str) -> tuple[str, ...]:
     """Names of `--models`, separated by commas. Raises ModelError for an empty one."""
     names = tuple(part.strip() for part in text.split(","))
     if not all(names):
-        raise ModelError(f"--models {text}: read an empty name; expected names separated by commas")
+        raise ModelError(f"--models {text}: one name is empty; expected names separated by commas")
     return names
 
 
 COMPARE = Verb(
-    "compare", "compare models on a table of impacts by predictions of impacts left out",
+    "compare", "compare models by how well they predict impacts that were left out",
     (
-        option("data", "DATA", "a table (CSV, workbook, Parquet), or the name of a bundled one"),
-        option("--models", "A,B,...", "models to compare (default: those that can differ here)"),
-        CONFIG,
-        *READING,
-        switch("--quick", "only the main models, and no exact refits of influential impacts"),
-        SEED,
-        option("--max-steps", "N", "steps of each ensemble at most (default 8000)", type=whole),
-        option("--cores", "N", "processes, one model each (default: all)", type=whole),
-        SCHEDULER,
-        option("--out", "DIR", "result folder", type=place),
-        switch("--overwrite", "replace an older result in the folder"),
-        FULL,
-        switch("--json", "print compare.json"),
-        switch("--quiet", "no progress, no table: only errors and the folder"),
+        TABLE,
+        option("--models", "A,B,...", "models to compare (default: all that can differ on this table)"),
+        switch("--quick", "compare the main models only, without exact refits of influential impacts"),
+        Group("table", (SCENE, *READING)),
+        Group("sampling", (
+            SEED,
+            option("--max-steps", "N", "maximum number of steps of each ensemble (default: 8000)", type=whole),
+            option("--cores", "N", "number of processes, one model each (default: all)", type=whole),
+            SCHEDULER,
+        )),
+        Group("output", (
+            option("--out", "DIR", "result folder (default: fits/<table>/compare)", type=place),
+            OVERWRITE,
+            FULL,
+            switch("--json", "print compare.json"),
+            switch("--quiet", "print errors and the result folder only"),
+        )),
     ),
     run_compare,
     f"""examples:
   fitball compare wang_all.csv
-  fitball compare my_balls.csv --models brody,grip-slip,two-mass,two-mass+torsion=free
+  fitball compare my_balls.csv --models brody,grip-slip,two-mass
+  fitball compare my_balls.csv --models two-mass,two-mass+torsion=free
   fitball compare wang_zero_spin.csv --quick --json
 
-A model is {either(RANKED[::-1])}, with +CLOSURE=OPTION for each closure changed (the first two know cor alone):
-release (zero_force, zero_displacement), normal (momentum, total, inner), offset (contact, grip), spin (mean, shell),
-inertia (tied, table), torsion (matched, free, rigid), cor (line, saturating, mean, measured).
+models:
+  {either(RANKED[::-1])}
 
-Results go to fits/<table>/compare/ below the current folder unless --out names another. Exit code 1 if a posterior
-did not converge.""",
+model assumptions, written as MODEL+NAME=OPTION (brody and grip-slip have cor only):
+  release   zero_force, zero_displacement
+  normal    momentum, total, inner
+  offset    contact, grip
+  spin      mean, shell
+  inertia   tied, table
+  torsion   matched, free, rigid
+  cor       line, saturating, mean, measured
+
+Exit code 1 if a posterior did not converge.""",
 )  # fmt: skip
 
 
 def run_batch(args: argparse.Namespace) -> int:
-    """Fit what is not fitted yet, write the files of all, print what was found."""
+    """Fit all tables that are not fitted yet, write the files of all, print the result."""
     args.progress("loading", None)
     from fitball.batch.many import FOLDER, batch_of, plan_of
     from fitball.inference.results.results import RunStatus
@@ -200,10 +232,10 @@ def run_batch(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else FOLDER
     plan = plan_of(folder, args.model, args.all_files, args.overwrite, **fitting_of(args))
     try:
-        batch = batch_of(args.data, plan, args.cores, args.scheduler, telling(args), args.command)
+        batch = batch_of(args.data, plan, args.cores, args.scheduler, counting(args), args.command)
     except KeyboardInterrupt:
         args.progress.finish()
-        print(f"Interrupted. Finished tables are kept in {folder}; the same line goes on.", file=sys.stderr)
+        print(f"Interrupted. Finished tables are saved in {folder}; the same command continues.", file=sys.stderr)
         return 130
     args.progress.finish()
     show(str(folder) if args.quiet else batch.report())
@@ -211,51 +243,55 @@ def run_batch(args: argparse.Namespace) -> int:
     return 1 if unsure or any(row["outcome"] == FAILED for row in batch.rows) else 0
 
 
-def telling(args: argparse.Namespace) -> Callable[[Going], None]:
+def counting(args: argparse.Namespace) -> Callable[[Going], None]:
     """Progress with the time left, from tables that were fitted in this run."""
     begun = time.monotonic()
 
-    def tell(going: Going) -> None:
-        words = f"{going.done:,} of {going.of:,} tables"
+    def count(going: Going) -> None:
+        words = f"{going.done:,} of {going.total:,} tables"
         words += f", {going.failed:,} failed" if going.failed else ""
-        words += time_left(time.monotonic() - begun, going.done - going.kept, going.of - going.done)
+        words += time_left(time.monotonic() - begun, going.done - going.kept, going.total - going.done)
         args.progress.count("tables", words)
 
-    return tell
+    return count
 
 
 BATCH = Verb(
-    "batch", "fit many tables, each by itself: one table and one page of all, resumable",
+    "batch", "fit many tables separately: one page and one CSV file for all, resumable",
     (
         option("data", "DATA", "tables, folders of tables, or patterns in quotes ('courts/*.csv')", nargs="+"),
-        *FITTING,
-        switch("--all-files", "all files of calibrate for each table, not fit.json alone"),
-        switch("--overwrite", "replace results of other data or settings"),
-        SCHEDULER,
-        option("--out", "DIR", "result folder (default: fits/batch)", type=place),
-        FULL,
-        switch("--quiet", "no progress, no table: only errors and the folder"),
+        Group("tables", (SCENE, *READING)),
+        MODEL,
+        NOISE,
+        Group("sampling", (*SAMPLING.options, SCHEDULER)),
+        Group("output", (
+            option("--out", "DIR", "result folder (default: fits/batch)", type=place),
+            switch("--all-files", "write all files of calibrate for each table, not fit.json alone"),
+            switch("--overwrite", "replace results of other data or settings"),
+            FULL,
+            switch("--quiet", "print errors and the result folder only"),
+        )),
     ),
     run_batch,
     """examples:
   fitball batch 'courts/*.csv'
   fitball batch 'season/**/*.xlsx' --model grip-slip --out results/season
-  fitball batch courts --scheduler tcp://head:8786
+  fitball batch courts --scheduler tcp://head:8786""",
+    description="""Fit many tables, each on its own.
 
-Results go to fits/batch/ unless --out names another folder: batch.csv with a row a table, batch.html, and a folder a
-table with fit.json (--all-files: all that calibrate writes). The same line goes on after an interruption. Exit code
-1 if a table failed or a posterior did not converge.""",
+The result folder holds batch.html, batch.csv with one row for each table, and a folder with fit.json for each table.
+After an interruption, the same command continues. Exit code 1 if a table failed or a posterior did not converge.""",
 )  # fmt: skip
 
 
 def run_population(args: argparse.Namespace) -> int:
-    """Weight the draws, write the files, print what was found."""
+    """Weight the draws, write the files, print the result."""
     from fitball.batch.many import FOLDER, load_batch
     from fitball.report.batch.populations import content
     from fitball.report.form.files import json_text
 
     batch = load_batch(Path(args.folder) if args.folder else FOLDER)
-    asked = [name.strip() for name in args.of.split(",") if name.strip()]
+    asked = [name.strip() for name in args.parameters.split(",") if name.strip()]
     populated = batch.summarise(asked, args.command, args.over)
     if args.json:
         print(json_text(content(populated)), end="")
@@ -265,18 +301,17 @@ def run_population(args: argparse.Namespace) -> int:
 
 
 POPULATION = Verb(
-    "population",
-    "what the tables of a batch have in common: mean and spread of a parameter, each table given the others",
+    "population", "mean and spread of parameters over the tables of a batch",
     (
         option("folder", "FOLDER", "result folder of a batch (default: fits/batch)", nargs="?"),
         option(
-            "--of", "A,B,...",
-            "further parameters, or ratios of two such as k_theta/k_y, beside those that at least three tables tell",
-            default="",
+            "--parameters", "A,B,...",
+            "further parameters, or ratios of two such as k_theta/k_y (default: those that at least three tables "
+            "determine)", old="--of", default="",
         ),
         option(
             "--over", "LABEL",
-            "tables lie on levels: of a label that all rows of a table share (surface, ball, date), or their folder",
+            "group tables by a label that all rows of a table share (surface, ball, date), or by their folder",
         ),
         FULL,
         switch("--json", "print JSON for other programs"),
@@ -284,18 +319,21 @@ POPULATION = Verb(
     run_population,
     """examples:
   fitball population
-  fitball population fits/batch --of mu,cor_10
-  fitball population results/season --of k_theta/k_y --json
-  fitball population results/season --of mu --over surface
+  fitball population fits/batch --parameters mu,cor_10
+  fitball population results/season --parameters k_theta/k_y --json
+  fitball population results/season --parameters mu --over surface""",
+    description="""Estimate the mean and spread of parameters over the tables of a batch, and each table's value given
+all
+others.
 
-From the draws that `fitball batch` kept of each table, whose priors are divided out; nothing is fitted again. Writes
-population.csv, population.json and the page of the batch anew. Exit code 1 if the weights of a table are not to be
-trusted: a few tables can be fitted together instead, fitball calibrate TABLES --pool mu=table.""",
+The draws that fitball batch saved are reweighted, with the priors divided out; nothing is fitted again. The verb
+writes population.csv and population.json, and the page of the batch anew. Exit code 1 if importance weights of a
+table are unreliable. A few tables can be fitted together instead: fitball calibrate TABLES --pool mu=table.""",
 )  # fmt: skip
 
 
 def run_repeat(args: argparse.Namespace) -> int:
-    """Run the fit again and print what differs; 0 where nothing does, 1 where the results contradict each other."""
+    """Run the fit again and print the differences; 0 where there are none, 1 where the results disagree."""
     args.progress("loading", None)
     from fitball.repeat import repeat
 
@@ -308,37 +346,36 @@ def run_repeat(args: argparse.Namespace) -> int:
         return 130
     args.progress.finish()
     if found is None:
-        tell_notes(["an older fitball made this fit: nothing was compared"])
+        print_notes(["this fit was made by an older version of fitball; nothing was compared"])
         print(args.out)
         return 0
     if not args.quiet:
-        tell_notes(found.repetition.notes)
+        print_notes(found.repetition.notes)
     print_result(args, found, found.repetition.outcome)
     return found.exit_code
 
 
 REPEAT = Verb(
-    "repeat", "run a fit again and say whether the result is the same",
+    "repeat", "run a fit again and check that the result is the same",
     (
+        option("fit", "FIT", "a result folder of fitball calibrate, its fit.json, or a run.toml"),
         option(
-            "fit", "FIT",
-            "a result folder of fitball calibrate, its fit.json or run.toml, or a copy of run.toml beside it",
+            "--data", "FILE", "where the table is now (repeatable, for several tables)", action="append", default=[]
         ),
-        option("--data", "FILE", "where the table is now; repeat for several", action="append", default=[]),
-        option("--force", "FILE", "where its force records are now"),
-        option("--out", "DIR", "keep the new result in this folder", type=place),
+        option("--force-records", "FILE", "where the force records are now", old=FORCE.old, dest="force"),
         CORES,
+        option("--out", "DIR", "save the new result in this folder (default: not saved)", type=place),
         switch("--json", "print every comparison as JSON"),
-        switch("--quiet", "no progress and no table: only the outcome and errors"),
+        switch("--quiet", "print errors and the outcome only"),
     ),
     run_repeat,
     """examples:
   fitball repeat fits/wang_zero_spin/two-mass
   fitball repeat fits/my_balls/grip-slip --data moved/my_balls.csv
   fitball repeat fits/my_balls/grip-slip/run-seed-2.toml --out fits/my_balls/again""",
-    description="""Run a fit again from its run.toml and compare.
+    description="""Run a fit again from its run.toml and compare the results.
 
-The answer is one of three: bit-equal; equal within tolerance (numbers of the posterior differ by no more than their
-Monte Carlo errors, the point estimate by no more than its search leaves open); different, with what and by how much.
-Exit code 1 when different. The result compared with is never touched.""",
+There are three outcomes. Bit-equal: all numbers are the same. Equal within tolerance: the posteriors differ by no
+more than their Monte Carlo errors, and the best-fit values by no more than the accuracy of the search. Different: the
+numbers that differ are listed, and the exit code is 1. The old result is never changed.""",
 )  # fmt: skip

@@ -1,7 +1,7 @@
-"""The entry of the command line: its parser, its completion by a shell, which verb, and what its end means.
+"""The entry of the command line: the parser, completion by a shell, and exit codes.
 
 Exit codes: 0 done; 1 the run finished but its own checks failed; 2 bad input or usage; 130 interrupted. Verbs
-import what is heavy inside functions, so that `fitball --help` is quick.
+import heavy packages inside functions, so that `fitball --help` is quick.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from fitball.cli.datasets import DATASETS
 from fitball.cli.fitting import BATCH, CALIBRATE, COMPARE, POPULATION, REPEAT
-from fitball.cli.options import Verb, either, one_of, option
+from fitball.cli.options import Help, Verb, either, one_of, option
 from fitball.cli.studies import BENCH, REDERIVE, SIMULATE
 from fitball.cli.terminal import screen_of, told_of_compiling, visible_streams
 from fitball.cli.using import EXPORT, PLAN, PLOT, PREDICT, VERIFY
@@ -27,31 +27,36 @@ from fitball.version import __version__
 from fitball.visible import one_line
 from fitball.wording import shown_on, speaking_to_command_line
 
-DESCRIPTION = "fitball: what the bounce of a tennis ball says about the ball and the court."
+DESCRIPTION = (
+    "Fit a model of a bouncing tennis ball to measured impacts: friction, stiffness and restitution, with their "
+    "uncertainty."
+)
 EPILOG = """examples:
-  fitball calibrate wang_zero_spin.csv     fit the two-mass ball to a bundled table
-  fitball datasets check my_balls.csv      every fault of a table, with row and column
-  fitball VERB --help                      what a verb does, with an example"""
+  fitball calibrate wang_zero_spin.csv    fit the two-mass model to a bundled table
+  fitball datasets check my_balls.csv     find every fault of a table
+  fitball VERB --help                     options and examples of a verb"""
 SHELLS = ("bash", "zsh", "fish")
 # Set by the script when the shell asks.
 ASKED = "_ARGCOMPLETE"
 
 
 class Parser(argparse.ArgumentParser):
-    """As argparse's, with mistakes told in the words of fitball, exit code 2.
+    """As argparse's, but with fitball's messages for mistakes, and exit code 2. `renamed` has old names of options,
+    which are still accepted, with the new ones.
 
     Abbreviations are refused: `--over` would be `--overwrite` today and something else after the next version.
     """
 
     def __init__(self, *positional: Any, **named: Any) -> None:
         super().__init__(*positional, **{"allow_abbrev": False, **named})
+        self.renamed: Mapping[str, str] = {}
         # As argparse has it, but for ranges and units behind the number: `--spin -300:300`.
         self._negative_number_matcher = re.compile(r"^-\.?\d")
 
     # The signature of argparse is wider than what it ever passes.
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:  # type: ignore[override]
-        """As argparse's, but a word it does not know is an error of the verb that it stands behind."""
-        words = list(sys.argv[1:] if args is None else args)
+        """As argparse's, but an unknown word is an error of the verb before it."""
+        words = self._with_new_names(sys.argv[1:] if args is None else args)
         self._refuse_unknown(words)
         parsed, rest = super().parse_known_args(words, namespace)
         if rest:
@@ -59,11 +64,22 @@ class Parser(argparse.ArgumentParser):
         return parsed, []
 
     def error(self, message: str) -> NoReturn:
-        """Tell a mistake of the command line, and where to read on."""
+        """Print a mistake of the command line, and where the help is."""
         self.exit(2, f"fitball: {one_line(message)}\nsee {self.prog} --help\n")
 
+    def _with_new_names(self, words: Sequence[str]) -> list[str]:
+        """The words with new names for old ones, each with a note."""
+        options = list(words[: words.index("--")] if "--" in words else words)
+        for place, word in enumerate(options):
+            old, equals, value = word.partition("=")
+            if old in self.renamed:
+                options[place] = self.renamed[old] + equals + value
+                if "--quiet" not in words:
+                    print(f"note: {old} is now {self.renamed[old]}", file=sys.stderr)
+        return [*options, *words[len(options) :]]
+
     def _refuse_unknown(self, words: Sequence[str]) -> None:
-        """Name the first unknown option, or verb, before argparse misses what stands behind it."""
+        """Name the first unknown option, or verb, before argparse reports a missing operand instead."""
         verbs = next((a for a in self._actions if isinstance(a, argparse._SubParsersAction)), None)
         for word in words:
             if word == "--":
@@ -79,10 +95,10 @@ class Parser(argparse.ArgumentParser):
     def _refuse(self, word: str) -> NoReturn:
         verb = self.prog.partition(" ")[2]
         if not word.startswith("-") or word == "-":
-            self.error(f"read '{word}', one word more than {verb or self.prog} takes")
+            self.error(f"unexpected argument '{word}': {verb or self.prog} takes none here")
         name = word.partition("=")[0]
         if not verb:
-            self.error(f"unknown option '{name}' before a verb; options of a verb stand behind it")
+            self.error(f"unknown option '{name}' before a verb; write options of a verb after the verb")
         options = [option for option in self._option_string_actions if option.startswith("--")]
         begun = [option for option in options if option.startswith(name)]
         hint = f"did you mean {' or '.join(map(repr, begun))}?" if begun else suggestion(name, options)
@@ -98,7 +114,7 @@ def run_completion(args: argparse.Namespace) -> int:
 
 
 COMPLETION = Verb(
-    "completion", "a script that completes the command line with Tab (bash, zsh, fish)",
+    "completion", "print a script for completion with Tab (bash, zsh, fish)",
     (
         option("shell", "SHELL", either(SHELLS), type=one_of("shell", SHELLS)),
     ),
@@ -108,13 +124,13 @@ COMPLETION = Verb(
   eval "$(fitball completion zsh)"                                         in ~/.zshrc, after compinit
   fitball completion fish > ~/.config/fish/completions/fitball.fish
 
-Then Tab completes verbs, options and files.""",
-    description="Print a script with which a shell completes the command line.",
+Tab then completes verbs, options and files.""",
+    description="Print a script that lets a shell complete verbs, options and files.",
 )  # fmt: skip
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell and leave, if it is the shell that asks; else do nothing."""
+    """Print completions and exit when the shell asks for them; else do nothing."""
     if ASKED not in os.environ:
         return
     import argcomplete
@@ -123,20 +139,21 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 VERBS = (
-    CALIBRATE, PLOT, PREDICT, SIMULATE, COMPARE, BATCH, POPULATION, PLAN, EXPORT, VERIFY, REPEAT, DATASETS, REDERIVE,
-    BENCH, COMPLETION,
+    CALIBRATE, COMPARE, PREDICT, PLAN, PLOT, SIMULATE, BATCH, POPULATION, EXPORT, VERIFY, REPEAT, DATASETS,
+    COMPLETION, REDERIVE, BENCH,
 )  # fmt: skip
 
 
 def make_parser() -> argparse.ArgumentParser:
     """The whole command line."""
     parser: argparse.ArgumentParser = Parser(
-        prog="fitball", description=DESCRIPTION, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="fitball", description=DESCRIPTION, epilog=EPILOG, formatter_class=Help, add_help=False
     )
-    parser.add_argument("--version", action="version", version=f"fitball {__version__}")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
     for verb in VERBS:
         verb.add(subparsers)
+    parser.add_argument("-h", "--help", action="help", help="print this help")
+    parser.add_argument("--version", action="version", version=f"fitball {__version__}", help="print the version")
     return parser
 
 
@@ -149,10 +166,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             print("\n".join(map(one_line, f"fitball: {error}".split("\n"))), file=sys.stderr)
             return 2
         except BrokenPipeError:
-            # The reader of our output has left; there is nobody to tell.
+            # The reader of our output has left, and with it whoever could read a message.
             return 0
         except OSError as error:
-            # What the system refuses (no space, no permission, a name too long) is for the user to mend.
+            # No space, no permission, a name too long: a fault that the user can mend.
             where = "" if error.filename is None else f"{error.filename}: "
             print(one_line(f"fitball: {where}cannot be used: {error.strerror or error}"), file=sys.stderr)
             return 2
@@ -174,14 +191,14 @@ def _run(words: list[str]) -> int:
         with enough_memory(), told_of_compiling(args), shown_on(screen_of(args)):
             return int(args.run(args))
     finally:
-        # Whether it was taken is known when it has left.
+        # A fault of writing shows only now.
         sys.stdout.flush()
 
 
 @contextmanager
 def _plain_matplotlib() -> Iterator[None]:
-    """Matplotlib in here, and in workers, draws to files and reads no settings, whatever MPLBACKEND and MATPLOTLIBRC
-    say: it cannot even be imported when these name no backend, or no text.
+    """Let matplotlib, here and in workers, draw to files and read no settings: with a wrong MPLBACKEND or
+    MATPLOTLIBRC it cannot even be imported.
     """
     plain = {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
     before = {name: os.environ.pop(name, None) for name in plain}

@@ -1,10 +1,11 @@
-"""What verbs are made of: a verb is data, and so are its options; those that several verbs share stand here once."""
+"""Verbs and options as data: what argparse is given for each, and the options that several verbs share."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,16 +23,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Option:
-    """An option, or an operand, as argparse has it: its name, a line of help, and what else is told."""
+    """An option, or an operand, as argparse has it: its name, a line of help, the other arguments of `add_argument`,
+    and its `old` name, which is still accepted.
+    """
 
     flag: str
     help: str
     more: Mapping[str, Any] = field(default_factory=dict)
+    old: str = ""
 
 
-def option(flag: str, metavar: str, help: str, **more: Any) -> Option:
-    """An option with a value, or an operand; `more` is what argparse is told besides."""
-    return Option(flag, help, {"metavar": metavar, **more})
+@dataclass(frozen=True)
+class Group:
+    """Options under a title of their own in the help of a verb."""
+
+    title: str
+    options: Sequence[Option]
+
+
+def option(flag: str, metavar: str, help: str, old: str = "", **more: Any) -> Option:
+    """An option with a value, or an operand; `more` are further arguments of `add_argument`."""
+    return Option(flag, help, {"metavar": metavar, **more}, old)
 
 
 def switch(flag: str, help: str, **more: Any) -> Option:
@@ -42,36 +54,72 @@ def switch(flag: str, help: str, **more: Any) -> Option:
 Run = Callable[[argparse.Namespace], int]
 
 
+class Help(argparse.HelpFormatter):
+    """Wraps paragraphs to the width of the terminal; indented lines, such as examples, are printed as written."""
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """See argparse, which forgets that names of verbs are indented."""
+        super().add_argument(action)
+        if isinstance(action, argparse._SubParsersAction):
+            self._action_max_length += self._indent_increment
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:  # noqa: ARG002
+        lines: list[str] = []
+        for line in text.split("\n"):
+            if lines and line[:1].strip() and lines[-1][:1].strip():
+                lines[-1] += f" {line}"
+            else:
+                lines.append(line)
+        return "\n".join(line if line.startswith(" ") else textwrap.fill(line, width) for line in lines)
+
+
 @dataclass(frozen=True)
 class Verb:
-    """A verb: a line of help, what it may be asked, what runs it and returns the exit code, and what its help ends
-    with. The description is the line of help unless there is more to say. A verb of verbs has `actions`.
+    """A verb: a line of help, its options, the function that runs it and returns the exit code, and the end of its
+    help. Without a `description` the line of help is used. A verb of verbs has `actions`.
     """
 
     name: str
     help: str
-    options: Sequence[Option]
+    options: Sequence[Option | Group]
     run: Run
     epilog: str
     description: str = ""
     actions: Sequence[Verb] = ()
 
-    def add(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-        """Make it known to the command line."""
+    def add(self, subparsers: argparse._SubParsersAction[Any]) -> None:
+        """Add it to the command line."""
+        listed = [part for group in self.options for part in (group.options if isinstance(group, Group) else [group])]
+        operands = [_operand(part) for part in listed if not part.flag.startswith("-")]
+        required = [f"{part.flag} {part.more['metavar']}" for part in listed if part.more.get("required")]
         parser = subparsers.add_parser(
             self.name,
             help=self.help,
+            usage=None if self.actions else " ".join(["%(prog)s", *required, "[options]", *operands]),
             description=self.description or self.help[0].upper() + self.help[1:] + ".",
             epilog=self.epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=Help,
+            add_help=False,
         )
-        for item in self.options:
-            parser.add_argument(item.flag, help=item.help, **item.more)
+        parser._positionals.title = "arguments"
+        target: argparse._ActionsContainer = parser
+        for group in self.options:
+            target = parser.add_argument_group(group.title) if isinstance(group, Group) else parser
+            for part in group.options if isinstance(group, Group) else [group]:
+                target.add_argument(part.flag, help=part.help, **part.more)
+        target.add_argument("-h", "--help", action="help", help="print this help")
+        parser.renamed = {part.old: part.flag for part in listed if part.old}
         parser.set_defaults(run=self.run)
         if self.actions:
             inner = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
             for action in self.actions:
                 action.add(inner)
+
+
+def _operand(part: Option) -> str:
+    """An operand in the line of usage."""
+    name = str(part.more["metavar"])
+    return {"?": f"[{name}]", "+": f"{name} [{name} ...]"}.get(part.more.get("nargs", ""), name)
 
 
 def either(names: Sequence[str]) -> str:
@@ -85,8 +133,8 @@ def marked(models: Sequence[str]) -> list[str]:
 
 
 def one_of(kind: str, known: Collection[str], more: str = "") -> Callable[[str], str]:
-    """A name among `known`, as the type of an option; `more` is said besides of one that is not. Its function raises
-    ParameterError.
+    """A name among `known`, as the type of an option; the message for any other name ends with `more`. The function
+    raises ParameterError.
     """
 
     def read(name: str) -> str:
@@ -106,7 +154,7 @@ def whole(text: str) -> int:
 
 
 def place(text: str) -> str:
-    """A file or folder to write, as the type of an option; an empty text is rather a slip than a place."""
+    """A file or folder to write, as the type of an option; an empty text is refused."""
     if not text.strip() or "\0" in text:
         raise argparse.ArgumentTypeError(f"read {text!r}, expected the name of a file or folder")
     return text
@@ -116,10 +164,10 @@ def file_place(text: str) -> str:
     """The same of what is always a file."""
     is_folder = text.endswith(("/", os.sep))
     with suppress(OSError):
-        # What the system refuses to look at is told where it is to be written.
+        # A place that cannot be examined is reported where it is written.
         is_folder = is_folder or Path(place(text)).is_dir()
     if is_folder:
-        raise argparse.ArgumentTypeError(f"read '{text}', a folder; name a file in it")
+        raise argparse.ArgumentTypeError(f"read '{text}', which is a folder; expected a file")
     return text
 
 
@@ -132,8 +180,9 @@ def count(text: str) -> int:
 
 
 class Pairs(argparse.Action):
-    """Gathers NAME=VALUE, given more than once, or `several` at once between commas; divided at the first `=`, or at
-    the `last` one. Raises ParameterError for what has not the `form`, for no `number`, for a name said twice.
+    """Gathers NAME=VALUE from a repeated option, or `several` separated by commas; split at the first `=`, or at the
+    `last` one. Raises ParameterError for another form than `form`, for a value that is not a `number`, and for a name
+    that is given twice.
     """
 
     def __init__(
@@ -174,108 +223,130 @@ def pairs(flag: str, metavar: str, help: str, **more: Any) -> Option:
 def _names(text: str) -> list[str]:
     names = [part.strip() for part in text.split(",")]
     if not all(names):
-        raise argparse.ArgumentTypeError(f"read '{text}', expected names of columns separated by commas")
+        raise argparse.ArgumentTypeError(f"read '{text}', expected names separated by commas")
     return names
 
 
-CORES = option("--cores", "N", "threads (default: all)", type=count, default=os.cpu_count() or 1)
-# Where processes need not be those of this machine.
+CORES = option("--cores", "N", "number of threads (default: all)", type=count, default=os.cpu_count() or 1)
+# Where processes may run on other machines.
 SCHEDULER = option(
     "--scheduler", "ADDRESS",
-    "run on the Dask cluster there, e.g. tls://head:8786 or scheduler.json; by tcp:// whoever reaches it can run "
-    "programs as you",
+    "run on the Dask cluster at this address, e.g. tls://head:8786 or scheduler.json. With tcp://, anyone who can "
+    "connect to it can run programs as you",
 )  # fmt: skip
 FLIP = option(
     "--flip", "A,B,...",
-    "columns that count the other way round, e.g. omega_1,omega_2: spins and velocities of the other sign, angles "
-    "measured from the normal (TABLE:COLUMN for one of several tables)",
+    "columns with the opposite convention, e.g. omega_1,omega_2: the sign of spins and velocities is reversed, "
+    "angles are taken from the normal. TABLE:COLUMN for one of several tables",
     type=_names, action="extend", default=[],
 )  # fmt: skip
 COLUMNS = pairs(
     "--columns", "OURS=THEIRS,...",
-    'what columns are called here, e.g. "v_1=Vin, theta_1=angle_in [deg]" (also [columns] in the scene)',
+    'names of the columns in this file, e.g. "v_1=Vin, theta_1=angle_in [deg]" (or [columns] in the scene)',
     several=True,
-    form="OURS=THEIRS once for each column, separated by commas (write a name with a comma into [columns] of the "
+    form="OURS=THEIRS once for each column, separated by commas (a name with a comma goes into [columns] of the "
     "scene)",
 )  # fmt: skip
 AS_READ = switch(
     "--as-read",
-    "the table and the scene are right, though another reading explains the table much better or the ball is unlike "
-    "any of a game",
+    "accept table and scene as they are, even if another reading fits much better or the ball is unlike any game "
+    "ball",
 )
-# How a table is to be read.
+# How a table is read.
 READING = (FLIP, COLUMNS, AS_READ)
 # Of figures.
 FORMATS = ("png", "svg", "pdf")
-PICTURE: Mapping[str, Any] = {"default": "png", "type": one_of("format", FORMATS)}
-CONFIG = option("--config", "FILE.toml", "scene file (default: the .toml beside DATA)")
-SEED = option("--seed", "N", "seed of all random numbers (default 1)", type=whole, default=1)
-EXACT = "--exact-incidence", "take the incident state as exact even where its sd is stated"
-FULL = switch("--full", "print the whole report, not only its first screen")
+PICTURE = option(
+    "--format", "FORMAT", "format of figures: png, svg or pdf (default: png)", default="png",
+    type=one_of("format", FORMATS),
+)  # fmt: skip
+SCENE = option(
+    "--scene", "FILE.toml", "what is known about ball, court and measurement (default: the .toml file beside DATA)",
+    old="--config", dest="config",
+)  # fmt: skip
+FORCE = option(
+    "--force-records", "FILE",
+    "force-time records with columns id, t, F; none to ignore them (default: <table>_force.csv beside DATA)",
+    old="--force", dest="force",
+)  # fmt: skip
+SEED = option("--seed", "N", "seed of all random numbers (default: 1)", type=whole, default=1)
+FULL = switch("--full", "print the whole report (default: its first screen)")
+EXACT = "--exact-incidence", "treat the incident state as exact, even if its sd is given"
 FIT = option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json")
-# Model, priors, structure of the likelihood, effort.
-FITTING = (
+OVERWRITE = switch("--overwrite", "replace an older result in the folder")
+MODEL = Group("model and priors", (
     option("--model", "NAME", either(marked(RANKED))),
-    pairs("--closure", "NAME=OPTION", "replace a closure, e.g. normal=total", dest="closures"),
-    CONFIG,
-    pairs("--fix", "NAME=VALUE", "hold a parameter (SI units)", convert=float),
+    pairs("--closure", "NAME=OPTION", "change a model assumption, e.g. normal=total (repeatable)", dest="closures"),
+    pairs("--fix", "NAME=VALUE", "hold a parameter at a value in SI units (repeatable)", convert=float),
     pairs(
         "--prior", "NAME=DIST(...)",
-        'e.g. "mu=normal(0.6, 0.1)", or one from the literature: mu=literature:clay (fitball datasets priors)',
+        'prior of a parameter, e.g. "mu=normal(0.6, 0.1)", or a published one, e.g. mu=literature:clay; '
+        "list: fitball datasets priors (repeatable)",
         dest="priors",
-    ),
-    option("--noise", "KIND", "normal (default), or student-t, which allows outliers"),
-    option(
-        "--velocity-noise", "KIND",
-        "tied (one velocity_sd for all columns of the rebound velocity) or separate (v_x_sd and v_y_sd, or speed_sd "
-        "and angle_sd); by default separate where the table has rows enough to tell them apart",
     ),
     pairs(
         "--pool", "NAME=COLUMN",
-        "let a parameter differ between surfaces, balls or tables, pooled in part, e.g. mu=surface",
+        "let a parameter differ between the surfaces, balls or tables that a column names, with partial pooling, "
+        "e.g. mu=surface (repeatable)",
     ),
-    option("--offsets", "COLUMN", "fit a bias of each measured column to each group, e.g. group"),
+))  # fmt: skip
+NOISE = Group("noise", (
+    option(
+        "--noise", "A,B",
+        "normal or student-t (allows for outliers; default: normal), and tied or separate: one noise for all columns "
+        "of the rebound velocity, or one for each column (default: separate if the table has enough rows)",
+        old="--velocity-noise", type=_names, action="extend",
+    ),
+    option("--offsets", "COLUMN", "estimate a measurement bias for each group that a column names, e.g. group"),
     switch(*EXACT, action="store_false", dest="incident_errors"),
-    *READING,
-    switch("--point-only", "no posterior: the best values only"),
+))  # fmt: skip
+SAMPLING = Group("sampling", (
+    switch("--point-only", "compute best-fit values only, without the posterior"),
     SEED,
-    option("--max-steps", "N", "steps of each ensemble at most (default 20000)", type=count),
-    option("--walkers", "N", "walkers of each ensemble (default 4 per parameter)", type=count),
+    option("--max-steps", "N", "maximum number of steps of each ensemble (default: 20000)", type=count),
+    option("--walkers", "N", "number of walkers in each ensemble (default: 4 per parameter)", type=count),
     CORES,
-)  # fmt: skip
+))  # fmt: skip
 
 
 def study(folder: Path) -> tuple[Option, ...]:
-    """What every study takes: where to write (by default `folder`), cores, how to print."""
-    out = option("--out", "DIR", f"where to write (default: {folder})", type=place)
+    """Options of every study: where to write (by default `folder`), cores, how to print."""
+    out = option("--out", "DIR", f"result folder (default: {folder})", type=place)
     return out, CORES, switch("--json", "print JSON for other programs"), switch("--quiet", "no progress")
 
 
 def fitting_of(args: argparse.Namespace) -> Fitting:
-    """What was said of how a table is to be read and fitted: each option is called as in Python."""
+    """The options that say how a table is read and fitted, by their names in Python."""
     from fitball.api.reading import Fitting
 
     return cast(Fitting, {name: getattr(args, name) for name in Fitting.__annotations__ if hasattr(args, name)})
 
 
-def tell_notes(notes: Iterable[object]) -> None:
-    """What one should know of a result, on stderr, each in a line."""
-    for note in notes:
+# Lines of notes before a fit; the report has all of them.
+MOST_NOTES = 3
+
+
+def print_notes(notes: Sequence[object], full: bool = True) -> None:
+    """Notes, on stderr, one line each; unless `full`, the first ones of many and how many more there are."""
+    first = notes if full or len(notes) <= MOST_NOTES else notes[: MOST_NOTES - 1]
+    for note in first:
         print(one_line(f"note: {note}"), file=sys.stderr)
+    if len(first) < len(notes):
+        print(f"note: {len(notes) - len(first)} more in the report, and here with --full", file=sys.stderr)
 
 
-class Told(Protocol):
-    """What every verb's result can be asked."""
+class Result(Protocol):
+    """What the results of all verbs have in common."""
 
     @property
     def report(self) -> Callable[..., str]:
-        """All of it as text."""
+        """The whole result as text."""
 
     def json(self) -> Mapping[str, object]:
-        """All of it for machines."""
+        """The whole result for other programs."""
 
 
-def print_result(args: argparse.Namespace, result: Told, brief: object, *where: Path) -> None:
+def print_result(args: argparse.Namespace, result: Result, brief: object, *where: Path) -> None:
     """A result as JSON, `brief` where the run is quiet, else as text, with the folder that it was saved in."""
     from fitball.report.form.files import json_text
 
@@ -285,8 +356,8 @@ def print_result(args: argparse.Namespace, result: Told, brief: object, *where: 
         show(str(brief) if args.quiet else result.report(*where))
 
 
-def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:
-    """A result as JSON, or as text with the files that were written; of a quiet run the files alone."""
+def print_files(args: argparse.Namespace, json_text: str, text: str, places: Iterable[Path]) -> None:
+    """A result as JSON, or as text with the files that were written; with `--quiet` the files alone."""
     if args.json:
         print(json_text, end="")
         return
@@ -297,10 +368,10 @@ def tell_files(args: argparse.Namespace, json_text: str, text: str, places: Iter
 
 
 def stages(quiet: bool) -> Callable[[str], None]:
-    """Tells the stages of a study, unless `quiet`."""
+    """Prints the stages of a study, unless `quiet`."""
 
-    def tell(stage: str) -> None:
+    def print_stage(stage: str) -> None:
         if not quiet:
             print(f"{stage} ...", file=sys.stderr)
 
-    return tell
+    return print_stage

@@ -1,5 +1,5 @@
-"""The verbs that ask no table of one's own: `simulate`, one impact through time, a map of regimes or a page with
-sliders; and those that examine the thesis and fitball itself, `rederive` and `bench`.
+"""The verbs that need no table: `simulate`, for one impact through time, a map of regimes or a page with sliders; and
+those that examine the thesis and fitball itself, `rederive` and `bench`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
+    FIT,
     PICTURE,
-    Option,
+    SEED,
+    Group,
     Verb,
     count,
     either,
@@ -20,12 +22,11 @@ from fitball.cli.options import (
     option,
     pairs,
     place,
+    print_files,
+    print_notes,
     stages,
     study,
     switch,
-    tell_files,
-    tell_notes,
-    whole,
 )
 from fitball.errors import ParameterError
 from fitball.models.specs import FOLLOWED
@@ -39,7 +40,7 @@ DEFAULT_FOLDER = Path("fits") / "simulations"
 
 
 def run_simulate(args: argparse.Namespace) -> int:
-    """Solve the impact, write its course, print it; or a map of regimes, or a page."""
+    """Write and print one impact through time, or a map of regimes, or a page."""
     _check_together(args)
     if args.example == "list":
         from fitball.thesis.examples import list_json, list_text
@@ -61,44 +62,44 @@ def run_simulate(args: argparse.Namespace) -> int:
     else:
         result = _example(args.example) if args.example else course_of(_subject(args), args.impact, args.draws)
     if not args.quiet:
-        tell_notes(result.notes)
+        print_notes(result.notes)
     folder = Path(args.out) if args.out else DEFAULT_FOLDER / result.name
     more = {} if args.map is not None else {"csv": args.csv, "film": args.animate}
     places = result.save(folder, overwrite=args.overwrite, form=args.format, **more)
-    tell_files(args, json_text(result.json()), result.report(), places)
+    print_files(args, json_text(result.json()), result.report(), places)
     return 0
 
 
 def _subject(args: argparse.Namespace) -> Subject:
-    """What bounces."""
+    """The fit or model to simulate."""
     from fitball.api import load_fit
     from fitball.api.simulating import Subject
 
-    return Subject.of(None if args.fit is None else load_fit(args.fit), args.model, args.values)
+    return Subject.from_fit(None if args.fit is None else load_fit(args.fit), args.model, args.values)
 
 
 def _check_together(args: argparse.Namespace) -> None:
-    """Raises ParameterError for options that contradict each other or say too little."""
+    """Raises ParameterError for options that contradict each other, or if one is missing."""
     own = [f"--{name}" for name in ("impact", "fit", "model") if getattr(args, name) is not None]
     own += ["--set"] if args.values else []
     if args.example is not None and own:
-        raise ParameterError(f"--example brings its own impact and parameters: leave out {', '.join(own)}")
+        raise ParameterError(f"--example has its own impact and parameters: leave out {', '.join(own)}")
     idle = [f"--{name}" for name in ("impact", "example", "csv", "animate") if getattr(args, name) is not None]
     if args.map is not None and idle:
-        raise ParameterError(f"--map is about many impacts: leave out {', '.join(idle)}")
+        raise ParameterError(f"--map covers many impacts: leave out {', '.join(idle)}")
     if args.map is None and args.contours is not None:
-        raise ParameterError("--contours belongs to --map")
+        raise ParameterError("--contours needs --map")
     if args.html:
         names = ("example", "map", "animate", "csv")
         mixed = [f"--{name}" for name in names if getattr(args, name) is not None] + ["--json"] * args.json
         if mixed:
-            raise ParameterError(f"--html writes a page and nothing else: leave out {', '.join(mixed)}")
+            raise ParameterError(f"--html writes a page only: leave out {', '.join(mixed)}")
     elif args.example is None and args.impact is None and args.map is None:
         raise ParameterError(
             'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", --map, or --example NAME'
         )
     if args.fit is not None and (args.model is not None or args.values):
-        raise ParameterError("--fit brings its own model and parameters: leave out --model and --set")
+        raise ParameterError("--fit has its own model and parameters: leave out --model and --set")
 
 
 def _example(name: str) -> Course:
@@ -116,7 +117,7 @@ def _example(name: str) -> Course:
 
 
 def _write_page(args: argparse.Namespace) -> int:
-    """Write the page of the fit or model that was asked for, and print where it lies."""
+    """Write the page of the fit or model, and print where it is."""
     from fitball.api.simulating import page_of
     from fitball.data.lines import parse_impact
     from fitball.files import is_stream
@@ -136,53 +137,63 @@ def _write_page(args: argparse.Namespace) -> int:
 
 
 SIMULATE = Verb(
-    "simulate", "one impact through time: velocities, spins, forces, slip and grip",
+    "simulate", "compute one impact through time, a map of regimes, or a page with sliders",
     (
-        option("--impact", "TEXT", 'the impact, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s)'),
-        option("--fit", "FIT", "a result folder of fitball calibrate, or its fit.json"),
-        option("--model", "NAME", f"{either(marked(FOLLOWED))}, with +CLOSURE=OPTION for each one changed"),
-        pairs(
-            "--set", "NAME=VALUE", "a parameter of the model in SI units; repeatable", convert=float, dest="values",
-            form="NAME=VALUE, as in mu=0.6",
-        ),
-        option(
-            "--map", "TEXT",
-            'instead of one impact the regimes of contact over angle and spin, e.g. "v=30, theta=10..80, '
-            'spin=-300..300" (default: around the impacts of --fit)', nargs="?", const="",
-        ),
-        option("--contours", "NAME", "of --map: v_x2, v_y2, v_2, theta_2 (default), omega_2 or contact_time"),
-        switch(
-            "--html",
-            "a page with sliders instead, of --fit or --model, begun at --impact (--out: a folder or FILE.html)",
-        ),
-        option("--example", "NAME", "fig8 to fig28 of Jafri (2004), or list"),
-        option("--draws", "N", "posterior draws of --fit (default 200)", type=count, default=200),
-        option("--out", "DIR", f"result folder (default: one named for the impact in {DEFAULT_FOLDER}/)", type=place),
-        switch("--overwrite", "replace an older result, and FILE.csv"),
-        option("--format", "FORMAT", "of the figure: png (default), svg or pdf", **PICTURE),
-        option("--animate", "FILE", "write a slow-motion film of the bounce: bounce.gif, or bounce.mp4 with ffmpeg"),
-        option("--csv", "FILE.csv", "write the courses to this file too"),
-        switch("--json", "print JSON (SI units)"),
-        switch("--quiet", "no table and no notes: only errors and files"),
+        Group("what to compute (one of)", (
+            option(
+                "--impact", "TEXT", 'one impact, e.g. "v=17, theta=18, spin=100" (default units: m/s, deg, rad/s)'
+            ),
+            option(
+                "--map", "TEXT",
+                'a map of contact regimes over angle and spin, e.g. "v=30, theta=10..80, spin=-300..300" (default: '
+                "the range of the impacts of --fit)", nargs="?", const="",
+            ),
+            switch("--html", "a page with sliders that computes bounces in the browser, starting at --impact"),
+            option("--example", "NAME", "a figure of Jafri (2004), fig8 to fig28, or list"),
+        )),
+        Group("model and parameters", (
+            option("--fit", "FIT", FIT.help),
+            option("--model", "NAME", f"{either(marked(FOLLOWED))}; assumptions as +NAME=OPTION"),
+            pairs(
+                "--set", "NAME=VALUE", "a parameter of the model in SI units (repeatable)", convert=float,
+                dest="values", form="NAME=VALUE, as in mu=0.6",
+            ),
+            option("--draws", "N", "posterior draws of --fit for bands (default: 200)", type=count, default=200),
+        )),
+        Group("output", (
+            option(
+                "--contours", "NAME",
+                "output drawn as contours in --map: v_x2, v_y2, v_2, theta_2, omega_2 or contact_time (default: "
+                "theta_2)",
+            ),
+            option(
+                "--out", "DIR",
+                f"result folder (default: one in {DEFAULT_FOLDER}, named after the impact); FILE.html for --html",
+                type=place,
+            ),
+            switch("--overwrite", "replace an older result, and FILE.csv"),
+            PICTURE,
+            option("--animate", "FILE", "also write a slow-motion film: bounce.gif, or bounce.mp4 with ffmpeg"),
+            option("--csv", "FILE.csv", "also write the time series to this file"),
+            switch("--json", "print JSON (SI units)"),
+            switch("--quiet", "print errors and files only"),
+        )),
     ),
     run_simulate,
     """examples:
   fitball simulate --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
-  fitball simulate --impact "v=17, theta=42, spin=100" --fit fits/wang_all/two-mass
-  fitball simulate --impact "v_x=12, v_y=10" --model two-mass+torsion=free --set mu=0.6 --set zeta_theta=0.2
+  fitball simulate --impact "v=17, theta=42" --fit fits/wang_all/two-mass
+  fitball simulate --impact "v=17, theta=42" --model two-mass+torsion=free --set mu=0.6
   fitball simulate --impact "v=17, theta=42, spin=100" --animate bounce.gif
   fitball simulate --map "v=30" --set mu=0.7
   fitball simulate --map --fit fits/wang_all/two-mass --contours omega_2
-  fitball simulate --example fig27
-  fitball simulate --example list
-  fitball simulate --html --fit fits/wang_all/two-mass --out lecture.html""",
-    description="""Follow one impact through time: compression, velocities, both spins, forces, slip and grip; as a
-film too (--animate). Or map the regimes of contact over angle and spin (--map).
+  fitball simulate --html --fit fits/wang_all/two-mass --out lecture.html
+  fitball simulate --example fig27""",
+    description="""Compute the bounce of a fitted or chosen model: compression, velocities, spins, forces, slip and
+grip.
 
-Parameters come from a fit (--fit), from a model with round defaults near the fits to Wang's balls (--model, --set),
-or from a figure of Jafri's thesis (--example). Courses are exact, from the closed forms of the model.
-
---html writes a page with sliders instead, which computes the bounce in the browser: one file, no network.""",
+Parameters come from a fit (--fit), from a figure of the thesis (--example), or from a model (--model, --set). The
+defaults of a model are round numbers near the fits to Wang's balls. Time series are exact, from closed forms.""",
 )  # fmt: skip
 
 
@@ -190,7 +201,7 @@ CHAPTER = Path("fits") / "chapter_five"
 
 
 def run_rederive(args: argparse.Namespace) -> int:
-    """Compute the tables again, write the page, print what holds; 1 where a count has changed."""
+    """Compute the tables again, write the page, print the checks; 1 where a count has changed."""
     from fitball.errors import check_whole
     from fitball.inference.effort import Effort
     from fitball.report.form.document import columns
@@ -232,16 +243,16 @@ def run_rederive(args: argparse.Namespace) -> int:
 
 
 REDERIVE = Verb(
-    "rederive", "Chapter V and Appendices C and D of Jafri (2004) from their tables",
+    "rederive", "recompute Chapter V and Appendices C and D of Jafri (2004)",
     (
-        Option("--seed", "seed of fits and resampling (default: 1)", {"type": whole, "default": 1}),
+        SEED,
         *study(CHAPTER),
     ),
     run_rederive,
-    "example:\n  fitball rederive\n  fitball rederive --out judged --json\n",
-    description="""Recompute the printed tables of Jafri (2004), judge its three best cases against Wang's
-measurements, and write a page. Exit code 1 if a comparison with print no longer gives the counts and
-numbers that it gave when a person last looked.""",
+    "examples:\n  fitball rederive\n  fitball rederive --out judged --json\n",
+    description="""Recompute the printed tables of Jafri (2004), compare its three best cases with Wang's
+measurements, and
+write a page. Exit code 1 if a comparison with the printed tables gives other counts than those last reviewed.""",
 )  # fmt: skip
 
 
@@ -276,7 +287,7 @@ def _check_ratios(args: argparse.Namespace, pace: Pace) -> int:
     kept = measure.read_ratios(args.check)
     compared = measure.compared(kept, measure.ratios(pace))
     if (compared["times"] > measure.TOLERATED).any():
-        # What other programs on the machine took is not taken twice.
+        # Slowed by other programs, perhaps: the smaller of two measurements counts.
         compared = measure.least(compared, measure.compared(kept, measure.ratios(pace)))
     lines, good = measure.verdict(compared)
     print(compared.to_json(orient="records", indent=2) if args.json else "\n".join(lines))
@@ -286,20 +297,22 @@ def _check_ratios(args: argparse.Namespace, pace: Pace) -> int:
 
 
 BENCH = Verb(
-    "bench", "speed against error, and where time goes",
+    "bench", "measure the speed and accuracy of fitball on this machine",
     (
-        switch("--quick", "a minute or two instead of ten"),
+        switch("--quick", "take one or two minutes instead of ten"),
         option(
             "--check", "FILE",
-            f"measure ratios only and compare them with kept ones (default: {BENCH_FOLDER / 'ratios.csv'}); exit "
-            "code 1 when something has become 1.5 times slower", nargs="?", const=BENCH_FOLDER / "ratios.csv",
+            "measure ratios of times only and compare them with saved ones; exit code 1 if one is 1.5 times slower "
+            f"(default: {BENCH_FOLDER / 'ratios.csv'})", nargs="?", const=BENCH_FOLDER / "ratios.csv",
             type=Path,
         ),
         *study(BENCH_FOLDER),
     ),
     run_bench,
     "examples:\n  fitball bench --quick\n  fitball bench --check\n",
-    description="""Measure CPU time per impact and per log posterior against error, beside careless and careful
-integrators. Writes CSV files, a figure and a summary. Effective draws beside other samplers, many tables and whole
-runs are measured by scripts/benchmark of the source tree.""",
+    description="""Measure CPU time and error of one impact and of one log posterior, and compare them with other
+integrators.
+
+The result folder holds CSV files, a figure and a summary. Other samplers, many tables and whole runs are measured by
+scripts/benchmark in the source tree.""",
 )  # fmt: skip

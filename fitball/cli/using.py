@@ -16,6 +16,7 @@ from fitball.cli.options import (
     PICTURE,
     SCHEDULER,
     SEED,
+    Group,
     Verb,
     count,
     file_place,
@@ -23,9 +24,9 @@ from fitball.cli.options import (
     option,
     pairs,
     place,
+    print_notes,
     print_result,
     switch,
-    tell_notes,
     whole,
 )
 from fitball.cli.terminal import show
@@ -42,9 +43,9 @@ KIND_LINES = "\n".join(f"  {name:10}  {text.summary}" for name, text in FIGURES.
 
 
 def run_plot(args: argparse.Namespace) -> int:
-    """Draw what was asked for and print the places of the files."""
+    """Draw the figures and print where they are."""
     if args.kind not in (*FIGURES, "all"):
-        map_of = f"; a map of regimes: fitball simulate --map --fit {args.fit}" if "map" in args.kind else ""
+        map_of = f"; for a map of regimes: fitball simulate --map --fit {args.fit}" if "map" in args.kind else ""
         raise ParameterError(f"unknown figure '{args.kind}': {suggestion(args.kind, (*FIGURES, 'all'))}{map_of}")
     from fitball.api import load_fit
     from fitball.api.fit import Plots, lacks_profiles, profiled
@@ -53,17 +54,17 @@ def run_plot(args: argparse.Namespace) -> int:
 
     path = Path(args.fit)
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
-    # No folder is made for a fit that there is not; one that is drawn in is replaced by nobody meanwhile.
+    # Read first, so that no folder is made for a missing fit; while figures are drawn, the folder is locked.
     load_fit(path)
     with held(folder, PATIENCE):
         fit = load_fit(path)
         kinds = [args.kind] if args.kind != "all" else list(fit.plot)
         left_out = [name for name in FIGURES if args.kind == "all" and name not in (*kinds, "force")]
         profiles = args.kind == "profiles"
-        notes = ["the file holds no profiles: computing them"] if profiles and lacks_profiles(fit) else []
-        notes += [f"left out {', '.join(left_out)}: this fit has not what they show"] if left_out else []
+        notes = ["fit.json has no profiles; they are computed now"] if profiles and lacks_profiles(fit) else []
+        notes += [f"not drawn, since this fit lacks the data for them: {', '.join(left_out)}"] if left_out else []
         if not args.quiet:
-            tell_notes(notes)
+            print_notes(notes)
         shown = profiled(fit, args.cores, args.scheduler) if profiles else fit
         for name in kinds:
             place = folder / f"{name}.{args.format}"
@@ -77,34 +78,34 @@ PLOT = Verb(
     (
         option("fit", "FIT", "a fit.json, or the folder that holds one"),
         option("kind", "KIND", f"{', '.join(FIGURES)} or all"),
-        option("--format", "FORMAT", "png (default), svg or pdf", **PICTURE),
-        option("--out", "DIR", "folder to write to (default: beside fit.json)", type=place),
-        option("--cores", "N", "processes that compute profiles (default: all)", type=count),
+        PICTURE,
+        option("--out", "DIR", "folder for the figures (default: that of fit.json)", type=place),
+        option("--cores", "N", "number of processes for profiles (default: all)", type=count),
         SCHEDULER,
-        switch("--quiet", "no notes: only errors and files"),
+        switch("--quiet", "print errors and files only"),
     ),
     run_plot,
     f"""kinds:
 {KIND_LINES}
-  all         every one of them that the fit can show
+  all         every figure that this fit can show
 
 examples:
   fitball plot fits/wang_zero_spin/two-mass profiles
   fitball plot fits/wang_all/grip-slip/fit.json all --format pdf --out figures
 
-Nothing is fitted or sampled again. A map of regimes over angle and spin:
+A map of contact regimes over angle and spin:
   fitball simulate --map --fit FIT""",
-    description="Draw figures of a fit from fit.json and the draws beside it.",
+    description="Draw figures of a saved fit. Nothing is fitted or sampled again.",
 )  # fmt: skip
 
 
 def run_predict(args: argparse.Namespace) -> int:
-    """Predict the impacts, print them and what data say of them."""
+    """Predict the impacts and print them, with their agreement with measured rebounds."""
     if bool(args.impact) == (args.data is not None):
-        raise ParameterError("predict needs impacts: either DATA or --impact, one of them")
+        raise ParameterError("predict needs impacts: give either DATA or --impact")
     if (args.flip or args.columns) and args.data is None:
         option = "--flip" if args.flip else "--columns"
-        raise ParameterError(f"{option} is about columns of DATA: write an --impact as it is meant")
+        raise ParameterError(f"{option} applies to columns of DATA, not to --impact: leave it out")
     from fitball.api import load_fit
     from fitball.api.predicting import foretell
     from fitball.files import is_stream
@@ -132,7 +133,7 @@ def run_predict(args: argparse.Namespace) -> int:
         page = predict_document(prediction, ids, found.scores, seen, title, ["rebounds"], args.command)
         write_text(Path(args.html), predict_page(page, prediction, ids), named=True)
     if not args.quiet:
-        tell_notes(found.notes)
+        print_notes(found.notes)
     if args.json:
         print(json_text(prediction_json(prediction, ids, found.scores, found.notes)), end="")
     elif not args.quiet:
@@ -147,41 +148,41 @@ PREDICT = Verb(
     "predict", "predict rebounds of new impacts from a fit, with intervals",
     (
         FIT,
-        option("data", "DATA", "impacts: a table, or the name of a bundled one", nargs="?"),
+        option("data", "DATA", "a table of impacts, or the name of a bundled one", nargs="?"),
         option(
             "--impact", "TEXT",
-            'one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default: m/s, deg, rad/s); repeatable',
+            'one impact instead of DATA, e.g. "v=17, theta=18, spin=100" (default units: m/s, deg, rad/s; '
+            "repeatable)",
             action="append", default=[],
         ),
         FLIP,
         COLUMNS,
         switch(*EXACT),
-        option("--out", "FILE.csv", "write every number to a CSV file", type=file_place),
+        option("--out", "FILE.csv", "write all numbers to a CSV file", type=file_place),
         option("--html", "FILE.html", "write a page with the figure and the tables", type=file_place),
         switch("--overwrite", "replace files that exist"),
-        option("--seed", "N", "seed of the simulated noise (default 1)", type=whole, default=1),
+        option("--seed", "N", "seed of the simulated noise (default: 1)", type=whole, default=1),
         FULL,
         switch("--json", "print JSON (SI units, angles in radians)"),
-        switch("--quiet", "no table and no notes: only errors and files"),
+        switch("--quiet", "print errors and files only"),
     ),
     run_predict,
     """examples:
   fitball predict fits/wang_all/two-mass new_balls.csv
   fitball predict fits/wang_all/two-mass --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
-  fitball predict fits/wang_all/two-mass --impact "v=38±1 mph, theta=18±0.5 deg, spin=950±50 rpm top"
+  fitball predict fits/wang_all/two-mass --impact "v=38±1 mph, theta=18±0.5 deg"
   fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv""",
     description="""Predict rebounds of new impacts from a fit.
 
-Two kinds of interval: of the rebound itself, which the uncertain parameters leave open, and of a new
-measurement of it, which the noise widens. Where the sd of the incident state is stated (columns v_1_sd,
-theta_1_sd, omega_1_sd, ..., or "v=38±1 mph") both contain it, and what each source adds is told. An impact
-unlike those the fit was made from is flagged. Rebound columns, where DATA has any, are compared with the
-prediction.""",
+There are two kinds of interval: one for the rebound itself, and a wider one for a new measurement of it, which
+includes the measurement noise. If the sd of the incident state is given (columns such as v_1_sd, or "v=38±1 mph"),
+both intervals include it, and the contribution of each source is printed. Impacts unlike the fitted ones are marked
+as extrapolated. If DATA has rebound columns, they are compared with the prediction.""",
 )  # fmt: skip
 
 
 def run_plan(args: argparse.Namespace) -> int:
-    """Plan, write the folder, print what to do."""
+    """Plan, write the folder, print the plan."""
     args.progress("loading", None)
     from fitball.api import load_fit
 
@@ -199,62 +200,67 @@ def run_plan(args: argparse.Namespace) -> int:
 
 
 PLAN = Verb(
-    "plan", "what to measure next: the impacts and sensors that would tell most",
+    "plan", "choose the impacts and sensors that would determine the parameters best",
     (
         FIT,
         option(
             "--for", "TARGET",
-            'what is to be known: parameters (k_theta,mu), "court pace", or impact="v=30 m/s, theta=16 deg" '
-            "(default: all parameters of the model)", dest="target",
+            'quantity to determine: parameters such as k_theta,mu, or "court pace", or impact="v=30 m/s, theta=16 '
+            'deg" (default: all parameters of the model)', dest="target",
         ),
         *(
             option(
                 f"--{name}", "LOW:HIGH",
-                f"what the machine can do, in {unit} or with a unit, e.g. {example} (LOW:HIGH:STEPS, or one value; "
-                "default: the range of the fitted table)",
+                f"{name} that your machine can reach, in {unit} or with a unit, e.g. {example}; also "
+                "LOW:HIGH:STEPS or one value (default: the range of the fitted table)",
             )
             for name, unit, example in (
                 ("speed", "m/s", "5:20"), ("angle", "deg", "10:80"), ("spin", "rad/s", "-300:300")
             )
         ),
-        option("--impacts", "N", "impacts to choose (default 5)", type=count, default=5),
-        option("--repeats", "N", "times each is made (default 1)", type=count, default=1),
-        option("--sensor", "NAME=VALUE", "another way of measuring, see below; repeatable", action="append"),
+        option("--impacts", "N", "number of impacts to choose (default: 5)", type=count, default=5),
+        option("--repeats", "N", "how often each impact is measured (default: 1)", type=count, default=1),
+        option("--sensor", "NAME=VALUE", "another way of measuring, see below (repeatable)", action="append"),
         pairs(
             "--cost", "NAME=C",
-            "what an impact read by that sensor costs, one measured as before being 1: the batch is then chosen "
-            "among all sensors by gain for cost; repeatable", convert=float, last=True, number="a number",
+            "cost of an impact with this sensor, relative to one measured as before; impacts and sensors are then "
+            "chosen by gain per cost (repeatable)", convert=float, last=True, number="a number",
             form="NAME=C, such as contact_time=2",
         ),
         SEED,
-        option("--out", "DIR", "result folder (default: plan, beside fit.json)", type=place),
+        option("--out", "DIR", "result folder (default: the folder plan beside fit.json)", type=place),
         switch("--overwrite", "replace an older plan in the folder"),
         FULL,
         switch("--json", "print plan.json (SI units, angles in radians)"),
-        switch("--quiet", "no progress, no tables: only errors and the folder"),
+        switch("--quiet", "print errors and the result folder only"),
     ),
     run_plan,
     """examples:
   fitball plan fits/wang_all/two-mass --speed 5:20 --angle 10:80 --spin -300:300
   fitball plan fits/wang_all/two-mass --for k_theta,mu --impacts 8
-  fitball plan fits/wang_all/two-mass --for "court pace" --sensor contact_time=0.1ms --sensor camera=0.3
-  fitball plan fits/wang_all/two-mass --for impact="v=30 m/s, theta=16 deg" --cost camera=3 --cost contact_time=2
+  fitball plan fits/wang_all/two-mass --for "court pace" --sensor camera=0.3
+  fitball plan fits/wang_all/two-mass --for impact="v=30 m/s, theta=16 deg" --cost camera=3
 
-A sensor is COLUMN=SD (a column of a table, read with that sd beside or instead of the fitted ones), camera=SHARE
-(all columns with that share of their fitted noise), force=SD (a force plate of that noise, 20,000 samples a second),
-drop=HEIGHT (a drop test from there), several of them joined by commas, or none. Without --sensor a contact timer, a
-force plate, a camera twice as good and the ITF's drop test are looked at, as far as the model knows of them.
-Results go to the folder plan beside fit.json unless --out names another.""",
-    description="""What to measure next, from the posterior of a fit.
+sensors (several are joined by commas):
+  COLUMN=SD      this column of a table, measured with this sd
+  camera=SHARE   all columns, with this share of their fitted noise
+  force=SD       a force plate with this noise, at 20,000 samples a second
+  drop=HEIGHT    a drop test from this height
+  none           none but those of the table
 
-Every incident state that your machine can make is looked at: how much one more impact there is expected to tell
-(in nats) of what you want to know, noise and all other parameters as uncertain as the fit left them. The best
-impacts are chosen one after the other, and other ways of measuring are set beside measuring as before.""",
+Without --sensor, four are compared with measuring as before, as far as the model describes them: a contact timer, a
+force plate, a camera with half the noise, and the ITF's drop test.""",
+    description="""Plan the next measurements from the posterior of a fit.
+
+For every incident state within the reach of your machine, the expected information gain of one more impact is
+computed in nats. The gain counts for the quantity that you name with --for; all other parameters and the noise remain
+as uncertain as after the fit. The best impacts are chosen one after the other. Gains assume that the model is
+right.""",
 )  # fmt: skip
 
 
 def run_export(args: argparse.Namespace) -> int:
-    """Write the fit in the form asked for, or print it."""
+    """Write the fit in this format, or print it."""
     from fitball.api import load_fit
     from fitball.files import is_stream
 
@@ -262,7 +268,7 @@ def run_export(args: argparse.Namespace) -> int:
     made = fit.exported(args.to, {name: getattr(args, name) for name in KINDS})
     if args.out == "-":
         if not made.texts:
-            raise ParameterError("--out -: netCDF is no text; name a file")
+            raise ParameterError(f"--out -: {args.to} is not text; name a file")
         sys.stdout.write(next(iter(made.texts.values())))
     else:
         path = Path(args.fit)
@@ -271,24 +277,26 @@ def run_export(args: argparse.Namespace) -> int:
             if not is_stream(place):
                 print(place)
     if made.note:
-        tell_notes([made.note])
+        print_notes([made.note])
     return 0
 
 
 EXPORT_LINES = "\n".join(f"  {name:10} {form.help}" for name, form in EXPORTS.items())
 EXPORT = Verb(
-    "export", "a fitted parameter set in another form: C, Python, JavaScript, C#, tables, engines",
+    "export", "write a fit as source code, a table, or settings of a game engine",
     (
         FIT,
-        option("--to", "FORMAT", ", ".join(EXPORTS), required=True, type=one_of("format", EXPORTS)),
-        option("--out", "FILE", "file, or - for stdout (default: a name beside fit.json)", type=place),
+        option("--to", "FORMAT", f"one of {', '.join(EXPORTS)}", required=True, type=one_of("format", EXPORTS)),
+        option("--out", "FILE", "file, or - for stdout (default: a file beside fit.json)", type=place),
         switch("--overwrite", "replace files that exist"),
-        option("--prefix", "TEXT", "c: beginning of every name (fitball_); javascript, csharp: of the port's"),
-        switch("--json", "engine, lookup: the JSON alone"),
-        switch("--inputs-only", "golden: without the expected rebounds"),
-        option("--range", "TEXT", "lookup: the grid (default: the calibrated range)"),
-        option("--at", "TEXT", "engine: operating point (default: middle of the calibrated range)"),
-        option("--engine-inertia", "X", "engine: I/(M R^2) of its sphere (0.4: solid)", type=float),
+        Group("options of single formats", (
+            option("--prefix", "TEXT", "c, javascript, csharp: beginning of all names (default of c: fitball_)"),
+            switch("--json", "engine, lookup: write JSON only"),
+            switch("--inputs-only", "golden: omit the expected rebounds"),
+            option("--range", "TEXT", "lookup: grid of impacts (default: the calibrated range)"),
+            option("--at", "TEXT", "engine: operating point (default: middle of the calibrated range)"),
+            option("--engine-inertia", "X", "engine: I/(M R^2) of its sphere (default: 0.4, solid)", type=float),
+        )),
     ),
     run_export,
     f"""formats:
@@ -298,17 +306,17 @@ examples:
   fitball export fits/wang_all/two-mass --to c --out bounce.h
   fitball export fits/wang_all/two-mass --to latex --out -
   fitball export fits/my_drops/two-mass --to certificate
-  fitball export fits/wang_all/two-mass --to lookup --range "v=10..40 m/s:16, theta=10..60 deg:16, spin=-300..300:9"
-  fitball export fits/wang_all/two-mass --to engine --at "v=30 m/s, theta=16 deg, spin=0 rpm"
+  fitball export fits/wang_all/two-mass --to lookup --range "v=10..40:16, theta=10..60:16"
+  fitball export fits/wang_all/two-mass --to engine --at "v=30 m/s, theta=16 deg"
   fitball export fits/wang_all/two-mass --to engine --json --out -
 
-Check a port with fitball verify.""",
-    description="Write a fit in another form. Nothing is fitted or sampled again.",
+To check a port, use fitball verify.""",
+    description="Write a fit in another format. Nothing is fitted or sampled again.",
 )  # fmt: skip
 
 
 def run_verify(args: argparse.Namespace) -> int:
-    """Compare the port and print where it deviates; 0 where it agrees, else 1."""
+    """Compare the port and print deviations; 0 where it agrees, else 1."""
     from fitball.api.verifying import DEFAULT_TOLERANCE, verify
 
     found = verify(args.port, args.fit, DEFAULT_TOLERANCE if args.tolerance is None else args.tolerance)
@@ -317,27 +325,27 @@ def run_verify(args: argparse.Namespace) -> int:
 
 
 VERIFY = Verb(
-    "verify", "check a port of a fitted model against its golden impacts",
+    "verify", "check a port of a fitted model on test impacts",
     (
-        option("port", "PORT.csv", "outputs of the port for the golden impacts"),
-        option("--fit", "FIT", "result folder or fit.json (default: beside PORT.csv)"),
-        option("--tolerance", "X", "largest relative difference (1e-9)", type=float),
+        option("port", "PORT.csv", "rebounds that the port computed for the golden impacts"),
+        option("--fit", "FIT", "result folder or fit.json (default: the folder of PORT.csv)"),
+        option("--tolerance", "X", "largest relative difference (default: 1e-9)", type=float),
         switch("--json", "print JSON (SI units, angles in radians)"),
-        switch("--quiet", "print the result alone"),
+        switch("--quiet", "print the outcome only"),
     ),
     run_verify,
-    """PORT.csv holds what the port answers to the golden impacts: columns by name, with units as in impact
-tables (v_x2, v_y2, omega_2, contact_time, v_2, theta_2; without a unit m/s, rad/s, s, deg), any of them, and a
-column id, or the order of the golden impacts. A column regime, if there is one, is compared too.
+    """PORT.csv has one row for each golden impact, and any of the columns v_x2, v_y2, omega_2, contact_time,
+v_2, theta_2, regime. Units are written as in impact tables; without a unit they are m/s, rad/s, s and deg. Rows are
+matched by a column id, or else by their order.
 
-The tolerance is relative: speeds to the incident speed, spins times the radius likewise, contact times to themselves.
-Two double-precision programs agree to 1e-12; 1e-9 leaves room for ten printed digits.
+The tolerance is relative: of speeds to the incident speed, of spins to the incident speed over the radius, of contact
+times to their own value. Two double-precision programs agree to 1e-12; 1e-9 allows for ten printed digits.
 
 examples:
   fitball export fits/wang_all/two-mass --to golden --inputs-only --out impacts.csv
   fitball verify port.csv --fit fits/wang_all/two-mass
-  fitball verify port.csv --fit fits/wang_all/two-mass --tolerance 1e-5     a port in single precision
+  fitball verify port.csv --fit fits/wang_all/two-mass --tolerance 1e-5
 
 Exit code 0 if every impact passes, 1 if one fails.""",
-    description="Compare the outputs of another program with the golden impacts of a fit.",
+    description="Compare the rebounds that another program computes with those of a fit, on its golden impacts.",
 )  # fmt: skip

@@ -1,8 +1,7 @@
-"""From what the stages of a fit gave to the one frozen result: estimates, verdicts, predictions, a sentence.
+"""From the results of the stages to the one frozen fit: estimates, verdicts, predictions, the verdict in sentences.
 
-What a table tells of a parameter within a model is not yet what may be said of it: a model that fails identifies
-nothing, a value that moves with an assumption is known only given that assumption, and where assumptions could not be
-examined the verdict says so.
+A verdict within a model is not yet final: a model that fails determines nothing, a value that changes with a model
+assumption is known only given that assumption, and where assumptions could not be examined the verdict says so.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from fitball.inference.prediction.posterior_predictive import predictive, predic
 from fitball.inference.prediction.reach import spanning_impacts
 from fitball.inference.problem.parameters import Parameter
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import Assumptions
 from fitball.inference.results.evidence import Adequacy, Profiles
 from fitball.inference.results.fitted_model import FittedModel
@@ -48,6 +48,7 @@ from fitball.inference.results.results import (
     Verdict,
     thinned,
 )
+from fitball.inference.results.sentences import listed
 from fitball.inference.results.source import source_of
 from fitball.inference.sampling.convergence import summaries
 from fitball.inference.sampling.ensembles import Sampled
@@ -60,7 +61,7 @@ from fitball.version import package_versions
 
 INDEPENDENT = "an independent integration (matrix exponentials, events by bisection)"
 ROUNDED = "the same closed form with every input rounded the other way"
-STIFF = f"{ROUNDED} (shell and core swing too fast for {INDEPENDENT})"
+STIFF = f"{ROUNDED} (shell and core oscillate too fast for {INDEPENDENT})"
 # Steps an impact, of some microseconds, up to which the independent integration is worth its time.
 AFFORDED = 1e5
 
@@ -114,11 +115,12 @@ def _differences(one: Rebound, other: Rebound) -> Mapping[str, FloatArray]:
     return {name: np.where(np.isfinite(gap), gap, 0.0) for name, gap in gaps.items()}
 
 
-# What a fit with force records has to say of them: how much they count, and where they contradict the model.
+# Notes of a fit on its force records: how much they count, and where they contradict the model.
 
-# Misfit, as a share of the peak, from which it is no detail any more: over three times what its prior expects.
+# Misfit, as a share of the peak, from which a warning is given: over three times the median of its prior.
 LARGE = 0.1
-# Mean square of a standardised deviation that says the stated noise is wrong, and ratios of impulses that do.
+# Root mean square of standardised deviations from which the stated noise is wrong, and the logarithm of ratios of
+# impulses from which units are.
 EXCESS = 2.0
 OFF = 0.25
 
@@ -140,9 +142,9 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     samples = int(np.median(records.samples))
     worth = samples * information / alone
     notes = [
-        f"force records: sensor noise {sd:.3g} N a sample, misfit of the model's force {100.0 * misfit:.2g} % of the "
-        f"peak; {samples} samples of a record count like {worth:.2g} independent ones. The misfit is taken as "
-        "independent from impact to impact: one that all share is not averaged away by more of them"
+        f"force records: sensor noise {sd:.3g} N per sample, misfit of the model's force {100.0 * misfit:.2g} % of "
+        f"the peak; the {samples} samples of a record count as {worth:.2g} independent ones. The misfit is assumed "
+        "independent between impacts: more impacts do not average out a misfit that all share"
     ]
     rows = alignment.rows(records)[0, :, :-1]
     excess = math.sqrt(float(np.sum(rows**2)) / max(1, int(records.mask.sum()) - len(records)))
@@ -151,16 +153,14 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     typical = float(np.median(ratios))
     if misfit > LARGE:
         notes.append(
-            f"MISFIT: the model's force misses the records by {100.0 * misfit:.0f} % of their peak: check units, the "
-            "calibration of the sensor and the ball's mass before k_y is trusted"
+            f"MISFIT: the model's force differs from the records by {100.0 * misfit:.0f} % of their peak. Check "
+            "units, the calibration of the sensor and the ball's mass before you use k_y"
         )
     if excess > EXCESS:
-        notes.append(
-            f"MISFIT: force records scatter {excess:.1f} times as far about the model as their stated noise allows"
-        )
+        notes.append(f"MISFIT: residuals of the force records are {excess:.1f} × their stated noise")
     if abs(math.log(typical)) > OFF:
         notes.append(
-            f"MISFIT: the impulse of the force records is {typical:.2f} times the model's: check the unit of F, the "
+            f"MISFIT: the impulse of the force records is {typical:.2f} × the model's. Check the unit of F, the "
             "calibration of the sensor and the ball's mass"
         )
     return tuple(notes)
@@ -205,11 +205,11 @@ def assemble(
     sampled: Sampled | None,
     posterior: Posterior | None,
     watch: Stopwatch,
-    said: tuple[str, ...] = (),
+    remarks: tuple[str, ...] = (),
     assumptions: Assumptions | None = None,
 ) -> Fit:
     """The fit of a problem; `profiled` with and without the scene; a point fit without `sampled` and `posterior`;
-    `said` is what its search has to tell, `assumptions` what a look at them found, if there was one.
+    `remarks` are those of its search, `assumptions` what changing them one by one gave, if that was done.
     """
     covariance = correlation = None
     prediction = diagnostics = None
@@ -258,7 +258,7 @@ def assemble(
     return Fit(
         problem=problem,
         source=source_of(problem),
-        notes=(*problem.table.remarks, *problem.notes, *said, *force_notes(problem, point)),
+        notes=(*problem.table.remarks, *problem.notes, *remarks, *force_notes(problem, point)),
         balances=scene_balances(problem.table, problem.scene),
         least_squares=squares,
         point=point,
@@ -301,9 +301,9 @@ def diagnose(sampled: Sampled, effort: Effort) -> Diagnostics:
     for name, r_hat in convergence.r_hat.items():
         least = min(convergence.ess_bulk[name], convergence.ess_tail[name])
         if not r_hat < TARGET_R_HAT:
-            complaints.append(f"{name}: the ensembles disagree, R-hat {r_hat:.3f} (wanted below {TARGET_R_HAT})")
+            complaints.append(sentences.R_HAT.format(name=name, r_hat=r_hat, target=TARGET_R_HAT))
         if not least >= effort.ess:
-            complaints.append(f"{name}: effective sample size {least:.0f} (wanted {effort.ess:.0f})")
+            complaints.append(sentences.FEW_EFFECTIVE.format(name=name, ess=least, target=effort.ess))
     return Diagnostics(
         ensembles=ensembles,
         walkers=walkers,
@@ -342,12 +342,12 @@ def _estimate(
     verdict, given = qualified(parameter.name, judged, described, assumptions, parts)
     reason = judged.reason
     if verdict is Verdict.CONDITIONAL and quantity is None:
-        reason = f"{described.why(parameter.name)}: {reason}"
+        reason = described.qualified(parameter.name, reason)
     return Estimate(
         name=parameter.name,
         unit=parameter.spec.unit,
         meaning=parameter.spec.meaning,
-        prior=parameter.prior.text if quantity is None else "of its parts",
+        prior=parameter.prior.text if quantity is None else "from its parts",
         point=point,
         contraction=judged.contraction,
         verdict=verdict,
@@ -359,7 +359,7 @@ def _estimate(
 
 
 def _posterior_numbers(name: str, posterior: Posterior | None, sampled: Sampled | None) -> dict[str, float]:
-    """What the posterior says of a parameter and how well it is sampled; nothing of one that is fixed."""
+    """The posterior of a parameter and how well it is sampled; nothing of one that is fixed."""
     if posterior is None or sampled is None or name not in posterior.names:
         return {}
     found = sampled.convergence
@@ -394,32 +394,38 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
     )
 
 
+# Verdicts in the order in which they are reported, and of which parameters they hold.
+VERDICTS = (
+    (Verdict.IDENTIFIED, sentences.DETERMINED),
+    (Verdict.GIVEN, sentences.GIVEN),
+    (Verdict.UNEXAMINED, sentences.UNEXAMINED),
+    (Verdict.CONDITIONAL, sentences.CONDITIONAL),
+    (Verdict.ONE_SIDED, sentences.ONE_SIDED),
+    (Verdict.PRIOR_DOMINATED, sentences.NOT_DETERMINED),
+    (Verdict.EXTRAPOLATED, sentences.EXTRAPOLATED),
+)
+
+
 def _sentence(
     status: RunStatus, diagnostics: Diagnostics | None, estimates: Sequence[Estimate], several: str = ""
 ) -> str:
     if diagnostics is None:
-        head = "Point fit only: no posterior; the verdicts rest on profile likelihoods and Fisher information."
+        head = sentences.POINT_ONLY
     elif status is RunStatus.CONVERGED:
-        head = (
-            f"Converged: every parameter has an effective sample size of at least "
-            f"{min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f} and R-hat of at most "
-            f"{diagnostics.max_r_hat:.3f}."
-        )
+        least = min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail)
+        head = sentences.CONVERGED.format(ess=least, r_hat=diagnostics.max_r_hat)
     else:
-        head = f"Not converged after {diagnostics.steps} steps: " + "; ".join(diagnostics.complaints) + "."
-    parts = []
-    for verdict, words in (
-        (Verdict.IDENTIFIED, "The table identifies"),
-        (Verdict.GIVEN, "Given assumptions that it cannot test, it identifies"),
-        (Verdict.UNEXAMINED, "It identifies, where assumptions could not be examined,"),
-        (Verdict.EXTRAPOLATED, "It extrapolates"),
-        (Verdict.CONDITIONAL, "If the model described it, it would identify"),
-        (Verdict.ONE_SIDED, "It bounds from one side only"),
-        (Verdict.PRIOR_DOMINATED, "It does not tell"),
-    ):
+        complaints = "; ".join(diagnostics.complaints)
+        head = sentences.NOT_CONVERGED.format(steps=diagnostics.steps, complaints=complaints)
+    parts: list[str] = []
+    for verdict, template in VERDICTS:
         names = [estimate.name for estimate in estimates if estimate.verdict is verdict]
         if names:
-            parts.append(f"{words} {', '.join(names)}.")
+            # The data are named once.
+            named = any(part.startswith((sentences.THE_DATA, sentences.THEY)) for part in parts)
+            they = sentences.THEY if named else sentences.THE_DATA
+            its = sentences.ITS_PRIOR if len(names) == 1 else sentences.THEIR_PRIORS
+            parts.append(template.format(they=they, names=listed(names), its=its))
     return " ".join([head, *([several] if several else []), *parts])
 
 
@@ -431,7 +437,7 @@ def qualified(
     parts: Sequence[str] = (),
 ) -> tuple[Verdict, tuple[str, ...]]:
     """The verdict on one parameter, or on a quantity that follows from the parameters called `parts`, and the
-    assumptions it is given; None for what was not looked at.
+    assumptions it is given; None for what was not examined.
     """
     if judged.verdict is not Verdict.IDENTIFIED:
         return judged.verdict, ()

@@ -136,10 +136,10 @@ class Family(NamedTuple):
 
 
 class Going(Protocol):
-    """How far a batch is: tables that are `done`, `of` all."""
+    """Progress of a batch: tables that are `done`, of a `total`."""
 
     done: int
-    of: int
+    total: int
 
 
 class Watch:
@@ -154,7 +154,7 @@ class Watch:
 
     def __call__(self, going: Going) -> None:
         """Called after every table."""
-        if going.done not in (*LOOKED, going.of):
+        if going.done not in (*LOOKED, going.total):
             return
         now = self.family()
         each = (now.seconds - self.seconds) / (going.done - self.tables)

@@ -64,7 +64,7 @@ def of_a_batch(fit):
         way = WAYS[place.suffix] if rng.integers(4) else damage_file
         return f"{place.parent.name}/{damaged_somehow(place, way, rng)}"
 
-    asked = (*[("--of", "mu")] * 5, *[("--of", "cor_10", "--json")] * 4, ("--of", "spin_sd/velocity_sd"))
+    asked = (*[("--parameters", "mu")] * 5, *[("--of", "cor_10", "--json")] * 4, ("--of", "spin_sd/velocity_sd"))
     return (
         Target("batch", build, mutate, tuple((*POPULATION, *words) for words in asked), (0, 1, 2), few=30),
         Target("repeated batch", build, mutate, (AGAIN,), (0, 1, 2), few=4),

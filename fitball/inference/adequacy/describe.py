@@ -1,4 +1,4 @@
-"""Does the model describe the table? All checks, what lies farthest off, and the answer they add up to."""
+"""Does the model describe the data? All tests, the largest misfits, and the answer that follows from them."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from fitball.inference.adequacy.words import (
 from fitball.inference.problem.observables import expected_prior
 from fitball.inference.problem.parameters import FORCE_NOISE, SD_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import SURE_ERRORS, Alternative, Assumptions
 from fitball.inference.results.evidence import (
     FALSE_EXCEPT,
@@ -41,14 +42,14 @@ from fitball.inference.results.evidence import (
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.values import FloatArray
 
-# How large is the noise that the residuals show, against what was stated, or what was expected?
+# How large is the noise of the residuals, beside the stated or the expected one?
 
-# From this multiple of what was stated or expected a noise is worth telling.
+# The multiple of the stated or expected noise from which it is an exception.
 WORSE = 1.2
 
 
 def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) -> tuple[NoiseCheck, ...]:
-    """Each noise against what was known of it, adjusted for their number (Holm 1979) times `share` families."""
+    """Each noise beside its stated or expected size, adjusted for their number (Holm 1979) times `share` families."""
     known = {parameter.name: parameter for parameter in problem.parameters}
     scales = fit.scales(fit.measured[None, :])[0]
     checks = []
@@ -83,7 +84,7 @@ def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) ->
 
 
 def _is_assumed(problem: Problem, parameter: Parameter) -> bool:
-    """Whether the scene says nothing of what noise to expect, or a prior says so much that its width counts."""
+    """Whether the scene states no noise to expect, or a chosen prior does, so that its width counts."""
     if parameter.prior.text != expected_prior(parameter.name, problem.scene, problem.table):
         return True
     unit = SD_SPECS[parameter.name].unit
@@ -119,8 +120,8 @@ FAR_WORSE = 2.0
 HALF = 0.5
 # How choices of a kind of noise begin.
 NOISE = "noise="
-# Misfits that are told, and rows that a check names.
-TOLD, NAMED_ROWS = 5, 6
+# Misfits that are listed, and rows that a test names.
+LISTED, NAMED_ROWS = 5, 6
 
 
 def adequacy(
@@ -130,9 +131,9 @@ def adequacy(
     seed: int,
     assumptions: Assumptions | None = None,
 ) -> Adequacy:
-    """Hold the residuals of a fit against those of tables that the fitted model makes, each refitted to first order,
-    and its noise against what was stated or expected. Without a posterior there is no leaving out by importance.
-    An alternative that a look at the `assumptions` scores surely better is an exception.
+    """Compare the residuals of a fit with those of data sets simulated from it, each refitted to first order, and its
+    noise with the stated or expected one. Without a posterior nothing is left out by importance weights. An
+    alternative among the `assumptions` that scores significantly better is an exception.
     """
     # The fourth of a run's streams: those before it are the point fit's, the priors' and the predictions'.
     rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(4)[3])
@@ -142,7 +143,9 @@ def adequacy(
     found = patterns(problem, point, fit)
     looked = look_at(problem, point, posterior, fit, found, rng)
     looks, left_out = looked.looks, looked.left_out
-    made = f"{looked.tables:,} tables" + (f" of {looked.impacts:,} impacts" if looked.impacts < fit.impacts else "")
+    simulated = sentences.SIMULATED.format(count=looked.tables)
+    if looked.impacts < fit.impacts:
+        simulated += sentences.SHORTER.format(impacts=looked.impacts)
     checks: tuple[Check, ...] = ()
     unseen = dict.fromkeys(fit.columns, 1.0)
     if looks:
@@ -163,11 +166,11 @@ def adequacy(
     return Adequacy(
         answer=answer,
         sentence=sentence(problem, answer, noise, checks, unseen, moved, better),
-        based_on=based_on(problem, noise, checks, unseen, made, posterior is not None),
+        based_on=based_on(problem, noise, checks, unseen, simulated, posterior is not None),
         exceptions=(
             *(noise_words(check) for check in noise if check.found),
             *(check_words(check) for check in strongest(check for check in checks if check.found)),
-            *(better_words(item) for item in better),
+            *(better_words(alternative) for alternative in better),
         ),
         noise=noise,
         checks=checks,
@@ -197,7 +200,7 @@ def surely_better(alternatives: Sequence[Alternative]) -> tuple[Alternative, ...
 
 
 def _check(problem: Problem, observed: Tables, look: Look, p: float) -> Check:
-    """A check as it is told; a pattern of a size that matters, or one that is none but sure, is `found`."""
+    """A test as it is reported; a pattern is `found` where it is sure and, if it has a size, large enough."""
     fit, explained, size = observed.fit, None, None
     if look.found is not None:
         explained = abs(float(look.seen[0]))
@@ -205,14 +208,14 @@ def _check(problem: Problem, observed: Tables, look: Look, p: float) -> Check:
     elif look.kind == "jointly":
         explained = abs(float(look.seen[0]))
         size = (explained * len(fit.columns)) ** 0.5
-    made = sorted(abs(float(value)) for value in look.seen[1:])
+    usual = sorted(abs(float(value)) for value in look.seen[1:])
     return Check(
         kind=look.kind,
         column=ALL if look.column == EVERY else fit.columns[look.column],
         over=look.over,
         words=_words(problem, observed, look),
         statistic=float(look.seen[0]),
-        usual=made[int(0.95 * len(made))],
+        usual=usual[int(0.95 * len(usual))],
         p=p,
         explained=explained,
         size=size,
@@ -221,19 +224,21 @@ def _check(problem: Problem, observed: Tables, look: Look, p: float) -> Check:
 
 
 def _words(problem: Problem, observed: Tables, look: Look) -> str:
-    """What a check looked for, and how it came out: which rows, which way."""
+    """The pattern that a test looked for, and what it found: which rows, which way."""
     if look.column == EVERY and look.found is not None:
         return look.words
-    column = ALL if look.column == EVERY else observed.fit.columns[look.column]
+    column, words = ALL if look.column == EVERY else observed.fit.columns[look.column], look.words
+    if look.kind == "bias":
+        return sentences.BIASED.format(column=column, rows=words)
     if look.kind == "spread":
-        return f"{column}: the noise {'grows' if look.seen[0] > 0.0 else 'falls'} with {look.over}"
+        words = (sentences.GROWS if look.seen[0] > 0.0 else sentences.FALLS).format(quantity=look.over)
     if look.kind == "outlier":
         places = observed.fit.places[look.column][_farthest(observed, look.column)]
         ids = [problem.table.ids[place] for place in places[:NAMED_ROWS]]
-        more = f" and {places.size - NAMED_ROWS} more" if places.size > NAMED_ROWS else ""
-        which = f"impact {ids[0]} lies" if places.size == 1 else f"impacts {', '.join(ids)}{more} lie"
-        return f"{column}: {which} far off"
-    return f"{column} {look.words}" if look.kind == "bias" else f"{column}: {look.words}"
+        more = sentences.MORE.format(more=places.size - NAMED_ROWS) if places.size > NAMED_ROWS else ""
+        one = places.size == 1
+        words = (sentences.OUTLIER if one else sentences.OUTLYING).format(ids=", ".join(ids), more=more)
+    return sentences.IN_COLUMN.format(column=column, pattern=words)
 
 
 def _farthest(observed: Tables, column: int) -> NDArray[np.int64]:
@@ -255,7 +260,7 @@ def _farthest(observed: Tables, column: int) -> NDArray[np.int64]:
 
 
 def _left_out(fit: Refit, column: int, far: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """By how much the measurements `far` of a column are off as a fit to all others has it, and the sds of that in
+    """By how much the measurements `far` of a column deviate from a fit to all others, and the sds of that in
     units of the noise.
     """
     own = fit.own[fit.rows(column)][far]
@@ -352,17 +357,17 @@ def largest_misfits(problem: Problem, point: PointFit, observed: Tables) -> tupl
     """The largest, farthest first, each by its distance from its prediction by all others, in sds of that."""
     far, fit = observed.standardised[0], observed.fit
     columns = problem.all_values(np.array([[point.values[name] for name in problem.free_names]]))
-    told = []
-    for k in np.argsort(-np.abs(far), kind="stable")[:TOLD]:
+    largest = []
+    for k in np.argsort(-np.abs(far), kind="stable")[:LISTED]:
         column = int(np.searchsorted(fit.starts, k, side="right")) - 1
         own = int(k - fit.starts[column])
         observable = problem.observables[column]
         gap = problem.deviation(columns, observable, point.rebound)[0]
         measured = float(observable.observed[own])
-        told.append(
+        largest.append(
             Misfit(
                 problem.table.ids[fit.places[column][own]], observable.name, observable.column.unit, measured,
                 measured - float(gap[own]), float(far[k]),
             )
         )  # fmt: skip
-    return tuple(told)
+    return tuple(largest)

@@ -1,5 +1,5 @@
-"""Statistics of residuals, of a table and of many that the fitted model makes, each with a probability that is about
-right for one table; about is enough: `family` holds the least of them all against what the made tables have.
+"""Test statistics of residuals, of the data and of many simulated data sets, each with a probability that is about
+right for a single one; about is enough: `family` compares the least of them all with those of the simulated sets.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from fitball.inference.adequacy.refit import (
     overlap,
 )
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import FALSE_EXCEPT
 from fitball.values import FloatArray
 
@@ -34,8 +35,8 @@ ORDERED, SCATTERED, LINKED, TAILED, DISTRIBUTED = 8, 10, 8, 20, 15
 class Kind:
     """A kind of check: the `tier` that it shares the chance of a false alarm with, and how its statistic falls with
     rows, of a table that means nothing: as this power of their number. `smooth` patterns count as the model's own,
-    where a group may be biased for reasons of its own. Of `scored` ones only made tables tell the probability, and of
-    `shaped` ones where the noise has a shape of its own.
+    where a group may be biased for reasons of its own. `scored` ones get their probability from simulated data sets
+    only, `shaped` ones where the noise has a shape of its own.
     """
 
     tier: int
@@ -162,7 +163,8 @@ def together(tables: Tables, found: Sequence[Pattern]) -> Iterator[Look]:
         share = np.minimum(square / freedom, WHOLE)
         ratio = share / len(mine) * (freedom - len(mine)) / (1.0 - share)
         p = np.asarray(fdtrc(len(mine), freedom - len(mine), ratio), dtype=np.float64)
-        words = f"they are biased in {over}" if over == WHOLE_TABLE else f"they depend on {over}"
+        biased = over == WHOLE_TABLE
+        words = sentences.ALL_BIASED.format(rows=over) if biased else sentences.ALL_DEPEND.format(quantity=over)
         yield Look("jointly", EVERY, over, words, share, p)
 
 
@@ -178,12 +180,13 @@ def along_covariates(tables: Tables, known: Mapping[str, FloatArray]) -> Iterato
             if np.unique(along).size >= max(ORDERED, along.size // 2):
                 own = tables.residual[:, rows][:, np.argsort(along, kind="stable")]
                 seen = np.sum(own[:, 1:] * own[:, :-1], axis=1) / np.sum(own**2, axis=1)
-                yield _scored("order", column, name, f"neighbours along {name} deviate alike", seen, sides=1)
+                words = sentences.NEIGHBOURS.format(quantity=name)
+                yield _scored("order", column, name, words, seen, sides=1)
             if along.size >= SCATTERED and np.ptp(along) > 0.0:
                 size = sizes[:, rows] - sizes[:, rows].mean(axis=1, keepdims=True)
                 centred = (along - along.mean()) / np.linalg.norm(along - along.mean())
                 seen = size @ centred / np.linalg.norm(size, axis=1)
-                yield _scored("scatter", column, name, f"scatter that changes with {name}", seen)
+                yield _scored("scatter", column, name, sentences.SCATTER.format(quantity=name), seen)
 
 
 def spreads(tables: Tables, known: Mapping[str, FloatArray]) -> Iterator[Look]:
@@ -203,7 +206,8 @@ def spreads(tables: Tables, known: Mapping[str, FloatArray]) -> Iterator[Look]:
         if np.abs(centred).max() <= SPANNED:
             continue
         seen = _exponent(fit, squares, centred)
-        yield Look("spread", EVERY, name, f"the noise changes with {name}", seen, 2.0 * ndtr(-np.abs(seen)))
+        words = sentences.SPREAD.format(quantity=name)
+        yield Look("spread", EVERY, name, words, seen, 2.0 * ndtr(-np.abs(seen)))
 
 
 def _exponent(fit: Refit, squares: FloatArray, along: FloatArray) -> FloatArray:
@@ -232,14 +236,14 @@ def _exponent(fit: Refit, squares: FloatArray, along: FloatArray) -> FloatArray:
 
 
 def links(tables: Tables) -> Iterator[Look]:
-    """Whether two columns deviate together, as they do where the incident state is not what the table says."""
+    """Whether two columns deviate together, as they do where the incident state differs from the one in the table."""
     fit, residual = tables.fit, tables.residual
     for one, other in combinations(range(len(fit.columns)), 2):
         both = np.isin(fit.places[one], fit.places[other]), np.isin(fit.places[other], fit.places[one])
         if both[0].sum() >= LINKED:
             a, b = residual[:, fit.rows(one)][:, both[0]], residual[:, fit.rows(other)][:, both[1]]
             seen = np.sum(a * b, axis=1) / np.sqrt(np.sum(a * a, axis=1) * np.sum(b * b, axis=1))
-            words = f"it deviates together with {fit.columns[other]}"
+            words = sentences.LINKED.format(column=fit.columns[other])
             yield _scored("linked", one, fit.columns[other], words, seen)
 
 
@@ -255,7 +259,7 @@ def uneven(tables: Tables) -> Iterator[Look]:
             ratio = sizes[0] / sizes[1]
             tails = [tail(freedom[one], freedom[other], ratio) for tail in (fdtr, fdtrc)]
             p = 2.0 * np.minimum(*tails)
-            words = f"its scatter is not that of {fit.columns[other]}, which shares its noise"
+            words = sentences.UNEVEN.format(column=fit.columns[other])
             yield Look("uneven", one, fit.columns[other], words, np.log(ratio), p)
 
 
@@ -267,10 +271,10 @@ def outliers(tables: Tables) -> Iterator[Look]:
         if freedom <= LEAST_FREEDOM:
             continue
         _count, p = farthest(own, freedom)
-        yield Look("outlier", column, "impacts", "single impacts lie far off", -np.log10(p), p)
+        yield Look("outlier", column, "impacts", sentences.OUTLIERS, -np.log10(p), p)
         if own.shape[1] >= TAILED:
             z = kurtosis_score(own)
-            yield Look("tails", column, "impacts", "the tails are heavy", z, np.asarray(ndtr(-z)))
+            yield Look("tails", column, "impacts", sentences.TAILS, z, np.asarray(ndtr(-z)))
 
 
 def farthest(studentised: FloatArray, freedom: float) -> tuple[NDArray[np.int64], FloatArray]:
@@ -292,7 +296,7 @@ def farthest(studentised: FloatArray, freedom: float) -> tuple[NDArray[np.int64]
 
 def distributions(tables: Tables, left_out: FloatArray | None) -> Iterator[Look]:
     """Whether the probability that a measurement exceeds what all others predict is uniform: its largest distance
-    from that. Of the made tables to first order, where a deleted residual has Student's distribution (Cook and
+    from that. Of simulated data sets to first order, where a deleted residual has Student's distribution (Cook and
     Weisberg 1982); of the observed one as in `left_out` (columns, impacts), if there is that.
     """
     fit = tables.fit
@@ -312,21 +316,20 @@ def distributions(tables: Tables, left_out: FloatArray | None) -> Iterator[Look]
         stretched = count**0.5 + 0.12 + 0.11 / count**0.5
         step = np.arange(count + 1) / count
         seen = np.maximum((step[1:] - ordered).max(axis=1), (ordered - step[:-1]).max(axis=1))
-        words = "predictions from the other impacts are too wide, too narrow or off"
-        yield Look("loo-pit", column, "all impacts", words, seen, kolmogorov(seen * stretched))
+        yield Look("loo-pit", column, "all impacts", sentences.LOO_PIT, seen, kolmogorov(seen * stretched))
 
 
 def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sides: int = 2) -> Look:
-    """A check whose probability is that of a normal number, as centred and wide as the made tables have it; of the
+    """A check whose probability is that of a normal number, with the mean and sd of the simulated ones; of the
     table alone there is none.
     """
     p = scored(seen, seen[1:], sides) if seen.size > 1 else np.full(1, np.nan)
     return Look(kind, column, over, words, seen, p)
 
 
-def scored(seen: FloatArray, made: FloatArray, sides: int, shorter: float = 1.0) -> FloatArray:
-    """Probabilities of statistics `seen` (tables,) as `made` tables have them, whose rows are a share `shorter`."""
-    z = (seen - shorter * made.mean()) / (shorter**0.5 * made.std())
+def scored(seen: FloatArray, simulated: FloatArray, sides: int, shorter: float = 1.0) -> FloatArray:
+    """Probabilities of statistics `seen` (tables,) given those of `simulated` ones, a share `shorter` in rows."""
+    z = (seen - shorter * simulated.mean()) / (shorter**0.5 * simulated.std())
     return np.asarray(ndtr(-z) if sides == 1 else 2.0 * ndtr(-np.abs(z)))
 
 
@@ -334,8 +337,8 @@ def family(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:
     """Of each check the probability that a table of the model shows as much in any of them (looks,), and the level
     of each check (looks,) at which that is `FALSE_EXCEPT`.
 
-    The least of all probabilities is held against the least of each made table (Westfall and Young 1993), each
-    counted by the weight of its kind, which the checks of a kind share (Genovese, Roeder and Wasserman 2006).
+    The least of all probabilities is compared with the least of each simulated data set (Westfall and Young 1993),
+    each counted by the weight of its kind, which the checks of a kind share (Genovese, Roeder and Wasserman 2006).
     """
     tiers = [KINDS[look.kind].tier for look in looks]
     weight = np.array([TIERS[tier] / tiers.count(tier) for tier in tiers])

@@ -1,9 +1,9 @@
-"""Residuals at the best fit, and those of tables that the fitted model makes, each refitted to first order; patterns
-that they may have: trends over what is known of the incidence, biases of groups.
+"""Residuals at the best fit, and those of data sets simulated from it, each refitted to first order; patterns that
+they may have: trends with the incident state, biases of groups.
 
-With `K` the derivatives of all weighted residuals (measurements, what the scene knows, records, priors) and `U` an
+With `K` the derivatives of all weighted residuals (measurements, scene, records, priors) and `U` an
 orthonormal basis of its columns, a refit takes `U U^T e` off deviations `e`: what is left of standard ones has, over
-the prior, exactly the covariance of the residuals of a linear model. So a check that is held against them does not
+the prior, exactly the covariance of the residuals of a linear model. So a test that is calibrated on them does not
 use the data twice (Robins, van der Vaart and Ventura 2000, JASA 95, 1143).
 """
 
@@ -21,15 +21,16 @@ from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, differ
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import whole_of_parts
+from fitball.inference.results import sentences
 from fitball.inference.results.results import PointFit
 from fitball.models.types import regime_name
 from fitball.values import FloatArray
 
-# Step of the differences that stand for derivatives where there are none, in widths of the priors.
+# Step of the differences that replace derivatives where there are none, in widths of the priors.
 STEP = 1e-5
 # The number of no column: of all together.
 EVERY = -1
-# What wear, warmth and the court change from impact to impact: friction and restitution.
+# Parameters that wear, temperature and the court change from impact to impact.
 WEARING = ("mu", "cor_10")
 # The share by which friction is changed either way to see what it does: by so much balls that grip begin to slide.
 FRICTION = 0.2
@@ -42,7 +43,7 @@ class Refit:
     """A best fit and its first order.
 
     `columns` names the measured columns, one after the other in `measured` (measurements,): residuals, measured less
-    predicted, in units of the fitted noise; `places` says of each column at which of the `impacts` it was measured.
+    predicted, in units of the fitted noise; `places` are the `impacts` at which each column was measured.
     `noise` (measurements,) numbers the noises of `noises`. `basis` (rows, rank) is `U`, its first rows those of the
     measurements; a change `c` of coefficients of the basis moves parameter `names[k]` by `reach[k] @ c` of its
     standard deviations. `effects` (measurements,) has what a small change of each parameter of `WEARING` does,
@@ -203,26 +204,23 @@ BENDS, TOGETHER = 7, 12
 LEAST_IN_GROUP, MOST_GROUPS = 3, 40
 # Degrees of freedom of a noise from which its residuals can be looked at.
 LEAST_FREEDOM = 2.0
-# A pattern of whose square less is left by a refit cannot be told from parameters.
+# A pattern of whose square a refit leaves less cannot be separated from parameters.
 LEFT = 0.02
 # Patterns whose remains agree so well are one.
 SAME = 0.98
 LABELS = ("group", "surface", "ball", "location")
 # What a pattern is a pattern of, and those that are no knowledge of the incidence.
 WHOLE_TABLE, ROWS = "all rows", "the order of rows"
-# What a column does there, and what a parameter does.
-FAULTS = {"bias": "is biased in", "row": "a drift", "group": "a bias of", "regime": "a bias of"}
-CHANGES = {"row": ("drift", "drifts"), "group": ("level", "differs for")}
 # The correlation from which rows count as in the order of a quantity.
 IN_ORDER = 0.9
-POWERS = ("a trend over", "a bend over")
 
 
 @dataclass(frozen=True)
 class Pattern:
     """A pattern in one `column` (its number, or `EVERY`): `kind` trend, bend, together, bias, row, group or regime,
-    drift or level of a parameter, `over` what, in `words`; `shape` (measurements of the column,) of root mean square
-    one. A refit takes off what the basis has of it, `taken` (rank,), and leaves `length` times what `left` gives.
+    drift or level of a parameter; `over` which quantity or group, in `words`; `shape` (measurements of the column,)
+    of root mean square one. A refit takes off what the basis has of it, `taken` (rank,), and leaves `length` times
+    what `left` gives.
 
     Of the measurements of all columns nothing is kept: patterns are many, and rows may be.
     """
@@ -275,7 +273,7 @@ def pattern(fit: Refit, column: int, kind: str, over: str, words: str, shape: Fl
 
 
 def covariates(problem: Problem) -> dict[str, FloatArray]:
-    """What is known of each incidence by name, (impacts,) in SI, where it differs between impacts."""
+    """The incident state of each impact by name, (impacts,) in SI, where it differs between impacts."""
     impacts = problem.impacts
     known = {"v_y1": impacts.v_y1}
     if problem.model.tangential:
@@ -297,8 +295,8 @@ def _groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, str, 
 
 
 def patterns(problem: Problem, point: PointFit, fit: Refit) -> list[Pattern]:
-    """All patterns that can be told from parameters and from each other: in single columns, then what friction and
-    restitution that drift or differ between groups do to all columns.
+    """All patterns that can be separated from parameters and from each other: in single columns, then what friction
+    and restitution that drift or differ between groups do to all columns.
     """
     groups, drift = list(_groups(problem, point)), list(_drift(problem))
     whole = "bias", WHOLE_TABLE, WHOLE_TABLE, np.ones(len(problem.impacts))
@@ -314,13 +312,18 @@ def patterns(problem: Problem, point: PointFit, fit: Refit) -> list[Pattern]:
     for column in range(len(fit.columns)):
         if fit.freedom[fit.noise_of(column)] > LEAST_FREEDOM:
             for kind, over, words, shape in shapes:
-                keep(column, kind, over, f"{FAULTS.get(kind, '')} {words}".lstrip(), shape[fit.places[column]])
+                biased = kind in ("group", "regime")
+                fault = sentences.BIAS.format(group=words) if biased else words
+                keep(column, kind, over, fault, shape[fit.places[column]])
     if np.all(fit.freedom > LEAST_FREEDOM):
         rows = np.concatenate(fit.places)
         for kind, over, words, shape in (*drift, *groups):
             for name, effect in fit.effects.items() if kind != "regime" else ():
-                changes, verb = CHANGES[kind]
-                keep(EVERY, changes, over, f"{name} {verb} {words}", effect * shape[rows])
+                if kind == "row":
+                    fault = sentences.PARAMETER_DRIFT.format(name=name, drift=words)
+                else:
+                    fault = sentences.PARAMETER_LEVEL.format(name=name, group=words)
+                keep(EVERY, "drift" if kind == "row" else "level", over, fault, effect * shape[rows])
     return kept
 
 
@@ -329,10 +332,10 @@ def _drift(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:
     count = len(problem.impacts)
     if count >= BENDS:
         row: FloatArray = np.arange(float(count)) - 0.5 * (count - 1)
-        like = " and ".join(
-            name for name, column in covariates(problem).items() if abs(np.corrcoef(row, column)[0, 1]) >= IN_ORDER
-        )
-        yield "row", ROWS, f"along the rows{like and f' (in the order of {like})'}", row
+        known = covariates(problem).items()
+        like = [name for name, column in known if abs(np.corrcoef(row, column)[0, 1]) >= IN_ORDER]
+        order = sentences.IN_ORDER.format(quantities=sentences.listed(like)) if like else ""
+        yield "row", ROWS, sentences.DRIFT.format(order=order), row
 
 
 def _trends(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:
@@ -343,11 +346,11 @@ def _trends(problem: Problem) -> Iterator[tuple[str, str, str, FloatArray]]:
         # Orthogonal to all lower powers over the impacts of the table.
         powers = np.linalg.qr(np.vander((column - column.mean()) / np.ptp(column), degree + 1, increasing=True))[0]
         for power in range(1, degree + 1):
-            kind = "trend" if power == 1 else "bend"
-            yield kind, name, f"{POWERS[power - 1]} {name}", powers[:, power]
+            kind, words = ("trend", sentences.TREND) if power == 1 else ("bend", sentences.CURVE)
+            yield kind, name, words.format(quantity=name), powers[:, power]
         straight[name] = powers[:, 1]
     for one, other in combinations(straight, 2):
         product = straight[one] * straight[other]
         if count >= TOGETHER and np.ptp(product) > 0.0:
             over = f"{one} and {other}"
-            yield "together", over, f"{over} together", product - product.mean()
+            yield "together", over, sentences.INTERACTION.format(quantity=over), product - product.mean()

@@ -1,4 +1,4 @@
-"""The answer, and what it is based on, in words."""
+"""The answer, and what it is based on: which sentences apply, and the facts in them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fitball.inference.adequacy.looks import DISTRIBUTED
 from fitball.inference.adequacy.refit import covariates
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import Alternative
 from fitball.inference.results.evidence import (
     FALSE_EXCEPT,
@@ -16,13 +17,14 @@ from fitball.inference.results.evidence import (
     Check,
     NoiseCheck,
 )
+from fitball.inference.results.sentences import capital, counted, listed
 from fitball.observables import OBSERVABLES
 
-# Exceptions that a sentence names; a hint is what fewer than this share of the model's own tables show.
+# Exceptions that a sentence names; a hint is what fewer than this share of the simulated data sets show.
 NAMED, HINT = 3, 0.5
-# Sds by which what is missed must move a parameter for the model's error to be told beside that of measurements.
+# Sds by which the misfit must shift a parameter for the model's error to be mentioned beside that of measurements.
 FAR = 5.0
-# Nothing can be told of a column where a pattern that explains this share of its variance would not be found.
+# A column cannot be tested where a pattern that explains this share of its variance would not be found.
 BLIND = 0.6
 ALL = "all columns"
 
@@ -37,44 +39,31 @@ def sentence(
     better: Sequence[Alternative],
 ) -> str:
     """The answer in a few sentences; `moved` is by how many of its sds what was found moves each parameter, `better`
-    what fits surely better.
+    what fits significantly better.
     """
-    scatter = "; ".join(noise_words(check) for check in noise)
+    impacts = len(problem.impacts)
+    scatter = [f"{capital(noise_words(check))}." for check in noise] or [sentences.NO_NOISE]
     if answer is Answer.UNTOLD and not covariates(problem):
-        return (
-            f"Whether the model describes the table cannot be told: its {len(problem.impacts)} impacts all come "
-            f"alike, so that no pattern in the residuals could be found. {_cap(scatter)}."
-        )
-    wide = _wide(noise, checks)
+        return " ".join([sentences.ALL_ALIKE.format(impacts=impacts), *scatter])
+    wide, beyond = _wide(noise, checks), _beyond(moved)
     if answer is Answer.UNTOLD:
-        return f"{_untold(problem, unseen)} {_cap(scatter)}.{wide}"
-    beyond = _beyond(moved)
+        return " ".join([*_too_few(problem, unseen), *scatter, *wide])
     if answer is Answer.DESCRIBES:
-        small = strongest(check for check in checks if check.p < FALSE_EXCEPT)
-        if small:
-            return (
-                "The model describes the table, but for patterns far below the noise that so many rows make sure: "
-                f"{_listed(small)}.{beyond} {_cap(scatter)}.{wide}"
-            )
-        hints = "; ".join(f"{check_words(check)} in {100.0 * check.p:.0f} %" for check in _hints(checks))
-        told = (
-            f" The strongest hints, and in how many tables that the model made they are met: {hints}."
-            if hints
-            else ""
+        if small := strongest(check for check in checks if check.p < FALSE_EXCEPT):
+            found = sentences.DESCRIBED_FINELY.format(impacts=impacts, faults=_some(small))
+            return " ".join([found, *beyond, *scatter, *wide])
+        hints = "; ".join(
+            sentences.HINT.format(fault=check_words(check), chance=100.0 * check.p) for check in _hints(checks)
         )
-        return (
-            f"The model describes the table: no check of the residuals finds a pattern. {_cap(scatter)}.{wide}{told}"
-        )
+        more = [sentences.HINTS.format(hints=hints)] * bool(hints)
+        return " ".join([sentences.DESCRIBED, *scatter, *wide, *more])
     worse = [noise_words(check) for check in noise if check.found]
-    found = strongest(check for check in checks if check.found)
-    faults = "; ".join([*worse, *([_listed(found)] if found else []), *(better_words(item) for item in better)])
+    patterns = strongest(check for check in checks if check.found)
+    faults = "; ".join([*worse, *[_some(patterns)] * bool(patterns), *(better_words(item) for item in better)])
     if answer is Answer.FAILS:
-        return (
-            f"The model does NOT describe the table: {faults}.{beyond} All that follows is conditional: it would "
-            "hold if the model did."
-        )
-    rest = "" if worse else f" {_cap(scatter)}."
-    return f"The model describes the table with exceptions: {faults}.{beyond}{rest}{wide}"
+        return " ".join([sentences.NOT_DESCRIBED.format(faults=faults), *beyond, sentences.ALL_CONDITIONAL])
+    rest = [] if worse else scatter
+    return " ".join([sentences.EXCEPTIONS.format(faults=faults), *beyond, *rest, *wide])
 
 
 def blind(unseen: Mapping[str, float]) -> list[str]:
@@ -82,55 +71,44 @@ def blind(unseen: Mapping[str, float]) -> list[str]:
     return [name for name, share in unseen.items() if share > BLIND]
 
 
-def _untold(problem: Problem, unseen: Mapping[str, float]) -> str:
-    """Which columns are too short to be looked at, and what the others say."""
+def _too_few(problem: Problem, unseen: Mapping[str, float]) -> list[str]:
+    """Which columns are too short to be tested, and what the others show."""
     columns = blind(unseen)
     rows = max(o.observed.size for o in problem.observables if o.name in columns)
     least = 100.0 * min(unseen[name] for name in columns)
     seen = [name for name in unseen if name not in columns]
-    what = " and ".join(columns) if seen else "the table"
-    found = (
-        "no pattern in the residuals could be found"
-        if least >= 100.0
-        else f"a pattern would have to explain {least:.0f} % of the residual variance to be found"
+    noun = sentences.FEW_MEASUREMENTS if seen else sentences.FEW_IMPACTS
+    answer = sentences.TOO_FEW.format(
+        few=f"{counted(rows)} {noun} is" if rows == 1 else f"{counted(rows)} {noun}s are",
+        where=sentences.WHERE.format(columns=listed(columns)) if seen else "",
+        limit=sentences.NONE_NOTICED if least >= 100.0 else sentences.ONLY_STRONG.format(share=least),
     )
-    others = f" In {' and '.join(seen)} no check finds a pattern." if seen else ""
-    return f"Too few rows to tell whether the model describes {what}: with {rows} {found}.{others}"
+    return [answer, *[sentences.ELSEWHERE.format(columns=listed(seen))] * bool(seen)]
 
 
-def _wide(noise: Sequence[NoiseCheck], checks: Sequence[Check]) -> str:
+def _wide(noise: Sequence[NoiseCheck], checks: Sequence[Check]) -> list[str]:
     """That a noise is far above what fitball expects where nobody stated one, and outliers do not make it so."""
     known = {check.column for check in checks if check.found and check.kind == "outlier"}
-    far = [
-        check
+    ratios = "; ".join(
+        sentences.WIDE_RATIO.format(columns=listed(check.columns), ratio=_number(check.ratio))
         for check in noise
         if check.assumed and not check.found and check.ratio >= FAR_FROM_STATED and not known & {*check.columns}
-    ]
-    if not far:
-        return ""
-    said = "; ".join(f"{' and '.join(check.columns)} {_number(check.ratio)} times" for check in far)
-    return (
-        f" That is far above what is usual where no noise was stated ({said}): state the noise in the scene if the "
-        "instruments are so, else look for signs, units and rows that were misread."
     )
+    return [sentences.WIDE.format(ratios=ratios)] * bool(ratios)
 
 
-def better_words(item: Alternative) -> str:
-    """An alternative that fits surely better, with its score."""
-    assert item.difference is not None
-    gain = f"{_number(item.difference.value)} ± {_number(item.difference.se)}"
-    return f"{item.name} fits surely better than {item.instead_of} (by {gain} in log predictive density)"
+def better_words(alternative: Alternative) -> str:
+    """An alternative that fits significantly better, with its score."""
+    assert alternative.difference is not None
+    gain = f"{_number(alternative.difference.value)} ± {_number(alternative.difference.se)}"
+    return sentences.BETTER.format(name=alternative.name, instead_of=alternative.instead_of, gain=gain)
 
 
-def _beyond(moved: Mapping[str, float]) -> str:
+def _beyond(moved: Mapping[str, float]) -> list[str]:
     """That the model is wrong by more than the measurements leave open, where it is by far."""
     name = max(moved, key=lambda name: moved[name], default="")
-    if not name or moved[name] < FAR:
-        return ""
-    return (
-        f" What it misses moves {name} by {moved[name]:.0f} of its sds: the error of the model is larger than that "
-        "of the measurements, which is all that sds and intervals tell of."
-    )
+    far = bool(name) and moved[name] >= FAR
+    return [sentences.MODEL_ERROR.format(name=name, sds=moved[name])] if far else []
 
 
 def strongest(checks: Iterable[Check]) -> list[Check]:
@@ -152,12 +130,12 @@ def strongest(checks: Iterable[Check]) -> list[Check]:
 
 
 def _of_all(check: Check) -> bool:
-    """Whether a check says nothing of what it is in the columns."""
+    """Whether a check does not show in which columns it is."""
     return check.column == ALL and check.kind == "jointly"
 
 
 def _hints(checks: Sequence[Check]) -> list[Check]:
-    """The surest check of each column that fewer than `HINT` of the model's own tables meet, surest first."""
+    """The surest check of each column that fewer than `HINT` of the simulated data sets show, surest first."""
     kept: dict[str, Check] = {}
     for check in strongest(check for check in checks if check.p < HINT):
         kept.setdefault(check.column, check)
@@ -165,27 +143,30 @@ def _hints(checks: Sequence[Check]) -> list[Check]:
 
 
 def check_words(check: Check) -> str:
-    """What a check looked for, with how much of the residual variance it explains."""
-    share = "" if check.explained is None else f" ({_percent(check.explained)} of the residual variance)"
-    return f"{check.words}{share}"
+    """A pattern that was looked for, with how much of the residual variance it explains."""
+    if check.explained is None:
+        return check.words
+    return sentences.SHARE.format(fault=check.words, share=_percent(check.explained))
 
 
 def noise_words(check: NoiseCheck) -> str:
-    """A noise beside what was known of it."""
+    """A noise beside its stated or expected size."""
     scale, unit = 1.0, check.unit
     for column in check.columns:
-        shown = OBSERVABLES[column].shown if column in OBSERVABLES else None
-        if shown is not None and check.unit == OBSERVABLES[column].unit:
-            unit, scale = shown
-    size = f"{_number(check.fitted * scale)} {unit}".rstrip()
-    known = f"{_number(check.reference * scale)} {unit}".rstrip()
-    columns = " and ".join(check.columns)
+        handy = OBSERVABLES[column].handy if column in OBSERVABLES else None
+        if handy is not None and check.unit == OBSERVABLES[column].unit:
+            unit, scale = handy
+    ratio, residuals = _number(check.ratio), sentences.RESIDUALS.format(columns=listed(check.columns))
     if check.stated and not check.unit:
-        return f"{columns} scatter by {_number(check.ratio)} times the stated sds"
-    word = "stated" if check.stated else "expected"
-    # A share of the peak is no scatter of the column, which has its own.
-    what = f"{columns} scatter by" if check.unit else f"{check.noise} is"
-    return f"{what} {size} ({known} {word}, {_number(check.ratio)} times)"
+        return sentences.NOISE_BY_ROW.format(what=residuals, ratio=ratio)
+    return sentences.NOISE.format(
+        # A share of the peak is no scatter of the column, which has its own.
+        what=residuals if check.unit else check.noise,
+        size=f"{_number(check.fitted * scale)} {unit}".rstrip(),
+        ratio=ratio,
+        known=sentences.STATED if check.stated else sentences.EXPECTED,
+        reference=f"{_number(check.reference * scale)} {unit}".rstrip(),
+    )
 
 
 def based_on(
@@ -193,35 +174,35 @@ def based_on(
     noise: Sequence[NoiseCheck],
     checks: Sequence[Check],
     unseen: Mapping[str, float],
-    made: str,
+    simulated: str,
     sampled: bool,
 ) -> str:
-    """What the answer rests on."""
-    stated = sum(check.stated for check in noise)
-    parts = [
-        f"{len(checks)} check{'s' * (len(checks) != 1)} of the residuals at the best fit, held against {made} that "
-        "the fitted model makes, each refitted to first order"
-        if checks
-        else "no check of the residuals: too few rows",
-    ]
+    """What the answer is based on."""
+    count, stated = len(checks), sum(check.stated for check in noise)
+    tests = f"{count} residual test{'s' * (count != 1)}"
+    parts = [sentences.TESTS.format(tests=tests, simulated=simulated) if checks else sentences.NO_TESTS]
     if noise:
-        known = "what was stated" if stated == len(noise) else "stated or expected" if stated else "what was expected"
-        parts.append(f"{len(noise)} noise{'s' * (len(noise) != 1)} against {known}")
+        kinds = [sentences.STATED] * (stated > 0) + [sentences.EXPECTED] * (stated < len(noise))
+        one = len(noise) == 1
+        parts.append(
+            sentences.NOISES.format(
+                count=f"{counted(len(noise))} noise size{'s' * (not one)}",
+                known=f"the {' or '.join(kinds)} one{'s' * (not one)}",
+            )
+        )
     if not sampled:
-        parts.append("no posterior, so that measurements are left out to first order only")
+        parts.append(sentences.NO_LOO)
     elif max(observable.observed.size for observable in problem.observables) >= DISTRIBUTED:
-        parts.append("predictions of each impact from all others (LOO-PIT)")
-    seen = ", ".join(f"{name} {_percent(share)}" for name, share in unseen.items())
-    return (
-        f"Based on {'; '.join(parts)}. A trend is found as often as not from this share of the residual variance on: "
-        f"{seen}. Of tables that the model made {100.0 * FALSE_EXCEPT:.0f} % are called described with an exception, "
-        f"{100.0 * FALSE_FAILS:.0f} % not described."
-    )
+        parts.append(sentences.LOO)
+    parts.append(sentences.POWER.format(shares=", ".join(f"{name} {_percent(it)}" for name, it in unseen.items())))
+    parts.append(sentences.FALSE_ALARMS.format(exceptions=100.0 * FALSE_EXCEPT, fails=100.0 * FALSE_FAILS))
+    return " ".join(parts)
 
 
-def _listed(checks: Sequence[Check]) -> str:
+def _some(checks: Sequence[Check]) -> str:
+    """The first of the patterns, and how many more there are."""
     words = [check_words(check) for check in checks]
-    more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
+    more = sentences.MORE.format(more=len(words) - NAMED) if len(words) > NAMED else ""
     return "; ".join(words[:NAMED]) + more
 
 
@@ -233,8 +214,3 @@ def _percent(share: float) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.3g}"
-
-
-def _cap(text: str) -> str:
-    """What the residuals scatter by, as a sentence."""
-    return f"Residuals: {text}" if text else "No noise could be estimated"

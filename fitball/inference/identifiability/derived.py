@@ -13,6 +13,7 @@ from fitball.inference.identifiability.information import first_order_draws
 from fitball.inference.identifiability.verdict import Judgement, Numbers, judge, marginal
 from fitball.inference.problem.parameters import Parameter, parse_prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import Evidence
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.kernels.contact import ANCHOR_SPEED
@@ -52,7 +53,7 @@ class Derived:
 
 
 def extrapolated(problem: Problem) -> tuple[str, ...]:
-    """The free parameters that are values at 10 m/s of lines that the table saw at other speeds only."""
+    """The free parameters that are values at 10 m/s of lines that were measured at other speeds only."""
     low, high = _speeds(problem)
     slack = BEYOND * float(np.median(problem.impacts.v_y1))
     if low - slack <= ANCHOR_SPEED <= high + slack:
@@ -67,7 +68,7 @@ def _speeds(problem: Problem) -> tuple[float, float]:
 def extrapolated_words(problem: Problem) -> str:
     """Why a value at 10 m/s is extrapolated."""
     low, high = _speeds(problem)
-    return f"at {ANCHOR_SPEED:.0f} m/s its line is continued from the measured {low:.3g} to {high:.3g} m/s"
+    return sentences.BEYOND.format(anchor=ANCHOR_SPEED, low=low, high=high)
 
 
 def quantities(problem: Problem) -> tuple[Quantity, ...]:
@@ -89,13 +90,13 @@ def _all(problem: Problem) -> Iterator[Quantity]:
         else:
             spec = ParameterSpec(
                 f"offset {at}", "m", -0.033, 0.033, "normal(0, 0.005)",
-                f"distance of the normal force ahead of the centre {at}", r"$\varepsilon$",
+                f"offset of the normal force, ahead of the centre, {at}", r"$\varepsilon$",
             )  # fmt: skip
             yield Quantity(_parameter(spec), parts, _line(problem, *parts, speed - ANCHOR_SPEED))
     if {"k_theta", "k_y"} <= set(problem.free_names):
         spec = ParameterSpec(
             "k_theta/k_y", "m^2/rad", 1e-12, 1e6, "lognormal(1.5e-3, 1.8)",
-            "torsional over vertical stiffness, all that rebounds tell of the two", r"$K_\theta/K_y$",
+            "torsional over vertical stiffness: rebounds determine only this ratio", r"$K_\theta/K_y$",
         )  # fmt: skip
         above, below = (problem.free_names.index(name) for name in ("k_theta", "k_y"))
         yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: values[:, above] / values[:, below])
@@ -106,7 +107,7 @@ def _parameter(spec: ParameterSpec) -> Parameter:
 
 
 def _restitution(problem: Problem, speed: float) -> Rule:
-    """As the law of the model has it, met at the table's middle motion along the court."""
+    """By the law of the model, at the table's median motion along the court."""
     given = problem.impacts
     impact = Impacts(np.array([np.median(given.v_x1)]), np.array([speed]), np.array([np.median(given.omega_1)]))
 
@@ -125,7 +126,7 @@ def _line(problem: Problem, anchor: str, slope: str, away: float) -> Rule:
 def derived(
     problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator
 ) -> tuple[Derived, ...]:
-    """Every quantity, judged by its draws beside those of what was known before."""
+    """Every quantity, judged by its draws beside those of prior and scene."""
     asked = quantities(problem)
     if not asked:
         return ()
@@ -138,7 +139,7 @@ def derived(
     for item in asked:
         draws, known = item.rule(values), item.rule(before)
         draws, known = draws[np.isfinite(draws)], known[np.isfinite(known)]
-        # Where the model has hardly an answer there is nothing to be told.
+        # Where the model hardly has an answer there is nothing to report.
         if 2 * len(draws) < len(values) or 2 * len(known) < len(before):
             continue
         numbers = Numbers(problem, item.parameter, NOTHING, marginal(item.parameter.prior, draws, known))

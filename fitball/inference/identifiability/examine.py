@@ -1,5 +1,5 @@
-"""All evidence at all parameters, and the verdicts they add up to: profiles and information (see there), several
-fits, in which impacts a parameter acts, whether only priors of others hold it, power-scaling.
+"""All evidence on all parameters, and the verdicts that follow: profiles and information (see there), several fits,
+the impacts in which a parameter acts, whether only priors of others hold it, power-scaling.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, batches, thinned_problem, thinned_rows
+from fitball.inference.results import sentences
 from fitball.inference.results.evidence import (
     LEFT_OUT,
     NAMED,
@@ -50,12 +51,13 @@ from fitball.inference.results.evidence import (
     Profiles,
 )
 from fitball.inference.results.results import PointFit, Posterior, Verdict, thinned
+from fitball.inference.results.sentences import counted, listed
 from fitball.inference.sampling.convergence import TAILS
 from fitball.inference.sampling.importance import smoothed
 from fitball.scheduling.engine import Engine
 from fitball.values import FloatArray
 
-# Several fits that a table cannot tell apart: maxima of the likelihood that lie far apart for their width.
+# Several fits that the data cannot distinguish: maxima of the likelihood that lie far apart for their width.
 
 # Standard errors, the smaller ones of two fits, by which a parameter must differ between them: beside a peak a
 # plateau, on which a parameter acts no more, is another fit; two places on one plateau or ridge are not.
@@ -89,15 +91,18 @@ def several_fits(problem: Problem, optima: Sequence[Mapping[str, float]]) -> tup
     places = np.array([x for x, *_ in fits])
     apart = np.ptp(places, axis=0) > APART * np.min([errors for _, errors, _ in fits], axis=0)
     parameters = [problem.free[k] for k in objective.columns]
-    told = []
+    fits_in_words = []
     for row, (_x, _errors, drop) in zip(objective.values(places, objective.free(places)), fits, strict=True):
         values = zip(parameters, row[objective.columns], apart, strict=True)
         words = ", ".join(f"{one.name} {plain(value, one.spec.unit)}" for one, value, differs in values if differs)
-        told.append(words + (f" (log likelihood {drop:.1f} below the best)" if drop > 0.0 else ""))
+        fits_in_words.append(words + (sentences.LESS_LIKELY.format(drop=drop) if drop > 0.0 else ""))
     agree = [one.name for one, differs in zip(parameters, apart, strict=True) if not differs]
-    count = "Two" if len(told) == 2 else str(len(told))
-    same = f" They agree on {', '.join(agree)}." if agree else ""
-    return f"{count} fits describe the data: {'; or '.join(told)}.{same}", frozenset(agree)
+    several = sentences.SEVERAL.format(
+        count=counted(len(fits)),
+        fits="; or ".join(fits_in_words),
+        agree=sentences.AGREE.format(names=listed(agree)) if agree else "",
+    )
+    return several, frozenset(agree)
 
 
 def joined(objective: Surface, y: FloatArray, x: FloatArray) -> bool:
@@ -121,8 +126,8 @@ def active_impacts(
     problem: Problem, coordinates: FloatArray, regimes: Sequence[Mapping[str, float]]
 ) -> dict[str, ActiveImpacts]:
     """The evidence on every free parameter but noise, over `coordinates` (draws, free); `regimes` are the
-    probabilities of each impact's phase sequences, none of them in doubt when empty. Of a large table a part
-    is looked at.
+    probabilities of each impact's phase sequences, none of them in doubt when empty. Of a large table a part is
+    used.
     """
     kept = thinned_rows(problem, LOOKED_AT)
     problem = thinned_problem(problem, LOOKED_AT)
@@ -134,7 +139,7 @@ def active_impacts(
         slopes = prediction_slopes(problem, mine)
         if problem.force is not None:
             slopes = np.concatenate([slopes, _on_records(problem, problem.force, mine)], axis=2)
-        # A draw at the very edge of what the model can evaluate has no derivative: it says nothing.
+        # A draw at the very edge of what the model can evaluate has no derivative, and is left out.
         square = np.sum(slopes**2, axis=2)
         known += np.isfinite(square).sum(axis=0)
         squares += np.where(np.isfinite(square), square, 0.0).sum(axis=0)
@@ -171,29 +176,30 @@ def _on_records(problem: Problem, records: ForceRecords, coordinates: FloatArray
     return slopes
 
 
-# Which parameters the table says nothing of by itself, however narrow they are: those that only the priors of others
-# hold, because they can move together without a trace.
+# Parameters that the data do not determine by themselves, however narrow they are: only the priors of others hold
+# them, because these data cannot separate them.
 
 # Draws over which the information is averaged, fewer with force records: what moves together at all of them does so
 # by the model's equations.
 LOOKS, RECORDED = 50, 4
-# Share of what the table adds to the priors that it must add without those of the others: below it, nothing. By the
-# equations it is 1e-7 and less, on Wang's and all simulated tables 0.9 and more for parameters that a table tells.
+# Share of what the data add to the priors that they must add without those of the others: below it, nothing. By the
+# equations it is 1e-7 and less; for parameters that the data determine, on Wang's and all simulated tables, 0.9 and
+# more.
 VANISHED = 0.01
 # Correlation without priors from which two parameters count as moving together.
 TOGETHER = 0.9
 
 
 def traded(problem: Problem, coordinates: FloatArray) -> Mapping[str, tuple[str, ...]]:
-    """Parameters of which the table tells nothing once the priors of all others are widened without end, each with
-    those others that it moves with, from the mean information of the table, without what the scene knows, over
-    `coordinates` (draws, free). How levels and biases scatter, and what was measured of the ball, stays.
+    """Parameters that the data do not determine once the priors of all others are widened without end, each with
+    those others that it moves with, from the mean information of the data, without the scene, over `coordinates`
+    (draws, free). How levels and biases scatter, and what was measured of the ball, stays.
     """
     part = thinned_problem(problem, LOOKED_AT)
     slopes = prediction_slopes(part, coordinates)
     informations = np.einsum("dkmi,dkmj->dij", slopes, slopes)
     if problem.force is not None:
-        # Dear, and the same at every draw in what it can tell.
+        # Expensive, and the same at every draw in what it can determine.
         recorded = [force_information(problem, problem.force, at) for at in coordinates[:RECORDED]]
         informations = informations[:RECORDED] + np.outer(problem.prior.width, problem.prior.width) * recorded
     informations = informations[np.isfinite(informations).all(axis=(1, 2))]
@@ -259,8 +265,8 @@ def power_evidence(problem: Problem, posterior: Posterior) -> dict[str, PowerEvi
 
 
 def _parts(problem: Problem, values: FloatArray, both: FloatArray) -> Densities:
-    """Scene and likelihood at draws (draws, free); of a large table the likelihood is what the scene, told by a part
-    of the impacts, leaves of `both` (draws,).
+    """Scene and likelihood at draws (draws, free); of a large table the likelihood is what the scene, computed from a
+    part of the impacts, leaves of `both` (draws,).
     """
     if len(problem.impacts) <= LOOKED_AT:
         return densities(problem, values)
@@ -366,7 +372,7 @@ def examine(
     whole, without_scene = profiled
     beyond = extrapolated(problem)
     judgements = {
-        item.name: Judgement(None, Verdict.FIXED, f"held at its value: {item.fixed_because}")
+        item.name: Judgement(None, Verdict.FIXED, sentences.FIXED.format(why=item.fixed_because))
         for item in problem.parameters
     }
     evidence = {}
@@ -374,15 +380,15 @@ def examine(
         name = parameter.name
         look, unaided, others = information.get(name), without_scene.by_name.get(name), by_others.get(name)
         alone = contraction_alone(problem, parameter, look, unaided, others is not None)
-        told, tied = None, ""
+        found, tied = None, ""
         if posterior is not None and correlation is not None:
-            told = marginal(parameter.prior, posterior.draws[:, k], posterior.prior_draws[:, k], alone)
+            found = marginal(parameter.prior, posterior.draws[:, k], posterior.prior_draws[:, k], alone)
             tied = tied_words(posterior.names, correlation, k)
         evidence[name] = Evidence(
             profile=whole.by_name.get(name),
             alone=unaided,
             information=look,
-            contraction=None if told is None else ContractionEvidence(told.contraction, told.open_sides),
+            contraction=None if found is None else ContractionEvidence(found.contraction, found.open_sides),
             power=powers.get(name),
             active_impacts=active.get(name),
         )
@@ -390,7 +396,7 @@ def examine(
             problem,
             parameter,
             evidence[name],
-            told,
+            found,
             value=point.values[name],
             alone=alone,
             many=whole.missing == LEFT_OUT,

@@ -1,10 +1,11 @@
-"""One verdict a parameter: does the table fix it, bound it from one side, or leave it as it was known?
+"""One verdict a parameter: do the data determine it, bound it on one side, or leave it to its prior?
 
-One record of numbers, one table of rules: the first that holds is the verdict, and its words are the reason. The
-posterior decides where there is one, corrected by the profile; else the profile; of long tables the information.
+One record of numbers, one table of rules: the first that holds is the verdict, and its template in
+`results.sentences` the reason. The posterior decides where there is one, corrected by the profile; else the profile;
+of many rows the information.
 
-The marginal likelihood of a parameter is, up to a constant, its posterior density over its density before the table
-(the reference). Where that ratio does not fall off towards an end of the posterior, the table leaves that side open.
+The marginal likelihood of a parameter is, up to a constant, its posterior density over that of the reference: the
+prior with what the scene states. Where that ratio does not fall off towards an end, the data leave that side open.
 """
 
 from __future__ import annotations
@@ -20,42 +21,41 @@ from fitball.inference.identifiability.information import scene_words
 from fitball.inference.identifiability.profile import degrees_of_freedom, left_of, profile_contraction
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
 from fitball.inference.results.evidence import End, Evidence, InformationEvidence, Profile
 from fitball.inference.results.results import Verdict
+from fitball.inference.results.sentences import listed
 from fitball.values import FloatArray
 
-# Share of its peak that the marginal likelihood must keep over the outer twentieth of what was possible before for
-# that side to count as open. A normal likelihood 1.75 times as wide as a normal prior just does.
+# Share of its peak that the marginal likelihood must keep over the outer twentieth of the reference for that side
+# to count as open. A normal likelihood 1.75 times as wide as a normal prior just does.
 OPEN_SHARE = 0.5
 EDGE = 0.05
-# Contraction below which the table added next to nothing, whatever the shape.
+# Contraction below which the data add next to nothing, whatever the shape.
 NEGLIGIBLE = 0.2
-# Loss of contraction without the scene's contact time from which a parameter is said to rest on it, and the
-# contraction by table and priors alone below which it is not the table that fixes it.
+# Loss of contraction without the scene's contact time from which a parameter rests on it, and the contraction by
+# data and priors alone below which it is not the data that determine it.
 RESTS_ON_SCENE = 0.1
 NOT_ALONE = 0.5
-# Correlation worth naming.
+# Correlation that is mentioned.
 TIED = 0.9
-# Share of the information about a parameter that makes the impacts it comes from worth naming, and of these those
-# that a sentence names.
+# Share of the information about a parameter from which the impacts it comes from are named, and how many of them.
 DRIVEN, NAMED_IN_WORDS = 1.0 / 3.0, 20
-# Distance from its bound, in the range of a parameter, at which a profile has come to it.
+# Distance from its bound, in the range of a parameter, at which a profile has reached it.
 NEAR_BOUND = 1e-3
 # Degrees of freedom of a noise at and below which its variance, scaled inverse chi-square, has no mean.
 LEAST_FREEDOM = 2.0
-# The authors' threshold of power-scaling (see `evidence`), and what a sensitivity to prior and likelihood says.
+# The authors' threshold of power-scaling (see `evidence`), and their diagnosis of sensitivity to both.
 SENSITIVE, CONFLICT = 0.05, "prior-data conflict"
 # Ends of the central 95 % of a prior; levels of a posterior: outer twentieths and central 68 %.
 CENTRAL_95, MARGINAL = np.array([0.025, 0.975]), np.array([0.05, 0.16, 0.84, 0.95])
-# Levels at which a prior stands for what was known before, where the scene's knowledge is to count as evidence.
+# Levels at which the prior alone is the reference, where what the scene states is to count as evidence.
 LEVELS = (np.arange(2000) + 0.5) / 2000
-# What ends an open side that nothing else ends.
-PRIOR = "the prior"
 
 
 class Source(StrEnum):
-    """What a verdict rests on, the best there is."""
+    """What a verdict is based on, the best that is available."""
 
     DRAWS = "posterior"
     PROFILE = "profile"
@@ -64,7 +64,7 @@ class Source(StrEnum):
 
 @dataclass(frozen=True)
 class Judgement:
-    """Verdict on one parameter, the reason in words, what of the scene or of priors an identified value rests on."""
+    """Verdict on one parameter, the reason in words, and the scene's or priors' part in a determined value."""
 
     contraction: float | None
     verdict: Verdict
@@ -74,9 +74,9 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Marginal:
-    """A posterior beside what it is judged against: its `contraction` by the table beyond all that was known before,
-    `narrowed` that by which it is judged, which sides stay open, how many `percent` of the sd are left; in SI at
-    `levels` (see `MARGINAL`). `rests` says whether some of the contraction is the scene's.
+    """A posterior beside its reference: its `contraction` relative to prior and scene, `narrowed` the one by which it
+    is judged, which sides stay open, how many `percent` of the sd are left; in SI at `levels` (see `MARGINAL`).
+    `rests`: whether some of the contraction comes from the scene.
     """
 
     contraction: float
@@ -88,9 +88,9 @@ class Marginal:
 
 
 def marginal(prior: Prior, values: FloatArray, before: FloatArray, alone: float | None = None) -> Marginal:
-    """Draws (draws,) of a parameter beside those of what was known `before` (draws,), in SI; `alone` is as in
-    `Numbers`. A size that is the scene's is judged against the prior itself, because what was known before already
-    holds what the scene knows.
+    """Draws (draws,) of a parameter beside those of the prior with the scene, `before` (draws,), in SI; `alone` is as
+    in `Numbers`. A size that comes from the scene is judged against the prior alone, because `before` already holds
+    what the scene states.
     """
     after, reference = prior.coordinate(values), prior.coordinate(before)
     contraction = 1.0 - float(np.var(after) / np.var(reference))
@@ -103,7 +103,7 @@ def marginal(prior: Prior, values: FloatArray, before: FloatArray, alone: float 
 
 
 def open_ends(after: FloatArray, before: FloatArray) -> tuple[bool, bool]:
-    """Whether the marginal likelihood stays high at the left and at the right end of what was possible before.
+    """Whether the marginal likelihood stays high at the left and at the right end of the reference.
 
     With `u` the place of a posterior draw `after` among the reference draws `before` (0 to 1), the density of `u` is
     the marginal likelihood up to a constant; its mean over each outer twentieth is compared with its peak over the
@@ -133,9 +133,9 @@ def touched_by_scene(problem: Problem, information: Mapping[str, InformationEvid
 def contraction_alone(
     problem: Problem, parameter: Parameter, look: InformationEvidence | None, alone: Profile | None, traded: bool
 ) -> float | None:
-    """The contraction by table and priors alone of a parameter that the scene touches, None of others: to first
-    order, or by its profile `alone` without the scene where that says more (at a bound the first order means little).
-    Nothing of one that is `traded`: there it is the priors of others.
+    """The contraction by data and priors alone of a parameter that the scene touches, None of others: to first order,
+    or by its profile `alone` without the scene where that is more (at a bound the first order means little). Zero for
+    one that is `traded`: there it comes from the priors of others.
     """
     if look is None or not touched_by_scene(problem, {parameter.name: look}):
         return None
@@ -154,11 +154,11 @@ def within_support(contraction: float, prior: Prior) -> float:
 
 @dataclass(frozen=True)
 class Numbers:
-    """All that the verdict on one free parameter rests on. `marginal` is None without a posterior, `value` the best
-    one in SI, `alone` the contraction without the scene's contact time, None where that does not touch it; `many`
-    says that profiles were left out because rows are many, so that the likelihood is near normal; `traded` that only
-    the priors of others hold it, and which; `agreed` that there are several fits, which agree on it; `tied` in words
-    to what its draws are, `beyond` that it is a value where nothing was measured.
+    """All that the verdict on one free parameter is based on. `marginal` is None without a posterior, `value` the
+    best one in SI, `alone` the contraction without the scene's contact time, None where that does not touch it.
+    `many`: profiles were left out because rows are many, so that the likelihood is near normal. `traded`: only the
+    priors of these others hold it. `agreed`: there are several fits, which agree on it. `tied` and `beyond` are parts
+    of the reason: with what it is correlated, and that it is extrapolated.
     """
 
     problem: Problem
@@ -195,8 +195,8 @@ class Numbers:
 
     @cached_property
     def contraction(self) -> float:
-        """What it adds to what was known before. What the scene knows stands before the table in that of the
-        information: of what rests on it the error judges.
+        """How much it contracts the reference. That of the information counts the scene with the prior: what rests on
+        the scene is judged by its error.
         """
         look = self.evidence.information
         if self.marginal is not None:
@@ -209,7 +209,7 @@ class Numbers:
 
     @property
     def nothing(self) -> bool:
-        """Whether it is about what was known before."""
+        """Whether it is about the same as the reference."""
         return all(self.sides) or self.contraction < NEGLIGIBLE
 
     @property
@@ -219,7 +219,7 @@ class Numbers:
 
     @property
     def rests(self) -> bool:
-        """Whether some of it is known by the scene's contact time: without that its profile would be open."""
+        """Whether some of it comes from the scene's contact time: without that its profile would be open."""
         if self.marginal is not None:
             return self.marginal.rests
         opened = self.evidence.alone is not None and any(self.evidence.alone.open_sides)
@@ -227,7 +227,7 @@ class Numbers:
 
     @property
     def by_scene(self) -> bool:
-        """Whether it is that time that closes it, and not the table."""
+        """Whether it is that time that closes it, and not the data."""
         return self.rests and self.alone is not None and self.alone < NOT_ALONE
 
     @property
@@ -238,19 +238,19 @@ class Numbers:
 
     @property
     def heeded(self) -> tuple[bool, bool]:
-        """The sides of a posterior that it is not the table that closes, as the profile shows."""
-        profile, told = self.profile, self.marginal
+        """The sides of a posterior that the data do not close, as the profile shows."""
+        profile, found = self.profile, self.marginal
         # A level or bias is followed as far as its scatter goes: what would be further out is not known.
-        if profile is None or told is None or End.SCATTER in profile.ends:
+        if profile is None or found is None or End.SCATTER in profile.ends:
             return (False, False)
-        # And a peak so narrow that the posterior is elsewhere says nothing of where that ends.
-        if self.closed and (self.agreed or not reaches(profile, *told.levels[1:3])):
+        # And a peak so narrow that the posterior is elsewhere does not show where that ends.
+        if self.closed and (self.agreed or not reaches(profile, *found.levels[1:3])):
             return (False, False)
         return profile.open_sides
 
     @property
     def held_off(self) -> bool:
-        """Whether priors, such as the end of a range, keep it away from all that the table allows it. Where only the
+        """Whether priors, such as the end of a range, keep it away from all that the data allow. Where only the
         posterior's middle lies elsewhere the profile is a narrow peak, and no prior holds it off. The profile of a
         noise is no judge: with few rows it lies too low.
         """
@@ -262,7 +262,7 @@ class Numbers:
 
     @property
     def apart(self) -> bool:
-        """Whether its posterior follows its prior and the table, which have no 95 % in common."""
+        """Whether its posterior follows both prior and data, whose 95 % intervals do not overlap."""
         power, profile = self.evidence.power, self.profile
         if power is None or profile is None or power.diagnosis != CONFLICT or power.own_prior < SENSITIVE:
             return False
@@ -274,49 +274,57 @@ class Numbers:
         """Degrees of freedom that are left of the measurements whose noise it is."""
         return max(degrees_of_freedom(self.problem, (self.parameter.name,)), 0.0)
 
-    # --- words of the reasons
+    # --- facts of the reasons
+
+    def __getitem__(self, name: str) -> object:
+        """A fact by the name that a template gives it."""
+        return getattr(self, name)
 
     @property
     def together(self) -> str:
         """With what it moves, and whose priors hold it."""
         others = self.traded or ()
-        with_whom = " and ".join(others) or "others"
-        return f"{with_whom}: its own size comes from the priors of {'both' if len(others) == 1 else 'all'}"
+        whose = "both" if len(others) == 1 else "all"
+        return sentences.WITH_WHOM.format(others=listed(others) or sentences.OTHERS, whose=whose)
 
     @property
     def scene(self) -> str:
         """What of it is the scene's."""
         if self.by_scene:
-            return f"; its size comes from {scene_words(self.problem)}"
+            return sentences.FROM_SCENE.format(scene=scene_words(self.problem))
         if not self.rests or self.marginal is None:
             return ""
-        return f"; rests on {scene_words(self.problem)}, without it the contraction would be {self.alone:.2f}"
+        return sentences.PARTLY_SCENE.format(scene=scene_words(self.problem), alone=self.alone)
 
     @property
     def bounded(self) -> str:
-        """From which side the posterior bounds it, or else the profile, and what ends the other side."""
+        """Which bound the posterior gives, or else the profile, and what limits the other side."""
         if self.marginal is None or not any(self.marginal.open_sides):
             return self._bounded_by_profile()
         right = self.marginal.open_sides[1]
         end = plain(self.marginal.levels[0 if right else 3], self.parameter.spec.unit)
-        return f"{_side(right, end)} it is limited by {limit_words(self.problem, self.parameter, right)}"
+        return self._limited(right, end, limit_words(self.problem, self.parameter, right))
+
+    def _limited(self, right: bool, end: str, limit: str) -> str:
+        return sentences.BOUNDS[right].format(end=end) + sentences.LIMITED.format(limit=limit)
 
     def _bounded_by_profile(self) -> str:
         profile, spec = self.profile, self.parameter.spec
         assert profile is not None
         right = profile.open_sides[1]
         at, end = profile.interval_95[not right], profile.ends[right]
-        head = _side(right, "..." if at is None else plain(at, spec.unit))
-        ends = "; there its prior closes the posterior" if self.marginal is not None else ""
+        bound = "..." if at is None else plain(at, spec.unit)
+        closes = sentences.PRIOR_CLOSES if self.marginal is not None else ""
         if end is End.RANGE:
-            others = ", ".join(profile.leans_on[right])
-            return f"{head} the profile falls only because {others} was searched no further{ends}"
+            searched = sentences.SEARCHED.format(others=listed(profile.leans_on[right]))
+            return sentences.BOUNDS[right].format(end=bound) + searched + closes
         # What ends it for all priors.
         near = abs(float(profile.values[-right]) - (spec.lower, spec.upper)[right])
         limit = limit_words(self.problem, self.parameter, right)
-        if limit != PRIOR and (near < NEAR_BOUND * (spec.upper - spec.lower) or (not right and end is End.MODEL)):
-            return f"{head} it is limited by {limit}"
-        return f"{head} the profile stays {end}{ends}"
+        within = near < NEAR_BOUND * (spec.upper - spec.lower)
+        if limit != sentences.PRIOR and (within or (not right and end is End.MODEL)):
+            return self._limited(right, bound, limit)
+        return sentences.BOUNDS[right].format(end=bound) + sentences.PROFILE_IS.format(end=end) + closes
 
     @property
     def within(self) -> str:
@@ -327,45 +335,41 @@ class Numbers:
 
     @property
     def leaning(self) -> str:
-        """The bounds of others that a closed profile ends on: part of the model, but worth knowing."""
+        """The bounds of others that a closed profile ends on: part of the model, but mentioned."""
         sides = () if self.profile is None else zip(self.profile.ends, self.profile.leans_on, strict=True)
         names = sorted({name for end, lean in sides if end is End.CLOSED for name in lean})
-        if not names:
-            return ""
-        lies = "lies on its bound" if len(names) == 1 else "lie on their bounds"
-        return f"; where its profile ends, {' and '.join(names)} {lies}"
+        at = sentences.ITS_BOUND if len(names) == 1 else sentences.THEIR_BOUNDS
+        return sentences.AT_BOUND.format(names=listed(names), at=at) if names else ""
 
     @property
     def acting(self) -> str:
         """That it acts nowhere, or by what share in impacts whose regime is in doubt."""
         active = self.evidence.active_impacts
         if active is not None and not active.impacts:
-            where = f" ({', '.join(active.regimes)})" if active.regimes else ""
-            return f"; at these values it moves the rebound of none of the {active.of} impacts{where}"
+            regimes = f" ({', '.join(active.regimes)})" if active.regimes else ""
+            return sentences.ACTS_NOWHERE.format(impacts=active.of, regimes=regimes)
         if active is None or active.share_doubtful <= DRIVEN or not active.doubtful:
             return ""
-        more = f" and {active.in_doubt - NAMED_IN_WORDS:,} more" if active.in_doubt > NAMED_IN_WORDS else ""
-        return (
-            f"; {100.0 * active.share_doubtful:.0f} % of what the table says of it comes from impacts whose regime "
-            f"is in doubt ({', '.join(active.doubtful[:NAMED_IN_WORDS])}{more})"
+        more = active.in_doubt - NAMED_IN_WORDS
+        return sentences.IN_DOUBT.format(
+            share=100.0 * active.share_doubtful,
+            ids=", ".join(active.doubtful[:NAMED_IN_WORDS]),
+            more=sentences.MORE.format(more=more) if more > 0 else "",
         )
 
 
-AS_BEFORE = "the table leaves it as it was known before"
-HELD_OFF = "priors, its own or others', keep it from where the table alone has it: 95 % within {n.within}"
 # Reasons by what is judged by.
-UNTOLD = {
-    Source.DRAWS: f"{AS_BEFORE} (contraction {{n.contraction:.2f}}){{n.scene}}{{n.tied}}",
-    Source.PROFILE: f"the table adds next to nothing to its prior: {AS_BEFORE}",
-    Source.INFORMATION: f"to first order {AS_BEFORE}",
+UNCHANGED = {
+    Source.DRAWS: sentences.UNCHANGED_BY_DRAWS,
+    Source.PROFILE: sentences.UNCHANGED_BY_PROFILE,
+    Source.INFORMATION: sentences.UNCHANGED_BY_INFORMATION,
 }
-TOLD = {
-    Source.DRAWS: "the table narrows it from both sides to {n.marginal.percent:.2g} % of what was known before"
-    "{n.scene}{n.tied}",
-    Source.PROFILE: "the profile is closed on both sides, 95 % within {n.within}{n.scene}",
-    Source.INFORMATION: "known to {n.evidence.information.error:.2g} sd of its prior, to first order{n.scene}",
+KNOWN = {
+    Source.DRAWS: sentences.KNOWN_BY_DRAWS,
+    Source.PROFILE: sentences.KNOWN_BY_PROFILE,
+    Source.INFORMATION: sentences.KNOWN_BY_INFORMATION,
 }
-NOT_JUDGED, NOT_TOLD, ONE_SIDED, IDENTIFIED = (
+NOT_JUDGED, DOMINATED, ONE_SIDED, IDENTIFIED = (
     Verdict.NOT_JUDGED,
     Verdict.PRIOR_DOMINATED,
     Verdict.ONE_SIDED,
@@ -373,26 +377,17 @@ NOT_JUDGED, NOT_TOLD, ONE_SIDED, IDENTIFIED = (
 )
 # What holds, the verdict then, and why: the first that holds decides.
 RULES: tuple[tuple[Callable[[Numbers], bool], Verdict, str | Mapping[Source, str]], ...] = (
-    (lambda n: n.of_others, NOT_TOLD, "the table tells it only together with {n.together}{n.tied}"),
-    (lambda n: n.source is None and n.evidence.information is None, NOT_JUDGED, "a point fit alone cannot tell"),
-    (lambda n: n.source is None, NOT_JUDGED, "there is no profile, and a point fit alone cannot tell"),
-    (lambda n: n.marginal is None and all(n.sides), NOT_TOLD, f"the profile is open on both sides: {AS_BEFORE}"),
-    (lambda n: n.nothing, NOT_TOLD, UNTOLD),
-    (
-        lambda n: all(n.heeded),
-        NOT_TOLD,
-        "the profile is open on both sides: the priors, its own or others', narrow it, not the table",
-    ),
-    (
-        lambda n: n.freedom <= LEAST_FREEDOM,
-        NOT_TOLD,
-        "the parameters leave its measurements {n.freedom:.2g} degrees of freedom, and the table no mean of its "
-        "variance: its size comes from its prior",
-    ),
-    (lambda n: n.marginal is not None and any(n.sides), ONE_SIDED, "{n.bounded}{n.scene}{n.tied}"),
-    (lambda n: any(n.sides) or any(n.heeded), ONE_SIDED, "{n.bounded}"),
-    (lambda n: n.held_off, NOT_TOLD, HELD_OFF),
-    (lambda _n: True, IDENTIFIED, TOLD),
+    (lambda n: n.of_others, DOMINATED, sentences.TOGETHER),
+    (lambda n: n.source is None and n.evidence.information is None, NOT_JUDGED, sentences.NO_EVIDENCE),
+    (lambda n: n.source is None, NOT_JUDGED, sentences.NO_PROFILE),
+    (lambda n: n.marginal is None and all(n.sides), DOMINATED, sentences.OPEN),
+    (lambda n: n.nothing, DOMINATED, UNCHANGED),
+    (lambda n: all(n.heeded), DOMINATED, sentences.NARROWED),
+    (lambda n: n.freedom <= LEAST_FREEDOM, DOMINATED, sentences.NO_FREEDOM),
+    (lambda n: n.marginal is not None and any(n.sides), ONE_SIDED, sentences.BOUNDED_BY_DRAWS),
+    (lambda n: any(n.sides) or any(n.heeded), ONE_SIDED, sentences.BOUNDED_BY_PROFILE),
+    (lambda n: n.held_off, DOMINATED, sentences.HELD_OFF),
+    (lambda _n: True, IDENTIFIED, KNOWN),
 )
 
 
@@ -400,13 +395,13 @@ def judge(n: Numbers) -> Judgement:
     """The verdict on one free parameter, with its reason and what it is given."""
     verdict, words = next((verdict, words) for holds, verdict, words in RULES if holds(n))
     template = words if isinstance(words, str) else words[n.source or Source.DRAWS]
-    reason, given = template.format(n=n), []
+    reason, given = template.format_map(n), []
     if n.by_scene and verdict is IDENTIFIED:
         given.append(CONTACT_TIME)
     # Whatever the profile of one that others hold does, it does within their ranges.
     if n.traded is None or (n.by_scene and n.closed):
-        if n.apart and template != HELD_OFF and verdict in (IDENTIFIED, NOT_TOLD):
-            reason += f"; its prior and the table disagree: the table alone has it within {n.within}"
+        if n.apart and template != sentences.HELD_OFF and verdict in (IDENTIFIED, DOMINATED):
+            reason += sentences.CONTRADICTED.format_map(n)
             given += [own_prior(n.parameter.name)] * (verdict is IDENTIFIED)
         reason += n.leaning + n.acting
     if n.beyond:
@@ -421,30 +416,25 @@ def reaches(profile: Profile, first: float, last: float) -> bool:
 
 
 def limit_words(problem: Problem, parameter: Parameter, right: bool) -> str:
-    """What ends an open side of a parameter: what the model demands, what is possible, or its prior."""
+    """What limits an open side of a parameter: a condition of the model, physics, or its prior."""
     demanded = [c for c in problem.model.linear_constraints(problem.impacts) if c.lower_bound_of == parameter.name]
     if demanded and not right:
-        return f"{demanded[0].words}, which the model demands"
+        return sentences.CONDITION.format(condition=demanded[0].words)
     bound, possible = (parameter.spec.lower, parameter.spec.upper)[right], parameter.spec.beyond[right]
     end = parameter.prior.support[right]
     if bound == possible and end == parameter.prior.ends[right]:
-        return f"what is possible, {plain(bound, parameter.spec.unit)}"
-    return PRIOR
-
-
-def _side(right: bool, end: str) -> str:
-    side, sign, way = ("below", ">", "upwards") if right else ("above", "<", "downwards")
-    return f"the table bounds it from {side} only ({sign} {end} with 95 %); {way}"
+        return sentences.POSSIBLE.format(limit=plain(bound, parameter.spec.unit))
+    return sentences.PRIOR
 
 
 def tied_words(names: tuple[str, ...], correlation: FloatArray, column: int) -> str:
-    """To which of the others the draws of a parameter are tied."""
+    """With which of the others a parameter is correlated most, if strongly."""
     row = np.abs(correlation[column]).copy()
     row[column] = 0.0
     partner = int(np.argmax(row))
     if row[partner] < TIED:
         return ""
-    return f"; tied to {names[partner]} (correlation {correlation[column, partner]:.2f})"
+    return sentences.TIED.format(name=names[partner], correlation=correlation[column, partner])
 
 
 def plain(value: float, unit: str) -> str:

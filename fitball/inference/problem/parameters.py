@@ -245,10 +245,10 @@ class JointPrior:
 
 def _spec(noise: ColumnNoise, unit: str) -> ParameterSpec:
     prior = f"lognormal({noise.typical}, 0.7)"
-    words = f"noise of {noise.of}"
-    shown = next((column.shown for column in OBSERVABLES.values() if column.noise is noise), None)
+    words = f"noise of {noise.source}"
+    handy = next((column.handy for column in OBSERVABLES.values() if column.noise is noise), None)
     return ParameterSpec(
-        noise.name, unit, noise.lower, noise.upper, prior, words, noise.symbol, possible=POSITIVE, shown=shown
+        noise.name, unit, noise.lower, noise.upper, prior, words, noise.symbol, possible=POSITIVE, handy=handy
     )
 
 
@@ -265,8 +265,8 @@ _FORCE_SPECS: Mapping[str, ParameterSpec] = {
     ),
     "force_misfit": ParameterSpec(
         "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
-        "slow misfit of the model's force to a record, as a share of its peak", r"$\delta_F$",
-        shown=("%", 1e2),
+        "misfit of the model's force to a record, slow in time, as a share of its peak", r"$\delta_F$",
+        handy=("%", 1e2),
     ),
 }  # fmt: skip
 NOISE_SPECS: Mapping[str, ParameterSpec] = {

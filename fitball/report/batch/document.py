@@ -109,8 +109,8 @@ def batch_document(
             "Mean and spread of each quantity over the tables", [heads, *centres], ["unit"],
             brief=BRIEF_HEADS if heads == CENTRE_HEADS else BRIEF_OVER, rank="first",
         ),
-        *(replace(drawn[name], rank="first") for name in (PICTURE,) if name in pictures),
         Words(found.points, "list", rank="first"),
+        *(replace(drawn[name], rank="first") for name in (PICTURE,) if name in pictures),
     ]  # fmt: skip
     sections = [
         Section("failed", "Tables that could not be fitted", [

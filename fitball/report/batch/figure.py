@@ -153,4 +153,4 @@ def _name_tables(panel: Axes, tables: Sequence[str]) -> None:
     panel.xaxis.set_major_locator(FixedLocator(places))
     panel.set_xticklabels([verbatim(tables[place]) for place in places], rotation=90, fontsize=7)
     panel.set_xlim(-0.7, len(tables) - 0.3)
-    panel.set_xlabel("table" if step == 1 else f"table (every {step}th named)")
+    panel.set_xlabel("table" if step == 1 else f"table (one in {step} named)")

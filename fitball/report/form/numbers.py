@@ -142,10 +142,10 @@ class Scale:
 
 # Other units than SI in which people read parameters and columns of a rebound, by name.
 HANDY: Mapping[str, Scale] = {
-    item.name: Scale(*item.shown)
+    item.name: Scale(*item.handy)
     for registry in (SPECS, NOISE_SPECS, OBSERVABLES)
     for item in registry.values()
-    if item.shown is not None
+    if item.handy is not None
 }
 
 # Jafri (2004), Appendix B: inch, pound force, second; speeds in metres per second.

@@ -19,10 +19,7 @@ from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 
 VALIDATION = ROOT / "fits" / "validation"
 PUBLISHED = "Table 9, case 1"
-TOLD_OF_THESIS = (
-    *("Appendix C", "Table 9", "Ranking", "Posterior of thesis", "Posterior of thesis-exact"),
-    *("Posterior of two-mass", "Slips", "Damping c_y"),
-)
+QUOTED_FINDINGS = ("Appendix C", "Table 9", "Ranking", "Slips", "Damping c_y")
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -32,7 +29,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def priors() -> str:
-    """Parameters with bounds and default priors; those of force records are scaled to the records, and told there."""
+    """Parameters with bounds and default priors, without those of force records, which are scaled to the records."""
     specs = [spec for spec in (*SPECS.values(), *NOISE_SPECS.values()) if spec.name not in FORCE_NOISE]
     return table(
         ("parameter", "unit", "bounds", "default prior", "meaning"),
@@ -79,15 +76,15 @@ def compared(numbers: dict[str, Any]) -> str:
         rows.append((f"`{item['name']}`", item["free"], *_missed(item["rms"]), below))
     rows.append((f"thesis, {PUBLISHED} (tuned on these rows)", "-", *_missed(numbers["published"][PUBLISHED]), ""))
     heads = (
-        *("model", "free parameters", "misses left-out `v_x2` by [m/s]", "`v_y2` [m/s]", "`omega_2` [rad/s]"),
+        *("model", "free parameters", "error of left-out `v_x2` [m/s]", "`v_y2` [m/s]", "`omega_2` [rad/s]"),
         "log predictive density below the best",
     )
     duel = numbers["duel"]
-    decided = "decides it" if abs(duel["value"]) > max(4.0, 2.0 * duel["se"]) else "does not decide it"
+    decided = "decide" if abs(duel["value"]) > max(4.0, 2.0 * duel["se"]) else "do not decide"
     return (
         f"{table(heads, rows)}\n\n"
-        f"Do two masses earn their parameters? `two-mass` against `grip-slip`: {duel['value']:+.1f} ± "
-        f"{duel['se']:.1f} in log predictive density; this table {decided}."
+        "Is the second mass worth its extra parameters? The log predictive density of `two-mass` less that of "
+        f"`grip-slip` is {duel['value']:+.1f} ± {duel['se']:.1f}. These data {decided} the question."
     )
 
 
@@ -96,13 +93,13 @@ def _missed(rms: dict[str, float]) -> tuple[str, str, str]:
 
 
 def together(numbers: dict[str, Any]) -> str:
-    """What seven impacts tell of two stiffnesses together."""
+    """The ratio of two stiffnesses from seven impacts."""
     ratio = numbers["ratio"]
     low, median, high = (1e3 * ratio[key] for key in ("q16", "median", "q84"))
     places = decimals(0.5 * (high - low))
     return (
-        f"Of `wang_zero_spin.csv`, k_theta/k_y is {fixed(median, places)} "
-        f"[{fixed(low, places)}, {fixed(high, places)}] x 10^-3 m^2 (68 %), {ratio['verdict']}."
+        f"`wang_zero_spin.csv`: `k_theta/k_y` = {fixed(median, places)} x 10^-3 m^2, 68 % interval "
+        f"{fixed(low, places)} to {fixed(high, places)}, {ratio['verdict']}."
     )
 
 
@@ -113,11 +110,13 @@ def stiffness(numbers: dict[str, Any]) -> str:
         item = numbers["stiffness"][name]
         low, median, high = (item[key] / 1e3 for key in ("q16", "median", "q84"))
         places = decimals(0.5 * (high - low))
-        return f"{fixed(median, places)} [{fixed(low, places)}, {fixed(high, places)}] kN/m, {item['verdict']}"
+        ends = f"{fixed(low, places)} to {fixed(high, places)}"
+        return f"{fixed(median, places)} kN/m, 68 % interval {ends}, {item['verdict']}"
 
     return (
-        "`fitball calibrate synthetic_drop.csv`, five simulated drops with records that miss the model by 4 % of "
-        f"their peak, true `k_y` 26 kN/m: {words('drop')} (68 %); without the records: {words('bare')}."
+        "Example: `fitball calibrate synthetic_drop.csv`, five simulated drops with a true `k_y` of 26 kN/m. Their "
+        "records deviate from the model by 4 % of the peak.\n\n"
+        f"- With the records: {words('drop')}.\n- Without: {words('bare')}."
     )
 
 
@@ -126,10 +125,10 @@ def validation() -> str:
     frame = pd.read_csv(VALIDATION / "summary.csv")
     names = " and ".join(f"`{name}`" for name in dict.fromkeys(frame["model"]))
     low, high = 100.0 * frame["within_95"].min(), 100.0 * frame["within_95"].max()
-    verdict = "hold" if (frame["holds"] == "yes").all() else "do not hold"
+    verdict = "passes" if (frame["holds"] == "yes").all() else "fails"
     return (
-        f"Over {frame['replicates'].min()} simulated tables each, {names} {verdict}: quantity by quantity the 95 % "
-        f"intervals have the truth in {low:.0f} to {high:.0f} % of the tables."
+        f"{frame['replicates'].min()} simulated tables each for {names}: the test {verdict}. The 95 % intervals "
+        f"contain the true value in {low:.0f} to {high:.0f} % of the tables, depending on the quantity."
     )
 
 
@@ -138,10 +137,10 @@ def trust() -> str:
     rows = []
     for _, row in _rates("yes", "no").iterrows():
         name = row["scenario"]
-        made = "" if row["made_by_the_model"] == "yes" or name.startswith("all") else "not made by it: "
+        made = "" if row["made_by_the_model"] == "yes" or name.startswith("all") else "with a fault: "
         rates = [_rate(row, what) for what in ("objected", "identified_holds", "pinned_called_prior_dominated")]
         rows.append((f"{made}{name}", *rates))
-    heads = ("tables", "objected to", "intervals of identified parameters hold", "pinned, called prior-dominated")
+    heads = ("tables", "objected to", "95 % intervals contain the truth", "determined, but called prior-dominated")
     return table(heads, rows)
 
 
@@ -153,7 +152,7 @@ def faults() -> str:
         found.setdefault(words, {})[fitted] = _rate(row, "objected")
     models = list(dict.fromkeys(model for rates in found.values() for model in rates))
     rows = [(words, *(rates.get(model, "-") for model in models)) for words, rates in found.items()]
-    return table(("what is wrong", *(f"objected to, fitted by `{model}`" for model in models)), rows)
+    return table(("fault", *(f"found with `{model}`" for model in models)), rows)
 
 
 def _rates(*made: str) -> pd.DataFrame:
@@ -170,7 +169,7 @@ def _rate(row: Any, what: str) -> str:
 
 
 def plan() -> str:
-    """What plans promised and refits found, a row a plan."""
+    """Predicted gains of plans and those of refits, a row a plan."""
     folder = VALIDATION / "plan"
     gains, sds = pd.read_csv(folder / "gains.csv"), pd.read_csv(folder / "sds.csv")
     words = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["cases"]
@@ -181,7 +180,7 @@ def plan() -> str:
         found = [f"{one['found [nats]']:.2f} ± {one['se']:.2f}" for one in (made, again)]
         promised = f"{made['promised [nats]']:.2f}"
         rows.append((words[name]["words"], promised, *found, f"{off.min():.0f} to {off.max():.0f} %"))
-    heads = ("plan", "promised", "found by refits", "as many of the table", "sds over promised")
+    heads = ("plan", "predicted", "found by refits", "existing impacts repeated", "sd over predicted sd")
     return table(heads, rows)
 
 
@@ -204,18 +203,18 @@ def population() -> str:
     widths = sorted(row["width"] for row in found["joint"])
     return (
         f"{table(('interval of', 'priors divided out', 'priors left in (control)'), rows)}\n\n"
-        f"({found['populations']} populations of {found['tables']:,} tables, each fitted by itself, and "
-        f"{found['on_levels']} of three levels of four tables: how many "
-        f"95 % intervals hold the truth.) Given all, tables err less than alone, root mean square, by {less}. "
-        f"{sum(found['not_trusted'].values())} of {found['tables'] * len(found['not_trusted']):,} weights are "
-        f"not to be trusted. On {len(apart) // 4} sets of ten tables of 20 rows the joint fit (`--pool`) has its "
-        f"median of centre and spread {median(apart):.2f} sds away (at most {max(apart):.2f}), and intervals "
-        f"by weights are {widths[0]:.2f} to {widths[-1]:.2f} times as wide as its."
+        f"The table counts 95 % intervals that contain the truth, in {found['populations']} populations of "
+        f"{found['tables']:,} tables and {found['on_levels']} populations of three levels with four tables each.\n\n"
+        f"Given all tables, the root mean square error of a table is smaller than alone by {less}. "
+        f"{sum(found['not_trusted'].values())} of {found['tables'] * len(found['not_trusted']):,} sets of weights "
+        f"are unreliable. On {len(apart) // 4} sets of ten tables the joint fit (`--pool`) agrees: centre and spread "
+        f"differ by {median(apart):.2f} sd (at most {max(apart):.2f}), and its intervals are {widths[0]:.2f} to "
+        f"{widths[-1]:.2f} times as wide."
     )
 
 
 def thesis(numbers: dict[str, Any]) -> str:
-    """What is left of the thesis's claims, and the ranking of its sets."""
+    """Which claims of the thesis hold, and the ranking of its sets."""
     found, rankings = numbers["thesis"], numbers["rankings"]
     names = [key.partition(":")[0] for key in rankings[0] if key.endswith(": score")]
     cases = ", ".join(f"case {case} of Table 9 is set {index}" for case, index in CASE_IN_APPENDIX_C.items())
@@ -225,11 +224,11 @@ def thesis(numbers: dict[str, Any]) -> str:
     ]
     return "\n".join(
         [
-            *(f"- **{name}**: {found[name]}" for name in TOLD_OF_THESIS),
+            *(f"- **{name}**: {found[name]}" for name in QUOTED_FINDINGS),
             "",
-            "Root mean square score of each set of Appendix C, and how often it is first when impacts are drawn "
-            "anew: by its printed outputs, with known misprints mended, recomputed as the thesis did, and with its "
-            f"equations solved exactly; {cases}:",
+            "Root mean square score of each set of Appendix C, and in brackets how often it is first when impacts "
+            "are resampled. The columns: printed outputs, known misprints corrected, recomputed as in the thesis, "
+            f"equations solved exactly. {cases.capitalize()}.",
             "",
             table(("set", *names), rows),
         ]
@@ -269,15 +268,14 @@ def speed_line() -> str:
     finer, coarser = (_strongest(rivals, error) for error in (ERRORS[-1], ERRORS[0]))
     times = [digits(rival["microseconds"] / closed["microseconds"], 2) for rival in (finer, coarser)]
     return (
-        f"A bounce in closed form takes {digits(closed['microseconds'], 2)} microseconds of one core and is off by "
-        f"{closed['largest error']:.1e} of the incident speed at most. The fastest integrators that we could "
-        f"write against it, compiled and with events located, take {times[0]} times as long for errors below "
-        f"{ERRORS[-1]:.0e}, and {times[1]} times for {ERRORS[0]:.0e}."
+        f"A bounce in closed form takes {digits(closed['microseconds'], 2)} microseconds of one core. Its largest "
+        f"error is {closed['largest error']:.1e} of the incident speed. The fastest compiled integrators take "
+        f"{times[0]} times as long for errors below {ERRORS[-1]:.0e}, and {times[1]} times for {ERRORS[0]:.0e}."
     )
 
 
 def speed() -> str:
-    """The closed form against its rivals at some errors, and what long tables take."""
+    """The closed form against its rivals at some errors, and the time for long tables."""
     closed, rivals = _bounce()
     named = [(f"{error:.0e}", _strongest(rivals, error)) for error in ERRORS[::-1]]
     for solver, setting in CARELESS:
@@ -297,9 +295,9 @@ def speed() -> str:
     return (
         f"{table(('error at most', 'fastest', 'microseconds an impact', 'times the closed form'), rows)}\n\n"
         f"A log posterior of {longest['rows']:.0f} impacts takes "
-        f"{digits(longest['milliseconds a log posterior'], 2)} ms, the best fit of them "
-        f"{digits(longest['point fit [s]'], 2)} s of CPU and {digits(longest['most memory [MB]'], 2)} MB. All of "
-        "`fitball calibrate` on tables that grip-slip made, from the CSV file to the result folder:\n\n"
+        f"{digits(longest['milliseconds a log posterior'], 2)} ms. Their best fit takes "
+        f"{digits(longest['point fit [s]'], 2)} s of CPU and {digits(longest['most memory [MB]'], 2)} MB. A whole "
+        "`fitball calibrate` of simulated tables (`grip-slip`), from the CSV file to the result folder:\n\n"
         f"{table(heads, whole)}"
     )
 
