@@ -1,6 +1,6 @@
-"""What can go wrong, named so that a caller can tell one fault from another.
+"""The errors of fitball, one class for each kind.
 
-Every error a user can cause is a `FitballError`: the command line prints its message without a
+Every error that a user can cause is a `FitballError`: the command line prints its message without a
 traceback and exits with 2. The message says what was read, where, what was expected and what to do.
 """
 
@@ -17,7 +17,7 @@ from fitball.wording import option, spoken
 
 
 class FitballError(Exception):
-    """Base of all errors that a user, not a programmer, has to mend."""
+    """Base of all errors that a user can correct."""
 
 
 class ModelError(FitballError):
@@ -29,14 +29,14 @@ class ParameterError(FitballError):
 
 
 def check_whole(**numbers: object) -> None:
-    """Raise ParameterError for what is no whole number, or negative; None stands for a default."""
+    """Raise ParameterError unless each is a whole number, not negative; None is the default."""
     for name, value in numbers.items():
         if value is not None and (isinstance(value, bool) or not isinstance(value, Integral) or value < 0):
-            raise ParameterError(f"{name} = {value!r}: expected a whole number not below 0")
+            raise ParameterError(f"{name} = {value!r}: expected a whole number, 0 or more")
 
 
 class UnitError(FitballError):
-    """A unit that is not known, or that measures something else than the quantity it stands beside."""
+    """A unit that is unknown, or of another quantity."""
 
 
 class SceneError(FitballError):
@@ -57,27 +57,26 @@ class MemoryShortageError(FitballError):
 
 
 class EnvironmentSettingError(FitballError):
-    """A setting of the environment with which fitball cannot run."""
+    """A setting of the environment that fitball cannot run with."""
 
 
 @contextmanager
 def enough_memory() -> Iterator[None]:
-    """Raise MemoryShortageError where what is done inside (or by a function decorated so) runs out of memory."""
+    """Raise MemoryShortageError when the code inside runs out of memory."""
     try:
         yield
     except MemoryError as error:
         raise MemoryShortageError(
-            f"the memory of this machine does not suffice ({str(error) or 'nothing left'}): fit fewer rows or models "
-            "at once, "
+            f"not enough memory on this machine ({str(error) or 'nothing left'}): fit fewer rows or models at once, "
             + spoken(
-                "with fewer --cores and --walkers, or calibrate with --point-only, which needs least",
-                "with fewer cores and walkers, or calibrate with point_only=True, which needs least",
+                "with fewer --cores and --walkers, or calibrate with --point-only, which needs the least",
+                "with fewer cores and walkers, or calibrate with point_only=True, which needs the least",
             )
         ) from None
 
 
 class FitError(FitballError):
-    """A fit that cannot be made from what was given."""
+    """A fit that is impossible with this input."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ class Fault:
     """One fault of an input file.
 
     `row` counts data rows from 1 (the header is not a row), `line` counts lines of the file from 1;
-    either is None where the fault belongs to no single row.
+    either is None for a fault without a row.
     """
 
     message: str
@@ -109,8 +108,8 @@ ROWS_NAMED = 6
 
 
 class TableError(FitballError):
-    """An impact table that cannot be used; carries every fault found; its message has a line for each kind.
-    `hints` say what may be meant.
+    """An impact table that cannot be used, with every fault; the message has one line for each kind. `hints` are
+    readings that fit better.
     """
 
     def __init__(self, source: str, faults: Iterable[Fault], hints: Sequence[str] = ()) -> None:
@@ -120,7 +119,7 @@ class TableError(FitballError):
         lines = _grouped(self.faults)
         message = fault_list(source, len(self.faults), folded((line, line) for line in lines))
         if self.hints:
-            message += "\n" + _bulleted("what may be meant, since it explains the table much better:", self.hints)
+            message += "\n" + _bulleted("possible reasons (these readings fit the data much better):", self.hints)
         super().__init__(message)
 
     def __reduce__(self) -> tuple[type[TableError], tuple[str, tuple[Fault, ...], tuple[str, ...]]]:
@@ -129,14 +128,14 @@ class TableError(FitballError):
 
 
 def _grouped(faults: Sequence[Fault]) -> list[str]:
-    """One line a kind of fault: the fault, or of several rows which these are and the first in full."""
+    """One line for each kind of fault: a single fault, or the rows of several and the first in full."""
     kinds: dict[tuple[str | None, str, bool], list[Fault]] = {}
     for fault in faults:
         kinds.setdefault((fault.column, kind_of(fault.message), fault.row is None), []).append(fault)
-    return [line for members in kinds.values() for line in _told(members)]
+    return [line for members in kinds.values() for line in _lines(members)]
 
 
-def _told(members: Sequence[Fault]) -> list[str]:
+def _lines(members: Sequence[Fault]) -> list[str]:
     first = members[0]
     if len(members) == 1 or first.row is None:
         return [str(fault) for fault in members]
@@ -149,12 +148,12 @@ def _told(members: Sequence[Fault]) -> list[str]:
     return [one_line(f"{where}{column}: {first.message}")]
 
 
-EXPLAINED = "another reading explains it much better than its header:"
+EXPLAINED = "another reading fits the data much better than the header:"
 
 
 class ReadingError(FitballError):
-    """A table that other readings explain much better than its header, or whose rows are copies, as `head` says;
-    `readings` say which, in numbers, and what to do about each.
+    """A table that other readings fit much better than its header, or with copied rows, as `head` says; `readings`
+    have the numbers, and what to do.
     """
 
     def __init__(self, source: str, readings: Sequence[str], head: str = EXPLAINED) -> None:
@@ -162,7 +161,7 @@ class ReadingError(FitballError):
         self.readings = tuple(readings)
         super().__init__(
             _bulleted(f"{one_line(source)}: {head}", self.readings)
-            + f"\n  if it is right as it stands, pass {option('as_read')}; nothing was changed"
+            + f"\n  if the table is right, pass {option('as_read')}"
         )
 
     def __reduce__(self) -> tuple[type[ReadingError], tuple[str, tuple[str, ...], str]]:
@@ -174,7 +173,7 @@ def _bulleted(head: str, lines: Iterable[str]) -> str:
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
-    """Words that name the nearest known spelling, or list all known ones when none is near."""
+    """The nearest known spelling, or the list of all if none is near."""
     choices = sorted(known)
     near = get_close_matches(str(name), choices, n=1, cutoff=0.6)
     if near:

@@ -1,7 +1,7 @@
 """A fit beside its repetition: bit-equal, equal within a tolerance, or different and where.
 
-Numbers of a posterior may differ by their Monte Carlo standard errors, a maximum by what its search leaves open,
-rebounds by rounding; verdicts and the status not at all.
+Numbers of a posterior may differ by their Monte Carlo standard errors, a maximum by the tolerance of its search,
+rebounds by rounding; verdicts and the status must be equal.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ from fitball.report.saved.structure import FIT_NAME, OlderFileError
 
 @dataclass(frozen=True)
 class Kept:
-    """What a result folder says: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains with
-    their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
+    """The content of a result folder: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains
+    with their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
     """
 
     folder: Path
@@ -106,7 +106,7 @@ def _summaries(kept: Kept) -> Iterator[Finding]:
     """Numbers of `fit.json` that are not those of its own draws."""
     if kept.posterior is None:
         return
-    basis = "what its own draws in posterior.nc give"
+    basis = "computed from its draws in posterior.nc"
     for k, name in enumerate(kept.posterior.names):
         item = kept.content["parameters"].get(name)
         if item is None:
@@ -202,7 +202,7 @@ ROUNDING = 1e-9
 
 
 class Outcome(StrEnum):
-    """What a repetition found."""
+    """The outcome of a repetition."""
 
     BIT_EQUAL = "bit-equal"
     WITHIN = "equal within tolerance"
@@ -212,7 +212,7 @@ class Outcome(StrEnum):
 @dataclass(frozen=True)
 class Finding:
     """One thing compared. `allowed` is the largest difference that counts as equal (None: equality alone does),
-    `standard_error` that of the difference of two Monte Carlo numbers, `basis` why so much is allowed.
+    `standard_error` that of the difference of two Monte Carlo numbers, `basis` the reason for that tolerance.
     """
 
     what: str
@@ -241,7 +241,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Repetition:
-    """The outcome; `same` says of each part whether it is the same bytes. `limit` is the largest ratio of a
+    """The outcome; `same`: for each part whether it is the same bytes. `limit` is the largest ratio of a
     difference to its standard error that counts as equal; `findings` are empty where all is the same bytes.
     """
 
@@ -253,7 +253,7 @@ class Repetition:
 
     @property
     def different(self) -> tuple[Finding, ...]:
-        """What differs by more than it may."""
+        """What differs by more than its tolerance."""
         return tuple(finding for finding in self.findings if finding.differs)
 
     @property
@@ -297,15 +297,15 @@ def _notes(original: Kept, repeated: Kept) -> Iterator[str]:
         if old["versions"].get(name) != version
     ]
     if others:
-        yield "made with other versions, so that bits may differ: " + "; ".join(others)
+        yield "other versions, so bits may differ: " + "; ".join(others)
     if old["seed"] != new["seed"]:
-        yield f"run.toml names seed {new['seed']}, the fit was made with seed {old['seed']}"
+        yield f"run.toml has seed {new['seed']}, but the fit used seed {old['seed']}"
     for name, item in new["parameters"].items():
         before = old["parameters"].get(name)
         if before is not None and before["prior"] != item["prior"]:
-            yield f"run.toml has the prior {item['prior']} for {name}, the fit was made with {before['prior']}"
+            yield f"run.toml has the prior {item['prior']} for {name}, but the fit used {before['prior']}"
     if old["status"] == "not converged":
-        yield "the sampler of this fit did not converge: the standard errors are themselves unsure"
+        yield "the sampler of this fit did not converge, so the standard errors are uncertain themselves"
 
 
 def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
@@ -350,7 +350,7 @@ def _point(problem: Problem, original: Kept, repeated: Kept) -> Iterator[Finding
     old, new = original.content, repeated.content
     measured = sum(observable.observed.size for observable in problem.observables)
     allowed = LOG_POSTERIOR + LOG_POSTERIOR_EACH * measured
-    basis = "what the search for the maximum leaves open"
+    basis = "tolerance of the search for the maximum"
     scores = [float(item["log_posterior"]) for item in (old, new)]
     yield _number("log posterior at the point estimate", scores[0], scores[1], allowed, basis)
     for parameter in problem.parameters:
@@ -409,7 +409,7 @@ WIDEST = 40
 
 
 def render(repetition: Repetition, original: Kept) -> str:
-    """The outcome, what it rests on, and the numbers."""
+    """The outcome, its basis, and the numbers."""
     lines = [f"{original.folder} repeated: {repetition.outcome}", ""]
     if repetition.outcome is Outcome.BIT_EQUAL:
         return "\n".join([*lines, f"  {_bytes(original)}: the same bytes."])
@@ -422,7 +422,8 @@ def render(repetition: Repetition, original: Kept) -> str:
     if largest is not None:
         lines += ["", f"  Largest difference: {largest.what}, {largest.ratio or 0.0:.2g} standard errors."]
         lines.append(
-            f"  Up to {repetition.limit:.2g} count as equal: of a thousand true repetitions one has a number beyond."
+            f"  Differences up to {repetition.limit:.2g} count as equal: one true repetition in a thousand "
+            "exceeds that."
         )
     return "\n".join(lines)
 
@@ -527,7 +528,7 @@ def repeat(
     fit: Path, tables: Sequence[str], force: str | None, out: Path | None, cores: int, report: Report
 ) -> Repeated | None:
     """Make the fit of a folder or of a `run.toml` again and compare; None for one of an older fitball, which is only
-    made again. `tables` and `force` say where its files are now; the new result is kept in the folder `out`.
+    made again. `tables` and `force` are the present places of its files; the new result is kept in the folder `out`.
 
     Raises ResultFolderError, and as `calibrate` does; KeyboardInterrupt with nothing compared.
     """
@@ -544,7 +545,8 @@ def repeat(
         check_rows(problem, original)
     if out is not None and (older := older_result(out)):
         raise ResultFolderError(
-            f"{out}: holds {' and '.join(older)} of an older run, which is never replaced here; name another folder "
+            f"{out}: holds {' and '.join(older)} of an older run, which is never overwritten here: name another "
+            "folder "
             "with --out"
         )
     place = nullcontext(out) if out is not None else TemporaryDirectory(prefix="fitball-repeat-")

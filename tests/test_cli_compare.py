@@ -97,7 +97,7 @@ def test_the_first_screen_is_short_and_has_the_answer(done):
     full = (place / "fits" / "balls" / "compare" / "compare.txt").read_text(encoding="utf-8")
     assert len(full.splitlines()) > 60 and "AICc" in full and "AICc" not in out
     assert "grip-slip: sampling (0 of 2 done)" in err or "brody: sampling (0 of 2 done)" in err
-    assert "there is no scene file" in err
+    assert "no scene file" in err
     # Nothing of the thesis beside data that are not Wang's.
     assert "Table 9" not in out
 

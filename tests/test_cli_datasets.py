@@ -69,7 +69,7 @@ def test_show_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
 def test_show_says_what_is_assumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "t.csv").write_text("v_y1,v_y2\n4,3\n5,4\n")
     assert call("show", str(tmp_path / "t.csv")) == 0
-    assert "there is no scene file" in capsys.readouterr().out
+    assert "no scene file" in capsys.readouterr().out
 
 
 def test_check_of_a_good_table(capsys: pytest.CaptureFixture[str]) -> None:

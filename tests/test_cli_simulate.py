@@ -89,7 +89,7 @@ MISUSE = [
     (["--impact", "v=17, theta=18", "--set", "mass_ratio=0.5"], "exceeds mass_ratio"),
     (["--impact", "v_x=17, v_y=-3"], "positive speed v_y towards the court"),
     (["--impact", "v=17, theta=0"], "between 0 and 180 deg"),
-    (["--impact", "v=17 lb, theta=18"], "means two things: write lbf"),
+    (["--impact", "v=17 lb, theta=18"], "is ambiguous: write lbf"),
     (["--impact", "v=17 glops, theta=18"], "unknown"),
     (["--impact", "v=17, theta=18", "--model", "brody"], "models with a history: two-mass, thesis-exact"),
     (["--impact", "v=17, theta=18", "--model", "grip-slip"], "no time axis"),
@@ -180,10 +180,10 @@ def test_from_a_fit_at_the_command_line(tmp_path, capsys):
     assert said.err == "".join(f"note: {note}\n" for note in notes)
     assert any("k_y, which is fixed" in note for note in notes)
     far = ["simulate", "--impact", "v=120, theta=42, spin=100", "--fit", str(folder), "--out", str(tmp_path / "far")]
-    assert main(far) == 2 and "restitution leaves (0, 1]" in capsys.readouterr().err
+    assert main(far) == 2 and "(0, 1]" in capsys.readouterr().err
     far[2] = "v=25, theta=42, spin=100"
     assert main([*far, "--format", "svg"]) == 0
-    assert "outside the calibrated range: v_y1" in capsys.readouterr().err
+    assert "outside the range of the fitted data: v_y1" in capsys.readouterr().err
     rows = pd.read_csv(tmp_path / "bands" / "history.csv")
     low, high = rows["v_x_q025 [m/s]"], rows["v_x_q975 [m/s]"]
     assert (low <= rows["v_x [m/s]"] + 0.1).all() and (high >= rows["v_x [m/s]"] - 0.1).all() and (high > low).all()

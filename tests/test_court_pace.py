@@ -123,7 +123,7 @@ def test_a_ball_that_grips_has_less_apparent_friction(brief):
     assert mu < 1.2
     assert found.sliding_friction.point == 1.3
     assert found.rating.point - found.sliding_rating.point == pytest.approx(100.0 * (1.3 - mu), abs=1e-4)
-    assert any("differ" in line for line in pace_remarks(fit.court_pace))
+    assert any("with probability 0 %" in line for line in pace_remarks(fit.court_pace))
 
 
 def test_every_surface_has_its_own_rating(two_surfaces):
@@ -148,7 +148,7 @@ def test_every_surface_has_its_own_rating(two_surfaces):
     assert "extrapolated" not in lines[0]
     # What is told level by level is not called unknown because the pooling is.
     said = page(fit, {})
-    assert "mu differs between 2 surfaces and is told for each of them." in said and "mu[clay]" in said
+    assert "mu differs between 2 surfaces." in said and "mu[clay]" in said
 
 
 def test_extrapolation_is_flagged_with_its_distance(two_surfaces, grip_slip_fit):
@@ -243,9 +243,9 @@ def test_other_balls_have_no_court_pace(grip_slip_fit):
     golf = replace(grip_slip_fit.problem.scene, ball=fitball.Ball(0.0459, 0.02135, 0.4 * 0.0459 * 0.02135**2))
     problem = replace(grip_slip_fit.problem, scene=golf)
     found = court_pace(problem, grip_slip_fit.point, None, np.random.default_rng(1))
-    assert not found.ratings and found.measured is None and "tennis ball, and this one has 45.9 g" in found.missing
+    assert not found.ratings and found.measured is None and "45.9 g" in found.missing
     assert pace_by_surface(problem, grip_slip_fit.posterior.draws[:5]) == {}
-    with pytest.raises(FitError, match="another ball than a tennis ball"):
+    with pytest.raises(FitError, match="no tennis ball"):
         of_court_pace(SimpleNamespace(problem=problem))
 
 
@@ -256,7 +256,7 @@ def test_a_model_that_needs_the_measured_restitution_says_so(brief):
     found = court_pace(fit.problem, fit.point, None, np.random.default_rng(0))
     assert found.ratings == ()
     assert "measured" in found.missing
-    assert "none, closure cor" in pace_lines(fit)[-1]
+    assert "none, cor = measured" in pace_lines(fit)[-1]
 
 
 def test_it_is_saved_and_shown(grip_slip_fit, grip_slip_folder, tmp_path):
@@ -272,7 +272,7 @@ def test_it_is_saved_and_shown(grip_slip_fit, grip_slip_folder, tmp_path):
     assert f"[{rating.q025:.1f}, {rating.q975:.1f}] (95 %), {likeliest} ({100.0 * shares[likeliest]:.0f} %)" in text
     # The last digits are those of a chain: half a unit is a dozen of its standard errors.
     assert (rating.q025, rating.median, rating.q975) == pytest.approx((40.6, 44.4, 48.4), abs=0.6)
-    assert "ITF (CS 01/02" in (grip_slip_folder / "report.html").read_text(encoding="utf-8")
+    assert "(CS 01/02)" in (grip_slip_folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_slip_fit):
@@ -288,10 +288,10 @@ def test_draws_without_a_rebound_are_told_and_most_of_them_give_no_rating(grip_s
             (rating,) = found.ratings
             assert rating.failed == pytest.approx(failing, abs=0.05)
             told = pace_remarks(found)
-            assert any("of the draws cannot be solved there: intervals are of the rest" in line for line in told)
+            assert any("of the draws have no solution" in line for line in told)
         else:
             assert found.ratings == ()
-            assert "of the draws cannot be evaluated at the test impact: the coefficient of rest" in found.missing
+            assert "% of the draws: the coefficient of restitution" in found.missing
 
 
 def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
@@ -302,6 +302,6 @@ def test_a_rating_that_rests_on_the_prior_of_friction_says_so(grip_slip_fit):
 
     assert "as uncertain as the prior of mu" in pace_lines(told(0.1))[0]
     # A prior that ends above what the table has leaves a narrow rating, which is not that of the prior either.
-    assert "as uncertain" not in pace_lines(told(0.99))[0] and "decided by priors" in pace_lines(told(0.99))[0]
+    assert "as uncertain" not in pace_lines(told(0.99))[0] and "prior-dominated" in pace_lines(told(0.99))[0]
     assert "prior" not in pace_lines(grip_slip_fit)[0]
     assert "The rating by the model is as uncertain as the prior of mu" in certificate(told(0.1))

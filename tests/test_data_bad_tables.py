@@ -34,14 +34,14 @@ HEADERS = [
     ("speed,v_2,v_y2", "8,5,3", None, "no incident velocity; expected v_x1 and v_y1"),
     ("v_y1,v_1,v_y2", "8,5,3", None, "v_y1 and v_1 do not make an incident velocity"),
     ("v_x1,v_y1,speed", "8,5,3", None, "no rebound column; expected at least one of v_x2, v_y2"),
-    ("v_y1,v_y2,v_x2", "8,5,3", "v_x2", "without its incident motion"),
+    ("v_y1,v_y2,v_x2", "8,5,3", "v_x2", "expected a column v_x1"),
     # Its numbers are spared.
     (GOOD.replace("v_x1 [m/s]", "v_x1 [ell/h]"), "99999,1,0,1,1,0", "v_x1", "'[ell/h]', which is unknown"),
     (GOOD.replace("omega_2 [rad/s]", "omega_2 [km/h]"), ROW, "omega_2", "measures speed; expected a unit of spin"),
     ("v_y1 [m/s,v_y2", "5,4", "v_y1 [m/s", "brackets do not match"),
-    ("v_y1,v_y2,v_y2", "5,4,4", "v_y2", "another column is 'v_y2' already"),
-    ("v_y1,v_y2 [m/s],v_y2 [km/h]", "5,4,4", "v_y2", "another column is 'v_y2' already"),
-    ("v_y1,v_y2,mass_sd", "5,4,4", "mass_sd", "'mass' is no column that can have a standard deviation"),
+    ("v_y1,v_y2,v_y2", "5,4,4", "v_y2", "both 'v_y2'"),
+    ("v_y1,v_y2 [m/s],v_y2 [km/h]", "5,4,4", "v_y2", "both 'v_y2'"),
+    ("v_y1,v_y2,mass_sd", "5,4,4", "mass_sd", "'mass' cannot have a standard deviation"),
     ("v_y1,v_y2,omega_2_sd", "5,4,4", "omega_2_sd", "there is no column 'omega_2'"),
     ("v_1,v_1_sd,theta_1,v_y2", "10,0.1,30,4", "v_1_sd", "column 'theta_1_sd' is missing"),
 ]  # fmt: skip
@@ -66,14 +66,14 @@ CELLS = [
         ("fast", "read 'fast'; expected a number"), ("11.73 m/s", "units belong in the header"),
         ("1_000", "read '1_000'; expected a number"), ("0x1F", "read '0x1F'; expected a number"),
         ("none measured", "expected a number"), ("inf", "not finite"), ("-Infinity", "not finite"),
-        ("1e999", "not finite"), ("1 234", "signs between thousands"), ("\u0661\u0662", "expected a number"),
-        ('"11,73"', "a decimal comma, beside numbers with points; expected one decimal sign: write '11.73'"),
-        ('"1,234"', "which may be 1.234 or 1234"), ('"1,234.5"', "signs between thousands"),
+        ("1e999", "not finite"), ("1 234", "of thousands"), ("\u0661\u0662", "expected a number"),
+        ('"11,73"', "write '11.73'"),
+        ('"1,234"', "which may be 1.234 or 1234"), ('"1,234.5"', "of thousands"),
     )),
     ("v_y1", "-5", "a positive speed towards the court"), ("v_y1", "0", "a positive speed towards the court"),
-    ("v_y2", "0", "a positive speed away from the court"), ("v_y2", "-4", "expected one sign throughout"),
-    ("v_y2", "5.51", "coefficient of restitution above 1: 1.102"), ("v_x2", "16", "more energy than it came with"),
-    ("omega_2", "415", "more energy than it came with"), ("omega_2", "2283", "more energy than it came with"),
+    ("v_y2", "0", "a positive speed away from the court"), ("v_y2", "-4", "expected one sign"),
+    ("v_y2", "5.51", "coefficient of restitution above 1: 1.102"), ("v_x2", "16", "more energy"),
+    ("omega_2", "415", "more energy"), ("omega_2", "2283", "more energy"),
     ("contact_time", "0", "a positive time"),
     ("v_y2_sd", "0", "a positive standard deviation"), ("v_y2_sd", "-1", "a positive standard deviation"),
 ]  # fmt: skip
@@ -154,7 +154,7 @@ def test_one_row_only(tmp_path: Path) -> None:
         (b"", "the file is empty"),
         (b" \n\n", "the file is empty"),
         (b"# only words\n", "only blank and comment lines"),
-        (GOOD.encode(), "a header and no rows"),
+        (GOOD.encode(), "no rows"),
     ],
 )
 def test_nothing_in_it(tmp_path: Path, data: bytes, expected: str) -> None:
@@ -173,14 +173,14 @@ def test_wrong_encoding_names_byte_and_line(tmp_path: Path) -> None:
 def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
     faults = faults_of(tmp_path, GOOD + ROW.replace(".", ",") * 3)
     assert [fault.row for fault in faults] == [1, 2, 3]
-    assert "expected 6 as in the header; decimal commas between commas?" in faults[0].message
+    assert "expected 6 as in the header" in faults[0].message
 
 
 def test_ragged_rows(tmp_path: Path) -> None:
     faults = faults_of(tmp_path, f"{GOOD}{ROW}1,2\n{ROW.strip()},7\n,,,,,\n{ROW}")
     assert [(fault.row, fault.line) for fault in faults] == [(2, 3), (3, 4)]
     assert "read 2 cells, expected 6" in faults[0].message
-    assert "decimal commas between commas?" in faults[1].message
+    assert "write decimal points" in faults[1].message
 
 
 def test_open_quote(tmp_path: Path) -> None:
@@ -228,7 +228,7 @@ def test_parquet_reads_like_csv(tmp_path: Path) -> None:
     with pytest.raises(TableError) as caught:
         load_table(tmp_path / "t.pq")
     (fault,) = caught.value.faults
-    assert fault.message.startswith("1 of 2 rows are left; expected 2: row 2: left out, because v_y1 of the incident")
+    assert fault.message.startswith("1 of 2 rows are left; expected 2: row 2: ")
 
 
 @pytest.mark.parametrize("kept", [0.01, 0.3, 0.9, 1.0])
@@ -289,7 +289,7 @@ def test_a_name_that_is_no_text_is_refused_before_result_files_name_it(tmp_path:
             path.write_text(GOOD + 2 * ROW, encoding="utf-8")
         except (OSError, UnicodeError):
             pytest.skip("this file system has no such names")
-        with pytest.raises(TableError, match=r"is no UTF-8.*rename it"):
+        with pytest.raises(TableError, match=r"not UTF-8"):
             load_table(path)
 
 
@@ -326,7 +326,7 @@ def test_limits_themselves_are_allowed(tmp_path: Path) -> None:
 def test_a_label_is_a_name(tmp_path: Path) -> None:
     fault = only(tmp_path, f"surface,v_y1,v_y2\nclay,5,4\n{'a' * 100_000},5,4\n")
     assert (fault.row, fault.column) == (2, "surface")
-    assert "read a text of 100000 characters; expected a name of at most 200" in fault.message
+    assert "read a text of 100000 characters; expected at most 200" in fault.message
 
 
 IMPACTS = ("v=1e308 mph, theta=18", "v=17, theta=18, spin=2e5", "v=17±1e300, theta=18", "v=17, theta=1e-9")
@@ -343,5 +343,5 @@ def test_options_have_the_limits_of_tables(parse: Callable[[str], object], text:
 
 @pytest.mark.parametrize("count", ["99999999", "9" * 400])
 def test_a_grid_of_too_many_points_is_refused_before_it_is_made(count: str) -> None:
-    with pytest.raises(ParameterError, match="expected 1000000 at most"):
+    with pytest.raises(ParameterError, match="expected 1,000,000"):
         parse_grid(f"v_y=5..10:{count}")

@@ -97,14 +97,14 @@ def test_expected_noise_counts_where_none_is_stated(tmp_path: Path) -> None:
     assert len(load_table(written(tmp_path, rows, head="v_y1,v_y2")).notices) == 1
     # Noise of the one column or of all velocities: the column's own is what counts.
     for known in ("velocity_sd = 0.02", "v_y_sd = 0.02", "velocity_sd = 0.5\nv_y_sd = 0.02"):
-        with pytest.raises(TableError, match=r"row 2 .*25 sd of the noise.*\[measurement\]"):
+        with pytest.raises(TableError, match=r"row 2 .*25 times the sd.*\[measurement\]"):
             load_table(written(tmp_path, rows, f"[measurement]\n{known}\n", head="v_y1,v_y2"))
 
 
 def test_long_tables_have_rows_further_out(tmp_path: Path) -> None:
     """4.3 sd above the bound is not noise among three rows, and is among twenty thousand."""
     odd = f"5,{5.0 + 4.3 * 0.25}\n"
-    with pytest.raises(TableError, match=r"row 1 .*4\.3 sd of the noise"):
+    with pytest.raises(TableError, match=r"row 1 .*4\.3 times the sd"):
         load_table(written(tmp_path, odd + "5,4\n5,4", head="v_y1,v_y2"))
     (notice,) = load_table(written(tmp_path, odd + "5,4\n" * 20_000, head="v_y1,v_y2")).notices
     assert notice.row == 1
@@ -143,7 +143,7 @@ def test_thirty_thousand_rows_of_the_model_itself_are_read(tmp_path: Path) -> No
 def test_swapped_columns_are_refused(tmp_path: Path, order: list[int]) -> None:
     numbers = simulated(40, 0.1)[:, order]
     np.savetxt(tmp_path / "t.csv", numbers, delimiter=",", header=HEAD, comments="", fmt="%.6g")
-    with pytest.raises(TableError, match="whether columns are swapped"):
+    with pytest.raises(TableError, match="swapped columns"):
         load_table(tmp_path / "t.csv")
 
 
@@ -161,7 +161,7 @@ def test_wrong_units_are_refused(tmp_path: Path, column: int) -> None:
     numbers = simulated(40, 0.1)
     numbers[:, column] *= 3.6 if column == 3 else 60.0 / (2.0 * np.pi)
     np.savetxt(tmp_path / "t.csv", numbers, delimiter=",", header=HEAD, comments="", fmt="%.6g")
-    with pytest.raises(TableError, match=r"more energy than it came with.*check the units"):
+    with pytest.raises(TableError, match=r"more energy.*check the units"):
         load_table(tmp_path / "t.csv")
 
 

@@ -192,7 +192,7 @@ def test_a_workbook_as_people_keep_it(tmp_path: Path) -> None:
         pandas.DataFrame(full).to_excel(book, sheet_name="impacts", index=False, header=False)
     table = load_table(tmp_path / "t.xlsx")
     assert_same(table, read(tmp_path, plain()))
-    for words in ("sheet 'impacts' of 2", "above the header: 'Court 3'", "the row beneath the header"):
+    for words in ("sheet 'impacts' of 2", "above the header: 'Court 3'", "the row below the header"):
         assert said(table, words)
 
 
@@ -201,13 +201,13 @@ def test_of_two_sheets_with_tables_one_is_named(tmp_path: Path) -> None:
     with pandas.ExcelWriter(place) as book:
         for name, rows in (("clay", ROWS), ("grass #2", ROWS[:2])):
             as_numbers(rows).to_excel(book, sheet_name=name, index=False)
-    with pytest.raises(TableError, match=r"2 sheets hold tables .*: '.*t.xlsx#clay', '.*t.xlsx#grass #2'"):
+    with pytest.raises(TableError, match=r"2 sheets have tables .*: '.*t.xlsx#clay', '.*t.xlsx#grass #2'"):
         load_table(place)
     table = load_table(f"{place}#clay")
     assert_same(table, read(tmp_path, plain()))
     assert (table.name, table.source) == ("t-clay", f"{place}#clay")
     assert len(load_table(f"{place}#grass #2")) == 2
-    with pytest.raises(TableError, match="there is no sheet 'sand'; its sheets: clay, grass #2"):
+    with pytest.raises(TableError, match=r"there is no sheet 'sand'.*: clay, grass #2"):
         load_table(f"{place}#sand")
     problem = build_problem(table, load_scene(None), Choices(model="brody"))
     (tmp_path / "kept").mkdir()
@@ -241,28 +241,28 @@ def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path: Path) -> No
     ("text", "words"),
     [
         ("v_y1;v_y2\n1,234;0\n1,500;1,004\n", "which may be 1.234 or 1234"),
-        ("v_y1;v_y2\n5,1;4.2\n6,1;4,3\n", "beside numbers with points"),
-        ("v_y1;v_y2\n1.005,1;4,2\n6,1;4,3\n", "signs between thousands"),
+        ("v_y1;v_y2\n5,1;4.2\n6,1;4,3\n", "expected one decimal sign"),
+        ("v_y1;v_y2\n1.005,1;4,2\n6,1;4,3\n", "of thousands"),
         ("v_y1;v_y2\n5,1,2;4,2\n6,1;4,3\n", "expected a number"),
-        ('v_y1,v_y2\n"5,125","4,250"\n6,4.3\n', "beside numbers with points|which may be"),
-        ("v_y1,v_y2\n5,1,4,2\n6,1,4,3\n", "decimal commas between commas"),
+        ('v_y1,v_y2\n"5,125","4,250"\n6,4.3\n', "expected one decimal sign|which may be"),
+        ("v_y1,v_y2\n5,1,4,2\n6,1,4,3\n", "write decimal points"),
         ("v_y1,v_y2\n5 ± ,4\n6,4\n", "expected a number"),
         ("v_y1,v_y2\n5 ± -1,4\n6,4\n", "expected a number"),
         ("v_y1,v_y2\n± 1,4\n6,4\n", "expected a number"),
         ("v_y1,v_y2\n5 ± 0,4\n6 ± 1,4\n", "a positive standard deviation"),
         ("v_y1,v_y2\n5 ± 1 ± 2,4\n6 ± 1,4\n", "expected a"),
-        ("v_y1,v_y1_sd,v_y2\n5 ± 1,1,4\n6 ± 1,1,4\n", "v_y1_sd is a column too"),
-        ("v_y1,v_y2\n5 ± 1,4\n6,4\n", "no standard deviation beside v_y1"),
+        ("v_y1,v_y1_sd,v_y2\n5 ± 1,1,4\n6 ± 1,1,4\n", "a column v_y1_sd too"),
+        ("v_y1,v_y2\n5 ± 1,4\n6,4\n", "no standard deviation for v_y1"),
         ("v_y1,v_y2\nm/s,furlongs\n5,4\n6,5\n", "unit '[furlongs]', which is unknown"),
-        ("v_y1 [m/s],v_y2\nkm/h,m/s\n5,4\n6,5\n", "expected one unit a column"),
+        ("v_y1 [m/s],v_y2\nkm/h,m/s\n5,4\n6,5\n", "expected one unit"),
         ("5,4\nv_y1,v_y2\n6,5\n7,6\n", "2 numbers above the header"),
-        ("v_y1 [1/s],v_y2\n6,5\n7,6\n", "measures|means two things"),
+        ("v_y1 [1/s],v_y2\n6,5\n7,6\n", "measures|is ambiguous"),
         ("drop_height [cm],rebound_height [cm]\n254,-1\n254,140\n", "a positive height"),
         ("drop_height,rebound_height\n254,140\n254,140\n", "1 mm to 50 m"),
-        ("drop_height [cm],v_y1,rebound_height [cm]\n254,5,140\n254,5,140\n", "which makes 7.058 m/s"),
+        ("drop_height [cm],v_y1,rebound_height [cm]\n254,5,140\n254,5,140\n", "7.058 m/s"),
         ("id,v_y1,v_y2\n1,5,4\nMittelwert,5,4\n", "'Mittelwert', as a row below a table that sums it up"),
         (",v_y1,v_y2\n1,5,4\n2,6,5\nStd. dev.,0.7,0.6\n", "'Std. dev.', as a row below a table"),
-        ("v_y1,V_Y1,v_y2\n5,5,4\n5,5,4\n", "another column is 'v_y1' already"),
+        ("v_y1,V_Y1,v_y2\n5,5,4\n5,5,4\n", "both 'v_y1'"),
     ],
 )
 def test_what_is_nonsense_or_may_be_two_things_is_refused(tmp_path: Path, text: str, words: str) -> None:
@@ -276,11 +276,11 @@ def test_what_was_assumed_is_told(tmp_path: Path) -> None:
     table = read(tmp_path, text.encode("utf-16"))
     for words in (
         "read as UTF-16",
-        "divided by semicolons",
+        "by semicolons",
         "above the header: 'Test 3'",
         "decimal commas",
         "other spellings: 'No.' as id, 'V_1' as v_1",
-        "behind ± in v_2 is taken as one standard deviation",
+        "± in v_2",
         "made unique: '1 (2)'",
     ):
         assert said(table, words), words
@@ -296,7 +296,7 @@ def test_repeated_and_empty_ids_are_made_unique(tmp_path: Path) -> None:
 def test_empty_rows_and_a_repeated_header_are_passed_over(tmp_path: Path) -> None:
     table = read(tmp_path, "v_y1,v_y2\n5,4\n,\n6,5,,\nv_y1,v_y2\n7,6\n")
     np.testing.assert_array_equal(table.impacts.v_y1, [5.0, 6.0, 7.0])
-    assert said(table, "1 empty row was") and said(table, "again in line 5")
+    assert said(table, "1 empty row") and said(table, "in line 5")
 
 
 def test_a_letter_of_windows_is_read_and_told(tmp_path: Path) -> None:
@@ -329,7 +329,7 @@ def test_drop_heights_are_the_speeds_of_free_fall(tmp_path: Path) -> None:
 def test_a_measured_speed_counts_before_a_height(tmp_path: Path) -> None:
     table = read(tmp_path, "drop_height,v_y1,v_y2\n2.54,6.9,5\n2.54,6.91,5\n")
     np.testing.assert_array_equal(table.impacts.v_y1, [6.9, 6.91])
-    assert said(table, "drop_height is not used: v_y1 is")
+    assert said(table, "drop_height is not used")
     # A rebound speed may be counted downwards.
     down = read(tmp_path, "v_y1,rebound_height,v_y2\n6.9,1.27,-5\n6.91,1.27,-5\n")
     np.testing.assert_array_equal(down.measurements[0].values, [5.0, 5.0])
@@ -347,7 +347,7 @@ def test_few_rows_the_other_way_along_the_court_are_told(tmp_path: Path) -> None
 
 def test_balls_that_fly_against_x_are_told_where_offsets_show(tmp_path: Path) -> None:
     """From both sides, all from the other side, and straight down, where the sign is noise."""
-    head, against = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2\n", "balls fly against x"
+    head, against = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2\n", "balls move towards negative v_x"
     turn = "".join(f"{v},6,0,{0.7 * v},4,{10 * v}\n" for v in (-5, 5, -6, 6))
     (notice,) = read(tmp_path, head + turn).notices
     assert notice.message.startswith(f"2 of 4 {against}") and notice.columns == ("v_x1",)
@@ -411,7 +411,7 @@ def test_data_frames_as_they_are_printed(tmp_path: Path, form: str) -> None:
 
 def test_a_frame_printed_in_parts_or_without_a_place_for_its_first_column_is_refused(tmp_path: Path) -> None:
     frame = pandas.DataFrame(np.random.default_rng(1).uniform(3.0, 6.0, (40, 2)), columns=["v_y1", "v_y2"])
-    with pytest.raises(TableError, match=r"read '\.\.', as of a data frame printed in parts"):
+    with pytest.raises(TableError, match=r"read '\.\.', the mark of a data frame"):
         read(tmp_path, frame.to_string(max_rows=6))
     # The first cells do not count rows: they may be numbers that were measured, and a name may be missing.
     with pytest.raises(TableError, match="read 3 cells, expected 2"):
@@ -425,15 +425,15 @@ def test_what_excel_shows_for_missing_values_and_for_errors(tmp_path: Path) -> N
     assert spin is not None and len(table) == 3
     np.testing.assert_array_equal(spin.values, [np.nan, 3.0, np.nan])
     for cell in ("#DIV/0!", "#VALUE!", "#WERT!"):
-        with pytest.raises(TableError, match=f"row 1 .*read '{cell}', the error of a formula.*leave the cell empty"):
+        with pytest.raises(TableError, match=f"row 1 .*read '{cell}', a formula error.*leave the cell empty"):
             read(tmp_path, f"omega_2,v_y1,v_y2,v_x1\n{cell},5,4,0\n3,6,5,0\n")
-    with pytest.raises(TableError, match=r"read '\?'; expected a number .*: leave the cell empty where nothing was"):
+    with pytest.raises(TableError, match=r"read '\?'; expected a number .*: leave the cell empty"):
         read(tmp_path, "v_y1,v_y2\n5,4\n6,?\n")
 
 
 def test_kilonewtons_are_no_knots(tmp_path: Path) -> None:
     for unit in ("KN", "Kn"):
-        with pytest.raises(TableError, match=rf"read unit '\[{unit}\]', which means two things: write kn"):
+        with pytest.raises(TableError, match=rf"read unit '\[{unit}\]'.* write kn"):
             read(tmp_path, f"v_y1 [{unit}],v_y2\n5,4\n6,5\n")
     knots = read(tmp_path, "v_y1 [kn],v_y2\n9,4\n18,5\n")
     np.testing.assert_allclose(knots.impacts.v_y1, np.array([9, 18]) * 1852 / 3600)
@@ -442,5 +442,5 @@ def test_kilonewtons_are_no_knots(tmp_path: Path) -> None:
 def test_an_sd_of_a_height_that_does_not_count_is_named(tmp_path: Path) -> None:
     table = read(tmp_path, "v_y1,drop_height,drop_height_sd,v_y2\n7.05,2.54,0.01,5.2\n7.06,2.54,0.01,5.3\n")
     assert said(table, "drop_height_sd is not used: v_y1 was measured")
-    with pytest.raises(TableError, match="a standard deviation of 'drop_height', but there is no column"):
+    with pytest.raises(TableError, match="standard deviation of 'drop_height', but there is no column"):
         read(tmp_path, "v_y1,drop_height_sd,v_y2\n7.05,0.01,5.2\n7.06,0.01,5.3\n")

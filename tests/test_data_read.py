@@ -183,7 +183,7 @@ def test_a_drop_test(tmp_path: Path) -> None:
 
 def test_rebound_spin_without_incident_spin_says_what_is_assumed(tmp_path: Path) -> None:
     table = read(tmp_path, "v_x1,v_y1,omega_2\n10,5,100\n10,6,120\n")
-    assert "incident spin taken as 0" in str(table.notices[0])
+    assert "omega_1" in str(table.notices[0])
     assert table.impacts.cor is None
 
 
@@ -220,7 +220,7 @@ def test_extra_columns_are_kept_and_named(tmp_path: Path) -> None:
     # A number beside a name is a column of its own.
     assert read(tmp_path, "no,id,v_y1,v_y2\n7,a,4,3\n8,b,5,4\n").ids == ("a", "b")
     (notice,) = table.notices
-    assert "temperature" in notice.message and "column 1, without a name" in notice.message
+    assert "temperature" in notice.message and "column 1" in notice.message
 
 
 def test_an_own_column_may_resemble_one_that_is_there(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ def test_no_possible_start_is_a_fit_error(monkeypatch):
     middle = np.array(
         [[float(item.prior.coordinate(item.prior.quantile(np.array([0.5])))[0]) for item in problem.free]]
     )
-    with pytest.raises(FitError, match="loosen the priors"):
+    with pytest.raises(FitError, match="too few starting points"):
         ensembles.starting_positions(problem, middle, 0, 16, np.random.default_rng(1))
 
 

@@ -87,7 +87,7 @@ def test_every_look_counts_the_records(fit, without):
 def test_the_notes_say_what_was_done(fit):
     notes = " ".join(fit.notes)
     assert "force records found beside the table: drops_force.csv" in notes
-    assert "count like" in notes and "found from the record" in notes
+    assert "count as" in notes and "nuisance parameter" in notes
     assert NO_CONTACT_TIME not in notes and "MISFIT" not in notes
 
 
@@ -102,7 +102,7 @@ def test_files_hold_the_records(table, fit, folder):
         table.with_name("drops_force.csv")
     )
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "Force records (points" in page and "count like" in page
+    assert "Force records (points" in page and "count as" in page
     assert (folder / "force.png").stat().st_size > 10_000
 
 
@@ -170,7 +170,7 @@ def test_records_beside_a_table_with_spin(tmp_path):
     rows = [f"{table.ids[2]},{t:.6f},{f:.4f}" for t, f in zip(times, forces, strict=True)]
     (tmp_path / "wang_force.csv").write_text("\n".join(["id,t,F", *rows]) + "\n")
     problem = problem_of(place, scene=Scene(), force=place.with_name("wang_force.csv"))
-    assert any("blow that stops the shell" in note for note in problem.notes)
+    assert any("impulse that stops the shell" in note for note in problem.notes)
     truth = {"k_y": K_Y, "mass_ratio": 0.95, "k_theta": 20.0, "mu": 0.55, "eps_10": 2e-3, "eps_slope": 1e-6}
     truth |= {"cor_10": 0.76, "cor_slope": -1e-3, "velocity_sd": 0.3, "spin_sd": 12.0}
     at = [{**truth, "force_sd": 2.0, "force_misfit": 0.02}[name] for name in problem.free_names]

@@ -292,7 +292,7 @@ def test_verdicts_of_wang_zero_spin():
     verdicts = {item.name: item.verdict for item in fit.estimates}
     for name in ("k_y", "k_theta"):
         assert (verdicts[name], fit.parameters[name].given) == (Verdict.GIVEN, (CONTACT_TIME,))
-        assert "its value comes from the scene's contact time" in fit.parameters[name].reason
+        assert "absolute value comes from the scene's contact time" in fit.parameters[name].reason
     for name in ("mu", "eps_10", "cor_10", "cor_slope"):
         assert verdicts[name] is Verdict.IDENTIFIED
     # The posterior of a contact time known to 10 % is known to 10 %: k_y cannot be sharper than twice that.

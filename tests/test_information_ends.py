@@ -74,7 +74,7 @@ def test_a_point_where_the_model_ends_is_reported_and_not_a_crash(at_end, monkey
     evidence = fit.identifiability.evidence["mass_ratio"]
     assert evidence.information is None
     assert fit.parameters["mass_ratio"].verdict is Verdict.NOT_JUDGED
-    assert "The model ends next to the maximum in mass_ratio" in " ".join(render(fit, tmp_path).split())
+    assert "The best value of mass_ratio is at the edge of the model" in " ".join(render(fit, tmp_path).split())
     assert diagnosis_lines(fit)
 
 

@@ -263,12 +263,12 @@ def test_no_range_is_asked_for_that_would_be_refused():
     table = load_table({"v_x1": [15.0, 14.0], "v_y1": [5.0, 9.0], "v_x2": [10.0, 9.0], "v_y2": [4.0, 6.5]}, name="t")
     problem = build_problem(table, Scene(), Choices(model="grip-slip"))
     assert build_settings(problem, None, None, None).assumed == ("speed", "angle")
-    with pytest.raises(ParameterError, match="no spin was measured"):
+    with pytest.raises(ParameterError, match="has no spin"):
         build_settings(problem, None, None, Range(0.0, 0.0))
 
 
 def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):
-    with pytest.raises(FitError, match="point fit has no posterior"):
+    with pytest.raises(FitError, match="a point fit has none"):
         fitball.plan(drop_page.parent)
     problem = build_problem(
         grip_slip_fit.table, grip_slip_fit.problem.scene, Choices(model="two-mass", closures={"cor": "measured"})
@@ -281,7 +281,7 @@ def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):
     ("text", "said"),
     [
         ("camera", "expected COLUMN=SD"), ("camera=0", "positive number"), ("camera=2m", "without a unit"),
-        ("contact_time=0.2ms", "grip-slip has no contact time"), ("v_2=0.1", "follows from the velocities"),
+        ("contact_time=0.2ms", "grip-slip has no contact time"), ("v_2=0.1", "follows from the measured velocities"),
         ("omega_2=5 m/s", "measures speed"), ("drop=254 kg", "unknown"), ("omega=3", "unknown column 'omega'"),
         ("drop=1000 m", "drop_height"), ("force=5N", "no force-time course"),
     ],
@@ -297,7 +297,7 @@ def test_sensors_are_refused_with_their_text(known, text, said):
     [
         ({"target": 3}, "target: read 3, expected a text or a list, each a text"),
         ({"target": ["mu", 3]}, "target: read .*, expected a text or a list, each a text"),
-        ({"target": []}, "expected one name or more"),
+        ({"target": []}, "target = "),
         ({"cost": {"camera": "3"}}, "cost: read {'camera': '3'}, expected a dict, each value a number"),
         ({"cost": {"camera": -3.0}}, "cost={'camera': -3}: expected a number above 0"),
         ({"speed": [5.0, 20.0, 7.0]}, "expected a text such as '5:20'"),

@@ -33,7 +33,7 @@ def tables_of(rng, measured, count=400):
             mean = (y / SD**2 + INTERIM[0] / INTERIM[1] ** 2) / precision
             # Normal scores in random order: as good as many draws.
             draws = mean + rng.permutation(stats.norm.ppf((np.arange(count) + 0.5) / count)) / np.sqrt(precision)
-            levels[f"L{j}"].append(TableDraws.of(f"{j}{k}", draws, stats.norm(*INTERIM).logpdf))
+            levels[f"L{j}"].append(TableDraws.drawn(f"{j}{k}", draws, stats.norm(*INTERIM).logpdf))
     return levels
 
 

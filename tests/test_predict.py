@@ -15,7 +15,7 @@ from fitball.inference.prediction.new_impacts import BATCH, impacts_seen, predic
 from fitball.inference.prediction.reach import calibrated_range, hull_distances
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.report.predict import prediction_csv_rows, prediction_json, remarks_on
+from fitball.report.predict.rows import prediction_csv_rows, prediction_json, remarks_on
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
 BALL = fitball.Ball()
@@ -133,7 +133,7 @@ def test_draws_that_cannot_be_solved_are_told_with_the_reason():
     found = predict_new(replace(fitted, draws=raised), fitball.impacts([12.0, 12.0], [9.0, 100.0], 0.0))
     (reason, share), = found.failures[0].items()  # fmt: skip
     assert share == pytest.approx(0.25)
-    assert "coefficient of restitution leaves (0, 1]" in reason
+    assert "(0, 1]" in reason
     v_y = bounce(raised[len(raised) // 4 :], 12.0, 9.0, 0.0)[1]
     np.testing.assert_allclose(found.output("v_y2").rebound[:, 0], np.quantile(v_y, LEVELS), rtol=1e-10)
     assert sum(found.regimes[0].values()) == pytest.approx(1.0)
@@ -147,8 +147,8 @@ def test_draws_that_cannot_be_solved_are_told_with_the_reason():
         for array in (output.rebound, output.measured, output.mean, output.sd):
             assert np.all(np.isnan(array[..., 1])) and not np.any(np.isnan(array[..., 0]))
     remarks = [" ".join(remarks_on(found, row)) for row in (0, 1)]
-    assert "25 % of the draws cannot be solved there" in remarks[0] and "intervals are of the rest" in remarks[0]
-    assert "75 % of the draws cannot be solved there" in remarks[1] and "no intervals" in remarks[1]
+    assert "25 % of the draws" in remarks[0] and "no intervals" not in remarks[0]
+    assert "75 % of the draws" in remarks[1] and "no intervals" in remarks[1]
     rows = prediction_csv_rows(found, ("a", "b"))
     assert [row["intervals"] for row in rows] == ["the draws that can be solved", "withheld"]
     assert [row["failed"] for row in rows] == pytest.approx([0.25, 0.75])

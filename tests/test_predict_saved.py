@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from samples import save_without_figures
+from test_report_html import faults
 
 import fitball
 from fitball.cli.main import main
@@ -108,10 +110,31 @@ def test_predict_prints_json_and_csv(folder, tmp_path, capsys):
     assert capsys.readouterr().out.strip() == str(place)
 
 
+def test_a_page_has_the_figure_and_every_impact(folder, tmp_path, capsys):
+    place = tmp_path / "predicted.html"
+    words = ["predict", str(folder), "wang_backspin.csv", "--html", str(place)]
+    assert main([*words, "--quiet"]) == 0
+    assert capsys.readouterr().out.strip() == str(place)
+    page = place.read_text(encoding="utf-8")
+    assert faults(page) == []
+    assert page.count("<figure>") == 1 and page.count(">backspin-") >= 7
+    assert main(words) == 2
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_the_first_screen_of_many_impacts_is_short(folder, capsys):
+    impacts = [word for k in range(70) for word in ("--impact", f"v={15 + 0.05 * k}, theta=20")]
+    assert main(["predict", str(folder), *impacts]) == 0
+    first = capsys.readouterr().out
+    assert len(first.splitlines()) <= 60 and "50 more" in first
+    assert main(["predict", str(folder), "--full", *impacts]) == 0
+    assert "30 more" in capsys.readouterr().out
+
+
 def test_measured_columns_are_compared(folder, capsys):
     assert main(["predict", str(folder), "wang_backspin.csv"]) == 0
     out = capsys.readouterr().out
-    assert "no validation, 7 of 7 impacts are among those of the fit" in out
+    assert "no validation" in out and "used 7 of the impacts" in out
     assert "within 95 %" in out
     assert out.count("backspin-") >= 7
 
@@ -121,7 +144,8 @@ def test_a_point_fit_has_no_intervals_and_says_so(point_folder, tmp_path, capsys
     assert main(["predict", str(point_folder), "wang_zero_spin.csv", "--out", str(place)]) == 0
     out, err = capsys.readouterr()
     assert "no posterior" in err
-    assert "[" not in out.split("Measured against")[0].split("\n", 1)[1]
+    # But in the heads of columns, with their units.
+    assert not re.search(r"\[[-0-9]", out)
     assert not [name for name in pd.read_csv(place).columns if "median" in name or "q025" in name]
 
 

@@ -169,9 +169,9 @@ def test_at_the_command_line(small_fit, tmp_path, capsys):
     (tmp_path / "new.csv").write_text(TABLE, encoding="utf-8")
     (tmp_path / "exact.csv").write_text(EXACT, encoding="utf-8")
     place = tmp_path / "out.csv"
-    assert main(["predict", str(small_fit), str(tmp_path / "new.csv"), "--out", str(place)]) == 0
+    assert main(["predict", str(small_fit), str(tmp_path / "new.csv"), "--full", "--out", str(place)]) == 0
     out, err = capsys.readouterr()
-    assert "one sd owed to" in out
+    assert "sd due to" in out
     assert "incident state" in out
     assert "drawn anew for each draw" in err and "did not converge" in err
     frame = pd.read_csv(place)
@@ -187,7 +187,18 @@ def test_at_the_command_line(small_fit, tmp_path, capsys):
     assert plain == told
     assert "sd_incident" not in text
     assert (
-        main(["predict", str(small_fit), "--impact", "v=38±1 mph, theta=18", "--impact", "v=38 mph, theta=18"]) == 0
+        main(
+            [
+                "predict",
+                str(small_fit),
+                "--full",
+                "--impact",
+                "v=38±1 mph, theta=18",
+                "--impact",
+                "v=38 mph, theta=18",
+            ]
+        )
+        == 0
     )
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("v_x2 [m/s]")]
     assert len(lines) == 4

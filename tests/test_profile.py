@@ -210,7 +210,7 @@ def test_a_maximum_that_keeps_being_surpassed_ends_in_words(grip_slip, monkeypat
     found = profiles(grip_slip, start(grip_slip), names=["mu"])
     assert len(walked) == profile.RESTARTS
     assert not found.by_name
-    assert found.missing == f"after {profile.RESTARTS} searches a higher maximum is still met on the way"
+    assert f"after {profile.RESTARTS} searches" in found.missing
     assert not profiles(grip_slip, start(grip_slip), names=[]).missing
 
 

@@ -133,7 +133,7 @@ def test_models_are_compared_as_by_the_verb(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"priors": {"mu": (0.6, 0.1)}}, r"'normal\(0.6, 0.1\)'}; if they are bounds, {'mu': 'uniform\(0.1, 0.6\)'}"),
+        ({"priors": {"mu": (0.6, 0.1)}}, r"'normal\(0.6, 0.1\)'}.* {'mu': 'uniform\(0.1, 0.6\)'}"),
         ({"priors": {"mu": 0.6}}, r"priors: mu = 0.6: expected a text, such as {'mu': 'normal\(0.55, 0.05\)'}"),
         ({"priors": "mu=normal(0, 1)"}, "priors: read .*, expected a dict"),
         ({"fix": {"mu": "0.6"}}, "fix: mu = '0.6': expected a number in SI"),
@@ -158,7 +158,7 @@ def test_a_mistake_in_python_is_told_in_python(asked, said):
 @pytest.mark.parametrize("data", [3, [], [3], None, pd.Series({"v_1": 17.0})])
 def test_what_is_no_table_is_refused(data):
     for read in (fitball.calibrate, fitball.load_table):
-        with pytest.raises(ParameterError, match=r"read (a table of type|an empty list)"):
+        with pytest.raises(ParameterError, match=r"(read a table of type|list of tables is empty)"):
             read(data)
 
 

@@ -72,7 +72,7 @@ def test_every_cell_is_the_impact_it_stands_for():
 def test_what_has_no_map_is_refused():
     with pytest.raises(ModelError, match="no motion along the court"):
         regime_map(replace(brody(), tangential=False), WINDOW)
-    with pytest.raises(ModelError, match="told each impact's restitution and predicts none"):
+    with pytest.raises(ModelError, match="cor = measured takes the restitution of each impact"):
         regime_map(at_values(fitball.model("two-mass", cor="measured"), {}), WINDOW)
 
 

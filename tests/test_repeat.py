@@ -111,7 +111,7 @@ def test_another_seed_is_equal_within_monte_carlo_error(copy, capsys):
     out, err = capsys.readouterr()
     found = json.loads(out)
     assert found["outcome"] == "equal within tolerance"
-    assert "run.toml names seed 6, the fit was made with seed 5" in err
+    assert "run.toml has seed 6, but the fit used seed 5" in err
     assert not any(found["same_bytes"].values())
     ratios = [item["ratio"] for item in found["compared"] if item["ratio"] is not None]
     assert len(ratios) == 7 * 8

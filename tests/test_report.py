@@ -7,7 +7,9 @@ import math
 import re
 import shutil
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -20,11 +22,16 @@ import fitball
 from fitball.data.balances import scene_balances
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
+from fitball.inference.results.evidence import Answer
+from fitball.inference.results.results import RunStatus
 from fitball.report.fit.document import fit_document, render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
+from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
+from fitball.report.form.document import on_terminal
 from fitball.report.form.numbers import HANDY, THESIS, Scale, decimals, fixed, significant
 from fitball.report.saved.fit_file import fit_text
+from fitball.wording import Screen, speaking_to_command_line
 
 
 @pytest.fixture(scope="module")
@@ -202,9 +209,9 @@ def test_no_number_is_longer_than_it_deserves(fit, two_mass, tmp_path):
 
 def test_rows_say_what_the_estimates_say(two_mass):
     sections = {section.name: section.parts for section in fit_document(two_mass).sections}
-    told = [str(text) for name in ("told", "not-told") for part in sections[name] for text in part.texts]
+    found = [str(text) for name in ("determined", "not-determined") for part in sections[name] for text in part.texts]
     for item in (*two_mass.estimates, *two_mass.derived.values()):
-        assert item.reason and any(text.startswith(item.name) and item.reason in text for text in told), item.name
+        assert item.reason and any(text.startswith(item.name) and item.reason in text for text in found), item.name
     row = prediction_table(two_mass)[0]
     assert [head.split(" ")[0] for head in row][3:-1] == ["v_x2", "v_y2", "omega_2"]
     measured = float(row["v_x2 [m/s]"].split(" | ")[0])
@@ -220,3 +227,45 @@ def test_balances_are_shown_with_what_their_uncertainty_supports():
     assert shown.rows[1][1] == "0.502 +- 0.031"
     assert shown.rows[1][4] == "0.88 +- 0.05"
     assert len(meanings) == 6
+
+
+# --- the first screen, the methods text
+
+
+def screen_of(fit, full=False, width=100):
+    with speaking_to_command_line():
+        return on_terminal(fit_document(fit, folder=Path("fits/here")), Screen(width, False, full))
+
+
+def test_the_first_screen_has_the_answer_in_forty_lines(two_mass, fit):
+    for item in (two_mass, fit):
+        first = screen_of(item)
+        assert first.count("\n") + 1 <= 40
+        assert item.adequacy.sentence[:30] in first and "report.html" in first and "--full" in first
+        for name, estimate in item.parameters.items():
+            rows = [line for line in first.splitlines() if line.startswith(f"{name} ")]
+            assert any(row.endswith(estimate.verdict) for row in rows), name
+        spans = [*item.assumptions.parameters.values(), *item.assumptions.court_pace.values()]
+        assert f"{max(span.shift for span in spans):.1f} sd" in first
+        assert screen_of(item, full=True).count("\n") > 2 * first.count("\n")
+        assert max(map(len, screen_of(item, width=80).splitlines())) <= 80
+
+
+def test_what_is_wrong_is_on_the_first_screen_with_what_to_do(two_mass):
+    unsure = screen_of(replace(two_mass, status=RunStatus.NOT_CONVERGED))
+    assert "Warning: NOT CONVERGED" in unsure and "--max-steps" in unsure
+    wrong = screen_of(replace(two_mass, adequacy=replace(two_mass.adequacy, answer=Answer.FAILS)))
+    assert "Warning: Check" in wrong and "fitball compare" in wrong
+
+
+def test_the_methods_text_has_the_numbers_of_the_fit(two_mass, point_fit):
+    text, sampler = methods_text(two_mass), two_mass.diagnostics
+    mu, found = two_mass.parameters["mu"], two_mass.assumptions
+    for words in (
+        f"{len(two_mass.problem.table)} impacts", f"{sampler.ensembles} independent ensembles",
+        f"R-hat of at most {sampler.max_r_hat:.3f}", f"{len(two_mass.adequacy.checks)} residual tests",
+        f"{len(found.alternatives)} model variants", f"{len(found.as_good)} fit equally well",
+        f"mu = {mu.median:.3f} [{mu.q025:.3f}, {mu.q975:.3f}]", f"seed {two_mass.seed}",
+    ):  # fmt: skip
+        assert words in text
+    assert "no posterior was sampled" in methods_text(point_fit) and "ensembles" not in methods_text(point_fit)

@@ -75,7 +75,7 @@ def test_dark_is_dark_and_figures_can_be_read_on_a_phone(browser, pages):
         ("<h1>", '<img alt="far" src="http://127.0.0.1:9/x.png"><h1>', "asks for http://127.0.0.1:9/x.png"),
         ("<h1>", '<div style="width: 500px">wide</div><h1>', "516 px wide"),
         ('<img alt="', '<img alt="" title="', "without words"),
-        ('href="#told"', 'href="#tolled"', "#tolled leads nowhere"),
+        ('href="#determined"', 'href="#determind"', "#determind leads nowhere"),
     ],
 )
 def test_a_page_broken_on_purpose_fails(browser, pages, tmp_path, old, new, said):

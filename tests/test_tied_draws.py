@@ -167,7 +167,7 @@ def test_convergence_is_arvizs_for_walkers_that_sat(steps):
 
 def test_a_parameter_that_never_moves_is_refused_in_words():
     chains = np.concatenate([walk(np.random.default_rng(6), 0), np.full((2, 200, 10, 1), 0.5)], axis=-1)
-    with pytest.raises(FitError, match="the sampler never moved k_y: all its draws are the same"):
+    with pytest.raises(FitError, match="the sampler never moved k_y"):
         convergence(("mu", "k_y"), chains)
 
 

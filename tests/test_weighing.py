@@ -101,7 +101,7 @@ def test_weighed_fits_say_so_and_are_read_back(fits, tmp_path):
     assert saved.diagnostics.pareto_k == fits[0].diagnostics.pareto_k
     assert "weighed by its density on all 400 rows (Pareto k" in " ".join(saved.notes)
     text = page(fits[0], {})
-    assert "draws weighed by their density" in text and "ensembles of 1 walkers" not in text
+    assert "weighted by their density" in text and "ensembles of 1 walkers" not in text
     # Made again, it is weighed again.
     assert read_run(tmp_path).effort.walkers is None
 

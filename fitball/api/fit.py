@@ -263,7 +263,7 @@ class Fit(results.Fit):
         with `out` (a file or a folder) the paths of the files.
 
         Formats are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
-        `latex`, `markdown`, `certificate` and `netcdf` (a file only). Options: `prefix` (c, javascript,
+        `latex`, `markdown`, `certificate`, and `pdf` and `netcdf` (files only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
         JSON only). Raises ParameterError, ResultFolderError.
 

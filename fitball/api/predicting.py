@@ -37,7 +37,7 @@ from fitball.kinds import checked
 from fitball.observables import OBSERVABLES
 from fitball.report.form.folders import clear_folder, held
 from fitball.report.plan.document import plan_json, plan_rows, render
-from fitball.report.predict import prediction_csv_rows
+from fitball.report.predict.rows import prediction_csv_rows
 from fitball.values import Ball, FloatArray, Impacts
 from fitball.wording import option
 

@@ -36,7 +36,7 @@ from fitball.models.specs import DEFAULT_MODEL
 from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
 from fitball.report.form.folders import clear_folder, held
 from fitball.report.history import document
-from fitball.report.predict import remarks_on
+from fitball.report.predict.rows import remarks_on
 from fitball.values import Impacts
 from fitball.wording import option, spoken
 

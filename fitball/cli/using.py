@@ -112,10 +112,12 @@ def run_predict(args: argparse.Namespace) -> int:
     from fitball.inference.prediction.new_impacts import impacts_seen
     from fitball.report.form.document import on_terminal
     from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
-    from fitball.report.predict import predict_document, prediction_csv_rows, prediction_json
+    from fitball.report.predict.document import predict_document, predict_page
+    from fitball.report.predict.rows import prediction_csv_rows, prediction_json
 
-    if args.out is not None:
-        refuse_existing(Path(args.out), args.overwrite)
+    files = [Path(name) for name in (args.out, args.html) if name is not None]
+    for file in files:
+        refuse_existing(file, args.overwrite)
     fit = load_fit(args.fit)
     data = args.impact if args.data is None else args.data
     found = foretell(
@@ -125,15 +127,20 @@ def run_predict(args: argparse.Namespace) -> int:
     ids, prediction = found.new.ids, found.prediction
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)), named=True)
+    seen = impacts_seen(fit.impacts, found.new.impacts) if found.scores else 0
+    title = f"Rebounds predicted by {fit.fitted.model_name}, fitted to {fit.source.name}"
+    if args.html is not None:
+        page = predict_document(prediction, ids, found.scores, seen, title, ["rebounds"], args.command)
+        write_text(Path(args.html), predict_page(page, prediction, ids), named=True)
     if not args.quiet:
         print_notes(found.notes)
     if args.json:
         print(json_text(prediction_json(prediction, ids, found.scores, found.notes)), end="")
     elif not args.quiet:
-        seen = impacts_seen(fit.impacts, found.new.impacts) if found.scores else 0
-        show(on_terminal(predict_document(prediction, ids, found.scores, seen)))
-    if args.out is not None and not args.json and not is_stream(Path(args.out)):
-        print(args.out)
+        show(on_terminal(predict_document(prediction, ids, found.scores, seen, title)))
+    for file in files:
+        if not args.json and not is_stream(file):
+            print(file)
     return 0
 
 
@@ -152,7 +159,8 @@ PREDICT = Verb(
         COLUMNS,
         switch(*EXACT),
         option("--out", "FILE.csv", "write all numbers to a CSV file", type=file_place),
-        switch("--overwrite", "replace FILE.csv if it exists"),
+        option("--html", "FILE.html", "write a page with the figure and the tables", type=file_place),
+        switch("--overwrite", "replace files that exist"),
         option("--seed", "N", "seed of the simulated noise (default: 1)", type=whole, default=1),
         FULL,
         switch("--json", "print JSON (SI units, angles in radians)"),
@@ -260,7 +268,7 @@ def run_export(args: argparse.Namespace) -> int:
     made = fit.exported(args.to, {name: getattr(args, name) for name in KINDS})
     if args.out == "-":
         if not made.texts:
-            raise ParameterError("--out -: netCDF is not text; name a file")
+            raise ParameterError(f"--out -: {args.to} is not text; name a file")
         sys.stdout.write(next(iter(made.texts.values())))
     else:
         path = Path(args.fit)

@@ -48,10 +48,10 @@ _MEANING = {
         "distance of the normal force ahead of the centre, from angular momentum about the contact point",
     ),
     "cor": ("", "coefficient of restitution, v_y2/v_y1"),
-    "energy_lost": ("J", "kinetic energy lost, of flight and of spin"),
-    "energy_fraction": ("", "kinetic energy lost, as a fraction of the incident"),
+    "energy_lost": ("J", "loss of kinetic energy, translational and rotational"),
+    "energy_fraction": ("", "the same, as a fraction of the incident energy"),
 }
-_NOT_FINITE = {"e_x": "the ball arrives without slip (v_x1 = R omega_1), so there is nothing to restore"}
+_NOT_FINITE = {"e_x": "undefined, since the ball arrives without slip (v_x1 = R omega_1)"}
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ Quantity = Uncertain | str
 
 
 def _impulses(table: ImpactTable, scene: Scene, known: Mapping[str, Uncertain]) -> dict[str, Quantity]:
-    """What momentum and angular momentum tell, or the reason why the table cannot give it."""
+    """Balances of momentum and angular momentum, or the reason why the data do not determine them."""
     before, after = velocity(known, "1"), velocity(known, "2")
     x1, y1, x2, y2 = before.x, before.y, after.x, after.y
     no_v_y2, no_spin = "v_y2 was not measured", "omega_2 was not measured"

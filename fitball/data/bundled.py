@@ -79,8 +79,8 @@ def resolve_table(source: str | os.PathLike[str]) -> Path:
         if name in names:
             return bundled_folder() / name
     if os.path.isdir(path):  # noqa: PTH112
-        raise TableError(wanted, [Fault("is a folder; expected a file that holds a table")])
+        raise TableError(wanted, [Fault("is a folder; expected a file with a table")])
     hint = suggestion(wanted.removesuffix(".csv"), [name.removesuffix(".csv") for name in names])
     near = f"; {hint}" if hint.startswith("did") else ""
-    message = f"no such file, and no bundled table of that name{near} (bundled: {', '.join(names)})"
+    message = f"no such file, and no bundled table of this name{near} (bundled: {', '.join(names)})"
     raise TableError(wanted, [Fault(message)])

@@ -1,6 +1,6 @@
-"""From records of cells to columns of text: which record is the header, what stands above it, whether units stand
-beneath it, which rows follow, and which of these sum up the others. And what a look at them finds: faults, for which
-a table is refused, and notices.
+"""From records of cells to columns of text: which record is the header, whether units are in the row below it, which
+rows follow, and which of these are totals of others. The result has faults, for which a table is refused, and
+notices.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def laid_out(
     if rest and _is_units(rest[0][1], header, vocabulary):
         header = _with_units(header, rest[0], vocabulary, faults)
         rest = rest[1:]
-        told.append("the units were read from the row beneath the header")
+        told.append("the units were read from the row below the header")
         # In a DataFrame, which has no lines, they are a row as any other.
         first += line is None
     width = _width(header, rest)
@@ -177,9 +177,9 @@ def laid_out(
             message = f"begins with '{word}', as a row below a table that sums it up; expected impacts: delete it"
             faults.append(Fault(message, row=number, line=place))
         elif len(fitted) != width:
-            hint = "; decimal commas between commas? write decimal points" if len(fitted) > width else ""
+            hint = "; if commas separate cells and decimals too, write decimal points" if len(fitted) > width else ""
             if len(fitted) == width + 1:
-                hint += "; is the first the index of a data frame? write 'id' above it"
+                hint += "; if the first column is the index of a data frame, name it 'id'"
             message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
             faults.append(Fault(message, row=number, line=place))
         else:
@@ -188,9 +188,9 @@ def laid_out(
             kept.append(fitted)
     if again:
         more = f" and {len(again) - 1} more times" if len(again) > 1 else ""
-        told.append(f"the header stands again {again[0]}{more} and was passed over")
+        told.append(f"the header is repeated {again[0]}{more}; ignored")
     if empty:
-        told.append(f"{empty} empty row{'s were' if empty > 1 else ' was'} passed over")
+        told.append(f"{empty} empty row{'s' if empty > 1 else ''} ignored")
     columns = tuple(zip(*kept, strict=True)) or ((),) * width
     return RawTable(
         header[:width], line, Rows(tuple(numbers), tuple(lines)), columns, data, tuple(faults), tuple(told)
@@ -221,8 +221,8 @@ def _above(source: str, records: Sequence[Record], width: int) -> list[str]:
         if numbers >= 2 and 2 * numbers > width:
             raise refusal(
                 source,
-                f"read a row of {numbers} numbers above the header; expected the header first: is it in its place, "
-                "and is every row one of this table?",
+                f"read a row of {numbers} numbers above the header; expected the header first: move it up, or "
+                "delete rows that are not of this table",
                 line,
             )
         text = " ".join(cell for cell in cells if cell)
@@ -231,7 +231,7 @@ def _above(source: str, records: Sequence[Record], width: int) -> list[str]:
     if not told:
         return []
     more = f" and {len(told) - 3} more" if len(told) > 3 else ""
-    return [f"passed over above the header: {', '.join(told[:3])}{more}"]
+    return [f"ignored above the header: {', '.join(told[:3])}{more}"]
 
 
 def _is_units(cells: Sequence[str], header: Sequence[str], vocabulary: Vocabulary) -> bool:
@@ -261,7 +261,7 @@ def _with_units(
         if "[" not in name and "(" not in name:
             cells[index] = f"{name} [{_bare(unit)}]"
         elif _bare(unit) not in name:
-            message = f"read the unit '{unit}' beneath '{name}'; expected one unit a column: delete one of them"
+            message = f"read the unit '{unit}' below '{name}'; expected one unit for each column: delete one of them"
             faults.append(Fault(message, line=line, column=name))
     return tuple(cells)
 

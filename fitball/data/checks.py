@@ -33,8 +33,8 @@ _INCIDENT_GAPS = {
     (): f"no incident velocity; expected {_INCIDENT_FORMS}",
 }
 _NO_INCIDENT_MOTION = (
-    "a rebound along the court without its incident motion; expected a column v_x1 "
-    "(write zeros if the ball was dropped; a rebound speed straight up is v_y2)"
+    "rebound motion along the court, but no incident motion; expected a column v_x1 (zeros if the ball was dropped; "
+    "a rebound speed straight up is v_y2)"
 )
 
 
@@ -69,10 +69,10 @@ def check_columns(
         found.header_fault(message)
     _check_sds(present, found)
     if "omega_2" in present and "omega_1" not in present:
-        found.notice("no column omega_1: incident spin taken as 0", "omega_1")
+        found.notice("no column omega_1: incident spin is set to 0", "omega_1")
     if extras:
         kept = some([_with_guess(name, present) for name in extras])
-        found.notice(f"columns kept and not used: {kept}", *extras)
+        found.notice(f"columns not used: {kept}", *extras)
 
 
 def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:
@@ -85,11 +85,11 @@ def _with_guess(name: str, present: Collection[str]) -> str:
     meant = _guessed(name, present)
     if not meant:
         return name
-    return f"{name} (if it is {' or '.join(meant)}: {_named({meant[0]: name})})"
+    return f"{name} (to read it as {' or '.join(meant)}: {_named({meant[0]: name})})"
 
 
 def _named(columns: Mapping[str, str]) -> str:
-    """How a caller says names of columns."""
+    """The option that names columns."""
     return spoken(
         f'--columns "{", ".join(f"{ours}={name}" for ours, name in columns.items())}"', f"columns={columns}"
     )
@@ -104,13 +104,11 @@ def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
         if len(meant) == 1 and meant[0] not in sure:
             sure[meant[0]] = name
         elif len(meant) > 1:
-            said.append(
-                f"; '{name}' may be {' or '.join(meant)}: say which with {spoken('--columns', 'columns={...}')}"
-            )
+            said.append(f"; '{name}' may be {' or '.join(meant)}: choose with {spoken('--columns', 'columns={...}')}")
     if sure:
-        said.insert(0, f"; if these are meant pass {_named(sure)}")
+        said.insert(0, f"; if these are the columns, pass {_named(sure)}")
     if extras and not said:
-        said.append(f"; if they have other names here, say which: {_named({'v_1': 'NAME', 'theta_1': 'NAME [deg]'})}")
+        said.append(f"; if they have other names, pass {_named({'v_1': 'NAME', 'theta_1': 'NAME [deg]'})}")
     return "".join(said)
 
 
@@ -120,7 +118,7 @@ def _check_sds(present: Collection[str], found: Findings) -> None:
     for name in present:
         base = name.removesuffix(SD_SUFFIX)
         if base not in names:
-            message = f"a standard deviation of '{base}', but there is no column '{base}'; add it or delete this one"
+            message = f"standard deviation of '{base}', but there is no column '{base}'; add it or delete this one"
             found.header_fault(message, name)
     if independent({name for name in names if not name.endswith(SD_SUFFIX)}, "1") == ("v_1", "theta_1"):
         stated = names & {"v_1_sd", "theta_1_sd"}
@@ -132,14 +130,14 @@ def _check_sds(present: Collection[str], found: Findings) -> None:
 
 BoolArray = NDArray[np.bool_]
 
-_UPWARD = ": it is negative in every row, as if counted upward; if so pass "
+_UPWARD = ": all are negative; if upward is positive in this table, pass "
 # Share of the others up to which rows are few enough to be slips; one row is, beside two.
 FEW = 0.2
 # Share of the speed towards the court below which a ball comes straight down.
 STEEP = 0.1
 AGAINST = (
-    "balls fly against x, along which offsets and topspin are counted: there topspin and offsets ahead of the ball "
-    "are negative; mirrored they say the same (v_x and spins with the other sign, angles from 180 deg)"
+    "balls move towards negative v_x, where topspin and offsets have the opposite sign; the mirrored table (v_x and "
+    "spins with the other sign, 180 deg minus the angles) is equivalent"
 )
 
 
@@ -159,12 +157,12 @@ def one_sign(columns: Columns, found: Findings) -> Columns:
             odd, word = (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
             for k in np.flatnonzero(odd).tolist():
                 read = f"read {column.shown(k)}, but other rows are {word}"
-                found.fault(f"{read}; expected one sign throughout: is it misprinted?", name, k)
+                found.fault(f"{read}; expected one sign in all rows: check this row", name, k)
             # The odd rows are reported; the magnitude lets the other checks go on without repeating it.
             turned[name] = replace(column, values=np.abs(column.values))
         elif negative.any():
             turned[name] = replace(column, values=-column.values)
-            found.notice(f"{name} is negative in every row and was turned positive", name)
+            found.notice(f"{name} is negative in every row; its sign was changed", name)
     return turned
 
 
@@ -178,7 +176,7 @@ def check_ranges(columns: Columns, found: Findings) -> None:
             _report(column, bad, f"expected {expected}{hint}", found)
         if name in ANGLES:
             outside = (column.values <= 0.0) | (column.values >= pi)
-            _report(column, outside, "expected an angle to the court between 0 and 180 deg: check the unit", found)
+            _report(column, outside, "expected an angle from the court between 0 and 180 deg: check the unit", found)
 
 
 def check_directions(columns: Columns, found: Findings) -> None:
@@ -200,7 +198,7 @@ def check_directions(columns: Columns, found: Findings) -> None:
     # Without spins no offset is fitted, and the two directions are alike.
     if against.any() and {"omega_1", "omega_2"} & columns.keys() and not (odd and many is forward):
         found.notice(f"{int(against.sum())} of {len(course)} {AGAINST}", column.name)
-    kind = f"the ball comes the other way along the court than in {int(many.sum())} other rows: misprinted?"
+    kind = f"the ball moves in the opposite direction along the court to {int(many.sum())} other rows: check the sign"
     for k in np.flatnonzero(few).tolist() if odd else ():
         found.notice(f"{kind}: {column.name} = {column.shown(k)}", column.name, place=k, kind=kind)
 
@@ -253,10 +251,10 @@ def check_redundant(columns: Columns, end: str, found: Findings) -> None:
 
 
 def _compare(read: NumberColumn, said: Uncertain, scale: FloatArray, basis: tuple[str, ...], found: Findings) -> None:
-    """Hold a column against what the two of its `basis` say, to rounding and to shares of a `scale` (impacts,)."""
+    """Compare a column with what the two of its `basis` give, to rounding and to shares of a `scale` (impacts,)."""
     names = " and ".join(basis)
     excess = np.abs(read.values - said.value) - said.reach - read.half_width
-    kind = f"{read.name} is at odds with {names}, which are used"
+    kind = f"{read.name} disagrees with {names}, which are used"
     for k in np.flatnonzero(excess > AVERAGING * scale).tolist():
         seen = f"read {read.shown(k)}, but {names} give {read.printed(float(said.value[k]))}"
         if excess[k] > GROSS * scale[k]:
@@ -272,8 +270,8 @@ CHANCE = 1e-4
 # Sds of the scene's ball within which it may lie.
 BALL_SDS = 5.0
 HINT = (
-    "check the units and whether columns are swapped, or say in the scene how large the noise is "
-    "([measurement]) and what ball this is ([ball])"
+    "check the units and look for swapped columns, or give the noise ([measurement]) and the ball ([ball]) in the "
+    "scene"
 )
 
 
@@ -329,14 +327,14 @@ def _check_bound(
     above = (sds > 0.0) & ~blamed
     beyond = above & (sds > _reach(max(int(known.sum()), 1)))
     for k in np.flatnonzero(beyond).tolist():
-        message = f"{kind}: {words(k)}, {sds[k]:.3g} sd of the noise; expected {expected}: {HINT}"
+        message = f"{kind}: {words(k)}, {sds[k]:.3g} times the sd of the noise; expected {expected}: {HINT}"
         found.fault(message, column(k), k)
     spread = float(np.sqrt(np.sum(excess.sd[known] ** 2)))
     together = float(np.sum(excess.value[known])) / spread if spread > 0.0 else 0.0
     if together > _reach(1) and not beyond.any() and above.any():
         message = (
-            f"{kind} in {int(above.sum())} of {len(found.rows)} rows: each may be noise, all together are "
-            f"{together:.3g} sd of it; expected {expected}: {HINT}"
+            f"{kind} in {int(above.sum())} of {len(found.rows)} rows: each alone may be noise, but together they are "
+            f"{together:.3g} times its sd; expected {expected}: {HINT}"
         )
         found.fault(message, column(int(np.flatnonzero(above)[0])))
     else:
@@ -410,7 +408,7 @@ def _check_energy(
         order = ("v_2", "v_x2", "v_y2", "omega_2") if by_speed else ("omega_2", "v_2", "v_x2", "v_y2")
         return next(name for name in order if name in columns)
 
-    kind = "the ball leaves with more energy than it came with"
+    kind = "the ball has more energy after the impact than before"
     _check_bound(after - before + weight * gained, kind, "a loss", words, column, blamed, found)
 
 
@@ -432,7 +430,7 @@ def gyration(scene: Scene) -> tuple[float, float]:
 
 
 def _least_speed_squared(known: Mapping[str, Uncertain], end: str, zero: Uncertain) -> Uncertain:
-    """v^2 [m^2/s^2] as far as the columns say; components count before the speed."""
+    """v^2 [m^2/s^2] as far as the columns determine it; components count before the speed."""
     parts = [known[name] for name in (f"v_x{end}", f"v_y{end}") if name in known]
     if f"v_{end}" in known and len(parts) < 2:
         parts = [known[f"v_{end}"]]

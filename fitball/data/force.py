@@ -86,7 +86,7 @@ def load_force(path: Path, table: ImpactTable) -> ForceFile:
     cells, _notes = plain_numbers({name: raw.columns[places[name]] for name in DIMENSIONS})
     times, forces = (read_column(name, units[name], cells[name], found) for name in DIMENSIONS)
     if not raw.rows:
-        found.header_fault("read a header and no rows; expected samples of force")
+        found.header_fault("no rows after the header; expected samples of force")
     records = [] if found.faults else _records(raw.columns[places["id"]], times, forces, table, found)
     found.refuse(str(path))
     ordered = tuple(sorted(records, key=lambda record: record.row))
@@ -103,7 +103,7 @@ def _header(raw: RawTable, found: Findings) -> tuple[dict[str, int], dict[str, U
     for index, cell in enumerate(raw.header):
         name, unit = split_cell(cell, found=found)
         if name in places:
-            found.header_fault("another column has that name already; keep one", name)
+            found.header_fault("two columns have this name; keep one", name)
         elif name == "id" or name in DIMENSIONS:
             places[name] = index
             if name in DIMENSIONS:
@@ -115,7 +115,7 @@ def _header(raw: RawTable, found: Findings) -> tuple[dict[str, int], dict[str, U
             found.header_fault(f"unknown column; did you mean '{MISNAMED[name]}'? Rename it", name)
     for name in ("id", *DIMENSIONS):
         if name not in places:
-            found.header_fault(f"there is no column '{name}'; {EXPECTED}")
+            found.header_fault(f"column '{name}' is missing; {EXPECTED}")
     return places, units
 
 
@@ -128,14 +128,16 @@ def _records(
         places = list(group)
         head, read = places[0], f"read '{name}', which"
         if name not in table.ids:
-            hint = suggestion(name, table.ids) if len(table.ids) <= 40 or name else f"{len(table.ids)} are known"
-            found.fault(f"{read} is no impact of {table.source}; {hint}", "id", head)
+            hint = suggestion(name, table.ids) if len(table.ids) <= 40 or name else f"it has {len(table.ids)} impacts"
+            found.fault(f"{read} is not an impact of {table.source}; {hint}", "id", head)
         elif repeated(name) in table.ids:
             found.fault(
-                f"{read} names several impacts of {table.source}; expected one name an impact there", "id", head
+                f"{read} names several impacts of {table.source}; expected one impact for each id there", "id", head
             )
         elif name in begun:
-            message = f"the record of '{name}' begins again; it stood at row {begun[name]}: expected one record an id"
+            message = (
+                f"a second record of '{name}' (the first is at row {begun[name]}); expected one record for each id"
+            )
             found.fault(message, "id", head)
         else:
             taken, force = times.take(np.array(places)), forces.values[places]
@@ -166,7 +168,7 @@ def _record_fault(name: str, column: NumberColumn, forces: FloatArray) -> tuple[
     typical = float(np.median(steps))
     # Printed times are rounded: half a step either way is no gap yet.
     for wrong, words in (
-        (steps <= 0.0, "expected times that increase"),
+        (steps <= 0.0, "expected increasing times"),
         ((steps < 0.5 * typical) | (steps > 1.5 * typical), "expected evenly spaced samples without a gap"),
     ):
         if np.any(wrong):
@@ -175,27 +177,27 @@ def _record_fault(name: str, column: NumberColumn, forces: FloatArray) -> tuple[
             return f"{read}; {words}", "t", k + 1
     peak = float(forces.max())
     if peak <= 0.0 or -float(forces.min()) > peak:
-        words = "is mostly negative; expected F positive in compression: change its sign"
+        words = "is mostly negative; expected positive F in compression: change the sign"
         return f"the record of '{name}' {words}", "F", 0
     for end, word, sample in ((forces[0], "begins", "landing"), (forces[-1], "ends", "release")):
         if end > CUT * peak:
             return (
-                f"the record of '{name}' {word} at {100.0 * float(end) / peak:.0f} % of its peak; expected samples "
-                f"from before landing until after release (below {100.0 * CUT:.0f} %): the {sample} is cut off",
+                f"the record of '{name}' {word} at {100.0 * float(end) / peak:.0f} % of its peak; the {sample} is "
+                f"cut off; expected samples from before landing until after release (below {100.0 * CUT:.0f} %)",
                 "F", 0,
             )  # fmt: skip
     first, last = _pulse(forces)
     if last - first + 1 < LEAST_SAMPLES:
         return (
             f"the record of '{name}' has {last - first + 1} samples above {100.0 * PULSE:.0f} % of its peak; "
-            f"expected at least {LEAST_SAMPLES} during the contact: sample faster",
+            f"expected at least {LEAST_SAMPLES} during the contact: use a higher sampling rate",
             "t", 0,
         )  # fmt: skip
     length = (last - first) * _step(column)
     if not SHORTEST < length < LONGEST:
         return (
-            f"the contact in the record of '{name}' lasts {1e3 * length:.3g} ms; expected "
-            f"{1e3 * SHORTEST:g} to {1e3 * LONGEST:g} ms: check the unit of t (seconds without one: write 't [ms]')",
+            f"the contact in the record of '{name}' lasts {1e3 * length:.3g} ms; expected {1e3 * SHORTEST:g} to "
+            f"{1e3 * LONGEST:g} ms: check the unit of t (without a unit it is s; write 't [ms]')",
             "t", 0,
         )  # fmt: skip
     return None
@@ -211,31 +213,31 @@ def _pulse(forces: FloatArray) -> tuple[int, int]:
 def find_force(
     sources: Sequence[str], table: ImpactTable, scene: Scene, named: str | None = None
 ) -> tuple[ForceFile | None, tuple[str, ...]]:
-    """The force records of a table read from `sources`, None where there are none, and what to tell the user.
+    """The force records of a table read from `sources`, None where there are none, and notes.
 
     `named` "none" leaves them out. What is `named` wins over the scene's `[force] file` (relative to the scene), and
     that over a file `<table>_force.csv` (or Parquet) beside a single table. Raises TableError as `load_force` does,
     SceneError for a scene that says how records are and no record.
     """
     if named == LEFT_OUT:
-        return None, ("force records are left out on request",)
+        return None, ("force records are ignored, on request",)
     if named is not None:
         return load_force(Path(named), table), ()
     if scene.force_file is not None:
         place = Path(scene.source or ".").parent / scene.force_file
         if not os.path.lexists(place):
-            raise SceneError(f"{scene.source}: [force] file = '{scene.force_file}': there is no file {place}")
+            raise SceneError(f"{scene.source}: [force] file = '{scene.force_file}': no such file: {place}")
         return load_force(place, table), ()
     beside = [found for found in map(_beside, sources) if found is not None]
     if beside and len(sources) == 1:
         only = beside[0]
-        return load_force(only, table), (f"force records found beside the table: {only.name}",)
+        return load_force(only, table), (f"force records beside the table are used: {only.name}",)
     if beside:
         files = ", ".join(place.name for place in beside)
         named = option("force", "FILE")
-        return None, (f"{files} not used: name one file for tables fitted together with {named} (id = table:id)",)
+        return None, (f"{files} not used: for several tables, give one file with {named}, with ids such as table:id",)
     if scene.force_sd is not None or scene.force_start_sd is not None:
-        raise SceneError(f"{scene.source}: [force] describes records, but there are none: name them by file = ...")
+        raise SceneError(f"{scene.source}: [force] describes force records, but none are given; add file = ...")
     return None, ()
 
 

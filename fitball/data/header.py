@@ -157,13 +157,13 @@ def naming(columns: Mapping[str, str], known: Collection[str]) -> Naming:
         if ours not in known:
             near = [name for name in guess_of(ours) if name in known]
             hint = f"did you mean {' or '.join(near)}?" if near else suggestion(ours, known)
-            raise ParameterError(f"columns: '{ours}' is none of fitball's columns ({ours}={text}): {hint}")
+            raise ParameterError(f"columns: '{ours}' is not a column of fitball ({ours}={text}): {hint}")
         matched = _WITH_UNIT.fullmatch(text.strip())
         their = matched["name"] if matched else text.strip()
         if not their:
-            raise ParameterError(f"columns: read no name for {ours}; expected {ours}=NAME or {ours}=NAME [UNIT]")
+            raise ParameterError(f"columns: {ours} has no name; expected {ours}=NAME or {ours}=NAME [UNIT]")
         if their.casefold() in {other.casefold() for other in theirs.values()}:
-            raise ParameterError(f"columns: '{their}' is to be two columns; expected one name for each")
+            raise ParameterError(f"columns: '{their}' is given for two columns; expected one name for each")
         theirs[ours] = their
         if matched:
             units[ours] = matched["unit"]
@@ -179,9 +179,9 @@ def with_units(columns: Mapping[str, str], units: Mapping[str, str], known: Coll
     for name, unit in units.items():
         ours = said.ours(name) or next((item for item in known if bare(item) == bare(name)), None)
         if ours is None:
-            raise ParameterError(f"units: '{name}' is no column: {suggestion(name, known)}")
+            raise ParameterError(f"units: there is no column '{name}': {suggestion(name, known)}")
         if ours in said.units:
-            raise ParameterError(f"units: that of {name} stands in columns too; expected it once")
+            raise ParameterError(f"units: the unit of {name} is given in columns too; give it once")
         texts[ours] = f"{said.theirs.get(ours, name)} [{unit}]"
     return texts
 
@@ -309,9 +309,9 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
         meant = ours or name
         taken.add(meant)
         if not name:
-            extras.append(f"(column {index + 1}, without a name)")
+            extras.append(f"(column {index + 1} has no name)")
         elif meant in places:
-            message = f"read '{cells[index]}', but another column is '{meant}' already; keep one of them"
+            message = f"'{cells[index]}' and another column are both '{meant}'; keep one of them"
             found.header_fault(message, meant)
         else:
             places[meant] = index
@@ -319,13 +319,11 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
                 units[meant] = _unit(meant, unit, found)
             extras += [name] if ours is None else []
     if spelled:
-        found.notice(f"columns read under other spellings: {some(spelled)}")
+        found.notice(f"columns with other spellings: {some(spelled)}")
     here = {name.casefold() for name in names}
     for ours, their in naming.theirs.items():
         if their.casefold() not in here and ours not in places:
-            found.header_fault(
-                f"there is no column '{their}', which is to be {ours} as asked; columns read: {some(names)}"
-            )
+            found.header_fault(f"there is no column '{their}' to read as {ours}; columns of the table: {some(names)}")
     return Header(places, units, tuple(extras))
 
 
@@ -333,7 +331,7 @@ def _stated_unit(naming: Naming, ours: str, written: str | None, found: Findings
     """The unit of a column as text, where `written` is that of the header; a fault where the two differ."""
     stated = naming.units.get(ours)
     if stated is not None and written is not None and unit_of(stated) != unit_of(written):
-        message = f"the header says '[{written}]' and the names that were given '[{stated}]'; expected one unit"
+        message = f"the unit is '[{written}]' in the header and '[{stated}]' in columns; expected one unit"
         found.header_fault(message, naming.theirs[ours])
     return written if stated is None else stated
 
@@ -353,12 +351,12 @@ def _misspelt(name: str, taken: Iterable[str], found: Findings) -> str | None:
     near = _nearest(name, taken)
     if near:
         hint = f"unknown column; did you mean {' or '.join(map(repr, near))}?"
-        which = f"Rename it, or say which by {spoken('--columns', 'columns=')}"
-        own = "Rename it (a column of your own needs another name)"
+        which = f"Rename it, or choose one with {spoken('--columns', 'columns=')}"
+        own = "Rename it (or give your own column a less similar name)"
         found.header_fault(f"{hint} {which if len(near) > 1 else own}", name)
     elif name.endswith(SD_SUFFIX):
         base, known = name.removesuffix(SD_SUFFIX), ", ".join(MEASURED)
-        found.header_fault(f"'{base}' is no column that can have a standard deviation; known: {known}", name)
+        found.header_fault(f"'{base}' cannot have a standard deviation; columns that can: {known}", name)
     return near[0] if len(near) == 1 else None
 
 

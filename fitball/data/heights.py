@@ -68,7 +68,7 @@ def speeds_of_heights(columns: Columns, found: Findings) -> Columns:
     if turned:
         found.notice(
             f"{' and '.join(turned)} read as {' and '.join(SPEED_OF[name] for name in turned)} = sqrt(2 g h), "
-            f"g = {GRAVITY} m/s^2, without air drag, h up to the bottom of the ball{_left_out(columns)}",
+            f"g = {GRAVITY} m/s^2, without air drag, with h at the bottom of the ball{_left_out(columns)}",
             *turned,
         )
     return left
@@ -79,7 +79,7 @@ def _left_out(columns: Columns) -> str:
     if not all(name in columns and np.isfinite(columns[name].values).any() for name in HEIGHTS):
         return ""
     total = sum(float(np.nanmedian(columns[name].values)) for name in HEIGHTS)
-    return f" (of a tennis ball drag would make the restitution some {50.0 * DRAG * total:.2g} % larger)"
+    return f" (with the air drag of a tennis ball, restitution would be about {50.0 * DRAG * total:.2g} % larger)"
 
 
 def _speed(name: str, height: NumberColumn) -> NumberColumn:
@@ -93,14 +93,14 @@ def _speed(name: str, height: NumberColumn) -> NumberColumn:
 
 
 def _compare(height: NumberColumn, made: NumberColumn, speed: NumberColumn, found: Findings) -> None:
-    """Hold a height against the speed that was measured beside it; air drag makes the two differ by per cents."""
-    found.notice(f"{height.name} is not used: {speed.name} is", height.name, speed.name)
+    """Compare a height with the speed that was measured too; air drag makes a difference of some per cent."""
+    found.notice(f"{height.name} is not used, since {speed.name} was measured", height.name, speed.name)
     # A table may count v_y2 downwards, which is turned later; of a ball that stands no height is right.
     with np.errstate(divide="ignore"):
         excess = np.abs(made.values / np.abs(speed.values) - 1.0)
     for k in np.flatnonzero(excess > GROSS).tolist():
         found.fault(
-            f"read {height.shown(k)}, which makes {made.values[k]:.4g} m/s, but {speed.name} is "
+            f"read {height.shown(k)}, which gives {made.values[k]:.4g} m/s, but {speed.name} is "
             f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row",
             height.name, k,
         )  # fmt: skip

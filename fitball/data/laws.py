@@ -319,9 +319,10 @@ def missing_above(columns: Columns, ball: Ball) -> str | None:
     limit = float(np.max(np.abs(measured[~gap])))
     above = int((size[gap] > limit).sum())
     return (
-        f"omega_2 is missing where spins are large: by their speeds {above} of {gaps} that are missing are above "
-        f"{limit:.0f} rad/s, the largest that was measured. A fit takes gaps as chance: measure these spins by other "
-        "means (more frames, marks on the ball), or leave out all impacts of such speeds and angles"
+        f"omega_2 is missing where spins are large. Speeds show that {above} of {gaps} missing spins are above "
+        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random: "
+        "measure these spins by other means (more frames, marks on the ball), or leave out all impacts of such "
+        "speeds and angles"
     )
 
 
@@ -358,7 +359,7 @@ def repeats_of(table: ImpactTable, ball: Ball) -> tuple[str | None, str | None]:
     if exact is not None:
         return f"{exact}: delete the copies", None
     near = _said(table, ball, NEAR)
-    return None, None if near is None else f"{near}; are they the same impacts?"
+    return None, None if near is None else f"{near}; check whether they are the same impacts"
 
 
 def _said(table: ImpactTable, ball: Ball, units: float) -> str | None:
@@ -390,7 +391,7 @@ def _said(table: ImpactTable, ball: Ball, units: float) -> str | None:
     more = len(shared) - len(places)
     how = "to the last printed digit" if units == 1.0 else f"to {units:g} units of the last printed digit"
     return (
-        f"{count} of {len(table)} rows repeat others {how}; by rounding and scatter {_few(expected)} would. Rows "
+        f"{count} of {len(table)} rows repeat others {how}; by chance {_few(expected)} would. Rows "
         f"{named}{f'; and {more} more groups' if more else ''}"
     )
 

@@ -35,11 +35,11 @@ _VALUE = re.compile(
 _IMPACT_FORM, _GRID_FORM, _RANGE_FORM = (
     "expected a number and a unit",
     "expected LOW..HIGH UNIT:COUNT, such as theta=10..60 deg:16, or one VALUE UNIT",
-    "expected LOW:HIGH, LOW:HIGH:COUNT or one VALUE, with a unit behind it if it is not the usual one",
+    "expected LOW:HIGH, LOW:HIGH:COUNT or one VALUE, with a unit unless it is m/s, deg or rad/s",
 )
-# By what an incident velocity is told.
+# Quantities that determine an incident velocity.
 VELOCITIES = (("v_1", "theta_1"), ("v_x1", "v_y1"), ("v_y1",))
-_STATES = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball; spin where there is any"
+_STATES = "expected v and theta, or v_x and v_y, or v_y alone for a dropped ball, and spin if there is any"
 # Points of a grid that still make a file one can use: some 100 MB.
 MOST_POINTS = 1_000_000
 
@@ -92,7 +92,7 @@ def _value(name: str, text: str, form: str) -> _Value:
     words = matched["unit"].split()
     if dimension is Dimension.SPIN and words and words[-1].lower() in _SENSES:
         if matched["low"].startswith(("-", "+")):
-            raise ParameterError(f"read '{text}', expected either a sign or a word for the sense of the spin")
+            raise ParameterError(f"read '{text}', expected either a sign or top/back for the direction of spin")
         sense = _SENSES[words.pop().lower()]
     unit = parse_unit(" ".join(words) or None, dimension)
     numbers = {part: float(matched[part]) for part in ("low", "high", "sd") if matched[part] is not None}
@@ -103,7 +103,7 @@ def _value(name: str, text: str, form: str) -> _Value:
     refuse_beyond(name, np.array([low if high is None else high, low]))
     if sd is not None:
         if not (isfinite(sd) and sd > 0.0):
-            raise ParameterError(f"read '{text}', expected a positive standard deviation behind the sign")
+            raise ParameterError(f"read '{text}', expected a positive standard deviation after the sign")
         refuse_beyond(name + SD_SUFFIX, np.array([sd]))
     points = matched["steps"] or matched["count"]
     # Not an integer yet: Python reads none of thousands of digits.
@@ -112,8 +112,8 @@ def _value(name: str, text: str, form: str) -> _Value:
 
 
 def _check_state(bounds: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
-    """The names that tell the incident velocity, of quantities from low to high. Raises ParameterError for too
-    little, too much or the impossible.
+    """The quantities that determine the incident velocity. Raises ParameterError for too few, too many or impossible
+    ones.
     """
     given = [name for name in bounds if name != "omega_1"]
     names = next((item for item in VELOCITIES if set(item) == set(given)), None)
@@ -124,7 +124,7 @@ def _check_state(bounds: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
     if "v_y1" in names and not bounds["v_y1"][0] > 0.0:
         raise ParameterError("expected a positive speed v_y towards the court")
     if "theta_1" in names and not 0.0 < bounds["theta_1"][0] <= bounds["theta_1"][1] < pi:
-        raise ParameterError("expected an angle theta to the court between 0 and 180 deg")
+        raise ParameterError("expected an angle theta from the court between 0 and 180 deg")
     return names
 
 
@@ -132,7 +132,7 @@ def parse_impact(text: str) -> Impacts:
     """One impact as `parse_uncertain_impact` reads it. Raises ParameterError for a stated uncertainty too."""
     impact, covariance = parse_uncertain_impact(text)
     if covariance is not None:
-        raise ParameterError(f"impact '{text}': states an uncertainty, which predictions alone take: leave it out")
+        raise ParameterError(f"impact '{text}': has an uncertainty, which only predict uses: leave it out")
     return impact
 
 
@@ -191,7 +191,7 @@ def parse_grid(text: str) -> tuple[Axis, ...]:
         axes = tuple(found[name] for name in (*names, "omega_1") if name in found)
         size = math.prod(axis.values.size for axis in axes)
         if size > MOST_POINTS:
-            raise ParameterError(f"{size} points: expected {MOST_POINTS} at most")
+            raise ParameterError(f"{size:,} points: expected {MOST_POINTS:,} at most")
     return axes
 
 
@@ -202,9 +202,9 @@ def _axis(name: str, written: str) -> Axis:
     if value.high is None or value.count is None:
         return Axis(name, np.array([value.low]), value.unit)
     if value.count > MOST_POINTS:
-        raise ParameterError(f"read '{written}': expected {MOST_POINTS} at most")
+        raise ParameterError(f"read '{written}': expected {MOST_POINTS:,} at most")
     if not (value.high > value.low and value.count >= 2):
-        raise ParameterError(f"read '{written}', expected a rising range and two points or more")
+        raise ParameterError(f"read '{written}', expected an increasing range and at least two points")
     return Axis(name, np.linspace(value.low, value.high, value.count), value.unit)
 
 
@@ -223,7 +223,7 @@ def parse_window(text: str) -> dict[str, tuple[float, float]]:
             high = value.low if value.high is None else value.high
             ranged = value.high is not None
             if ranged == (name == "v_1") or (ranged and high <= value.low) or (value.count and not ranged):
-                wanted = "one speed" if name == "v_1" else "a range that rises, such as theta=10..80"
+                wanted = "one speed" if name == "v_1" else "an increasing range, such as theta=10..80"
                 raise ParameterError(f"{key}={written}: expected {wanted}")
             window[name] = value.low, high
         # Where one of the two is not named, any that can be stands for it.
@@ -256,16 +256,16 @@ def parse_range(quantity: str, text: str) -> Range:
     return checked_range(quantity, Range(value.low, high, value.count), f"{quantity} '{text}'")
 
 
-def checked_range(quantity: str, given: Range, said: str) -> Range:
-    """The range, if impacts can have it. Raises ParameterError that begins with what was `said`."""
-    with _quoted(said):
+def checked_range(quantity: str, given: Range, text: str) -> Range:
+    """The range, if impacts can have it. Raises ParameterError that begins with the `text`."""
+    with _quoted(text):
         if not (isfinite(given.low) and isfinite(given.high)) or given.low > given.high:
-            raise ParameterError("expected a range of finite numbers that rises")
+            raise ParameterError("expected an increasing range of finite numbers")
         if given.count is not None and (given.count < 2 or given.low == given.high):
-            raise ParameterError("expected two steps or more, from LOW to a HIGH above it")
+            raise ParameterError("expected at least two steps, and LOW below HIGH")
         if quantity == "speed" and not given.low > 0.0:
             raise ParameterError("expected speeds above 0")
         if quantity == "angle" and not 0.0 < given.low <= given.high <= pi / 2.0 * (1.0 + 1e-12):
-            raise ParameterError("expected angles to the court above 0 and up to 90 deg")
+            raise ParameterError("expected angles from the court above 0 and up to 90 deg")
         refuse_beyond(_QUANTITIES[quantity], np.array([given.low, given.high]))
     return given

@@ -1,9 +1,9 @@
-"""Was a table read the right way round? Whether another reading of its columns (signs, units, angles from the normal,
-columns exchanged) explains it so much better than what its header says that somebody has to decide.
+"""Finds misread tables: does another reading of the columns (signs, units, angles from the normal, swapped columns)
+fit so much better than the header that the user must decide?
 
-A hypothesis is a transformation of the columns as they were read, in SI, so that a table that a check refuses can be
-looked at too. A table and its mirror image (`v_x` and `omega` of both ends negated) say the same: of a choice of
-signs and its mirror image only that with fewer columns is tried, both where they have as many.
+A hypothesis transforms the columns as they were read, in SI, so that a refused table can be examined too. A table and
+its mirror image (`v_x` and `omega` of both ends negated) are equivalent: of a choice of signs and its mirror image
+only the one with fewer columns is tried, or both if they have as many.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def flip_columns(
         if flip.count(name) > 1:
             raise ParameterError(f"flip: {name} is named twice")
         turned[name] = replace(columns[name], values=flipped(name, columns[name].values))
-        found.notice(f"{name} is counted {COLUMNS[name].flip}, on request (flip)", name)
+        found.notice(f"{name} is read {COLUMNS[name].flip}, on request (flip)", name)
     return turned
 
 
@@ -98,8 +98,8 @@ BoolArray = NDArray[np.bool_]
 class Hypothesis:
     """Another reading: `words` ("with omega_1 negated"), the `columns` as they are then, what to do if that
     is meant (columns to flip, and what `edit` says); `parts` counts how many things it takes to be wrong. What
-    `needs_spin` changes one end alone, which a table without spins cannot tell from a ball of its own kind; what
-    `scales` is another unit, which spins cannot tell from another radius. `cost` is that of what
+    `needs_spin` changes one end alone, which without spins cannot be distinguished from another kind of ball; what
+    `scales` is another unit, which spins cannot distinguish from another radius. `cost` is that of what
     it takes from the table row by row [natural units of log likelihood].
     """
 
@@ -180,12 +180,12 @@ def _unsigned(columns: Columns, ball: Ball) -> Iterator[Hypothesis]:
             # The same as with fewer.
             continue
         minus = [f"{np.sum(found[name] < 0.0)} of {len(found[name])} {name}" for name in names]
-        unknown = {"omega_1": "without a row of unknown omega_1", "omega_2": "an unknown omega_2 left empty"}
+        unknown = {"omega_1": "delete rows with unknown omega_1", "omega_2": "leave unknown omega_2 empty"}
         what_else = ", ".join(unknown[name] for name in names)
         yield Hypothesis(
-            f"with the signs of {listed(names)} missing (the speeds make {listed(minus)} backspin)",
+            f"with missing signs of {listed(names)} restored (speeds show that {listed(minus)} are backspin)",
             found,
-            f"write backspin with a minus ({what_else})",
+            f"write backspin with a minus sign ({what_else})",
             len(names),
             needs_spin=True,
             cost=sum(_cost_of_choice(found[name] != columns[name], columns[name] != 0.0) for name in names),
@@ -270,7 +270,7 @@ def _swap(
     exchanged = ", ".join(f"{one} and {two}" for one, two in pairs)
     also = f" (and the columns {listed(sds)} likewise)" if sds else ""
     swapped = {other.get(name, name): values for name, values in columns.items()}
-    edit = f"exchange in the header the names {exchanged}{also}, not the units,"
+    edit = f"swap the names {exchanged}{also} in the header, but not the units"
     return Hypothesis(words, swapped, edit, needs_spin=needs_spin)
 
 
@@ -307,20 +307,20 @@ class Doubt:
 
     def lines(self, scene: Scene) -> tuple[str, ...]:
         """Each reading in a sentence: the numbers, and what to do."""
-        said = [
-            f"{item.hypothesis.words} {_fall(self.as_read, item.misfit)}: {item.hypothesis.remedy} if that is meant"
+        lines = [
+            f"{item.hypothesis.words}, {_fall(self.as_read, item.misfit)}: if that is right, {item.hypothesis.remedy}"
             for item in self.found
         ]
         if not scene.states_ball and any(item.hypothesis.scales for item in self.found):
-            said.append(
-                f"a ball of another radius than {1e3 * scene.ball.radius:g} mm, which is assumed, may look alike: "
-                "state [ball] in the scene"
+            lines.append(
+                f"a ball with a radius other than the assumed {1e3 * scene.ball.radius:g} mm may have the same "
+                "effect: give [ball] in the scene"
             )
-        return tuple(said)
+        return tuple(lines)
 
 
 def doubt_of(columns: Columns, units: Mapping[str, str], ball: Ball) -> Doubt | None:
-    """What there is to say against the reading of `columns` [SI, by name, angles in rad], or None.
+    """Doubts about the reading of `columns` [SI, by name, angles in rad], or None.
 
     `units` are the symbols by column, as the header says. Rows in which all was measured (a gap is NaN) are looked
     at; where these are too few, those that have all but what is missing most often, and so on.
@@ -386,7 +386,7 @@ def _moving(columns: Columns) -> Columns:
 
 
 def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:
-    """What there is to say of rebound spins that are missing, see `missing_above`."""
+    """A note on missing rebound spins, see `missing_above`."""
     return missing_above(_moving(columns_of(table)), ball)
 
 
@@ -413,7 +413,7 @@ def _plausible(columns: Columns, motion: Motion) -> bool:
 
 
 def _untold(motion: Motion) -> bool:
-    """Whether nothing but friction tells one end of the table from the other."""
+    """Whether only friction distinguishes incidence from rebound."""
     restitution = _restitution(motion)
     unsuspected = restitution is None or UNSUSPECTED[0] <= restitution <= UNSUSPECTED[1]
     return motion.omega_2 is None and unsuspected
@@ -445,7 +445,7 @@ def _fall(before: Misfit, after: Misfit) -> str:
     """By how much what is left of the table falls, for the output of which that is most."""
     if _contradicts(before, after):
         return (
-            f"columns that say the same twice differ by {100.0 * after.contradiction:.2g} % instead of "
+            f"redundant columns differ by {100.0 * after.contradiction:.2g} % instead of "
             f"{100.0 * before.contradiction:.2g} %"
         )
     shared = [name for name in _NAMES if name in before.residuals and name in after.residuals]

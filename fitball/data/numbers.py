@@ -102,15 +102,15 @@ def explained(cell: str) -> str | None:
     if _THOUSANDS.fullmatch(cell):
         return (
             f"read '{cell}', which may be {cell.replace(',', '.')} or {cell.replace(',', '')}; expected a decimal "
-            "point, and nothing between thousands"
+            "point and no separator of thousands"
         )
     if _COMMA.fullmatch(cell):
         return (
-            f"read '{cell}', a decimal comma, beside numbers with points; expected one decimal sign: write "
+            f"read '{cell}' with a decimal comma, but other numbers have points; expected one decimal sign: write "
             f"'{cell.replace(',', '.')}'"
         )
     if _GROUPED.fullmatch(cell):
-        return f"read '{cell}', with signs between thousands; expected a decimal point and no other sign"
+        return f"read '{cell}' with separators of thousands; expected a decimal point and no other sign"
     return None
 
 
@@ -204,17 +204,15 @@ def _explain(text: str, name: str, gaps: bool) -> str:
     what = "a standard deviation" if name.endswith(SD_SUFFIX) else "a number"
     lower = text.lower()
     if absent(text):
-        return f"read {repr(text) if text else 'an empty cell'}; expected {what}: measure it, or delete the row"
+        return f"read {repr(text) if text else 'an empty cell'}; expected {what}: add it, or delete the row"
     if lower.lstrip("+-") in _INFINITE or _NUMBER.fullmatch(text):
         return f"read '{text}', which is not finite; expected {what}"
     open_number = explained(text)
     if open_number is not None:
         return open_number
-    empty = "leave the cell empty where nothing was measured" if gaps else "measure it, or delete the row"
+    empty = "leave the cell empty if nothing was measured" if gaps else "add it, or delete the row"
     if FORMULA_ERROR.match(text):
-        return (
-            f"read '{text}', the error of a formula in a spreadsheet; expected {what}: mend the formula, or {empty}"
-        )
+        return f"read '{text}', a formula error of a spreadsheet; expected {what}: correct the formula, or {empty}"
     if not any(map(str.isdigit, text)):
         return f"read '{text}'; expected {what} such as 11.73: {empty}"
     return f"read '{text}'; expected {what} such as 11.73 (units belong in the header)"
@@ -267,7 +265,7 @@ def without_empty(columns: Columns, found: Findings) -> Columns:
     """The columns that hold at least one number, or something that was meant as one; a notice for each other."""
     empty = [name for name, column in columns.items() if column.missing.size and column.missing.all()]
     for name in empty:
-        found.notice(f"column {name} holds no number: taken as not there", name)
+        found.notice(f"column {name} has no numbers and is ignored", name)
     gone = {*empty, *(name + SD_SUFFIX for name in empty)}
     return {name: column for name, column in columns.items() if name not in gone}
 
@@ -295,8 +293,8 @@ def without_gaps(columns: Columns, rebound: bool, least: int, found: Findings) -
         if name in REBOUND and gaps.size:
             first = found.rows.numbers[kept[gaps[0]]]
             found.notice(
-                f"{name} is missing in {gaps.size} of {len(kept)} rows, first in row {first}: what else was measured "
-                "there counts",
+                f"{name} is missing in {gaps.size} of {len(kept)} rows, first in row {first}; their other "
+                "measurements are used",
                 name,
             )
     return left, kept
@@ -325,7 +323,7 @@ def _filled(columns: Columns, end: str, found: Findings) -> Columns:
             open_cells &= np.isfinite(said.sd)
             filled[sd.name] = _put(sd, open_cells, said.sd)
         filled[name] = _put(columns[name], open_cells, said.value)
-        kind = f"{name} is missing and taken from {' and '.join(polar)}"
+        kind = f"{name} is missing and computed from {' and '.join(polar)}"
         for k in np.flatnonzero(open_cells).tolist():
             found.notice(kind, name, *polar, place=k, kind=kind)
     return filled
@@ -344,8 +342,8 @@ def _with_sds(columns: Columns, found: Findings) -> Columns:
             continue
         for k in np.flatnonzero(sd.missing & ~column.missing).tolist():
             found.fault(
-                f"no standard deviation beside {name} = {column.shown(k)}; expected one in every row "
-                f"that has {name}: give it, or delete the column {sd.name} (then one noise is fitted to {name})",
+                f"no standard deviation for {name} = {column.shown(k)}; expected one in every row with {name}: add "
+                f"it, or delete the column {sd.name} (the noise of {name} is then fitted)",
                 sd.name, k,
             )  # fmt: skip
         told[sd.name] = replace(sd, values=np.where(column.missing, np.nan, sd.values))
@@ -365,7 +363,7 @@ def _usable(columns: Columns, rebound: bool, found: Findings) -> NDArray[np.int6
     for k in np.flatnonzero(unknown | nothing).tolist():
         gaps = [name for name in incident if columns[name].missing[k]]
         what = f"{' and '.join(gaps)} of the incident ball" if gaps else "the rebound"
-        kind = f"left out, because {what} was not measured"
+        kind = f"ignored, since {what} was not measured"
         found.notice(kind, *gaps, place=k, kind=kind)
     return np.flatnonzero(~(unknown | nothing))
 
@@ -380,10 +378,10 @@ def unique_ids(written: Texts | None, found: Findings) -> tuple[str, ...]:
     for place, text in enumerate(written):
         name, kind = text, ""
         if not text:
-            kind = "id is empty: the number of the row is taken"
+            kind = "id is empty; the number of the row is used"
             name = _free(f"row {found.rows.numbers[place]}", 0, taken)
         elif seen[text]:
-            kind = "id names an earlier impact too and was made unique"
+            kind = "id is repeated and was made unique"
             name = _free(text, seen[text], taken)
         if kind:
             found.notice(f"{kind}: '{name}'", "id", place=place, kind=kind)

@@ -112,7 +112,7 @@ def published_prior(parameter: str, text: str) -> PublishedPrior | None:
     if not known:
         named = ", ".join(dict.fromkeys(row.parameter for row in published_priors()))
         raise ParameterError(
-            f"prior of {parameter}: read '{text}', but the literature table has none of {parameter} (it has {named}; "
+            f"prior of {parameter}: read '{text}', but the literature has none for {parameter} (it has {named}; "
             "fitball datasets priors lists them)"
         )
     hint = suggestion(key, known)

@@ -1,6 +1,5 @@
-"""Reading impact tables: from files to one checked, frozen `ImpactTable` in SI units. A table that comes to a fit is
-refused while another reading explains it much better. Rebounds that another program computed are read as they stand:
-units convert, nothing is mended.
+"""Reads impact tables: from files to one checked, frozen `ImpactTable` in SI units. A table for a fit is refused if
+another reading fits much better. Rebounds that another program computed are read unchanged, but for their units.
 """
 
 from __future__ import annotations
@@ -114,7 +113,7 @@ def framed(source: Any) -> str | os.PathLike[str] | pandas.DataFrame:
     try:
         return pandas.DataFrame(source)
     except ValueError as error:
-        raise ParameterError(f"these columns make no table: {error}") from None
+        raise ParameterError(f"these columns are not a table: {error}") from None
 
 
 def name_of(source: str | os.PathLike[str] | pandas.DataFrame) -> str:
@@ -149,10 +148,10 @@ def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Nam
     for sd in [sd for sd in stated if sd in header.units or sd not in NUMBERS]:
         del stated[sd]
         name = sd.removesuffix(SD_SUFFIX)
-        found.header_fault(f"states deviations (±) in its cells, and {sd} is a column too; expected them once", name)
+        found.header_fault(f"has standard deviations (±) in its cells, and a column {sd} too; keep one of them", name)
     if stated:
         taken = ", ".join(sd.removesuffix(SD_SUFFIX) for sd in stated)
-        notes = (*notes, f"what stands behind ± in {taken} is taken as one standard deviation")
+        notes = (*notes, f"numbers after ± in {taken} are read as one standard deviation")
     for note in notes:
         found.notice(note)
     return Written(
@@ -242,9 +241,9 @@ def _check_count(found: Findings, least: int) -> None:
     count = len(found.rows) + sum(fault.row is not None for fault in found.faults)
     if count == 0:
         expected = f"expected at least {least} impact{'s' if least > 1 else ''}"
-        found.header_fault(f"read a header and no rows; {expected}")
+        found.header_fault(f"no rows after the header; {expected}")
     elif count < least:
-        message = f"read one row only; expected at least {least} impacts: one impact cannot fix any scatter"
+        message = f"read one row only; expected at least {least} impacts, since one does not determine the noise"
         line = found.rows.lines[0] if found.rows else found.faults[0].line
         found.faults.append(Fault(message, row=1, line=line))
 
@@ -254,12 +253,12 @@ def _check_labels(texts: Mapping[str, Texts], found: Findings) -> None:
     for name in texts.keys() & {*LABELS}:
         for place, label in enumerate(texts[name]):
             if len(label) > LONGEST_LABEL:
-                message = f"read a text of {len(label)} characters; expected a name of at most {LONGEST_LABEL}"
+                message = f"read a text of {len(label)} characters; expected at most {LONGEST_LABEL}"
                 found.fault(message, name, place)
 
 
 def _assembled(text: Written, columns: Columns, ids: tuple[str, ...]) -> ImpactTable:
-    _tell_of_sds(columns, text.found)
+    _note_sds(columns, text.found)
     impacts, incident_columns, incident_sd, covariance = _incident(columns, len(text.found.rows))
     counted = {*independent(columns, "2"), *(OBSERVABLES.keys() - VELOCITIES)}
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
@@ -316,9 +315,9 @@ def _measured_cor(columns: Columns, v_y1: FloatArray) -> FloatArray | None:
     return None if rebound is None or np.isnan(rebound).any() else rebound / v_y1
 
 
-def _tell_of_sds(columns: Columns, found: Findings) -> None:
-    """Add a notice for every sd in another unit than its quantity, since a forgotten bracket looks just so, and for
-    every sd of a velocity column that other columns made redundant.
+def _note_sds(columns: Columns, found: Findings) -> None:
+    """Add a notice for every sd with another unit than its quantity, often a forgotten unit, and for every sd of a
+    velocity column that is redundant.
     """
     for name, column in columns.items():
         base = columns[name.removesuffix(SD_SUFFIX)]
@@ -353,16 +352,16 @@ def trusted_table(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> tuple[ImpactTable, tuple[str, ...]]:
-    """A table, or the one joined from several, and what is to be said of how it was read.
+    """A table, or the one joined from several, and notes on how it was read.
 
-    Each table is looked at by itself, as one of the scene's ball. With `as_read` one that another reading explains
-    much better is taken all the same, and a sentence tells. Raises ReadingError for it otherwise, ParameterError for
+    Each table is checked by itself, with the scene's ball. With `as_read` a table that another reading explains much
+    better is accepted, with a note. Raises ReadingError for it otherwise, ParameterError for
     a table that was read already and is to be flipped or to have other names (`columns`), and as `load_tables` does.
     """
     for what, given in (("flip", flip), ("columns", columns), ("units", units)):
         if given and any(isinstance(item, ImpactTable) for item in data):
             raise ParameterError(
-                f"{what}: this table was read already; say so where it is read, load_table(file, {what}=...)"
+                f"{what}: this table has been read already; pass it to load_table(file, {what}=...) instead"
             )
     tables = _read_each(data, scene, flip, columns, units)
     notes = []
@@ -372,14 +371,14 @@ def trusted_table(
         copies, near = repeats_of(table, scene.ball)
         if copies is not None and not as_read:
             raise ReadingError(table.source, (copies,), "rows are copies of others:")
-        notes += [f"{table.name}: every row counts, on request (as_read), although {copies}"] if copies else []
+        notes += [f"{table.name}: all rows are used, on request (as_read), although {copies}"] if copies else []
         notes += [f"{table.name}: {near}"] if near else []
         doubt = doubt_of_table(table, scene.ball)
         if doubt is not None and not as_read:
             raise ReadingError(table.source, doubt.lines(scene))
         if doubt is not None:
             notes.append(
-                f"{table.name}: taken as its header says, on request (as_read), although {doubt.lines(scene)[0]}"
+                f"{table.name}: read as in its header, on request (as_read), although {doubt.lines(scene)[0]}"
             )
     return joined(tables), tuple(notes)
 
@@ -427,12 +426,12 @@ def read_port(path: Path) -> PortFile:
     found = Findings.of(raw)
     header = read_header(raw.header, found)
     if not raw.rows and not found.faults:
-        found.fault("read a header and no rows; expected one row for each golden impact")
+        found.fault("no rows after the header; expected one row for each golden impact")
     cells = {name: raw.columns[place] for name, place in header.places.items()}
     names = [name for name in (*INCIDENT, *REBOUND) if name in header.units]
     present = [name for name in names if not all(cell.lower() in _EMPTY for cell in cells[name])]
     if not any(name in REBOUND for name in present):
-        found.header_fault(f"no column of a rebound; expected one or more of {', '.join(REBOUND)}")
+        found.header_fault(f"no rebound column; expected at least one of {', '.join(REBOUND)}")
     columns = {name: read_column(name, header.units[name], cells[name], found).values for name in present}
     found.refuse(str(path))
     return PortFile(

@@ -1,4 +1,4 @@
-"""What is known about the scene of a table: ball, surface, noise, model; and what is assumed."""
+"""The scene of a table: ball, surface, noise, model; and what is assumed."""
 
 from __future__ import annotations
 
@@ -49,19 +49,17 @@ NOMINAL_VELOCITY_SD = 0.25
 NOMINAL_SPIN_SD = 10.0
 DEFAULT_MODEL = "two-mass"
 
-# What is taken, and said, when a scene is silent.
-_NO_FILE = "there is no scene file: nothing is known but the table"
+# Assumptions where a scene has no value.
+_NO_FILE = "no scene file: ball, court and measurement are not described"
 _BALL_WORDS = {
-    "mass": f"a ball of mass {1e3 * WANG_MASS:g} g (the ITF allows 56.0 to 59.4 g)",
-    "radius": f"a ball of radius {1e3 * WANG_RADIUS:g} mm (the ITF allows 32.7 to 34.3 mm)",
-    "inertia_ratio": f"a ball with I/(M R^2) = {WANG_INERTIA_RATIO:g}, that of a tennis ball's thick shell",
+    "mass": f"ball mass {1e3 * WANG_MASS:g} g (the ITF allows 56.0 to 59.4 g)",
+    "radius": f"ball radius {1e3 * WANG_RADIUS:g} mm (the ITF allows 32.7 to 34.3 mm)",
+    "inertia_ratio": f"I/(M R^2) = {WANG_INERTIA_RATIO:g}, the value of a tennis ball",
 }
-NO_MU = "nothing is known of the friction coefficient: its prior is wide"
-NO_CONTACT_TIME = "the contact time is not known: the stiffness k_y rests on its prior"
-NO_VELOCITY_SD = (
-    f"the noise of the velocities is not known: it is fitted, and expected around {NOMINAL_VELOCITY_SD:g} m/s"
-)
-NO_SPIN_SD = f"the noise of the spins is not known: it is fitted, and expected around {NOMINAL_SPIN_SD:g} rad/s"
+NO_MU = "no friction coefficient in the scene: mu has a wide prior"
+NO_CONTACT_TIME = "no contact time in the scene: the stiffness k_y depends on its prior"
+NO_VELOCITY_SD = f"no velocity noise in the scene: it is fitted, with a prior around {NOMINAL_VELOCITY_SD:g} m/s"
+NO_SPIN_SD = f"no spin noise in the scene: it is fitted, with a prior around {NOMINAL_SPIN_SD:g} rad/s"
 
 
 @dataclass(frozen=True)
@@ -83,18 +81,17 @@ def _said(key: str, default: object = None) -> Any:
 class Scene:
     """What is known about a table besides its numbers; SI units, one standard deviation where an sd is named.
 
-    `source` is the scene file (None: there is none). `ball_sd` has some of the keys mass, radius and
-    inertia_ratio. `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown.
-    `velocity_sd` (of each component) and those in `observables.NOISE_OF` are known measurement noise, not to be
-    fitted; the nominal ones are orders of magnitude. `velocity_noise` says whether the columns of the velocity share
-    one noise ("tied") or have one each ("separate"), None: as the table can tell. `priors` are texts such as
-    `normal(0.55, 0.05)` by parameter. `distribution` is that of the noise; `pool` maps parameters to the label column
-    over whose levels they differ, `columns` names of columns in the table that are not ours, by our name;
-    `offsets` is the label column whose groups may be biased. `force_file` holds force records, named relative to the
-    scene file; `ball_type` is a type of the ITF (see `heights`), `ball_temperature` and its sd are in degrees
-    Celsius. `force_sd` [N] is the known noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the
-    start of contact (None: it is found from the record). `assumed` says in sentences what was taken because
-    nothing was said.
+    `source` is the scene file (None: there is none). `ball_sd` has some of the keys mass, radius and inertia_ratio.
+    `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown. `velocity_sd` (of each component) and
+    those in `observables.NOISE_OF` are known measurement noise, not to be fitted; the nominal ones are orders of
+    magnitude. `velocity_noise` says whether the columns of the velocity share one noise ("tied") or have one each
+    ("separate"), None: "separate" if the table has enough rows. `priors` are texts such as `normal(0.55, 0.05)` by
+    parameter. `distribution` is that of the noise; `pool` maps parameters to the label column over whose levels they
+    differ, `columns` names of columns in the table that are not ours, by our name; `offsets` is the label column
+    whose groups may be biased. `force_file` holds force records, named relative to the scene file; `ball_type` is a
+    type of the ITF (see `heights`), `ball_temperature` and its sd are in degrees Celsius. `force_sd` [N] is the known
+    noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the start of contact (None: it is found from
+    the record). `assumed` says in sentences what was taken because nothing was said.
     """
 
     source: str | None = None
@@ -188,10 +185,10 @@ def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
     if not doubts:
         return scene
     if as_read:
-        taken = tuple(f"taken as stated, on request (as_read): {doubt}" for doubt in doubts)
+        taken = tuple(f"accepted on request (as_read): {doubt}" for doubt in doubts)
         return replace(scene, assumed=(*scene.assumed, *taken))
     message = fault_list(scene.source or "scene", len(doubts), doubts)
-    raise SceneError(f"{message}\n  if the scene is right as it stands, pass {option('as_read')}")
+    raise SceneError(f"{message}\n  if the scene is right, pass {option('as_read')}")
 
 
 def _doubts(scene: Scene) -> list[str]:
@@ -213,17 +210,17 @@ def _read_scene(path: Path) -> Scene:
 def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
     ball, ball_sd = _ball(source, known)
     mu, time, warmth = (known.get(key) for key in ("surface.mu", "contact_time.value", "ball.temperature"))
-    told = known.keys() | ({"ball.inertia_ratio"} if "ball.inertia" in known else set())
+    given = known.keys() | ({"ball.inertia_ratio"} if "ball.inertia" in known else set())
     kind = known.get("ball.type")
     if kind is not None and kind not in BALL_TYPES:
         raise SceneError(f'{source}: ball.type = "{kind}": {suggestion(kind, BALL_TYPES)}')
     silences = {
         _NO_FILE: source is None,
-        **{f"assumed {words}": f"ball.{name}" not in told for name, words in _BALL_WORDS.items()},
+        **{f"assumed {words}": f"ball.{name}" not in given for name, words in _BALL_WORDS.items()},
         NO_MU: mu is None,
         NO_CONTACT_TIME: time is None,
-        NO_VELOCITY_SD: not {f"measurement.{SHARED_SD}", "measurement.nominal_velocity_sd"} & told,
-        NO_SPIN_SD: not {"measurement.spin_sd", "measurement.nominal_spin_sd"} & told,
+        NO_VELOCITY_SD: not {f"measurement.{SHARED_SD}", "measurement.nominal_velocity_sd"} & given,
+        NO_SPIN_SD: not {"measurement.spin_sd", "measurement.nominal_spin_sd"} & given,
     }
     return Scene(
         source=source,
@@ -275,7 +272,7 @@ def read_scene_file(path: Path) -> Mapping[str, Any]:
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: byte {error.start} is not UTF-8; expected TOML, which is UTF-8") from None
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits, deep nesting
-        raise SceneError(f"{path}: not TOML: {error}; mend that place") from None
+        raise SceneError(f"{path}: not TOML: {error}; correct that place") from None
     faults: list[str] = []
     values: dict[str, Any] = {}
     for section, content in tree.items():
@@ -293,7 +290,7 @@ def read_scene_file(path: Path) -> Mapping[str, Any]:
                 else:
                     faults.append(f"{section}.{name}: unknown key; {suggestion(name, names)}")
     faults += [
-        f"{one} and {other} are both given; expected one of them, since they say the same"
+        f"{one} and {other} are both given, but mean the same; keep one of them"
         for one, other in EXCLUSIVE
         if one in values and other in values
     ]

@@ -162,7 +162,7 @@ def unlikely(key: str, value: float) -> str | None:
     low, high = allowed.likely
     if low <= value <= high:
         return None
-    return f"{key} = {value:g} is far from any: {low:g} to {high:g} are usual{allowed.meant(value)}"
+    return f"{key} = {value:g} is unlikely: {low:g} to {high:g} are usual{allowed.meant(value)}"
 
 
 def density_fault(ball: Ball) -> str | None:

@@ -54,8 +54,8 @@ def frozen(values: ArrayLike) -> FloatArray:
     return array
 
 
-# Notices of one kind that are told one by one.
-NOTICES_TOLD = 3
+# Notices of one kind that are printed one by one.
+NOTICES_SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -104,12 +104,12 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
         kinds.setdefault(notice.kind or f"\0{place}", []).append(notice)
     sentences: list[str] = []
     for kind, members in kinds.items():
-        if len(members) <= NOTICES_TOLD:
+        if len(members) <= NOTICES_SHOWN:
             sentences += map(str, members)
             continue
-        named = ", ".join(str(item.row) for item in members[:NOTICES_TOLD])
+        named = ", ".join(str(item.row) for item in members[:NOTICES_SHOWN])
         first = replace(members[0], message=members[0].message.removeprefix(f"{kind}: "))
-        sentences.append(f"rows {named} and {len(members) - NOTICES_TOLD:,} more: {kind}; {first}")
+        sentences.append(f"rows {named} and {len(members) - NOTICES_SHOWN:,} more: {kind}; {first}")
     return tuple(sentences)
 
 
@@ -162,7 +162,7 @@ class ImpactTable:
         return f"<ImpactTable {head}, incident {', '.join(self.incident_columns)}, measured {measured}{labels}>"
 
     def _repr_html_(self) -> str:
-        """The table as a notebook shows it."""
+        """The table, for a notebook."""
         return f"<p>{escape(repr(self)[1:-1])}</p>{self.to_frame().to_html(max_rows=10, notebook=True)}"
 
     def to_frame(self) -> pd.DataFrame:
@@ -196,7 +196,7 @@ class ImpactTable:
 
     @property
     def has_tangential(self) -> bool:
-        """Whether the table says anything about motion along the court."""
+        """Whether motion along the court was measured."""
         along = any(OBSERVABLES[measurement.name].along for measurement in self.measurements)
         return "v_x1" in self.incident_columns and along
 
@@ -210,8 +210,8 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
     """The rows of all tables, with a label column `table` (names of files) when there are several.
 
     Label columns that not all have are left empty where they are missing; a rebound column that some have is missing
-    in the others, and a notice tells. Raises TableError when incident columns or stated sds differ, or velocities are
-    told as components here and as speed and angle there.
+    in the others, and a notice is added. Raises TableError when incident columns or their sds differ, or if
+    velocities are components in one table and speed and angle in another.
     """
     if len(tables) == 1:
         return tables[0]
@@ -247,7 +247,7 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         notices=(
             *(Notice(f"{table.name}: {remark}") for table in tables for remark in table.remarks),
             *(
-                Notice(f"{name} was not measured in {absent}: what else was measured there counts", columns=(name,))
+                Notice(f"{name} was not measured in {absent}; its other measurements are used", columns=(name,))
                 for name in measured
                 if (absent := ", ".join(table.name for table in tables if table.measurement(name) is None))
             ),
@@ -279,14 +279,14 @@ def _rebound_faults(tables: Sequence[ImpactTable], measured: Sequence[str]) -> l
     faults = []
     velocities = [name for name in measured if name in VELOCITIES]
     if set(independent(velocities, "2")) != set(velocities):
-        told = "; ".join(
+        given = "; ".join(
             f"{', '.join(item.name for item in table.measurements if item.name in VELOCITIES) or 'none'} in "
             f"{table.source}"
             for table in tables
         )
         faults.append(
-            f"rebound velocities are told in different ways: {told}; expected the same columns, or some of them, in "
-            "all tables that are fitted together"
+            f"rebound velocities have different columns: {given}; expected the same columns, or some of them, in all "
+            "tables that are fitted together"
         )
     for name in measured:
         having = [(table, item) for table in tables if (item := table.measurement(name)) is not None]
@@ -294,8 +294,8 @@ def _rebound_faults(tables: Sequence[ImpactTable], measured: Sequence[str]) -> l
         bare = [table.source for table, item in having if item.sd is None]
         if stated and bare:
             faults.append(
-                f"{name} has a stated sd in {stated[0]} and none in {bare[0]}; expected one in all tables that are "
-                "fitted together, or in none"
+                f"{name} has an sd in {stated[0]} and none in {bare[0]}; expected one in all tables that are fitted "
+                "together, or in none"
             )
     return faults
 
@@ -304,7 +304,7 @@ def _differences(one: ImpactTable, other: ImpactTable) -> list[str]:
     """What keeps incident columns of two tables from being the same columns."""
     compared = (
         ("incident columns", one.incident_columns, other.incident_columns),
-        ("stated sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
+        ("sds of incident columns", tuple(one.incident_sd), tuple(other.incident_sd)),
     )
     return [
         f"{what} differ: {', '.join(columns) or 'none'} in {one.source}, {', '.join(others) or 'none'} in "

@@ -1,5 +1,5 @@
-"""From the bytes of any file to the cells of a table: `read_raw` is the one door. Encodings (UTF-8, UTF-16, and
-Windows-1252 where nothing else explains the bytes) and the ways in which cells can be divided are told here.
+"""From the bytes of any file to the cells of a table, by `read_raw`: encodings (UTF-8, UTF-16, and Windows-1252 if
+nothing else fits the bytes) and separators of cells are found here.
 """
 
 from __future__ import annotations
@@ -50,12 +50,14 @@ def decode(source: str, data: bytes) -> tuple[str, tuple[str, ...]]:
         text = data.decode(wide).removeprefix("\ufeff") if wide else data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         if wide:
-            words = f"the bytes at offset {error.start} are not UTF-16, which this file looks like; expected text"
+            words = f"the bytes at offset {error.start} are not valid UTF-16, the encoding of the rest; expected text"
             raise refusal(source, f"{words}: save the file as 'CSV UTF-8'") from None
         text, notes = _western(source, data, error.start)
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
-        raise refusal(source, "read a zero byte (not text at all?); expected text: save it as 'CSV UTF-8'", line)
+        raise refusal(
+            source, "read a zero byte, which text files do not have; expected text: save it as 'CSV UTF-8'", line
+        )
     return text, notes
 
 
@@ -82,7 +84,7 @@ def _western(source: str, data: bytes, start: int) -> tuple[str, tuple[str, ...]
     raise refusal(source, f"{words}: save the file as 'CSV UTF-8'", line)
 
 
-# Lines by which a delimiter is told.
+# Lines by which a delimiter is found.
 SAMPLE, SAMPLE_SIZE = 200, 1_000_000
 # A letter for private use: no text has it, and no pattern takes it for a space.
 _JOINED = "\ue000"
@@ -189,7 +191,7 @@ def _all_records(source: str, delimiter: Delimiter, lines: Sequence[str]) -> lis
                 check_shape(source, max(len(lines), 1), max(len(record[1]), -(-cells // len(lines))))
             records.append(record)
     except QuoteError as error:
-        words = f"the record that starts here is not CSV ({error}); expected double quotes in pairs"
+        words = f"the record starting here is not CSV ({error}); expected double quotes in pairs"
         raise refusal(source, f"{words}, around whole cells", error.line) from None
     return records
 
@@ -208,7 +210,9 @@ def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> Ra
     """
     source, suffix = str(path), path.suffix.lower()
     if any("\ud800" <= letter <= "\udfff" for letter in str(path.resolve())):
-        raise refusal(source, "the name of this file or its folder is no UTF-8, and result files name it: rename it")
+        raise refusal(
+            source, "the name of this file or its folder is not UTF-8, and result files contain it: rename it"
+        )
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -250,12 +254,14 @@ def _text_table(
     if delimiter in SPACES:
         for number, cells in records[:SAMPLE]:
             for mark in filter(_CUT.__contains__, cells):
-                words = f"read '{mark}', as of a data frame printed in parts; expected all of it: df.to_csv(FILE)"
+                words = (
+                    f"read '{mark}', the mark of a data frame printed in part; expected all of it: df.to_csv(FILE)"
+                )
                 raise refusal(source, words, number)
         records, told = _indexed(records, vocabulary)
         notes = (*notes, *told)
     if delimiter is not DELIMITERS[0]:
-        notes = (*notes, f"cells are divided by {delimiter.name}")
+        notes = (*notes, f"cells are separated by {delimiter.name}")
     if commented is not None:
         records = [commented, *records]
         notes = (*notes, f"the header was read from the comment in line {commented[0]}")
@@ -281,7 +287,7 @@ def _delimiter(lines: Sequence[str], vocabulary: Vocabulary) -> Delimiter | None
 def _indexed(records: list[Record], vocabulary: Vocabulary) -> tuple[list[Record], tuple[str, ...]]:
     """Records with a name above the first column, and a note, where a data frame was printed with its index: each row
     has a cell more than the header, the first of which counts rows or is a name. The index's own name, if it has one,
-    stands alone beneath the header.
+    is alone in the row below the header.
     """
     at, _worth = find_header(records, vocabulary)
     line, header = records[at]
@@ -295,7 +301,7 @@ def _indexed(records: list[Record], vocabulary: Vocabulary) -> tuple[list[Record
     counted = any(firsts == [str(k + start) for k in range(len(rest))] for start in (0, 1))
     if any(map(is_number, firsts)) and not counted:
         return records, ()
-    note = f"the first cell of each row, above which there is no name, was read as {name}"
+    note = f"the first column has no name and was read as {name}"
     return [*records[:at], (line, (name, *header)), *rest], (note,)
 
 

@@ -67,7 +67,7 @@ _WHOLE = {"r p m": "rpm"} | _by_word(
 AMBIGUOUS: Mapping[str, str] = {
     "1/s": "rad/s or rev/s",
     "s^-1": "rad/s or rev/s",
-    "grad": "deg, or gradians, which are not known",
+    "grad": "deg (gradians are not known)",
     "gon": "deg, of which a gon is 0.9",
     # Any case but those of the symbols, `kn` and `kN`.
     "kn": "kn for knots, or kN for kilonewtons",
@@ -185,7 +185,7 @@ def parse_unit(text: str | None, dimension: Dimension) -> Unit:
     unit = unit_of(spelling)
     known = ", ".join(symbols(dimension))
     if unit is None and plain(spelling) in AMBIGUOUS:
-        raise UnitError(f"read unit '[{spelling}]', which means two things: write {AMBIGUOUS[plain(spelling)]}")
+        raise UnitError(f"read unit '[{spelling}]', which is ambiguous: write {AMBIGUOUS[plain(spelling)]}")
     if unit is None:
         hint = suggestion(spelling.lower(), symbols(dimension))
         near = f" {hint}" if hint.startswith("did") else ""

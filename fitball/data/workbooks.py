@@ -262,7 +262,7 @@ def workbook_records(
     }
     if wanted is not None:
         if wanted not in found:
-            raise refusal(source, f"there is no sheet '{wanted}'; its sheets: {', '.join(found)}")
+            raise refusal(source, f"there is no sheet '{wanted}'; sheets of this file: {', '.join(found)}")
         return found[wanted], ()
     filled = {name: records for name, records in found.items() if any(any(cells) for _, cells in records)}
     if not filled:
@@ -270,7 +270,7 @@ def workbook_records(
     tables = [name for name, records in filled.items() if find_header(records, vocabulary)[1] >= _NAMES]
     if len(tables) > 1:
         ways = ", ".join(f"'{source}{SHEET_MARK}{name}'" for name in tables[:8])
-        raise refusal(source, f"{len(tables)} sheets hold tables of impacts; name the one that is meant: {ways}")
+        raise refusal(source, f"{len(tables)} sheets have tables of impacts; choose one: {ways}")
     name = tables[0] if tables else next(iter(filled))
     note = (f"sheet '{name}' of {len(found)} was read",) if len(found) > 1 else ()
     return filled[name], note

@@ -72,8 +72,12 @@ FORMATS: Mapping[str, Format] = {
     ),
     "markdown": Format("the same table", "parameters:paper_markdown", "parameters.md", bounces=False),
     "certificate": Format(
-        "one page of HTML to print and sign: result, interval, adequacy, table and its SHA-256",
+        "one page of HTML to print and sign: result, interval, model test, SHA-256 of the data",
         "parameters:certificate", "certificate.html", bounces=False,
+    ),
+    "pdf": Format(
+        "report.html printed by an installed browser: Chromium, Chrome or Edge (FITBALL_BROWSER names another)",
+        "pdf:report_pdf", "report.pdf", bounces=False,
     ),
     "netcdf": Format("draws and data for ArviZ", "arviz_file:netcdf_file", "arviz.nc", bounces=False),
 }  # fmt: skip

@@ -40,7 +40,7 @@ from fitball.version import __version__
 
 SCHEMA_VERSION = 1
 NUMBERS = ("point", *ESSENTIALS)
-# What is told of the table.
+# What the set has of the table.
 TABLE = ("name", "file", "sha256", "impacts", "flipped", "columns")
 _ESCAPES = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
@@ -115,7 +115,7 @@ def _parameter(parameter: Estimate) -> dict[str, Any]:
 class PaperRow:
     """One parameter as text, in a handy unit; `sd` and `interval_95` are empty without a posterior.
 
-    `mark` refers to a note on what its uncertainty rests on, if not on the table alone.
+    `mark` refers to a note where the uncertainty does not follow from the data alone.
     """
 
     name: str
@@ -130,13 +130,13 @@ class PaperRow:
 
 # Letters by which rows refer to notes.
 MARKS = {
-    Verdict.PRIOR_DOMINATED: ("a", "set by what was assumed beforehand rather than by the impacts"),
-    Verdict.ONE_SIDED: ("b", "bounded by the impacts from one side only"),
-    Verdict.GIVEN: ("c", "rests on assumptions that the impacts cannot test"),
+    Verdict.PRIOR_DOMINATED: ("a", "prior-dominated: the data do not determine it"),
+    Verdict.ONE_SIDED: ("b", "one-sided: the data give only a lower or an upper bound"),
+    Verdict.GIVEN: ("c", "depends on model assumptions that the data cannot test"),
     Verdict.CONDITIONAL: (
-        "d", "conditional: holds only as far as the model describes the impacts, which it does not, or not all"
+        "d", "conditional: holds only if the model is right, which the residuals contradict"
     ),
-    Verdict.UNEXAMINED: ("e", "how far it rests on assumptions could not be examined"),
+    Verdict.UNEXAMINED: ("e", "its dependence on model assumptions could not be examined"),
 }  # fmt: skip
 
 
@@ -159,12 +159,12 @@ def _caption(saved: Fit) -> str:
     table = saved.source
     what = "point estimates"
     if saved.status is not RunStatus.POINT_ONLY:
-        what = "posterior median, standard deviation and 95 % interval; without them: a fixed value"
+        what = "posterior median, standard deviation and 95 % credible interval; values without them are fixed"
     fitted_to = f"fitted to {table.impacts} impacts ({table.name})"
     text = f"Parameters of the model {saved.fitted.model_name} {fitted_to}: {what}."
     described = saved.adequacy
     if described is not None and described.answer is Answer.FAILS:
-        text += " The model does not describe these impacts."
+        text += " The model does not fit these data."
     return text + (" The sampler did not converge." if saved.status is RunStatus.NOT_CONVERGED else "")
 
 
@@ -233,9 +233,8 @@ Content = tuple[str, Sequence[str], Sequence[Mapping[str, Any]], Sequence[str]]
 
 
 def certificate(saved: Fit) -> str:
-    """One page to print and sign, as HTML that needs nothing but itself and prints on a sheet of A4: the result of a
-    drop test, of a court pace test or of any other fit, its interval, whether the model describes the measurements,
-    and what it was made from.
+    """One page of self-contained HTML to print on A4 and sign: the result of a drop test, of a court pace test or of
+    any other fit, its interval, whether the model fits the data, and the data's identity.
     """
     title, result, parts, found = _content(saved)
     priors = ((name, item) for name, item in saved.parameters.items() if item.prior_source)
@@ -245,25 +244,25 @@ def certificate(saved: Fit) -> str:
         "fitball.report",
         "certificate.html.j2",
         title=title,
-        subject=f"Table {saved.source.name}: {saved.source.impacts} impacts; fitball {saved.versions['fitball']}",
+        subject=f"{saved.source.impacts} impacts ({saved.source.name}); fitball {saved.versions['fitball']}",
         table=saved.source,
         result=result,
         parts=parts,
-        adequacy="Not looked at." if saved.adequacy is None else saved.adequacy.sentence,
-        remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["Nothing besides the table and its scene."],
+        adequacy="Not tested." if saved.adequacy is None else saved.adequacy.sentence,
+        remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["None besides data and scene."],
         facts=_facts(saved),
     )
 
 
 def _left_out(count: int, what: str, most: int) -> str:
-    return f"{count - most} more {what} stand in report.html." if count > most else ""
+    return f"... and {count - most} more {what}: report.html" if count > most else ""
 
 
 def _part(
     title: str, rows: Sequence[Row], what: str, most: int = MOST_ROWS, heads: Sequence[str] = (), narrow: bool = False
 ) -> Mapping[str, Any]:
-    """A table of the page: of the first `most` rows the columns of `heads` (default: all), a dash where there is
-    none, in two halves side by side where they are many and `narrow`.
+    """A table of the page: the columns `heads` (default: all) of the first `most` rows, a dash for a missing cell;
+    two halves side by side where the rows are many and `narrow`.
     """
     heads = heads or tuple(rows[0])
     cells = [[row.get(head, "-") for head in heads] for row in rows[:most]]
@@ -278,8 +277,8 @@ def _content(saved: Fit) -> Content:
         return _of_court(pace, rests(saved.parameters, saved.adequacy) if pace.ratings else "")
     sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
     rows = [parameter_row(item) for item in saved.parameters.values() if item.verdict in sure]
-    told = [{"parameter": row.name, "unit": row.unit, "value": row.best, "95 %": row.interval_95} for row in rows]
-    parts = [_part("Parameters that the table tells", told, "parameters", narrow=True)] if told else []
+    known = [{"parameter": row.name, "value": row.best, "95 %": row.interval_95, "unit": row.unit} for row in rows]
+    parts = [_part("Parameters that the data determine", known, "parameters", narrow=True)] if known else []
     return f"Fit of model {saved.fitted.model_name}", (saved.verdict,), parts, ()
 
 
@@ -290,22 +289,22 @@ def _of_drops(test: DropTest) -> Content:
         parts.append(_part("Rebound from 254 cm, ball by ball", balls, "balls", heads=heads, narrow=True))
     elif len(speeds) > 1:
         heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
-        parts.append(_part("Restitution at the tested speeds", speeds, "speeds", heads=heads))
+        parts.append(_part("Coefficient of restitution (COR) at the tested speeds", speeds, "speeds", heads=heads))
     title = "Drop test" if test.rebound is None else "Drop test of tennis balls"
     return title, drop_lead(test), parts, drop_remarks(test)
 
 
-def _of_court(pace: CourtPace, said: str) -> Content:
+def _of_court(pace: CourtPace, depends: str) -> Content:
     parts, places = [], place_rows(pace)
     surfaces = [
         row | {"category": category_words(item)} for row, item in zip(surface_rows(pace), pace.ratings, strict=True)
     ]
     if places:
         parts.append(_part("Places on the court, as measured", places, "places", MOST_PLACES))
-    # There is room for one long table, not for two.
+    # One page has room for one long table, not for two.
     most = MOST_PLACES - len(places)
     if 0 < len(surfaces) <= most or not places:
-        title = "What the fitted model would show the test (30 m/s, 16 degrees)"
+        title = "Test impact (30 m/s, 16 degrees) predicted by the model"
         heads = ("surface", "impacts", "rating", "95 %", "category", "mu of the test")
         parts.append(_part(title, surfaces, "surfaces", most, heads))
     result = court_lines(pace) or tuple(
@@ -313,7 +312,7 @@ def _of_court(pace: CourtPace, said: str) -> Content:
         f"{rating_words(rating)}."
         for rating in pace.ratings[:4]
     )
-    remarks = [f"The rating by the model is {said}."] if said else []
+    remarks = [f"The rating by the model is {depends}."] if depends else []
     return "Court pace", result, parts, (*remarks, *pace_remarks(pace))
 
 
@@ -323,7 +322,7 @@ def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:
     labels = f"; labels {', '.join(saved.source.labels)}" if saved.source.labels else ""
     closures = ", ".join(f"{name} {option}" for name, option in saved.fitted.options.items())
     facts = [
-        ("Table", f"{saved.source.file}, {saved.source.impacts} impacts: {columns}{labels}"),
+        ("Data", f"{saved.source.file}, {saved.source.impacts} impacts: {columns}{labels}"),
         ("Ball", f"{1e3 * ball.mass:.4g} g, radius {1e3 * ball.radius:.4g} mm"),
         (
             "Model",
@@ -332,5 +331,5 @@ def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:
         ("Software", ", ".join(f"{name} {number}" for name, number in list(saved.versions.items())[:4])),
     ]
     if saved.source.flipped:
-        facts.append(("Counted the other way round", ", ".join(saved.source.flipped)))
+        facts.append(("Columns with reversed direction", ", ".join(saved.source.flipped)))
     return tuple(facts)

@@ -437,7 +437,7 @@ def qualified(
     parts: Sequence[str] = (),
 ) -> tuple[Verdict, tuple[str, ...]]:
     """The verdict on one parameter, or on a quantity that follows from the parameters called `parts`, and the
-    assumptions it is given; None for what was not looked at.
+    assumptions it is given; None for what was not examined.
     """
     if judged.verdict is not Verdict.IDENTIFIED:
         return judged.verdict, ()

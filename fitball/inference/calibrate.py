@@ -59,13 +59,13 @@ def search_again(
     after = deeper(problem, squares, [higher.values])
     words = (
         f"the first search for the maximum of the posterior ended at log posterior {point.log_posterior:.2f}, below "
-        f"draws of the chains; searched again from the best of these it lies at {higher.log_posterior:.2f}, and "
+        f"draws of the chains. A second search from the best draws reached {higher.log_posterior:.2f}: "
         f"{_moves(problem, point, higher)}"
     )
     if after is not squares:
-        words += f"; least squares fell from {squares.chi_square:.3g} to {after.chi_square:.3g}"
+        words += f"; chi-square of least squares fell from {squares.chi_square:.3g} to {after.chi_square:.3g}"
     if not sampled.converged:
-        words += "; the ensembles, which began about the lower maximum, do not agree yet: let them run on"
+        words += ". The ensembles started at the lower maximum and do not agree yet: continue the run with more steps"
     return after, higher, (words,)
 
 
@@ -86,30 +86,30 @@ def _moves(problem: Problem, before: PointFit, after: PointFit) -> str:
     """How the three parameters that moved most, in widths of their priors, did so."""
     way = np.abs(np.diff(problem.to_coordinates(problem.free_rows([before.values, after.values])), axis=0))[0]
     names = [problem.free_names[k] for k in np.argsort(-way / problem.prior.width, kind="stable")[:3]]
-    return ", ".join(f"{name} goes from {before.values[name]:.3g} to {after.values[name]:.3g}" for name in names)
+    return ", ".join(f"{name} changed from {before.values[name]:.3g} to {after.values[name]:.3g}" for name in names)
 
 
 # Effective draws that are made for each that is asked for, and at least: chains that are dealt out of fewer may
 # disagree by chance.
 SPARE, LEAST_WEIGHED = 1.5, 1500.0
-# Is told the stage and, while sampling, the progress.
-Tell: TypeAlias = Callable[[str, Progress | None], None]
+# Gets the stage and, while sampling, the progress.
+Report: TypeAlias = Callable[[str, Progress | None], None]
 
 
 def silent(_stage: str, _progress: Progress | None) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 class Drawn(NamedTuple):
-    """A sampled posterior: the best values, higher ones among the draws included, chains, draws, and what the search
-    has to tell.
+    """A sampled posterior: the best values, higher ones among the draws included, chains, draws, and remarks of the
+    search.
     """
 
     squares: LeastSquares
     point: PointFit
     sampled: Sampled
     posterior: Posterior
-    said: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 def fingerprint(problem: Problem, effort: Effort) -> str:
@@ -145,24 +145,24 @@ def run(
     effort: Effort,
     chain_file: ChainFile | None = None,
     resume: bool = False,
-    report: Tell = silent,
+    report: Report = silent,
     beside: Sequence[Mapping[str, float]] = (),
     *,
     assumptions: bool = False,
 ) -> Fit:
     """Fit a problem.
 
-    `report` is told the stage and, while sampling, the progress; the point is searched from `beside` (all parameters
-    by name) too. With `assumptions` comes a look at what rests on them. Raises FitError, ParameterError,
+    `report` gets the stage and, while sampling, the progress; the point is searched from `beside` (all parameters
+    by name) too. With `assumptions`, alternatives to each choice are fitted quickly. Raises FitError, ParameterError,
     MemoryShortageError and `sampling.Interrupted` on Ctrl-C with the chain kept.
     """
     watch = Stopwatch()
     squares, point = search(problem, effort, watch, report, beside)
     shared = replace(problem, threads=effort.settings(problem).cores)
     sampled, posterior, found = None, None, None
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if not effort.point_only:
-        squares, point, sampled, posterior, said = draw(
+        squares, point, sampled, posterior, remarks = draw(
             problem, effort, squares, point, watch, report, chain_file, resume
         )
     with watch.stage("profiles"):
@@ -174,14 +174,14 @@ def run(
             found = look(shared, point, posterior, assumptions_generator(effort.seed))
             constants = ball_constants(shared, point, posterior, _generator(effort, 2))
             found = replace(found, constants=constants)
-    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, said, found)
+    return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, remarks, found)
 
 
 def search(
     problem: Problem,
     effort: Effort,
     watch: Stopwatch,
-    report: Tell = silent,
+    report: Report = silent,
     beside: Sequence[Mapping[str, float]] = (),
 ) -> tuple[LeastSquares, PointFit]:
     """The first stage of `run`: the best values."""
@@ -194,7 +194,7 @@ def search(
 
 def compile_ahead(problem: Problem) -> None:
     """Compile what the model's rebounds and their derivatives call, by several processes at once, unless it is on
-    disk or would not be kept there. What an algebraic bounce takes is not worth a second process.
+    disk or would not be kept there. An algebraic bounce compiles too quickly for a second process to pay.
     """
     call = problem.model.kernel_call(problem.model_names, np.ones(len(problem.model_names)))
     if call.convention != "two-mass" or problem.threads == 1:
@@ -212,7 +212,7 @@ def draw(
     squares: LeastSquares,
     point: PointFit,
     watch: Stopwatch,
-    report: Tell = silent,
+    report: Report = silent,
     chain_file: ChainFile | None = None,
     resume: bool = False,
 ) -> Drawn:
@@ -221,10 +221,10 @@ def draw(
     shared = replace(problem, threads=settings.cores)
     with watch.stage("sampling"):
         optima, sampled = problem.to_coordinates(problem.free_rows(point.optima)), None
-        said: tuple[str, ...] = ()
+        remarks: tuple[str, ...] = ()
         if weighs(problem, effort):
             sampled, words = weigh(shared, optima, settings, lambda progress: report("sampling", progress))
-            said = (words,)
+            remarks = (words,)
         if sampled is None:
             sampled = sample(
                 shared, optima, settings, chain_file, resume, lambda progress: report("sampling", progress)
@@ -239,12 +239,12 @@ def draw(
             known_before(problem, optima[0], _generator(effort, 1)),
         )
         squares, point, found = search_again(shared, squares, point, sampled)
-    return Drawn(squares, point, sampled, posterior, (*said, *left_behind_words(sampled.moved), *found))
+    return Drawn(squares, point, sampled, posterior, (*remarks, *left_behind_words(sampled.moved), *found))
 
 
 def weighs(problem: Problem, effort: Effort) -> bool:
-    """Whether the draws of a posterior are weighed, as those of a long table are: of a shorter one ensembles cost
-    seconds, and find what no mode tells of. A number of `walkers` that is asked for asks for ensembles.
+    """Whether the posterior is drawn by importance sampling, as for long tables. For shorter ones ensembles take
+    seconds and also find what no mode shows. A given number of `walkers` asks for ensembles.
     """
     return len(problem.impacts) > LOOKED_AT and effort.walkers is None
 
@@ -256,9 +256,8 @@ def weigh(
     rows and dealt out to as many chains as there are ensembles; in words what came of it. None where no Student
     distribution comes near the posterior.
 
-    With rows a posterior becomes normal, and a density as dear as there are rows: walkers that feel their way cost a
-    hundred times what weighing costs. How heavy the tail of the weights is Pareto's k tells (Vehtari et al. 2024,
-    JMLR 25, 72).
+    With many rows a posterior becomes normal and its density expensive: walkers cost a hundred times more than
+    importance sampling. Pareto's k measures how heavy the tail of the weights is (Vehtari et al. 2024, JMLR 25, 72).
     """
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(11,)))
     rows, plan = f"{len(problem.impacts):,} rows", settings.schedule
@@ -267,7 +266,7 @@ def weigh(
     k = smoothed(drawn.log_weights, 1.0)[1] if drawn.effective > 1.0 else np.inf
     if drawn.score is None or drawn.effective < plan.target_ess or k > K_TRUSTED:
         found = f"Pareto k {k:.2f}, {drawn.effective:.0f} effective draws of {len(drawn.values):,}"
-        return None, f"weights of draws on all {rows} did not settle ({found}): sampled by ensembles of walkers"
+        return None, f"importance weights of {rows} are unreliable ({found}): sampled by ensembles of walkers"
     # Each as often as it weighs, in no order.
     shares, steps = np.cumsum(np.exp(drawn.log_weights)), len(drawn.values) // ENSEMBLES
     places = (np.arange(ENSEMBLES * steps) + rng.uniform()) / (ENSEMBLES * steps)
@@ -289,9 +288,8 @@ def weigh(
         pareto_k=k,
     )
     words = (
-        f"the posterior was drawn by weights, not by walkers: each of {len(drawn.values):,} draws from Student "
-        f"distributions about the mode was weighed by its density on all {rows} (Pareto k of the weights {k:.2f}, to "
-        f"be trusted below {K_TRUSTED:g})"
+        f"importance sampling instead of walkers: {len(drawn.values):,} draws from Student distributions about the "
+        f"mode, weighted by their posterior density on all {rows} (Pareto k {k:.2f}; reliable below {K_TRUSTED:g})"
     )
     return sampled, words
 

@@ -44,11 +44,11 @@ class Effort:
                 f"of at least {least}"
             )
         if self.max_steps < 100:
-            raise ParameterError(f"max_steps = {self.max_steps}: at least 100 are needed to diagnose anything")
+            raise ParameterError(f"max_steps = {self.max_steps}: expected at least 100, to diagnose convergence")
         if self.cores < 1:
             raise ParameterError(f"cores = {self.cores}: expected at least 1")
         if self.ensembles < 2:
-            raise ParameterError(f"ensembles = {self.ensembles}: at least 2 are needed to compare")
+            raise ParameterError(f"ensembles = {self.ensembles}: expected at least 2, to compare them")
         if walkers * self.ensembles > MOST_WALKERS:
             raise ParameterError(
                 f"walkers = {walkers} in each of {self.ensembles} ensembles: expected at most {MOST_WALKERS} in all"

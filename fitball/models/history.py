@@ -199,8 +199,8 @@ def follow(
     room: FloatArray,
     stack: Stack,
 ) -> Followed:
-    """Fill `courses` (COURSES, times) and `phases` (times,) of a contact whose `pieces` stand in the `phase_log`; of
-    a ball that turns as one it is filled here. Scratch is as in `scratch_in`.
+    """Fill `courses` (COURSES, times) and `phases` (times,) of a contact whose `pieces` are in the `phase_log`; of a
+    ball that turns as one it is filled here. Scratch is as in `scratch_in`.
 
     `times` [s] lie within it, to rounding.
     """

@@ -37,7 +37,7 @@ from fitball.values import Ball, Impacts
 class ImpulseModel(SteppedModel):
     """An algebraic bounce; parameters of the kernel that it does not list are zero.
 
-    A subclass names its `kernel` of one impact, the `batch` of it over draws and impacts (as stand here),
+    A subclass names its `kernel` of one impact, the `batch` of it over draws and impacts (as below),
     and the `columns` of their rows, which end with mass, radius and inertia of the ball. Both take numbers that carry
     a derivative, see `kernels.dual`.
     """
@@ -60,7 +60,7 @@ class ImpulseModel(SteppedModel):
         return compose
 
     def bounce(self, names: Sequence[str], values: NumberArray, states: States) -> Bounced:
-        """See `SteppedModel.bounce`; no impulse is told its restitution."""
+        """See `SteppedModel.bounce`; no impulse takes the restitution as an input."""
         v_x1, v_y1, omega_1, _cor = states
         shape = (values.shape[0], v_x1.shape[1])
         out = np.empty((3, *shape), dtype=values.dtype)

@@ -1,6 +1,6 @@
 """What every bounce model has in common: a name, a ball, parameters, `rebound`, and what it can do beside that.
 
-Other rooms ask a model what it can do, not for its name or class.
+Callers ask a model what it can do, not for its name or class.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class LinearConstraint:
 
     `margin` is how far inside a search stays, in units of the bound. `lower_bound_of` names a parameter, of
     coefficient -1, for which the others make this a lower bound that moves with them, and on which the best fit often
-    lies; `words` say that bound to a reader.
+    lies; `words` are that bound for a reader.
     """
 
     coefficients: Mapping[str, float]
@@ -123,16 +123,16 @@ def seeds(
 
 @dataclass(frozen=True)
 class Model(ABC):
-    """A bounce model with its ball; subclasses say which parameters it has and evaluate it.
+    """A bounce model with its ball; subclasses define its parameters and evaluate it.
 
     `options` are the named choices it was composed of, as text. With `tangential` false only the vertical motion is
     solved.
 
-    What a model can do beside `rebound` it says itself: `has_time` (a contact time), `has_force` (`force_integrals`),
-    `no_history` (why `history` gives no courses, if so), `linear_constraints`, `oracle`. With `absent_is_zero`,
-    parameters that it does not list are zero. `remark` goes with every fit of it; `unranked` says why comparisons
-    refuse it, if they do. `kernel` is that of one impact, called as `convention` says with a row of `columns`,
-    of which mass, radius and inertia of the ball are the last.
+    Attributes state what a model can do besides `rebound`: `has_time` (a contact time), `has_force`
+    (`force_integrals`), `no_history` (why `history` gives no courses, if so), `linear_constraints`, `oracle`. With
+    `absent_is_zero`, parameters that it does not list are zero. `remark` is a note in every fit of it; `unranked` is
+    the reason why comparisons refuse it, if they do. `kernel` is that of one impact, called as `convention` says with
+    a row of `columns`, of which mass, radius and inertia of the ball are the last.
     """
 
     convention: ClassVar[Convention]
@@ -141,7 +141,7 @@ class Model(ABC):
 
     has_time: ClassVar[bool] = False
     has_force: ClassVar[bool] = False
-    no_history: ClassVar[str] = "has no time axis: its bounce is one impulse"
+    no_history: ClassVar[str] = "has no time axis: it computes a bounce as one impulse"
     absent_is_zero: ClassVar[bool] = False
     remark: ClassVar[str] = ""
     unranked: ClassVar[str] = ""
@@ -227,7 +227,7 @@ class Model(ABC):
         return KernelCall(self.convention, kernel, self.columns, tuple(map(float, row)), tuple(map(int, self.codes)))
 
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
-        """What the model demands of its parameters at these impacts beside their bounds: a restitution in (0, 1]."""
+        """Conditions on the parameters at these impacts besides their bounds: a restitution in (0, 1]."""
         return tuple(
             constraint
             for line in restitution_lines(self.parameter_names, impacts)
@@ -275,8 +275,8 @@ class Model(ABC):
         check_impacts(impacts)
         if self.needs_cor and impacts.cor is None:
             raise ModelError(
-                "closure cor = 'measured' needs each impact's own coefficient of restitution: "
-                + spoken("take a model with cor = line or mean", "pass impacts(..., cor=...)")
+                "cor = measured needs the measured coefficient of restitution of each impact: "
+                + spoken("use cor = line or mean", "pass impacts(..., cor=...)")
             )
         rebound = self.evaluate(names, values, impacts)
         if not single:
@@ -312,7 +312,7 @@ class Model(ABC):
             raise ParameterError("a history takes one value of each parameter, not draws")
         check_impacts(impact)
         if len(impact) != 1:
-            raise ParameterError(f"a history is that of one impact: read {len(impact)}")
+            raise ParameterError(f"a history has one impact: read {len(impact)}")
         return names, values
 
     def _checked(self, parameters: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], FloatArray, bool]:
@@ -345,7 +345,7 @@ class Model(ABC):
             values = np.stack(np.broadcast_arrays(*columns), axis=-1)
         except ValueError:
             lengths = {name: column.shape for name, column in zip(names, columns, strict=True)}
-            raise ParameterError(f"parameters differ in number of draws: {lengths}") from None
+            raise ParameterError(f"all parameters need the same number of draws: read {lengths}") from None
         return names, np.atleast_2d(values), values.ndim == 1
 
 
@@ -398,7 +398,7 @@ class SteppedModel(Model):
 
 
 def check_impacts(impacts: object) -> None:
-    """Raise ParameterError for what are no impacts."""
+    """Raise ParameterError unless these are impacts."""
     if not isinstance(impacts, Impacts):
         raise ParameterError(f"read impacts of type {type(impacts).__name__}, expected fitball.impacts(...)")
 
@@ -431,7 +431,7 @@ def below_mass_ratio(line: Mapping[str, float], measured: float = 0.0) -> Linear
 
 
 def saturating_constraints(capped_by_mass_ratio: bool) -> tuple[LinearConstraint, ...]:
-    """What the law `cor = saturating` demands at whatever speed: `cor_10` in (0, 1) or below the mass ratio, and a
+    """Conditions of the law `cor = saturating` at every speed: `cor_10` in (0, 1) or below the mass ratio, and a
     rebound speed that does not fall.
     """
     value = {"cor_10": 1.0}

@@ -3,7 +3,7 @@
 No closed form of the driven torsional oscillator is used here. Each phase of the contact is one linear autonomous
 system `z' = A z`, carried on by matrix exponentials in double precision or at any number of digits; each event is a
 row `c` with `c z >= 0` for as long as the phase lasts. State: (y, y', u, omega_1, omega_2, theta) with the contact
-slip `u = v_x - omega_2`, which stands in the state so that a contact point at rest is exactly at rest.
+slip `u = v_x - omega_2`, which is in the state so that a contact point at rest is exactly at rest.
 
 Units inside: the core's undamped vertical frequency sets the time, the approach speed the velocities, the ball's mass
 and radius the rest.
@@ -82,7 +82,9 @@ def arrange(
 
     def read(name: str) -> Number:
         if name not in parameters:
-            raise ParameterError(f"parameter {name} is missing: these closures need it; given: {sorted(parameters)}")
+            raise ParameterError(
+                f"parameter {name} is missing: these model assumptions need it; given: {sorted(parameters)}"
+            )
         return kind.number(float(parameters[name]))
 
     speed = kind.number(float(impacts.v_y1[index]))
@@ -112,9 +114,7 @@ def arrange(
     if closures.torsion != "rigid":
         core, shell = (inertia * share for share in _shares_of_inertia(kind, closures, read))
         if not (core > 0 and shell > 0):
-            raise ParameterError(
-                "core or shell is left without inertia: mass_ratio or inertia_split must lie in (0, 1)"
-            )
+            raise ParameterError("core or shell has no inertia: mass_ratio or inertia_split must lie in (0, 1)")
         stiffness = read("k_theta") / (mass * radius * radius * frequency * frequency)
         compliance = 1 / core + 1 / shell
         natural_squared = stiffness * compliance
@@ -191,7 +191,7 @@ def _coefficient_of_restitution(
 ) -> Number:
     if closures.cor == "measured":
         if impacts.cor is None:
-            raise ParameterError("cor = 'measured' needs each impact's own measured coefficient of restitution")
+            raise ParameterError("cor = measured needs the measured coefficient of restitution of each impact")
         return kind.number(float(impacts.cor[index]))
     if closures.cor == "mean":
         return read("cor_10")

@@ -1,6 +1,6 @@
 """The ladder of models by name, and `model`, which composes one.
 
-A new model is one entry of `MODELS`; what stands here of it is what has to be known before it is composed.
+A new model is one entry of `MODELS`, with what has to be known before it is composed.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _Chosen = Closures | ThesisClosures | ImpulseClosures
 
 @dataclass(frozen=True)
 class Reduced:
-    """What a model is on a table that does not show all of it: the `closures` it takes there unless told otherwise,
-    and the `candidates` that a comparison tries of it by default, as names with closures.
+    """A model on a table that does not show all of it: the `closures` it has there by default, and the `candidates`
+    that a comparison tries of it by default, as names with closures.
     """
 
     closures: Mapping[str, str] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Entry:
     """How a model is composed, from its name, ball, whether there is motion along the court, and its closures, which
     are `closures` with some replaced (None: it has none).
 
-    `candidates` are what a comparison tries of it by default, `variants` what more unless it has to be quick.
+    `candidates` are what a comparison tries of it by default, `variants` what it adds unless it is to be quick.
     `spinless` and `vertical` are the model on a table without spin, and without any motion along the court; None
     where it cannot be fitted to such a table.
     """
@@ -61,7 +61,7 @@ MODELS: dict[str, Entry] = {
         Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line"),
         candidates=("two-mass",),
         # One closure changed at a time. `normal = inner` is left to those who name it, because it breaks the momentum
-        # balance of the ball; `cor = measured`, because it is told a column that the others predict.
+        # balance of the ball; `cor = measured`, because it takes as an input a column that the others predict.
         variants=(
             "two-mass+release=zero_displacement",
             "two-mass+normal=total",
@@ -99,7 +99,7 @@ MODELS: dict[str, Entry] = {
 
 
 def entry(name: str) -> Entry:
-    """What is known of the model called `name`. Raises ModelError for an unknown one."""
+    """The entry of the model called `name`. Raises ModelError for an unknown one."""
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}")
     return MODELS[name]
@@ -117,7 +117,7 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
     """
     chosen = entry(name)
     if chosen.closures is None and closures:
-        raise ModelError(f"model {name} has no closures, so {', '.join(sorted(closures))} cannot be chosen")
+        raise ModelError(f"model {name} has no model variants (closures): read {', '.join(sorted(closures))}")
     composed = chosen.closures and _changed(chosen.closures, closures)
     return chosen.compose(name, ball if ball is not None else Ball(), tangential, composed)
 
@@ -129,7 +129,7 @@ def closure_options(name: str) -> dict[str, tuple[str, ...]]:
 
 
 def parameter_spec(name: str) -> ParameterSpec | None:
-    """What a parameter of any model, or of its ball, is; None for a name that none of them has."""
+    """The specification of a parameter of any model, or of its ball; None for an unknown name."""
     own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
     return SPECS.get(name) or next(own, None)
 

@@ -1,4 +1,4 @@
-"""The bounce as Jafri (2004) computed it, slips included: for reproduction, never as physics.
+"""The bounce as Jafri (2004) computed it, mistakes included: for reproduction, never as physics.
 
 Every departure from the thesis's own equations is marked `SLIP` where it happens. All were found by recomputing
 Appendix C; none contains a fitted number. In complex form: with `z = -sigma + i omega_dy` a pole of the vertical
@@ -385,20 +385,20 @@ class ThesisCourse:
 
 @dataclass(frozen=True)
 class ThesisModel(SteppedModel):
-    """The bounce as the thesis computed it; reproduces print and breaks balances, so it is no rival of the others."""
+    """The bounce as the thesis computed it: the printed numbers, which violate balances, so it is not ranked."""
 
     has_time = True
     no_history = (
-        "has no history: forces and spins of its computation do not obey its own equations; `course` gives the "
-        "velocities it computed"
+        "has no history: forces and spins of the printed computation violate its own equations; `course` gives the "
+        "computed velocities"
     )
     remark = (
-        "model thesis repeats a printed computation with its slips: it breaks the ball's own balances, reproduces "
-        "print, and is no rival of the other models"
+        "model thesis reproduces a printed computation with its mistakes, which violate the balances of the ball: do "
+        "not compare it with the other models"
     )
     unranked = (
-        "model thesis repeats a printed computation with its slips and is not ranked; its published parameter sets "
-        "are scored by themselves on Wang's tables, and thesis-exact solves its equations"
+        "model thesis reproduces a printed computation with its mistakes and is not ranked. Its published parameter "
+        "sets are scored on Wang's tables; thesis-exact solves its equations"
     )
 
     convention = "thesis"
@@ -454,6 +454,6 @@ class ThesisModel(SteppedModel):
 
 
 def compose_thesis(name: str, ball: Ball, tangential: bool, closures: ThesisClosures) -> ThesisModel:
-    """The model of a composition with its parameters; it knows no motion that is vertical only."""
+    """The model of a composition with its parameters; it has no vertical motion alone."""
     parameters = specs(*thesis_parameters(closures))
     return ThesisModel(name, ball, asdict(closures), parameters, closures=closures, tangential=tangential)

@@ -87,7 +87,7 @@ class ImpulseClosures:
 
 
 class Phase(IntEnum):
-    """What the contact point does; the digits of a packed regime sequence."""
+    """The motion of the contact point; the digits of a packed regime sequence."""
 
     SLIDE_FORWARD = 1
     SLIDE_BACKWARD = 2
@@ -119,31 +119,31 @@ class Status(IntEnum):
 
 STATUS_REASON = {
     Status.OK: "",
-    Status.COR_OUT_OF_RANGE: "the coefficient of restitution leaves (0, 1] at this impact speed",
+    Status.COR_OUT_OF_RANGE: "the coefficient of restitution is outside (0, 1] at this impact speed",
     Status.COR_EXCEEDS_MASS_RATIO: (
         "the coefficient of restitution exceeds mass_ratio: with normal = momentum the core cannot return that fast"
     ),
     Status.TORSION_TOO_SOFT: (
-        "k_theta is too small for torsion = matched: the undamped torsional frequency lies below the vertical one"
+        "k_theta is too small for torsion = matched: the undamped torsional frequency is below the vertical one"
     ),
     Status.DAMPING_OUT_OF_RANGE: (
-        "the vertical damping is beyond critical, or its formula asks for a restitution outside (0, 1]"
+        "the vertical damping is supercritical, or its formula needs a restitution outside (0, 1]"
     ),
-    Status.RESONANCE: "the joint resonates with the vertical motion, where the particular solution does not exist",
+    Status.RESONANCE: "the torsional spring is in resonance with the vertical motion",
     Status.NO_INERTIA: (
-        "core or shell is left without inertia, as with mass_ratio = 1 and inertia = tied; use inertia = table or "
+        "core or shell has no inertia, as with mass_ratio = 1 and inertia = tied; use inertia = table or "
         "torsion = rigid"
     ),
     Status.TOO_RAPID: (
-        "core and shell swing against each other too fast for one contact to be followed: use torsion = rigid, or "
+        "core and shell oscillate too fast to follow during one contact: use torsion = rigid, or "
         "a mass_ratio further from 1"
     ),
-    Status.LEVEL_OUT_OF_BOUNDS: "a parameter that differs between surfaces or balls leaves its bounds on one of them",
-    Status.NO_IMPACT: "with its uncertainty the incident state may move away from the court: then there is no impact",
+    Status.LEVEL_OUT_OF_BOUNDS: "a parameter is outside its bounds on one of the surfaces or balls",
+    Status.NO_IMPACT: "the uncertainty of the incident state includes motion away from the court, without an impact",
     Status.REBOUND_FALLS: (
-        "cor_slope is below -cor_10/(10 m/s), where v_y2 would fall with v_y1: cor = saturating knows no such ball"
+        "cor_slope is below -cor_10/(10 m/s), where v_y2 would fall with v_y1: cor = saturating excludes that"
     ),
-    Status.TOO_MANY_PHASES: "the contact point changed between slip and grip more often than the solver follows",
+    Status.TOO_MANY_PHASES: "the contact point changes between slip and grip too often for the solver",
 }
 
 PHASE_SYMBOL = {
@@ -177,7 +177,7 @@ def regime_name(code: int) -> str:
     try:
         return "-".join(PHASE_SYMBOL[phase] for phase in unpack_regime(int(code)))
     except ValueError:
-        raise ParameterError(f"code = {code}: expected a packed sequence of phases, as a rebound has it") from None
+        raise ParameterError(f"code = {code}: expected a packed sequence of phases, as in a rebound") from None
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ def table_draws(name: str, draws: FloatArray, priors: str) -> list[TableDraws]:
     """The tables as a population takes them, from draws (tables, draws), interim priors divided out or left in."""
     asked, divided = quantity(name), priors == PRIORS[0]
     log_prior = asked.log_prior({name: prior_of(asked.parts[0], INTERIM[name])}) if divided else np.zeros_like
-    return [TableDraws.of(str(k), asked.coordinates({name: own}), log_prior) for k, own in enumerate(draws)]
+    return [TableDraws.drawn(str(k), asked.coordinates({name: own}), log_prior) for k, own in enumerate(draws)]
 
 
 def populations(seed: int, number: int) -> list[Row]:
@@ -224,7 +224,7 @@ def joint(seed: int, number: int) -> list[Row]:
         asked = quantity(name)
         priors = {name: default_prior(asked.parts[0])}
         draws = [
-            TableDraws.of(str(k), asked.coordinates(own), asked.log_prior(priors)) for k, own in enumerate(alone)
+            TableDraws.drawn(str(k), asked.coordinates(own), asked.log_prior(priors)) for k, own in enumerate(alone)
         ]
         found = population(draws, asked.before(asked.ends(priors)))
         for what, known, both in (

@@ -84,7 +84,7 @@ def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) ->
 
 
 def _is_assumed(problem: Problem, parameter: Parameter) -> bool:
-    """Whether the scene says nothing of what noise to expect, or a prior says so much that its width counts."""
+    """Whether the scene states no noise to expect, or a chosen prior does, so that its width counts."""
     if parameter.prior.text != expected_prior(parameter.name, problem.scene, problem.table):
         return True
     unit = SD_SPECS[parameter.name].unit
@@ -260,7 +260,7 @@ def _farthest(observed: Tables, column: int) -> NDArray[np.int64]:
 
 
 def _left_out(fit: Refit, column: int, far: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """By how much the measurements `far` of a column are off as a fit to all others has it, and the sds of that in
+    """By how much the measurements `far` of a column deviate from a fit to all others, and the sds of that in
     units of the noise.
     """
     own = fit.own[fit.rows(column)][far]

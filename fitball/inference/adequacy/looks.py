@@ -296,7 +296,7 @@ def farthest(studentised: FloatArray, freedom: float) -> tuple[NDArray[np.int64]
 
 def distributions(tables: Tables, left_out: FloatArray | None) -> Iterator[Look]:
     """Whether the probability that a measurement exceeds what all others predict is uniform: its largest distance
-    from that. Of the made tables to first order, where a deleted residual has Student's distribution (Cook and
+    from that. Of simulated data sets to first order, where a deleted residual has Student's distribution (Cook and
     Weisberg 1982); of the observed one as in `left_out` (columns, impacts), if there is that.
     """
     fit = tables.fit
@@ -320,7 +320,7 @@ def distributions(tables: Tables, left_out: FloatArray | None) -> Iterator[Look]
 
 
 def _scored(kind: str, column: int, over: str, words: str, seen: FloatArray, sides: int = 2) -> Look:
-    """A check whose probability is that of a normal number, as centred and wide as the made tables have it; of the
+    """A check whose probability is that of a normal number, with the mean and sd of the simulated ones; of the
     table alone there is none.
     """
     p = scored(seen, seen[1:], sides) if seen.size > 1 else np.full(1, np.nan)
@@ -337,8 +337,8 @@ def family(looks: Sequence[Look]) -> tuple[FloatArray, FloatArray]:
     """Of each check the probability that a table of the model shows as much in any of them (looks,), and the level
     of each check (looks,) at which that is `FALSE_EXCEPT`.
 
-    The least of all probabilities is held against the least of each made table (Westfall and Young 1993), each
-    counted by the weight of its kind, which the checks of a kind share (Genovese, Roeder and Wasserman 2006).
+    The least of all probabilities is compared with the least of each simulated data set (Westfall and Young 1993),
+    each counted by the weight of its kind, which the checks of a kind share (Genovese, Roeder and Wasserman 2006).
     """
     tiers = [KINDS[look.kind].tier for look in looks]
     weight = np.array([TIERS[tier] / tiers.count(tier) for tier in tiers])

@@ -1,10 +1,10 @@
-"""All checks of a table, beside those of tables that the fitted model makes; of a long table these have fewer rows.
+"""All tests of the data, beside those of simulated data sets; of a long table these have fewer rows.
 
-Each made table is as dear as the table itself, and tells of chances alone, which are nearly the same whatever the
-rows. So where made tables would be longer than `MADE` measurements they are made at a part of the rows, evenly
-spread; the table itself is looked at whole. What is no probability by itself, the correlation of neighbours or of
-sizes, has the mean and the sd of the shorter tables, scaled by rows. The shape of the noise is looked at in that part
-where it takes a sum over draws, or where only made tables tell its chances.
+Each simulated data set costs as much as the data, and gives probabilities only, which hardly depend on the number of
+rows. So where they would be longer than `MADE` measurements they are simulated at a part of the rows, evenly spread;
+the data are tested whole. Statistics without a probability of their own, such as the correlation of neighbours, get
+mean and sd of the shorter data sets, scaled by rows. The shape of the noise is tested in that part where it takes a
+sum over draws, or where only simulated data sets give its probability.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from fitball.inference.sampling.importance import K_TRUSTED, equal_draws, refitt
 from fitball.models.types import Rebound
 from fitball.values import FloatArray
 
-# Probability integral transforms of measurements that were left out: is each where the others say it would be?
+# Probability integral transforms of measurements that were left out: is each where the others predict it?
 
 # Draws that stand for a posterior, and rows beyond which leaving one of them out changes nothing that could be seen.
 DRAWS, LEFT_OUT = 1000, 400

@@ -1,7 +1,7 @@
 """Residuals at the best fit, and those of data sets simulated from it, each refitted to first order; patterns that
 they may have: trends with the incident state, biases of groups.
 
-With `K` the derivatives of all weighted residuals (measurements, what the scene knows, records, priors) and `U` an
+With `K` the derivatives of all weighted residuals (measurements, scene, records, priors) and `U` an
 orthonormal basis of its columns, a refit takes `U U^T e` off deviations `e`: what is left of standard ones has, over
 the prior, exactly the covariance of the residuals of a linear model. So a test that is calibrated on them does not
 use the data twice (Robins, van der Vaart and Ventura 2000, JASA 95, 1143).
@@ -43,7 +43,7 @@ class Refit:
     """A best fit and its first order.
 
     `columns` names the measured columns, one after the other in `measured` (measurements,): residuals, measured less
-    predicted, in units of the fitted noise; `places` says of each column at which of the `impacts` it was measured.
+    predicted, in units of the fitted noise; `places` are the `impacts` at which each column was measured.
     `noise` (measurements,) numbers the noises of `noises`. `basis` (rows, rank) is `U`, its first rows those of the
     measurements; a change `c` of coefficients of the basis moves parameter `names[k]` by `reach[k] @ c` of its
     standard deviations. `effects` (measurements,) has what a small change of each parameter of `WEARING` does,

@@ -177,7 +177,7 @@ def based_on(
     simulated: str,
     sampled: bool,
 ) -> str:
-    """What the answer rests on."""
+    """What the answer is based on."""
     count, stated = len(checks), sum(check.stated for check in noise)
     tests = f"{count} residual test{'s' * (count != 1)}"
     parts = [sentences.TESTS.format(tests=tests, simulated=simulated) if checks else sentences.NO_TESTS]

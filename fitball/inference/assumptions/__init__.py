@@ -1,4 +1,5 @@
-"""What rests on an assumption: alternatives to each choice that a problem was posed with, fitted quickly and scored.
+"""How results depend on model assumptions: alternatives to each choice that a problem was posed with, fitted quickly
+and scored.
 
 Offers: `look`.
 May import: inference.prediction, inference.identifiability, inference.sampling, inference.point,

@@ -1,4 +1,4 @@
-"""What rests on a constant of the ball that a table hardly tells: its mass, its radius, its moment of inertia.
+"""What depends on a constant of the ball that the data hardly determine: its mass, its radius, its moment of inertia.
 
 To first order, from the draws of the fit itself. Of a constant that is held, the posterior mean of a quantity moves
 by its covariance with the slope of the log density over that constant (Gustafson 1996, *Ann. Statist.* 24, 174); of
@@ -101,7 +101,7 @@ def _held(problem: Problem, values: FloatArray, name: str, value: float, ends: t
 
 
 def _free(problem: Problem, values: FloatArray, name: str) -> Constant:
-    """A constant that is fitted, under a prior of which the middle is as uncertain as its sd says."""
+    """A constant that is fitted, under a prior whose centre is as uncertain as its sd."""
     column = problem.free_names.index(name)
     prior = problem.free[column].prior
     reach = REACH * prior.variance**0.5 * np.array([-1.0, 1.0])
@@ -117,8 +117,8 @@ def _constant(
     reach: FloatArray,
     direct: Mapping[str, FloatArray],
 ) -> Constant:
-    """What rests on a constant by draws `values` (draws, free) and their `score` (draws,): the covariance with it is
-    what a quantity moves by for each unit of the constant, beside what that moves by itself (`direct`, draws).
+    """What depends on a constant, by draws `values` (draws, free) and their `score` (draws,): the covariance with it
+    is what a quantity moves by for each unit of the constant, beside what that moves by itself (`direct`, draws).
     """
     score, far = score - score.mean(), float(np.abs(reach).max())
     known = dict(zip(problem.free_names, problem.to_coordinates(values).T, strict=True))

@@ -1,4 +1,4 @@
-"""A cheap look at what a fit rests on: each choice changed, fitted quickly, scored, and compared."""
+"""How results depend on model assumptions, quickly: each choice changed, fitted, scored and compared."""
 
 from __future__ import annotations
 
@@ -63,9 +63,8 @@ class Change:
 def alternatives(problem: Problem, probes: FloatArray) -> tuple[Change, ...]:
     """All single changes that make a difference at `probes` (draws, free), coordinates of the problem.
 
-    A closure that the table does not show (see `registry.Reduced`) stays as it is, and so does whether the model is
-    told each measured restitution: a model that is told a column cannot be scored by it. Models that take no part in
-    comparisons keep their closures.
+    A closure that these data cannot show (see `registry.Reduced`) stays as it is. So does the measured restitution as
+    an input: a column that is an input cannot score a model. Models that are not compared keep their closures.
     """
     found = []
     for name, instead_of, changed in _changes(problem):
@@ -140,7 +139,7 @@ OWN_DRAWS = 2000
 # Effective draws of the posterior without an impact whose weights are not to be trusted: its log density is then
 # known to a seventh, far below a difference that is sure.
 REFIT_DRAWS = 200.0
-# Gain of log posterior below which a search for an optimum of an alternative ends: the draws about it tell the rest.
+# Gain of log posterior below which a search for an optimum of an alternative ends: the draws about it give the rest.
 NEAR = 0.01
 # Optima of the fit from which each alternative is searched, with these quantiles of the priors of parameters that
 # only the alternative has.
@@ -207,7 +206,7 @@ def assumptions_generator(seed: int) -> np.random.Generator:
 
 
 def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator) -> Assumptions:
-    """What of a fit rests on which choice; why there is no look, where it would cost too much or does not settle."""
+    """How each quantity of a fit depends on each choice; or why that is not known."""
     part, own = thinned_problem(problem, LOOKED_AT), None
     if len(problem.impacts) <= ROWS and problem.dimension <= DIMENSIONS:
         if posterior is None:
@@ -221,15 +220,16 @@ def look(problem: Problem, point: PointFit, posterior: Posterior | None, rng: np
     base = own or compared.linear
     if base is None:
         return Assumptions((), {}, {}, sentences.NOTHING_DRAWN)
-    # What is told of the fit itself is what its estimates tell: of every draw, not of those that are scored.
+    # The fit itself is summarised by every draw, as its estimates are, not by those that are scored.
     whole = base if posterior is None else Fitted(problem, equal_draws(posterior.draws))
-    told = whole.parameters(problem.noise), whole.court_pace()
+    own_summaries = whole.parameters(problem.noise), whole.court_pace()
     probes = base.draws.values[np.linspace(0, len(base.draws.values) - 1, PROBES).astype(np.int64)]
-    found = tuple(compared.fitted(told, change) for change in alternatives(part, problem.to_coordinates(probes)))
+    changes = alternatives(part, problem.to_coordinates(probes))
+    found = tuple(compared.fitted(own_summaries, change) for change in changes)
     return Assumptions(
         found,
-        _spans(told[0], [(item, item.parameters) for item in found]),
-        _spans(told[1], [(item, item.court_pace) for item in found]),
+        _spans(own_summaries[0], [(item, item.parameters) for item in found]),
+        _spans(own_summaries[1], [(item, item.court_pace) for item in found]),
     )
 
 
@@ -261,8 +261,8 @@ def _linear_elpd(problem: Problem, there: StudentProposal) -> FloatArray:
 def _on_whole(
     whole: Mapping[str, Summary], part: Mapping[str, Summary], other: Mapping[str, Summary]
 ) -> dict[str, Summary]:
-    """What an alternative says to first order, on a `part` of the rows if they are many, as draws of the `whole`
-    would: as far from the fit itself as there, as much wider or narrower.
+    """An alternative's summaries to first order, on a `part` of the rows if they are many, scaled to the
+    `whole`: as far from the fit itself as there, as much wider or narrower.
     """
     moved = {}
     for name, there in other.items():
@@ -294,7 +294,7 @@ class Compared:
 
     @cached_property
     def own_scores(self) -> FloatArray | None:
-        """Of the impacts by draws; None of few impacts, of which no score tells anything."""
+        """Of the impacts by draws; None of few impacts, whose scores mean nothing."""
         return self._scores(self.own)
 
     @cached_property
@@ -305,9 +305,9 @@ class Compared:
     def _scores(self, fitted: Fitted | None) -> FloatArray | None:
         return None if fitted is None or len(self.problem.impacts) < FEW else fitted.elpd(self.rng)
 
-    def fitted(self, told: tuple[Mapping[str, Summary], Mapping[str, Summary]], change: Change) -> Alternative:
-        """A single change, fitted quickly and scored beside the fit itself, of whose parameters and court pace this
-        is `told`; with few impacts no change is refused.
+    def fitted(self, whole: tuple[Mapping[str, Summary], Mapping[str, Summary]], change: Change) -> Alternative:
+        """A single change, fitted quickly and scored beside the fit itself, whose parameters and court pace are
+        `whole`; with few impacts no change is refused.
         """
 
         def without(reason: str, unsettled: bool = False) -> Alternative:
@@ -339,8 +339,8 @@ class Compared:
         noise = self.problem.noise
         parameters, paces = found.parameters(noise), found.court_pace()
         if not drawn and self.linear is not None:
-            parameters = _on_whole(told[0], self.linear.parameters(noise), parameters)
-            paces = _on_whole(told[1], self.linear.court_pace(), paces)
+            parameters = _on_whole(whole[0], self.linear.parameters(noise), parameters)
+            paces = _on_whole(whole[1], self.linear.court_pace(), paces)
         return Alternative(
             change.name,
             change.instead_of,
@@ -373,7 +373,7 @@ def _starts(problem: Problem, values: Mapping[str, float]) -> FloatArray:
 def _spans(
     own: Mapping[str, Summary], others: Sequence[tuple[Alternative, Mapping[str, Summary]]]
 ) -> dict[str, Span]:
-    """Every quantity of the fit over the alternatives that are as good and have it."""
+    """Every quantity of the fit over the alternatives that fit equally well and have it."""
     good = [(item, known) for item, known in others if item.as_good]
     return {
         name: span(summary, [(item.name, item.instead_of, known[name]) for item, known in good if name in known])

@@ -29,8 +29,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Models to compare on one table; `columns` are the measured ones that all of them predict, `notes` say what
-    was left out and why.
+    """Models to compare on one table; `columns` are the measured ones that all of them predict, `notes` are sentences
+    on what was left out, and why.
     """
 
     candidates: tuple[Candidate, ...]
@@ -56,17 +56,18 @@ def default_names(table: ImpactTable, quick: bool = False) -> tuple[tuple[str, .
     """Models that can differ on this table, and a sentence for those left out."""
     if not table.has_tangential:
         return _tried(lambda entry: entry.vertical), [
-            "without motion along the court every model says COR(v_y1) v_y1: brody, grip-slip, thesis-exact and the "
-            "other closures are left out"
+            "without motion along the court all models predict COR(v_y1) v_y1: brody, grip-slip, thesis-exact "
+            "and the "
+            "other model variants are left out"
         ]
     if not table.has_spin:
         return _tried(lambda entry: entry.spinless), [
-            "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and all closures but "
-            "cor are left out"
+            "without spin the two-mass ball is rigid and equals brody: two-mass, thesis-exact and all model "
+            "variants but those of cor are left out"
         ]
     core = _tried(lambda entry: entry)
     if quick:
-        return core, [f"quick: the closures of {DEFAULT_MODEL} are left out"]
+        return core, [f"quick: the variants of {DEFAULT_MODEL} are left out"]
     return (*core, *(name for entry in MODELS.values() for name in entry.variants)), []
 
 
@@ -98,7 +99,7 @@ def build_candidates(table: ImpactTable, scene: Scene, names: Sequence[str]) -> 
             notes.append(f"{text} is {twin.name} on this table and is not fitted again")
     if len(candidates) < 2:
         raise FitError(
-            f"a comparison needs at least two different models; there is {len(candidates)}: name more (models)"
+            f"a comparison needs at least two different models, read {len(candidates)}: name more (models)"
         )
     columns, said = _common_columns(candidates)
     if not columns:
@@ -131,12 +132,13 @@ def _common_columns(candidates: Sequence[Candidate]) -> tuple[tuple[str, ...], l
         if without:
             verb = "does" if len(without) == 1 else "do"
             notes.append(
-                f"{name} enters no score of the comparison, because {', '.join(without)} {verb} not predict it; "
-                "models that do are fitted to it all the same"
+                f"{name} is left out of all scores, because {', '.join(without)} {verb} not predict it; "
+                "the other models are still fitted to it"
             )
     informed = [candidate for candidate in candidates if candidate.given_columns]
     notes += [
-        f"{candidate.name} is told each measured {', '.join(candidate.given_columns)}, also of left-out impacts"
+        f"{candidate.name} takes as an input each measured {', '.join(candidate.given_columns)}, also of "
+        "left-out impacts"
         for candidate in informed
     ]
     return common, notes

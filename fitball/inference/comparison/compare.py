@@ -1,4 +1,4 @@
-"""The candidates of models on one table, each fitted and scored by what it says of impacts it has not seen."""
+"""The candidates of models on one table, each fitted and scored by its predictions of left-out impacts."""
 
 from __future__ import annotations
 
@@ -105,12 +105,12 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     information = criteria(problem, starts) if every else None
     if not every:
         extra = ", ".join(observable.name for observable in problem.observables if observable.name not in columns)
-        notes.append(f"fitted to {extra} too, so that AICc and BIC would not compare: left out")
+        notes.append(f"fitted to {extra} too, which makes AICc and BIC incomparable: left out")
     left = sum(observable.observed.size for observable in problem.observables) - len(problem.observables)
     if left <= problem.dimension:
         notes.append(
-            f"without one impact {left} measurements are left for {problem.dimension} free parameters: its priors "
-            "decide its scores"
+            f"without one impact {left} measurements are left for {problem.dimension} free parameters: the priors "
+            "decide the scores of this model"
         )
     return ModelScore(
         name=candidate.name,
@@ -283,7 +283,7 @@ def stacking_weights(elpd: FloatArray) -> FloatArray:
         if float(ratio.max()) - 1.0 < GAP:
             return weights
         weights = weights * ratio
-    raise FitError(f"stacking weights did not settle (a gain of {ratio.max() - 1.0:.1g} an impact is left)")
+    raise FitError(f"stacking weights did not converge (a gain of {ratio.max() - 1.0:.1g} an impact is left)")
 
 
 # Fewer impacts than this leave nothing to compare: one left out of two is a fit to a single bounce.
@@ -314,8 +314,8 @@ def compare(
     if len(table) < LEAST_IMPACTS:
         count = "1 impact" if len(table) == 1 else f"{len(table)} impacts"
         raise FitError(
-            f"{table.source}: {count}: models are compared by leaving impacts out, which needs at least "
-            f"{LEAST_IMPACTS} of them, and {FEW} to mean anything"
+            f"{table.source}: {count}: a comparison leaves impacts out and needs at least "
+            f"{LEAST_IMPACTS} of them, {FEW} for a recommendation"
         )
     # The second stream is kept free, so that models keep theirs between versions.
     fold_seed, _free, *model_seeds = np.random.SeedSequence(effort.seed).spawn(2 + len(candidates.candidates))
@@ -344,7 +344,7 @@ def compare(
     names = [score.name for score in scores]
     stacking = dict(zip(names, map(float, stacking_weights(elpd)), strict=True))
     if len(table) < FEW:
-        notes.insert(0, f"with {len(table)} impacts leave-one-out scores mean nothing: no model is recommended")
+        notes.insert(0, f"with {len(table)} impacts leave-one-out scores are meaningless: no model is recommended")
     return Comparison(
         table=table,
         columns=candidates.columns,
@@ -387,12 +387,13 @@ def _searched_again(
     for name, score in better.items():
         if still := overtaken(score, mended):
             alarms.append(
-                f"ALARM: {name} contains {' and '.join(still)} and fits worse even so: its maximum was not found, "
-                "and nothing said of it here holds"
+                f"ALARM: {name} contains {' and '.join(still)} but fits worse: its maximum was not found. Do not use "
+                "its results here"
             )
         else:
             said.append(
-                f"{name} contains {' and '.join(behind[name])} and had fitted worse, which no maximum can: it was "
-                f"searched again from theirs, and its log posterior is {score.fit.point.log_posterior:.2f} now"
+                f"{name} contains {' and '.join(behind[name])} but first fitted worse, so its maximum was "
+                "missed: it was "
+                f"searched again from their maxima, and its log posterior is {score.fit.point.log_posterior:.2f} now"
             )
     return mended, sorted(said), sorted(alarms)

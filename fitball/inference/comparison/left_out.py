@@ -1,4 +1,4 @@
-"""What a model says of impacts it has not seen: refits without some impacts, and how far their predictions of these
+"""Predictions of left-out impacts: refits without some impacts, and how far their predictions of these
 are off; predictive densities of single ones, by importance sampling, by an exact refit where that is unreliable.
 
 Only the likelihood of what is left out goes, as in `withheld`: the scene's knowledge, the priors, and that every
@@ -80,15 +80,18 @@ def make_folds(table: ImpactTable, rng: np.random.Generator) -> tuple[tuple[Fold
     else:
         parts = np.array_split(rng.permutation(count), FOLDS)
         folds = [Fold(IMPACTS, f"fold {k + 1}", np.sort(part)) for k, part in enumerate(parts)]
-        notes.append(f"{count} impacts: errors of left-out impacts come from {FOLDS} random folds, not one by one")
+        notes.append(
+            f"{count} impacts: errors of left-out impacts come from {FOLDS} random folds, not from leaving out "
+            "one at a time"
+        )
     labels = table.labels.get("group", ())
     groups = sorted(set(labels))
     if len(groups) >= 2:
         folds += [Fold(GROUPS, group, np.flatnonzero(np.array(labels) == group)) for group in groups]
     else:
-        notes.append("the table names fewer than two groups: no group is left out")
+        notes.append("the table has fewer than two groups: none is left out")
     if count < 6:
-        notes.append(f"{count} impacts have no thirds worth leaving out")
+        notes.append(f"{count} impacts are too few to leave out a third")
         return tuple(folds), notes
     given = table.impacts
     angle = table.has_tangential
@@ -96,7 +99,9 @@ def make_folds(table: ImpactTable, rng: np.random.Generator) -> tuple[tuple[Fold
     order = np.argsort(along, kind="stable")
     third = count // 3
     if along[order[third - 1]] == along[order[-third]]:
-        notes.append(f"too many impacts have the same {'angle' if angle else 'speed'} to leave out either end of it")
+        notes.append(
+            f"too many impacts have the same {'angle' if angle else 'speed'} to leave out its lower or upper end"
+        )
         return tuple(folds), notes
     low, high = ("shallowest third", "steepest third") if angle else ("slowest third", "fastest third")
     folds += [Fold(low, low, np.sort(order[:third])), Fold(high, high, np.sort(order[-third:]))]
@@ -123,7 +128,7 @@ def leave_out(
     by_scheme: dict[str, list[tuple[Fold, dict[str, FloatArray]]]] = {}
     for fold, values, lowest in zip(left, *found, strict=True):
         if not np.isfinite(lowest):
-            missing = f"model {problem.model.name}: no start led to parameters of finite posterior density"
+            missing = f"model {problem.model.name}: no search found parameters of finite posterior density"
             notes.append(f"without {fold.label}: {missing}")
             continue
         measured = measured_outputs(_unbiased(problem, values))
@@ -191,7 +196,7 @@ class LeaveOneOut:
 
     @property
     def doubtful(self) -> tuple[int, ...]:
-        """Impacts whose density rests on an importance sampling that is not to be trusted."""
+        """Impacts whose density comes from unreliable importance weights."""
         return tuple(int(k) for k in np.flatnonzero(self.pareto_k > K_TRUSTED) if int(k) not in self.refitted)
 
     @property

@@ -32,8 +32,8 @@ SETTLED = 1e-7
 
 @dataclass(frozen=True)
 class Criteria:
-    """`log_likelihood` at its maximum; `parameters` free ones, noise included, whether or not the table sees them;
-    `measurements` n of the criteria. `aicc` is None where n leaves it undefined.
+    """`log_likelihood` at its maximum; `parameters` free ones, noise included, whether or not the data determine
+    them; `measurements` n of the criteria. `aicc` is None where n leaves it undefined.
     """
 
     log_likelihood: float
@@ -57,7 +57,7 @@ class Criteria:
 def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteria:
     """Maximise the likelihood from `starts` (values by name), noise included, within the bounds of the parameters.
 
-    What the scene knows of the contact time is prior knowledge and does not enter.
+    The scene's contact time is prior knowledge and does not enter.
     """
     # Their penalty would be part of the likelihood, and each would count as a parameter.
     assert not problem.pooling and problem.group_bias is None, "levels and biases are not counted"
@@ -148,7 +148,7 @@ class ModelScore:
 
     @property
     def unidentified(self) -> dict[str, Verdict]:
-        """Parameters the table leaves as they were known, bounds from one side only, or tells conditionally."""
+        """Parameters that the data do not determine, bound on one side only, or determine conditionally."""
         open_ones = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED, Verdict.CONDITIONAL)
         return {estimate.name: estimate.verdict for estimate in self.fit.estimates if estimate.verdict in open_ones}
 
@@ -165,8 +165,8 @@ class RmsDifference:
 @dataclass(frozen=True)
 class Comparison:
     """All models on one table, best first by elpd. `columns` are the measured columns that are scored; `stacking`
-    weights by model; `status` of the run as a whole; `assumptions` what each model says of each
-    quantity, and all of them together.
+    weights by model; `status` of the run as a whole; `assumptions` each quantity by model, and over all of them
+    together.
     """
 
     table: ImpactTable

@@ -1,5 +1,5 @@
-"""What to measure next: how much a planned impact would tell (Bayesian optimal design, Lindley 1956), from draws of a
-posterior, about parameters or about a prediction.
+"""What to measure next: the expected information gain of a planned impact (Bayesian optimal design, Lindley 1956),
+from draws of a posterior, about parameters or about a prediction.
 
 Offers: `make_plan`, `Asked`, `Plan`.
 May import: inference.prediction, inference.likelihood, inference.results, inference.problem, models, data.

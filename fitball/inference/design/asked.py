@@ -73,7 +73,7 @@ def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
     if text is None:
         names = tuple(name for name in problem.model_names if name in problem.free_names)
         if not names:
-            raise FitError("no parameter of the model is free: name one that is (a noise) to plan for")
+            raise FitError("no parameter of the model is free: name a free one (a noise) as the target")
         return of_parameters(problem, names, ALL[min(len(names), 3)].format(len(names)))
     if not isinstance(text, str):
         try:
@@ -118,7 +118,7 @@ def of_impact(known: Knowledge, impact: Impacts, text: str) -> Target:
     """The rebound of an impact in the middle of all levels. Raises ParameterError for one it cannot know."""
     problem = known.problem
     if not problem.table.has_tangential and (impact.v_x1[0] or impact.omega_1[0]):
-        raise ParameterError(f"impact '{text}': this fit of a drop test knows the vertical motion only")
+        raise ParameterError(f"impact '{text}': this fit is of a drop test, with vertical motion only")
     shown = ("v_x2", "v_y2", "omega_2") if problem.table.has_tangential else ("v_y2",)
     parts = tuple(Part(name, OBSERVABLES[name].unit) for name in shown)
     at = known.common(impact)
@@ -142,7 +142,7 @@ def of_court_pace(known: Knowledge) -> Target:
     if not problem.table.has_tangential:
         raise FitError("a fit of a drop test has no court pace rating: no motion along the court was measured")
     if not problem.scene.tennis:
-        raise FitError("a fit of another ball than a tennis ball has no court pace rating: the test is made with one")
+        raise FitError("this ball is no tennis ball: the court pace rating is defined for tennis balls")
     surfaces, first = surfaces_of(problem)
     impacts = itf_impact().take(np.zeros(len(surfaces), dtype=np.int64))
     at = replace(known.at(impacts, np.array(first)), group_bias=None, incident=None)
@@ -192,7 +192,7 @@ class Setting:
 @dataclass(frozen=True)
 class Settings:
     """The grid: axes in SI, and the table's `rows` whose surface and ball are met, with their `surfaces`. `assumed`
-    says which ranges nobody asked for.
+    are the ranges that are defaults.
     """
 
     speeds: FloatArray
@@ -233,13 +233,13 @@ class Settings:
 def build_settings(problem: Problem, speed: Range | None, angle: Range | None, spin: Range | None) -> Settings:
     """The grid of the ranges asked for, those of the fitted table where nothing was.
 
-    Raises ParameterError for a range of what the fit knows nothing of, and for a grid too fine.
+    Raises ParameterError for a range of a quantity that the fit does not have, and for a grid too fine.
     """
     table = problem.table
     open_to = {"speed": True, "angle": table.has_tangential, "spin": table.has_tangential and table.has_spin}
     for name, given, words in (
-        ("angle", angle, "this fit of a drop test knows the vertical motion only"),
-        ("spin", spin, "no spin was measured, so this fit knows none"),
+        ("angle", angle, "this fit is of a drop test, with vertical motion only"),
+        ("spin", spin, "this fit has no spin, because none was measured"),
     ):
         if given is not None and not open_to[name]:
             raise ParameterError(f"{option(name, '...')}: {words}; leave it out")
@@ -261,7 +261,7 @@ def build_settings(problem: Problem, speed: Range | None, angle: Range | None, s
     surfaces, first = surfaces_of(problem)
     size = len(surfaces) * axes[0].size * axes[1].size * axes[2].size
     if size > MOST:
-        raise ParameterError(f"{size:,} settings: expected {MOST:,} at most; ask for fewer steps")
+        raise ParameterError(f"{size:,} settings: expected {MOST:,} at most; use fewer steps")
     return Settings(axes[0], axes[1], axes[2], first, surfaces, tuple(assumed))
 
 
@@ -322,7 +322,7 @@ def as_before(problem: Problem) -> Sensor:
 
 
 def usual_sensors(problem: Problem) -> tuple[str, ...]:
-    """What is looked at where nothing was asked for: what the model can answer for and was not measured yet."""
+    """The default sensors: what the model can answer for and was not measured yet."""
     usual = [f"{CAMERA}={BETTER}"]
     timed = OBSERVABLES["contact_time"]
     if (
@@ -348,22 +348,22 @@ def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[
     names = [sensor.name for sensor in sensors]
     plates = {sensor.plate for sensor in sensors if sensor.plate is not None}
     if len(plates) > 1:
-        raise ParameterError(f"{said(PLATE)}: all plates of a plan need the same sd")
+        raise ParameterError(f"{asked_sensor(PLATE)}: all plates of a plan need the same sd")
     for name in names:
         if names.count(name) > 1:
-            raise ParameterError(f"{said(name)}: this sensor is given twice")
+            raise ParameterError(f"{asked_sensor(name)}: this sensor is given twice")
     for name, cost in costs.items():
         if name not in names:
-            raise ParameterError(f"{_cost(name, cost)}: no such sensor is looked at: {suggestion(name, names)}")
+            raise ParameterError(f"{_cost(name, cost)}: no such sensor in this plan: {suggestion(name, names)}")
         if not (isinstance(cost, Real) and isfinite(cost) and float(cost) > 0.0):
             raise ParameterError(
-                f"{_cost(name, cost)}: expected a number above 0, an impact measured as before being 1"
+                f"{_cost(name, cost)}: expected a number above 0 (an impact measured as before costs 1)"
             )
     return tuple(replace(sensor, cost=costs.get(sensor.name, 1.0)) for sensor in sensors)
 
 
-def said(text: str) -> str:
-    """How a sensor was asked for."""
+def asked_sensor(text: str) -> str:
+    """The option that asked for a sensor."""
     return spoken(f"--sensor {text}", f"sensors=[{text!r}]")
 
 
@@ -380,12 +380,12 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
     for item in text.split(","):
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
-            raise ParameterError(f"{said(text)}: {SENSOR_FORMS}")
+            raise ParameterError(f"{asked_sensor(text)}: {SENSOR_FORMS}")
         try:
             if key == CAMERA:
                 share = _number(key, value, None)
                 columns = {name: replace(column, share=share * column.share) for name, column in columns.items()}
-                words.append(f"noise {share:g} times as large")
+                words.append(f"noise {share:g} × as large")
             elif key == DROP:
                 height = _number(key, value, Dimension.LENGTH)
                 refuse_beyond("drop_height", np.array([height]))
@@ -393,19 +393,19 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
                 words.append(f"a ball dropped from {value}")
             elif key == PLATE:
                 plate = _plate(problem, value)
-                words.append(f"force within {value} a sample")
+                words.append(f"force within {value} per sample")
             else:
                 columns[key] = _column(problem, key, value)
                 words.append(f"{OBSERVABLES[key].title} within {value}")
         except (ParameterError, UnitError) as error:
-            raise ParameterError(f"{said(text)}: {error}") from None
+            raise ParameterError(f"{asked_sensor(text)}: {error}") from None
         names.append(key)
     if drop is not None and plate is not None:
-        raise ParameterError(f"{said(text)}: a plate under a drop test is not looked at")
+        raise ParameterError(f"{asked_sensor(text)}: plans for drop tests have no force plate")
     if drop is not None:
         columns = {name: column for name, column in columns.items() if not column.column.tangential}
         if not columns:
-            raise ParameterError(f"{said(text)}: no column that is read shows a rebound from a drop")
+            raise ParameterError(f"{asked_sensor(text)}: none of these columns is measured in a drop test")
     return Sensor("+".join(names), " and ".join(words), tuple(columns.values()), drop=drop, plate=plate)
 
 
@@ -418,21 +418,21 @@ def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
     if column.timed and not problem.model.has_time:
         raise ParameterError(f"model {problem.model.name} has no contact time")
     if column.tangential and not problem.table.has_tangential:
-        raise ParameterError("this fit of a drop test knows the vertical motion only")
+        raise ParameterError("this fit is of a drop test, with vertical motion only")
     measured = [item.name for item in problem.observables]
     if column.velocity and name not in measured and sum(OBSERVABLES[item].velocity for item in measured) >= 2:
-        raise ParameterError(f"{name} follows from the velocities that are measured already")
+        raise ParameterError(f"{name} follows from the measured velocities and adds nothing")
     sd = _number(name, value, NUMBERS[name])
     refuse_beyond(f"{name}_sd", np.array([sd]))
     return PlannedColumn(name, sd=np.array(sd))
 
 
 def _plate(problem: Problem, value: str) -> float:
-    """Noise of a sample. Raises ParameterError for a model without a force, and a fit that knows a plate already."""
+    """Noise of a sample. Raises ParameterError for a model without a force, and a fit with force records."""
     if not problem.model.has_force:
         raise ParameterError(f"model {problem.model.name} has no force-time course")
     if problem.force is not None:
-        raise ParameterError("this fit has force records: further ones are not planned")
+        raise ParameterError("this fit has force records already: plans cannot add more")
     return _number(PLATE, value, Dimension.FORCE)
 
 

@@ -1,4 +1,4 @@
-"""What is known before a planned impact: draws of a posterior, and what such an impact brings that no draw knows."""
+"""What a plan starts from: draws of a posterior, and the unknowns of a planned impact that no draw has."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ NARROW = 1e-10
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Draws `coordinates` (draws, free) of the posterior of `problem`, in which a bias of the planned impacts, as one
-    more group, stands beside the others where there are such biases.
+    """Draws `coordinates` (draws, free) of the posterior of `problem`, with a bias of the planned impacts, as one
+    more group, where groups have biases.
     """
 
     problem: Problem
@@ -94,7 +94,7 @@ class Knowledge:
         return np.asarray(back @ self.root)
 
     def at(self, impacts: Impacts, rows: NDArray[np.int64]) -> Problem:
-        """The problem at planned impacts, which meet the surface and ball of the table's `rows` (impacts,). Its table
+        """The problem at planned impacts, with the surface and ball of the table's `rows` (impacts,). Its table
         and observables are still those of the fit.
         """
         problem, bias = self.problem, self.problem.group_bias
@@ -114,19 +114,18 @@ class Knowledge:
 
 
 def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Generator) -> Knowledge:
-    """What a fit knows. Raises FitError for one that cannot be planned from, with the reason."""
+    """The knowledge of a fit. Raises FitError for one that cannot be planned from, with the reason."""
     if posterior is None:
         raise FitError(
-            "a point fit has no posterior to narrow, so nothing can be planned from it; fit again without "
-            f"{option('point_only')}"
+            f"a plan needs a posterior, and a point fit has none: fit again without {option('point_only')}"
         )
     if problem.model.needs_cor:
         raise FitError(
-            "closure cor = measured takes the measured restitution of each impact as an input, and a planned impact "
-            "has none; fit again with cor = line, mean or saturating to plan from it"
+            "cor = measured takes the measured restitution of each impact as an input, and a planned impact has "
+            "none: fit again with cor = line, mean or saturating"
         )
     if problem.dimension == 0:
-        raise FitError("no parameter of this fit is free: no measurement could tell more of any")
+        raise FitError("no parameter of this fit is free: there is nothing to plan for")
     known = Knowledge(problem, problem.to_coordinates(thinned(posterior, DRAWS)))
     bias = problem.group_bias
     if bias is None:
@@ -183,7 +182,7 @@ BEFORE, AFTER = 0.3, 0.3
 def with_plate(known: Knowledge, sd: float, rng: np.random.Generator) -> Knowledge:
     """What is known where a plate with that noise `sd` [N] a sample is at hand: its misfit has its prior.
 
-    A fit that has records knows both already.
+    A fit with records has both already.
     """
     names = {parameter.name for parameter in known.problem.parameters}
     if names.issuperset(FORCE_NOISE):
@@ -204,8 +203,8 @@ def in_directions(rows: FloatArray, solved: NDArray[np.bool_], roots: FloatArray
 
 
 def plate_rows(planned: Problem, draws: FloatArray, solved: NDArray[np.bool_], roots: FloatArray) -> FloatArray:
-    """Rows (draws, impacts, directions, directions) whose squares add up to what records of the planned impacts tell,
-    as `in_directions` has them.
+    """Rows (draws, impacts, directions, directions) whose squares add up to the information of records of the planned
+    impacts, as in `in_directions`.
     """
     records = _records(planned, draws, solved)
     slopes, growth = force_information_rows(planned, records, draws)

@@ -1,4 +1,4 @@
-"""From a posterior to a plan: look at every setting to first order, choose a batch, say what it is worth.
+"""From a posterior to a plan: evaluate every setting to first order, choose a batch, compute its gain.
 
 Of a plan gains are in nats, everything else in SI, angles in radians.
 """
@@ -45,7 +45,7 @@ class Asked:
         """Raise ParameterError for numbers that cannot work."""
         check_whole(seed=self.seed)
         if self.target is not None and len(self.target) == 0:
-            raise ParameterError(f"target = {self.target!r}: expected one name or more, or None for all parameters")
+            raise ParameterError(f"target = {self.target!r}: expected one or more names, or None for all parameters")
         for name, most in (("impacts", MOST_IMPACTS), ("repeats", MOST_REPEATS)):
             value = getattr(self, name)
             if not (isinstance(value, Integral) and 1 <= int(value) <= most):
@@ -69,7 +69,7 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Worth:
-    """What one way of measuring is worth, to first order: its best single impact with its `gain`; of the whole batch
+    """The gain of one way of measuring, to first order: its best single impact with its `gain`; of the whole batch
     read that way the gain `batch` and the expected sds (parts,) after it.
     """
 
@@ -89,7 +89,7 @@ class Plan:
     `sds` (parts,) are those of the posterior, in coordinates (of `log` parts those of the logarithm), of the target's
     `parts`. `gains` (surfaces, speeds, angles, spins) are of one impact measured as before, at most that share of
     whose draws cannot be evaluated; else NaN. `chosen` are in the order of choice, each made `repeats` times;
-    `again` and `again_sds` are what as many impacts of the fitted table, measured again, would tell to first order.
+    `again` and `again_sds`: the gain of repeating as many impacts of the fitted table, to first order.
     `worths` begin with measuring as before. `failed` maps reasons why draws cannot be evaluated to the number of
     settings withheld for it. `draws` were averaged over, `lost` of them without the target.
     """
@@ -114,7 +114,7 @@ class Plan:
 
     @property
     def gain(self) -> float:
-        """Nats that all chosen impacts tell, to first order."""
+        """Expected gain of all chosen impacts [nats], to first order."""
         return float(sum(one.gain for one in self.chosen))
 
 
@@ -137,7 +137,7 @@ def make_plan(
     if plate is not None:
         known = with_plate(known, plate, chance)
     target = parse_target(asked.target, known)
-    report("every setting to first order")
+    report("gains of all settings, to first order")
     search = searched(known, target, settings, sensors)
     by_cost = bool(asked.cost)
     search = with_plates(search, ()) if by_cost else search
@@ -201,7 +201,7 @@ def _worth(search: Search, name: str, picks: Sequence[Pick], repeats: int, now: 
         shared = sensor.drop is None and search.sensors[pick.sensor].drop is None and looked.allowed[pick.place]
         return pick.place if shared or pick.sensor == name else best
 
-    total, left = search.start.after_all(looked.made(place(pick), repeats) for pick in picks)
+    total, left = search.start.after_all(looked.rows_at(place(pick), repeats) for pick in picks)
     return Worth(
         name, sensor.words, sensor.cost, search.setting(name, best), float(gains[best]), total,
         now * shrunk(search.start, left),
@@ -209,9 +209,9 @@ def _worth(search: Search, name: str, picks: Sequence[Pick], repeats: int, now: 
 
 
 def _table_again(search: Search, problem: Problem, count: int) -> tuple[float, Left]:
-    """What `count` impacts of the fitted table, all of it alike, would tell, and what they would leave open."""
+    """The gain of `count` impacts of the fitted table, repeated evenly, and what they would leave open."""
     total = len(problem.impacts)
     rows = np.linspace(0, total - 1, min(total, OF_TABLE)).round().astype(np.int64)
     name, sensor = next(iter(search.sensors.items()))
     looked = look(search.known, search.draws, problem.impacts.take(rows), rows, {name: sensor})[name]
-    return search.start.after_all(looked.made(k, count / rows.size) for k in range(rows.size))
+    return search.start.after_all(looked.rows_at(k, count / rows.size) for k in range(rows.size))

@@ -2,9 +2,9 @@
 
 Expected information gain to first order is how far a normal posterior narrows, draw by draw. With the posterior
 covariance as the unit, `B` the covariance that is left after what was chosen so far, and `R` the rows of a further
-impact (their squares add up to its Fisher information), the measurement has the covariance `1 + R B R^T`. What it
-tells of a target is its entropy less that at given target, `ln det(1 + R B R^T)/2 - ln det(1 + R B' R^T)/2`, `B'`
-being what is left of `B` where the target is known: a determinant of a few columns instead of one of all parameters
+impact (their squares add up to its Fisher information), the measurement has the covariance `1 + R B R^T`. Its gain
+about a target is its entropy less that at given target, `ln det(1 + R B R^T)/2 - ln det(1 + R B' R^T)/2`, `B'` being
+what is left of `B` where the target is known: a determinant of a few columns instead of one of all parameters
 (Chaloner and Verdinelli 1995 for the criterion; the identity is that of mutual information).
 """
 
@@ -48,7 +48,7 @@ class Left:
     towards: FloatArray
 
     def gains(self, rows: FloatArray) -> FloatArray:
-        """Nats (draws, impacts) that impacts with `rows` (draws, impacts, rows, directions) tell of the target."""
+        """Gains (draws, impacts) [nats] about the target of `rows` (draws, impacts, rows, directions)."""
         return np.asarray(0.5 * (_log_det(rows, self.whole) - _log_det(rows, self._given)))
 
     def after(self, rows: FloatArray) -> Left:
@@ -59,7 +59,7 @@ class Left:
         return Left(0.5 * (whole + whole.transpose(0, 2, 1)), self.towards)
 
     def after_all(self, impacts: Iterable[tuple[FloatArray, NDArray[np.bool_]]]) -> tuple[float, Left]:
-        """Nats that impacts tell one after the other, each by its rows (draws, rows, directions) and which draws can
+        """Gain [nats] of impacts one after the other, each by its rows (draws, rows, directions) and which draws can
         be evaluated there (draws,), and what is left then.
         """
         total, left = 0.0, self
@@ -111,23 +111,23 @@ def read(planned: Problem, draws: FloatArray, sensors: Iterable[Sensor]) -> list
     return [cells_of(planned, columns, rebound, sensor.columns, slopes) for sensor in sensors]
 
 
-def information_rows(planned: Problem, told: Cells, roots: FloatArray) -> FloatArray:
+def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> FloatArray:
     """Fisher information of what is read, as rows (draws, impacts, rows, directions) whose squares add up to it:
     derivatives of what is measured, whitened by its noise, and of the logarithm of that noise where it is fitted, in
     the directions of `Knowledge.roots` at the draws; zero where a draw cannot be evaluated.
     """
-    worth = np.sqrt(planned.noise.information(told.columns))[..., None, None]
-    scale = np.sqrt(planned.noise.scale_information(told.columns))[..., None, None]
-    parts = [worth[..., None] * told.spread_out(told.slope), scale[..., None] * told.spread_out(told.growth)]
+    worth = np.sqrt(planned.noise.information(cells.columns))[..., None, None]
+    scale = np.sqrt(planned.noise.scale_information(cells.columns))[..., None, None]
+    parts = [worth[..., None] * cells.spread_out(cells.slope), scale[..., None] * cells.spread_out(cells.growth)]
     if planned.incident is not None:
-        parts.append(scale[..., None] * told.turn)
-    return in_directions(np.concatenate(parts, axis=2), told.rebound.status == 0, roots)
+        parts.append(scale[..., None] * cells.turn)
+    return in_directions(np.concatenate(parts, axis=2), cells.rebound.status == 0, roots)
 
 
 @dataclass(frozen=True)
 class Looked:
-    """Impacts to first order at the draws looked at, read by one sensor: information `rows` (draws, impacts, rows,
-    directions) and the `status` (draws, impacts) of each draw. `only` are those looked at.
+    """Impacts to first order at some draws, measured by one sensor: information `rows` (draws, impacts, rows,
+    directions) and the `status` (draws, impacts) of each draw. `only` are those evaluated.
     """
 
     impacts: Impacts
@@ -143,7 +143,7 @@ class Looked:
 
     @cached_property
     def allowed(self) -> NDArray[np.bool_]:
-        """Impacts at which enough draws can be evaluated, and which were looked at."""
+        """Impacts that were evaluated, at enough draws."""
         enough = np.asarray(self.solved.mean(axis=0) >= 1.0 - MOST_UNSOLVED)
         return enough if self.only is None else enough & self.only
 
@@ -161,7 +161,7 @@ class Looked:
         gains = over_draws(left.gains(np.sqrt(repeats) * self.rows), self.solved)
         return np.where(self.allowed, gains, np.nan)
 
-    def made(self, place: int, times: float) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def rows_at(self, place: int, times: float) -> tuple[FloatArray, NDArray[np.bool_]]:
         """One impact made so often: its rows, and which draws can be evaluated."""
         return np.sqrt(times) * self.rows[:, place], self.solved[:, place]
 
@@ -169,7 +169,7 @@ class Looked:
 def look(
     known: Knowledge, draws: FloatArray, impacts: Impacts, like: NDArray[np.int64], sensors: Mapping[str, Sensor]
 ) -> dict[str, Looked]:
-    """Information of impacts, which meet what the table's rows `like` them do, by each sensor."""
+    """Information of impacts, with the surface and ball of the rows `like` them, by each sensor."""
     rows: dict[str, list[FloatArray]] = {name: [] for name in sensors}
     status, roots = [], known.roots(draws)
     for k in range(0, len(impacts), TOGETHER):
@@ -177,8 +177,8 @@ def look(
         planned = known.at(impacts.take(part), like[part])
         every = read(planned, draws, sensors.values())
         status.append(every[0].rebound.status)
-        for name, told in zip(sensors, every, strict=True):
-            rows[name].append(information_rows(planned, told, roots))
+        for name, cells in zip(sensors, every, strict=True):
+            rows[name].append(information_rows(planned, cells, roots))
     whole = np.concatenate(status, axis=1)
     return {name: Looked(impacts, like, np.concatenate(parts, axis=1), whole) for name, parts in rows.items()}
 
@@ -221,8 +221,8 @@ def searched(known: Knowledge, target: Target, settings: Settings, sensors: Mapp
     lost = float(np.mean(~told))
     if lost > MOST_UNSOLVED:
         raise FitError(
-            f"{target.words}: {100.0 * lost:.0f} % of the draws of the posterior cannot be evaluated "
-            "there, so nothing can be planned about it"
+            f"{target.words}: the model cannot be evaluated there for {100.0 * lost:.0f} % of the posterior "
+            "draws, so no plan is possible for it"
         )
     draws, gradients = draws[told], gradients[told]
     free = {name: sensor for name, sensor in sensors.items() if sensor.drop is None and sensor.plate is None}
@@ -230,7 +230,9 @@ def searched(known: Knowledge, target: Target, settings: Settings, sensors: Mapp
     grid = next(iter(looks.values()))
     if not grid.allowed.any():
         why = next(iter(grid.failures))
-        raise FitError(f"no setting can be planned: most draws of the posterior cannot be evaluated at any; {why}")
+        raise FitError(
+            f"no plan is possible: at every setting the model cannot be evaluated for most posterior draws; {why}"
+        )
     each = np.array(settings.rows, dtype=np.int64)
     for name, sensor in sensors.items():
         if sensor.drop is not None:
@@ -266,7 +268,7 @@ def with_plates(search: Search, chosen: Sequence[int]) -> Search:
 
 @dataclass(frozen=True)
 class Pick:
-    """An impact that was chosen: its sensor, its place among what was looked at, the gain that it added, and what was
+    """An impact that was chosen: its sensor, its place among the evaluated ones, the gain that it added, and what was
     left after it.
     """
 
@@ -284,6 +286,6 @@ def greedy(search: Search, count: int, repeats: int, sensors: Sequence[str]) -> 
         worth = {name: np.nan_to_num(found[name] / search.sensors[name].cost, nan=-np.inf) for name in sensors}
         best = max(sensors, key=lambda name: float(worth[name].max()))
         place = int(np.argmax(worth[best]))
-        left = left.after(search.looks[best].made(place, repeats)[0])
+        left = left.after(search.looks[best].rows_at(place, repeats)[0])
         picks.append(Pick(best, place, float(found[best][place]), left))
     return picks

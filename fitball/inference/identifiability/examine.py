@@ -126,8 +126,8 @@ def active_impacts(
     problem: Problem, coordinates: FloatArray, regimes: Sequence[Mapping[str, float]]
 ) -> dict[str, ActiveImpacts]:
     """The evidence on every free parameter but noise, over `coordinates` (draws, free); `regimes` are the
-    probabilities of each impact's phase sequences, none of them in doubt when empty. Of a large table a part
-    is looked at.
+    probabilities of each impact's phase sequences, none of them in doubt when empty. Of a large table a part is
+    used.
     """
     kept = thinned_rows(problem, LOOKED_AT)
     problem = thinned_problem(problem, LOOKED_AT)

@@ -1,6 +1,6 @@
-"""Fisher information of the table at the point estimate: what its measurements alone say, to first order; its stiff
-and sloppy directions in words (Gutenkunst et al. 2007); draws of a posterior by it, where there are none of a
-sampler.
+"""Fisher information of the table at the point estimate: the information of the measurements alone, to first order;
+its stiff and sloppy directions in words (Gutenkunst et al. 2007); draws of a posterior by it, where there are none of
+a sampler.
 
 Eigenvectors of the information in sds of the priors: as a combination of parameters one is known to one over the root
 of its eigenvalue; as a movement it is how parameters can go together unnoticed.
@@ -68,10 +68,10 @@ def informations(problem: Problem, coordinates: FloatArray) -> tuple[FloatArray,
 
     Where a spread depends on a parameter, twice the squared slope of its logarithm adds to that of the prediction: so
     it is with a fitted noise and with an angle, whose spread falls with the rebound speed. Uncertain incidence is a
-    covariance of the columns of an impact, and what the noises of these tell is taken within it (see `cells`); that
-    this covariance moves with the parameters too is left out. Of heavy tails it is what they tell of their scale and
-    of their shape. Of a large table a part is looked at and counted for the whole. Rows and columns of a parameter
-    that has no room to either side (LEAST_ROOM) are NaN.
+    covariance of the columns of an impact, and the information on their noises is taken within it (see `cells`); that
+    this covariance moves with the parameters too is left out. Of heavy tails it is the information on their scale and
+    their shape. Of a large table a part is used and scaled up. Rows and columns of a parameter that
+    has no room to either side (LEAST_ROOM) are NaN.
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
     share = len(whole.impacts) / len(problem.impacts)
@@ -215,8 +215,8 @@ LEAST, DRAWN = 300, 1500
 
 
 def known_before(problem: Problem, optimum: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Draws (draws, free) in SI: by rejection from the priors, or, where these hardly ever have the contact time that
-    the scene knows, as of another ball than their own, by weights. The `optimum` (free,), in coordinates, has it.
+    """Draws (draws, free) in SI: by rejection from the priors, or, where these hardly ever have the scene's contact
+    time, as of another ball than their own, by weights. The `optimum` (free,), in coordinates, has it.
 
     Raises FitError where no weighted draws are found either.
     """
@@ -227,14 +227,14 @@ def known_before(problem: Problem, optimum: FloatArray, rng: np.random.Generator
     weighed = importance_posterior(part, [_about_scene(part, optimum)], rng, density=_log_density)
     if not weighed.settled:
         raise FitError(
-            f"the priors leave no room for {scene_words(problem)}: state priors of this ball, such as that of "
+            f"the priors contradict {scene_words(problem)}: state priors of this ball, such as that of "
             "k_y, or leave the contact time out"
         )
     return weighed.values[rng.choice(len(weighed.values), DRAWN, p=np.exp(weighed.log_weights))]
 
 
 def _log_density(problem: Problem, coordinates: FloatArray) -> FloatArray:
-    """Priors, what the model can evaluate, and what the scene knows (draws,), but for a constant."""
+    """Log density of priors, scene and what the model can evaluate (draws,), but for a constant."""
     total = problem.prior.log_density(coordinates)
     inside = np.flatnonzero(np.isfinite(total))
     known = densities(problem, problem.to_values(coordinates[inside]), measured=False)
@@ -299,7 +299,7 @@ def _directions(parameters: Sequence[Parameter], sds: FloatArray, information: F
 def combination(
     parameters: Sequence[Parameter], vector: FloatArray, sds: FloatArray, covariance: FloatArray
 ) -> tuple[str, str]:
-    """An eigenvector in words, and the standard error of what the words say.
+    """An eigenvector in words, and the standard error of that combination.
 
     Logarithms become a product with simple exponents where rounding them costs little, values a sum in SI; a mixture
     of both is only listed, and counted in sds of the priors.

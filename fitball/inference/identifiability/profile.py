@@ -79,7 +79,7 @@ def profiles(
         if engine is None:
             found = [follow(columns, report=report)]
         else:
-            report("outwards and from both sides")
+            report("outwards and back")
             found = list(in_order(engine, follow, [[column] for column in columns]))
         better = next((part for part in found if not isinstance(part, dict)), None)
         if better is None:
@@ -87,7 +87,9 @@ def profiles(
             break
         top, others = best_top(objective, np.concatenate([better[None, :], top.x[None, :], others]))
     if columns and not paths:
-        return Profiles(-top.cost, timed, {}, f"after {RESTARTS} searches a higher maximum is still met on the way")
+        return Profiles(
+            -top.cost, timed, {}, f"after {RESTARTS} searches, higher maxima of the likelihood still appear"
+        )
     lowest = min([top.cost, *(point.cost for points in paths.values() for point in points)])
     ranged = ended_by_range(objective, paths, top, lowest)
     named = {
@@ -111,7 +113,7 @@ def _followed(
         changed = {column: set(range(len(points))) for column, points in paths.items()}
         tried = others
         for _ in range(SWEEPS):
-            report("from both sides")
+            report("back inwards")
             paths, changed = sweep(objective, paths, changed, tried, top)
             tried = others[:0]
             if not any(changed.values()):
@@ -154,8 +156,9 @@ def _noise_at_bound(objective: Surface, top: Top) -> str:
         # A noise within a thousandth of its bound, on its own scale, is there.
         if parameter.name in SD_SPECS and top.at[k] <= objective.ends(k)[0] + 1e-3:
             return (
-                f"the likelihood has no maximum: the parameters pass through the measurements, and {parameter.name} "
-                "falls to its bound; only its prior keeps it from there"
+                "the likelihood has no maximum: the model can reproduce the measurements exactly, so "
+                f"{parameter.name} "
+                "goes to its bound unless its prior prevents that"
             )
     return ""
 

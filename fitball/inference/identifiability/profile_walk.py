@@ -1,6 +1,6 @@
 """How a profile is walked: outwards from the best optimum, each search from where its neighbours point to, until the
 drop passes 1.92 with a margin or a bound is met, and from other optima that are nearly as high and lie beyond. Then
-every point is tried again from the other optima, and one that stands out from its neighbours from these, so that the
+every point is tried again from the other optima, and one that lies above its neighbours from these, so that the
 profile is that of the highest of several optima. All paths of all parameters advance together: each round of searches
 is one batch of the kernel.
 """
@@ -45,7 +45,7 @@ class SurpassedError(Exception):
     """A higher maximum than the one from which a profile is walked; `x` (columns,) is where."""
 
     def __init__(self, x: FloatArray) -> None:
-        super().__init__("a higher maximum was met")
+        super().__init__("a higher maximum was found")
         self.x = x
 
 

@@ -335,7 +335,7 @@ class Numbers:
 
     @property
     def leaning(self) -> str:
-        """The bounds of others that a closed profile ends on: part of the model, but worth knowing."""
+        """The bounds of others that a closed profile ends on: part of the model, but mentioned."""
         sides = () if self.profile is None else zip(self.profile.ends, self.profile.leans_on, strict=True)
         names = sorted({name for end, lean in sides if end is End.CLOSED for name in lean})
         at = sentences.ITS_BOUND if len(names) == 1 else sentences.THEIR_BOUNDS

@@ -197,9 +197,9 @@ def solved(lower: FloatArray, right: FloatArray) -> FloatArray:
 def _whitened(made: Cells, shared: FloatArray) -> Cells:
     """The cells, of which `z` and `slope` are in units of the columns yet, each given those of its impact before it.
 
-    Of a normal distribution whose covariance C changes by dC, tr(C^-1 dC C^-1 dC)/2 is told. With L the lower factor
-    of C this is twice the sum of squares of L^-1 dC L^-T/2: its diagonal is the growth of the conditional spreads,
-    the rest their turn.
+    Of a normal distribution whose covariance C changes by dC, the information is tr(C^-1 dC C^-1 dC)/2. With L the
+    lower factor of C this is twice the sum of squares of L^-1 dC L^-T/2: its diagonal is the growth of the
+    conditional spreads, the rest their turn.
     """
     impact, column, count = made.impact, made.column, len(made.measured)
     spreads = np.full(shared.shape[:-1], UNKNOWN)
@@ -223,7 +223,7 @@ def _whitened(made: Cells, shared: FloatArray) -> Cells:
 def prediction_slopes(problem: Problem, coordinates: FloatArray) -> FloatArray:
     """Derivatives (draws, impacts, columns, free) of all predictions, in units of their noise, with respect to
     coordinates (draws, free) counted in widths of the priors; zero where nothing was measured. A measurement with
-    heavy tails is worth less than a normal one.
+    heavy tails has less information than a normal one.
     """
     made = cells(problem, coordinates, slopes=True)
     worth = np.sqrt(problem.noise.information(made.columns))[..., None, None, None]

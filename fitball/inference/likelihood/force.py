@@ -1,8 +1,8 @@
 """The likelihood of force-time records: a pure function beside that of the table, batched over draws.
 
 What the model predicts is the force of its vertical spring, averaged as the record was (see `force_records`). When
-contact started is a nuisance of each record: a time with a normal prior, wide where the record itself has to tell,
-over which the likelihood is integrated to first order about its best (Laplace), so that it costs a record the one
+contact started is a nuisance of each record: a time with a normal prior, wide where only the record shows it, over
+which the likelihood is integrated to first order about its best (Laplace), so that it costs a record the one
 degree of freedom it takes. Noise is normal, whatever that of the table.
 """
 
@@ -192,7 +192,7 @@ def force_cost(problem: Problem, columns: Mapping[str, FloatArray]) -> FloatArra
 
 def noise_held(problem: Problem, values: Mapping[str, float]) -> Problem:
     """The same problem with the noise of its records fixed at `values`: so profiles of the likelihood are made, whose
-    search knows the best size of independent noise only. The problem itself without records.
+    search handles independent noise only. The problem itself without records.
     """
     if problem.force is None:
         return problem

@@ -24,8 +24,8 @@ from fitball.values import FloatArray
 
 @dataclass(frozen=True)
 class Densities:
-    """Of each draw (draws,): whether the model can evaluate every impact, the log density of what the scene knows,
-    and the log likelihood (-inf or NaN where it is not possible).
+    """Of each draw (draws,): whether the model can evaluate every impact, the log density of the scene's contact
+    time, and the log likelihood (-inf or NaN where it is not possible).
     """
 
     possible: NDArray[np.bool_]
@@ -34,7 +34,7 @@ class Densities:
 
 
 def densities(problem: Problem, values: FloatArray, *, measured: bool = True) -> Densities:
-    """What free values (draws, free) are worth; without `measured` the likelihood is left at zero."""
+    """Densities of free values (draws, free); without `measured` the likelihood is left at zero."""
     parts = []
     for some in batches(problem, values.shape[0]):
         rebound = problem.rebound(values[some])
@@ -50,7 +50,7 @@ def densities(problem: Problem, values: FloatArray, *, measured: bool = True) ->
 
 
 def log_scene_density(problem: Problem, rebound: Rebound) -> FloatArray:
-    """Log density (draws,) of what the scene knows of the mean contact time; zero where it knows nothing."""
+    """Log density (draws,) of the scene's mean contact time; zero where none is stated."""
     if problem.contact_time is None:
         return np.zeros(rebound.contact_time.shape[0])
     value, sd = problem.contact_time
@@ -63,7 +63,7 @@ def impact_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapp
     was not measured.
 
     With incident errors the measurements of an impact depend on each other: each is given those before it, and near a
-    change of regime only their sum is meant, which stands in the first.
+    change of regime only their sum is meaningful, which is in the first.
     """
     made = cells_of(problem, problem.all_values(values), rebound)
     terms = made.spread_out(problem.noise.log_density(made.z, made.columns) - made.log_sd)

@@ -195,7 +195,7 @@ CONTRADICTION = 1e-10
 
 def constrained_step(curvature: FloatArray, gradient: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray | None:
     """Minimise `d' curvature d/2 + gradient' d` over d (n,) subject to `a d <= b`, curvature positive definite; None
-    when no d meets the conditions.
+    when no d satisfies the conditions.
 
     With `curvature = L L'` and `y = L' d + L^-1 gradient` it is a least-distance problem, solved by non-negative
     least squares (Lawson and Hanson 1974, chapter 23).

@@ -284,10 +284,12 @@ def _covariance(fit: Settling, jacobian: FloatArray) -> tuple[FloatArray, dict[s
         if not parameter.free:
             missing[parameter.name] = f"held at its value: {parameter.fixed_because}"
         elif parameter.name in NOISE_SPECS:
-            missing[parameter.name] = "least squares takes the noise as given; the posterior fits it"
+            missing[parameter.name] = "least squares assumes the noise; the posterior estimates it"
     if fit.wall is not None:
         words = fit.wall.words.replace(">=", "=")
-        missing[fit.wall.lower_bound_of] = f"the best value lies on the wall {words}, where no symmetric error exists"
+        missing[fit.wall.lower_bound_of] = (
+            f"the best value lies on the limit {words}, where no symmetric error exists"
+        )
     for k in fit.fitted:
         if fit.bounded[k]:
             missing.setdefault(names[k], "the best value lies on a bound, where no symmetric error exists")
@@ -305,7 +307,7 @@ def _covariance(fit: Settling, jacobian: FloatArray) -> tuple[FloatArray, dict[s
     for position, k in enumerate(fit.varied):
         if np.max(np.abs(left_open[:, position]), initial=0.0) > INVOLVED:
             ranked = [names[fit.varied[j]] for j in np.argsort(-np.abs(left_open[0])) if j != position]
-            missing[names[k]] = f"the residuals leave it open: it can move together with {', '.join(ranked[:2])}"
+            missing[names[k]] = f"the residuals do not determine it separately from {', '.join(ranked[:2])}"
     told = [position for position, k in enumerate(fit.varied) if names[k] not in missing]
     roots = (directions[known] / singular[known, None] * width)[:, told]
     return np.asarray(roots.T @ roots), missing

@@ -45,10 +45,10 @@ class Candidate:
 
 
 def maximum_posterior(problem: Problem, starts: FloatArray) -> PointFit:
-    """The highest of the posterior's maxima reached from starts (starts, free), with the others worth knowing.
+    """The highest of the posterior's maxima reached from starts (starts, free), with the other relevant ones.
 
     Damped Gauss-Newton steps of all starts together, each begun with the noise that is best for it; where those do
-    not settle a simplex on the posterior itself, which knows every bound and kink. Raises FitError where no start
+    not settle a simplex on the posterior itself, with every bound and kink. Raises FitError where no start
     leads to parameters of finite density.
     """
     return _best_of(problem, maxima(problem, with_best_noise(problem, starts)))
@@ -119,7 +119,7 @@ def _best_of(problem: Problem, reached: Sequence[Candidate]) -> PointFit:
     width = problem.prior.width
     candidates = distinct(reached, width)
     if not candidates:
-        raise FitError(f"model {problem.model.name}: no start led to parameters of finite posterior density")
+        raise FitError(f"model {problem.model.name}: no search found parameters of finite posterior density")
     best, *others = (item for item in candidates if item.score > candidates[0].score - WORTH_KEEPING)
     if not best.settled and len(problem.impacts) <= LOOKED_AT:
         best = _climb(problem, best)
@@ -138,7 +138,7 @@ def _best_of(problem: Problem, reached: Sequence[Candidate]) -> PointFit:
 
 
 def _climb(problem: Problem, found: Candidate) -> Candidate:
-    """Polish a maximum on the posterior itself, restarted until it stands still."""
+    """Polish a maximum on the posterior itself, restarted until it no longer moves."""
     start = found.coordinates
 
     def cost(step: FloatArray) -> float:
@@ -180,8 +180,8 @@ SEARCHED = 100
 
 
 def starting_points(problem: Problem, rng: np.random.Generator, count: int) -> FloatArray:
-    """The best of many prior draws that lie apart from each other, (<= count, free), and after them starts in which
-    impacts meet other regimes than in those, where there are any.
+    """The best of many prior draws that lie apart from each other, (<= count, free), and after them starts with other
+    regimes of impacts, where there are any.
 
     Raises FitError when the model cannot evaluate a single draw of the prior.
     """
@@ -190,8 +190,8 @@ def starting_points(problem: Problem, rng: np.random.Generator, count: int) -> F
     ranked = [int(k) for k in np.argsort(-score) if np.isfinite(score[k])]
     if not ranked:
         raise FitError(
-            f"model {problem.model.name} can evaluate none of {SCREENED} draws of the priors for these impacts: "
-            "loosen the priors or the fixed values"
+            f"model {problem.model.name} cannot evaluate these impacts at any of {SCREENED} draws from the priors: "
+            "widen the priors or change the fixed values"
         )
     # Distance in prior probability, so that every parameter counts alike.
     place = np.argsort(np.argsort(values, axis=0), axis=0) / SCREENED

@@ -52,7 +52,7 @@ def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = Fa
 @dataclass(frozen=True)
 class Conditions:
     """What holds in each row of a batch: `noise` (rows, noise parameters) holds the coordinates of noise parameters
-    that are held, NaN where the best one is taken; `scene` says whether the scene's contact time counts, `counted`
+    that are held, NaN where the best one is taken; `scene`: whether the scene's contact time counts, `counted`
     (rows, impacts) which impacts do, all of them where it is None.
     """
 
@@ -64,7 +64,7 @@ class Conditions:
         """Those of some rows."""
         return Conditions(self.noise[rows], self.scene, None if self.counted is None else self.counted[rows])
 
-    def of(self, impacts: NDArray[np.int64]) -> Conditions:
+    def for_impacts(self, impacts: NDArray[np.int64]) -> Conditions:
         """Those of a problem that consists of some `impacts` alone."""
         return self if self.counted is None else replace(self, counted=self.counted[:, impacts])
 
@@ -346,7 +346,8 @@ class Surface:
 
         At the best noise the gradient is that for given noise, because the cost is level in the noise there. The
         curvature is the information of location and scale: `I m m' + J s s'` with `m` the slope of a prediction in
-        units of its spread, `s` that of the spread's logarithm, and `I` and `J` what one deviation tells of either.
+        units of its spread, `s` that of the spread's logarithm, and `I` and `J` the information of one deviation on
+        either.
         """
         told = self._measured(x, given)
         gradient, curvature = told.gradient, told.curvature
@@ -367,7 +368,7 @@ class Surface:
             return Linear(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         whole = Linear(*(np.zeros((1,) * axes) for axes in (2, 3, 1, 2)))
         for rows in np.array_split(np.arange(count), -(-count // PART)):
-            told = replace(self, problem=part_of(self.problem, rows))._measured(x, given.of(rows))
+            told = replace(self, problem=part_of(self.problem, rows))._measured(x, given.for_impacts(rows))
             share = rows.size / count
             told = told._replace(time=share * told.time, pace=share * told.pace)
             whole = Linear(*(one + other for one, other in zip(whole, told, strict=True)))

@@ -6,7 +6,7 @@ the weights of the draws (Hogg, Myers and Bovy 2010, ApJ 725, 2166). Everything 
 quantity.
 
 A draw stands for a normal density about it, `SMOOTH` sds of its table wide (of its middle half where that is
-narrower), and draws are drawn together by as much, so that mean and variance stay what they are (West 1993, J. R.
+narrower), and draws are drawn together by as much, so that mean and variance are unchanged (West 1993, J. R.
 Stat. Soc. B 55, 409): else a spread of zero had no likelihood.
 """
 
@@ -40,7 +40,7 @@ class TableDraws:
     efficiency: float = 1.0
 
     @classmethod
-    def of(
+    def drawn(
         cls, name: str, draws: FloatArray, interim: Callable[[FloatArray], FloatArray], efficiency: float = 1.0
     ) -> TableDraws:
         """From draws (draws,) in the coordinate, not all equal, and the log density of the interim prior there.
@@ -181,8 +181,9 @@ def covering_grid(
     every: int = 1,
 ) -> Grid:
     """The density whose logarithm at places (places, sides) is (places,), on a grid of so many `points` a side within
-    the box of these ends (sides,), which is cut down as far as the density falls off by `empty`. It is told from one
-    of `every` so many draws, and while it is cut from fewer. It has one peak, or several that the first box shows.
+    the box of these ends (sides,), which is cut down as far as the density falls off by `empty`. It is computed from
+    one in `every` so many draws, and while it is cut from fewer. It has one peak, or several that the first box
+    shows.
     """
     shape = (points,) * len(low)
     for _ in range(MOST_CUTS):
@@ -261,7 +262,7 @@ class Known:
     error: float = 0.0
 
     @classmethod
-    def of(cls, drawn: FloatArray, error: float = 0.0) -> Known:
+    def drawn(cls, drawn: FloatArray, error: float = 0.0) -> Known:
         """From draws (draws,)."""
         median, low, high = (float(end) for end in np.quantile(drawn, LEVELS))
         return cls(median, low, high, error)

@@ -1,13 +1,13 @@
 """A population over many tables from the stored draws of each: hierarchical inference by importance weights.
 
-What the draws of all tables say of centre and spread; what the population says of a table is its draws with their
-weights under it, averaged over its posterior (Hogg, Myers and Bovy 2010, ApJ 725, 2166).
+Centre and spread from the draws of all tables; the estimate of a table within the population is its draws, weighted
+by it, averaged over its posterior (Hogg, Myers and Bovy 2010, ApJ 725, 2166).
 
 Tables may lie on levels (surfaces, balls, days): tables scatter about the value of their level, levels about a
 centre. Both scatter normally, each spread with the half-normal prior of a pooled parameter's. At each spread within
 levels the value of a level has a likelihood, the product of those of its tables, which quadrature nodes stand for;
-these levels have a population as tables have, whose evidence weighs the spread within. What is told of levels and
-tables is drawn from all of that together.
+these levels have a population as tables have, whose evidence weighs the spread within. Levels and tables are drawn
+from all of that together.
 """
 
 from __future__ import annotations
@@ -61,14 +61,14 @@ class Weighted:
 
     @property
     def trusted(self) -> bool:
-        """Whether its weights carry what is said of it."""
+        """Whether its weights are reliable."""
         return self.pareto_k <= K_TRUSTED
 
 
 @dataclass(frozen=True)
 class Level:
     """One of the levels that tables lie on: what the quantity has there, with its sd, and what a `new` table would
-    have, None where one table a level does not tell how tables differ within one.
+    have, None where each level has one table, so that differences within a level are unknown.
     """
 
     name: str
@@ -108,7 +108,7 @@ def population(tables: Sequence[TableDraws], before: Before) -> Population:
     weighted, errors = _weighted(((table, points) for table in tables), shares, points, (DRAWN,))
     centre, spread = centre_and_spread([posterior], [1.0])
     rng = np.random.default_rng([len(tables), DRAWN])
-    new = Known.of(drawn_new(points[rng.choice(len(points), 4 * DRAWN, p=shares)], before.ends, rng))
+    new = Known.drawn(drawn_new(points[rng.choice(len(points), 4 * DRAWN, p=shares)], before.ends, rng))
     return Population(replace(centre, error=float(errors[0])), replace(spread, error=float(errors[1])), weighted, new)
 
 
@@ -130,7 +130,8 @@ def _weighted(
         _smooth, pareto_k = smoothed(np.log(np.maximum(own, 1e-300)), table.efficiency)
         rng = np.random.default_rng([k, *seed])
         drawn = drawn_given(table, points, weights, rng.choice(len(points), DRAWN, p=shares), rng)
-        made.append(Weighted(table.name, Known.of(drawn), float(drawn.std()), 1.0 / float(own @ own), pareto_k))
+        value = Known.drawn(drawn)
+        made.append(Weighted(table.name, value, float(drawn.std()), 1.0 / float(own @ own), pareto_k))
     return tuple(made), np.sqrt(scatter)
 
 
@@ -234,16 +235,16 @@ def population_over(levels: Mapping[str, Sequence[TableDraws]], before: Before) 
     rng = np.random.default_rng([len(levels), TOGETHER, 2])
     told = []
     for k, (name, tables) in enumerate(levels.items(), 3):
-        here, known = drawn[:, k], Known.of(drawn[:, k], float(errors[k]))
-        new = Known.of(drawn_new(drawn[:, [k, 2]], before.ends, rng))
+        here, known = drawn[:, k], Known.drawn(drawn[:, k], float(errors[k]))
+        new = Known.drawn(drawn_new(drawn[:, [k, 2]], before.ends, rng))
         told.append(Level(name, tuple(table.name for table in tables), known, float(here.std()), new))
     new_level = drawn_new(drawn[:, :2], before.ends, rng)
-    new = Known.of(drawn_new(np.column_stack([new_level, drawn[:, 2]]), before.ends, rng))
+    new = Known.drawn(drawn_new(np.column_stack([new_level, drawn[:, 2]]), before.ends, rng))
     centre, spread = centre_and_spread([part.posterior for part in parts], grid.shares.tolist())
     u = grid.sides[0]
     ends = quantile_ends(np.linspace(u[0], u[-1], FINE), u, grid.shares)
     middle, low, high = (size * float(np.sinh(end)) for end in ends)
     return Population(
         replace(centre, error=float(errors[0])), replace(spread, error=float(errors[1])), weighted, new, tuple(told),
-        Known(middle, low, high, float(errors[2])), Known.of(new_level),
+        Known(middle, low, high, float(errors[2])), Known.drawn(new_level),
     )  # fmt: skip

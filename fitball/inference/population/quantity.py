@@ -89,8 +89,8 @@ def quantity(name: str) -> Quantity:
         for part in parts:
             if not np.isfinite(_support(default_prior(part), True)[0]) and not default_prior(part).log:
                 raise ParameterError(
-                    f"population of {name}: {part.name} may be zero or of either sign, and a ratio is known by its "
-                    "logarithm; ask for parameters that are positive, such as k_theta/k_y"
+                    f"population of {name}: {part.name} may be zero or negative, and a ratio is estimated by its "
+                    "logarithm: use positive parameters, such as k_theta/k_y"
                 )
         return Quantity(name, parts, True)
     return Quantity(name, parts, default_prior(parts[0]).log)

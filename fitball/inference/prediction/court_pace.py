@@ -40,7 +40,7 @@ from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
 DRAWS = 4000
-NO_TENNIS = "the test is made with a tennis ball, and this one has {:.3g} g and a radius of {:.3g} mm"
+NO_TENNIS = "the test uses a tennis ball, and this ball has {:.3g} g and a radius of {:.3g} mm"
 SLIDING = ("slide", "slide back")
 # The lines of restitution and offset in vertical speed are continued to at most so many times the fastest measured,
 # or the slowest over this.
@@ -56,7 +56,7 @@ LEAST = 3
 def court_pace(
     problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator
 ) -> CourtPace | None:
-    """The rating of every surface the problem tells apart; None where no motion along the court was measured."""
+    """The rating of every surface of the problem; None where no motion along the court was measured."""
     if not problem.table.has_tangential:
         return None
     scene = problem.scene
@@ -88,15 +88,15 @@ def court_pace(
 
 
 def _unrated(problem: Problem) -> str:
-    """Why a model says nothing of the rating; empty where it does."""
+    """Why a model gives no rating; empty where it does."""
     if problem.model.needs_cor:
-        return "closure cor = measured takes the restitution of each impact from the table"
+        return "cor = measured takes the restitution of each impact from the table"
     missing = "mu" not in problem.model.parameter_names
     return f"model {problem.model.name} has no coefficient of sliding friction" if missing else ""
 
 
 def _court(problem: Problem, ratings: Sequence[PaceRating], draws: Sequence[FloatArray]) -> CourtMean | None:
-    """The mean over the places of one court; None where the problem tells no places apart."""
+    """The mean over the places of one court; None where the problem distinguishes no places."""
     column = next((pooling.column for pooling in problem.pooling if pooling.parameter == "mu"), None)
     if column not in PLACES or len(problem.pooling) > 1:
         return None
@@ -138,7 +138,7 @@ def _rate(
     columns: Mapping[str, FloatArray],
     temperature: FloatArray | float | None,
 ) -> tuple[PaceRating, FloatArray] | str:
-    """One rating with its draws (NaN where there is none), or the sentence that says why there is none. Parameters
+    """One rating with its draws (NaN where there is none), or the reason why there is none. Parameters
     and temperature are those of the point estimate, before any draws.
     """
     impact = itf_impact()
@@ -146,11 +146,11 @@ def _rate(
     if not measured.min() / CONTINUED <= test <= CONTINUED * measured.max():
         return (
             f"the vertical speeds of the impacts, {measured.min():.2g} to {measured.max():.2g} m/s, are too far from "
-            f"that of the test, {test:.2g} m/s: no rating is continued beyond {CONTINUED:g} times a speed measured"
+            f"that of the test, {test:.2g} m/s: the limit is {CONTINUED:g} × a measured speed"
         )
     rebound = problem.rebound_like(columns, impact, rows[:1])
     status = rebound.status[:, 0]
-    # Of a point fit its one row is also all that there is to be told.
+    # A point fit has one row, which is also its summary.
     sampled = len(status) > 1
     draws = slice(1 if sampled else 0, None)
     solved = status[draws] == 0
@@ -158,7 +158,8 @@ def _rate(
         return f"the model cannot be evaluated at the test impact: {_cause(status[status != 0][0])}"
     if np.mean(~solved) > MOST_UNSOLVED:
         cause = _cause(status[status != 0][0])
-        return f"{100.0 * np.mean(~solved):.0f} % of the draws cannot be evaluated at the test impact: {cause}"
+        share = 100.0 * np.mean(~solved)
+        return f"the model cannot be evaluated at the test impact for {share:.0f} % of the draws: {cause}"
     told = _quantities(problem, labels, columns, rebound, temperature)
     drawn = {name: array[draws] for name, array in told.items()}
     most = _gripping(problem, columns, impact, rows[:1])[draws]
@@ -268,7 +269,7 @@ def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) ->
     found = one_way(rating, np.ones((rating.size, 1)), index, rng) if len(labels) > 1 else ""
     if isinstance(found, str):
         mean, within = plain_mean(rating, rng)
-        remark = found and f"differences between places are not told from noise: {found}"
+        remark = found and f"differences between places cannot be separated from noise: {found}"
     else:
         elsewhere = found.coefficients[:, 0] + found.between * rng.standard_normal(DRAWN)
         mean, within = found.levels @ (np.bincount(index) / index.size), found.within

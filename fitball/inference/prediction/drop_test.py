@@ -1,4 +1,6 @@
-"""What a drop test tells: restitution at the tested speeds, the rebound from 254 cm, balls apart from noise."""
+"""Results of a drop test: restitution at the tested speeds, the rebound from 254 cm, and how balls differ beyond
+noise.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ LEAST_SCATTER = 1e-12
 
 
 def lab_generator(seed: int) -> np.random.Generator:
-    """The generator of what drop tests and courts are told by, a stream of a run that nothing else draws from."""
+    """The generator of the results of drop tests and courts, a stream of a run that nothing else draws from."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(13,)))
 
 
@@ -92,7 +94,7 @@ def one_way(
     rest = values - design @ beta
     pure = rest - _fitted(np.hstack([design, labels]), rest)
     if not pure @ pure > LEAST_SCATTER * (values @ values):
-        return "repeats agree to the last digit"
+        return "all repeats are identical"
     return _draws(rest, beta, design, labels, rng)
 
 
@@ -156,7 +158,7 @@ def drop_test(
     scene = problem.scene
     kind = scene.ball_type or DEFAULT_TYPE
     if problem.model.needs_cor:
-        return _none(problem, kind, "closure cor = measured takes the restitution of each impact from the table")
+        return _none(problem, kind, "cor = measured takes the restitution of each impact from the table")
     known = np.flatnonzero(np.isfinite(measured))
     if known.size == 0:
         return None
@@ -204,7 +206,7 @@ def _settings(speeds: FloatArray) -> list[NDArray[np.int64]]:
 
 
 def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None, speed: float) -> Law | str:
-    """Restitution as the model has it; the reason where it has none at the landing `speed` [m/s]."""
+    """Restitution by the model; the reason where it has none at the landing `speed` [m/s]."""
     values = np.array([[point.values[name] for name in problem.free_names]])
     if posterior is not None:
         values = np.concatenate([values, thinned(posterior, DRAWS)])
@@ -223,7 +225,7 @@ def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None, 
 def _balls(
     problem: Problem, known: NDArray[np.int64], cor: FloatArray, speed: float, rng: np.random.Generator
 ) -> tuple[OneWay | None, Variation | None]:
-    """Balls apart from noise, where the table names them: the draws, and what is told of them."""
+    """How balls differ beyond noise, where the table has them: the draws, and their summary."""
     labels = problem.table.labels.get(BALLS)
     if labels is None:
         return None, None

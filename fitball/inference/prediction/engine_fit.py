@@ -87,7 +87,7 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
 
     Nearest: least kinetic energy of the difference, `dv_x^2 + dv_y^2 + I/M domega^2` with the fitted ball's own `I`.
     `point` is one impact. Raises ParameterError when it cannot be evaluated or `inertia_ratio` is impossible,
-    ModelError for a model that is told each impact's restitution.
+    ModelError for a model that takes each impact's restitution as an input.
     """
     if not 0.0 < inertia_ratio <= 1.0:
         raise ParameterError(f"inertia of the engine's sphere {inertia_ratio:g} M R^2: expected above 0, at most 1")
@@ -96,12 +96,12 @@ def fit_engine(fitted: FittedModel, point: Impacts, inertia_ratio: float) -> Eng
     there, extrapolated = total_rebound(fitted, valid, point)
     status = Status(int(there.status[0, 0]))
     if status is not Status.OK:
-        raise ParameterError(f"the operating point cannot be evaluated: {STATUS_REASON[status]}")
+        raise ParameterError(f"the model cannot be evaluated at the operating point: {STATUS_REASON[status]}")
     spread = calibrated_mixtures(fitted, RANGE_POINTS, RANGE_SEED)
     everywhere = fitted.rebound(spread)
     solved = np.flatnonzero(everywhere.status[0] == Status.OK)
     if solved.size == 0:
-        raise ParameterError("the model cannot evaluate its own calibrated range at the point estimate")
+        raise ParameterError("the model cannot be evaluated in its calibrated range, at the point estimate")
     sphere = _Sphere(fitted, inertia_ratio)
     near = _Target(point, there)
     far = _Target(spread.take(solved), everywhere.take(solved))
@@ -222,9 +222,9 @@ class InterpolationError:
 class Lookup:
     """A grid: `axes` vary in order, the last fastest; outputs (points,) are NaN where the model has no rebound.
 
-    `extrapolated` (points,) says which points lie outside of the range `valid`, where restitution and offset stay
-    what they are at its nearer end. `checked` impacts were interpolated; `failed` counts grid points that could not
-    be evaluated, by reason.
+    `extrapolated` (points,) marks points outside of the range `valid`, where restitution and offset keep their values
+    at its nearer end. `checked` impacts were interpolated; `failed` counts grid points that could not be evaluated,
+    by reason.
     """
 
     axes: tuple[Axis, ...]
@@ -260,13 +260,13 @@ def default_axes(fitted: FittedModel) -> tuple[Axis, ...]:
 def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
     """Fill the grid at the point estimate and measure its interpolation.
 
-    Outside of the valid range it is filled with the total bounce. Raises ModelError for a model that is told each
-    impact's restitution, ParameterError when no grid point can be evaluated or a drop test is asked for tangential
-    motion.
+    Outside of the valid range it is filled with the total bounce. Raises ModelError for a model that takes each
+    impact's restitution as an input, ParameterError when no grid point can be evaluated or a drop test is asked for
+    tangential motion.
     """
     refuse_told(fitted)
     if not fitted.tangential and len(axes) > 1:
-        raise ParameterError("this fit is of drop tests and knows vertical motion only: give v_y alone")
+        raise ParameterError("this fit is of drop tests, with vertical motion only: give v_y alone")
     grid = np.stack(np.meshgrid(*(axis.values for axis in axes), indexing="ij"), axis=-1)
     points = grid.reshape(-1, len(axes))
     valid = valid_range(fitted)
@@ -276,7 +276,7 @@ def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
         for status in np.unique(rebound.status[0][rebound.status[0] != Status.OK])
     }
     if sum(failed.values()) == len(points):
-        raise ParameterError("the model cannot evaluate any point of this grid at the point estimate")
+        raise ParameterError("the model cannot be evaluated at any point of this grid, at the point estimate")
     names = [name for name in OUTPUTS if fitted.model.has_time or not OBSERVABLES[name].timed]
     outputs = {name: np.asarray(getattr(rebound, name)[0]) for name in names}
     errors, checked = _errors(fitted, valid, axes, outputs)

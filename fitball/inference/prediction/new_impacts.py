@@ -1,4 +1,4 @@
-"""Posterior prediction of new impacts: the rebound itself and a new measurement of it, told apart."""
+"""Posterior prediction of new impacts: the rebound itself and, apart from it, a new measurement of it."""
 
 from __future__ import annotations
 
@@ -94,9 +94,9 @@ class OutputPrediction:
 
     `rebound` are the quantiles `quantiles.BAND` of the rebound itself (what the parameters leave open), `measured`
     those of a new measurement, `mean` and `sd` its moments. None where there is no posterior, and for `measured`,
-    `mean`, `sd` where the noise is not known. `point` is at the point estimate; `observed` what the table says.
-    Where the incident state is uncertain all but `point` contain that, and `shares` says what comes from where.
-    `over` (2, impacts) is the range over assumptions, see `over_assumptions`; None where nothing was looked at.
+    `mean`, `sd` where the noise is not known. `point` is at the point estimate; `observed` the measured value.
+    Where the incident state is uncertain all but `point` include that, and `shares` splits the variance by source.
+    `over` (2, impacts) is the range over assumptions, see `over_assumptions`; None where that was not examined.
     """
 
     name: str
@@ -174,8 +174,8 @@ def predict_new(
     """
     if fitted.model.needs_cor and impacts.cor is None:
         raise ModelError(
-            f"model {fitted.model_name} with cor = measured takes each impact's own coefficient of restitution as "
-            "an input: it predicts tables with v_y2 of every impact only"
+            f"model {fitted.model_name} with cor = measured takes the measured coefficient of restitution as an "
+            "input: it predicts only tables with v_y2 of every impact"
         )
     check_whole(seed=seed)
     if incident_covariance is not None and incident_covariance.shape != (len(impacts), 3, 3):
@@ -340,9 +340,9 @@ def _score(output: OutputPrediction) -> ObservableScore | None:
 
 def with_assumptions(prediction: NewPrediction, fitted: FittedModel, found: Assumptions | None) -> NewPrediction:
     """The prediction of `fitted` with, for each output, its lowest and highest value over the fit itself (its median,
-    or the point where there is none) and all alternatives that are as good, each at the mean of its posterior.
+    or the point where there is none) and all alternatives that fit equally well, each at the mean of its posterior.
 
-    Nothing is added where there was no look at assumptions or no alternative is as good.
+    Nothing is added where assumptions were not examined or no alternative fits equally well.
     """
     if found is None or not found.as_good:
         return prediction

@@ -1,4 +1,4 @@
-"""Rebounds as people compare them: each measured output of a table, what a model says of it, and the difference."""
+"""Rebounds as people compare them: each measured output of a table, its prediction by a model, and the difference."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def golden(fitted: FittedModel, impacts: Impacts) -> Golden:
 
 @dataclass(frozen=True)
 class OutputCheck:
-    """One output: largest absolute difference [SI], largest relative one, and the impact that has it.
+    """One output: largest absolute difference [SI], largest relative one, and its impact.
 
     Relative: speeds to the incident speed `sqrt(v_x1^2 + v_y1^2 + (R omega_1)^2)`, spins times `R` likewise, times to
     themselves, angles [rad] as they are.

@@ -1,4 +1,4 @@
-"""What the posterior says of the measurements: at the table's impacts, draw by draw, and along curves for figures."""
+"""Posterior predictions of the measurements: at the table's impacts, draw by draw, and along curves for figures."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def measurements(
     *,
     even: bool = False,
 ) -> Iterator[tuple[Observable, FloatArray, FloatArray, FloatArray]]:
-    """Each measured column over all impacts of the problem with what `with_noise` says of it, errors of the incident
+    """Each measured column over all impacts of the problem with its noise by `with_noise`, errors of the incident
     state and biases of groups included.
     """
     everywhere = [item.everywhere(len(problem.impacts)) for item in problem.observables]

@@ -44,7 +44,7 @@ GRAZING = 1e-12
 # Below this [m/s] there is nothing to scale.
 TINY = 1e-200
 
-LOW_END, HIGH_END = "nothing: the smallest speed tried", "nothing: the largest speed tried"
+LOW_END, HIGH_END = "no limit found: the smallest speed tried", "no limit found: the largest speed tried"
 SLOWER = "v_y2 would fall while v_y1 grows"
 GAIN = "some bounces would gain kinetic energy"
 
@@ -55,7 +55,7 @@ class ValidRange:
 
     It holds every calibrated impact that the model solves, and extends from there as far as the model has a rebound
     for flat and steep impacts with all spins, `v_y2` grows with `v_y1`, and no bounce gains energy (none more of it
-    than those at the calibrated end do: `gain` is the largest share there). `below` and `above` say what ends it.
+    than those at the calibrated end do: `gain` is the largest share there). `below` and `above` are what limits it.
     """
 
     low: float
@@ -76,7 +76,7 @@ def valid_range(fitted: FittedModel) -> ValidRange:
     """
     solved = fitted.rebound(fitted.impacts).status[0] == Status.OK
     if not np.any(solved):
-        raise ModelError("the model solves none of the calibrated impacts at the point estimate")
+        raise ModelError("the model cannot be evaluated at any calibrated impact, at the point estimate")
     speeds = fitted.impacts.v_y1[solved]
     cor = None if fitted.impacts.cor is None else float(np.median(fitted.impacts.cor[solved]))
     look = _Look(fitted, cor)
@@ -87,7 +87,7 @@ def valid_range(fitted: FittedModel) -> ValidRange:
 
 
 def restitution_range(fitted: FittedModel) -> tuple[float, float]:
-    """Of a model that is told each impact's restitution: the smallest and the largest it solves."""
+    """Of a model that takes each impact's restitution as an input: the smallest and the largest it can evaluate."""
     assert fitted.impacts.cor is not None
     speed = float(np.median(fitted.impacts.v_y1))
     told = float(np.median(fitted.impacts.cor))

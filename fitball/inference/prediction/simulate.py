@@ -75,10 +75,10 @@ class RegimeMap:
 def regime_map(fitted: FittedModel, window: Window) -> RegimeMap:
     """The map at the point estimate.
 
-    Raises ModelError for a model that follows no motion along the court, or is told each impact's restitution.
+    Raises ModelError for a model without motion along the court, or with each impact's restitution as an input.
     """
     if not fitted.tangential:
-        raise ModelError("a drop test follows no motion along the court: there are no regimes to map")
+        raise ModelError("a drop test has no motion along the court, so there are no regimes to map")
     refuse_told(fitted)
     angles, spins = window.grid(ANGLES, SPINS)
     rebound = fitted.rebound(_meshed(window, angles, spins))
@@ -99,7 +99,7 @@ def refuse_told(fitted: FittedModel) -> None:
     """Raise ModelError for a model that cannot bounce a new ball without its measured rebound."""
     if fitted.model.needs_cor:
         raise ModelError(
-            "closure cor = measured: this model is told each impact's restitution and predicts none; calibrate with "
+            "cor = measured takes the restitution of each impact as an input and predicts none: calibrate with "
             "cor = line or mean"
         )
 
@@ -147,7 +147,7 @@ COURSES = (
 
 @dataclass(frozen=True)
 class Band:
-    """What posterior draws say of the courses, at equal shares of each draw's own contact time.
+    """The courses by posterior draws, at equal shares of each draw's own contact time.
 
     `quantiles` maps `COURSES` to arrays (5, POINTS) of the levels `quantiles.BAND`; `contact_time` [s] has the same
     levels, (5,). `regimes` maps phase sequences to their probability among the `draws` that can be evaluated;
@@ -165,7 +165,7 @@ class Band:
 class Simulation:
     """One impact through time: `history` at POINTS equal shares of the contact, a band where there is a posterior.
 
-    `parameters` are those of the model in SI; `label` tells it from others in the same picture. `unsolved` is the
+    `parameters` are those of the model in SI; `label` names it in a picture of several. `unsolved` is the
     share of the draws without a solution; above a half there is no band.
     """
 
@@ -236,9 +236,7 @@ def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, f
     typical = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
     missing = [name for name in model.parameter_names if name not in typical and name not in changed]
     if missing:
-        raise ParameterError(
-            f"model {model.name} needs a value of {', '.join(missing)}, for which there is no default"
-        )
+        raise ParameterError(f"model {model.name} needs a value of {', '.join(missing)}, which has no default")
     return {**typical, **changed}
 
 

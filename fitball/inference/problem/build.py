@@ -39,7 +39,7 @@ __all__ = ["Choices", "build_problem", "impacts_with_cor", "reduction"]
 
 
 def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceRecords | None = None) -> Problem:
-    """Spend parameters only on what the table, and its `force` records, can show, and say what was left
+    """Free only parameters that the table, and its `force` records, can show, with notes on what was left
     out.
 
     Raises FitError when the model can answer for no column of the table, or nothing is left to fit, and what `model`
@@ -55,13 +55,13 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
     incident = _incident(table, choices, notes)
     if incident is not None and force is not None:
-        notes.append("force records are compared at the stated incident speed, taken as exact")
+        notes.append("force records are compared at the stated incident speed, assumed exact")
     contact_time = scene.contact_time if chosen.has_time else None
     records = records_for(chosen, scene, force, notes)
     measured_time = any(observable.column.timed for observable in observables)
     timed = contact_time is not None or measured_time or records is not None
     if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
-        fixed["k_y"] = (2.0e4, "it acts on the contact time only, and none is known")
+        fixed["k_y"] = (2.0e4, "it affects only the contact time, which was not measured")
     priors = _scene_priors(scene, fixed)
     noise = noise_parameters(observables, table, scene, priors, fixed)
     if records is not None:
@@ -82,17 +82,16 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     pool = {**scene.pool, **choices.pool}
     if "mu" not in pool and "mu" not in fixed and "mu" in chosen.parameter_names and _names_places(table):
         pool["mu"] = LOCATION
-        notes.append("the table names locations: pool mu = none fits one friction to all of them")
+        notes.append("the table has locations, and mu is pooled over them: pool mu = none fits one friction to all")
     pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
     levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
     parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, published)
     if all(parameter.name in NOISE_SPECS for parameter in parameters if parameter.free):
         raise FitError(
-            f"{table.source}: every parameter of model {name} is held, and nothing is left to fit: free at least one "
-            "that is no noise"
+            f"{table.source}: every parameter of model {name} is fixed: free at least one that is not a noise"
         )
     notes += [f"prior of {key} from {source}" for key, source in published.items()]
-    notes += [f"{pooling.parameter} is fitted to each {pooling.column} apart, pooled in part" for pooling in levels]
+    notes += [f"{pooling.parameter} is fitted to each {pooling.column}, partially pooled" for pooling in levels]
     return Problem(
         table=table,
         scene=scene,
@@ -124,7 +123,7 @@ def _noise_of(table: ImpactTable, scene: Scene, choices: Choices, notes: list[st
 
 
 def _idle(parameters: Set[str], fixed: Set[str], timed: bool) -> set[str]:
-    """Assumptions of a scene that no parameter of the problem rests on."""
+    """Statements of a scene that no parameter of the problem uses."""
     velocities = {SHARED_SD, *(NOISE_OF[name] for name in VELOCITIES)} - fixed
     about = {NO_MU: {"mu"}, NO_VELOCITY_SD: velocities, NO_SPIN_SD: {"spin_sd"}, NO_CONTACT_TIME: {"k_y"}}
     return {text for text, names in about.items() if not names & parameters} | ({NO_CONTACT_TIME} if timed else set())
@@ -135,10 +134,10 @@ def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> FloatAr
         return None
     stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
     if not choices.incident_errors:
-        notes.append(f"{stated}: uncertainty of incident columns is ignored on request")
+        notes.append(f"{stated}: uncertainty of incident columns ignored on request")
         return None
     notes.append(
-        f"{stated}: the incident state is taken as uncertain, marginalised to first order, finer near a kink"
+        f"{stated}: the incident state is uncertain and marginalised to first order, more finely near a kink"
     )
     return table.incident_covariance
 
@@ -173,7 +172,7 @@ def _structure(
 
 
 def _names_places(table: ImpactTable) -> bool:
-    """Whether a table holds several places on a court, with impacts enough on each to tell their friction apart."""
+    """Whether a table holds several places on a court, with enough impacts on each to distinguish their friction."""
     labels = table.labels.get(LOCATION, ())
     return 2 <= len(set(labels)) <= min(MOST_PLACES, len(labels) // 2)
 
@@ -197,15 +196,15 @@ def _compose(
         notes.append("no motion along the court was measured: only the vertical motion is fitted")
     elif not table.has_spin:
         notes.append(
-            "no spin was measured: incident spin is taken as zero, shell and core turn as one, "
-            "and the offset is held at zero"
+            "no spin was measured: incident spin is assumed zero, shell and core rotate together, and "
+            "the offset is fixed at zero"
         )
         for parameter in ("eps_10", "eps_slope", "offset"):
-            fixed[parameter] = (0.0, "it shows in the spin, which was not measured")
+            fixed[parameter] = (0.0, "it affects the spin, which was not measured")
     elif "omega_1" not in table.incident_columns:
-        notes.append("no column omega_1: the incident spin is taken as zero")
+        notes.append("no column omega_1: the incident spin is assumed zero")
     if reduced is None:
-        raise FitError(f"{table.source}: model {name} can only be fitted where spin was measured")
+        raise FitError(f"{table.source}: model {name} needs measured spin")
     closures = {**reduced.closures, **closures}
     return model(name, ball=scene.ball, tangential=table.has_tangential, **closures), fixed, notes
 
@@ -234,11 +233,11 @@ def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
         return replace(table.impacts, cor=None)
     rebound = table.measurement("v_y2")
     if rebound is None:
-        raise FitError(f"{table.source}: closure cor = 'measured' needs a column v_y2")
+        raise FitError(f"{table.source}: cor = measured needs a column v_y2")
     if not rebound.complete:
         gaps = np.flatnonzero(~rebound.measured)
         raise FitError(
-            f"{table.source}: closure cor = 'measured' takes v_y2 of every impact as an input, and "
+            f"{table.source}: cor = measured takes v_y2 of every impact as an input, and "
             f"{gaps.size} have none (first: {table.ids[gaps[0]]}): leave such rows out, or fit the restitution "
             "(cor = line or mean)"
         )
@@ -247,8 +246,8 @@ def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
     if above.size:
         first, more = above[0], f" and {above.size - 1:,} more have one" if above.size > 1 else " has one"
         raise FitError(
-            f"{table.source}: closure cor = 'measured' takes each measured coefficient of restitution as exact, and "
-            f"no model bounces with one above 1; impact {table.ids[first]}{more} ({cor[first]:.4g}): leave such rows "
+            f"{table.source}: cor = measured takes each measured coefficient of restitution as exact, and it "
+            f"must not exceed 1; impact {table.ids[first]}{more} ({cor[first]:.4g}): leave such rows "
             "out, or fit the restitution (cor = line or mean)"
         )
     return replace(table.impacts, cor=cor)

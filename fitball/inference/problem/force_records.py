@@ -1,7 +1,7 @@
 """Force records as the likelihood sees them: some two dozen means of each, how these scatter together, and their
 noise.
 
-A record has many samples and little to say. Its samples are averaged to means with triangular weights at evenly
+A record has many samples and little information. Its samples are averaged to means with triangular weights at evenly
 spaced nodes, and what separates these from the model is taken as white noise of the sensor, with an sd of `force_sd`
 a sample, plus a slow misfit of the model's force: a smooth random course with an sd of `force_misfit` times the
 record's peak during the contact (a Gaussian process with a Matern covariance of order 3/2, whose courses bend but do
@@ -204,7 +204,7 @@ EXPECTED = 0.01
 
 
 def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes: list[str]) -> ForceRecords | None:
-    """The records, told in `notes`; None, with a note, where the model has no force to compare."""
+    """The records, with `notes` on them; None, with a note, where the model has no force to compare."""
     if records is None:
         if scene.force_file is not None:
             notes.append(f"the force records of {scene.force_file} are not used here")
@@ -215,13 +215,13 @@ def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes
     counts = records.samples
     notes.append(
         f"force records of {len(counts)} impacts ({Path(records.source).name}): {counts.min()} to {counts.max()} "
-        f"samples each, averaged to {records.nodes} means; sensor noise is independent, what the model's force "
-        "misses is taken as a slow course that counts once, not once a sample"
+        f"samples each, averaged to {records.nodes} means; sensor noise is independent between samples, the "
+        "misfit of the model's force is one slow curve per record"
     )
     notes.append(
-        f"t = 0 of a force record is taken as the start of contact within {1e3 * scene.force_start_sd:g} ms"
+        f"t = 0 of a force record is the start of contact within {1e3 * scene.force_start_sd:g} ms"
         if scene.force_start_sd is not None
-        else "the start of contact in a force record is found from the record, one nuisance each, integrated out"
+        else "the start of contact of each force record is a nuisance parameter, integrated out"
     )
     if chosen.force_remark:
         notes.append(chosen.force_remark)

@@ -1,7 +1,7 @@
 """Kinds of noise: how deviations scatter in units of their scale. Whatever depends on the kind is asked of its class.
 
 A new kind is a class here and a place among `KINDS`. It needs a parameter of its own, such as Student's degrees of
-freedom, by which a fit that was read back knows what noise it had.
+freedom, which identifies the noise of a fit that was read back.
 """
 
 from __future__ import annotations
@@ -42,14 +42,16 @@ class NoiseKind(ABC):
 
     @abstractmethod
     def information(self, sizes: Sizes) -> FloatArray:
-        """What one deviation tells of its centre (Fisher), () or (draws,); 1 is that of a normal one."""
+        """The information of one deviation on its centre (Fisher), () or (draws,); 1 is that of a normal one."""
 
     def scale_information(self, sizes: Sizes) -> FloatArray:  # noqa: ARG002
-        """What one deviation tells of the logarithm of its scale (Fisher), () or (draws,); as of a normal one."""
+        """The information of one deviation on the logarithm of its scale (Fisher), () or (draws,); as of a normal
+        one.
+        """
         return np.asarray(2.0)
 
     def shape_information(self, sizes: Mapping[str, float]) -> FloatArray:
-        """What one deviation tells of the logarithm of its scale and of each of the kind's own `parameters` together
+        """The information of one deviation on the logarithm of its scale and each of the kind's own `parameters`
         (Fisher), (1 + parameters, 1 + parameters); by draws, for kinds that do not know it exactly.
         """
         columns = {name: np.full(REACH_DRAWS, value) for name, value in sizes.items()}
@@ -72,7 +74,7 @@ class NoiseKind(ABC):
     def residual(self, z: FloatArray, sizes: Sizes) -> FloatArray:
         """A residual whose square is minus twice the log density but for a constant: what least squares minimise.
 
-        As it stands for densities that are highest at zero.
+        This version is for densities that are highest at zero.
         """
         drop = self.log_density(np.zeros_like(z), sizes) - self.log_density(z, sizes)
         return np.asarray(np.copysign(np.sqrt(2.0 * drop), z))
@@ -117,7 +119,7 @@ class NormalNoise(NoiseKind):
 
 
 class StudentNoise(NoiseKind):
-    """Student's t: its scale is no standard deviation, and its degrees of freedom say how heavy its tails are."""
+    """Student's t: its scale is no standard deviation, and its degrees of freedom measure how heavy its tails are."""
 
     name = "student-t"
     # Beyond a hundred nobody can tell it from a normal distribution; below two it has no variance.

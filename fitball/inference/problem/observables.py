@@ -1,14 +1,14 @@
 """Measured columns as the likelihood sees them: what a model predicts for each, and with which noise, its own or one
 that the columns of the velocity share.
 
-One component of the velocity is seldom measured as well as the other: a lens, a shutter, the line of sight of a radar
-act on one of them. So each column gets a noise of its own, unless the table is too short to tell two apart. The ratio
-of two sds that are fitted with `nu` degrees of freedom each scatters about the true ratio as the root of Fisher's
-F(nu, nu) does, so that its 95 % interval reaches a factor `sqrt(F_0.975(nu, nu))` to either side: 2.7 for `nu` = 5,
-just under `FACTOR` = 2 for `nu` = `FREEDOM` = 10. With fewer, equal noises come out twice as large as each other by
-mere chance, and one noise for all, known from twice the numbers, is the better guess. Of the rows of a column the
-parameters spend some: the eight of the default model act on three columns, about `SPENT` = 3 on each; offsets of
-groups spend one more for each group.
+The two components of the velocity are seldom measured equally well: a lens, a shutter, the line of sight of a radar
+act on one of them. So each column gets a noise of its own, unless the table is too short to distinguish two. The
+ratio of two sds that are fitted with `nu` degrees of freedom each scatters about the true ratio as the root of
+Fisher's F(nu, nu) does, so that its 95 % interval reaches a factor `sqrt(F_0.975(nu, nu))` to either side: 2.7 for
+`nu` = 5, just under `FACTOR` = 2 for `nu` = `FREEDOM` = 10. With fewer, equal noises come out twice as large as each
+other by mere chance, and one noise for all, known from twice the numbers, is the better guess. Of the rows of a
+column the parameters spend some: the eight of the default model act on three columns, about `SPENT` = 3 on each;
+offsets of groups spend one more for each group.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Observable:
         return OBSERVABLES[self.name]
 
     def predict(self, rebound: Rebound) -> FloatArray:
-        """What the model says, (draws, impacts) or (impacts,)."""
+        """The prediction of the model, (draws, impacts) or (impacts,)."""
         return self._mine(self.column.predict(rebound))
 
     @property
@@ -75,7 +75,7 @@ class Observable:
         return self.spread(0.0 if self.noise is None else np.asarray(sizes[self.noise])[..., None], rebound)
 
     def at(self, entries: NDArray[np.int64]) -> Observable:
-        """The column with some of its entries alone; `rows` still say which impacts of the problem they belong to."""
+        """The column with some of its entries alone; `rows` are still their impacts in the problem."""
         sd = None if self.sd is None else self.sd[entries]
         rows = entries if self.rows is None else self.rows[entries]
         return replace(self, observed=self.observed[entries], sd=sd, rows=rows)
@@ -140,10 +140,10 @@ def noise_by_column(
     table: ImpactTable, wanted: str | None, named: Collection[str], groups: int, notes: list[str]
 ) -> Mapping[str, str]:
     """The noise parameter of each column that states no sd: what is `wanted` ("tied" or "separate"), else what is
-    `named` (noise parameters of which a value or a prior is given), else as many rows as there are can tell.
+    `named` (noise parameters of which a value or a prior is given), else as many as the rows can distinguish.
 
     `groups` is how many biases are fitted to each column. A noise of velocities that is shared for want of rows, or
-    because it is named, is told in `notes`. Raises ParameterError where `wanted` is unknown or contradicts `named`.
+    because it is named, is in `notes`. Raises ParameterError where `wanted` is unknown or contradicts `named`.
     """
     if wanted not in (None, TIED, SEPARATE):
         raise ParameterError(f"unknown velocity noise '{wanted}': {suggestion(wanted, (TIED, SEPARATE))}")
@@ -158,13 +158,13 @@ def noise_by_column(
     own = [NOISE_OF[name] for name in columns if NOISE_OF[name] in named]
     if wanted == TIED and own:
         raise ParameterError(
-            f"velocity noise 'tied' beside a value or prior of {' and '.join(own)}: expected {SHARED_SD} there, or "
+            f"velocity noise 'tied' with a value or prior of {' and '.join(own)}: expected {SHARED_SD} there, or "
             f"velocity noise '{SEPARATE}'"
         )
     each = " and ".join(NOISE_OF[name] for name in columns)
     if wanted == SEPARATE and SHARED_SD in named and columns:
         raise ParameterError(
-            f"velocity noise 'separate' beside a value or prior of {SHARED_SD}, which all columns of the velocity "
+            f"velocity noise 'separate' with a value or prior of {SHARED_SD}, which all columns of the velocity "
             f"share: expected {each} there, or velocity noise '{TIED}'"
         )
     enough = FREEDOM + SPENT + groups
@@ -176,8 +176,8 @@ def noise_by_column(
         why = (
             "a value or prior of it is given"
             if SHARED_SD in named
-            else f"{least} row{'s' * (least != 1)} cannot tell two apart that differ by a factor of {FACTOR:g}, "
-            f"{enough} could (velocity noise '{SEPARATE}' fits {each} all the same)"
+            else f"{least} row{'s' * (least != 1)} cannot distinguish two that differ by a factor of {FACTOR:g}, "
+            f"{enough} could (velocity noise '{SEPARATE}' fits {each} anyway)"
         )
         notes.append(f"{' and '.join(rest)} share one noise, {SHARED_SD}: {why}")
     chosen = dict(NOISE_OF)
@@ -195,7 +195,7 @@ def noise_in(names: Collection[str]) -> Mapping[str, str]:
 
 
 def named_noise(scene: Scene, *given: Mapping[str, object]) -> set[str]:
-    """Noise parameters that the scene knows, or of which a value or prior is `given`."""
+    """Noise parameters that the scene states, or of which a value or prior is `given`."""
     known = {name for name in SD_SPECS if getattr(scene, name) is not None}
     return known | (SD_SPECS.keys() & {name for values in given for name in values})
 
@@ -242,10 +242,10 @@ def expected_prior(name: str, scene: Scene, table: ImpactTable) -> str:
 @dataclass(frozen=True)
 class Derived(Observable):
     """A quantity of the velocity that a fit has no noise for; it follows, to first order, from the independent
-    noises of two columns `of` that it has.
+    noises of two columns, its `parts`.
     """
 
-    of: tuple[str, str] = ("v_x2", "v_y2")
+    parts: tuple[str, str] = ("v_x2", "v_y2")
 
     def known(self, _names: Collection[str]) -> bool:
         """Always: see `derived`, which makes these."""
@@ -255,8 +255,8 @@ class Derived(Observable):
         """See `Observable`."""
         if self.sd is not None:
             return self.sd
-        mine, one, other = (OBSERVABLES[name].slopes(rebound, COMPONENTS) for name in (self.name, *self.of))
-        first, second = (np.asarray(sizes[NOISE_OF[name]])[..., None] for name in self.of)
+        mine, one, other = (OBSERVABLES[name].slopes(rebound, COMPONENTS) for name in (self.name, *self.parts))
+        first, second = (np.asarray(sizes[NOISE_OF[name]])[..., None] for name in self.parts)
         # mine = a one + b other by Cramer's rule; no finite sd where the two say the same of the velocity.
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = _cross(mine, other) / _cross(one, other), _cross(one, mine) / _cross(one, other)
@@ -264,7 +264,7 @@ class Derived(Observable):
 
 
 def derived(observable: Observable, names: Collection[str]) -> Observable:
-    """The observable as a fit with parameters `names` knows it: its noise from others where it has none."""
+    """The observable in a fit with parameters `names`: its noise from others where it has none."""
     of = [name for name in VELOCITIES if NOISE_OF[name] in names]
     if observable.known(names) or observable.name not in VELOCITIES or len(of) < 2:
         return observable

@@ -265,7 +265,7 @@ _FORCE_SPECS: Mapping[str, ParameterSpec] = {
     ),
     "force_misfit": ParameterSpec(
         "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
-        "slow misfit of the model's force to a record, as a share of its peak", r"$\delta_F$",
+        "misfit of the model's force to a record, slow in time, as a share of its peak", r"$\delta_F$",
         handy=("%", 1e2),
     ),
 }  # fmt: skip

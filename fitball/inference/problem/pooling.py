@@ -31,7 +31,7 @@ ABOUT_ZERO = 0.1
 
 def expected_spread(log: bool, prior: Prior) -> float:
     """The sd of the half-normal prior of a spread, of the logarithm where `log`: a share of the median of the
-    parameter's `prior`, or the width of that where it is centred about zero and its median says no size.
+    parameter's `prior`, or the width of that where it is centred about zero.
     """
     if log:
         return EXPECTED_SPREAD
@@ -55,11 +55,11 @@ class Pooling:
 
     @property
     def spread_name(self) -> str:
-        """Name of the parameter that says how far levels lie apart."""
+        """Name of the parameter for the spread between levels."""
         return f"{self.parameter}_spread"
 
     def place_name(self, label: str) -> str:
-        """Name of the parameter that says where a level lies, in spreads from the common value."""
+        """Name of the parameter for the place of a level, in spreads from the common value."""
         return f"{self.parameter}_place[{label}]"
 
     def value(self, columns: Mapping[str, FloatArray], label: str) -> FloatArray:
@@ -82,7 +82,7 @@ class Pooling:
         made = {
             self.spread_name: ParameterSpec(
                 self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",
-                f"how far {self.parameter} differs between {self.column}s (one standard deviation"
+                f"spread of {self.parameter} between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
                 rf"$\tau_{{{in_formula(self.parameter)}}}$", possible=POSITIVE,
             )
@@ -91,7 +91,7 @@ class Pooling:
             name = self.place_name(label)
             made[name] = ParameterSpec(
                 name, "", -8.0, 8.0, "normal(0, 1)",
-                f"where {self.parameter} of {self.column} {label} lies, in spreads from the common value",
+                f"{self.parameter} of {self.column} {label}, in spreads from the common value",
                 rf"$z_{{{in_formula(label)}}}$", possible=EVERYTHING,
             )  # fmt: skip
         return made
@@ -171,7 +171,7 @@ class GroupBias:
                 name = self.name(observable.name, label)
                 made[name] = ParameterSpec(
                     name, observable.column.unit, -50.0 * size, 50.0 * size, f"normal(0, {size:.6g})",
-                    f"how much more than the model {observable.name} is in group {label}",
+                    f"bias of {observable.name} in group {label}, measured less predicted",
                     rf"$\Delta_{{{column},{in_formula(label)}}}$", possible=EVERYTHING,
                 )  # fmt: skip
         return made

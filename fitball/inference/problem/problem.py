@@ -53,12 +53,12 @@ class Choices:
 class Problem:
     """A table, a model and priors: all that defines a posterior.
 
-    `contact_time` is what the scene knows of the mean contact time of the table, (value, sd) [s], or None.
-    `notes` are the sentences that tell what was left out or assumed, and why. `pooling` tells of parameters that
-    differ between surfaces or balls, `group_bias` of biases of whole groups; `incident` is the covariance
-    (impacts, 3, 3) of `(v_x1, v_y1, omega_1)` in SI where these were measured too, whose true values are marginalised
-    with a flat prior, `force` records of the force on the court. `noise` is that of the table, and
-    `threads` share large batches. `choices` are what it was posed by, beside table and scene.
+    `contact_time` is what the scene states of the mean contact time of the table, (value, sd) [s], or None. `notes`
+    are sentences on what was left out or assumed, and why. `pooling` lists the parameters that differ between
+    surfaces or balls, `group_bias` the biases of whole groups; `incident` is the covariance (impacts, 3, 3) of
+    `(v_x1, v_y1, omega_1)` in SI where these were measured too, whose true values are marginalised with a flat prior,
+    `force` records of the force on the court. `noise` is that of the table, and `threads` share large batches.
+    `choices` are what it was posed by, beside table and scene.
     """
 
     table: ImpactTable
@@ -134,8 +134,8 @@ class Problem:
 
     @cached_property
     def linear_constraints(self) -> tuple[LinearConstraint, ...]:
-        """What the model demands of its parameters at the table's impacts; of those that differ between levels
-        nothing is said here, the model's own refusal bounds them.
+        """What the model demands of its parameters at the table's impacts; those that differ between levels are
+        bounded by the model itself.
         """
         pooled = {pooling.parameter for pooling in self.pooling}
         constraints = self.model.linear_constraints(self.impacts)
@@ -143,7 +143,7 @@ class Problem:
 
     @cached_property
     def grouped_by(self) -> str | None:
-        """The label column by which figures tell impacts apart, None when there is none."""
+        """The label column by which figures distinguish impacts, or None."""
         if "group" in self.table.labels:
             return "group"
         return self.pooling[0].column if self.pooling else None
@@ -156,7 +156,7 @@ class Problem:
     def rebound(self, values: FloatArray, impacts: Impacts | None = None, like: int | None = None) -> Rebound:
         """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default.
 
-        Other `impacts` meet the surface and ball of the table's row `like`, by default a typical one.
+        Other `impacts` have the surface and ball of the table's row `like`, by default a typical one.
         """
         columns = self.all_values(values)
         if impacts is None:
@@ -168,7 +168,7 @@ class Problem:
     def rebound_like(
         self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
     ) -> Rebound:
-        """Rebounds (draws, impacts) of impacts that meet the surface and ball of the table's `rows` (impacts,)."""
+        """Rebounds (draws, impacts) of impacts with the surface and ball of the table's `rows` (impacts,)."""
         if not self.pooling:
             return self._evaluate(columns, impacts)
         rebounds, order = [], []
@@ -242,7 +242,7 @@ class Problem:
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
     ) -> Mapping[str, FloatArray]:
-        """The parameters with which each of `draws` meets the one impact of the table that `rows` names beside it."""
+        """The parameters of each of `draws` at its impact of the table, in `rows`."""
         values = {name: column[draws] for name, column in columns.items()}
         for pooling in self.pooling:
             by_level = np.stack([pooling.value(columns, label) for label in pooling.labels])
@@ -280,14 +280,14 @@ class Problem:
         self,
         columns: Mapping[str, NumberArray],
         rows: NDArray[np.int64],
-        of: Callable[[NumberArray, NDArray[np.int64]], Sequence[NumberArray]],
+        compute: Callable[[NumberArray, NDArray[np.int64]], Sequence[NumberArray]],
     ) -> list[NumberArray]:
-        """Arrays (draws, rows, ...): those `of` values of the model (draws, its parameters) and places among `rows`,
-        level by level.
+        """Arrays (draws, rows, ...): what `compute` gives of values of the model (draws, its parameters) and places
+        among `rows`, level by level.
         """
         made, order = [], []
         for mine, own in self._blocks(columns, rows):
-            made.append(of(self._model_rows({**columns, **own}), mine))
+            made.append(compute(self._model_rows({**columns, **own}), mine))
             order.append(mine)
         back = np.argsort(np.concatenate(order), kind="stable")
         return [np.concatenate(parts, axis=1)[:, back] for parts in zip(*made, strict=True)]

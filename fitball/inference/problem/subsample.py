@@ -32,7 +32,7 @@ def thinned_rows(problem: Problem, rows: int) -> NDArray[np.int64]:
     """About `rows` row numbers, spread evenly over incidence angle; all of a problem that has no more.
 
     Some impacts with a force record are always among them, and some with each column that was not always measured:
-    they may be all that tells a parameter.
+    they may be all that determines a parameter.
     """
     count = len(problem.impacts)
     if count <= rows:
@@ -115,10 +115,10 @@ def _renumbered(observable: Observable, kept: NDArray[np.int64]) -> Observable:
 def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
     """The same problem without the measurements at `rows`.
 
-    The incident conditions of those impacts stay known: what the scene knows of the mean contact time, and that the
-    model must be able to evaluate every impact, hold as in the full problem. So the posterior is that of the full
-    problem but for the likelihood of `rows`, which is what importance sampling of left-out impacts assumes. A column
-    that was measured there alone is left out; raises FitError when none is left.
+    The incident conditions of those impacts stay known: the scene's contact time, and the condition that the model
+    can evaluate every impact, hold as in the full problem. So the posterior is that of the full problem but for the
+    likelihood of `rows`, which is what importance sampling of left-out impacts assumes. A column that was measured
+    there alone is left out; raises FitError when none is left.
     """
     observables = []
     for observable in problem.observables:
@@ -131,21 +131,22 @@ def withheld(problem: Problem, rows: NDArray[np.int64]) -> Problem:
     return replace(problem, observables=tuple(observables), force=force)
 
 
-def whole_of_parts(problem: Problem, of: Callable[[Problem], FloatArray]) -> FloatArray:
-    """What weighted residuals of a problem are (residuals, ...), from those `of` its parts, some rows at a time.
+def whole_of_parts(problem: Problem, compute: Callable[[Problem], FloatArray]) -> FloatArray:
+    """What weighted residuals of a problem are (residuals, ...), from those that `compute` gives of its parts, some
+    rows at a time.
 
-    The measurements stand first, column by column; what follows is the mean over the rows of what each part has
+    The measurements come first, column by column; what follows is the mean over the rows of what each part has
     there, as a mean over impacts is, and what concerns no impact at all.
     """
     count = len(problem.impacts)
     if count <= PART:
-        return of(problem)
+        return compute(problem)
     sizes = np.array([observable.observed.size for observable in problem.observables])
     starts = np.cumsum([0, *sizes])
     whole: FloatArray | None = None
     for rows in np.array_split(np.arange(count), -(-count // PART)):
         part = part_of(problem, rows)
-        made = of(part)
+        made = compute(part)
         own = np.cumsum([0, *(observable.observed.size for observable in part.observables)])
         if whole is None:
             whole = np.zeros((int(starts[-1]) + len(made) - int(own[-1]), *made.shape[1:]))

@@ -1,4 +1,4 @@
-"""What rests on an assumption that the table cannot test, as frozen values; and when a value does."""
+"""How results depend on model assumptions, as frozen values; and when a value rests on one."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from fitball.values import FloatArray
 
-# The difference of two scores by left-out impacts, and when it is more than luck.
+# The difference of two scores by left-out impacts, and when it is significant.
 
-# Below this many impacts a leave-one-out score says nothing: the standard error of five differences is not one.
+# Below this many impacts a leave-one-out score means nothing: five differences give no standard error.
 FEW = 6
-# Differences of elpd within two standard errors, or below 4, tell two models apart only by luck (Sivula, Magnusson,
+# Differences of elpd within two standard errors, or below 4, do not distinguish two models (Sivula, Magnusson,
 # Matamoros and Vehtari 2020, who also find the standard error too small on few observations).
 SURE_ERRORS = 2.0
 SURE_SIZE = 4.0
@@ -28,7 +28,7 @@ class ElpdDifference:
 
     @property
     def sure(self) -> bool:
-        """Whether the difference is more than luck."""
+        """Whether the difference is significant."""
         return abs(self.value) > max(SURE_ERRORS * self.se, SURE_SIZE)
 
 
@@ -50,7 +50,7 @@ PACE = "court pace rating"
 
 
 def own_prior(name: str) -> str:
-    """How a verdict names the prior of a parameter that a value rests on."""
+    """The name of a parameter's prior in the verdict on a value that rests on it."""
     return f"the prior of {name}"
 
 
@@ -79,7 +79,7 @@ class Alternative:
 
     `difference` is its score less that of the fit itself, None with the `reason` where there is none; with a `reason`
     too where it is without some impacts. `values` are the parameters at the mean of its posterior, for predictions;
-    `parameters` and `court_pace` (points of the ITF's rating by surface) what it says of quantities that the fit has
+    `parameters` and `court_pace` (points of the ITF's rating by surface) of quantities that the fit has
     too. `unsettled` is one that could be fitted, but not quickly enough to be scored.
     """
 
@@ -94,23 +94,23 @@ class Alternative:
 
     @property
     def as_good(self) -> bool:
-        """Whether the table does not surely score it below the fit itself; with too few impacts for a score, too."""
+        """Whether it is not significantly worse than the fit itself, or impacts are too few for a score."""
         if self.difference is None:
             return not self.reason
         return self.difference.value >= 0.0 or not self.difference.sure
 
     @property
     def better(self) -> bool:
-        """Whether the table surely scores it above the fit itself."""
+        """Whether it is significantly better than the fit itself."""
         return self.as_good and self.difference is not None and self.difference.sure
 
 
 @dataclass(frozen=True)
 class Span:
-    """One quantity over the fit itself and all alternatives that are as good: lowest and highest `median`, outermost
-    ends of the 95 % intervals; `own` within the fit itself. `shift` is the largest move of the median, in the fit's
-    own sds, and `by` the alternative that makes it. `given` are the choices that the value rests on (see `MOVED`),
-    the one that moves it most first.
+    """One quantity over the fit itself and all alternatives that fit equally well: lowest and highest `median`,
+    outermost ends of the 95 % intervals; `own` within the fit itself. `shift` is the largest move of the median, in
+    the fit's own sds, and `by` the alternative that makes it. `given` are the choices that the value rests on (see
+    `MOVED`), the one that moves it most first.
     """
 
     own: Summary
@@ -140,14 +140,14 @@ class Constant:
 
     @property
     def words(self) -> str:
-        """What a value is given that rests on it."""
+        """Its name in the verdict on a value that rests on it."""
         return self.name if self.held else own_prior(self.name)
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Alternatives to each choice, and each quantity over those that the table cannot tell apart; or `missing`: why
-    there are none. Beside them the `constants` of the ball that something rests on.
+    """Alternatives to each choice, and each quantity over those that fit equally well; or `missing`: why there are
+    none. Beside them the `constants` of the ball on which something depends.
     """
 
     alternatives: tuple[Alternative, ...]
@@ -158,12 +158,12 @@ class Assumptions:
 
     @property
     def as_good(self) -> tuple[Alternative, ...]:
-        """Those that describe the table as well as the fit itself, or better."""
+        """Those that fit as well as the fit itself, or better."""
         return tuple(alternative for alternative in self.alternatives if alternative.as_good)
 
     @property
     def examined(self) -> bool:
-        """Whether everything that could be changed was looked at."""
+        """Whether everything that could be changed was examined."""
         return not self.missing and not any(alternative.unsettled for alternative in self.alternatives)
 
     @property
@@ -180,7 +180,7 @@ class Assumptions:
 
 
 def span(own: Summary, others: Sequence[tuple[str, str, Summary]]) -> Span:
-    """A quantity over the fit itself and `others`: name, what it replaces, and what it says of the quantity."""
+    """A quantity over the fit itself and `others`: name, what it replaces, and its summary of the quantity."""
     everyone = [own, *(summary for _name, _instead, summary in others)]
     moves = [(abs(summary.median - own.median), name) for name, _instead, summary in others]
     furthest, by = max(moves, key=lambda move: move[0], default=(0.0, ""))
@@ -207,10 +207,10 @@ def reach(own: Summary, other: Summary) -> float:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter, or the court pace rating, in SI: the posterior of each model that has it, best score first;
+    """A parameter, or the court pace rating, in SI: its posterior by each model that has it, best score first;
     `stacked` that of the mixture by stacking weights, which those models have a share `weight` of (None where it is
     nothing); `span` over the best of the models and those that the table does not surely score below the best of all,
-    `as_good`; None where none of them has it.
+    `as_good`; None where no model has it.
     """
 
     unit: str

@@ -1,5 +1,5 @@
-"""What is known of how well a table tells a parameter (profile, information, contraction, power-scaling), and whether
-the model describes the table, as frozen values.
+"""The evidence on each parameter (profile, information, contraction, power-scaling), and whether the model describes
+the data, as frozen values.
 
 Nothing is computed here; see `inference.identifiability` and `inference.adequacy`.
 """
@@ -58,7 +58,7 @@ class Profile:
 @dataclass(frozen=True)
 class Profiles:
     """Profiles by parameter name, the largest log likelihood, and whether the scene's contact time counts as a
-    measurement in it. `missing` says why there are none.
+    measurement in it. `missing` is the reason why there are none.
     """
 
     log_likelihood: float
@@ -73,9 +73,9 @@ LEFT_OUT = "the table is large, and they were left out; fitball plot FIT profile
 
 @dataclass(frozen=True)
 class InformationEvidence:
-    """First-order standard errors of one parameter without any prior, in sds of its prior, from the table with and
-    without the scene's contact time (None: the table does not see it at all). `contraction` is what the table is to
-    add to priors and scene, `contraction_without_scene` to priors alone.
+    """First-order standard errors of one parameter without any prior, in sds of its prior, from the data with and
+    without the scene's contact time (None: the data do not determine it at all). `contraction` is what the data add
+    to priors and scene, `contraction_without_scene` to priors alone.
     """
 
     error: float | None
@@ -97,8 +97,8 @@ class Direction:
 
 @dataclass(frozen=True)
 class Eigendirections:
-    """Directions of parameter space from stiff to sloppy, with and without what the scene knows; `held` are the
-    parameters next to whose best value the model ends.
+    """Directions of parameter space from stiff to sloppy, with and without the scene; `held` are the parameters next
+    to whose best value the model ends.
     """
 
     directions: tuple[Direction, ...]
@@ -133,7 +133,7 @@ NAMED = 40
 
 @dataclass(frozen=True)
 class ActiveImpacts:
-    """Where one parameter moves a rebound: the number of impacts, `acting` of those looked at, in which it does over
+    """Where one parameter moves a rebound: the number of impacts, `acting` of those examined, in which it does over
     most of the posterior, the `regimes` that these have most often, and the share of its information that comes from
     the `in_doubt` impacts whose regime is in doubt. `impacts` and `doubtful` are the ids of the first NAMED of them.
     """
@@ -149,7 +149,7 @@ class ActiveImpacts:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All that is known of how well one parameter is known; None where a kind of evidence could not be had.
+    """All evidence on one parameter; None where a kind of evidence is missing.
 
     `alone` is the profile without the scene's contact time, for parameters that it touches.
     """
@@ -164,9 +164,9 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The looks at every free parameter, the spectrum of the information, why profiles are missing, if they are, and
-    how often a 95 % interval of a profile holds the truth on a table of this size; `several` says in words which fits
-    the table cannot tell apart, if there is more than one.
+    """The evidence on every free parameter, the spectrum of the information, why profiles are missing, if they are,
+    and how often a 95 % interval of a profile holds the truth on a table of this size; `several` names the fits that
+    the data cannot distinguish, if there are several.
     """
 
     evidence: Mapping[str, Evidence]
@@ -176,16 +176,16 @@ class Identifiability:
     several: str = ""
 
 
-# Chances that a table which the model made is said to be described only with an exception, or not at all.
+# Probabilities that simulated data are described only with exceptions, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01
-# A parameter that a misfit moves by more than so many of its standard deviations is known conditionally only.
+# A parameter that a misfit shifts by more than so many of its standard deviations is conditional.
 MOVED = 1.0
 # A noise that is so many times what the scene states is an exception however wide its prior.
 FAR_FROM_STATED = 3.0
 
 
 class Answer(StrEnum):
-    """Does the model describe the table?"""
+    """Does the model describe the data?"""
 
     DESCRIBES = "describes"
     EXCEPT = "describes except"
@@ -195,13 +195,13 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True)
 class NoiseCheck:
-    """The noise that residuals of `columns` show against what was stated (`stated`) or expected; `assumed` where the
-    scene says nothing of it, so that the expectation is fitball's own, or a prior that was chosen.
+    """The noise of the residuals of `columns` beside the stated (`stated`) or expected one; `assumed` where the scene
+    states none, so that the expectation is fitball's default, or a chosen prior.
 
     `fitted` is the root mean square residual by degree of freedom, `reference` the stated size or the prior's median,
     both in `unit`; of noises stated row by row both are in units of these. `ratio` is the one over the other, `p` the
     probability of one as large: under the stated noise, or under the prior. `adjusted` is that of any noise or
-    pattern as improbable, and `found` whether it makes an exception.
+    pattern as improbable, and `found` whether it is an exception.
     """
 
     noise: str
@@ -220,10 +220,10 @@ class NoiseCheck:
 
 @dataclass(frozen=True)
 class Check:
-    """One look for a pattern in the residuals of `column`, `over` a quantity, a group or another column.
+    """One test for a pattern in the residuals of `column`, `over` a quantity, a group or another column.
 
-    `statistic` is what was seen, `usual` what 95 % of the tables that the model made stay below in size, and `p` the
-    probability that such a table shows as much in any of all checks. `explained` is the share of the residual
+    `statistic` is the observed one, `usual` its 95 % quantile over simulated data sets, by size, and `p` the
+    probability that such a data set shows as much in any of all tests. `explained` is the share of the residual
     variance that the pattern explains, `size` its root mean square in units of the noise (None: it has none).
     """
 
@@ -257,12 +257,12 @@ class Misfit:
 class Adequacy:
     """The answer, in a `sentence`, and what it is based on.
 
-    `exceptions` are what was found, in words; `moved` by how many of its sds each free parameter would move if the
-    largest of the patterns found were taken out; `given` names the kind of noise that sizes of noise rest on which
-    outliers make larger. `unseen` is the share of the residual variance that a pattern must
-    explain to be found at all, by column. `loo_pit` are the probabilities that a measurement of a column exceeds its
-    prediction by all the other impacts (empty where there are too few, or so many that none matters), `replicates`
-    the number of tables that the checks were held against.
+    `exceptions` are the findings in words; `moved` by how many of its sds each free parameter would move if the
+    largest of the patterns were taken out; `given` names the kind of noise on which a noise's size depends, where
+    outliers enlarge it. `unseen` is the share of the residual variance that a pattern must explain to be found at
+    all, by column. `loo_pit` are the probabilities that a measurement of a column exceeds its prediction by all the
+    other impacts (empty where there are too few, or so many that none matters), `replicates` the number of simulated
+    data sets.
     """
 
     answer: Answer
@@ -285,5 +285,5 @@ class Adequacy:
         return sentences.IF_MISFIT.format(sds=self.moved[name], reason=reason)
 
     def conditional(self, name: str) -> bool:
-        """Whether what the table says of parameter `name` holds only if the misfits do not matter."""
+        """Whether the verdict on parameter `name` holds only if the misfits do not matter."""
         return self.answer is Answer.FAILS or self.moved.get(name, 0.0) > MOVED

@@ -1,12 +1,12 @@
 """What laboratories rate, as formulas and values, nothing of a problem: the court pace of a fitted surface, and drop
 tests.
 
-ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*: a ball meets
-the court at 30 m/s and 16 degrees with hardly any spin. From its velocities follow `e = v_y2/v_y1`,
-`mu = (v_x1 - v_x2)/(v_y1 (1 + e))` and the rating `100 (1 - mu) + 150 (0.81 - e_T)`.
+ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*: a ball hits
+the court at 30 m/s and 16 degrees with hardly any spin. From its velocities follow `e = v_y2/v_y1`, `mu = (v_x1 -
+v_x2)/(v_y1 (1 + e))` and the rating `100 (1 - mu) + 150 (0.81 - e_T)`.
 
 That `mu` is the apparent one: the ratio of the impulses, the coefficient of sliding friction only while the ball
-slides throughout. At 16 degrees it may grip, so the rating with the fitted coefficient stands beside it. The method
+slides throughout. At 16 degrees it may grip, so the rating with the fitted coefficient is given beside it. The method
 brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`; where no ball temperature is known `e_T =
 e`. It takes nine impacts at a place, the mean of all as the value of the court, and the largest difference between
 the means of places as its variation (ITF Technical Booklet 2015, p. 40).
@@ -96,7 +96,7 @@ class PaceRating:
 class CourtMean:
     """A court as the mean of its tested places: so many `places`, labels of `column`; the mean `rating`; standard
     deviations `between` places and `within` one, and the rating `elsewhere`, of a place that was not tested (None
-    where repeats do not tell them apart; a model has no repeats); the largest difference between places, and
+    where repeats do not separate them; a model has no repeats); the largest difference between places, and
     probabilities of the categories.
     """
 
@@ -113,7 +113,7 @@ class CourtMean:
 @dataclass(frozen=True)
 class PlaceRating:
     """One place of a court: its measured impacts, mean rating, friction and restitution as measured, and the
-    `rating` beyond the noise of its repeats (None where places cannot be told from that).
+    `rating` beyond the noise of its repeats (None where places cannot be separated from that).
     """
 
     label: str
@@ -204,7 +204,8 @@ class TestedSpeed:
 @dataclass(frozen=True)
 class Passing:
     """Probabilities that a rebound lies within the limits of a type: that of the `mean` ball, of one more `ball` of
-    the same make (None where balls cannot be told from noise), and of one more measured `drop`. None without draws.
+    the same make (None where balls cannot be separated from noise), and of one more measured `drop`. None without
+    draws.
     """
 
     mean: float | None
@@ -254,7 +255,7 @@ class Level:
 class Variation:
     """A quantity over the labels of a `column`: standard deviations `between` labels and `within` one, and `levels`.
 
-    Where repeats cannot tell the two apart `missing` says why, and there are no levels.
+    Where repeats cannot separate the two, `missing` has the reason, and there are no levels.
     """
 
     column: str
@@ -269,8 +270,8 @@ class DropTest:
     """Restitution at each tested speed, the rebound from 254 cm, and how balls differ, or `missing`: why there is
     none.
 
-    `balls_counted` says that the restitutions take balls as a sample of their make, not impacts as independent.
-    `from_heights` says that both speeds were made from heights, with `v = sqrt(2 g h)`. `shared_error` is by how much
+    `balls_counted`: the restitutions take balls as a sample of their make, not impacts as independent.
+    `from_heights`: both speeds were computed from heights, with `v = sqrt(2 g h)`. `shared_error` is by how much
     a restitution is off if the stated sd of `v_y1` is one error of all drops.
     """
 

@@ -1,4 +1,4 @@
-"""The quantiles that a posterior is told by, under the names that fields, files and columns have for them."""
+"""The quantiles that summarise a posterior, under their names in fields, files and columns."""
 
 from __future__ import annotations
 

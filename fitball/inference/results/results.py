@@ -30,7 +30,7 @@ TARGET_R_HAT = 1.01
 
 
 class Verdict(StrEnum):
-    """What the data say about one parameter."""
+    """Do the data determine a parameter?"""
 
     IDENTIFIED = "identified"
     GIVEN = "identified, given assumptions"
@@ -97,12 +97,12 @@ class PointFit:
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: quantiles of its posterior in SI, its prior and what the data say of it.
+    """One parameter: quantiles of its posterior in SI, its prior and the verdict on it.
 
-    Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is
-    1 - posterior variance / prior variance, both in the coordinate of the prior, where "prior"
-    includes what the scene knows, and `prior_source` says where it was published, if it is from the literature.
-    `given` are the assumptions that an identified value rests on.
+    Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is 1 - posterior
+    variance / prior variance, both in the coordinate of the prior, where "prior" includes the scene, and
+    `prior_source` is its publication, if it is from the literature. `given` are the assumptions that a determined
+    value rests on.
     """
 
     name: str
@@ -138,8 +138,8 @@ class Posterior:
     """Draws kept for inference.
 
     `values` is (ensembles, steps, walkers, free parameters) in SI, `log_posterior` is aligned with it,
-    (ensembles, steps, walkers); `prior_draws` (draws, free parameters) are draws from all that was known before
-    the table.
+    (ensembles, steps, walkers); `prior_draws` (draws, free parameters) are draws from the priors with what the scene
+    states.
     """
 
     names: tuple[str, ...]
@@ -155,9 +155,9 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """How the sampler did. `warm_up` steps precede those used, of which `kept` were stored: all, or of a long run
-    every second, fourth, ...; `r_hat` is rank-normalised and nested (ensembles over walkers). Where draws
-    were weighed each step is one proposal, and `pareto_k` tells the tail of the weights.
+    """Convergence of the sampler. `warm_up` steps precede those used, of which `kept` were stored: all, or of a long
+    run every second, fourth, ...; `r_hat` is rank-normalised and nested (ensembles over walkers). Where draws were
+    weighted each step is one proposal, and `pareto_k` measures the tail of the weights.
     """
 
     ensembles: Counted
@@ -237,7 +237,7 @@ class Predictive:
 
 @dataclass(frozen=True)
 class Golden:
-    """Impacts with their rebounds at the point estimate, for whoever ports the model elsewhere."""
+    """Impacts with their rebounds at the point estimate, to check ports of the model."""
 
     parameters: Mapping[str, float]
     impacts: Impacts
@@ -275,7 +275,7 @@ class BudgetLine:
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """Numerical error beside the others, by column; `reference` says what `impacts` rebounds were compared with."""
+    """Numerical error beside the others, by column; `reference` is what `impacts` rebounds were compared with."""
 
     impacts: Counted
     reference: str
@@ -302,7 +302,7 @@ class Timing:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
     """What `fit.json` holds of a fit, numbers in SI. `derived` are quantities that follow from several parameters,
-    those at a measured speed first. `notes` are those of table and problem, and what only the fit could tell.
+    those at a measured speed first. `notes` are those of table, problem and fit.
     `covariance` and `correlation` are those of the free parameters, log densities and root mean square residuals by
     column (`rms`) those at the point estimate, `optima` what its search found, best first.
     """
@@ -348,12 +348,12 @@ class Record:
 
     @property
     def at_common(self) -> str:
-        """What is to be said of a bounce without a level, where parameters differ between levels; empty where none
+        """A note on a bounce without a level, where parameters differ between levels; empty where none
         does.
         """
         pooled = {item.parameter: item.column for item in self.levels}
         return "; ".join(
-            f"{name} differs between {column}s: taken at the value common to all, which is that of none of them"
+            f"{name} differs between {column}s: the value used is the common one, which belongs to none of them"
             for name, column in pooled.items()
         )
 
@@ -363,7 +363,7 @@ class Fit(Record):
     """All that one calibration found: its record, and what lies in files beside `fit.json`.
 
     A fit that was read back has its `place`, and a function `later` in its dictionary by which it reads those files
-    when something in them is first asked for. Two fits are equal when they say the same to the last digit.
+    when something in them is first asked for. Two fits are equal when they agree to the last digit.
     """
 
     problem: Problem
@@ -414,7 +414,7 @@ BESIDE = ("problem", "balances", "point", "posterior", "predictive")
 def thinned(posterior: Posterior, count: int) -> FloatArray:
     """`count` draws (draws, free), one at random from each of as many equal shares of the chains, or all if fewer.
 
-    At even spaces the same few walkers would be met again and again wherever the spacing and their number have a
+    At even spaces the same few walkers would recur wherever the spacing and their number have a
     divisor in common. The places depend on the numbers of draws alone.
     """
     draws = posterior.draws

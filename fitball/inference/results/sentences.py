@@ -26,8 +26,8 @@ ALL_ALIKE = (
     "The data cannot test the model: all {impacts:,} impacts have the same incidence, so residuals show no pattern."
 )
 ELSEWHERE = "In {columns}, no residual test finds a pattern."
-HINTS = "Strongest hints, each with the share of simulated data sets that show as much: {hints}."
-HINT = "{fault}, {chance:.0f} %"
+HINTS = "Strongest hints: {hints}."
+HINT = "{fault}, as strong in {chance:.0f} % of simulated data sets"
 MODEL_ERROR = (
     "The misfit shifts {name} by {sds:.0f} of its sds. Standard deviations and intervals do not include this error."
 )
@@ -136,7 +136,7 @@ PROFILE_IS = "the profile is {end}"
 PRIOR_CLOSES = "; there the prior limits the posterior"
 AT_BOUND = "; where its profile ends, {names} {at}"
 ITS_BOUND, THEIR_BOUNDS = "is at its bound", "are at their bounds"
-FROM_SCENE = "; its value comes from {scene}"
+FROM_SCENE = ", but its absolute value comes from {scene}"
 PARTLY_SCENE = "; partly determined by {scene}: without it, the contraction would be {alone:.2f}"
 SCENE, CONTACT_TIME = "the scene", "the scene's contact time ({value:.3g} ± {sd:.2g} ms)"
 TIED = "; correlation {correlation:.2f} with {name}"

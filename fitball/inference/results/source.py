@@ -1,4 +1,4 @@
-"""What a fit was made from: the measurements as columns in SI, and what its record says of them."""
+"""What a fit was made from: the measurements as columns in SI, and their summary in its record."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Source:
 
 
 def source_of(problem: Problem) -> Source:
-    """What the record of a fit says of its measurements."""
+    """The measurements in the record of a fit."""
     table, force = problem.table, problem.force
     return Source(
         name=table.name,

@@ -66,7 +66,7 @@ def convergence(names: tuple[str, ...], coordinates: FloatArray) -> Convergence:
         column = np.ascontiguousarray(chains[:, :, k])
         if np.ptp(column) <= 0.0:
             raise FitError(
-                f"the sampler never moved {name}: all its draws are the same; loosen its prior, or fix it "
+                f"the sampler never moved {name}: all its draws are equal; widen its prior, or fix it "
                 + spoken(f"(--fix {name}=VALUE)", f"(fix={{{name!r}: ...}})")
             )
         halves = np.vstack([column[:, : steps // 2], column[:, -(steps // 2) :]])

@@ -1,7 +1,7 @@
 """Ensembles of walkers, advanced together by one emcee sampler, and what is kept of their steps.
 
-A chain of many parameters over many steps would fill memory and disk, and neighbouring steps of it say nearly the
-same: beyond a number of steps every second is kept, then every fourth and so on. Which ones follows from the number
+A chain of many parameters over many steps would fill memory and disk, and its neighbouring steps are nearly
+equal: beyond a number of steps every second is kept, then every fourth and so on. Which ones follows from the number
 of steps alone, so an interrupted run that goes on keeps the same.
 """
 

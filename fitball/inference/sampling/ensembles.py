@@ -58,7 +58,7 @@ class Schedule:
 
     @classmethod
     def for_ess(cls, ess: float) -> Schedule:
-        """That for an effective sample size: who wants fewer draws than a fit does takes fewer steps too."""
+        """That for an effective sample size: a smaller one than a fit's takes fewer steps too."""
         counted = max(LEAST_COUNTED, round(COUNTED * min(1.0, ess / TARGET_ESS)))
         return cls(WARM_UP, WARM_UP + counted, ess)
 
@@ -88,7 +88,7 @@ class Progress:
 class Sampled:
     """Chains of all ensembles in coordinates, (ensembles, stored, walkers, free): of so many `steps` those that were
     stored, warm-up included. `first` is the place of the first one after the `warm_up` steps; `moved` are the walkers
-    (ensembles, walkers) that went on from a draw of others after it. Where draws were weighed `pareto_k` tells
+    (ensembles, walkers) that went on from a draw of others after it. Where draws were weighted `pareto_k` measures
     the tail of their weights.
     """
 
@@ -118,7 +118,7 @@ class SamplingInterrupted(KeyboardInterrupt):
 
 
 def default_walkers(dimension: int) -> int:
-    """Walkers an ensemble has when nobody says: four for each parameter, an even number of at least 16."""
+    """Walkers of an ensemble by default: four for each parameter, an even number of at least 16."""
     return max(16, 4 * dimension)
 
 
@@ -146,7 +146,7 @@ def starting_positions(
         weight = np.exp(TEMPERING * (density - density.max()))
         if np.count_nonzero(weight) >= 2 * walkers:
             return pool[rng.choice(POOL, walkers, replace=False, p=weight / weight.sum())]
-    raise FitError("too few starting points of finite posterior density around the optima: loosen the priors")
+    raise FitError("too few starting points of finite posterior density around the optima: widen the priors")
 
 
 def sample(
@@ -236,7 +236,7 @@ def next_check(step: int, mixing: Convergence, plan: Schedule) -> int:
 
 @dataclass(frozen=True)
 class Run:
-    """The ensembles of a run on their way; `checks` are the steps looked at so far with those that followed."""
+    """The ensembles of a run on their way; `checks` are the steps checked so far with those that followed."""
 
     problem: Problem
     ensembles: Sequence[Ensemble]

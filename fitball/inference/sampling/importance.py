@@ -31,8 +31,8 @@ def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, flo
     """Logarithms of weights (draws,) that add up to one, from those of importance ratios (draws,), and the Pareto k.
 
     Where the draws have no tail to be fitted, because walkers sat there or the ratios hardly differ, the weights are
-    the ratios themselves and k is infinite, "not to be trusted"; it is -infinite where all ratios are equal, for
-    those are exact. `efficiency` is the effective sample size over the number of draws.
+    the ratios themselves and k is infinite, "unreliable"; it is -infinite where all ratios are equal, for those are
+    exact. `efficiency` is the effective sample size over the number of draws.
     """
     from fitball.inference.sampling.array_stats import array_stats
 
@@ -88,8 +88,8 @@ FLATTER, FLATTEST = 0.8, 0.05
 
 @dataclass(frozen=True)
 class WeightedDraws:
-    """Draws of a posterior: `values` (draws, free) in SI with `log_weights` (draws,) that add up to one, and how many
-    independent draws they are worth; their log density `score` (draws,), where they were drawn for it.
+    """Draws of a posterior: `values` (draws, free) in SI with `log_weights` (draws,) that add up to one, and their
+    effective sample size; their log density `score` (draws,), where they were drawn for it.
     """
 
     values: FloatArray
@@ -99,7 +99,7 @@ class WeightedDraws:
 
     @property
     def settled(self) -> bool:
-        """Whether there are draws enough to say something."""
+        """Whether the effective sample is large enough."""
         return self.effective >= LEAST
 
 
@@ -115,8 +115,8 @@ def importance_posterior(
     enough: float = ENOUGH,
     density: Callable[[Problem, FloatArray], FloatArray] = log_posterior,
 ) -> WeightedDraws:
-    """Weighted draws of the posterior, worth `enough` independent ones if so many can be had, from the proposals that
-    it is `begun` with; or of another log `density` of a problem at coordinates (draws, free).
+    """Weighted draws of the posterior, with an effective sample of `enough` if possible, from the proposals that it
+    is `begun` with; or of another log `density` of a problem at coordinates (draws, free).
     """
     fitted = [*begun]
     proposals: list[tuple[int, StudentProposal]] = []
@@ -193,12 +193,12 @@ def refitted(
     enough: float,
     beside: Sequence[StudentProposal] = (),
 ) -> Refitted | None:
-    """Draws of the posterior without the measurements of the impact `row`, worth `enough` independent ones if so many
-    can be had, and its log density by the measured `columns`.
+    """Draws of the posterior without the measurements of the impact `row`, with an effective sample of `enough` if
+    possible, and its log density by the measured `columns`.
 
     Importance sampling by proposals that are adapted to that posterior: from draws of the `whole`, as they are and as
     weighted without the impact, whose log `likelihood` (draws,) there is known, and those `beside`. None where its
-    Pareto k is not to be trusted either, it is worth too little, or its draws hardly meet those of the whole.
+    Pareto k is unreliable too, its effective sample is too small, or its draws hardly overlap those of the whole.
     """
     held = replace(withheld(problem, np.array([row])), force=problem.force)
     coordinates = problem.to_coordinates(whole.values)

@@ -1,10 +1,9 @@
 """Coordinates in which levels of a pooled parameter are nearly normal and independent of their spread: for moves.
 
-With `q` the common value, `tau` the spread and `z` a place, a level lies at `q + tau z`. Where the table tells much
-of a level that sum is all but known, and `q`, `tau`, `z` lie on a curved, narrow ridge; where it tells little, `z`
-follows its prior. Between these lies a place that knows what the table says, a partial centring (Papaspiliopoulos,
-Roberts and Skoeld 2007, Statist. Sci. 22, 59). Were the table a normal measurement `m` of the level with precision
-`p`, then
+With `q` the common value, `tau` the spread and `z` a place, a level lies at `q + tau z`. Where the data determine a
+level well that sum is almost known, and `q`, `tau`, `z` lie on a curved, narrow ridge; where they hardly do, `z`
+follows its prior. Between these lies a partial centring, by the information of the data (Papaspiliopoulos, Roberts
+and Skoeld 2007, Statist. Sci. 22, 59). Were the table a normal measurement `m` of the level with precision `p`, then
 
     w = (z (1 + p tau^2) + (q - m) p tau) / sqrt(1 + p tau^2)
 
@@ -35,7 +34,7 @@ LEAST, MOST = -12.0, 14.0
 @dataclass(frozen=True)
 class LevelCoordinates:
     """Those of one pooled parameter: the columns of common value (None: held at `held`), spread and places (levels,)
-    among the coordinates of a problem; `mean` and `precision` (levels,) as said above; `prior_mean` and
+    among the coordinates of a problem; `mean` and `precision` (levels,) as above; `prior_mean` and
     `prior_precision` of the common value; `log` whether the spread's own coordinate is its logarithm.
     """
 

@@ -11,7 +11,7 @@ its density changed less than in a whole normal mode, by a variance of half the 
 and the mode is taken to be larger in that proportion; a walker that never moved fills nothing.
 
 Up to a tenth of all walkers can be found so; more of them are a mode that one may not ignore, and R-hat's business.
-One taken by mistake does no harm: it goes on from a draw of the others, as good a start as its own.
+One taken by mistake does no harm: it goes on from a draw of the others, an equally good start.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ def left_behind_words(behind: NDArray[np.bool_]) -> tuple[str, ...]:
         return ()
     which = f"1 of {behind.size} walkers was" if count == 1 else f"{count} of {behind.size} walkers were"
     return (
-        f"{which} left behind by the others in the warm-up, where the posterior holds next to nothing, and went on "
-        "from draws of the others before any step that counts",
+        f"{which} stuck during the warm-up where the posterior has next to no mass, and restarted from "
+        "draws of the others, before any step that counts",
     )
 
 

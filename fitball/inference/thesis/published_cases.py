@@ -151,7 +151,9 @@ def case_errors(table: ImpactTable) -> dict[int, dict[str, FloatArray]]:
 
 
 def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str, ...]) -> CaseComparison | None:
-    """The cases beside a model whose `rebound` (1, impacts) is `told` some outputs; None for others' data."""
+    """The cases beside a model with this `rebound` (1, impacts), which takes some outputs as input; None for others'
+    data.
+    """
     errors = case_errors(table)
     if not errors:
         return None
@@ -175,7 +177,7 @@ def compare_cases(table: ImpactTable, rebound: Rebound, given_columns: tuple[str
 @cache
 def predictions() -> Mapping[int, Mapping[str, FloatArray]]:
     """`v_x2`, `v_y2` [m/s] and `omega_2` [rad/s] (21,) of Wang's impacts by case: what the thesis's computation gives
-    with Chapter V's damping and mean restitution. It stands in a file, so that no fit compiles that computation;
+    with Chapter V's damping and mean restitution. A file holds it, so that no fit compiles that computation;
     `fitball.thesis.printed_tables` makes it.
     """
     with PREDICTIONS.open(encoding="utf-8", newline="") as file:

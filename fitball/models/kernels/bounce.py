@@ -51,7 +51,7 @@ from fitball.values import FloatArray
 
 
 class Bounce(NamedTuple):
-    """One impact solved; `pieces` of it stand in the phase log. All but `status` NaN or 0 where that is not OK."""
+    """One impact solved; `pieces` of it are in the phase log. All but `status` NaN or 0 where that is not OK."""
 
     status: int
     v_x2: float
@@ -133,7 +133,7 @@ def bounce_each(
     """As `bounce_batch`, one by one and of any composition: those at `places` from the `first` on, counted draw by
     draw.
 
-    Their pieces stand in the `log` (at least MAX_PHASES, PIECE_SIZE) one behind the other, those of each up to its
+    Their pieces are in the `log` (at least MAX_PHASES, PIECE_SIZE) one behind the other, those of each up to its
     row in `ends` (places,). Returns how many places are done: not all of them where the log is full.
     """
     scratch = scratch_in(room, stack)

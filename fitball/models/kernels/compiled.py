@@ -153,7 +153,7 @@ SEAL = hashlib.sha256().digest_size
 
 
 class KernelFiles:
-    """Stands in for numba's files of one function: `stem` begins their names, `stamp` says of which sources and of
+    """Replaces numba's files of one function: `stem` begins their names, `stamp` says of which sources and of
     which numba they are.
     """
 
@@ -165,7 +165,7 @@ class KernelFiles:
         return self.folder / f"{self.stem}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
 
     def load(self, key: object) -> Any:
-        """What was saved, or None where there is none that is whole and of these sources."""
+        """What was saved, or None without a file that is whole and of these sources."""
         try:
             content = self.place(key).read_bytes()
         except OSError:
@@ -280,7 +280,7 @@ def _blind_to_literals(dispatcher: Any) -> None:
 
 
 class _Compilations(event.Listener):
-    """Passes on what numba tells of our kernels, once for all that one call compiles."""
+    """Passes on numba's events about our kernels, once for all that one call compiles."""
 
     def __init__(self) -> None:
         self.kernels: list[bool] = []
@@ -323,9 +323,9 @@ def _keep_whole(dispatcher: Any) -> None:
         dispatcher._cache = numba.core.caching.NullCache()
         return
 
-    def save_if_possible(signature: Any, made: Any) -> None:
+    def save_if_possible(signature: Any, compiled: Any) -> None:
         # No room, or a folder that can no longer be written to: the kernel is there, the next run compiles it again.
         with suppress(OSError):
-            save(signature, made)
+            save(signature, compiled)
 
     cache.save_overload = save_if_possible

@@ -59,7 +59,7 @@ from fitball.values import FloatArray
 def followed_again(
     contact: Contact[Number], phase_log: FloatArray, pieces: int, twist: NumberArray, force: NumberArray
 ) -> tuple[Number, Number]:
-    """`(v_x2, omega_2)` of the contact whose `pieces` stand in `phase_log`; `twist` and `force` are scratch."""
+    """`(v_x2, omega_2)` of the contact whose `pieces` are in `phase_log`; `twist` and `force` are scratch."""
     joint, vertical, spring = contact.joint, contact.vertical, contact.vertical.spring
     core, shell = joint.core, joint.shell
     gyration = shell + contact.mass * contact.radius * contact.radius

@@ -8,8 +8,8 @@ The motions of `x'' + 2 a x' + b x = 0` are spanned, with `w^2 = b - a^2`, by
 which are entire in `w^2`: critical damping is no special case. A function of time is held by its coefficients in such
 a basis; differentiation maps coefficients to coefficients. The plainest case is `y = v S(t)` (Jafri 2004, Eq. 2).
 
-The response of one oscillator to another has a removable singularity where a pole of the one meets a
-pole of the other. There the partial fractions cancel, and a Taylor series (`series_response`) takes over.
+The response of one oscillator to another has a removable singularity where a pole of the one equals a pole of the
+other. There the partial fractions cancel, and a Taylor series (`series_response`) takes over.
 
 The first zero of a contact function is certified: no earlier zero is missed, however close a pair.
 A contact function (slip `v_x - R omega_2`, or the margin `mu F -+ F_x` of the friction cone) is

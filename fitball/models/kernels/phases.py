@@ -2,7 +2,7 @@
 
 A contact is solved in pieces: each lasts until the first zero of the function that ends it (`equations`), and then
 the friction cone `|F_x| <= mu F` decides what follows. The cone is not in the thesis, whose ball rolls to the end of
-the contact once it has begun to. The phases are told as a packed sequence, and the pieces in a log.
+the contact once it has begun to. The phases are given as a packed sequence, and the pieces in a log.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def _populated(one: _Gathered, grouping: Grouping) -> Populated:
                 f"population of {asked.name}: priors of the tables exclude one another's values: no draw of {name} "
                 "is possible in all others"
             )
-        tables.append(TableDraws.of(name, inside, asked.log_prior(priors), efficiency * len(inside) / len(draws)))
+        tables.append(TableDraws.drawn(name, inside, asked.log_prior(priors), efficiency * len(inside) / len(draws)))
     own = {}
     for name, draws, _priors, _efficiency in one.tables:
         low, median, high = (float(end) for end in np.quantile(draws, (0.025, 0.5, 0.975)))

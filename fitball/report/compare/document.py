@@ -171,9 +171,9 @@ def compare_document(
 def shortened(notes: Sequence[str]) -> Sequence[str]:
     """The first notes, for a first screen, and how many more there are."""
     left = len(notes) - MOST_NOTES
-    return (
-        notes if screen().full or left <= 1 else [*notes[:MOST_NOTES], f"{left} more notes: --full, or the report."]
-    )
+    if screen().full or left <= 1:
+        return notes
+    return [*notes[:MOST_NOTES], f"{left} more notes: {option('full')}, or the report."]
 
 
 def render(comparison: Comparison, folder: str = "") -> str:

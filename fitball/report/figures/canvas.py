@@ -1,4 +1,4 @@
-"""An empty figure with panels in a grid, what all figures draw alike (groups, log axes, legends), and its file."""
+"""An empty figure with panels in a grid, what all figures share (groups, log axes, legends), and its file."""
 
 from __future__ import annotations
 

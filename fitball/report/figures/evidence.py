@@ -1,4 +1,4 @@
-"""What is known of parameters: their profiles, the posterior of all pairs, the walkers that drew it."""
+"""Profiles of parameters, the posterior of all pairs, and the walkers of the sampler."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _draw_profile(axis: Axes, panel: ProfilePanel, words: str) -> None:
 
 
 def profiles_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     parts = []
     for name, item in fit.identifiability.evidence.items():
         scale = handy(name, fit.parameters[name].unit)
@@ -333,7 +333,7 @@ NAMED = 3
 
 
 def corner_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     names, matrix = fit.problem.free_names, fit.correlation
     medians = "; ".join(
         f"{row.name} {row.median} {row.interval_95} {row.unit}".rstrip()
@@ -441,9 +441,9 @@ def trace_figure(fit: Fit) -> Figure:
     sheet.ticks([panels[-1][0]], "x", 7)
     for side, words in ((steps, "step"), (marginal, "marginal")):
         sheet.text(side.start + 0.5 * side.length, BOTTOM - 0.35, words, 10, ha="center", va="center")
-    # Draws that were weighed are in chains of one.
+    # Weighted draws are in chains of one.
     many = drawn(fit).values.shape[2] > 1
-    chain, words = ("ensemble", "walkers after warm-up") if many else ("chain", "weighed draws, chain by chain")
+    chain, words = ("ensemble", "walkers after warm-up") if many else ("chain", "weighted draws, by chain")
     legend_below(sheet.figure, {f"{chain} {k}": Line2D([], [], color=it) for k, it in enumerate(colours, 1)}, 6)
     fit_heading(sheet.figure, fit, words)
     return sheet.figure
@@ -464,17 +464,17 @@ def _draw_trace(sheet: Sheet, item: TraceData, left: Panel, right: Panel, colour
 
 
 def trace_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     diagnostics = fit.diagnostics
     if diagnostics is None:
         return ""
     worst = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
     chains = diagnostics.ensembles
-    who = f"Walkers of {chains} ensembles" if diagnostics.pareto_k is None else f"{chains} chains of weighed draws"
-    many = " are not yet enough" if diagnostics.max_r_hat < TARGET_R_HAT else " do not yet agree"
-    state = " agree" if diagnostics.converged else many
+    what = f"Walkers of {chains} ensembles" if diagnostics.pareto_k is None else f"{chains} chains of weighted draws"
+    short_of = "too few draws" if diagnostics.max_r_hat < TARGET_R_HAT else "the chains differ"
     return (
-        f"{who} over steps {diagnostics.warm_up} to {diagnostics.steps}: they{state}; "
-        f"the largest R-hat is {diagnostics.max_r_hat:.3f}, of {worst}, "
-        f"the smallest effective sample size {min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
+        f"{what} over steps {diagnostics.warm_up} to {diagnostics.steps}: "
+        f"{'converged' if diagnostics.converged else f'not converged, {short_of}'}. "
+        f"Largest R-hat {diagnostics.max_r_hat:.3f}, of {worst}; "
+        f"smallest effective sample size {min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail):.0f}."
     )

@@ -1,4 +1,4 @@
-"""Measurements beside what the fit makes of them: measured against predicted, and residuals."""
+"""Measured against predicted rebounds, and residuals."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from fitball.values import FloatArray
 from fitball.wording import short
 
 SHARE = 0.95
-# Bins of a band that stands for more intervals than can be told apart.
+# Bins of a band that replaces more intervals than can be seen apart.
 BAND_BINS = 24
 
 
@@ -57,8 +57,8 @@ BAND_BINS = 24
 class Agreement:
     """One output at the impacts `rows` where it was measured, in the unit in which people read it.
 
-    `predicted` is the posterior median without noise, or the point estimate; 95 % intervals (2, rows) of the model,
-    which is what its parameters leave open (None for a point fit), and of a new `measurement`, which noise widens.
+    `predicted` is the posterior median without noise, or the point estimate; 95 % intervals (2, rows) of the `model`,
+    from the uncertainty of its parameters (None for a point fit), and of a new `measurement`, with noise.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Agreement:
 
 
 def agreements(fit: Fit) -> tuple[Agreement, ...]:
-    """Every measured column that the fit answers for."""
+    """Every fitted column."""
     return tuple(_agreement(fit, item) for item in fit.problem.observables)
 
 
@@ -95,10 +95,10 @@ def _agreement(fit: Fit, observable: Observable) -> Agreement:
     def part(*arrays: FloatArray) -> FloatArray:
         return factor * measured_part(observable, np.stack(arrays))
 
-    told, measured, model = prediction_of(fit, observable), part(observable.observed)[0], None
+    drawn, measured, model = prediction_of(fit, observable), part(observable.observed)[0], None
     predicted = part(prediction(fit, observable))[0]
-    if told is not None:
-        model, ends = part(told.mean_q025, told.mean_q975), part(told.data_q025, told.data_q975)
+    if drawn is not None:
+        model, ends = part(drawn.mean_q025, drawn.mean_q975), part(drawn.data_q025, drawn.data_q975)
     else:
         away = fit.problem.noise.reach(SHARE, fit.point.values) * noise_sd(fit, observable)
         centre = measured_part(observable, prediction(fit, observable)) + bias(fit, observable)
@@ -128,8 +128,8 @@ def predictive_figure(fit: Fit) -> Figure:
     styles = group_styles(groups)
     handles = {f"measured: {name}" if name else "measured": mark for name, mark in group_handles(styles).items()}
     if fit.predictive is not None:
-        handles["95 %: the model, by its parameters"] = _bar(MODEL)
-    handles["95 %: a new measurement, with noise"] = _bar(NOISE)
+        handles["model, 95 %"] = _bar(MODEL)
+    handles["new measurement, 95 %"] = _bar(NOISE)
     # Labels of the axis and the lines of the legend.
     below = 0.62 + 0.19 * -(-len(handles) // min(columns, len(handles)))
     margins = Margins(across=0.8, down=0.85, top=0.85 if narrow else 0.65, bottom=below)
@@ -183,10 +183,10 @@ def _draw_agreement(axis: Axes, item: Agreement, groups: tuple[str, ...], styles
 
 
 def predictive_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     parts = [
-        f"{item.name}: {np.count_nonzero(item.inside)} of {item.inside.size} measurements within the 95 % range of a "
-        f"new one, root mean square difference {item.rms:.2g} {output_scale(item.name).unit}"
+        f"{item.name}: {np.count_nonzero(item.inside)} of {item.inside.size} measurements within the 95 % interval "
+        f"of a new one, root mean square difference {item.rms:.2g} {output_scale(item.name).unit}"
         for item in agreements(fit)
     ]
     what = "posterior median" if fit.predictive is not None else "point estimate"
@@ -225,7 +225,7 @@ class Trend:
 
 
 def residual_data(fit: Fit) -> tuple[Residuals, ...]:
-    """Residuals of every observable at the posterior median, or the point estimate, biases of groups taken off."""
+    """Residuals of every observable at the posterior median, or the point estimate, without biases of groups."""
     found = []
     for item in fit.problem.observables:
         gap = measured_part(item, item.observed) - measured_part(item, prediction(fit, item)) - bias(fit, item)
@@ -385,7 +385,7 @@ def _residual_legend(figure: Figure, fit: Fit, styles: Styles) -> None:
 
 
 def residuals_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     parts = []
     for item in residual_data(fit):
         worst = int(np.argmax(np.abs(item.values)))

@@ -1,4 +1,4 @@
-"""What the model makes over incidence, over time and of each impact: curves, force records, regimes."""
+"""Predictions: curves over incidence or speed, force over time, and the regimes of each impact."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class CurveColumn:
 
 
 def impacts_along(fit: Fit) -> FloatArray:
-    """Where impacts stand on the axis of the curves (impacts,)."""
+    """Places of impacts along the axis of the curves (impacts,)."""
     impacts = fit.problem.impacts
     if fit.problem.table.has_tangential:
         return np.degrees(impacts.angle)
@@ -100,7 +100,9 @@ def _title(item: Curve, needs_cor: bool) -> str:
 
 
 # Letters of a title that a panel has room for.
-MOST_IN_TITLE = 36
+MOST_IN_TITLE = 30
+# Inches: the panels in all, so that the figure has room beside a table; a row of them at least and at most.
+CURVES_WIDE, CURVES_HIGH, LOWEST_ROW, HIGHEST_ROW = 6.5, 4.5, 0.9, 1.7
 # Bars on more points than this would hide the curve.
 MOST_ERRORS = 60
 # Impacts near a curve that are drawn one by one, bins that stand for more, impacts of a bin at least; and how many of
@@ -112,9 +114,9 @@ def curves_figure(fit: Fit) -> Figure:
     """A column for each speed and spin, a row for each output."""
     columns = curve_columns(fit)
     points = measured_outputs(fit)
-    narrow = len(columns) == 1
-    size, margins = (5.0, 1.9) if narrow else (3.1, 1.65), Margins(top=0.7, bottom=1.6 if narrow else 1.15)
-    figure, axes = panels(len(points), len(columns), size, margins)
+    high = min(max(CURVES_HIGH / len(points), LOWEST_ROW), HIGHEST_ROW)
+    margins = Margins(top=0.55, bottom=0.9)
+    figure, axes = panels(len(points), len(columns), (CURVES_WIDE / len(columns), high), margins)
     place, groups = impacts_along(fit), np.array(group_of(fit))
     for k, column in enumerate(columns):
         for axis, (name, item) in zip(axes[:, k], points.items(), strict=True):
@@ -129,7 +131,7 @@ def curves_figure(fit: Fit) -> Figure:
     inner(axes)
     _curve_legend(figure, fit, groups, columns)
     over = "incidence at stated speed and spin" if fit.problem.table.has_tangential else "speed"
-    fit_heading(figure, fit, f"rebound over {over}", narrow)
+    fit_heading(figure, fit, f"rebound over {over}")
     return figure
 
 
@@ -195,25 +197,25 @@ def _same_height(row: NDArray[Any], item: Measured, bands: list[FloatArray]) -> 
 
 def _curve_legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], columns: Sequence[CurveColumn]) -> None:
     along = fit.problem.table.has_tangential
-    model = "model (dotted: beyond the impacts near)" if along else "model"
+    model = "model (dotted: extrapolated)" if along else "model"
     handles: dict[str, Any] = {model: Line2D([], [], color=MODEL, linewidth=1.4)}
     if fit.predictive is not None:
-        handles["its 68 and 95 % bands, without noise"] = Patch(color=MODEL, alpha=0.3, linewidth=0)
+        handles["its 68 and 95 % bands"] = Patch(color=MODEL, alpha=0.3, linewidth=0)
     shown = {groups[row] for column in columns for row in column.rows}
-    styles, measured = group_styles(tuple(groups)), "measured, with noise"
+    styles, measured = group_styles(tuple(groups)), "measured ± sd"
     if any(column.rows.size > BINNED for column in columns):
-        styles, measured = group_styles([""]), "measured near it, mean and sd in bins"
+        styles, measured = group_styles([""]), "measured, mean ± sd in bins"
     seen = [item for item in styles.items() if item[0] in shown or not item[0]]
     for name, (colour, marker) in seen[:MOST_NAMED]:
         mark = Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0)
         handles[f"{measured}: {name}" if name else measured] = mark
     if any(column.rows.size < groups.size for column in columns):
         handles["other impacts"] = Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6)
-    legend_below(figure, handles, 1 if figure.get_figwidth() < 6.5 else 3)
+    legend_below(figure, handles, 3)
 
 
 def curves_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     along = "incidence angle" if fit.problem.table.has_tangential else "vertical speed"
     parts = []
     for column in curve_columns(fit):
@@ -290,7 +292,7 @@ def force_panels(fit: Fit) -> tuple[ForcePanel, ...]:
 
 
 def force_figure(fit: Fit) -> Figure:
-    """Measured means with the sensor's noise, the model's force, and what a record is expected to show."""
+    """Measured means with the sensor's noise, the model's force, and the 95 % interval of a record."""
     shown = force_panels(fit)
     figure, axes = filled(len(shown), 3, (2.9, 2.1), Margins(across=0.6, down=0.75, top=0.75, bottom=1.15))
     for axis, panel in zip(axes.ravel(), shown, strict=False):
@@ -314,16 +316,16 @@ def force_figure(fit: Fit) -> Figure:
 
 
 def force_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     parts = []
     for panel in force_panels(fit):
         inside = np.sum((panel.means >= panel.expected[0]) & (panel.means <= panel.expected[1]))
         parts.append(
             f"{panel.title}: measured up to {panel.means.max():.0f} N, "
             f"the model up to {panel.course[1].max():.0f} N, "
-            f"{inside} of {panel.means.size} means within the 95 % range of a record"
+            f"{inside} of {panel.means.size} means within the 95 % interval of a record"
         )
-    return "Force records beside the model's force. " + "; ".join(parts) + "."
+    return "Force records and the model's force. " + "; ".join(parts) + "."
 
 
 # Inches: the figure, one bar, what surrounds them in all, below them, and left of them besides their labels.
@@ -348,7 +350,7 @@ class RegimeBars:
 
 
 def regime_bars(fit: Fit, predictive: Predictive) -> RegimeBars:
-    """What the figure shows; of many impacts MOST_BARS, evenly spread."""
+    """The bars of the figure; of many impacts MOST_BARS, evenly spread."""
     impacts = fit.problem.impacts
     angle = np.degrees(impacts.angle)
     groups = group_of(fit)
@@ -425,12 +427,12 @@ SURE = 0.95
 
 
 def regimes_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     if fit.predictive is None:
         return ""
     first = [next(iter(shares.items())) for shares in fit.predictive.regimes]
     counts = Counter(name for name, _share in first).most_common()
     doubtful = sum(share < SURE for _name, share in first)
     parts = ", ".join(f"{name} at {count}" for name, count in counts)
-    sure = "all of them certain" if doubtful == 0 else f"{doubtful} of them below {100.0 * SURE:.0f} % probability"
+    sure = "all certain" if doubtful == 0 else f"{doubtful} with a probability below {100.0 * SURE:.0f} %"
     return f"Most probable sequence of slip and grip of {len(first)} impacts: {parts}; {sure}."

@@ -1,4 +1,4 @@
-"""What figures show, with symbols and units: outputs as measured and predicted, parameters and their axes."""
+"""The quantities of figures, with symbols and units: outputs as measured and predicted, parameters and their axes."""
 
 from __future__ import annotations
 
@@ -47,16 +47,16 @@ def group_of(fit: Fit) -> tuple[str, ...]:
 
 
 def prediction_of(fit: Fit, observable: Observable) -> ObservablePrediction | None:
-    """What the posterior says of a column; None for a point fit."""
+    """The posterior prediction of a column; None for a point fit."""
     if fit.predictive is None:
         return None
     return next(item for item in fit.predictive.observables if item.name == observable.name)
 
 
 def prediction(fit: Fit, observable: Observable) -> FloatArray:
-    """What the fit says of a column (impacts,): the posterior median without noise, or the point estimate."""
-    told = prediction_of(fit, observable)
-    return observable.predict(fit.point.rebound)[0] if told is None else told.median
+    """The prediction of a column (impacts,): the posterior median without noise, or the point estimate."""
+    found = prediction_of(fit, observable)
+    return observable.predict(fit.point.rebound)[0] if found is None else found.median
 
 
 def bias(fit: Fit, observable: Observable) -> FloatArray:
@@ -85,9 +85,9 @@ def measured_part(observable: Observable, array: FloatArray) -> FloatArray:
 
 def noise_sd(fit: Fit, observable: Observable) -> FloatArray:
     """Standard deviation of the noise at `measured_rows`: the posterior's median, or at the point estimate."""
-    told = prediction_of(fit, observable)
-    if told is not None:
-        return measured_part(observable, told.sd)
+    found = prediction_of(fit, observable)
+    if found is not None:
+        return measured_part(observable, found.sd)
     spread = observable.sds(fit.point.values, fit.point.rebound)
     return measured_part(observable, np.broadcast_to(spread, (1, observable.observed.size))[0])
 

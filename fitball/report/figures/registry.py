@@ -1,6 +1,4 @@
-"""The figures of a fit by name, what is said of each, why a fit may not have it, and what draws it, loaded when it is
-asked to.
-"""
+"""The figures of a fit by name: caption, why a fit may not have it, and the module that draws it."""
 
 from __future__ import annotations
 
@@ -48,11 +46,19 @@ def no_profiles(fit: Fit) -> str:
     return f"there are no profiles: {fit.identifiability.profiles_missing}"
 
 
+def no_variants(fit: Fit) -> str:
+    """Of model variants."""
+    found = fit.assumptions
+    if found is None or found.missing:
+        return "model assumptions were not examined" + (f": {found.missing}" if found is not None else "")
+    return "" if found.as_good else "no model variant fits equally well"
+
+
 @dataclass(frozen=True)
 class Kind:
-    """A figure: a line of help, its `caption`, the section of the page it stands in, the `module` whose functions
-    `NAME_figure` and `NAME_words` draw it and put it in words and numbers for who does not see it; and why a fit is
-    `without` it, "" where it has what it shows.
+    """A figure: a line of help, its `caption`, its `section` of the page ("" for the top), and the `module` whose
+    functions `NAME_figure` and `NAME_words` draw it and describe it in words; and why a fit is `without` it, "" where
+    it has what it shows.
     """
 
     summary: str
@@ -61,7 +67,7 @@ class Kind:
     module: str
     without: Callable[[Fit], str] = nothing
 
-    def of(self, name: str) -> Callable[[Fit], Any]:
+    def function(self, name: str) -> Callable[[Fit], Any]:
         """A function of its module."""
         found: Callable[[Fit], Any] = getattr(import_module(f"fitball.report.figures.{self.module}"), name)
         return found
@@ -69,65 +75,73 @@ class Kind:
 
 # In the order of the page.
 FIGURES: Mapping[str, Kind] = {
-    "sketch": Kind(
-        "the ball of the model, with the symbols of its parameters",
-        "The ball as the model has it, with the symbols of its parameters and the signs of the state.",
-        "parameters",
-        "sketch",
+    "curves": Kind(
+        "rebound over incidence angle at stated speeds and spins",
+        "Model and measurements near each stated speed and spin (within a tenth of that speed; of spin, the surface "
+        "speed counts). Grey: other impacts. Bands: 68 and 95 % credible intervals, without measurement noise.",
+        "",
+        "predictions",
+    ),
+    "corner": Kind(
+        "posterior of all pairs of parameters, with priors",
+        "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
+        "posterior",
+        "evidence",
+        no_posterior,
+    ),
+    "forest": Kind(
+        "parameters under model variants that fit equally well",
+        "Median and 95 % interval of each quantity under this fit (band) and under each model variant that fits "
+        "equally well. The quantities that shift most are shown, the shift in sds of this fit above each panel.",
+        "assumptions",
+        "assumptions",
+        no_variants,
     ),
     "predictive": Kind(
         "measured against predicted rebounds, with intervals",
-        "Measured against predicted, beside the line where both are equal. Bars at each prediction: 95 % of a new "
-        "measurement, with noise (light), and, where there are draws, of what the parameters leave open (dark).",
-        "predictions",
-        "measured",
-    ),
-    "curves": Kind(
-        "rebound over incidence angle at stated speeds and spins",
-        "What the model makes of impacts at a stated speed and spin, with those near it (both within a tenth of the "
-        "speed, the spin by its surface speed); all others stand back. Of drops: over the speed.",
-        "predictions",
-        "predictions",
-    ),
-    "residuals": Kind(
-        "standardised residuals against every incident quantity and group",
-        "Standardised residuals against every incident quantity, by group, and against normal quantiles.",
+        "Measured against predicted rebounds; on the line both are equal. Light bars: 95 % interval of a new "
+        "measurement, with noise. Dark bars: 95 % credible interval of the model.",
         "predictions",
         "measured",
     ),
     "force": Kind(
         "force-time records against the posterior prediction",
-        "Force records (points: means of samples, with the sensor's noise) against the model: 95 % of its force "
-        "(dark) and of a record (light: with sensor noise and misfit).",
+        "Force records (points: means of samples, with sensor noise) and the model: 95 % interval of its force "
+        "(dark) and of a record (light, with sensor noise and misfit).",
         "predictions",
         "predictions",
         no_records,
     ),
+    "residuals": Kind(
+        "standardised residuals against every incident quantity and group",
+        "Standardised residuals against every incident quantity, by group, and against normal quantiles.",
+        "adequacy",
+        "measured",
+    ),
     "regimes": Kind(
         "posterior probability of each phase sequence, impact by impact",
-        "Posterior probability of each sequence of slip and grip, impact by impact.",
-        "predictions",
+        "Posterior probability of each sequence of slip and grip, for each impact.",
+        "regimes",
         "predictions",
         no_regimes,
     ),
+    "sketch": Kind(
+        "the ball of the model, with the symbols of its parameters",
+        "The model's ball, with the symbols of its parameters and the signs of the incident and rebound states.",
+        "parameters",
+        "sketch",
+    ),
     "profiles": Kind(
         "profile likelihood of every parameter",
-        "Profile likelihood of every parameter: the best fit for each of its values, below the best of all; "
-        "intervals of 68 and 95 % end at -0.5 and -1.92. Bars: 95 % of the posterior.",
+        "Profile likelihood of every parameter: the best fit at each of its values, relative to the best fit of all. "
+        "The 68 and 95 % intervals end at -0.5 and -1.92. Bars: 95 % credible interval.",
         "evidence",
         "evidence",
         no_profiles,
     ),
-    "corner": Kind(
-        "posterior of all pairs of parameters, with priors",
-        "Posterior of all pairs of parameters, with the prior on the diagonal and the point estimate.",
-        "evidence",
-        "evidence",
-        no_posterior,
-    ),
     "trace": Kind(
         "walkers of every ensemble after warm-up",
-        "Walkers of every ensemble after warm-up, or chains of weighed draws, and the marginals of each.",
+        "Walkers of every ensemble after warm-up (or chains of weighted draws), and the marginals of each.",
         "diagnosis",
         "evidence",
         no_posterior,
@@ -136,14 +150,14 @@ FIGURES: Mapping[str, Kind] = {
 
 
 def draw(name: str, fit: Fit) -> Figure:
-    """A figure by name. Raises ResultFolderError where the fit has not what it shows."""
+    """A figure by name. Raises ResultFolderError where the fit does not have what it shows."""
     from fitball.report.figures.canvas import own_style
 
     kind = FIGURES[name]
     if missing := kind.without(fit):
         raise ResultFolderError(f"{name}: {missing}")
     with own_style():
-        figure: Figure = kind.of(f"{name}_figure")(fit)
+        figure: Figure = kind.function(f"{name}_figure")(fit)
     return figure
 
 
@@ -154,12 +168,11 @@ def drawable_kinds(fit: Fit) -> list[str]:
 
 def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
     """Draw every figure that the fit can show; returns the files written by name. Raises ResultFolderError."""
-    # Whoever wants no figures does not load what draws them.
+    # Not loaded for a fit without figures.
     from fitball.report.figures.canvas import save_figure
 
     images = {}
-    # A drawing is ten thousand objects, which do not make those of the fit garbage: looking through these again and
-    # again would take an eighth of the time.
+    # A drawing makes ten thousand objects: searching those of the fit for garbage takes an eighth of the time.
     gc.freeze()
     try:
         for name in drawable_kinds(fit):
@@ -170,5 +183,5 @@ def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:
 
 
 def alt_text(name: str, fit: Fit) -> str:
-    """What a figure that this fit can show shows, in words and numbers."""
-    return str(FIGURES[name].of(f"{name}_words")(fit))
+    """A figure that this fit can show, in words and numbers."""
+    return str(FIGURES[name].function(f"{name}_words")(fit))

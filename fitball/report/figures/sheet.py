@@ -31,7 +31,7 @@ class Side:
     length: float
 
     def place(self, values: FloatArray | float) -> FloatArray:
-        """Where values stand on the sheet [in]."""
+        """Places of values on the sheet [in]."""
         if self.logarithmic:
             share = np.log(np.asarray(values) / self.low) / np.log(self.high / self.low)
         else:

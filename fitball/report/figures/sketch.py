@@ -1,4 +1,4 @@
-"""A sketch of the ball that a model has in mind, with the symbols of its parameters and the signs of its state."""
+"""A sketch of the ball of a model, with the symbols of its parameters and the signs of its state."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _symbol(name: str) -> str:
 
 
 def sketch_words(fit: Fit) -> str:
-    """The figure in words and numbers, for who does not see it."""
+    """The figure in words and numbers."""
     specs = fit.problem.model.specs
     what = "a core within a shell, joined by springs and dampers" if "mass_ratio" in specs else "one body"
     meanings = "; ".join(f"{name}: {spec.meaning}" for name, spec in specs.items())

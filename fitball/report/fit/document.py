@@ -1,4 +1,4 @@
-"""A fit for a person: one document, for terminal and page."""
+"""A fit as one document, for terminal and page."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.inference.thesis.published_cases import PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
-from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_parts
-from fitball.report.fit.judged import adequacy_parts, assumption_parts, evidence_parts
+from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
+from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, evidence_parts
+from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import (
     balance_table,
     budget_rows,
@@ -22,6 +23,7 @@ from fitball.report.fit.rows import (
     prediction_table,
     sampler_words,
     thesis_rows,
+    warning_lines,
 )
 from fitball.report.form.document import Document, Part, Picture, Section, Table, Words, as_page, on_terminal
 from fitball.report.form.numbers import (
@@ -32,6 +34,7 @@ from fitball.report.form.numbers import (
     digits,
     file_words,
     handy,
+    listed,
     output_scale,
     parameter_row,
     told_line,
@@ -43,8 +46,8 @@ from fitball.wording import speaking_to_command_line
 PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}
 CASES = (
-    "{} The cases are those of Table 9 of Jafri (2004), with Eq. (53), and the damping and mean restitution of "
-    "Chapter V, computed as the thesis does; this fit: {}. Thesis units first, SI below."
+    "{} The cases are those of Table 9 of Jafri (2004), with Eq. (53) and the damping and mean restitution of "
+    "Chapter V, computed as in the thesis. This fit: {}. Units of the thesis first, SI below."
 )
 
 
@@ -61,16 +64,19 @@ def case_parts(fit: Fit) -> list[Part]:
         theirs.append(f"{' to '.join(dict.fromkeys((texts[0], texts[-1])))} {unit}")
     free = sum(name in fit.problem.model_names for name in fit.problem.free_names)
     sentence = (
-        f"On these {len(fit.problem.table)} impacts the point estimate ({free} free parameters of the model) misses "
-        f"v_x2 by {digits(mine['v_x2'], 2)} m/s and omega_2 by {digits(mine['omega_2'], 2)} rad/s, the three cases, "
-        f"hand-tuned on Wang's impacts, {' and '.join(theirs)} (root mean square)."
+        f"Root mean square errors on these {len(fit.problem.table)} impacts: {digits(mine['v_x2'], 2)} m/s in v_x2 "
+        f"and {digits(mine['omega_2'], 2)} rad/s in omega_2 for this fit ({free} free parameters). The three cases "
+        f"of the thesis, tuned by hand on Wang's impacts, have {' and '.join(theirs)}."
     )
     # As the thesis prints them (m/s, rad/s, degrees), and in SI where that differs.
     errors = [
         (
             name if k == 0 else "",
             scale.unit,
-            *(digits(it[name] * scale.factor, 2) if name in it else "told" for it in (mine, *(c.rms for c in cases))),
+            *(
+                digits(it[name] * scale.factor, 2) if name in it else "given"
+                for it in (mine, *(c.rms for c in cases))
+            ),
         )
         for name in COMPARED
         for k, scale in enumerate(dict.fromkeys((output_scale(name), Scale(OBSERVABLES[name].unit))))
@@ -79,7 +85,7 @@ def case_parts(fit: Fit) -> list[Part]:
     values = "the point estimate" if fit.posterior is None else "median and 95 % interval"
     return [
         Words([CASES.format(sentence, values)], only="page"),
-        Table("Parameters beside Table 9", [heads, *_case_values(fit, cases)], ["unit"], only="page"),
+        Table("Parameters of this fit and of Table 9", [heads, *_case_values(fit, cases)], ["unit"], only="page"),
         Table("Root mean square errors on these impacts", [heads, *errors], ["unit"], only="page"),
     ]
 
@@ -107,104 +113,140 @@ def _case_values(fit: Fit, cases: Sequence[PublishedCase]) -> list[tuple[str, ..
 
 
 POOLED = (
-    "What is pooled between surfaces, balls or tables is told level by level with the parameters; the parameters of "
-    "the pooling itself (common value, spread, places) are often known less well than the levels."
+    "The table of levels has the value of each surface, ball or source table. The parameters of the pooling itself "
+    "(common value, spread, places) are often less certain than the levels."
 )
-CONTRACTION = "Contraction: one minus posterior over prior variance, where the prior includes what the scene knows."
 REPEAT = (
-    "`fitball repeat FOLDER`, with the folder of this page, runs it again from `run.toml` and compares.",
-    "The same seed, versions and machine give the same bytes; another machine may round differently in the last "
-    "digits.",
-    "`fit.json` holds the parameter set for other programs, with impacts to check a port against; `posterior.nc` the "
+    "`fitball repeat FOLDER`, with the folder of this page, repeats the fit from `run.toml` and compares.",
+    "The same seed, versions and machine give the same bytes. On another machine the last digits may differ.",
+    "`fit.json` has the parameter set for other programs and impacts to check a port with; `posterior.nc` has the "
     "draws.",
 )
+# Lines of results and warnings on the first screen.
+MOST_RESULTS, MOST_WARNINGS = 7, 3
 
 
 def fit_document(
     fit: Fit, pictures: Collection[str] = (), command: str | None = None, folder: Path | None = None
 ) -> Document:
-    """All that is said of a fit, with those of its figures that there are; `command` is the line that made it, None
-    where none did, `folder` where its files are.
+    """The report of a fit, with those of its figures that exist; `command` is the line that made it, None where none
+    did, `folder` where its files are.
     """
-    problem, sampled, table, model = fit.problem, fit.posterior is not None, fit.problem.table, fit.problem.model
     drawn = _pictures(fit, pictures)
-    told, untold, fixed = (
+    determined, undetermined, fixed = (
         [told_line(item) for item in (*fit.estimates, *fit.derived.values()) if item.verdict in verdicts]
         for verdicts in (TOLD, NOT_TOLD, (Verdict.FIXED,))
     )
-    balances, meanings = balance_table(fit.balances)
-    half = "posterior median with half of its 68 % interval" if sampled else "point estimate"
-    sampler = "" if fit.diagnostics is None else f"; {sampler_words(fit.diagnostics)}"
     sections = [
         Section("drop-test", "Drop test", drop_parts(fit.drop_test)),
-        Section("adequacy", "Does the model describe the table?", adequacy_parts(fit)),
-        Section("told", "What the data tell", [
-            Words(told, "list"), Words([] if told else ["They identify none of the parameters."]),
+        Section("determined", "Determined", [
+            Words(determined, "list"), Words([] if determined else ["The data determine none of the parameters."]),
         ]),
-        Section("not-told", "What they do not tell", [
-            Words(untold, "list"), Words([] if untold else ["Nothing: every free parameter stands above."]),
+        Section("not-determined", "Not determined", [
+            Words(undetermined, "list"), Words([] if undetermined else ["No parameter."]),
             Words([POOLED] * bool(fit.levels), only="page"),
-            Words(["Not asked, since fixed:"] * bool(fixed)), Words(fixed, "list"),
+            Words(["Fixed, and not fitted:"] * bool(fixed)), Words(fixed, "list"),
         ]),
-        Section("parameters", "Parameters", [
-            *drawn["parameters"],
-            Table.of(
-                "Parameters", parameter_table(fit), ["", "unit", "meaning", "verdict"],
-                aside=("", "meaning", "contraction"), rank="first",
-            ),
-            Words(["Point: the maximum of the posterior density."], "quiet"),
-            Words([CONTRACTION] * sampled, "quiet", "page"),
-            Table.of(
-                "In the units of the thesis",
-                [{"parameter": row.name, "unit": row.unit, **row.numbers(sampled)} for row in thesis_rows(fit)],
-                ["unit"], only="page", rank="folded",
-            ),
-            Table.of("Level by level, pooled in part", level_rows(fit), ["unit"]),
-        ]),
-        Section("assumptions", "What rests on assumptions", assumption_parts(fit)),
+        Section("levels", "Level by level", [Table.of("Partially pooled parameters", level_rows(fit), ["unit"])]),
+        Section("posterior", "Posterior", drawn["posterior"]),
+        Section(
+            "assumptions", "How results depend on model assumptions", assumption_parts(fit, drawn["assumptions"]),
+        ),
+        Section("predictions", "Measured and predicted", drawn["predictions"]),
         Section("court-pace", "Court pace", pace_parts(fit), "short"),
-        Section("predictions", "Measured and predicted", [
-            *drawn["predictions"],
+        Section("methods", "Methods text", [Words([methods_text(fit)], only="page")], "short"),
+        *_folded_sections(fit, drawn, command),
+        Section("", "", [Words(_done(fit, folder), only="terminal")]),
+    ]  # fmt: skip
+    return Document(
+        f"{fit.problem.model.name} fitted to {fit.problem.table.name} ({len(fit.problem.table)} impacts)",
+        _lead(fit, drawn[""], folder),
+        sections,
+    )
+
+
+def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
+    """The first screen, and the top of the page."""
+    answer = fit.adequacy.sentence if fit.adequacy is not None else ""
+    results = [*lead_lines(fit.drop_test), *measured_lines(fit), *pace_lines(fit)]
+    left = len(results) - MOST_RESULTS
+    brief = results if left <= 0 else [*results[:4], f"... and {left + 1} more: report.html", *results[-2:]]
+    warnings = [f"Warning: {line}" for line in warning_lines(fit)]
+    pooled = [f"{it.parameter} differs between {len(it.labels)} {it.column}s." for it in fit.problem.pooling]
+    sentences = [answer, fit.verdict.removeprefix(answer).strip(), *pooled]
+    found: list[Part] = [
+        Words(results, "list", "page"),
+        Words(brief, "lead", "terminal", "first"),
+    ]
+    # The coefficient of restitution is what a drop test is for.
+    dropped = fit.drop_test is not None
+    return [
+        Words(_facts(fit)[:1], "quiet", "page"),
+        *(found if dropped else ()),
+        Words([text for text in sentences if text], "lead", rank="first"),
+        *curves,
+        Table.of(
+            "Parameters", parameter_table(fit, brief=True), ["unit", "verdict"], rest="`report.html`", rank="first",
+        ),
+        *(() if dropped else found),
+        Words(warnings[:MOST_WARNINGS], "list", "page"),
+        Words(warnings[:MOST_WARNINGS], "lead", "terminal", "first"),
+        Words([*assumption_line(fit), *_where(folder)], "lead", "terminal", "first"),
+    ]  # fmt: skip
+
+
+def _where(folder: Path | None) -> list[str]:
+    return [] if folder is None else [f"Report: {folder / 'report.html'} (here: --full)."]
+
+
+def _folded_sections(fit: Fit, drawn: Mapping[str, list[Part]], command: str | None) -> list[Section]:
+    """What few readers need."""
+    balances, meanings = balance_table(fit.balances)
+    sampled, table = fit.posterior is not None, fit.problem.table
+    half = "posterior median +- half of its 68 % interval" if sampled else "point estimate"
+    sampler = "" if fit.diagnostics is None else f"; {sampler_words(fit.diagnostics)}"
+    own_units = [{"parameter": row.name, "unit": row.unit, **row.numbers(sampled)} for row in thesis_rows(fit)]
+    return [
+        Section("impacts", "Impact by impact", [
             Words([f"Measured | {half}, without measurement noise."]),
             Table.of(
-                "Measured and predicted, impact by impact", prediction_table(fit), ["contact"], count=len(table),
+                "Measured and predicted", prediction_table(fit), ["contact"], count=len(table),
                 rest=file_words("`predictions.csv`", len(table)), aside=("speed [m/s]",),
             ),
-        ], "leaf"),
-        Section("thesis", "Beside the thesis's best cases", case_parts(fit), "short"),
-        Section("balances", "Model-free balances", [
-            Words(["What conservation laws alone say of each impact."]), balances, Words(meanings, "list"),
-        ]),
-        Section("evidence", "How each parameter is known", evidence_parts(fit, drawn["evidence"]), "leaf"),
-        Section("diagnosis", "Diagnosis", [Words(diagnosis_lines(fit), "list"), *drawn["diagnosis"]], "leaf"),
+        ], rank="folded"),
+        Section("adequacy", "Residual tests", [*adequacy_parts(fit), *drawn["adequacy"]], rank="folded"),
+        Section("regimes", "Sequences of slip and grip", drawn["regimes"], rank="folded"),
+        Section("parameters", "Parameters in full, with priors", [
+            Table.of("Parameters in full", parameter_table(fit), ["", "unit", "meaning"], aside=("", "meaning")),
+            Words(["Point: the maximum of the posterior density. Priors in SI units."], "quiet"),
+            Table.of("In the units of the thesis", own_units, ["unit"], only="page"),
+            *drawn["parameters"],
+        ], rank="folded"),
+        Section("evidence", "Evidence on each parameter", evidence_parts(fit, drawn["evidence"]), rank="folded"),
+        Section(
+            "diagnosis", "Least squares and sampler", [Words(diagnosis_lines(fit), "list"), *drawn["diagnosis"]],
+            rank="folded",
+        ),
         Section("budget", "Error budget", [
             Words([budget_sentence(fit.error_budget)]),
             Table.of("Error budget", budget_rows(fit.error_budget), ["unit"]),
-        ], "short"),
-        Section("notes", "Notes on table and scene", [
-            Words(fit.notes, "list", "page"),
-            # The notes of the problem stood on the terminal before the fit began.
-            Words([note for note in fit.notes if note not in (*table.remarks, *problem.notes)], "list", "terminal"),
-        ]),
-        Section("repeat", "How to repeat it", [
-            Words(["This page was made from Python (`fitball.calibrate`)."] if command is None else [], only="page"),
+        ], rank="folded"),
+        Section("thesis", "Comparison with the cases of the thesis", case_parts(fit), rank="folded"),
+        Section("balances", "Model-free balances", [
+            Words(["From conservation laws alone, for each impact."]), balances, Words(meanings, "list"),
+        ], rank="folded"),
+        Section("notes", "Notes on data and scene", [
+            Words([*_facts(fit)[1:], *fit.notes], "list"),
+        ], rank="folded"),
+        Section("repeat", "How to repeat this fit", [
+            Words(["Made from Python (`fitball.calibrate`)."] if command is None else [], only="page"),
             Words([] if command is None else [command], "code", "page"),
             Words([
                 f"Table {table.name}, SHA-256 {table.digest}", f"Seed {fit.seed}{sampler}",
                 f"Versions: {versions_line()}", *REPEAT,
             ], "list", "page"),
-        ], "short"),
-        Section("", "", [Words(_done(fit, folder), only="terminal")]),
+        ], "short", "folded"),
     ]  # fmt: skip
-    lead = [
-        Words(_facts(fit), "quiet", "page"),
-        Words([*lead_lines(fit.drop_test), *measured_lines(fit), fit.verdict], "lead", rank="first"),
-        Words([
-            f"{it.parameter} differs between {len(it.labels)} {it.column}s and is told for each of them."
-            for it in problem.pooling
-        ], rank="first"),
-    ]  # fmt: skip
-    return Document(f"{model.name} fitted to {table.name} ({len(table)} impacts)", lead, sections)
 
 
 def render(fit: Fit, folder: Path) -> str:
@@ -213,21 +255,27 @@ def render(fit: Fit, folder: Path) -> str:
 
 
 def page(fit: Fit, images: Mapping[str, bytes], command: str | None = None) -> str:
-    """`report.html` with the figures that there are as `images` (PNG files by name). It names options as the command
-    line does, whoever writes it: the same fit gives the same page.
+    """`report.html` with those figures that are among `images` (PNG files by name). It names options as the command
+    line does, also when it is written from Python: the same fit gives the same page.
     """
     with speaking_to_command_line():
         return as_page(fit_document(fit, images, command), images)
 
 
 def _facts(fit: Fit) -> list[str]:
+    """The data in a line; where they are from; ball and model."""
     problem, ball = fit.problem, fit.problem.model.ball
-    described = f": {problem.scene.description}" if problem.scene.description else ""
-    cited = f" {problem.scene.citation}" if problem.scene.citation else ""
-    options = ", ".join(f"{name} {option}" for name, option in problem.model.options.items())
-    model = f" Model: {options}." if options else ""
+    scene = problem.scene
+    measured = listed([item.name for item in problem.observables if item.name in OBSERVABLES])
+    description = f" {scene.description.rstrip('.')}." if scene.description else ""
+    options = ", ".join(f"{name}={option}" for name, option in problem.model.options.items())
     size = f"{1e3 * ball.mass:.4g} g, radius {1e3 * ball.radius:.4g} mm, I/(M R^2) = {ball.inertia_ratio:.3g}"
-    return [f"{len(problem.table)} impacts{described}.{cited}", f"Ball: {size}.{model}"]
+    return [
+        f"{len(problem.table)} impacts with {measured}.{description}",
+        *([f"Source: {scene.citation}"] if scene.citation else []),
+        f"Ball: {size}.",
+        *([f"Model assumptions: {options}."] if options else []),
+    ]
 
 
 def _pictures(fit: Fit, pictures: Collection[str]) -> dict[str, list[Part]]:
@@ -235,7 +283,7 @@ def _pictures(fit: Fit, pictures: Collection[str]) -> dict[str, list[Part]]:
     sections: dict[str, list[Part]] = {text.section: [] for text in FIGURES.values()}
     if not pictures:
         return sections
-    # What a figure shows is told by what draws it, which whoever wants no figures does not load.
+    # What draws them has their words; it is not loaded for a fit without figures.
     from fitball.report.figures.registry import alt_text
 
     for name, text in FIGURES.items():

@@ -25,37 +25,37 @@ from fitball.report.form.document import Part, Row, Table, Words
 from fitball.report.form.numbers import INCIDENT, digits, inner, percent, ranged, significant
 
 CM = 100.0
-# Balls told one by one on a page.
+# Balls that a page lists.
 MOST_BALLS = 72
 # Probability from which a ball is said to pass without further words.
 SURE = 0.95
-# Difference of two ratings below which nobody would see it in a rating rounded to a whole number.
+# Difference of two ratings that does not show in a rating rounded to a whole number.
 EQUAL = 0.05
 # Probability from which it is said that the model is at its grip limit.
 SATURATES = 0.05
-# Probability below which a category of a court is not worth a word.
+# Probability below which a category of a court is not named.
 LIKELY = 0.005
-# Contraction from which the table narrows a friction that priors decide, as where they keep it from its best values.
+# Contraction from which data determine something of a friction that its prior dominates.
 NARROWED = 0.2
 QUANTITIES = {"v_y1": "vertical speed", "theta_1": "angle", "omega_1": "spin"}
 PACE = (
-    "What the court pace test of the ITF (CS 01/02: a ball at 30 m/s and 16 degrees with hardly any spin) would find "
-    "on this surface: 100 (1 - mu) + 150 (0.81 - e_T), from the velocities that the model predicts for that impact. "
-    "There mu is the apparent friction of that one impact, which is the coefficient of sliding friction only if the "
-    'ball slides throughout; "by fitted mu" is the rating with the fitted coefficient instead. Large is fast. '
+    "The ITF court pace rating (CS 01/02) is 100 (1 - mu) + 150 (0.81 - e_T) of a test impact at 30 m/s and 16 "
+    "degrees with little spin. Here the model predicts the velocities of that impact. mu is the apparent friction of "
+    'the test impact; it equals the coefficient of sliding friction if the ball slides throughout. The column "by '
+    'fitted mu" has the rating with the fitted coefficient instead. A large rating is fast. '
     "Slow: up to 29; medium-slow: 30 to 34; medium: 35 to 39; medium-fast: 40 to 44; fast: from 45."
 )
 
 
 def drop_parts(test: DropTest | None) -> list[Part]:
-    """What there is to show of a drop test besides what comes first; nothing where balls were not dropped."""
+    """Tables and remarks of a drop test, besides its first lines; nothing where balls were not dropped."""
     if test is None:
         return []
     if test.missing:
-        return [Words([f"No restitution at the tested speeds: {test.missing}."], only="page")]
-    limits = "Rebound from 254 cm within the limits of the ITF: probability"
+        return [Words([f"No coefficient of restitution at the tested speeds: {test.missing}."], only="page")]
+    limits = "Probability that the rebound from 254 cm is within the ITF limits"
     return [
-        Table.of("Restitution at the tested speeds", speed_rows(test), only="page"),
+        Table.of("Coefficient of restitution (COR) at the tested speeds", speed_rows(test), only="page"),
         Table.of(limits, type_rows(test), ["limits"], only="page"),
         Table.of("Rebound of each ball", ball_rows(test), only="page"),
         Words(drop_remarks(test), "list"),
@@ -63,7 +63,7 @@ def drop_parts(test: DropTest | None) -> list[Part]:
 
 
 def speed_rows(test: DropTest) -> list[Row]:
-    """The tested speeds; none where nothing can be said of them."""
+    """The tested speeds; none where they have no result."""
     rows = []
     for item in test.speeds if not test.missing else ():
         value, ends = ranged(item.cor)
@@ -83,8 +83,8 @@ def type_rows(test: DropTest) -> list[Row]:
     for name, passing in rebound.passing.items():
         chances = {"mean": passing.mean} | ({"another ball": passing.ball} if test.balls else {})
         chances["one more measured drop"] = passing.drop
-        told = {head: "-" if value is None else percent(value) for head, value in chances.items()}
-        rows.append({"ball": BALL_TYPES[name].words, "limits": limits_words(name), **told})
+        cells = {head: "-" if value is None else percent(value) for head, value in chances.items()}
+        rows.append({"ball": BALL_TYPES[name].words, "limits": limits_words(name), **cells})
     return rows
 
 
@@ -102,11 +102,11 @@ def lead_lines(test: DropTest | None) -> tuple[str, ...]:
     """What comes first; nothing where balls were not dropped."""
     if test is None:
         return ()
-    return (f"Drop test: no restitution at the tested speeds: {test.missing}.",) if test.missing else drop_lead(test)
+    return (f"Drop test: no coefficient of restitution, {test.missing}.",) if test.missing else drop_lead(test)
 
 
 def drop_lead(test: DropTest) -> tuple[str, ...]:
-    """Restitution at each tested speed, the rebound from 254 cm, whether it passes as what type of ball."""
+    """COR at each tested speed, the rebound from 254 cm, and whether that is within the limits of a type of ball."""
     lines, rebound = [], test.rebound
     for item in test.speeds:
         among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if item.highest - item.lowest > 0.005 else ""
@@ -116,28 +116,28 @@ def drop_lead(test: DropTest) -> tuple[str, ...]:
     if rebound is None:
         return tuple(lines)
     lines.append(
-        f"Rebound from {CM * DROP_HEIGHT:.0f} cm (100 in; landing at {rebound.speed:.2f} m/s, v = sqrt(2 g h)): "
+        f"Rebound from {CM * DROP_HEIGHT:.0f} cm (100 in, {rebound.speed:.2f} m/s): "
         f"{valued(rebound.height, CM, 'cm')}."
     )
     name = test.ball_type
     passing, kind = rebound.passing[name], BALL_TYPES[name]
     head = f"ITF {kind.words}, {limits_words(name)}"
-    head += "" if test.type_stated else " (no type is stated: ball.type in the scene)"
+    head += "" if test.type_stated else " (assumed; state ball.type in the scene)"
     if passing.mean is None:
-        where = "within" if kind.lowest <= rebound.height.point <= kind.highest else "outside of"
-        said = f"the best value lies {where} the limits; without draws there is no probability"
+        where = "within" if kind.lowest <= rebound.height.point <= kind.highest else "outside"
+        result = f"the best value is {where} the limits (no probability without a posterior)"
     else:
         who = "rebound" if passing.ball is None else "ball"
-        said = f"the mean {who} passes with probability {percent(passing.mean)}"
+        result = f"the mean {who} passes with probability {percent(passing.mean)}"
         if passing.ball is not None:
-            said += f", another ball of the same make with {percent(passing.ball)}"
+            result += f", another ball of this make with {percent(passing.ball)}"
         if passing.drop is not None:
-            said += f", one more measured drop lies within them with {percent(passing.drop)}"
-    return (*lines, f"{head}: {said}.")
+            result += f", one more measured drop with {percent(passing.drop)}"
+    return (*lines, f"{head}: {result}.")
 
 
 def drop_remarks(test: DropTest) -> tuple[str, ...]:
-    """What the numbers rest on and what they leave out."""
+    """What the numbers assume and what they leave out."""
     if test.missing:
         return ()
     rebound = test.rebound
@@ -145,20 +145,22 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
     lines += [] if rebound is None else [_air(test, rebound)]
     if test.shared_error:
         lines.append(
-            "The stated error of v_y1 counts as another one in each drop. If it is the same in all (one height, one "
-            f"gauge), restitutions are off by {significant(test.shared_error, 2)} (one sd) besides."
+            "The stated error of v_y1 is taken as independent between drops. An error common to all drops (one "
+            f"height, one gauge) adds an sd of {significant(test.shared_error, 2)} to each COR."
         )
     if rebound is None:
-        return (*lines, "The ITF's drop from 254 cm and its limits are those of tennis balls, which this is not.")
+        return (*lines, "This is no tennis ball: the ITF's drop from 254 cm and its limits do not apply.")
     asked, warm = f"{TEST_TEMPERATURE:.0f} degrees Celsius", test.temperature
     if warm is None:
         lines.append(
-            f"The ITF tests balls that lay at {asked}; no ball temperature is stated (ball.temperature in the scene)."
+            f"The ITF tests balls at {asked}. No ball temperature is stated (ball.temperature in the scene)."
         )
     elif abs(warm - TEST_TEMPERATURE) <= 2.0:
-        lines.append(f"The ball had {warm:g} degrees Celsius; the ITF's test asks for {asked}.")
+        lines.append(f"The ball was at {warm:g} degrees Celsius; the ITF tests balls at {asked}.")
     else:
-        lines.append(f"The ball had {warm:g} degrees Celsius, but the ITF tests at {asked}; nothing is adjusted.")
+        lines.append(
+            f"The ball was at {warm:g} degrees Celsius, but the ITF tests balls at {asked}. Results are not adjusted."
+        )
     return (*lines, f"Limits: {SOURCE}.")
 
 
@@ -166,32 +168,32 @@ def _air(test: DropTest, rebound: StandardRebound) -> str:
     """What v = sqrt(2 g h) leaves out."""
     if test.from_heights:
         return (
-            "Speeds are those of the heights without air, v = sqrt(2 g h): the rebound from 254 cm is what the "
-            f"heights say; the restitution of the impact alone, with air drag (c_d = {DRAG_COEFFICIENT}), is some "
+            "Speeds were computed from heights without air drag, v = sqrt(2 g h). The rebound from 254 cm needs no "
+            f"correction. With drag (c_d = {DRAG_COEFFICIENT}) the COR of the impact is about "
             f"{100.0 * rebound.air_share:.1f} % larger."
         )
     chance = rebound.passing_with_air
-    passes = "" if chance is None else f"; it passes with probability {percent(chance)}"
+    passes = "" if chance is None else f", and it passes with probability {percent(chance)}"
     return (
-        "v = sqrt(2 g h) leaves out the air. Rebound heights that were turned into speeds by it come out as they "
-        f"were measured. If the speeds were measured at the floor, air drag (c_d = {DRAG_COEFFICIENT}) makes the "
-        f"rebound from 254 cm {valued(rebound.with_air, CM, 'cm')}{passes}."
+        "v = sqrt(2 g h) neglects air drag. This is right for speeds that were computed from heights. For speeds "
+        f"measured at the floor, drag (c_d = {DRAG_COEFFICIENT}) changes the rebound from 254 cm: it is "
+        f"{valued(rebound.with_air, CM, 'cm')}{passes}."
     )
 
 
 def _reach(test: DropTest, rebound: StandardRebound) -> list[str]:
-    """How far the landing speed from 254 cm lies from the tested ones, and what one speed cannot tell."""
+    """How far the landing speed from 254 cm is from the tested ones, and what one speed does not determine."""
     single = len(test.speeds) == 1
     if rebound.beyond:
         side = "above" if rebound.beyond > 0.0 else "below"
-        how = "is known from priors alone" if single else "is the line through them, continued"
+        how = "follows from the prior" if single else "is the fitted line, extrapolated"
         return [
-            f"The landing speed from 254 cm lies {abs(rebound.beyond):.2g} m/s {side} the tested ones: how "
-            f"restitution changes with speed {how}."
+            f"The landing speed from 254 cm is {abs(rebound.beyond):.2g} m/s {side} the tested ones. The change of "
+            f"COR with speed {how}."
         ]
     one = (
-        "One speed tells the restitution there, not how it changes with speed: what is said of cor_10 and cor_slope "
-        "rests on their priors."
+        "One speed determines the COR there, but not its change with speed. cor_10 and cor_slope depend on their "
+        "priors."
     )
     return [one] * single
 
@@ -199,17 +201,17 @@ def _reach(test: DropTest, rebound: StandardRebound) -> list[str]:
 def _ball_remarks(test: DropTest) -> list[str]:
     found = test.variation
     if found is None:
-        return ["No column says which ball was dropped: differences between balls count as measurement noise."]
+        return ["No column names the ball that was dropped. Differences between balls count as measurement noise."]
     if found.between is None or found.within is None:
-        return [f"Differences between balls are not told from measurement noise: {found.missing}."]
+        return [f"Differences between balls cannot be separated from measurement noise: {found.missing}."]
     lines = [
-        f"COR differs between balls by one sd of {valued(found.between)}, between drops of one ball by "
-        f"{valued(found.within)}; intervals take the {len(found.levels)} balls as a sample of their make."
+        f"Sd of COR between balls: {valued(found.between)}; between drops of one ball: {valued(found.within)}. "
+        f"Intervals take the {len(found.levels)} balls as a sample of their make."
     ]
     doubtful = [ball.label for ball in test.balls if ball.passes < SURE]
     if doubtful:
-        told = ", ".join(doubtful[:8]) + (f" and {len(doubtful) - 8} more" if len(doubtful) > 8 else "")
-        lines.append(f"Balls that pass with a probability below {percent(SURE)}: {told}.")
+        names = ", ".join(doubtful[:8]) + (f" and {len(doubtful) - 8} more" if len(doubtful) > 8 else "")
+        lines.append(f"Balls that pass with a probability below {percent(SURE)}: {names}.")
     return lines
 
 
@@ -227,86 +229,87 @@ def valued(spread: Spread, factor: float = 1.0, unit: str = "") -> str:
 
 
 def pace_parts(fit: Fit) -> list[Part]:
-    """The court as measured and the ratings by the model, one line a surface on a terminal; nothing where no motion
-    along the court was measured.
+    """The court as measured and the ratings by the model, besides the first lines; nothing where no motion along the
+    court was measured.
     """
     pace = fit.court_pace
     if pace is None:
         return []
     parts: list[Part] = [
-        Words(pace_lines(fit), only="terminal"),
-        Words(court_lines(pace), only="page"),
+        Words(court_lines(pace)),
         Table.of("Places on the court, as measured", place_rows(pace), only="page"),
     ]
     if pace.missing:
         return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
     left_out = () if fit.levels else ("surface", "impacts")
     rows = [{head: cell for head, cell in row.items() if head not in left_out} for row in surface_rows(pace)]
-    said = rests(fit.parameters, fit.adequacy)
+    depends = rests(fit.parameters, fit.adequacy)
     return [
         *parts,
         Words([PACE], only="page"),
         Table.of("Court pace rating", rows, ["category", "contact there"], only="page"),
-        Words([*[f"The rating is {said}."] * bool(said), *pace_remarks(pace)], "list", "page"),
+        Words([*[f"The rating is {depends}."] * bool(depends), *pace_remarks(pace)], "list", "page"),
     ]
 
 
 def pace_lines(fit: Fit) -> tuple[str, ...]:
-    """One line a surface for the terminal."""
+    """One line a surface."""
     pace = fit.court_pace
     if pace is None:
         return ()
-    lines = [*court_lines(pace)]
+    lines = [*court_lines(pace, brief=True)]
     if pace.missing:
-        return (*lines, f"ITF court pace rating by the model: none, {pace.missing}")
-    said = rests(fit.parameters, fit.adequacy)
+        return (*lines, f"ITF court pace rating by the model: none, {pace.missing}.")
+    depends = rests(fit.parameters, fit.adequacy)
     for rating in pace.ratings:
         name = f" of {surface_words(rating)}" if rating.labels else ""
         flags = [f"extrapolated: {reach_words(rating.reach)}"] if rating.reach.outside else []
         if rating.saturated > SATURATES:
-            flags.append(f"at the grip limit of the model ({percent(rating.saturated)}), so surer than the data")
-        told = "; ".join([rating_words(rating), *flags, *[said] * bool(said)])
-        lines.append(f"ITF court pace rating{name}: {told}")
+            flags.append(f"at the grip limit of the model ({percent(rating.saturated)}): the interval is too narrow")
+        words = "; ".join([rating_words(rating), *flags, *[depends] * bool(depends)])
+        lines.append(f"ITF court pace rating{name}: {words}.")
     return tuple(lines)
 
 
 def rests(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
-    """What to add to a rating; empty where the table tells what it is made of."""
+    """What to add to a rating; empty where the data determine what it is made of."""
     friction = parameters.get("mu")
     if friction is None or friction.verdict is not Verdict.PRIOR_DOMINATED:
         return conditional_words(parameters, adequacy)
     if (friction.contraction or 0.0) < NARROWED:
-        return "as uncertain as the prior of mu, of which the table tells nothing"
-    return "decided by priors, as mu is"
+        return "as uncertain as the prior of mu: the data do not determine mu"
+    return "prior-dominated, as mu is"
 
 
-def court_lines(pace: CourtPace) -> tuple[str, ...]:
-    """The court as a whole: as measured, and by the model where it tells places apart."""
+def court_lines(pace: CourtPace, brief: bool = False) -> tuple[str, ...]:
+    """The court as a whole: as measured, and by the model where it has several places; in `brief` the mean alone."""
     lines = []
     measured = pace.measured
     if measured is not None:
         some = f"{measured.impacts} of {measured.of}" if measured.impacts < measured.of else str(measured.of)
-        head = f"ITF court pace as measured, no model between ({some} impacts are those of the test)"
-        lines.append(f"{head}: {_court_words(measured.court)}.")
-        if measured.remark:
+        head = f"ITF court pace as measured, without a model ({some} test impacts)"
+        lines.append(f"{head}: {_court_words(measured.court, brief)}.")
+        if measured.remark and not brief:
             lines.append(measured.remark[:1].upper() + measured.remark[1:] + ".")
     if pace.court is not None:
-        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court)}.")
+        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court, brief)}.")
     return tuple(lines)
 
 
-def _court_words(court: CourtMean) -> str:
+def _court_words(court: CourtMean, brief: bool) -> str:
     likely = {name: share for name, share in court.categories.items() if share >= LIKELY}
     (value, ends), known = ranged(court.rating, places=1), court.rating.q025 is not None
     parts = [f"{value}{f' {ends} (95 %)' * known}, {_shares(likely, known)}"]
+    if brief:
+        return f"{parts[0]}{f'; mean of {court.places} places' * (court.places > 1)}"
     if court.places > 1:
         parts[0] += f"; mean of {court.places} places ({court.column})"
-        # Of a make of places where repeats tell it, else of those that were tested.
+        # Of a make of places where repeats determine it, else of those that were tested.
         between = "sd between places" if court.elsewhere is not None else "sd of these places"
         spreads = (
             (between, court.between),
             ("sd within one", court.within),
-            ("a place that was not tested", court.elsewhere),
+            ("an untested place", court.elsewhere),
         )
         parts += [f"{words} {_with_interval(spread)}" for words, spread in spreads if spread is not None]
         if court.largest_difference is not None:
@@ -363,61 +366,59 @@ def surface_words(rating: PaceRating) -> str:
 
 
 def pace_remarks(pace: CourtPace) -> list[str]:
-    """What the ratings rest on, and how far they reach."""
+    """What the ratings depend on, and whether they are extrapolated."""
     remarks = []
     for rating in pace.ratings:
-        said = []
+        texts = []
         if rating.reach.outside:
-            lines = f"; the line of {' and of '.join(rating.reach.lines)} is continued" if rating.reach.lines else ""
-            said.append(f"An extrapolation: the test impact lies {reach_words(rating.reach)}{lines}.")
+            lines = f"; so is the line of {' and of '.join(rating.reach.lines)}" if rating.reach.lines else ""
+            texts.append(f"Extrapolated: {reach_words(rating.reach)}{lines}.")
         one, other = (it.point if it.median is None else it.median for it in (rating.rating, rating.sliding_rating))
         if abs(one - other) > EQUAL:
-            said.append(
-                "The apparent friction of the test impact and the fitted coefficient differ (the ball slides "
-                f"throughout with probability {percent(rating.slides)}): with the fitted one the rating would be "
-                f"{ranged(rating.sliding_rating, places=1)[0]}."
+            texts.append(
+                f"The ball slides throughout the test impact with probability {percent(rating.slides)}. With the "
+                f"fitted mu instead of the apparent one the rating is {ranged(rating.sliding_rating, places=1)[0]}."
             )
         if rating.saturated > SATURATES:
-            said.append(
+            texts.append(
                 "The model is at its grip limit in the test impact, or within 5 % of it (probability "
-                f"{percent(rating.saturated)}): there it rates all rougher courts alike, and its interval and its "
-                "category are surer than the data. Models that fit how a ball grips, two-mass and grip-slip, have no "
-                "such limit."
+                f"{percent(rating.saturated)}). It then gives all rougher courts the same rating, and the interval "
+                "is too narrow. The models two-mass and grip-slip have no such limit."
             )
         if rating.failed > 0.0:
-            said.append(f"{percent(rating.failed)} of the draws cannot be solved there: intervals are of the rest.")
+            texts.append(f"{percent(rating.failed)} of the draws have no solution there; intervals use the others.")
         name = f"{', '.join(rating.labels)}: " if rating.labels else ""
-        remarks += [f"{name}{text}" for text in said]
+        remarks += [f"{name}{text}" for text in texts]
     return [*remarks, warmth_words(pace)]
 
 
 def warmth_words(pace: CourtPace) -> str:
-    """What was done about the temperature of the ball."""
+    """How the temperature of the ball enters the rating."""
     if pace.temperature is None:
         return (
-            "No ball temperature is known (ball.temperature in the scene), so e_T is the restitution as it is. The "
-            f"method brings it to {PACE_TEMPERATURE:.0f} degrees Celsius: {PER_KELVIN} points of the "
-            "rating more for each degree that the ball was warmer, less for each that it was colder."
+            "No ball temperature is stated (ball.temperature in the scene), so e_T is not corrected. The method "
+            f"corrects it to {PACE_TEMPERATURE:.0f} degrees Celsius: {PER_KELVIN:+} points of the rating for each "
+            "degree that the ball was warmer."
         )
     error = "" if pace.temperature_sd is None else f" +- {pace.temperature_sd:g}"
     shift = PER_DEGREE * (PACE_TEMPERATURE - pace.temperature)
     sign = "-" if shift < 0.0 else "+"
     return (
-        f"The ball had {pace.temperature:g}{error} degrees Celsius: e_T = e + {PER_DEGREE} "
+        f"The ball was at {pace.temperature:g}{error} degrees Celsius: e_T = e + {PER_DEGREE} "
         f"({PACE_TEMPERATURE:.0f} - T) = e {sign} {abs(shift):.3f}, {-PACE_CONSTANT * shift:+.1f} points of the "
-        "rating (ITF CS 01/02). Restitutions are shown as they are."
+        "rating (ITF CS 01/02). The table has restitutions without this correction."
     )
 
 
 def reach_words(reach: Reach) -> str:
-    """Where the test impact lies, seen from the impacts of the table."""
+    """How far the test impact is from the measured impacts."""
     parts = []
     for name, value in reach.beyond.items():
         scale, side = INCIDENT[name], "above" if value > 0.0 else "below"
-        parts.append(f"{abs(value) * scale.factor:.2g} {scale.unit} {side} its range of {QUANTITIES[name]}")
+        parts.append(f"{QUANTITIES[name]} {abs(value) * scale.factor:.2g} {scale.unit} {side} the measured range")
     if reach.distance > reach.slack:
-        parts.append(f"{reach.distance:.1f} m/s from the nearest combination measured")
-    return " and ".join(parts) if parts else "within what was measured"
+        parts.append(f"{reach.distance:.1f} m/s outside the range of the measured impacts")
+    return " and ".join(parts) if parts else "within the measured range"
 
 
 def _with_interval(spread: Spread) -> str:
@@ -426,5 +427,5 @@ def _with_interval(spread: Spread) -> str:
 
 
 def _shares(shares: Mapping[str, float], sampled: bool) -> str:
-    """Names with their probability; without a posterior there is one name and nothing to say of probability."""
+    """Names with their probability; without a posterior one name alone."""
     return ", ".join(f"{name} {percent(part)}" if sampled else name for name, part in shares.items() if part > 0.0)

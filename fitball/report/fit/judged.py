@@ -1,5 +1,5 @@
-"""How far a fit is to be believed: does the model describe the table, how is each parameter known, what rests on
-assumptions. As parts of its report.
+"""How far a fit can be trusted, as parts of its report: does the model fit the data, what determines each parameter,
+how do results depend on model assumptions.
 """
 
 from __future__ import annotations
@@ -33,43 +33,44 @@ KINDS = (
     "scatter", "linked", "uneven", "outlier", "tails", "loo-pit",
 )  # fmt: skip
 NOISE = (
-    "What the residuals show beside what was stated, or expected before the table. Probability: of a noise as large, "
-    "in any of them, if what was known of it is right."
+    "Residuals beside the noise that was stated, or expected before the fit. Probability: of residuals this large in "
+    "any column, if that noise is right."
 )
 PATTERNS = (
-    "Of each kind and column the surest of its checks; `fit.json` has them all. Usual below: what 95 % of the tables "
-    "stay below that the fitted model makes. Probability: that such a table shows as much in any of all checks."
+    "Of each kind of test and each column the test with the smallest probability; `fit.json` has all of them. Limit: "
+    "95 % of the data sets simulated from the fitted model are below it. Probability: that a simulated data set "
+    "shows as much in any of all tests."
 )
 EVIDENCE = (
-    "Four kinds of evidence. Profile: where the likelihood of the measurements{0}, all other parameters refitted and "
-    "no prior, falls by less than 1.92: 95 % intervals when rows are many, about {1:.0f} % for a table of this size. "
-    "Information: the standard error to first order, in sds of the prior{2}. Contraction: one minus posterior over "
-    "prior variance. Power-scaling: how much the posterior follows priors and likelihood (above 0.05 it does; "
-    "Kallioinen et al. 2023)."
+    "Profile: 95 % interval of the profile likelihood of the measurements{0}, without priors. It covers the truth in "
+    "95 % of large data sets, and in about {1:.0f} % of data sets of this size. Information: first-order standard "
+    "error, in sds of the prior{2}. Contraction: one minus posterior variance over prior variance. Power-scaling: "
+    "how sensitive the posterior is to priors and to the likelihood; above 0.05 it is (Kallioinen et al. 2024)."
 )
 DIRECTIONS = (
-    "Combinations of parameters from the best known to the least (eigenvectors of the Fisher information in sds of "
-    "the priors; SI units)."
-)
-CHANGED = (
-    "Each choice that the equations or the noise leave open, changed one at a time: does the table tell, and how far "
-    "do the values move? {}"
+    "Combinations of parameters, from the best determined to the least: eigenvectors of the Fisher information, in "
+    "sds of the priors (SI units)."
 )
 SCORES = (
-    "Score: log predictive density of impacts left out one at a time, with the standard error of the difference. As "
-    "well: not surely worse, that is by less than two standard errors or less than 4. A value holds only given a "
-    "choice where another one, as good, moves its median or an end of its 95 % interval outwards by more than two of "
-    "its standard deviations. `fitball compare` fits such models in full."
+    "Score: log predictive density of impacts left out one at a time, with the standard error of the difference. A "
+    "variant fits equally well unless it is significantly worse: by more than two standard errors and by more than "
+    "4. A value depends on an assumption if a variant that fits equally well moves it by more than two of its "
+    "sds: the median, or an end of the 95 % interval outwards. `fitball compare` fits such models in full."
 )
 CONSTANTS = (
-    "Medians at both ends of what is known of a constant (two sds that the scene states, else the ITF's tolerance, "
-    "0.53 to 0.59 for I/(M R^2) of a tennis ball), to first order. Listed is what moves by more than one of its sds. "
-    "The scene takes an sd of each."
+    "Medians at both ends of the range of a constant, to first order. The range is two stated sds, else the ITF's "
+    "tolerance, or 0.53 to 0.59 for I/(M R^2) of a tennis ball. Only shifts of more than one sd are listed. The "
+    "scene takes an sd of each constant."
 )
+# The answer in a few words.
+ANSWERS = {
+    Answer.DESCRIBES: "yes", Answer.EXCEPT: "with exceptions", Answer.FAILS: "no",
+    Answer.UNTOLD: "too few data to test",
+}  # fmt: skip
 
 
 def adequacy_parts(fit: Fit) -> list[Part]:
-    """Whether the model describes the table: what to do about it, noise, misfits, patterns, what it is based on."""
+    """Whether the model fits the data: what to do about it, noise, misfits, residual tests, what it is based on."""
     found = fit.adequacy
     assert found is not None
     surest: dict[tuple[str, str], Check] = {}
@@ -87,12 +88,12 @@ def adequacy_parts(fit: Fit) -> list[Part]:
     ]
     patterns = [
         {
-            "pattern looked for": it.words,
-            "seen": significant(it.statistic, 2),
-            "usual below": significant(it.usual, 2),
-            "explains": "-" if it.explained is None else percent(it.explained),
+            "test": it.words,
+            "statistic": significant(it.statistic, 2),
+            "limit": significant(it.usual, 2),
+            "variance explained": "-" if it.explained is None else percent(it.explained),
             "probability": _chance(it.p),
-            "": "exception" if it.found else "not found" if it.p > FALSE_EXCEPT else "far below the noise",
+            "": "found" if it.found else "not found" if it.p > FALSE_EXCEPT else "far below the noise",
         }
         for it in sorted(surest.values(), key=lambda it: (KINDS.index(it.kind), it.column))
     ]
@@ -100,9 +101,9 @@ def adequacy_parts(fit: Fit) -> list[Part]:
         Words(remarks(fit)),
         Table.of("Largest misfits", misfits, ["column"]),
         Words([NOISE], only="page"),
-        Table.of("Fitted noise beside what was known of it", _noises(found), ["columns", ""], only="page"),
+        Table.of("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
         Words([PATTERNS] * bool(patterns), only="page"),
-        Table.of("Checks of the residuals", patterns, [""], only="page"),
+        Table.of("Residual tests", patterns, [""], only="page"),
         Words([found.based_on], "quiet"),
     ]
 
@@ -112,57 +113,53 @@ def _sureness(check: Check) -> tuple[float, float]:
 
 
 def remarks(fit: Fit) -> list[str]:
-    """What to do about what was found, and what rests on it."""
+    """What to do about what was found, and what depends on it."""
     found = fit.adequacy
     assert found is not None
     fails, lines = found.answer is Answer.FAILS, []
     if not fails and (moved := {name: by for name, by in found.moved.items() if by > MOVED}):
-        said = ", ".join(f"{name} by {significant(by, 2)}" for name, by in moved.items())
-        lines.append(
-            f"Without what was found parameters would move, in their sds: {said}; of these is conditional what would "
-            "be identified."
-        )
+        shifts = ", ".join(f"{name} by {significant(by, 2)} sd" for name, by in moved.items())
+        lines.append(f"Removing what the model misses would shift {shifts}. These values are conditional.")
     seen: dict[str, list[Check]] = {}
     for check in found.checks:
         if check.found:
             seen.setdefault(check.kind, []).append(check)
     if "group" in seen and fit.problem.group_bias is None:
         asked = option("offsets", seen["group"][0].over)
-        lines.append(f"If that group was measured differently: {asked} fits a bias of each.")
+        lines.append(f"If that group was measured differently, use {asked}: it fits a bias of each group.")
     if "level" in seen and not fit.problem.pooling:
         best = min(seen["level"], key=_sureness)
         name = best.words.partition(" ")[0]
         pooled = spoken(f"--pool {name}={best.over}", f"pool={{'{name}': '{best.over}'}}")
-        lines.append(f"{pooled} fits {name} to each {best.over}.")
+        lines.append(f"To fit a separate {name} for each {best.over}, use {pooled}.")
     if "uneven" in seen:
-        lines.append(f"{option('noise', 'separate')} fits a noise of its own to each column.")
+        lines.append(f"To fit a separate noise for each column, use {option('noise', 'separate')}.")
     if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
-        lines.append(f"Outliers count for less with {option('noise', 'student-t')}.")
+        lines.append(f"To give outliers less weight, use {option('noise', 'student-t')}.")
     if "linked" in seen and fit.problem.incident is None and not fails:
         lines.append(
-            "Columns deviate together where the incident state was not what the table says: state its errors "
-            "(columns such as v_1_sd)."
+            "Columns deviate together if the incident state has errors. State these errors in columns such as v_1_sd."
         )
     if fails:
         lines.append(
-            "Look for a sign, a unit or a column that was read wrongly "
+            "Check for a wrong sign, unit or column "
             + spoken("(fitball datasets check)", "(fitball.check)")
-            + ", for another ball or surface among the impacts, and at other models "
+            + ", and for a second ball or surface in the table. Then try other models "
             + spoken("(fitball compare).", "(fitball.compare).")
         )
     return lines
 
 
 def conditional_words(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
-    """What to add to a number that rests on all parameters, "" where the model describes the table."""
+    """What to add to a number that depends on all parameters, "" where the model fits the data."""
     if adequacy is not None and adequacy.answer is Answer.FAILS:
-        return "conditional: the model does not describe the table"
+        return "conditional: the model does not fit the data"
     names = [name for name, item in parameters.items() if item.verdict is Verdict.CONDITIONAL]
-    return f"conditional, as {', '.join(names)} is" if names else ""
+    return f"conditional, as {listed(names)} {'is' if len(names) == 1 else 'are'}" if names else ""
 
 
 def _noises(found: Adequacy) -> list[Row]:
-    """Each noise as fitted beside what was known of it."""
+    """Each noise as fitted, and as it was stated or expected."""
     rows = []
     for check in found.noise:
         column, scale = check.columns[0], Scale(check.unit)
@@ -176,7 +173,7 @@ def _noises(found: Adequacy) -> list[Row]:
                 "stated or expected": f"{scale.measured(check.reference)} {'stated' if check.stated else 'expected'}",
                 "ratio": significant(check.ratio, 2),
                 "probability": _chance(check.adjusted),
-                "": "exception" if check.found else "",
+                "": "found" if check.found else "",
             }
         )
     return rows
@@ -187,24 +184,24 @@ def _chance(p: float) -> str:
 
 
 def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
-    """Every look at every parameter, and which combinations of them are known; beside them those without what the
-    scene knows of the contact time, if it knows anything.
+    """The evidence on every parameter, and which combinations of them the data determine; both without the contact
+    time of the scene too, where it states one.
     """
     found, scene = fit.identifiability, fit.problem.contact_time is not None
     also = (" and of the scene's contact time", ", with and without the scene's contact time") if scene else ("", "")
     directions = found.eigendirections
-    combined = [{"combination": item.words, "known to": item.known_to} for item in directions.directions]
+    combined = [{"combination": item.words, "standard error": item.known_to} for item in directions.directions]
     if scene:
         combined = [
-            row | {"without the scene: combination": alone.words, "known to, without": alone.known_to}
+            row | {"without the scene: combination": alone.words, "standard error, without": alone.known_to}
             for row, alone in zip(combined, directions.directions_without_scene, strict=True)
         ]
     held = listed(directions.held)
     ends = (
-        f"The model ends next to the maximum in {held}: there is no derivative, and what is said to first order "
-        f"takes {held} as fixed."
+        f"The best value of {held} is at the edge of the model, where there is no derivative. First-order results "
+        f"take {held} as fixed."
     )
-    missing = f"There are no profiles: {found.profiles_missing}."
+    missing = f"No profile likelihoods: {found.profiles_missing}."
     return [
         Words([EVIDENCE.format(also[0], 100.0 * found.profile_coverage, also[1])], only="page"),
         Table.of("Evidence on each parameter", _looks(fit, scene), ["", "unit", "verdict"], only="page"),
@@ -216,7 +213,7 @@ def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
 
 
 def _looks(fit: Fit, scene: bool) -> list[Row]:
-    """Every look at every free parameter, dashes where there is none."""
+    """The evidence on every free parameter, dashes where there is none."""
     rows = []
     for name, item in fit.identifiability.evidence.items():
         estimate = fit.parameters[name]
@@ -225,11 +222,11 @@ def _looks(fit: Fit, scene: bool) -> list[Row]:
         if scene:
             row["without scene"] = "the same" if item.alone is None else profile_interval(item.alone, scale)
         errors = [] if look is None else [look.error, look.error_without_scene][: 1 + scene]
-        told = " | ".join("none" if error is None else significant(error, 2) for error in errors)
+        texts = " | ".join("none" if error is None else significant(error, 2) for error in errors)
         rows.append(
             row
             | {
-                "information": told or "-",
+                "information": texts or "-",
                 "contraction": "-" if item.contraction is None else f"{item.contraction.contraction:.2f}",
                 "power: priors | likelihood": "-" if power is None else f"{power.prior:.2f} | {power.likelihood:.2f}",
                 "acts in": "-" if acts is None else f"{acts.acting} of {acts.of}",
@@ -245,46 +242,47 @@ def named(fit: Fit, name: str, scale: Scale) -> Row:
     return {"parameter": name, "": symbol_cell(label), "unit": scale.unit}
 
 
-def assumption_parts(fit: Fit) -> list[Part]:
-    """What rests on assumptions; nothing where that was not asked."""
+def assumption_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
+    """How results depend on model assumptions; nothing where that was not asked."""
     found = fit.assumptions
     if found is None:
         return []
-    parts: list[Part] = [Words([f"Not looked at: {found.missing}."])]
-    if not found.missing:
-        changes = [
-            {
-                "changed to": item.name,
-                "from": item.instead_of,
-                "score less this fit's": "-"
-                if item.difference is None
-                else plus_minus(item.difference.value, item.difference.se, 1),
-                "describes the table": _verdict(item),
-            }
-            for item in found.alternatives
-        ]
-        parts = [
-            Words([CHANGED.format(_sentence(found))], only="page"),
-            Words([_sentence(found)], only="terminal"),
-            Table.of(
-                "What moves with the assumptions", _spans(fit, found), ["unit", "most by", "holds only given"],
-                aside=("95 % over all", "holds only given"),
-            ),
-            Table.of("Choices changed", changes, ["changed to", "from", "describes the table"], only="page"),
-            Words([SCORES], "quiet", "page"),
-        ]  # fmt: skip
-    moved = _moved_by_constants(fit, found)
-    return [
-        *parts,
-        Table.of("What moves with constants of the ball", moved, ["quantity", "unit", "over", "in this fit"]),
-        Words([CONSTANTS] * bool(moved), "quiet", "page"),
+    moved = Table.of(
+        "Shifts with constants of the ball",
+        _moved_by_constants(fit, found),
+        ["quantity", "unit", "over", "in this fit"],
+    )
+    constants: list[Part] = [moved, Words([CONSTANTS] * bool(moved), "quiet", "page")]
+    if found.missing:
+        return [Words([f"Not examined: {found.missing}."]), *constants]
+    changes = [
+        {
+            "changed to": item.name,
+            "from": item.instead_of,
+            "score less this fit's": "-"
+            if item.difference is None
+            else plus_minus(item.difference.value, item.difference.se, 1),
+            "fits": _verdict(item),
+        }
+        for item in found.alternatives
     ]
+    return [
+        Words([_sentence(found)]),
+        *pictures,
+        Table.of(
+            "Values over all variants that fit equally well", _spans(fit, found), ["unit", "with", "depends on"],
+            aside=("95 % over all", "depends on"), rank="folded",
+        ),
+        Table.of("Model variants", changes, ["changed to", "from", "fits"], only="page", rank="folded"),
+        Words([SCORES], "quiet", "page"),
+        *constants,
+    ]  # fmt: skip
 
 
 T = TypeVar("T")
 
 
-def _quantities(fit: Fit, found: Mapping[str, T], paces: Mapping[str, T]) -> Iterator[tuple[str, Scale, T]]:
+def quantities(fit: Fit, found: Mapping[str, T], paces: Mapping[str, T]) -> Iterator[tuple[str, Scale, T]]:
     """What was found of each quantity of the model and of the rating of each surface, with its unit."""
     known = {**fit.parameters, **fit.derived}
     for name, item in found.items():
@@ -295,31 +293,52 @@ def _quantities(fit: Fit, found: Mapping[str, T], paces: Mapping[str, T]) -> Ite
 
 def _spans(fit: Fit, found: Assumptions) -> list[Row]:
     rows = []
-    for name, scale, item in _quantities(fit, found.parameters, found.court_pace):
+    for name, scale, item in quantities(fit, found.parameters, found.court_pace):
         places = scale.decimals(item.own.sd)
         rows.append(
             {
                 "parameter": name,
                 "unit": scale.unit,
-                "within this fit": scale.plus_minus(item.own.median, item.own.sd),
-                "over all as good": f"{scale.fixed(item.low, places)} to {scale.fixed(item.high, places)}",
+                "this fit": scale.plus_minus(item.own.median, item.own.sd),
+                "medians over all": f"{scale.fixed(item.low, places)} to {scale.fixed(item.high, places)}",
                 "95 % over all": scale.interval(item.q025, item.q975, places),
-                "moved by [sd]": fixed(item.shift, 1),
-                "most by": item.by,
-                "holds only given": ", ".join(item.given),
+                "largest shift [sd]": fixed(item.shift, 1),
+                "with": item.by,
+                "depends on": ", ".join(item.given),
             }
         )
     return rows
 
 
+def assumption_line(fit: Fit) -> list[str]:
+    """How many variants fit equally well, and the largest shift among them; nothing where that was not asked."""
+    found = fit.assumptions
+    if found is None:
+        return []
+    if found.missing:
+        return [f"Model assumptions: not examined, {found.missing}."]
+    count, good = len(found.alternatives), len(found.as_good)
+    if not good:
+        return [f"Model assumptions: none of {count} model variants fits equally well."]
+    name, scale, widest = max(
+        quantities(fit, found.parameters, found.court_pace), key=lambda quantity: quantity[2].shift
+    )
+    places = scale.decimals(widest.own.sd)
+    ends = f"{scale.fixed(widest.low, places)} to {scale.fixed(widest.high, places)} {scale.unit}".rstrip()
+    return [
+        f"Model assumptions: {good} of {count} model variants fit equally well. Largest shift: {name} by "
+        f"{fixed(widest.shift, 1)} sd with {widest.by} ({ends} over all)."
+    ]
+
+
 def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
-    """Each constant with the quantities that rest on it."""
+    """Each constant with the quantities that depend on it."""
     rows = []
     for constant in found.constants:
         own = handy(constant.name, fit.problem.model.specs[constant.name].unit)
         digits = decimals(0.1 * (own.factor * constant.high - own.factor * constant.low))
         low, high, value = (own.fixed(at, digits) for at in (constant.low, constant.high, constant.value))
-        for name, scale, ends in _quantities(fit, constant.parameters, constant.court_pace):
+        for name, scale, ends in quantities(fit, constant.parameters, constant.court_pace):
             places = decimals(0.1 * abs(scale.factor * ends[1] - scale.factor * ends[0]))
             rows.append(
                 {
@@ -334,30 +353,29 @@ def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
     return rows
 
 
-# What is said of changes by their verdict, of one and of several.
+# How well a variant fits, and the sentence about one or several that do.
 CHANGES = {
-    "as well": "describe{s} the table as well as this fit, within the error of the score",
-    "not refused": "fit{s} too, and with so few impacts no score can refuse {them}",
-    "better": "describe{s} it better",
-    "worse": "describe{s} it worse",
+    "better": "fit{s} significantly better",
+    "equally well": "fit{s} equally well",
+    "too few data": "fit{s} too; with so few impacts the scores cannot be compared",
+    "worse": "fit{s} significantly worse",
     "not scored": "could not be scored",
 }
 
 
 def _sentence(found: Assumptions) -> str:
-    """Which changes the table cannot tell from the fit, which it prefers, and which it refuses."""
+    """Which variants fit better, equally well and worse."""
     if not found.alternatives:
-        return "No choice of the model can be changed here."
+        return "This model has no assumption that can be changed."
     parts = []
     for verdict, words in CHANGES.items():
         names = [item.name for item in found.alternatives if _verdict(item).partition(":")[0] == verdict]
-        one = len(names) == 1
-        parts += [f"{listed(names)} {words.format(s='s' * one, them='it' if one else 'them')}"] * bool(names)
-    return f"Changed one at a time, {'; '.join(parts)}."
+        parts += [f"{listed(names)} {words.format(s='s' * (len(names) == 1))}."] * bool(names)
+    return f"The assumptions were changed one at a time. {' '.join(parts)}"
 
 
 def _verdict(item: Alternative) -> str:
     if item.difference is None:
-        return f"not scored: {item.reason}" if item.reason else "not refused"
-    verdict = "better" if item.better else "as well" if item.as_good else "worse"
+        return f"not scored: {item.reason}" if item.reason else "too few data"
+    verdict = "better" if item.better else "equally well" if item.as_good else "worse"
     return f"{verdict}: {item.reason}" if item.reason else verdict

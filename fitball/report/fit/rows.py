@@ -1,5 +1,5 @@
-"""A fit as rows and lines: parameters, predictions, balances, point fit and sampler, error budget; in few words: its
-`repr`, a table for a notebook, a report in the manner of lmfit.
+"""A fit as rows and lines: parameters, predictions, balances, point fit and sampler, error budget; its `repr`, a
+table for notebooks, a report in the manner of lmfit.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from fitball.inference.results.results import (
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.models.types import regime_name
 from fitball.report.figures.quantities import prediction, prediction_of
-from fitball.report.fit.judged import named
-from fitball.report.form.document import MOST_ROWS, Row, Table, columns, term, wrapped
+from fitball.report.fit.judged import ANSWERS, named, remarks
+from fitball.report.form.document import MOST_ROWS, Row, Table, columns, judged, term, wrapped
 from fitball.report.form.numbers import (
     THESIS,
     ParameterRow,
@@ -43,7 +43,6 @@ from fitball.report.form.numbers import (
     plus_minus,
     row_of,
     significant,
-    verdict_cell,
 )
 from fitball.values import FloatArray
 from fitball.wording import spoken
@@ -51,23 +50,30 @@ from fitball.wording import spoken
 # Sequence of slip and grip that is named without its probability.
 SURE = 0.995
 # Correlations that a report lists.
-WORTH_TELLING = 0.5
+LISTED_CORRELATION = 0.5
 
 
-def parameter_table(fit: Fit) -> list[Row]:
-    """Every parameter and what follows from several: value and intervals, prior, verdict."""
+def parameter_table(fit: Fit, brief: bool = False) -> list[Row]:
+    """Every parameter and every quantity that follows from several. In brief: median, 95 %, unit and verdict; else
+    meaning, intervals, point estimate, prior and contraction.
+    """
     sampled, rows = fit.posterior is not None, []
     for item in (*fit.estimates, *fit.derived.values()):
+        row = parameter_row(item)
+        if brief:
+            numbers = {"median": row.best, "95 %": row.interval_95} if sampled else {"point": row.point}
+            verdict = judged(item.verdict, item.verdict, f"{item.verdict_words}; {item.reason}")
+            rows.append({"parameter": row.name} | numbers | {"unit": row.unit, "verdict": verdict})
+            continue
         known = None if item.median is None else item.contraction
-        cells = named(fit, item.name, handy(item.name, item.unit)) | {"meaning": item.meaning}
-        cells |= parameter_row(item).numbers(sampled) | {"prior (SI)": item.prior}
-        cells |= {"contraction": "-" if known is None else f"{known:.2f}"} if sampled else {}
-        rows.append(cells | {"verdict": verdict_cell(item)})
+        cells = named(fit, item.name, handy(item.name, item.unit))
+        cells |= {"meaning": item.meaning} | row.numbers(sampled) | {"prior": item.prior}
+        rows.append(cells | ({"contraction": "-" if known is None else f"{known:.2f}"} if sampled else {}))
     return rows
 
 
 def measured_lines(fit: Fit) -> list[str]:
-    """What comes first where lines are anchored at a speed that was not measured: their values at one that was."""
+    """Values at a measured speed of what is otherwise given at 10 m/s, where that was not measured."""
     if fit.drop_test is not None:
         return []
     speeds = fit.problem.impacts.v_y1
@@ -75,16 +81,17 @@ def measured_lines(fit: Fit) -> list[str]:
     for item in fit.derived.values():
         if " at " in item.name:
             row = parameter_row(item)
-            among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s measured"
+            among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s"
             sure = " (95 %)" if row.median != "-" else ""
             lines.append(
-                f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}, {item.verdict_words}; {among}."
+                f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}, {item.verdict_words}; speeds "
+                f"measured: {among}."
             )
     return lines
 
 
 def level_rows(fit: Fit) -> list[Row]:
-    """What each surface, ball or table has of a parameter that differs between them; empty where none does."""
+    """Each surface, ball or table with its value of a parameter that differs between them; empty where none does."""
     rows = []
     for level in fit.levels:
         scale = handy(level.parameter, level.unit)
@@ -132,9 +139,9 @@ def prediction_table(fit: Fit) -> list[Row]:
     columns: dict[str, list[str]] = {}
     for observable in (item.everywhere(len(impacts)) for item in problem.observables):
         scale = output_scale(observable.name)
-        told, observed = prediction_of(fit, observable), observable.observed * scale.factor
+        drawn, observed = prediction_of(fit, observable), observable.observed * scale.factor
         predicted = prediction(fit, observable) * scale.factor
-        half = None if told is None else 0.5 * (told.mean_q84 - told.mean_q16) * scale.factor
+        half = None if drawn is None else 0.5 * (drawn.mean_q84 - drawn.mean_q16) * scale.factor
         cells = [_cell(observed[k], predicted[k], None if half is None else half[k]) for k in shown]
         columns[f"{observable.name} [{scale.unit}]"] = cells
     along = problem.table.has_tangential
@@ -189,37 +196,45 @@ def diagnosis_lines(fit: Fit) -> list[str]:
     rms = ", ".join(f"{name} {output_scale(name).measured(value)}" for name, value in squares.rms.items())
     starts, count = squares.starts, len(fit.point.optima)
     # A fit that was read back does not know what its search found.
-    found = f", best of {starts} starts ({len(squares.optima)} distinct optima)" if starts else ""
-    optima = f", {count} optimum{'s' if count != 1 else ''} worth an ensemble" if starts else ""
+    found = f", {_maxima(len(squares.optima), 'optimum', 'optima')} found from {starts} starts" if starts else ""
+    maxima = f", {_maxima(count, 'maximum', 'maxima')} found" if starts else ""
     lines = [
         f"Least squares: chi-square {squares.chi_square:.1f} for {squares.degrees_of_freedom} degrees of freedom"
-        f"{found}; root mean square residuals: {rms}.",
-        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{optima}.",
+        f"{found}. Root mean square residuals: {rms}.",
+        f"Maximum a posteriori: log posterior {fit.point.log_posterior:.2f}{maxima}.",
     ]
     sampler = fit.diagnostics
     if sampler is not None:
         after, k = sampler.steps - sampler.warm_up, sampler.pareto_k
         kept = "" if sampler.kept == after else f", {sampler.kept} of the other {after} kept"
         lines.append(
-            f"Sampling: {sampler_words(sampler)} ({sampler.warm_up} of them warm-up{kept}), acceptance "
-            f"{np.mean(sampler.acceptance):.2f}, smallest effective sample size {sampler.min_ess_bulk:.0f} (bulk), "
-            f"{sampler.min_ess_tail:.0f} (tail), largest R-hat {sampler.max_r_hat:.4f}"
-            f"{'' if k is None else f', Pareto k of the weights {k:.2f}'}."
+            f"Sampling: {sampler_words(sampler)} ({sampler.warm_up} of them warm-up{kept}). Acceptance "
+            f"{np.mean(sampler.acceptance):.2f}; smallest effective sample size {sampler.min_ess_bulk:.0f} (bulk), "
+            f"{sampler.min_ess_tail:.0f} (tail); largest R-hat {sampler.max_r_hat:.4f}"
+            f"{'' if k is None else f'; Pareto k of the weights {k:.2f}'}."
         )
     for cause in dict.fromkeys(squares.missing.values()):
         names = [name for name, why in squares.missing.items() if why == cause]
         lines.append(f"No standard error of {listed(names)} by least squares: {cause}.")
-    if fit.status is RunStatus.NOT_CONVERGED:
-        again = spoken("Use --resume with more --max-steps.", "Fit again with a larger max_steps.")
-        lines.append(f"NOT CONVERGED: intervals and verdicts may change. {again}")
     return lines
 
 
+def _maxima(count: int, one: str, several: str) -> str:
+    return f"one {one}" if count == 1 else f"{count} {several}"
+
+
+def warning_lines(fit: Fit) -> list[str]:
+    """What to know, and to do, before a result is used; the most serious first."""
+    again = spoken("Use --resume with more --max-steps.", "Fit again with a larger max_steps.")
+    unsure = f"NOT CONVERGED: intervals and verdicts may change. {again}"
+    return [*[unsure] * (fit.status is RunStatus.NOT_CONVERGED), *remarks(fit)]
+
+
 def sampler_words(diagnostics: Diagnostics) -> str:
-    """How often was drawn by whom."""
+    """The chains or ensembles, and their steps."""
     chains, steps = diagnostics.ensembles, diagnostics.steps
     if diagnostics.pareto_k is not None:
-        return f"{chains} chains of {steps} draws weighed by their density"
+        return f"{chains} chains of {steps} draws, weighted by their density"
     return f"{chains} ensembles of {diagnostics.walkers} walkers, {steps} steps"
 
 
@@ -237,28 +252,24 @@ def budget_rows(budget: ErrorBudget) -> list[Row]:
             {
                 "output": name,
                 "unit": scale.unit,
-                "arithmetic, at most": power(line.numerical * scale.factor, ".1e"),
-                "measurement, one sd": digits(line.measurement * scale.factor, 2),
+                "numerical error, at most": power(line.numerical * scale.factor, ".1e"),
+                "measurement error, sd": digits(line.measurement * scale.factor, 2),
                 "parameters, half of 68 %": "-" if width is None else digits(width * scale.factor, 2),
-                "arithmetic over the smaller": power(line.numerical / least, ".0e"),
+                "numerical / smaller of both": power(line.numerical / least, ".0e"),
             }
         )
     return rows
 
 
 def budget_sentence(budget: ErrorBudget) -> str:
-    """What the table of the budget says."""
+    """The table of the budget in two sentences."""
     measured = {not line.posterior or line.measurement > line.posterior for line in budget.lines.values()}
-    limits = "the measurement limits some outputs, the uncertain parameters others"
+    limits = "Measurement errors dominate in some outputs, uncertain parameters in others"
     if len(measured) == 1:
-        one = "the measurement limits every single impact", "the uncertain parameters limit the prediction"
+        one = "Measurement errors dominate in every output", "Uncertain parameters dominate in every output"
         limits = one[False in measured]
-    size = "no error of it was found"
-    if budget.share > 0.0:
-        size = f"its error is at most {budget.share:.0e} of the smaller of the other two"
-    return (
-        f"The arithmetic adds nothing: {size}, comparing {budget.impacts} impacts with {budget.reference}; {limits}."
-    )
+    size = f"at most {budget.share:.0e} of the smaller of the other two" if budget.share > 0.0 else "none found"
+    return f"Numerical errors are negligible: {size} ({budget.impacts} impacts against {budget.reference}). {limits}."
 
 
 def _head(fit: Fit) -> str:
@@ -274,18 +285,18 @@ def _rows(fit: Fit) -> list[tuple[Estimate, ParameterRow]]:
 
 
 def _brief(fit: Fit) -> list[str]:
-    """Whether the model describes the table, and the parameters that were fitted by what the table says of them."""
+    """Whether the model fits the data, and the fitted parameters by verdict."""
     adequacy, rows = fit.adequacy, _rows(fit)
-    lines = [] if adequacy is None else [f"does the model describe the table: {adequacy.answer}"]
+    lines = [] if adequacy is None else [f"does the model fit the data: {ANSWERS[adequacy.answer]}"]
     for verdict in Verdict:
-        told = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
-        if told and verdict is not Verdict.FIXED:
-            lines.append(f"{verdict}: {'; '.join(told)}")
+        values = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
+        if values and verdict is not Verdict.FIXED:
+            lines.append(f"{verdict}: {'; '.join(values)}")
     return lines
 
 
 def short_text(fit: Fit) -> str:
-    """What it is and what it found, in a few lines."""
+    """The fit and its result in a few lines."""
     return "\n".join([f"<Fit of {_head(fit)}>", *wrapped(_brief(fit), "  ", " " * 4)])
 
 
@@ -306,9 +317,9 @@ def html_text(fit: Fit) -> str:
 
 def _correlations(names: Sequence[str], matrix: FloatArray) -> list[str]:
     pairs = [(abs(matrix[i, j]), names[j], names[i], matrix[i, j]) for i in range(len(names)) for j in range(i)]
-    told = sorted((pair for pair in pairs if pair[0] > WORTH_TELLING), reverse=True)
-    head = [f"[[Correlations]] (those above {WORTH_TELLING:g})"] if told else []
-    return head + [f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in told]
+    strong = sorted((pair for pair in pairs if pair[0] > LISTED_CORRELATION), reverse=True)
+    head = [f"[[Correlations]] (those above {LISTED_CORRELATION:g})"] if strong else []
+    return head + [f"    C({one}, {other}) = {value:+.3f}" for _size, one, other, value in strong]
 
 
 def _least_squares(squares: LeastSquares) -> list[str]:
@@ -333,7 +344,7 @@ def report_text(fit: Fit) -> str:
     head = f"{fit.fitted.model_name} on {fit.source.name}: {fit.source.impacts:,} impacts with {measured}"
     closures = ", ".join(f"{name} = {value}" for name, value in fit.fitted.options.items())
     lines = ["[[Fit]]", f"    {head}; {len(fit.free_names)} free parameters"]
-    lines += [f"    closures: {closures}"] if closures else []
+    lines += [f"    model assumptions: {closures}"] if closures else []
     lines += wrapped([fit.verdict], " " * 4, " " * 4)
     lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(fit).items())]
     cells = []
@@ -353,19 +364,19 @@ def report_text(fit: Fit) -> str:
 
 def _statistics(fit: Fit) -> dict[str, str]:
     sampler = fit.diagnostics
-    told = {
+    known = {
         "log posterior": f"{fit.log_posterior:.3f}",
         "log likelihood": f"{fit.log_likelihood:.3f}",
         "chi-square": f"{fit.least_squares.chi_square:.3f}",
         "degrees of freedom": str(fit.least_squares.degrees_of_freedom),
     }
     if sampler is not None:
-        told |= {
+        known |= {
             "sampler": sampler_words(sampler),
             "effective sample size": f"{min(sampler.min_ess_bulk, sampler.min_ess_tail):.0f}",
             "R-hat": f"{sampler.max_r_hat:.4f}",
         }
-    return told | {"seed": str(fit.seed)}
+    return known | {"seed": str(fit.seed)}
 
 
 def summary_rows(fit: Fit) -> list[dict[str, Any]]:
