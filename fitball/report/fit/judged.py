@@ -325,8 +325,13 @@ def _spans(fit: Fit, found: Assumptions) -> list[Row]:
 
 
 def assumption_line(fit: Fit) -> list[str]:
-    """How many variants fit equally well, and the largest shift among them; nothing where that was not asked."""
-    found = fit.assumptions
+    """The assumptions that values depend on, how many variants fit equally well, and the largest shift among them."""
+    given = dict.fromkeys(one for item in (*fit.estimates, *fit.derived.values()) for one in item.given)
+    lines = [f"Values depend on these assumptions: {', '.join(given)}."] if given else []
+    return [*lines, *_variants(fit, fit.assumptions)]
+
+
+def _variants(fit: Fit, found: Assumptions | None) -> list[str]:
     if found is None:
         return []
     if found.missing:
