@@ -236,7 +236,7 @@ def test_ratios_are_of_the_work_that_is_kept(monkeypatch):
     """What a run measures is what the ratios in the repository are of."""
     kept = measure.read_ratios(Path(__file__).parent.parent / "fits" / "bench" / "ratios.csv")
     monkeypatch.setattr(measure, "by_turns", lambda actions, pace: dict.fromkeys(actions, 2.0))
-    monkeypatch.setattr(measure, "fresh_process", lambda code: clock.Told([], 2.0, 1.0))
+    monkeypatch.setattr(measure, "fresh_process", lambda code: clock.Spent([], 2.0, 1.0))
     now = measure.ratios(TINY)
     assert (now[RATIO] == 1.0).all()
     assert len(measure.compared(kept, now)) == len(now)
