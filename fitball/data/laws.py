@@ -33,7 +33,7 @@ _ABSURD = 1e9
 
 @dataclass(frozen=True)
 class Motion:
-    """Incident (1) and rebound (2) motion, each (impacts,) in m/s and rad/s; None where the columns do not tell.
+    """Incident (1) and rebound (2) motion, each (impacts,) in m/s and rad/s; None if undetermined.
 
     `contradictions` (impacts,) are differences between columns that say the same thing twice, as shares of the speed.
     """
@@ -131,7 +131,7 @@ class Misfit:
 
 
 def misfit(motion: Motion, ball: Ball) -> Misfit:
-    """Fit the laws to a motion and tell what is left."""
+    """Fit the laws to a motion; returns the residuals."""
     rows = next(len(item) for item in (motion.v_y1, motion.v_y2, motion.v_x1, motion.v_x2) if item is not None)
     residuals = dict[str, float]()
     cost = sum((float(np.sum(_penalty(share))) for share in motion.contradictions), 0.0)

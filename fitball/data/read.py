@@ -140,7 +140,7 @@ def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Nam
     else:
         place = name
         raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))
-    found = Findings.of(raw)
+    found = Findings.from_raw(raw)
     header = read_header(raw.header, found, naming)
     numbers, notes = plain_numbers({name: raw.columns[header.places[name]] for name in header.units})
     parted = {name: split_deviations(cells) for name, cells in numbers.items()}
@@ -423,7 +423,7 @@ class PortFile:
 def read_port(path: Path) -> PortFile:
     """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
     raw = read_raw(path, vocabulary(Naming()))
-    found = Findings.of(raw)
+    found = Findings.from_raw(raw)
     header = read_header(raw.header, found)
     if not raw.rows and not found.faults:
         found.fault("no rows after the header; expected one row for each golden impact")

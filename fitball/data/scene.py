@@ -179,7 +179,7 @@ def load_scene(
 
 def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
     """The scene, where its ball, court and instruments are like others. Raises SceneError otherwise; with `as_read`
-    what is unlikely is told among what is assumed.
+    what is unlikely is listed in `assumed`.
     """
     doubts = _doubts(scene)
     if not doubts:
@@ -358,7 +358,7 @@ def _number(content: object) -> float | None:
 
 
 def _shown(content: object) -> str:
-    """A TOML value as it could stand in the file."""
+    """A TOML value as in a file."""
     if isinstance(content, bool):
         return "true" if content else "false"
     if isinstance(content, str):
