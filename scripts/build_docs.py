@@ -17,26 +17,26 @@ from sphinx.cmd.build import main as sphinx_build
 MADE = DOCS / "_made"
 
 
-def run_snippets(made: Path, *, again: bool, kept: bool) -> None:
+def run_snippets(outputs: Path, *, again: bool, kept: bool) -> None:
     """Run the snippets of all pages that need it. Raises SnippetError."""
     code = code_mark()
-    shell = SharedFits(made)
+    shell = SharedFits(outputs)
     for page, text in pages().items():
         if not any(item.runs for item in snippets(text)):
             continue
-        if not again and is_current(made, page, text, None if kept else code):
+        if not again and is_current(outputs, page, text, None if kept else code):
             continue
         print(f"running the snippets of docs/{page}.md ...", file=sys.stderr)
         try:
-            make(made, page, text, code, shell)
+            make(outputs, page, text, code, shell)
         except SnippetError as error:
             raise SnippetError(f"docs/{page}.md: {error}") from None
 
 
-def build(made: Path, out: Path, work: Path) -> int:
+def build(outputs: Path, out: Path, work: Path) -> int:
     """Write the pages to `out`; a warning of Sphinx is an error. Returns the exit code."""
     return sphinx_build(
-        ["-q", "-W", "--keep-going", "-b", "html", "-d", str(work), "-D", f"made={made}", str(DOCS), str(out)]
+        ["-q", "-W", "--keep-going", "-b", "html", "-d", str(work), "-D", f"made={outputs}", str(DOCS), str(out)]
     )
 
 

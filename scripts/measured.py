@@ -76,7 +76,7 @@ def _parameter(item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _over(span: dict[str, Any] | None) -> dict[str, Any]:
-    """Lowest and highest median over assumptions that the table cannot tell apart; None of a parameter without."""
+    """Lowest and highest median over model variants that fit equally well; None for a parameter without."""
     return {"over": None if span is None else [span["low"], span["high"]]}
 
 

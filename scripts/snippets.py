@@ -61,8 +61,8 @@ class Snippet:
         """Whether it is run."""
         return self.language in RUN
 
-    def shown(self, printed: str) -> str:
-        """What the page shows of what it printed."""
+    def visible(self, printed: str) -> str:
+        """The part of its output that the page shows."""
         paragraphs = re.split(r"\n[ \t]*\n", printed.strip("\n"))
         if self.silent:
             return ""
@@ -186,7 +186,7 @@ def _run_all(items: list[Snippet], folder: Path, shell: Shell) -> list[Outcome]:
             status, printed = shell(item.code, folder)
             if status != item.status:
                 raise SnippetError(f"{item.code}\nended with {status}, not {item.status}:\n{printed}")
-            outcomes.append(Outcome(item.shown(printed)))
+            outcomes.append(Outcome(item.visible(printed)))
         elif item.language == "python":
             outcomes.append(_run_python(item, folder, names, len(outcomes)))
     return outcomes
@@ -208,16 +208,16 @@ def _run_python(item: Snippet, folder: Path, names: dict[str, Any], place: int) 
     except Exception as error:
         raise SnippetError(f"{item.code}\nraised {type(error).__name__}: {error}") from error
     if item.silent or value is None:
-        return Outcome(item.shown(printed.getvalue()))
+        return Outcome(item.visible(printed.getvalue()))
     pictures = []
     for drawn in _drawn(value):
         pictures.append(f"cell-{place + 1}-{len(pictures) + 1}.png")
         drawn.savefig(folder / pictures[-1], dpi=110, bbox_inches="tight")
     if pictures:
-        return Outcome(item.shown(printed.getvalue()), pictures=tuple(pictures))
+        return Outcome(item.visible(printed.getvalue()), pictures=tuple(pictures))
     if hasattr(value, "_repr_html_"):
-        return Outcome(item.shown(printed.getvalue()), html=value._repr_html_())
-    return Outcome(item.shown(f"{printed.getvalue()}{value!r}"))
+        return Outcome(item.visible(printed.getvalue()), html=value._repr_html_())
+    return Outcome(item.visible(f"{printed.getvalue()}{value!r}"))
 
 
 def _drawn(value: Any) -> list[Any]:
@@ -296,29 +296,31 @@ def page_mark(text: str) -> str:
     return hashlib.sha256(repr((snippets(text), figures(text), files(text))).encode()).hexdigest()
 
 
-def outcomes_of(made: Path, page: str) -> list[Outcome] | None:
+def outcomes_of(folder: Path, page: str) -> list[Outcome] | None:
     """What the snippets of a page gave; None where they have not run."""
-    kept = made / f"{page}.json"
+    kept = folder / f"{page}.json"
     if not kept.is_file():
         return None
     return [Outcome(**item) for item in json.loads(kept.read_text(encoding="utf-8"))["outcomes"]]
 
 
-def is_current(made: Path, page: str, text: str, code: str | None) -> bool:
+def is_current(folder: Path, page: str, text: str, code: str | None) -> bool:
     """Whether a page has run as it is, by this code (None: by any)."""
-    kept = made / f"{page}.json"
+    kept = folder / f"{page}.json"
     if not kept.is_file():
         return False
     marks = json.loads(kept.read_text(encoding="utf-8"))
     return marks["page"] == page_mark(text) and code in (None, marks["code"])
 
 
-def make(made: Path, page: str, text: str, code: str, shell: Shell) -> None:
+def make(folder: Path, page: str, text: str, code: str, shell: Shell) -> None:
     """Run the snippets of a page and keep what they gave. Raises SnippetError."""
     # Messages name a bundled table with its place on this machine.
-    outcomes = [replace(item, text=item.text.replace(f"{ROOT}/", "")) for item in run_page(text, made / page, shell)]
+    outcomes = [
+        replace(item, text=item.text.replace(f"{ROOT}/", "")) for item in run_page(text, folder / page, shell)
+    ]
     kept = {"page": page_mark(text), "code": code, "outcomes": [asdict(item) for item in outcomes]}
-    (made / f"{page}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    (folder / f"{page}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
 class SharedFits:

@@ -72,7 +72,7 @@ def test_a_scenario_makes_the_tables_that_it_says(name):
         np.array_equal(one.observed, other.observed)
         for one, other in zip(problem.observables, plain.observables, strict=True)
     )
-    assert same is scenario.made
+    assert same is scenario.by_model
     # A longer table is of the same design: each range is covered, and none left.
     longer = scenario.simulated(values, np.random.default_rng(2), times=5)
     assert len(longer.impacts) == 5 * scenario.design.rows

@@ -1,5 +1,5 @@
-"""What grows with the rows of a table, what whole processes take, in time and in memory, and whether that of a table
-stays what it was where `calibrate_many` fits many.
+"""Time and memory as functions of the number of rows, of whole processes, and of each table when `calibrate_many`
+fits many.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ SIMULATED = {"mu": 0.6, "e_x": 0.1, "offset": 0.0, "cor_10": 0.78, "cor_slope": 
 
 
 def growth_costs(most: int, pace: Pace) -> pd.DataFrame:
-    """With rows of the table, `most` at most: CPU time of 40 log posteriors in one call, and of a point fit in a
-    process of its own with the most memory that took.
+    """For tables of up to `most` rows: CPU time of 40 log posteriors in one call. CPU time and maximum memory of a
+    point fit in its own process.
     """
     rows = []
     for count in (count for count in LENGTHS if count <= most):
@@ -59,8 +59,8 @@ def growth_costs(most: int, pace: Pace) -> pd.DataFrame:
 
 
 def whole_costs(most: int) -> pd.DataFrame:
-    """With rows of a simulated table, `most` at most: CPU time and most memory of `fitball calibrate` from the CSV
-    file to the result folder, and the sizes of what is read of that.
+    """For simulated tables of up to `most` rows: CPU time and maximum memory of `fitball calibrate` from the CSV file
+    to the result folder, and the sizes of its main files.
     """
     rows = []
     for count in (count for count in CALIBRATED if count <= most):
@@ -100,8 +100,8 @@ def process_costs(full: bool) -> pd.DataFrame:
 
 
 def write_simulated(place: Path, rows: int) -> None:
-    """A CSV file of about `rows` impacts of 8 to 35 m/s at 15 to 70 degrees, with back- and topspin, that grip-slip
-    made, 0.3 m/s and 10 rad/s of noise added; a rebound that noise turns is left out.
+    """A CSV file of about `rows` impacts of 8 to 35 m/s at 15 to 70 degrees, with backspin and topspin. Rebounds are
+    those of grip-slip with noise of 0.3 m/s and 10 rad/s; unphysical ones are left out.
     """
     rng = np.random.default_rng(rows)
     speed, angle = rng.uniform(8.0, 35.0, rows), np.radians(rng.uniform(15.0, 70.0, rows))
@@ -143,8 +143,8 @@ class Going(Protocol):
 
 
 class Watch:
-    """Prints, as a batch on so many `cores` goes on, one line at each of `LOOKED` and at its end: tables, wall time,
-    CPU seconds a table since the line before, memory of parent and worker. Start-up counts with the first tables.
+    """Prints a line at each of `LOOKED` and at the end of a batch on `cores` cores: tables, wall time, CPU seconds a
+    table since the line before, memory of parent and worker. Start-up counts with the first tables.
     """
 
     def __init__(self, cores: int, family: Callable[[], Family] | None = None) -> None:
@@ -164,7 +164,7 @@ class Watch:
 
 
 def running() -> Family:
-    """Of this process and its children, as Linux tells; elsewhere CPU of this process alone, and no memory."""
+    """CPU time and memory of this process and its children (Linux); elsewhere CPU time of this process alone."""
     own = time.process_time()
     try:
         places = [place for place in Path("/proc").iterdir() if place.name.isdigit()]
@@ -188,8 +188,8 @@ def _megabytes(place: Path) -> float:
 
 
 def many_costs(tables: int, cores: int) -> pd.DataFrame:
-    """A row (`COLUMNS`) at each look at a batch of so many simulated tables of 20 rows: wall time so far, CPU seconds
-    a table since the look before, and the most memory of the process that asks, and of any other that works.
+    """A row (`COLUMNS`) for each line of a batch of simulated tables with 20 rows: wall time so far, CPU seconds a
+    table since the line before, maximum memory of the parent and of any worker.
     """
     with TemporaryDirectory() as place:
         folder = Path(place) / "tables"

@@ -29,9 +29,7 @@ MODELS = "two-mass,grip-slip"
 
 
 class Counter:
-    """Tells on a progress line how many of a `total` are done, and the time left, from those done since the first
-    look.
-    """
+    """Shows on a progress line how many of a `total` are done, and the time left."""
 
     def __init__(self, line: ProgressLine, title: str, total: int, unit: str = "replicates") -> None:
         self.line, self.title, self.total, self.unit = line, title, total, unit
@@ -50,9 +48,9 @@ def make_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="scripts/validate",
-        description="Draw parameters from what is known before a table, simulate tables at Wang's incident "
-        "conditions, fit them, and test whether the truth ranks uniformly among posterior draws (Talts et al. 2018). "
-        "Exit code 1 if it does not. An interrupted run goes on where it stopped.",
+        description="Draw parameters from the prior, simulate tables at Wang's incident conditions, fit them, and "
+        "test whether the truth ranks uniformly among posterior draws (Talts et al. 2018). "
+        "Exit code 1 if it does not. An interrupted run continues where it stopped.",
         epilog="examples:\n  scripts/validate\n  scripts/validate --models grip-slip --replicates 60 --out check\n"
         "  scripts/validate --models grip-slip --replicates 60 --wrong-sigma 0.5 --out wrong    (must fail)\n"
         "  scripts/validate --trust --scenarios wang,negated --replicates 20\n"
@@ -91,7 +89,10 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(SCHEDULER.flag, help=SCHEDULER.help, **SCHEDULER.more)
     parser.add_argument("--out", type=place, metavar="DIR", help=f"where to write (default {DEFAULT_FOLDER})")
     parser.add_argument(
-        "--wrong-sigma", type=float, metavar="F", help="tell the fit F times the true noise: a control that must fail"
+        "--wrong-sigma",
+        type=float,
+        metavar="F",
+        help="assume F times the true noise in the fit: a control that must fail",
     )
     parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -176,7 +177,7 @@ def _population(args: argparse.Namespace) -> int:
 def _made(
     args: argparse.Namespace, study: Study, folder: Path, workers: Engine, count: int | None = None
 ) -> list[list[Row]]:
-    """The records of the replicates of a study, told on the progress line as they are made."""
+    """The records of the replicates of a study, with a progress line."""
     from validation.harness import run
 
     count = args.replicates if count is None else count
@@ -220,7 +221,9 @@ def _end(args: argparse.Namespace, record: Path, found: Verdict) -> int:
 
 
 def _checked(args: argparse.Namespace, replicates: int) -> tuple[str, ...]:
-    """The models; so many `replicates` unless told otherwise. Raises ParameterError for numbers that cannot work."""
+    """The models; `replicates` is the default number of replicates. Raises ParameterError for numbers that cannot
+    work.
+    """
     args.replicates = replicates if args.replicates is None else args.replicates
     for name, least in (("replicates", 1), ("seed", 0)):
         if getattr(args, name) < least:

@@ -1,9 +1,9 @@
-"""What every study shares: replicates kept in a file that grows, rates with what chance leaves open, tables simulated
-from a truth, posteriors by a short chain.
+"""Common parts of all studies: a growing file of replicates, rates with their intervals, simulated tables, and
+posteriors by a short chain.
 
-A study makes, of a seed and a number, the records of one replicate: words and numbers by name. Its file has one line
-of JSON a replicate, in order, below one with all that the lines depend on: an interrupted run goes on, and the same
-seed gives the same bytes, whatever the number of processes and interruptions.
+A study makes the records of one replicate from a seed and a number. Its file has one line of JSON for each replicate,
+in order, after a line with all settings. An interrupted run continues. The same seed gives the same bytes for any
+number of processes and interruptions.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from fitball.values import FloatArray
 from fitball.version import __version__
 
 Row = dict[str, Any]
-# Is told how many replicates are done.
+# Receives the number of finished replicates.
 Report = Callable[[int], None]
 LEVEL = 0.95
 # Ends of a 95 % interval from so many effective draws are right within a tenth of its width.
@@ -48,7 +48,7 @@ CHAIN: Mapping[str, object] = {"ensembles": ENSEMBLES, "max_steps": MAX_STEPS, *
 @dataclass(frozen=True)
 class Study:
     """`make` (seed, number) -> records of one replicate, which depend on these and the `settings` alone. `name` is
-    that of the file, `title` and `unit` those of the progress line.
+    the name of the file, `title` and `unit` are those of the progress line.
     """
 
     name: str
@@ -71,8 +71,8 @@ class Verdict:
 def run(
     study: Study, seed: int, count: int, folder: Path, engine: Engine, report: Report = lambda _n: None
 ) -> list[list[Row]]:
-    """The records of replicates 0 to `count` - 1: those that the study's file in the folder holds, and the others
-    made and appended to it. Raises ResultFolderError for a file that is damaged, or of another run.
+    """The records of replicates 0 to `count` - 1: those in the study's file, and the others, which are computed and
+    appended. Raises ResultFolderError for a file that is damaged, or of another run.
     """
     place = folder / f"{study.name}.jsonl"
     head = json.dumps({"version": __version__, "seed": seed, **study.settings}, sort_keys=True)
@@ -124,29 +124,33 @@ def _read(place: Path, number: int, line: str) -> list[Row]:
 
 @dataclass(frozen=True)
 class Rate:
-    """`count` of `of`, with the ends of a 95 % interval (Clopper and Pearson 1934); empty without any."""
+    """`count` of `total`, with the ends of a 95 % interval (Clopper and Pearson 1934); empty without any."""
 
     count: int
-    of: int
+    total: int
 
     @property
     def value(self) -> float | None:
         """The share."""
-        return self.count / self.of if self.of else None
+        return self.count / self.total if self.total else None
 
     @property
     def low(self) -> float:
         """The least rate that would give as many."""
-        return float(beta.ppf(0.5 - LEVEL / 2, self.count, self.of - self.count + 1)) if self.count else 0.0
+        return float(beta.ppf(0.5 - LEVEL / 2, self.count, self.total - self.count + 1)) if self.count else 0.0
 
     @property
     def high(self) -> float:
         """The largest rate that would give as few."""
-        return float(beta.ppf(0.5 + LEVEL / 2, self.count + 1, self.of - self.count)) if self.count < self.of else 1.0
+        return (
+            float(beta.ppf(0.5 + LEVEL / 2, self.count + 1, self.total - self.count))
+            if self.count < self.total
+            else 1.0
+        )
 
     def agrees(self, low: float, high: float) -> bool:
         """Whether the rate may lie from `low` to `high`."""
-        return not self.of or (self.low <= high and self.high >= low)
+        return not self.total or (self.low <= high and self.high >= low)
 
     def __str__(self) -> str:
         if self.value is None:
@@ -154,14 +158,14 @@ class Rate:
         return f"{100 * self.value:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
 
 
-def rate(told: Iterable[object]) -> Rate:
-    """How often it is so; what nobody can tell (None) does not count."""
-    known = [bool(one) for one in told if one is not None]
+def rate(values: Iterable[object]) -> Rate:
+    """The share of true values; None is not counted."""
+    known = [bool(one) for one in values if one is not None]
     return Rate(sum(known), len(known))
 
 
 def drawn_truth(known: Problem, rng: np.random.Generator, who: str) -> FloatArray:
-    """One draw (free,) of all that is known before the table. Raises FitError, naming `who`, where there is none."""
+    """One draw (free,) from the prior draws. Raises FitError, with the name `who`, if there is none."""
     drawn = prior_draws(known, rng, wanted=1, batch=400)
     if not len(drawn):
         raise FitError(f"{who}: no draw of the priors agrees with what the scene knows")
@@ -172,8 +176,8 @@ def drawn_truth(known: Problem, rng: np.random.Generator, who: str) -> FloatArra
 def simulated_columns(
     known: Problem, row: FloatArray, rng: np.random.Generator, rebound: Rebound | None = None
 ) -> dict[str, FloatArray]:
-    """Measurements (impacts,) by column that true values (1, free) make, noise and gaps of the table included;
-    `rebound` is what else makes them.
+    """Simulated measurements (impacts,) by column for true values (1, free), with the noise and gaps of the table.
+    `rebound` replaces the model.
     """
     rebound, columns = known.rebound(row) if rebound is None else rebound, known.all_values(row)
     return {

@@ -1,5 +1,6 @@
-"""Do plans keep what they promise? Tables are simulated at planned impacts from a truth drawn from the posterior and
-fitted together with the first table; compared is by how much sds fell, and by how much at as many of its own impacts.
+"""Do plans deliver what they predict? A truth is drawn from the posterior, tables are simulated at planned impacts,
+and each is fitted together with the first table. The decrease of the sds is compared with the prediction, and with
+that of as many existing impacts.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ TIMER = "contact_time"
 
 @dataclass(frozen=True)
 class Case:
-    """A plan in `words`: from the fit of `model` to a bundled `table`, about a `target`, so many `impacts` within
-    ranges as options have them, read by the `sensor` (None: as before).
+    """A plan in `words`: from the fit of `model` to a bundled `table`, about a `target`. It has `impacts` impacts
+    within ranges given as options, measured by the `sensor` (None: as before).
     """
 
     words: str
@@ -133,8 +134,8 @@ def planned_from(name: str, case: Case, fit: Fit, seed: int) -> Ready:
 
 
 def replicate(ready: Ready, seed: int, number: int) -> list[Row]:
-    """One record: a truth from the posterior, a table at each design, the fit of both tables; by design nats by which
-    a normal target narrowed, sds after it, and how many draws the refit is worth, or None where there is none.
+    """One record: a truth from the posterior, a table at each design, the fit of both tables. For each design: the
+    information in nats, the sds, and the effective draws of the refit (None without one).
     """
     rng = np.random.default_rng([seed, number])
     row = rng.integers(len(ready.known.coordinates), size=1)
@@ -210,8 +211,8 @@ def study(ready: Ready, seed: int) -> Study:
 
 @dataclass(frozen=True)
 class Line:
-    """One part of a target under one design: its sd as a share of that before, as `promised` and as `found` (the
-    geometric mean over replicates) with the standard error of the latter.
+    """One part of a target under one design: its sd as a share of that before, as `promised` and as `found`
+    (geometric mean over replicates), with the standard error of the latter.
     """
 
     design: str
@@ -238,8 +239,8 @@ class Gain:
 
 @dataclass(frozen=True)
 class Finding:
-    """A case in `words`: `replicates` with both refits, `lost` without; its lines, gains, and by how much the planned
-    design told `more` than as many impacts of the table, with the standard error of the mean difference.
+    """A case in `words`: `replicates` with both refits, `lost` without; its lines and gains. `more` is the gain of
+    the planned design over as many existing impacts, with the standard error of the mean difference.
     """
 
     name: str
@@ -258,7 +259,7 @@ class Finding:
 
     @property
     def better(self) -> bool:
-        """Whether the planned design surely told more."""
+        """Whether the planned design surely gained more."""
         return self.more > 2.0 * self.more_se
 
     @property
@@ -267,9 +268,9 @@ class Finding:
         return self.replicates > 1 and self.kept and self.better
 
 
-def finding(ready: Ready, made: Sequence[Row]) -> Finding:
+def finding(ready: Ready, records: Sequence[Row]) -> Finding:
     """What the replicates of a case say, those with all refits. Raises FitError where there are none."""
-    whole = [row for row in made if all(row.values())]
+    whole = [row for row in records if all(row.values())]
     if not whole:
         raise FitError(f"case {ready.name}: no simulated table could be refitted at both designs")
     before, parts = ready.plan.sds, [part.name for part in ready.plan.parts]
@@ -283,7 +284,7 @@ def finding(ready: Ready, made: Sequence[Row]) -> Finding:
         nats = np.array([row[design]["nats"] for row in whole])
         gains.append(Gain(design, promise.gain, float(nats.mean()), float(standard_error(nats))))
     gaps = np.array([row[PLANNED]["nats"] - row[AGAIN]["nats"] for row in whole])
-    more, lost = (float(gaps.mean()), float(standard_error(gaps))), len(made) - len(whole)
+    more, lost = (float(gaps.mean()), float(standard_error(gaps))), len(records) - len(whole)
     return Finding(ready.name, ready.case.words, len(whole), lost, tuple(lines), tuple(gains), *more)
 
 
@@ -336,9 +337,9 @@ def findings_text(found: Sequence[Finding]) -> str:
             rows.append([*cells, f"{100.0 * line.off:+.0f} %"])
         parts += [*columns(rows, 2), ""]
         kept = "Kept" if one.kept else "NOT KEPT"
-        better = "told more" if one.better else "did NOT surely tell more"
+        better = "gained more" if one.better else "did NOT surely gain more"
         parts += [
-            f"{kept} within {100.0 * WITHIN:.0f} %; the planned impacts {better} than as many of the table: "
+            f"{kept} within {100.0 * WITHIN:.0f} %; the planned impacts {better} than as many existing impacts: "
             f"{one.more:.2f} ± {one.more_se:.2f} nats.",
             "",
         ]

@@ -1,7 +1,7 @@
-"""Are populations over many tables found? Tables of known populations are fitted one by one and their draws weighed;
-counted is how often intervals of centre, spread, levels and of each table hold the truth, with the interim priors
-divided out and, as a control that must fail, left in. Ten tables are fitted together besides, with the parameter
-pooled, which must say the same.
+"""Are populations over many tables found? Tables of known populations are fitted separately and their draws weighted.
+The study counts how often intervals of centre, spread, levels and of each table contain the truth. Interim priors are
+divided out, and left in as a control that must fail. Sets of ten tables are also fitted together, with the parameter
+pooled, for comparison.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ def before(name: str) -> Before:
 def draw_table(
     truth: Truth, rows: int, rng: np.random.Generator, known: Mapping[str, float] | None = None
 ) -> tuple[ImpactTable, Mapping[str, float]]:
-    """The table of one court, impacts steep and shallow; and its true parameters: those that are `known`, the
-    quantities from their population, all others from their priors.
+    """The table of one court, with steep and shallow impacts, and its true parameters. The quantities come from their
+    population, those in `known` are given, all others come from their priors.
     """
     specs = {**model(MODEL).specs, **NOISE_SPECS}
     values = {name: float(prior_of(specs[name], text).draw(rng, 1)[0]) for name, text in OTHERS.items()}
@@ -143,8 +143,8 @@ def table_draws(name: str, draws: FloatArray, priors: str) -> list[TableDraws]:
 
 
 def populations(seed: int, number: int) -> list[Row]:
-    """The records of one population: of each quantity and way with the priors how many intervals hold, of how many;
-    of the tables the mean squared error too, and how many are not to be trusted.
+    """The records of one population. For each quantity and treatment of the priors: how many intervals contain the
+    truth, of how many. For the tables also the mean squared error, and how many weights are unreliable.
     """
     root = np.random.SeedSequence(seed, spawn_key=(number,))
     rng = np.random.default_rng(root.spawn(1)[0])
@@ -205,8 +205,8 @@ def _held(known: Sequence[Known], truth: FloatArray) -> Row:
 
 
 def joint(seed: int, number: int) -> list[Row]:
-    """Ten tables both ways: how far apart medians of centre and spread lie, in sds of the joint fit, and the ratio of
-    the widths of the intervals.
+    """Ten tables both ways: the distance of the medians of centre and spread, in sds of the joint fit, and the ratio
+    of the widths of the intervals.
     """
     root = np.random.SeedSequence(seed, spawn_key=(number, JOINT_TABLES))
     rng = np.random.default_rng(root)
@@ -252,8 +252,8 @@ def studies() -> tuple[Study, Study, Study]:
 
 
 def coverages(rows: Sequence[Row]) -> list[dict[str, object]]:
-    """How many intervals of what hold the truth, of how many, with a 95 % interval of the rate; by quantity and way
-    with the priors.
+    """How many intervals contain the truth, of how many, with a 95 % interval of the rate, for each quantity and
+    treatment of the priors.
     """
     counts: dict[tuple[str, str, str], list[Row]] = {}
     for row in rows:
@@ -261,16 +261,16 @@ def coverages(rows: Sequence[Row]) -> list[dict[str, object]]:
     found: list[dict[str, object]] = []
     for (name, what, priors), some in counts.items():
         rate = Rate(sum(row["holds"] for row in some), sum(row["of"] for row in some))
-        numbers = {"holds": rate.count, "of": rate.of, "share": rate.value, "low": rate.low, "high": rate.high}
+        numbers = {"holds": rate.count, "of": rate.total, "share": rate.value, "low": rate.low, "high": rate.high}
         found.append({"quantity": name, "what": what, "priors": priors, **numbers})
     return found
 
 
-def judge(made: Mapping[str, Sequence[Sequence[Row]]], seed: int) -> Verdict:
-    """Do intervals of centre, spreads and levels hold as often as they say, the control not, and do joint fits find
-    the same? `made` are the records of each replicate by the study's name.
+def judge(records: Mapping[str, Sequence[Sequence[Row]]], seed: int) -> Verdict:
+    """Do intervals of centre, spreads and levels have their coverage, does the control fail, and do joint fits agree?
+    `records` are those of each replicate by the study's name.
     """
-    rows = {name: [row for one in some for row in one] for name, some in made.items()}
+    rows = {name: [row for one in some for row in one] for name, some in records.items()}
     found = [*coverages(rows["populations"]), *coverages(rows["levels"])]
     good: dict[str, list[bool]] = {priors: [] for priors in PRIORS}
     for one in found:
@@ -280,9 +280,9 @@ def judge(made: Mapping[str, Sequence[Sequence[Row]]], seed: int) -> Verdict:
     tables = [row for row in rows["populations"] if row["priors"] == PRIORS[0] and row["what"].startswith("tables")]
     content = {
         "seed": seed,
-        "populations": len(made["populations"]),
+        "populations": len(records["populations"]),
         "tables": sum(row["of"] for row in tables if row["what"] == "tables alone") // len(QUANTITIES),
-        "on_levels": len(made["levels"]),
+        "on_levels": len(records["levels"]),
         "coverages": found,
         "error_given_all": {name: _error(tables, name) for name in QUANTITIES},
         "not_trusted": {name: sum(row["not_trusted"] for row in tables if row["quantity"] == name)
@@ -304,10 +304,10 @@ def _error(tables: Sequence[Row], name: str) -> float:
 
 
 def _text(found: Sequence[Mapping[str, object]]) -> str:
-    shown = [["quantity", "interval of", "priors", "hold the truth", "95 %"]]
+    shown = [["quantity", "interval of", "priors", "contain the truth", "95 %"]]
     for one in found:
         rate = Rate(int(str(one["holds"])), int(str(one["of"])))
-        held = f"{rate.count:,} of {rate.of:,} ({100.0 * rate.count / rate.of:.0f} %)"
+        held = f"{rate.count:,} of {rate.total:,} ({100.0 * rate.count / rate.total:.0f} %)"
         ends = f"[{100.0 * rate.low:.0f}, {100.0 * rate.high:.0f}]"
         shown.append([str(one["quantity"]), str(one["what"]), str(one["priors"]), held, ends])
     return "\n".join(columns(shown, 3)) + "\n"

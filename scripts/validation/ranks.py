@@ -1,18 +1,18 @@
 """Simulation-based calibration of the calibration (Talts et al. 2018; Modrak et al. 2023).
 
-A truth is drawn from everything a fit takes as known before the table, a table is simulated from it, and the table
-is fitted. If the fits are right, the rank of the truth among posterior draws is uniform.
+A truth is drawn from the prior, a table is simulated from it, and the table is fitted. If the fits are right, the
+rank of the truth among posterior draws is uniform.
 
-What is known before the table is the posterior's own reference density: the priors, truncated to parameters the
-model can evaluate at every impact, times the scene's knowledge of the mean contact time. That knowledge is the same
-in every replicate, as it is for a user, so it belongs to the prior here and is not simulated anew.
+The prior is the posterior's own reference density: priors, truncated to parameters that the model can evaluate at
+every impact, times the scene's mean contact time. The contact time is the same in every replicate, as it is for a
+user. So it belongs to the prior here and is not simulated.
 
-Beside the parameters the log likelihood is ranked: without a quantity that depends on the data, a sampler that
+The log likelihood is ranked beside the parameters. Without a quantity that depends on the data, a sampler that
 returned the prior would pass (Modrak et al. 2023).
 
-The simultaneous band around the empirical distribution of uniform ranks is that of Sailynoja, Burkner and Vehtari
-(2022, Statistics and Computing 32:32): pointwise binomial intervals, their level adjusted so that a uniform sample
-leaves the band anywhere with the stated probability. The level comes from seeded simulation.
+The simultaneous band for uniform ranks is that of Sailynoja, Burkner and Vehtari (2022, Statistics and Computing
+32:32). It consists of pointwise binomial intervals. Their level is adjusted, by seeded simulation, so that a uniform
+sample leaves the band anywhere with the stated probability.
 """
 
 from __future__ import annotations
@@ -186,8 +186,7 @@ def _problem(table: str, model: str) -> Problem:
 class Bounces:
     """Fits of `model` to rebounds simulated at the incident conditions of `table`.
 
-    With `wrong_sigma` the fit is told that the noise is known, and that many times what it is: a control that must
-    fail.
+    With `wrong_sigma` the fit assumes that many times the true noise: a control that must fail.
     """
 
     table: str
@@ -233,7 +232,7 @@ class Bounces:
         return [{"ranks": self._ranks(values, problem, sampled, rng), "converged": sampled.converged, **ending}]
 
     def truth(self, rng: np.random.Generator) -> FloatArray:
-        """One draw (free,) of all that is known before the table. Raises FitError when there is none to be had."""
+        """One draw (free,) from the prior draws. Raises FitError if there is none."""
         return drawn_truth(self.problem, rng, f"model {self.model}")
 
     def simulated(self, values: FloatArray, rng: np.random.Generator) -> Problem:
@@ -265,8 +264,8 @@ class Bounces:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Ranks of one quantity: chi-square and its probability for correct fits, that of the empirical distribution, and
-    the lesser of both adjusted for all tests of the run.
+    """Ranks of one quantity: chi-square with its probability for correct fits, the probability of the empirical
+    distribution, and the smaller of both, adjusted for all tests of the run.
     """
 
     model: str
@@ -300,13 +299,13 @@ class Quantity:
         return row | {"holds": "yes" if self.holds else "no"}
 
 
-def quantities(made: Mapping[str, Sequence[Row]]) -> list[Quantity]:
-    """What the ranks of the replicates of each model say, quantity by quantity.
+def quantities(records: Mapping[str, Sequence[Row]]) -> list[Quantity]:
+    """The ranks of the replicates of each model, quantity by quantity.
 
-    Replicates that did not converge are ranked like the others: leaving them out would hide what they miss.
+    Replicates that did not converge are ranked too: leaving them out would hide their errors.
     """
     raw = []
-    for model, rows in made.items():
+    for model, rows in records.items():
         fitted = [row["ranks"] for row in rows if not row["failed"]]
         for name in fitted[0] if fitted else ():
             ranks = np.array([item[name] for item in fitted], dtype=np.int64)
@@ -331,10 +330,10 @@ def complaints(rows: Sequence[Row], found: Sequence[Quantity]) -> list[str]:
     ]
 
 
-def judge(made: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
+def judge(records: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
     """Do the truths of all models rank uniformly?"""
-    found, models, figures, parts = quantities(made), {}, {}, []
-    for model, rows in made.items():
+    found, models, figures, parts = quantities(records), {}, {}, []
+    for model, rows in records.items():
         mine = [one for one in found if one.model == model]
         told: Row = {
             "replicates": len(rows), "failed": sum(bool(row["failed"]) for row in rows),
@@ -352,7 +351,9 @@ def judge(made: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
         head = f"{told['replicates']} replicates, {told['unconverged']} not converged, {told['failed']} without a fit"
         parts += [f"{model}: {head}", "", *columns(table), "", *(f"FAILS: {one}" for one in told["complaints"])]
     good = not any(told["complaints"] for told in models.values())
-    parts.append("The truth ranks uniformly: intervals mean what they say." if good else "Validation FAILED.")
+    parts.append(
+        "The truth ranks uniformly: the intervals have their stated coverage." if good else "Validation FAILED."
+    )
     content = {"holds": good, "seed": seed, "family_error": FAMILY_ERROR, "ranked_draws": RANKED, "models": models}
     return Verdict(content, {"summary": [one.row() for one in found]}, "\n".join(parts), figures)
 

@@ -1,10 +1,8 @@
-"""Kinds of simulated tables: those that the fitted model made, from a truth drawn from all that is known before, and
-those that it did not make, from one truth and with one thing that the model does not know of; their incident
-conditions, and what their scene knows.
+"""Kinds of simulated tables, with their incident conditions and scenes. Some come from the fitted model, with a truth
+from the prior draws. Others come from one truth and contain one thing that the model does not describe.
 
-Tables that no code of fitball made are of a ball that slides or grips, after Walton (1993) and Cross (2002), with one
-fault each, as a CSV file such as a user has: no model of fitball is called, the equations stand in full, so that an
-error of fitball's is not made twice.
+Tables of other code are of a ball that slides or grips, after Walton (1993) and Cross (2002), with one fault each, as
+a CSV file. They use no model of fitball, so that an error of fitball is not repeated.
 """
 
 from __future__ import annotations
@@ -38,8 +36,8 @@ COLUMNS = ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "v_x2 [m/s]", "v_y2 [m
 
 @dataclass
 class Made:
-    """A table in the making: incidence (3, rows), friction and restitution (rows,), and noise (3, rows), to which
-    what is wrong with the measurements is added; the surface of each row; and how often the table stands there.
+    """A table under construction: incidence (3, rows), friction and restitution (rows,), noise (3, rows) that
+    includes faults of the measurements, the surface of each row, and the number of copies of the table.
     """
 
     incident: FloatArray
@@ -104,8 +102,8 @@ def _copies(made: Made, _size: float, _rng: np.random.Generator) -> None:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault in `words`, what it does (`spoil`), the incident speeds [m/s] and angles [deg], the sizes that are
-    tried, as shares of the usual one, and whether other assumptions are looked at too.
+    """A fault in `words`, its effect (`spoil`), the incident speeds [m/s] and angles [deg], the sizes that are tried
+    as shares of the usual one, and whether other assumptions are examined too.
     """
 
     words: str
@@ -249,18 +247,18 @@ Change = Callable[[float, float], Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Scenario:
-    """A kind of table: its `design`, whether the model `made` it, and in `words` what else is true of it.
+    """A kind of table: its `design`, whether it comes from the fitted model (`by_model`), and `words` about the rest.
 
-    `spoil` changes impacts and rebound columns after these were made; `maker` makes rebounds without noise, where the
-    fitted `model` does not. `truths` are the parameters of which a truth is known (None: all).
+    `spoil` changes simulated impacts and rebound columns. `maker` computes rebounds without noise, if the fitted
+    `model` does not. `truths` are the parameters with a known truth (None: all).
 
-    A table of which only the answer counts has a `fault` of a `size` (see `foreign`), and no model made it.
+    A table of which only the answer counts has a `fault` of a `size` (see `foreign`), and comes from no model.
     """
 
     name: str
     design: Design
     words: str
-    made: bool
+    by_model: bool
     fixed: bool = True
     maker: Callable[[Impacts], Rebound] | None = None
     spoil: Callable[[Impacts, Columns, np.random.Generator], tuple[Impacts, Columns]] | None = None
@@ -279,9 +277,9 @@ class Scenario:
         return build_problem(table, self.design.scene, Choices(model=self.model))
 
     def truth(self, rng: np.random.Generator) -> FloatArray:
-        """True values (free,): the one truth, or a draw from all that is known before the table.
+        """True values (free,): the one truth, or a draw from the prior draws.
 
-        Raises FitError where there is no draw.
+        Raises FitError if there is no draw.
         """
         known = self.problem
         if self.fixed:
@@ -347,28 +345,28 @@ def _biased(impacts: Impacts, made: Columns, _rng: np.random.Generator) -> tuple
 def _scenarios() -> tuple[Scenario, ...]:
     broad = DESIGNS["broad"]
     drawn = [
-        Scenario(name, DESIGNS[name], DESIGNS[name].words, made=True, fixed=False)
+        Scenario(name, DESIGNS[name], DESIGNS[name].words, by_model=True, fixed=False)
         for name in ("wang", "grip", "slide", "one-angle", "drop", "untimed")
     ]
     return (
         *drawn,
-        Scenario("control", broad, broad.words, made=True),
-        Scenario("brody", broad, "made by the model brody", made=False, maker=_by("brody"), truths=SHARED),
+        Scenario("control", broad, broad.words, by_model=True),
+        Scenario("brody", broad, "made by the model brody", by_model=False, maker=_by("brody"), truths=SHARED),
         Scenario(
-            "too-simple", broad, "made by the default model, fitted by brody", made=False, maker=_by(DEFAULT_MODEL),
+            "too-simple", broad, "from the default model, fitted by brody", by_model=False, maker=_by(DEFAULT_MODEL),
             truths=SHARED, model="brody",
         ),
-        Scenario("negated", broad, "both spins of the other sign", made=False, spoil=_negated),
-        Scenario("outliers", broad, "a tenth of all measurements off by 5 sds", made=False, spoil=_outliers),
-        Scenario("biased", broad, "v_x2 of a quarter of the rows 0.6 m/s too large", made=False, spoil=_biased),
+        Scenario("negated", broad, "both spins of the other sign", by_model=False, spoil=_negated),
+        Scenario("outliers", broad, "a tenth of all measurements off by 5 sds", by_model=False, spoil=_outliers),
+        Scenario("biased", broad, "v_x2 of a quarter of the rows 0.6 m/s too large", by_model=False, spoil=_biased),
         Scenario(
-            "friction", broad, "mu falls from 0.7 at 14 m/s to 0.4 at 25 m/s", made=False,
+            "friction", broad, "mu falls from 0.7 at 14 m/s to 0.4 at 25 m/s", by_model=False,
             maker=_by(DEFAULT_MODEL, lambda speed, _up: {"mu": 0.55 - 0.3 / 11.0 * (speed - 19.5)}),
             truths=("mass_ratio", "k_y", "k_theta", "eps_10", "eps_slope", "cor_10", "cor_slope", "v_x_sd", "v_y_sd",
                     "spin_sd"),
         ),
         Scenario(
-            "restitution", broad, "the COR bends: 0.0015 (v_y1 - 13)^2 less far from 13 m/s", made=False,
+            "restitution", broad, "the COR bends: 0.0015 (v_y1 - 13)^2 less far from 13 m/s", by_model=False,
             maker=_by(DEFAULT_MODEL, lambda _speed, up: {"cor_10": TRUTH["cor_10"] - 0.0015 * (up - 13.0) ** 2}),
             truths=("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "v_x_sd", "v_y_sd", "spin_sd"),
         ),
@@ -385,7 +383,7 @@ def _foreign() -> Iterator[Scenario]:
                 share = "" if size >= 1.0 else f", {100 * size:.0f} % of that"
                 label = f"{name}{'' if size >= 1.0 else f'-{100 * size:.0f}'}-{fitted}"
                 words = f"{fault.words}{share}, fitted by {fitted}"
-                yield Scenario(label, design, words, made=False, model=fitted, fault=name, size=size)
+                yield Scenario(label, design, words, by_model=False, model=fitted, fault=name, size=size)
 
 
 SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in (*_scenarios(), *_foreign())}

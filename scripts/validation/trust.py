@@ -1,10 +1,10 @@
-"""Is what a fit says of itself true? Tables that the model made and tables that it did not are simulated and fitted;
-counted is how often a fit says that it describes them, and how often what it calls identified holds the truth.
+"""Are the verdicts of a fit right? Tables from the model, and others, are simulated and fitted. The study counts how
+often a fit says that the model describes them, and how often intervals of identified parameters contain the truth.
 
-Which parameters the likelihood of a design pins at a truth is asked without fitting: a table without noise, at the
-design's incidence and with the true noise known, has the expected profile likelihood of all tables of that design
-(the Asimov data set of Cowan, Cranmer, Gross and Vitells 2011, section 3); a table a hundred times
-as long has one a hundred times as steep. No prior takes part.
+No fit is needed to find which parameters the likelihood of a design determines at a truth. A table without noise, at
+the design's incidence and with the true noise known, has the expected profile likelihood of all tables of that design
+(the Asimov data set of Cowan, Cranmer, Gross and Vitells 2011, section 3). A table a hundred times as long has one a
+hundred times as steep. No prior is used.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ LONGER = 100.0
 def pinned(problem: Problem, truth: Mapping[str, float]) -> dict[str, bool | None]:
     """For each free parameter of a `problem` whether its likelihood pins it at a `truth` (by name, in SI).
 
-    True where the expected profile, without the scene's contact time, is closed on both sides and leaves, times the
-    prior, less than half of the prior's sd: to call that prior-dominated is a mistake. False where even with a
-    hundred times the rows, and the scene's contact time, it is open on both sides or leaves the prior as wide as it
-    was: to call that identified is one. None in between, where neither is.
+    True if the expected profile, without the scene's contact time, is closed on both sides, and leaves, times the
+    prior, less than half of the prior's sd. Prior-dominated is then a mistake. False if, with a hundred times the
+    rows and the scene's contact time, it is open on both sides or leaves the prior unchanged. Identified is then a
+    mistake. None in between.
     """
     table = _without_noise(problem, truth)
     alone = profiles(table, [truth], scene=False).by_name
@@ -127,9 +127,9 @@ def study(name: str) -> Study:
 
 
 def replicate(name: str, seed: int, number: int) -> list[Row]:
-    """One record, of table `number` of a scenario: the answer (`REFUSED` where it is not read), the least probability
-    of any check, of each parameter what is `said`: verdict, ends of the 95 % interval, the truth (None where there is
-    none), and whether the likelihood pins it (see `pinned`); `converged`, and `failed` why there is no fit.
+    """One record, of table `number` of a scenario. It has the answer (`REFUSED` if not read), the smallest
+    probability of any test, `converged`, and why a fit `failed`. `said` has for each parameter the verdict, the ends
+    of the 95 % interval, the truth (or None), and whether the likelihood pins it (see `pinned`).
     """
     scenario = SCENARIOS[name]
     if scenario.fault is not None:
@@ -186,7 +186,7 @@ def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], ro
     correlation = np.atleast_2d(np.corrcoef(posterior.draws, rowvar=False))
     _evidence, judged = examine(problem, point, profiled, posterior, correlation, regimes)
     verdicts = {name: qualified(name, judged[name], described, None)[0] for name in problem.free_names}
-    pins = pinned(problem, truth) if scenario.made else {}
+    pins = pinned(problem, truth) if scenario.by_model else {}
     ends = np.quantile(posterior.draws, LEVELS, axis=0).T.tolist()
     said = {
         name: {"verdict": str(verdicts[name]), "low": low, "high": high, "pinned": pins.get(name),
@@ -198,12 +198,12 @@ def _fitted(scenario: Scenario, problem: Problem, truth: Mapping[str, float], ro
 
 @dataclass(frozen=True)
 class Finding:
-    """One scenario, or several together: tables by answer, tables with any objection and with the worst, intervals
-    that are relied on and hold, pinned parameters that are called prior-dominated, and by verdict how many parameters
-    have it, how often their interval holds the truth, and how often the likelihood pinned them after all.
+    """One scenario, or several together. It counts tables by answer, tables with any objection and with the worst,
+    intervals of identified parameters that contain the truth, and pinned parameters that are called prior-dominated.
+    For each verdict it counts parameters, intervals that contain the truth, and parameters that the likelihood pins.
 
-    `maker` is `yes` of tables that the model made, `no`, or `other code`; `wanted` says whether tables that no model
-    made are to be objected to, None where nobody can say.
+    `maker` is `yes` for tables from the model, `no`, or `other code`. `wanted` says whether other tables should be
+    objected to, None if this is open.
     """
 
     name: str
@@ -227,8 +227,8 @@ class Finding:
 
     @property
     def complaints(self) -> tuple[str, ...]:
-        """What speaks against the program, in words; of tables that the model did not make, only what is said of
-        those that are good, or are wrong by as much as has to be found.
+        """Failures of the program, in words. Of tables that are not from the model, only good ones, and those with a
+        fault that must be found, count.
         """
         if self.wanted and not self.objected.agrees(1.0 - MISSED, 1.0):
             return (f"{self.name}: only {self.objected} of the tables are objected to",)
@@ -255,15 +255,15 @@ class Finding:
             ("objected", self.objected), ("not_described", self.refused), ("identified_holds", self.relied),
             ("pinned_called_prior_dominated", self.blind),
         ):  # fmt: skip
-            ends = [round(end, 4) if found.of else "" for end in (found.value or 0.0, found.low, found.high)]
+            ends = [round(end, 4) if found.total else "" for end in (found.value or 0.0, found.low, found.high)]
             heads = (what, f"{what}_of", f"{what}_low", f"{what}_high")
-            row |= zip(heads, (ends[0], found.of, *ends[1:]), strict=True)
+            row |= zip(heads, (ends[0], found.total, *ends[1:]), strict=True)
         return row | {"refused": self.unread, "words": self.words}
 
 
-def finding(name: str, words: str, maker: str, told: Sequence[Row], wanted: bool | None = None) -> Finding:
+def finding(name: str, words: str, maker: str, records: Sequence[Row], wanted: bool | None = None) -> Finding:
     """What the tables of one scenario, or of several together, add up to."""
-    fitted = [row for row in told if not row["failed"]]
+    fitted = [row for row in records if not row["failed"]]
     said = [one for row in fitted for one in row["said"].values()]
     answers = {answer: sum(row["answer"] == answer for row in fitted) for answer in Answer}
     bad = (Answer.EXCEPT, Answer.FAILS, REFUSED)
@@ -272,9 +272,9 @@ def finding(name: str, words: str, maker: str, told: Sequence[Row], wanted: bool
         name=name,
         words=words,
         maker=maker,
-        tables=len(told),
+        tables=len(records),
         unconverged=sum(not row["converged"] for row in fitted),
-        failed=len(told) - len(fitted),
+        failed=len(records) - len(fitted),
         answers=answers,
         objected=rate(row["answer"] in bad for row in fitted),
         refused=Rate(answers[Answer.FAILS], len(fitted)),
@@ -289,9 +289,10 @@ def finding(name: str, words: str, maker: str, told: Sequence[Row], wanted: bool
     )
 
 
-def holds(said: Row) -> bool | None:
-    """Whether the interval of a parameter holds the truth; None where there is none."""
-    return None if said["truth"] is None else bool(said["low"] <= said["truth"] <= said["high"])
+def holds(parameter: Row) -> bool | None:
+    """Whether the interval of a parameter contains the truth; None without a truth."""
+    known = parameter["truth"] is not None
+    return bool(parameter["low"] <= parameter["truth"] <= parameter["high"]) if known else None
 
 
 def wanted(scenario: Scenario) -> bool | None:
@@ -301,23 +302,26 @@ def wanted(scenario: Scenario) -> bool | None:
     return False if scenario.fault == "clean" else True if scenario.size >= 1.0 else None
 
 
-def findings(told: Mapping[str, Sequence[Row]]) -> list[Finding]:
+def findings(records: Mapping[str, Sequence[Row]]) -> list[Finding]:
     """Findings of each scenario, and of all together that the model made or did not make."""
-    known = {name: SCENARIOS[name] for name in told}
+    known = {name: SCENARIOS[name] for name in records}
     makers = {
-        name: "other code" if one.fault is not None else "yes" if one.made else "no" for name, one in known.items()
+        name: "other code" if one.fault is not None else "yes" if one.by_model else "no"
+        for name, one in known.items()
     }
-    each = [finding(name, known[name].words, makers[name], some, wanted(known[name])) for name, some in told.items()]
+    each = [
+        finding(name, known[name].words, makers[name], some, wanted(known[name])) for name, some in records.items()
+    ]
     for maker, name in (("yes", "all made by the model"), ("no", "all not made by it")):
-        some = [row for key, many in told.items() if makers[key] == maker for row in many]
+        some = [row for key, many in records.items() if makers[key] == maker for row in many]
         if some:
             each.append(finding(name, name, maker, some))
     return each
 
 
-def judge(told: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
+def judge(records: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
     """Is what fits say of themselves true?"""
-    found = findings(told)
+    found = findings(records)
     content = {
         "holds": not any(one.complaints for one in found),
         "seed": seed,
@@ -330,8 +334,8 @@ def judge(told: Mapping[str, Sequence[Row]], seed: int) -> Verdict:
 def _confusions(found: Iterable[Finding]) -> list[dict[str, object]]:
     """A row a scenario and verdict."""
     return [
-        {"scenario": one.name, "verdict": str(verdict), "parameters": said.count, "of": said.of,
-         "holds": held.count, "holds_of": held.of, "pinned": pins.count, "pinned_of": pins.of}
+        {"scenario": one.name, "verdict": str(verdict), "parameters": said.count, "of": said.total,
+         "holds": held.count, "holds_of": held.total, "pinned": pins.count, "pinned_of": pins.total}
         for one in found for verdict, (said, held, pins) in one.confusions.items()
     ]  # fmt: skip
 
@@ -339,13 +343,13 @@ def _confusions(found: Iterable[Finding]) -> list[dict[str, object]]:
 def text(found: Sequence[Finding]) -> str:
     """Both tables as Markdown."""
     lines = [
-        "# Are fits right about themselves?", "",
-        "Made by `scripts/validate --trust`: tables simulated with a known truth, fitted, and what each fit says of "
-        "itself. In brackets 95 % intervals of the rates (Clopper and Pearson).", "",
+        "# Are the verdicts right?", "",
+        "Written by `scripts/validate --trust`: fits of simulated tables with a known truth. In brackets are 95 % "
+        "intervals of the rates (Clopper and Pearson).", "",
         "## Does the model describe the table?", "",
-        "An objection is `describes except` or `does not describe`. Of tables that the model made "
-        f"{100 * FALSE_EXCEPT:.0f} % may meet one, {100 * FALSE_FAILS:.0f} % the second.", "",
-        "| scenario | tables | describes | except | does not | cannot be told | not read | objected |",
+        "An objection is `describes except` or `does not describe`. Of tables from the model "
+        f"{100 * FALSE_EXCEPT:.0f} % may get one, {100 * FALSE_FAILS:.0f} % the second.", "",
+        "| scenario | tables | describes | except | does not | cannot test | not read | objected |",
         "|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for one in found:
@@ -353,13 +357,13 @@ def text(found: Sequence[Finding]) -> str:
         counts = " | ".join(str(one.answers[answer]) for answer in order)
         lines.append(f"| {_title(one)} | {one.tables} | {counts} | {one.unread} | {one.objected} |")
     lines += [
-        "", "## Are verdicts true?", "",
-        f"Wanted where the model made the table: {100 * HOLD[0]:.0f} to {100 * HOLD[1]:.0f} % of the 95 % intervals "
-        f"of identified parameters hold the truth, and under {100 * MOST_BLIND:.0f} % of the parameters that the "
+        "", "## Are the verdicts of parameters right?", "",
+        f"Required for tables from the model: {100 * HOLD[0]:.0f} to {100 * HOLD[1]:.0f} % of the 95 % intervals "
+        f"of identified parameters contain the truth, and under {100 * MOST_BLIND:.0f} % of the parameters that the "
         "likelihood pins are called prior-dominated.", "",
-        "| scenario | identified | hold the truth | pinned, called prior-dominated |", "|---|---|---|---|",
-        *(f"| {_title(one)} | {one.relied.of} | {one.relied} | {one.blind} |" for one in found if one.confusions),
-        "", "| tables | verdict | parameters | 95 % interval holds the truth | pinned |", "|---|---|---|---|---|",
+        "| scenario | identified | contain the truth | pinned, called prior-dominated |", "|---|---|---|---|",
+        *(f"| {_title(one)} | {one.relied.total} | {one.relied} | {one.blind} |" for one in found if one.confusions),
+        "", "| tables | verdict | parameters | 95 % interval contains the truth | pinned |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for one in (one for one in found if one.name not in SCENARIOS):
         lines += [
@@ -367,7 +371,7 @@ def text(found: Sequence[Finding]) -> str:
             for verdict, (said, held, pins) in one.confusions.items()
         ]
     faults = [fault for one in found for fault in one.complaints]
-    lines += ["", *(f"- FAILS: {fault}" for fault in faults)] if faults else ["", "Nothing speaks against the fits."]
+    lines += ["", *(f"- FAILS: {fault}" for fault in faults)] if faults else ["", "No failure."]
     return "\n".join(lines) + "\n"
 
 
