@@ -122,7 +122,7 @@ def test_files_whose_names_collide_are_failed_rows_and_the_others_go_on(courts, 
     assert [row[NAME] for row in rows if row["outcome"] == "done"] == ["good"]
     reasons = {row[NAME]: row["reason"] for row in rows}
     assert "a device" in reasons["CON"] and "invisible" in reasons["b\\udcff"]
-    assert "another table's name differs from it only in case" in reasons["day.csv"]
+    assert "differs only in case" in reasons["day.csv"]
     assert sorted(place.name for place in (tmp_path / "out").iterdir()) == ["batch.json", "good"]
 
 
@@ -144,7 +144,7 @@ def test_no_table_has_the_name_of_a_file_that_fitball_writes(alone):
         ("nothing/*.csv", "no file matches"), ([], "no table"), ({}, "no table"), ([{"v_1": [1.0]}], "mapping"),
         (pd.DataFrame({"v_1": [1.0]}), "mapping"),
         *(({name: "x.csv"}, "can have") for name in ("../up", "/etc", "a/", "a//b", "./a", ".", " ", "", 3)),
-        ({"e\u0301": "x.csv", "\u00c9": "x.csv"}, "differs from it only in case or in how an accent"),
+        ({"e\u0301": "x.csv", "\u00c9": "x.csv"}, "differs only in case"),
     ],
 )  # fmt: skip
 def test_what_is_no_list_of_tables_is_refused(given, said):

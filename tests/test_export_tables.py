@@ -150,7 +150,7 @@ def test_engine_at_the_command_line(small_fit, capsys):
     assert (ball["bounciness"], ball["dynamicFriction"]) == (best["restitution"], best["friction"])
     assert content["engines"]["godot"]["court"]["friction"] >= content["engines"]["godot"]["ball"]["friction"]
     assert main(["export", str(small_fit), "--to", "c", "--json"]) == 2
-    assert "--json belongs to --to engine and lookup" in capsys.readouterr().err
+    assert "--json is an option of --to engine and lookup" in capsys.readouterr().err
     assert main([*call, "--at", "v=30 knots"]) == 2
     assert "impact 'v=30 knots'" in capsys.readouterr().err
 

@@ -136,8 +136,8 @@ FEW = 0.2
 # Share of the speed towards the court below which a ball comes straight down.
 STEEP = 0.1
 AGAINST = (
-    "balls move towards negative v_x, where topspin and offsets have the opposite sign; the mirrored table (v_x and "
-    "spins with the other sign, 180 deg minus the angles) is equivalent"
+    "balls move towards negative v_x, where topspin and offsets have the opposite sign. The mirrored table is "
+    "equivalent: v_x and spins with the other sign, 180 deg minus the angles"
 )
 
 

@@ -320,8 +320,8 @@ def missing_above(columns: Columns, ball: Ball) -> str | None:
     above = int((size[gap] > limit).sum())
     return (
         f"omega_2 is missing where spins are large. Speeds show that {above} of {gaps} missing spins are above "
-        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random: "
-        "measure these spins by other means (more frames, marks on the ball), or leave out all impacts of such "
+        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random. "
+        "Measure these spins by other means (more frames, marks on the ball), or leave out all impacts with such "
         "speeds and angles"
     )
 

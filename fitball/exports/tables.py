@@ -246,8 +246,8 @@ def _engine_page(saved: Fit, engine: EngineFit) -> str:
     if best.mu is None:
         notes.append("The fit is of drop tests: friction is not determined.")
     notes.append(
-        "Limits: the engine's ball has the same restitution at every speed and no tangential rebound (no twist of "
-        "the cover, no shift of the normal force). It has the engine's moment of inertia. If your engine lets you "
+        "Limits: the engine's ball has the same restitution at every speed and no tangential rebound: neither twist "
+        "of the cover nor shift of the normal force. It has the engine's moment of inertia. If your engine lets you "
         f"set it, use that of the ball: `engine_inertia = {inertia:.3g}`."
     )
     errors = [
@@ -305,14 +305,14 @@ def _advice(engine: EngineFit) -> list[str]:
     return [
         f"**Unity.** Material of the ball: bounciness {e}, dynamic and static friction {mu}; of the court: 1 and 1; "
         "both combine modes Multiply on both (of two different modes the later in Average, Minimum, Multiply, "
-        "Maximum is used). Lower the bounce threshold of the physics settings below the slowest `v_y1`, raise "
-        "`Rigidbody.maxAngularVelocity` above the spins, and set `Rigidbody.inertiaTensor` if it is not solid.",
+        "Maximum is used). Set the bounce threshold of the physics settings below the slowest `v_y1`, and "
+        "`Rigidbody.maxAngularVelocity` above the spins. Set `Rigidbody.inertiaTensor` if the ball is not solid.",
         f"**Godot.** `PhysicsMaterial` of the ball: bounce {e}, friction {mu}, rough off; of the court: bounce 0, "
         f"friction at least {mu}, rough and absorbent off. Bounces add, and the lower friction counts. `inertia` of "
         "the body sets the moment of inertia; set linear and angular damp to 0.",
         f"**Bullet.** Ball: `setRestitution({e})`, `setFriction({mu})`; court: 1 and 1, for both are multiplied. "
         "Rolling and spinning friction 0. The moment of inertia is an argument of the body.",
-        "**MuJoCo** has no restitution: a contact is a spring and damper, so the following approximates it. Ball: "
+        "**MuJoCo** has no restitution: a contact is a spring and damper, so this is an approximation. Ball: "
         f'`solref="{stiffness:.6g} {damping:.6g}"`, `solimp="0.99 0.99 0.001 0.5 2"`, `condim="3"`, '
         f'`friction="{mu} 0 0"`, `priority="1"` (else the larger friction of the two counts); a contact then lasts '
         f"{soft['contact_time'] * 1e3:.3g} ms{known}, so take a timestep of {soft['timestep_at_most'] * 1e3:.2g} ms "
