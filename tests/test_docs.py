@@ -171,7 +171,7 @@ def test_every_model_is_documented_with_its_composition_and_parameters():
 
 
 def test_help_texts_name_the_models_of_the_registry():
-    assert NAMED == tuple(name for name, entry in MODELS.items() if entry.candidates)
+    assert tuple(name for name, entry in MODELS.items() if entry.candidates) == NAMED
 
 
 def test_every_name_has_its_place():
