@@ -81,8 +81,8 @@ def check_rows(problem: Problem, original: Kept) -> None:
     ]
     if changed:
         raise ResultFolderError(
-            f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}: the "
-            "table was changed in Python before it was fitted, or this file was changed since; calibrate anew"
+            f"{place}: its {' and '.join(changed)} are not those of {problem.table.source}. The table was changed in "
+            "Python before the fit, or this file was changed since. Calibrate anew"
         )
 
 
@@ -317,7 +317,7 @@ def _words(original: Kept, repeated: Kept) -> Iterator[Finding]:
         if name in new["parameters"]
     ]
     for what, before, now in told:
-        yield Finding(what, before, now, "the same word", before != now)
+        yield Finding(what, before, now, "exactly equal", before != now)
 
 
 def _free(kept: Kept) -> str:

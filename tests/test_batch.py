@@ -22,7 +22,7 @@ from fitball.cli.main import main
 from fitball.errors import FitballError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices
-from fitball.report.batch.document import centre_rows, told
+from fitball.report.batch.document import centre_rows, summarised
 from fitball.report.batch.figure import batch_figure
 from fitball.report.batch.rows import HEAD, NAME, read_rows, row_of
 from fitball.report.batch.series import all_series, things_along
@@ -413,10 +413,10 @@ def made_rows(values, column="date", cells=None):
 def test_a_drift_is_told_in_the_unit_of_what_it_is_along():
     wobble = 0.005 * (-1.0) ** np.arange(12)
     series = all_series(made_rows(0.5 + 0.01 * np.arange(12) + wobble))
-    points = told(made_rows(np.zeros(12)), series).points
+    points = summarised(made_rows(np.zeros(12)), series).points
     assert any(point.startswith("mu drifts along date: 0.0098 [") and "per day" in point for point in points), points
     assert not any("spin_sd" in point for point in points)
-    level = told(made_rows(np.zeros(12)), all_series(made_rows(0.5 + wobble))).points
+    level = summarised(made_rows(np.zeros(12)), all_series(made_rows(0.5 + wobble))).points
     assert not any("drifts" in point for point in level)
     # Where the line is drawn a table far off that has no date is not, nor does it set the scale.
     rows = made_rows(
@@ -432,9 +432,9 @@ def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():
     values = 0.5 + 0.01 * np.sin(np.arange(20))
     values[4] = 0.8
     rows = made_rows(values)
-    assert any("mu lies outside the bulk in t4" in point for point in told(rows, all_series(rows)).points)
+    assert any("Outliers of mu: t4" in point for point in summarised(rows, all_series(rows)).points)
     rows[4]["mu_verdict"] = "prior-dominated"
-    assert not any("mu lies" in point for point in told(rows, all_series(rows)).points)
+    assert not any("Outliers of mu" in point for point in summarised(rows, all_series(rows)).points)
     assert centre_rows(all_series(rows))[0][2] == "19 of 20"
 
 

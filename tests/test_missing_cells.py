@@ -360,7 +360,7 @@ def test_a_simulated_table_has_the_same_gaps(tmp_path):
 
 
 def test_restitution_as_measured_needs_every_speed():
-    with pytest.raises(FitError, match=r"takes v_y2 of every impact as an input, and .* have none"):
+    with pytest.raises(FitError, match=r"needs v_y2 of every impact, and .* have none"):
         problem_of(GAPPY, "two-mass", closures={"cor": "measured"})
 
 

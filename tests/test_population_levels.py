@@ -161,12 +161,12 @@ def rows_of(cells, label="surface"):
 SURFACES = {"clay/1": "clay", "clay/2": "clay", "hard/1": "hard", "hard/2": "hard", "grass/1": None}
 
 
-def test_tables_are_grouped_by_label_folder_and_as_told():
+def test_tables_are_grouped_by_label_folder_and_as_given():
     rows = rows_of(SURFACES)
     over = grouped(rows, "surface")
     assert over.levels == {name: cell for name, cell in SURFACES.items() if cell}
-    said = " ".join(over.said)
-    assert "4 tables lie on 2 levels of surface" in said and "grass/1" in said and "Two levels" in said
+    remarks = " ".join(over.remarks)
+    assert "2 levels of surface" in remarks and "grass/1" in remarks and "Two levels" in remarks
     assert grouped(rows, "folder").levels["grass/1"] == "grass"
     assert grouped(rows, {"clay/1": "a", "hard/1": "b", "hard/2": "b"}).levels == {
         "clay/1": "a", "hard/1": "b", "hard/2": "b",
@@ -177,9 +177,9 @@ def test_tables_are_grouped_by_label_folder_and_as_told():
 def test_numbers_and_dates_of_which_each_table_has_its_own_are_no_levels():
     days = {f"t{k}": f"2026-05-{k + 1:02d}" for k in range(4)}
     own = grouped(rows_of(days, "date"), "date")
-    assert own.levels == {} and "drift" in own.said[0]
+    assert own.levels == {} and "drift" in own.remarks[0]
     shared = grouped(rows_of({**days, "t4": "2026-05-04"}, "date"), "date")
-    assert len(set(shared.levels.values())) == 4 and any("drift" in sentence for sentence in shared.said)
+    assert len(set(shared.levels.values())) == 4 and any("drift" in sentence for sentence in shared.remarks)
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_sections_are_in_the_order_of_the_contents(text, grip_slip_fit):
     order = [text.index(f'<section id="{name}"') for name in re.findall(r'<a href="#([a-z-]+)"', text)]
     assert len(order) > 12
     assert order == sorted(order)
-    assert text.index(escape(grip_slip_fit.adequacy.sentence)) < text.index("Contents")
+    assert text.index(escape(grip_slip_fit.adequacy.sentence[:40])) < text.index("Contents")
 
 
 def test_a_page_is_small_and_shows_the_files_beside_it(text, grip_slip_page):

@@ -24,7 +24,7 @@ from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results import results
 from fitball.inference.results.source import Digest
 from fitball.kinds import checked, spelled
-from fitball.report.batch.document import Shown, render, write_results
+from fitball.report.batch.document import Results, render, write_results
 from fitball.report.batch.populations import Populated, default_names, populations
 from fitball.report.batch.rows import (
     CSV_NAME,
@@ -65,7 +65,7 @@ class Batch(Mapping[str, Fit]):
     def __init__(self, folder: Path, rows: Sequence[Row]) -> None:
         self.folder = folder
         self.rows = tuple(rows)
-        self._shown: Shown | None = None
+        self._shown: Results | None = None
 
     @property
     def failed(self) -> Mapping[str, str]:
@@ -82,7 +82,7 @@ class Batch(Mapping[str, Fit]):
 
     def report(self) -> str:
         """The result as text."""
-        shown = self._shown or Shown(all_series(self.rows), ())
+        shown = self._shown or Results(all_series(self.rows), ())
         return render(self.rows, shown.series, self.folder, shown.populated)
 
     @checked

@@ -1,7 +1,7 @@
 """From the results of the stages to the one frozen fit: estimates, verdicts, predictions, the verdict in sentences.
 
-A verdict within a model is not yet final: a model that fails determines nothing, a value that changes with a model
-assumption is known only given that assumption, and where assumptions could not be examined the verdict says so.
+A verdict within a model is not yet final. A model that fails determines nothing. A value that changes with a model
+assumption is known only given that assumption. Where assumptions could not be examined the verdict says so.
 """
 
 from __future__ import annotations
@@ -142,8 +142,8 @@ def force_notes(problem: Problem, point: PointFit) -> tuple[str, ...]:
     samples = int(np.median(records.samples))
     worth = samples * information / alone
     notes = [
-        f"force records: sensor noise {sd:.3g} N per sample, misfit of the model's force {100.0 * misfit:.2g} % of "
-        f"the peak; the {samples} samples of a record count as {worth:.2g} independent ones. The misfit is assumed "
+        f"force records: sensor noise {sd:.3g} N per sample; misfit of the model's force {100.0 * misfit:.2g} % of "
+        f"the peak. The {samples} samples of a record count as {worth:.2g} independent ones. The misfit is assumed "
         "independent between impacts: more impacts do not average out a misfit that all share"
     ]
     rows = alignment.rows(records)[0, :, :-1]
@@ -415,8 +415,18 @@ def _sentence(
         least = min(diagnostics.min_ess_bulk, diagnostics.min_ess_tail)
         head = sentences.CONVERGED.format(ess=least, r_hat=diagnostics.max_r_hat)
     else:
-        complaints = "; ".join(diagnostics.complaints)
-        head = sentences.NOT_CONVERGED.format(steps=diagnostics.steps, complaints=complaints)
+        sizes = {name: min(size, diagnostics.ess_tail[name]) for name, size in diagnostics.ess_bulk.items()}
+        rarest = min(sizes, key=lambda name: sizes[name])
+        apart = max(diagnostics.r_hat, key=lambda name: diagnostics.r_hat[name])
+        head = sentences.NOT_CONVERGED.format(
+            steps=diagnostics.steps,
+            ess=sizes[rarest],
+            rarest=rarest,
+            enough=diagnostics.target_ess,
+            r_hat=diagnostics.r_hat[apart],
+            apart=apart,
+            target=TARGET_R_HAT,
+        )
     parts: list[str] = []
     for verdict, template in VERDICTS:
         names = [estimate.name for estimate in estimates if estimate.verdict is verdict]

@@ -289,7 +289,8 @@ def weigh(
     )
     words = (
         f"importance sampling instead of walkers: {len(drawn.values):,} draws from Student distributions about the "
-        f"mode, weighted by their posterior density on all {rows} (Pareto k {k:.2f}; reliable below {K_TRUSTED:g})"
+        f"mode, weighted by their posterior density on all {rows}. Pareto k of the weights is {k:.2f}; "
+        f"below {K_TRUSTED:g} is reliable"
     )
     return sampled, words
 

@@ -120,9 +120,8 @@ class TwoMassModel(Model):
         if self.closures.normal != "momentum":
             return ""
         return (
-            "the impulse that stops the shell at landing takes no time and is in no force record: records are "
-            "compared "
-            "with the spring's force alone"
+            "the impulse that stops the shell at landing takes no time and is in no force record. Records are "
+            "compared with the spring's force alone"
         )
 
     def force_integrals(

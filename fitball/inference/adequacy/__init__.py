@@ -1,4 +1,4 @@
-"""Does the model describe the table? Fitted noise against stated or expected, patterns in the residuals, misfits.
+"""Does the model describe the data? Fitted noise beside stated or expected, patterns in the residuals, misfits.
 
 Offers: `adequacy`.
 May import: inference.prediction, inference.sampling, inference.likelihood, inference.results, inference.problem,

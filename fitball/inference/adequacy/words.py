@@ -161,7 +161,7 @@ def noise_words(check: NoiseCheck) -> str:
         return sentences.NOISE_BY_ROW.format(what=residuals, ratio=ratio)
     return sentences.NOISE.format(
         # A share of the peak is no scatter of the column, which has its own.
-        what=residuals if check.unit else check.noise,
+        what=residuals if check.unit else sentences.PARAMETER.format(name=check.noise),
         size=f"{_number(check.fitted * scale)} {unit}".rstrip(),
         ratio=ratio,
         known=sentences.STATED if check.stated else sentences.EXPECTED,

@@ -393,7 +393,7 @@ def _searched_again(
         else:
             said.append(
                 f"{name} contains {' and '.join(behind[name])} but first fitted worse, so its maximum was "
-                "missed: it was "
-                f"searched again from their maxima, and its log posterior is {score.fit.point.log_posterior:.2f} now"
+                "missed. A second search "
+                f"from their maxima reached log posterior {score.fit.point.log_posterior:.2f}"
             )
     return mended, sorted(said), sorted(alarms)

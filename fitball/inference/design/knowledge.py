@@ -121,8 +121,8 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
         )
     if problem.model.needs_cor:
         raise FitError(
-            "cor = measured takes the measured restitution of each impact as an input, and a planned impact has "
-            "none: fit again with cor = line, mean or saturating"
+            "cor = measured needs the measured restitution of each impact, which a planned impact does not have. "
+            "Fit again with cor = line, mean or saturating"
         )
     if problem.dimension == 0:
         raise FitError("no parameter of this fit is free: there is nothing to plan for")

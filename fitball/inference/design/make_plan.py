@@ -54,9 +54,10 @@ class Asked:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A recommended impact, read by the `sensor`, after those before it: the `gain` that it adds for all its repeats,
-    the standard deviations (parts,) of the target expected then, the share of draws without an answer there, and
-    phase sequences with their probabilities.
+    """A recommended impact, measured by the `sensor`, after those before it.
+
+    `gain` is what it adds with all its repeats. Beside it are the standard deviations (parts,) of the target expected
+    then, the share of draws without an answer there, and phase sequences with their probabilities.
     """
 
     setting: Setting
@@ -86,10 +87,10 @@ class Worth:
 class Plan:
     """What to measure next.
 
-    `sds` (parts,) are those of the posterior, in coordinates (of `log` parts those of the logarithm), of the target's
-    `parts`. `gains` (surfaces, speeds, angles, spins) are of one impact measured as before, at most that share of
-    whose draws cannot be evaluated; else NaN. `chosen` are in the order of choice, each made `repeats` times;
-    `again` and `again_sds`: the gain of repeating as many impacts of the fitted table, to first order.
+    `sds` (parts,) are those of the posterior, of the target's `parts` in coordinates (of `log` parts those of the
+    logarithm). `gains` (surfaces, speeds, angles, spins) are those of one impact measured as before, NaN where too
+    many draws cannot be evaluated. `chosen` are in the order of choice, each made `repeats` times. `again` and
+    `again_sds` are the gain of repeating as many impacts of the fitted table, to first order, and the sds after it.
     `worths` begin with measuring as before. `failed` maps reasons why draws cannot be evaluated to the number of
     settings withheld for it. `draws` were averaged over, `lost` of them without the target.
     """

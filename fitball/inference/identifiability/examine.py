@@ -192,7 +192,7 @@ TOGETHER = 0.9
 
 def traded(problem: Problem, coordinates: FloatArray) -> Mapping[str, tuple[str, ...]]:
     """Parameters that the data do not determine once the priors of all others are widened without end, each with
-    those others that it moves with, from the mean information of the data, without the scene, over `coordinates`
+    those others that it moves with. By the mean information of the data, without the scene, over `coordinates`
     (draws, free). How levels and biases scatter, and what was measured of the ball, stays.
     """
     part = thinned_problem(problem, LOOKED_AT)

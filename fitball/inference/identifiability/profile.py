@@ -79,7 +79,7 @@ def profiles(
         if engine is None:
             found = [follow(columns, report=report)]
         else:
-            report("outwards and back")
+            report("outwards and inwards")
             found = list(in_order(engine, follow, [[column] for column in columns]))
         better = next((part for part in found if not isinstance(part, dict)), None)
         if better is None:
@@ -113,7 +113,7 @@ def _followed(
         changed = {column: set(range(len(points))) for column, points in paths.items()}
         tried = others
         for _ in range(SWEEPS):
-            report("back inwards")
+            report("inwards")
             paths, changed = sweep(objective, paths, changed, tried, top)
             tried = others[:0]
             if not any(changed.values()):

@@ -1,8 +1,8 @@
 """How a profile is walked: outwards from the best optimum, each search from where its neighbours point to, until the
 drop passes 1.92 with a margin or a bound is met, and from other optima that are nearly as high and lie beyond. Then
-every point is tried again from the other optima, and one that lies above its neighbours from these, so that the
-profile is that of the highest of several optima. All paths of all parameters advance together: each round of searches
-is one batch of the kernel.
+every point is tried again from the other optima, and one above its neighbours from these. So the profile is that of
+the highest of several optima. All paths of all parameters advance together: each round of searches is one batch of
+the kernel.
 """
 
 from __future__ import annotations

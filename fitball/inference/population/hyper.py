@@ -1,7 +1,7 @@
 """Centre and spread of a population from the draws of its tables: their posterior on a grid that covers it closely.
 
-Tables were fitted one by one under an interim prior of the quantity. With that prior divided out at every draw and a
-normal population of centre `m` and spread `tau` put in its place, the likelihood of the population is the mean of
+Tables were fitted one by one under an interim prior of the quantity. That prior is divided out at every draw and
+replaced by a normal population of centre `m` and spread `tau`. Then the likelihood of the population is the mean of
 the weights of the draws (Hogg, Myers and Bovy 2010, ApJ 725, 2166). Everything here is in the coordinate of the
 quantity.
 

@@ -1,9 +1,9 @@
 """What a population is asked of: a parameter, or the ratio of two, with the prior it had in each table.
 
-A population takes the place of the prior of the quantity alone. What else was known before a table (priors of the
-other parameters given the quantity, what the model can evaluate, the scene's contact time) stays what it was, and
-cancels in the ratio of the two densities. The prior of a ratio is that of the priors of its parts, which are
-independent: the density of a difference of logarithms.
+A population takes the place of the prior of the quantity alone. The rest of the prior is unchanged and cancels in the
+ratio of the two densities: priors of the other parameters given the quantity, what the model can evaluate, the
+scene's contact time. The prior of a ratio is that of the priors of its parts, which are independent: the density of a
+difference of logarithms.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _spec(name: str, asked: str) -> ParameterSpec:
     spec = parameter_spec(name) or NOISE_SPECS.get(name)
     if spec is None:
         raise ParameterError(
-            f"population of {asked}: no model has a parameter '{name}'; expected a parameter that the tables were "
+            f"population of {asked}: no model has a parameter '{name}'. Expected a parameter that the tables were "
             "fitted with, or the ratio of two, such as k_theta/k_y"
         )
     return spec

@@ -145,8 +145,8 @@ def _rate(
     measured, test = problem.table.impacts.v_y1[rows], float(impact.v_y1[0])
     if not measured.min() / CONTINUED <= test <= CONTINUED * measured.max():
         return (
-            f"the vertical speeds of the impacts, {measured.min():.2g} to {measured.max():.2g} m/s, are too far from "
-            f"that of the test, {test:.2g} m/s: the limit is {CONTINUED:g} × a measured speed"
+            f"the impacts have vertical speeds of {measured.min():.2g} to {measured.max():.2g} m/s, too far from the "
+            f"test's {test:.2g} m/s (limit: {CONTINUED:g} × a measured speed)"
         )
     rebound = problem.rebound_like(columns, impact, rows[:1])
     status = rebound.status[:, 0]

@@ -29,11 +29,11 @@ from fitball.values import FloatArray, Impacts
 
 @dataclass(frozen=True)
 class Shares:
-    """Standard deviations (impacts,) that one output owes to the parameters (at the stated incident state), to the
-    incident state (averaged over the parameters) and to a new measurement of it (None where its noise is not known).
+    """Standard deviations (impacts,) of one output by source: the parameters (at the stated incident state), the
+    incident state (averaged over the parameters), and a new measurement (None where its noise is not known).
 
-    The sum of their squares is the variance of a new measurement, but for what parameters and incident state do only
-    together.
+    The sum of their squares is the variance of a new measurement, but for the interaction of parameters and incident
+    state.
     """
 
     parameters: FloatArray
@@ -339,10 +339,10 @@ def _score(output: OutputPrediction) -> ObservableScore | None:
 
 
 def with_assumptions(prediction: NewPrediction, fitted: FittedModel, found: Assumptions | None) -> NewPrediction:
-    """The prediction of `fitted` with, for each output, its lowest and highest value over the fit itself (its median,
-    or the point where there is none) and all alternatives that fit equally well, each at the mean of its posterior.
+    """The prediction of `fitted` with the range of each output over all alternatives that fit equally well.
 
-    Nothing is added where assumptions were not examined or no alternative fits equally well.
+    The range includes the fit itself: its median, or the point where there is none. Each alternative is taken at the
+    mean of its posterior. Nothing is added where assumptions were not examined or no alternative fits equally well.
     """
     if found is None or not found.as_good:
         return prediction

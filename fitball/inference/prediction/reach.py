@@ -53,9 +53,10 @@ GAIN = "some bounces would gain kinetic energy"
 class ValidRange:
     """Speeds `v_y1` [m/s] from `low` to `high` at which the fitted bounce is used as it is.
 
-    It holds every calibrated impact that the model solves, and extends from there as far as the model has a rebound
-    for flat and steep impacts with all spins, `v_y2` grows with `v_y1`, and no bounce gains energy (none more of it
-    than those at the calibrated end do: `gain` is the largest share there). `below` and `above` are what limits it.
+    It holds every calibrated impact that the model solves. It extends from there as far as three conditions hold. The
+    model has a rebound for flat and steep impacts with all spins. `v_y2` grows with `v_y1`. No bounce gains energy,
+    or none more than at the calibrated end, where `gain` is the largest share. `below` and `above` are what limits
+    it.
     """
 
     low: float

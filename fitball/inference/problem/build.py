@@ -136,9 +136,7 @@ def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> FloatAr
     if not choices.incident_errors:
         notes.append(f"{stated}: uncertainty of incident columns ignored on request")
         return None
-    notes.append(
-        f"{stated}: the incident state is uncertain and marginalised to first order, more finely near a kink"
-    )
+    notes.append(f"{stated}: the incident state is uncertain: marginalised to first order, more finely near a kink")
     return table.incident_covariance
 
 
@@ -214,7 +212,7 @@ def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str
     if scene.mu is not None:
         value, sd = scene.mu
         if sd is None:
-            fixed["mu"] = (value, "known from the scene")
+            fixed["mu"] = (value, "stated in the scene")
         else:
             priors["mu"] = f"normal({value:.10g}, {sd:.10g})"
     balls = {"mass": scene.ball.mass, "radius": scene.ball.radius, "inertia_ratio": scene.ball.inertia_ratio}
@@ -237,17 +235,16 @@ def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
     if not rebound.complete:
         gaps = np.flatnonzero(~rebound.measured)
         raise FitError(
-            f"{table.source}: cor = measured takes v_y2 of every impact as an input, and "
-            f"{gaps.size} have none (first: {table.ids[gaps[0]]}): leave such rows out, or fit the restitution "
-            "(cor = line or mean)"
+            f"{table.source}: cor = measured needs v_y2 of every impact, and {gaps.size} have none "
+            f"(first: {table.ids[gaps[0]]}). Leave such rows out, or fit the restitution (cor = line or mean)"
         )
     cor = rebound.values / table.impacts.v_y1
     above = np.flatnonzero(cor > 1.0)
     if above.size:
-        first, more = above[0], f" and {above.size - 1:,} more have one" if above.size > 1 else " has one"
+        first, more = above[0], f" and {above.size - 1:,} more exceed that" if above.size > 1 else " exceeds that"
         raise FitError(
-            f"{table.source}: cor = measured takes each measured coefficient of restitution as exact, and it "
-            f"must not exceed 1; impact {table.ids[first]}{more} ({cor[first]:.4g}): leave such rows "
-            "out, or fit the restitution (cor = line or mean)"
+            f"{table.source}: cor = measured needs coefficients of restitution of at most 1. Impact "
+            f"{table.ids[first]}{more} ({cor[first]:.4g}). Leave such rows out, or fit the restitution "
+            "(cor = line or mean)"
         )
     return replace(table.impacts, cor=cor)

@@ -2,12 +2,11 @@
 noise.
 
 A record has many samples and little information. Its samples are averaged to means with triangular weights at evenly
-spaced nodes, and what separates these from the model is taken as white noise of the sensor, with an sd of `force_sd`
-a sample, plus a slow misfit of the model's force: a smooth random course with an sd of `force_misfit` times the
-record's peak during the contact (a Gaussian process with a Matern covariance of order 3/2, whose courses bend but do
-not jump). The misfit is what keeps a record sampled ten times as fast from knowing ten times as much. Both
-covariances have common axes (generalised eigenvectors), found here once: along these the deviations are independent
-whatever the size of the two.
+spaced nodes. The residuals of these are white noise of the sensor, with an sd of `force_sd` per sample, plus a slow
+misfit of the model's force: a smooth random course with an sd of `force_misfit` times the record's peak during the
+contact (a Gaussian process with a Matern covariance of order 3/2, whose courses bend but do not jump). The misfit is
+what keeps a record sampled ten times as fast from knowing ten times as much. Both covariances have common axes
+(generalised eigenvectors), found here once: along these the deviations are independent whatever the size of the two.
 """
 
 from __future__ import annotations
@@ -215,7 +214,7 @@ def records_for(chosen: Model, scene: Scene, records: ForceRecords | None, notes
     counts = records.samples
     notes.append(
         f"force records of {len(counts)} impacts ({Path(records.source).name}): {counts.min()} to {counts.max()} "
-        f"samples each, averaged to {records.nodes} means; sensor noise is independent between samples, the "
+        f"samples each, averaged to {records.nodes} means. Sensor noise is independent between samples; the "
         "misfit of the model's force is one slow curve per record"
     )
     notes.append(
@@ -233,7 +232,7 @@ def force_noise(
 ) -> tuple[str, ...]:
     """Names of the noise parameters of records; an sd known to the scene fixes that of a sample."""
     if scene.force_sd is not None:
-        fixed[FORCE_NOISE[0]] = (scene.force_sd, "known from the scene")
+        fixed[FORCE_NOISE[0]] = (scene.force_sd, "stated in the scene")
     else:
         priors[FORCE_NOISE[0]] = f"lognormal({EXPECTED * float(records.peak.mean()):.6g}, 1.0)"
     return FORCE_NOISE

@@ -4,11 +4,11 @@ that the columns of the velocity share.
 The two components of the velocity are seldom measured equally well: a lens, a shutter, the line of sight of a radar
 act on one of them. So each column gets a noise of its own, unless the table is too short to distinguish two. The
 ratio of two sds that are fitted with `nu` degrees of freedom each scatters about the true ratio as the root of
-Fisher's F(nu, nu) does, so that its 95 % interval reaches a factor `sqrt(F_0.975(nu, nu))` to either side: 2.7 for
-`nu` = 5, just under `FACTOR` = 2 for `nu` = `FREEDOM` = 10. With fewer, equal noises come out twice as large as each
-other by mere chance, and one noise for all, known from twice the numbers, is the better guess. Of the rows of a
-column the parameters spend some: the eight of the default model act on three columns, about `SPENT` = 3 on each;
-offsets of groups spend one more for each group.
+Fisher's F(nu, nu). Its 95 % interval reaches a factor `sqrt(F_0.975(nu, nu))` to either side: 2.7 for `nu` = 5, just
+under `FACTOR` = 2 for `nu` = `FREEDOM` = 10. With fewer, equal noises come out twice as large as each other by mere
+chance, and one noise for all, known from twice the numbers, is the better guess. Of the rows of a column the
+parameters spend some: the eight of the default model act on three columns, about `SPENT` = 3 on each; offsets of
+groups spend one more for each group.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ def noise_parameters(
     for name in used:
         value = getattr(scene, name)
         if value is not None:
-            fixed[name] = (value, "known from the scene")
+            fixed[name] = (value, "stated in the scene")
         else:
             priors[name] = expected_prior(name, scene, table)
     return used

@@ -30,11 +30,11 @@ from fitball.values import FloatArray, Impacts, OwnImpacts
 
 @dataclass(frozen=True)
 class Choices:
-    """What the user asked for beyond the scene; everything here wins over it.
+    """The user's choices beyond the scene, which they override.
 
-    `noise` is one of `noise.KINDS`, `pool` maps parameters to the label column over whose levels they
-    differ, `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state
-    counts as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
+    `noise` is one of `noise.KINDS`. `pool` maps parameters to the label column over whose levels they differ.
+    `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state counts
+    as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
     `observables.noise_by_column`.
     """
 
@@ -53,12 +53,12 @@ class Choices:
 class Problem:
     """A table, a model and priors: all that defines a posterior.
 
-    `contact_time` is what the scene states of the mean contact time of the table, (value, sd) [s], or None. `notes`
-    are sentences on what was left out or assumed, and why. `pooling` lists the parameters that differ between
-    surfaces or balls, `group_bias` the biases of whole groups; `incident` is the covariance (impacts, 3, 3) of
-    `(v_x1, v_y1, omega_1)` in SI where these were measured too, whose true values are marginalised with a flat prior,
-    `force` records of the force on the court. `noise` is that of the table, and `threads` share large batches.
-    `choices` are what it was posed by, beside table and scene.
+    `contact_time` is the scene's mean contact time of the table, (value, sd) [s], or None. `notes` are sentences on
+    what was left out or assumed, and why. `pooling` lists the parameters that differ between surfaces or balls,
+    `group_bias` the biases of whole groups. `incident` is the covariance (impacts, 3, 3) of `(v_x1, v_y1, omega_1)`
+    in SI where these have errors; their true values are marginalised with a flat prior. `force` are records of the
+    force on the court. `noise` is that of the table, `threads` share large batches, and `choices` are those of the
+    user.
     """
 
     table: ImpactTable

@@ -77,10 +77,10 @@ def summary(column: FloatArray, weights: FloatArray) -> Summary:
 class Alternative:
     """The fit with the choice `name` (`offset=grip`) `instead_of` another (`offset=contact`), nothing else changed.
 
-    `difference` is its score less that of the fit itself, None with the `reason` where there is none; with a `reason`
-    too where it is without some impacts. `values` are the parameters at the mean of its posterior, for predictions;
-    `parameters` and `court_pace` (points of the ITF's rating by surface) of quantities that the fit has
-    too. `unsettled` is one that could be fitted, but not quickly enough to be scored.
+    `difference` is its score less that of the fit itself; None, with the `reason`, where there is none. A `reason`
+    beside a `difference` names impacts that are not scored. `values` are the parameters at the mean of its posterior,
+    for predictions. `parameters` and `court_pace` (points of the ITF's rating by surface) are summaries of quantities
+    that the fit has too. `unsettled`: it could be fitted, but not quickly enough to be scored.
     """
 
     name: str
@@ -107,10 +107,12 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Span:
-    """One quantity over the fit itself and all alternatives that fit equally well: lowest and highest `median`,
-    outermost ends of the 95 % intervals; `own` within the fit itself. `shift` is the largest move of the median, in
-    the fit's own sds, and `by` the alternative that makes it. `given` are the choices that the value rests on (see
-    `MOVED`), the one that moves it most first.
+    """One quantity over the fit itself and all alternatives that fit equally well.
+
+    `low` and `high` are the lowest and highest median, `q025` and `q975` the outermost ends of the 95 % intervals,
+    `own` the summary within the fit itself. `shift` is the largest move of the median, in the fit's own sds, and `by`
+    the alternative that makes it. `given` are the choices on which the value depends (see `MOVED`), the strongest
+    first.
     """
 
     own: Summary
@@ -125,9 +127,9 @@ class Span:
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of the ball, `held` at its `value` or free under a prior about it that the scene states, over the
-    range `low` to `high` that is known of it; of each parameter, and of the rating of each surface, that rests on it
-    the median at both ends, to first order.
+    """A constant of the ball, `held` at its `value` or free under a prior that the scene states, with its range `low`
+    to `high`. Of each parameter, and of the rating of each surface, that depends on it: the median at both ends, to
+    first order.
     """
 
     name: str
@@ -147,7 +149,7 @@ class Constant:
 @dataclass(frozen=True)
 class Assumptions:
     """Alternatives to each choice, and each quantity over those that fit equally well; or `missing`: why there are
-    none. Beside them the `constants` of the ball on which something depends.
+    none. `constants` are those of the ball on which something depends.
     """
 
     alternatives: tuple[Alternative, ...]
@@ -207,10 +209,11 @@ def reach(own: Summary, other: Summary) -> float:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter, or the court pace rating, in SI: its posterior by each model that has it, best score first;
-    `stacked` that of the mixture by stacking weights, which those models have a share `weight` of (None where it is
-    nothing); `span` over the best of the models and those that the table does not surely score below the best of all,
-    `as_good`; None where no model has it.
+    """A parameter, or the court pace rating, in SI: its posterior by each model that has it, best score first.
+
+    `stacked` is that of the mixture by stacking weights, of which those models have a share `weight` (None where it
+    is nothing). `span` is over the models that fit equally well, `as_good`: the best, and those not significantly
+    worse. None where no model has the quantity.
     """
 
     unit: str

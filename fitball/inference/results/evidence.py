@@ -29,13 +29,12 @@ class End(StrEnum):
 
 @dataclass(frozen=True)
 class Profile:
-    """The profile of one parameter: `values` (points,) in SI, rising, and `drop` (points,) of the log likelihood
-    below its maximum, which lies at `best`.
+    """The profile likelihood of one parameter: `values` (points,) in SI, rising, and `drop` (points,) of the log
+    likelihood below its maximum at `best`. An end of an interval is None where that side is open.
 
-    An end of an interval is None where that side is open. `leans_on` names, for each side, other parameters that are
-    at a bound where the profile ends: one of physics is part of the model and leaves the side closed, one that only
-    ends a search does not where it is all that closes it (`RANGE`). `unsettled` counts points at which the search
-    stuck, where the true drop may be smaller.
+    `leans_on` names, for each side, other parameters that are at a bound where the profile ends. A bound of physics
+    is part of the model and leaves the side closed. A bound of the search opens the side if only that closes it
+    (`RANGE`). `unsettled` counts points at which the search stuck, where the true drop may be smaller.
     """
 
     name: str
@@ -73,9 +72,9 @@ LEFT_OUT = "the table is large, and they were left out; fitball plot FIT profile
 
 @dataclass(frozen=True)
 class InformationEvidence:
-    """First-order standard errors of one parameter without any prior, in sds of its prior, from the data with and
-    without the scene's contact time (None: the data do not determine it at all). `contraction` is what the data add
-    to priors and scene, `contraction_without_scene` to priors alone.
+    """First-order standard errors of one parameter without any prior, in sds of its prior. They come from the data
+    with and without the scene's contact time (None: not determined). `contraction` is what the data add to priors and
+    scene, `contraction_without_scene` to priors alone.
     """
 
     error: float | None
@@ -86,8 +85,8 @@ class InformationEvidence:
 
 @dataclass(frozen=True)
 class Direction:
-    """One eigenvector of the information in sds of the priors: its `components` by name, the combination of
-    parameters it is in words, and the standard error of that combination in words.
+    """One eigenvector of the information in sds of the priors: its `components` by name, that combination of
+    parameters in words, and its standard error in words.
     """
 
     components: Mapping[str, float]
@@ -116,8 +115,9 @@ class ContractionEvidence:
 
 @dataclass(frozen=True)
 class PowerEvidence:
-    """How much the posterior of one parameter changes when all priors, its own prior, the scene's knowledge, or the
-    likelihood are raised to a power near one (Kallioinen et al. 2023), and the diagnosis in words ("" for none).
+    """How much the posterior of one parameter changes when a part of the density is raised to a power near one
+    (Kallioinen et al. 2023). The parts are all priors, its own prior, the scene and the likelihood; `diagnosis` is in
+    words ("" for none).
     """
 
     prior: float
@@ -133,9 +133,9 @@ NAMED = 40
 
 @dataclass(frozen=True)
 class ActiveImpacts:
-    """Where one parameter moves a rebound: the number of impacts, `acting` of those examined, in which it does over
-    most of the posterior, the `regimes` that these have most often, and the share of its information that comes from
-    the `in_doubt` impacts whose regime is in doubt. `impacts` and `doubtful` are the ids of the first NAMED of them.
+    """The impacts in which one parameter changes a rebound over most of the posterior: `acting` of the `of` examined.
+    `regimes` are those that the impacts have most often. `share_doubtful` of its information comes from the
+    `in_doubt` impacts whose regime is uncertain. `impacts` and `doubtful` are the ids of the first NAMED of them.
     """
 
     impacts: tuple[str, ...]
@@ -164,9 +164,9 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The evidence on every free parameter, the spectrum of the information, why profiles are missing, if they are,
-    and how often a 95 % interval of a profile holds the truth on a table of this size; `several` names the fits that
-    the data cannot distinguish, if there are several.
+    """The evidence on every free parameter, the spectrum of the information, and why profiles are missing, if they
+    are. `profile_coverage` is how often a 95 % interval of a profile covers the truth on a table of this size.
+    `several` names the fits that the data cannot distinguish, if there are several.
     """
 
     evidence: Mapping[str, Evidence]
@@ -195,13 +195,13 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True)
 class NoiseCheck:
-    """The noise of the residuals of `columns` beside the stated (`stated`) or expected one; `assumed` where the scene
-    states none, so that the expectation is fitball's default, or a chosen prior.
+    """The noise of the residuals of `columns` beside the stated (`stated`) or expected one. `assumed`: the scene
+    states none, so that the expectation is fitball's default or a chosen prior.
 
-    `fitted` is the root mean square residual by degree of freedom, `reference` the stated size or the prior's median,
-    both in `unit`; of noises stated row by row both are in units of these. `ratio` is the one over the other, `p` the
-    probability of one as large: under the stated noise, or under the prior. `adjusted` is that of any noise or
-    pattern as improbable, and `found` whether it is an exception.
+    `fitted` is the root mean square residual by degree of freedom. `reference` is the stated size or the prior's
+    median. Both are in `unit`, or in units of the stated sds where these differ by row. `ratio` is the one over the
+    other. `p` is the probability of a ratio as large, under the stated noise or the prior; `adjusted` that of any
+    noise or pattern as improbable. `found`: it is an exception.
     """
 
     noise: str
@@ -222,7 +222,7 @@ class NoiseCheck:
 class Check:
     """One test for a pattern in the residuals of `column`, `over` a quantity, a group or another column.
 
-    `statistic` is the observed one, `usual` its 95 % quantile over simulated data sets, by size, and `p` the
+    `statistic` is the observed one and `usual` the 95 % quantile of its size over simulated data sets. `p` is the
     probability that such a data set shows as much in any of all tests. `explained` is the share of the residual
     variance that the pattern explains, `size` its root mean square in units of the noise (None: it has none).
     """
@@ -241,8 +241,8 @@ class Check:
 
 @dataclass(frozen=True)
 class Misfit:
-    """One measurement far from its prediction, in SI, and its distance in standard deviations of what the model
-    predicts for a measurement that took no part in the fit (to first order).
+    """One measurement far from its prediction, in SI. `distance` is in sds of the model's prediction for a
+    measurement that took no part in the fit (to first order).
     """
 
     id: str
@@ -255,14 +255,14 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """The answer, in a `sentence`, and what it is based on.
+    """Whether the model describes the data: the `answer`, the same in a `sentence`, and what it is `based_on`.
 
-    `exceptions` are the findings in words; `moved` by how many of its sds each free parameter would move if the
-    largest of the patterns were taken out; `given` names the kind of noise on which a noise's size depends, where
-    outliers enlarge it. `unseen` is the share of the residual variance that a pattern must explain to be found at
-    all, by column. `loo_pit` are the probabilities that a measurement of a column exceeds its prediction by all the
-    other impacts (empty where there are too few, or so many that none matters), `replicates` the number of simulated
-    data sets.
+    `exceptions` are the findings in words. `moved` is by how many of its sds each free parameter would shift without
+    the largest of the patterns. `given` names the kind of noise on which a noise's size depends, where outliers
+    enlarge it. `unseen` is, by column, the share of the residual variance that a pattern must explain to be found.
+    `loo_pit` are the probabilities that a measurement exceeds its prediction by all other impacts, by column. They
+    are empty where impacts are too few, or so many that none matters. `replicates` is the number of simulated data
+    sets.
     """
 
     answer: Answer

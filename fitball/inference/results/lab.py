@@ -56,8 +56,8 @@ class Reach:
     """How far the test impact lies from the impacts on a surface.
 
     `beyond` is by how much it lies above (positive) or below (negative) their limits (`v_y1` [m/s], `theta_1` [rad],
-    `omega_1` [rad/s]), named where that is more than `TOLERANCE`; `distance` [m/s] is that from every mixture of
-    them, and counts from `slack` on. `lines` (COR, eps) are continued beyond the vertical speeds of the table.
+    `omega_1` [rad/s]), if by more than `TOLERANCE`. `distance` [m/s] is that from every mixture of them, and counts
+    from `slack` on. `lines` (COR, eps) are extrapolated beyond the vertical speeds of the table.
     """
 
     outside: bool
@@ -69,12 +69,12 @@ class Reach:
 
 @dataclass(frozen=True)
 class PaceRating:
-    """The rating of one surface, fitted to so many `impacts`; `labels` are its levels, none where there are none.
+    """The rating of one surface, fitted to so many `impacts`; `labels` are its levels, if there are any.
 
-    `friction` is the apparent one of the test impact; `sliding_friction` the fitted coefficient and `sliding_rating`
-    what it would give. `categories` and `regimes` are probabilities, `slides` that of sliding throughout, all among
-    the draws that can be evaluated; `failed` is the share of the others. `saturated` is the probability that the
-    ball grips in the test impact, or nearly, in a model that then gives all rougher courts the same rating.
+    `friction` is the apparent one of the test impact. `sliding_friction` is the fitted coefficient, `sliding_rating`
+    the rating by that. `categories` and `regimes` are probabilities, `slides` that of sliding throughout, among the
+    draws that can be evaluated. `failed` is the share of the others. `saturated` is the probability that the ball
+    grips in the test impact, or nearly, in a model that then gives all rougher courts the same rating.
     """
 
     labels: tuple[str, ...]
@@ -94,10 +94,11 @@ class PaceRating:
 
 @dataclass(frozen=True)
 class CourtMean:
-    """A court as the mean of its tested places: so many `places`, labels of `column`; the mean `rating`; standard
-    deviations `between` places and `within` one, and the rating `elsewhere`, of a place that was not tested (None
-    where repeats do not separate them; a model has no repeats); the largest difference between places, and
-    probabilities of the categories.
+    """A court as the mean of its tested places: so many `places`, labels of `column`, with the mean `rating`.
+
+    `between` places and `within` one are standard deviations. `elsewhere` is the rating of a place that was not
+    tested. They are None where repeats do not separate them, and in a model, which has no repeats.
+    `largest_difference` is that between places; `categories` are probabilities.
     """
 
     column: str
@@ -126,8 +127,8 @@ class PlaceRating:
 
 @dataclass(frozen=True)
 class MeasuredPace:
-    """The test as the ITF makes it, no model between: of the `impacts` within its tolerances the rating of each, the
-    mean of the court, and the places.
+    """The test as the ITF makes it, without a model: of the `impacts` within its tolerances (among `of`) the rating
+    of each, the mean of the court, and the places.
     """
 
     impacts: int
@@ -188,7 +189,7 @@ def pace_categories(rating: FloatArray) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class TestedSpeed:
-    """The restitution `cor` at a tested `speed` [m/s], the mean of so many `impacts` from `lowest` to `highest`;
+    """The restitution `cor` at a tested `speed` [m/s], the mean of so many `impacts` from `lowest` to `highest`.
     `measured` is the mean of their measured restitutions, `scatter` its standard deviation (None for one impact).
     """
 
@@ -203,9 +204,9 @@ class TestedSpeed:
 
 @dataclass(frozen=True)
 class Passing:
-    """Probabilities that a rebound lies within the limits of a type: that of the `mean` ball, of one more `ball` of
-    the same make (None where balls cannot be separated from noise), and of one more measured `drop`. None without
-    draws.
+    """Probabilities that a rebound is within the limits of a type, None without draws: of the `mean` ball, of one
+    more `ball` of the same make, and of one more measured `drop`. `ball` is None where balls cannot be separated from
+    noise.
     """
 
     mean: float | None
@@ -215,10 +216,12 @@ class Passing:
 
 @dataclass(frozen=True)
 class StandardRebound:
-    """The rebound from 254 cm [m]: of the mean ball, `height`, and of one more measured drop, `drop`; `passing` is by
-    type. `with_air` is the height if the speeds were measured at the floor, `passing_with_air` that of the stated
-    type; if they were made from heights, restitutions are larger by `air_share` of themselves. `beyond` is by how
-    much the landing speed [m/s] lies above (positive) or below the tested ones.
+    """The rebound from 254 cm [m]: `height` of the mean ball, and `drop`, of one more measured drop; `passing` is by
+    type.
+
+    `with_air` is the height if the speeds were measured at the floor, `passing_with_air` the probability for the
+    stated type then. If the speeds were computed from heights, restitutions are larger by `air_share` of themselves.
+    `beyond` is by how much the landing speed [m/s] lies above (positive) or below the tested ones.
     """
 
     speed: float

@@ -61,9 +61,9 @@ class RunStatus(StrEnum):
 class LeastSquares:
     """Weighted least squares: no prior but the bounds, noise at its stated or nominal size.
 
-    `values` holds every parameter by name in SI; `stderr` a number, or None with the cause in
-    `missing`; `covariance` is that of the parameters that have one, in their order, `evaluations` are those of lmfit.
-    `rms` is the root mean square residual of each observable, in its unit.
+    `values` holds every parameter by name in SI. `stderr` is a number, or None with the cause in `missing`.
+    `covariance` is that of the parameters that have one, in their order. `evaluations` are those of lmfit. `rms` is
+    the root mean square residual of each observable, in its unit.
     """
 
     values: Mapping[str, float]
@@ -100,9 +100,8 @@ class Estimate:
     """One parameter: quantiles of its posterior in SI, its prior and the verdict on it.
 
     Quantities that do not exist (a fixed parameter, a run without posterior) are None. `contraction` is 1 - posterior
-    variance / prior variance, both in the coordinate of the prior, where "prior" includes the scene, and
-    `prior_source` is its publication, if it is from the literature. `given` are the assumptions that a determined
-    value rests on.
+    variance / prior variance in the coordinate of the prior, where the prior includes the scene. `prior_source` is
+    the publication of a prior from the literature. `given` are the assumptions on which a determined value depends.
     """
 
     name: str
@@ -137,9 +136,8 @@ class Estimate:
 class Posterior:
     """Draws kept for inference.
 
-    `values` is (ensembles, steps, walkers, free parameters) in SI, `log_posterior` is aligned with it,
-    (ensembles, steps, walkers); `prior_draws` (draws, free parameters) are draws from the priors with what the scene
-    states.
+    `values` is (ensembles, steps, walkers, free parameters) in SI; `log_posterior` is aligned with it, (ensembles,
+    steps, walkers). `prior_draws` (draws, free parameters) are draws from the priors with what the scene states.
     """
 
     names: tuple[str, ...]
@@ -155,9 +153,9 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """Convergence of the sampler. `warm_up` steps precede those used, of which `kept` were stored: all, or of a long
-    run every second, fourth, ...; `r_hat` is rank-normalised and nested (ensembles over walkers). Where draws were
-    weighted each step is one proposal, and `pareto_k` measures the tail of the weights.
+    """Convergence of the sampler. `warm_up` steps precede those used. Of the latter `kept` were stored: all, or of a
+    long run every second, fourth and so on. `r_hat` is rank-normalised and nested (ensembles over walkers). Where
+    draws were weighted each step is one proposal, and `pareto_k` measures the tail of the weights.
     """
 
     ensembles: Counted
@@ -184,9 +182,9 @@ class Diagnostics:
 class ObservablePrediction:
     """Posterior prediction of one measured column at the table's impacts, all (impacts,) in SI.
 
-    `mean_*` are quantiles of the noise-free rebound (parameter uncertainty alone), `data_*` of a new
-    measurement (with noise). `sd` is the measurement noise at the posterior median. `observed` is NaN where nothing
-    was measured, as are `sd` and `data_*` there where the table states sds.
+    `mean_*` are quantiles of the noise-free rebound (parameter uncertainty alone), `data_*` of a new measurement
+    (with noise). `sd` is the measurement noise at the posterior median. `observed` is NaN where nothing was measured.
+    There `sd` and `data_*` are NaN too, if the table states sds.
     """
 
     name: str
@@ -207,10 +205,10 @@ class ObservablePrediction:
 class Curve:
     """Noise-free predictions at one speed and spin over incidence angle; of a drop test over speed.
 
-    `label` is the surface, ball or table that it is on where these differ. `speed` [m/s] (None for a drop test) and
-    `spin` [rad/s] are what `impacts` (points,) have in common, `along` (points,) is their angle [rad] or speed [m/s].
-    `rows` are the impacts of the table near that speed and spin. `outputs` holds by name in SI (NaN where the model
-    has none) quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5, points).
+    `label` is the surface, ball or table where these differ. `speed` [m/s] (None for a drop test) and `spin` [rad/s]
+    are common to the `impacts` (points,); `along` (points,) is their angle [rad] or speed [m/s]. `rows` are the
+    impacts of the table near that speed and spin. `outputs` holds quantiles (2.5, 16, 50, 84, 97.5 %) of shape (5,
+    points) by name in SI, NaN where the model has none.
     """
 
     label: str
@@ -264,8 +262,8 @@ class LevelEstimate:
 
 @dataclass(frozen=True)
 class BudgetLine:
-    """Errors of one measured column in its SI unit: of the arithmetic (largest), of the measurement (median sd), and
-    half of the 68 % interval of the noise-free prediction (median; None without a posterior).
+    """Errors of one measured column in its SI unit: `numerical` of the arithmetic (largest), `measurement` (median
+    sd), and `posterior`, half of the 68 % interval of the noise-free prediction (median; None without a posterior).
     """
 
     numerical: float
@@ -301,10 +299,10 @@ class Timing:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """What `fit.json` holds of a fit, numbers in SI. `derived` are quantities that follow from several parameters,
-    those at a measured speed first. `notes` are those of table, problem and fit.
-    `covariance` and `correlation` are those of the free parameters, log densities and root mean square residuals by
-    column (`rms`) those at the point estimate, `optima` what its search found, best first.
+    """The content of `fit.json`, numbers in SI. `derived` are quantities that follow from several parameters, those
+    at a measured speed first. `notes` are those of table, problem and fit. `covariance` and `correlation` are those
+    of the free parameters. Log densities and root mean square residuals by column (`rms`) are those at the point
+    estimate; `optima` are all that its search found, best first.
     """
 
     schema_version: Literal[6] = SCHEMA_VERSION

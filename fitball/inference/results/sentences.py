@@ -42,7 +42,7 @@ NO_NOISE = "The residuals' noise could not be estimated."
 
 NOISE = "{what}: {size}, {ratio} × the {known} {reference}"
 NOISE_BY_ROW = "{what}: {ratio} × the stated sds"
-RESIDUALS = "residuals of {columns}"
+RESIDUALS, PARAMETER = "residuals of {columns}", "noise parameter {name}"
 STATED, EXPECTED = "stated", "expected"
 
 # --- which patterns do the residuals show?
@@ -84,7 +84,10 @@ FALSE_ALARMS = "False alarms if the model is right: {exceptions:.0f} % with exce
 CONVERGED = (
     "Sampling converged: effective sample size at least {ess:.0f} and R-hat at most {r_hat:.3f} for every parameter."
 )
-NOT_CONVERGED = "Sampling did NOT converge in {steps} steps: {complaints}."
+NOT_CONVERGED = (
+    "Sampling did NOT converge in {steps} steps: effective sample size {ess:.0f} for {rarest} (target {enough:.0f}), "
+    "R-hat {r_hat:.3f} for {apart} (target below {target})."
+)
 POINT_ONLY = "Point fit only, without a posterior: verdicts use profile likelihoods and the Fisher information."
 R_HAT = "{name}: R-hat {r_hat:.3f}, target below {target} (the ensembles disagree)"
 FEW_EFFECTIVE = "{name}: effective sample size {ess:.0f}, target {target:.0f}"
@@ -95,7 +98,7 @@ LESS_LIKELY = " (log likelihood {drop:.1f} below the best)"
 THE_DATA, THEY = "The data", "They"
 DETERMINED = "{they} determine {names}."
 GIVEN = "{they} determine {names} only under the model assumptions listed below."
-UNEXAMINED = "{they} determine {names}; model assumptions could not be examined."
+UNEXAMINED = "{they} determine {names}; not all model assumptions could be examined."
 EXTRAPOLATED = "Extrapolated beyond the measured speeds: {names}."
 CONDITIONAL = "{they} determine {names} only if the model is right, which the residuals contradict."
 ONE_SIDED = "{they} give only a lower or an upper bound on {names}."
@@ -130,13 +133,13 @@ BOUNDS = (
     "the data give only a lower bound (> {end}, 95 %); on its upper side ",
 )
 LIMITED = "it is limited by {limit}"
-PRIOR, CONDITION, POSSIBLE = "the prior", "the model's condition {condition}", "the physical limit, {limit}"
+PRIOR, CONDITION, POSSIBLE = "the prior", "the model's condition {condition}", "physics, at {limit}"
 SEARCHED = "the profile falls only because the search of {others} ended there"
 PROFILE_IS = "the profile is {end}"
 PRIOR_CLOSES = "; there the prior limits the posterior"
 AT_BOUND = "; where its profile ends, {names} {at}"
 ITS_BOUND, THEIR_BOUNDS = "is at its bound", "are at their bounds"
-FROM_SCENE = ", but its absolute value comes from {scene}"
+FROM_SCENE = "; its absolute value comes from {scene}"
 PARTLY_SCENE = "; partly determined by {scene}: without it, the contraction would be {alone:.2f}"
 SCENE, CONTACT_TIME = "the scene", "the scene's contact time ({value:.3g} ± {sd:.2g} ms)"
 TIED = "; correlation {correlation:.2f} with {name}"

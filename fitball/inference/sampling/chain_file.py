@@ -89,8 +89,8 @@ class ChainFile:
         fingerprint, kept, groups = read_chains(self.path)
         if fingerprint != self.fingerprint:
             raise ResultFolderError(
-                f"{self.path}: this chain was sampled from another problem (table, scene, model, priors, seed or "
-                f"version of fitball differ); use {option('overwrite')} to start anew, or another folder"
+                f"{self.path}: this chain belongs to another problem: table, scene, model, priors, seed or "
+                f"version of fitball differ. Use {option('overwrite')} to start anew, or another folder"
             )
         expected = (ensembles, walkers, len(names))
         read = (len(groups), *groups[0].chain.shape[1:])

@@ -1,9 +1,9 @@
 """Posterior sampling with emcee: independent ensembles, run in blocks until they agree.
 
-Ensembles warm up with moves that need no tuning; then an independence proposal fitted to the warm-up of all of
-them is added and frozen (see `moves`), walkers that the others have left behind go on from draws of their ensemble
-(see `stragglers`), and only the steps after that are used. Ensembles step together, so that densities come in large
-batches; every one has its own random generator, so the result depends neither on the others nor on interruptions.
+Ensembles warm up with moves that need no tuning; then an independence proposal fitted to the warm-up of all of them
+is added and frozen (see `moves`), walkers that are stuck restart from draws of their ensemble (see `stragglers`).
+Only the steps after that are used. Ensembles step together, so that densities come in large batches; every one has
+its own random generator, so the result depends neither on the others nor on interruptions.
 """
 
 from __future__ import annotations

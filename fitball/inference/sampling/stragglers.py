@@ -71,8 +71,8 @@ def left_behind_words(behind: NDArray[np.bool_]) -> tuple[str, ...]:
         return ()
     which = f"1 of {behind.size} walkers was" if count == 1 else f"{count} of {behind.size} walkers were"
     return (
-        f"{which} stuck during the warm-up where the posterior has next to no mass, and restarted from "
-        "draws of the others, before any step that counts",
+        f"{which} stuck during the warm-up where the posterior has next to no mass, and restarted from draws of the "
+        "others. No step before that counts",
     )
 
 

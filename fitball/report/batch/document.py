@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from fitball.report.form.document import (
     MOST_LINES,
     MOST_ROWS,
     Document,
+    Part,
     Picture,
     Section,
     Table,
@@ -32,48 +33,53 @@ from fitball.report.form.document import (
 )
 from fitball.report.form.files import remove, write_bytes, write_csv, write_text
 from fitball.report.form.numbers import Scale, listed, percent, significant
-from fitball.wording import spoken
+from fitball.wording import screen, spoken
 
-CENTRE_HEADS = ("quantity", "unit", "told by", "centre", "95 %", "spread", "95 %", "typical sd")
-# The same where tables lie on levels.
-OVER_HEADS = (*CENTRE_HEADS[:5], "between levels", "95 %", "within levels", "95 %", "typical sd")
+CENTRE_HEADS = (
+    "quantity", "unit", "determined by", "mean", "95 % of mean", "spread", "95 % of spread", "typical sd",
+)  # fmt: skip
+# The same where tables have levels.
+OVER_HEADS = (
+    *CENTRE_HEADS[:5], "between levels", "95 % of between", "within levels", "95 % of within", "typical sd",
+)  # fmt: skip
+# Those of either that a first screen has room for.
+BRIEF_HEADS = ("unit", "determined by", "mean", "95 % of mean", "spread")
+BRIEF_OVER = ("unit", "mean", "95 % of mean", "between levels", "within levels")
 LEVEL_HEADS = ("quantity", "unit", "level", "tables", "value", "95 %", "a new table there, 95 %")
 LEGEND = (
-    "Told by: tables that tell the value themselves, not their prior alone. Centre: about what the tables' true "
-    "values scatter, with its 95 % interval; spread: their standard deviation, of the logarithm where it stands in "
-    "percent. Both are of the population of all tables with a posterior, their draws weighted so that the prior of "
-    "each gives way to the population (Hogg, Myers and Bovy 2010). Quantities whose prior cannot be divided out, "
-    "such as court pace, have no interval of the spread: random effects on the medians of the tables that tell them. "
-    "Typical sd: median uncertainty of one table."
+    "determined by: number of tables whose data determine the value. mean: population mean of the true values, with "
+    "its 95 % interval. spread: population standard deviation; in percent, that of the logarithm. typical sd: median "
+    "uncertainty of one table. Mean and spread use the posterior draws of all tables, reweighted so that the "
+    "population replaces the prior of each table (Hogg, Myers and Bovy 2010). Court pace and other quantities whose "
+    "prior cannot be divided out have no interval of the spread. Theirs is a random-effects estimate from the "
+    "medians of the tables that determine them."
 )
 
 LEVELS = (
-    "The value about which the tables of a level scatter, given all tables, and where 95 % of new tables would lie: "
-    "on that level, and on a level that is not among these."
+    "Mean of the tables on each level, given all tables, and the 95 % interval of a new table: on that level, and on "
+    "a new level."
 )
 POOLED = (
-    "Median +- standard deviation: alone, with the prior of its own fit, and partially pooled, with the population "
-    "in that prior's place: a table that tells little leans on the others. ?: its weights are not to be trusted."
+    "Median +- sd: alone, with the prior of the table's own fit; and partially pooled, with the population as prior. "
+    "A table with little information moves towards the others. ?: its importance weights are unreliable."
 )
-TABLES = (
-    "Median +- standard deviation, of a point fit the best value. The folder named like the table holds its "
-    "`fit.json`."
-)
+TABLES = "Median +- sd; of a point fit the best value. Each table's `fit.json` is in the folder that has its name."
 CAPTIONS = {
-    "parameters.png": "Each quantity over the tables: median and 95 % interval. Pale where a table does not tell the "
-    "value itself and the prior does; dashed the centre of the population, beside each table, unless they crowd, in "
-    "purple what it has given all others; grey behind, where tables lie on levels, the value of the level; ringed "
-    "what lies outside their bulk.",
-    "drift.png": "Quantities that drift: the line over what they drift along, with each table's median and interval.",
+    "parameters.png": "Each quantity over the tables: median and 95 % interval. Pale: not determined by the table's "
+    "data. Dashed: population mean. Purple: the table given all others (left out where tables crowd). Grey bands: "
+    "levels. Rings: outliers.",
+    "drift.png": "Quantities that drift: fitted line, with median and 95 % interval of each table.",
 }
 PAGE_NAME, PARQUET_NAME = "batch.html", "batch.parquet"
 PICTURE, DRIFT = "parameters.png", "drift.png"
-# Sd that a finite number of draws gives a mean, as a share of the 95 % interval, above which that is told.
+# Monte Carlo error of a number, as a share of its 95 % interval, above which it is reported.
 MOST_ERROR = 0.1
-# Populations with poor weights that are told one by one.
+# Populations with poor weights that are named one by one.
 MOST_POOR = 2
 # Tables that are practical to fit together.
 MOST_TOGETHER = 12
+# Failed tables that are listed on a first screen.
+FIRST_FAILED = 5
 
 
 def batch_document(
@@ -84,12 +90,10 @@ def batch_document(
     command: str | None = None,
     folder: Path | None = None,
 ) -> Document:
-    """All that is said of a batch, with those of the pictures of `CAPTIONS` that there are; `command` is the line
-    that made it, None where none did, `folder` where its files are.
+    """The report on a batch, with those of the pictures of `CAPTIONS` that there are; `command` is the line that
+    made it, None where none did, `folder` where its files are.
     """
-    said = told(rows, series, populated)
-    headline = said.headline[0].upper() + said.headline[1:]
-    left = len(said.failed) - MOST_LINES
+    found = summarised(rows, series, populated)
     centres, levels = centre_rows(series, populated), level_rows(populated)
     listing = [cells(row, place, series) for place, row in enumerate(rows[:MOST_ROWS])]
     pooled = [
@@ -97,63 +101,78 @@ def batch_document(
         for place, row in enumerate(rows[:MOST_ROWS])
         if row["outcome"] == DONE and populated
     ]
+    drawn = {name: Picture(name, text, f"{text} {found.answer[0]}") for name, text in CAPTIONS.items()}
+    most, heads = MOST_LINES if screen().full else FIRST_FAILED, centre_heads(populated)
+    lead: list[Part] = [
+        Words(found.answer, "lead", rank="first"),
+        Table(
+            "Mean and spread of each quantity over the tables", [heads, *centres], ["unit"],
+            brief=BRIEF_HEADS if heads == CENTRE_HEADS else BRIEF_OVER, rank="first",
+        ),
+        Words(found.points, "list", rank="first"),
+        *(replace(drawn[name], rank="first") for name in (PICTURE,) if name in pictures),
+    ]  # fmt: skip
     sections = [
         Section("failed", "Tables that could not be fitted", [
-            Words([term(name, reason) for name, reason in said.failed[:MOST_LINES]], "list"),
-            Words([f"{left:,} more stand in `batch.csv` with their reasons."] if left > 0 else [], "quiet"),
+            Words(_failures(found.failed, most), "list", "terminal", rank="first"),
+            Words(_failures(found.failed, MOST_LINES), "list", "page"),
         ]),
-        Section("parameters", "Parameters over the tables", [
-            *[Picture(name, CAPTIONS[name], f"{CAPTIONS[name]} {headline}") for name in CAPTIONS if name in pictures],
-            Table("Centre and spread of each quantity", [centre_heads(populated), *centres], ["unit"], rank="first"),
-            Words([LEGEND] * bool(centres), "quiet", "page"),
-        ]),
-        Section("levels", "Each level", [
-            Words([LEVELS] * bool(levels), only="page"),
-            Table("What new tables would have", [LEVEL_HEADS, *levels], ["unit", "level"], rest="`batch.html`"),
-        ]),
-        Section("pooled", "Each table, given all", [
-            Words([POOLED] * bool(pooled), only="page"),
+        Section("levels", "Levels", [
+            Words([LEVELS] * bool(levels)),
             Table(
-                "Tables alone and given all",
-                [
-                    ("table", *(head for one in populated for head in (f"{one.head} alone", "given all"))), *pooled
-                ], only="page",
+                "Each level, and new tables there", [LEVEL_HEADS, *levels], ["unit", "level"], rest="`batch.html`",
+                brief=("unit", "level", "value", "95 %"), rank="first",
             ),
         ]),
+        Section("drift", "Drifts", [drawn[name] for name in (DRIFT,) if name in pictures]),
         Section("tables", "Each table", [
             Words([TABLES], only="page"),
             Table(
                 "Every table with its parameters",
-                [("table", "impacts", "outcome", "describes", *(one.head for one in series)), *listing],
-                ["outcome", "describes"], count=len(rows), only="page",
+                [("table", "impacts", "outcome", "fits the data", *(one.head for one in series)), *listing],
+                ["outcome", "fits the data"], count=len(rows), only="page",
                 rest="`batch.csv`, which holds every number of this page and more",
             ),
         ]),
-        Section("repeat", "How to repeat it", [
+        Section("pooled", "Each table, given all others", [
+            Words([POOLED] * bool(pooled), only="page"),
+            Table(
+                "Tables alone and given all others",
+                [
+                    ("table", *(head for one in populated for head in (f"{one.head} alone", "given all"))), *pooled
+                ], only="page",
+            ),
+        ], rank="folded"),
+        Section("method", "How mean and spread are computed", [Words([LEGEND] * bool(centres))], rank="folded"),
+        Section("repeat", "How to repeat this batch", [
             Words([] if command is None else [command], "code", "page"),
             Words(
-                [] if command is None else ["The same line goes on after an interruption, and fits nothing twice."],
+                [] if command is None else ["After an interruption the same command continues where it stopped."],
                 only="page",
             ),
-        ]),
+        ], rank="folded"),
         Section("", "", [Words([] if folder is None else [
-            f"{folder / PAGE_NAME}, batch.csv; each table has its folder beside them"
-        ], only="terminal")]),
+            f"Report: {folder / PAGE_NAME}; every number: {folder / CSV_NAME}"
+        ], only="terminal", rank="first")]),
     ]  # fmt: skip
     title = f"{len(rows):,} table{'s, each' if len(rows) != 1 else ''} fitted by itself"
-    return Document(
-        title, [Words([headline], "lead", rank="first"), Words(said.points, "list", rank="first")], sections
-    )
+    return Document(title, lead, sections)
+
+
+def _failures(failed: Sequence[tuple[str, str]], most: int) -> list[str]:
+    """The first failed tables with their reasons, and where the others are."""
+    left = [f"{len(failed) - most:,} more, with their reasons: `{CSV_NAME}`"] if len(failed) > most else []
+    return [*(term(name, reason) for name, reason in failed[:most]), *left]
 
 
 def render(rows: Sequence[Row], series: Sequence[Series], folder: Path, populated: Sequence[Populated] = ()) -> str:
-    """What a batch found, on a terminal."""
+    """A batch on a terminal."""
     return on_terminal(batch_document(rows, series, populated, folder=folder))
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What the files of a batch show: quantities over the tables, and the populations of some of them."""
+class Results:
+    """What the files of a batch hold: quantities over the tables, and the populations of some of them."""
 
     series: tuple[Series, ...]
     populated: tuple[Populated, ...]
@@ -165,11 +184,11 @@ def write_results(
     command: str | None = None,
     quantities: Sequence[str] = (),
     over: Over = None,
-) -> Shown:
-    """Write every file, each whole or not at all; `command` is the line that asked. Returns what they show.
+) -> Results:
+    """Write every file, each whole or not at all; `command` is the line that asked. Returns what they hold.
 
-    Populations are those of parameters that enough tables tell, and of `quantities`, `over` levels or not. Parquet
-    needs pyarrow, and is left out without it. Raises ResultFolderError, ParameterError as `populations` does.
+    Populations are those of parameters that enough tables determine, and of `quantities`, `over` levels or not.
+    Parquet needs pyarrow, and is left out without it. Raises ResultFolderError, ParameterError as `populations` does.
     """
     from fitball.report.batch.figure import batch_figure
     from fitball.report.figures.canvas import save_figure
@@ -184,48 +203,48 @@ def write_results(
     if series:
         names = [str(row[NAME]) for row in rows]
         figures[PICTURE] = batch_figure(series, names, populated=populated)
-        along = most_told(series)
+        along = most_drifting(series)
         if along is not None:
             figures[DRIFT] = batch_figure(_drifting(series, along), names, along)
     for name in {PICTURE, DRIFT} - set(figures):
         remove(folder / name)
     images = {name: save_figure(figure, folder / name) for name, figure in figures.items()}
     write_text(folder / PAGE_NAME, as_page(batch_document(rows, series, populated, images, command), images))
-    return Shown(series, populated)
+    return Results(series, populated)
 
 
-def most_told(series: Sequence[Series]) -> Along | None:
-    """What most quantities drift along."""
+def most_drifting(series: Sequence[Series]) -> Along | None:
+    """The label along which most quantities drift."""
     found = [along for one in series for along, _line in one.drifts]
     return max(found, key=lambda along: sum(other is along for other in found), default=None)
 
 
 def _drifting(series: Sequence[Series], along: Along) -> list[Series]:
-    return [one for one in series if any(item is along for item, _line in one.drifts)]
+    return [one for one in series if any(drift is along for drift, _line in one.drifts)]
 
 
 def _write_parquet(rows: Sequence[Row], place: Path) -> None:
     import pandas as pd
 
-    made = io.BytesIO()
-    pd.DataFrame(list(rows)).to_parquet(made, index=False)
-    write_bytes(place, made.getvalue())
+    content = io.BytesIO()
+    pd.DataFrame(list(rows)).to_parquet(content, index=False)
+    write_bytes(place, content.getvalue())
 
 
 def pooled_cells(name: str, place: int, series: Sequence[Series], populated: Sequence[Populated]) -> tuple[str, ...]:
-    """One table as text: each quantity alone, and given the other tables; `?` where weights are not to be trusted."""
+    """One table as text: each quantity alone, and given the other tables; `?` where weights are unreliable."""
     columns = {one.quantity: one for one in series}
-    shown = [name]
+    texts = [name]
     for one in populated:
         table = next((table for table in one.population.tables if table.name == name), None)
         if table is None:
-            shown += ["-", "-"]
+            texts += ["-", "-"]
             continue
         column = columns.get(one.quantity.name)
         # A ratio is no column of the tables: its draws are all there is.
-        shown.append(cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name]))
-        shown.append(_drawn(one, table.known, table.sd) + ("" if table.trusted else " ?"))
-    return tuple(shown)
+        texts.append(cell(column, place) if column is not None else _drawn(one, one.own[name], one.own_sds[name]))
+        texts.append(_drawn(one, table.known, table.sd) + ("" if table.trusted else " ?"))
+    return tuple(texts)
 
 
 def _drawn(populated: Populated, known: Known, sd: float) -> str:
@@ -236,8 +255,8 @@ def _drawn(populated: Populated, known: Known, sd: float) -> str:
 def cells(row: Row, place: int, series: Sequence[Series]) -> tuple[str, ...]:
     """One table as text: outcome, adequacy, each quantity with its sd."""
     outcome = str(row["status"]) if row["outcome"] == DONE else "failed"
-    shown = (str(row[NAME]), str(row["impacts"] or "-"), outcome, str(row["adequacy"] or "-"))
-    return (*shown, *(cell(one, place) for one in series))
+    answer = "-" if row["adequacy"] is None else SHORT.get(str(row["adequacy"]), str(row["adequacy"]))
+    return (str(row[NAME]), str(row["impacts"] or "-"), outcome, answer, *(cell(one, place) for one in series))
 
 
 def cell(series: Series, place: int) -> str:
@@ -250,15 +269,17 @@ def cell(series: Series, place: int) -> str:
 
 
 @dataclass(frozen=True)
-class Told:
-    """A batch in words: a headline, what stands out, and who failed with the reason."""
+class Summary:
+    """A batch in words: how many fits, and whether the model fits; drifts, outliers and cautions; tables that failed,
+    with the reason.
+    """
 
-    headline: str
+    answer: tuple[str, ...]
     points: tuple[str, ...]
     failed: tuple[tuple[str, str], ...]
 
 
-def told(rows: Sequence[Row], series: Sequence[Series], populated: Sequence[Populated] = ()) -> Told:
+def summarised(rows: Sequence[Row], series: Sequence[Series], populated: Sequence[Populated] = ()) -> Summary:
     """The words for the rows of a batch and their series."""
     failed = tuple((str(row[NAME]), str(row["reason"])) for row in rows if row["outcome"] == FAILED)
     done = [row for row in rows if row["outcome"] == DONE]
@@ -269,31 +290,31 @@ def told(rows: Sequence[Row], series: Sequence[Series], populated: Sequence[Popu
     if unsure:
         parts.append(f"{len(unsure):,} did not converge ({_some(unsure)})")
     answers = Counter(str(row["adequacy"]) for row in done if row["adequacy"] is not None)
-    points = []
+    sentences = ["; ".join(parts) + "."]
     if answers:
-        said = [f"{answers[answer]:,} {words}" for answer, words in ANSWERS.items() if answers[answer]]
-        points.append("Does the model describe the table? " + "; ".join(said) + ".")
-        refused = [str(row[NAME]) for row in done if row["adequacy"] == Answer.FAILS]
-        if refused:
-            points.append(
-                f"Not described: {_some(refused)}. What is said of their parameters holds within the model only."
-            )
-    points += [sentence for one in series for sentence in _standing_out(one)]
-    points += dict.fromkeys(sentence for one in populated for sentence in one.said)
+        counts = [f"{words} in {answers[answer]:,}" for answer, words in ANSWERS.items() if answers[answer]]
+        sentences.append(f"Does the model fit the data? {'; '.join(counts).capitalize()}.")
+    refused = [str(row[NAME]) for row in done if row["adequacy"] == Answer.FAILS]
+    if refused:
+        sentences.append(f"The model does not fit {_some(refused)}: their parameters hold within the model only.")
+    points = [sentence for one in series for sentence in _standing_out(one)]
+    points += dict.fromkeys(sentence for one in populated for sentence in one.remarks)
     points += doubts_of_all(populated)
-    return Told("; ".join(parts) + ".", tuple(points), failed)
+    return Summary(tuple(sentences), tuple(points), failed)
 
 
 ANSWERS = {
-    Answer.DESCRIBES: "described",
-    Answer.EXCEPT: "described with exceptions",
-    Answer.FAILS: "not described",
-    Answer.UNTOLD: "that cannot tell",
+    Answer.DESCRIBES: "yes",
+    Answer.EXCEPT: "yes, with exceptions",
+    Answer.FAILS: "no",
+    Answer.UNTOLD: "too few data to test",
 }
+# The same in a cell.
+SHORT = {str(answer): words for answer, words in zip(ANSWERS, ("yes", "except", "NO", "too few data"), strict=True)}
 
 
 def _all_fitted(count: int) -> str:
-    return f"all {count:,} tables fitted" if count > 1 else "one table fitted"
+    return f"All {count:,} tables fitted" if count > 1 else "One table fitted"
 
 
 def _some(names: Sequence[str], most: int = 5) -> str:
@@ -312,27 +333,27 @@ def _standing_out(series: Series) -> list[str]:
         per = f"{scale.unit} per day" if along.first_day is not None else f"{scale.unit} per unit of {along.name}"
         sentences.append(
             f"{series.name} drifts along {along.name}: {' '.join(_with_ends(scale, slope, low, high))} {per.strip()} "
-            f"(p = {significant(float(line.p[1]), 2)}, not corrected for the number of quantities)."
+            f"(p = {significant(float(line.p[1]), 2)}, uncorrected for multiple tests)."
         )
     if series.outside:
         places_of = dict(zip(series.rows, series.names, strict=True))
         far = [f"{places_of[row]} ({distance:+.1f} sd)" for row, distance in series.outside]
-        sentences.append(f"{series.name} lies outside the bulk in {_some(far)}.")
+        sentences.append(f"Outliers of {series.name}: {_some(far)}.")
     return sentences
 
 
 def _with_ends(scale: Scale, middle: float, low: float, high: float) -> tuple[str, str]:
-    """A value and its 95 % interval, all SI, in the unit people read."""
+    """A value and its 95 % interval, all SI, in handy units."""
     places = scale.decimals((high - low) / (2.0 * REACH))
     return scale.fixed(middle, places), scale.interval(low, high, places)
 
 
 def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -> list[tuple[str, ...]]:
-    """For each quantity about what it scatters over the tables, in the unit people read."""
+    """For each quantity its mean and spread over the tables, in handy units."""
     rows: list[tuple[str, ...]] = []
     known = {one.name: one for one in populated}
     for one in series:
-        counted = np.array(one.told) & np.isfinite(one.sd)
+        counted = np.array(one.determined) & np.isfinite(one.sd)
         head = (one.name, one.scale.unit, f"{counted.sum():,} of {len(one.names):,}")
         if one.quantity in known:
             rows.append((*head, *population_cells(known.pop(one.quantity))))
@@ -357,12 +378,12 @@ def _named(populated: Populated) -> tuple[str, str]:
 
 
 def centre_heads(populated: Sequence[Populated]) -> tuple[str, ...]:
-    """Heads of the rows about what quantities scatter."""
+    """Heads of the rows of means and spreads."""
     return OVER_HEADS if any(one.population.levels for one in populated) else CENTRE_HEADS
 
 
 def level_rows(populated: Sequence[Populated]) -> list[tuple[str, ...]]:
-    """For each quantity the value of each level, and of one to come, with what a new table there would have."""
+    """For each quantity the value of each level, and of a new one, with the interval of a new table there."""
     rows: list[tuple[str, ...]] = []
     for one in populated:
         found = one.population
@@ -376,12 +397,12 @@ def level_rows(populated: Sequence[Populated]) -> list[tuple[str, ...]]:
 
 
 def _known_cells(populated: Populated, known: Known) -> tuple[str, str]:
-    """Something in the coordinate with its interval, in the unit people read."""
+    """A value in the coordinate with its interval, in handy units."""
     return _with_ends(populated.scale, *populated.ends(known))
 
 
 def population_cells(populated: Populated) -> tuple[str, ...]:
-    """Centre and spread with their intervals, and the typical sd of a table, in the unit people read."""
+    """Mean and spread with their intervals, and the typical sd of a table, in handy units."""
     found = populated.population
     # Of logarithms a spread is a share, and so is the uncertainty of a table.
     scale, sign = (Scale("%", 100.0), " %") if populated.quantity.log else (populated.scale, "")
@@ -395,39 +416,38 @@ def population_cells(populated: Populated) -> tuple[str, ...]:
 
 
 def doubts_of_all(populated: Sequence[Populated]) -> list[str]:
-    """What is not to be trusted of populations; of many with poor weights as one sentence."""
+    """What is unreliable in populations; of many with poor weights as one sentence."""
     poor = [one for one in populated if one.population.doubtful]
     if len(poor) <= MOST_POOR:
         return [sentence for one in populated for sentence in doubts(one)]
     named = listed([one.quantity.name for one in poor])
     count = len({name for one in poor for name in one.population.doubtful})
     together = (
-        f"Populations of {named}: weights are not to be trusted (Pareto k above {K_TRUSTED}) in some of {count:,} "
-        "tables (? on the page, k in population.csv): few draws there meet the population."
+        f"Importance weights of {count:,} tables are unreliable (Pareto k above {K_TRUSTED}) for {named}. They are "
+        "marked ? on the page; k is in population.csv."
     )
     return [sentence for one in populated if one not in poor for sentence in doubts(one)] + [together]
 
 
 def doubts(populated: Populated) -> list[str]:
-    """What of a population is not to be trusted, and what would help."""
+    """What is unreliable in a population, and what would help."""
     found, name = populated.population, populated.name
-    said = []
-    for words, number in (("centre", found.centre), ("spread", found.spread), ("spread within", found.within)):
+    sentences = []
+    for words, number in (("mean", found.centre), ("spread", found.spread), ("spread within levels", found.within)):
         if number is not None and number.error > MOST_ERROR * (number.high - number.low):
             share = number.error / (number.high - number.low)
-            said.append(
-                f"The {words} of {name} is known to {percent(share)} of its interval only, for want of draws."
+            sentences.append(
+                f"The {words} of {name} has a Monte Carlo error of {percent(share)} of its interval: too few draws."
             )
     if found.doubtful:
-        few, each = ("table", "it") if len(found.doubtful) == 1 else ("tables", "them")
-        said.append(
-            f"Population of {name}: weights are not to be trusted (Pareto k above {K_TRUSTED}) in "
-            f"{len(found.doubtful)} {few} ({_some(found.doubtful)}), nor what the others say of {each}: few draws "
-            "there meet the population."
+        count = len(found.doubtful)
+        sentences.append(
+            f"Importance weights of {count:,} table{'s' * (count > 1)} ({_some(found.doubtful)}) are unreliable for "
+            f"{name} (Pareto k above {K_TRUSTED})."
         )
-    if said and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_TOGETHER:
+    if sentences and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_TOGETHER:
         how = spoken(
             f"fitball calibrate TABLES --pool {name}=table", f"calibrate(tables, pool={{'{name}': 'table'}})"
         )
-        said[-1] += f" So few tables can be fitted together instead: {how}."
-    return said
+        sentences[-1] += f" You can fit so few tables together instead: {how}."
+    return sentences

@@ -21,13 +21,13 @@ from fitball.report.form.palette import FAINT, GUIDE, MODEL, TREND, pale
 from fitball.values import FloatArray
 
 WIDTH, HEIGHT = 9.0, 1.75
-# Tables whose names stand at the axis; of more every so many-th.
+# Tables whose names are written at the axis; of more every so many-th.
 MOST_NAMED = 24
 # Medians that a panel shows with intervals of full strength; of more they are thinner.
 MANY = 60
-# Tables beyond which intervals overlap: pale behind the medians then, and without what each has given the others.
+# Tables beyond which intervals overlap: they are pale then, and the pooled values are left out.
 CROWDED = 150
-# How far beside its own interval stands what a table has given the others, in tables.
+# Distance of a pooled value from the table's own interval, in tables.
 BESIDE = 0.22
 
 
@@ -35,7 +35,7 @@ BESIDE = 0.22
 def batch_figure(
     series: Sequence[Series], tables: Sequence[str], along: Along | None = None, populated: Sequence[Populated] = ()
 ) -> Figure:
-    """A panel a quantity over the tables in their order, or along something; `populated` are known populations."""
+    """A panel a quantity over the tables in their order, or along something; `populated` are their populations."""
     known = {one.quantity.name: one for one in populated}
     figure = new_figure(WIDTH, 0.9 + HEIGHT * len(series))
     panels = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
@@ -64,9 +64,9 @@ def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated
     places = np.array(series.rows, dtype=float) if along is None else along.values[list(series.rows)]
     width, crowded = 1.6 if len(places) <= MANY else 0.7, len(places) > CROWDED
     outside = dict(series.outside)
-    for told in (False, True):
-        chosen = np.array(series.told) == told
-        colour = MODEL if told else FAINT
+    for own in (False, True):
+        chosen = np.array(series.determined) == own
+        colour = MODEL if own else FAINT
         panel.vlines(
             places[chosen], series.low[chosen] * shown.factor, series.high[chosen] * shown.factor,
             color=pale(colour, 0.35) if crowded else colour, linewidth=width,
@@ -90,12 +90,12 @@ def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated
 
 
 def _limit(panel: Axes, series: Series, there: NDArray[np.bool_], shown: ParameterAxis) -> None:
-    """Show the intervals of tables that tell the value, and the medians of all that are `there`: priors may reach
-    far.
+    """Show the intervals of tables whose data determine the value, and the medians of all that are `there`: priors
+    may reach far.
     """
-    told = there & np.array(series.told) if any(series.told) else there
-    low = np.nanmin([*series.low[told], *series.median[there]]) * shown.factor
-    high = np.nanmax([*series.high[told], *series.median[there]]) * shown.factor
+    own = there & np.array(series.determined) if any(series.determined) else there
+    low = np.nanmin([*series.low[own], *series.median[there]]) * shown.factor
+    high = np.nanmax([*series.high[own], *series.median[there]]) * shown.factor
     # One value alone spans nothing.
     if shown.logarithmic and 0.0 < low < high:
         log_scale(panel, *shown.margins(float(low), float(high)), "y")
@@ -114,7 +114,7 @@ def _levels(panel: Axes, series: Series, places: FloatArray, shown: ParameterAxi
 
 
 def _pooled(panel: Axes, series: Series, places: FloatArray, shown: ParameterAxis, populated: Populated) -> None:
-    """Beside each table what it has given all others."""
+    """Beside each table its value given all others."""
     tables = {table.name: populated.ends(table.known) for table in populated.population.tables if table.trusted}
     kept = [k for k, name in enumerate(series.names) if name in tables]
     middle, low, high = (shown.factor * np.array([tables[series.names[k]] for k in kept])).reshape(-1, 3).T
@@ -132,11 +132,11 @@ def _lines(
     populated: Populated | None,
 ) -> None:
     """The centre of all tables, or the line of a drift."""
-    line = next((line for item, line in series.drifts if item is along), None)
+    line = next((line for label, line in series.drifts if label is along), None)
     if line is not None:
-        told = np.array(series.told) & np.isfinite(places)
-        ends = np.linspace(np.min(places[told]), np.max(places[told]), 50)
-        heights = line.coefficients[0] + line.coefficients[1] * (ends - np.mean(places[told]))
+        used = np.array(series.determined) & np.isfinite(places)
+        ends = np.linspace(np.min(places[used]), np.max(places[used]), 50)
+        heights = line.coefficients[0] + line.coefficients[1] * (ends - np.mean(places[used]))
         heights = np.exp(heights) if series.logarithmic else heights
         panel.plot(ends, heights * shown.factor, color=TREND, linewidth=1.5)
     elif populated is not None:
@@ -153,4 +153,4 @@ def _name_tables(panel: Axes, tables: Sequence[str]) -> None:
     panel.xaxis.set_major_locator(FixedLocator(places))
     panel.set_xticklabels([verbatim(tables[place]) for place in places], rotation=90, fontsize=7)
     panel.set_xlim(-0.7, len(tables) - 0.3)
-    panel.set_xlabel("table" if step == 1 else f"table (every {step}th named)")
+    panel.set_xlabel("table" if step == 1 else f"table (one in {step} named)")

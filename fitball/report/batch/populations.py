@@ -27,9 +27,9 @@ from fitball.values import FloatArray
 
 @dataclass(frozen=True)
 class Populated:
-    """A quantity over tables: its `population` in the coordinate, and `own`, what each table says alone, by name;
-    `left_out` are tables that have no draws of it, with the reason; `over` is what its levels are of, empty without
-    levels, and `said` what is to be said of them.
+    """A quantity over tables: its `population` in the coordinate, and `own`, the value of each table alone, by name;
+    `left_out` are tables that have no draws of it, with the reason; `over` is the label of its levels, empty without
+    levels, and `remarks` are on them.
     """
 
     quantity: Quantity
@@ -38,16 +38,16 @@ class Populated:
     own_sds: Mapping[str, float]
     left_out: Mapping[str, str]
     over: str = ""
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """What it is called beside others."""
+        """Its name beside others."""
         return self.quantity.name
 
     @property
     def scale(self) -> Scale:
-        """The unit in which people read it."""
+        """The handy unit of it."""
         return handy(self.quantity.name, self.quantity.unit)
 
     @property
@@ -56,14 +56,14 @@ class Populated:
         return axis_label(self.name, self.scale.unit)
 
     def ends(self, known: Known) -> tuple[float, float, float]:
-        """Median, low and high end of something in the coordinate, in SI."""
+        """Median, low and high end of a value in the coordinate, in SI."""
         value = self.quantity.value
         return value(known.median), value(known.low), value(known.high)
 
 
 @dataclass
 class _Gathered:
-    """What tables gave of a quantity."""
+    """The draws of a quantity, table by table."""
 
     quantity: Quantity
     tables: list[tuple[str, FloatArray, dict[str, Prior | float], float]] = field(default_factory=list)
@@ -71,9 +71,9 @@ class _Gathered:
 
 
 def default_names(series: Sequence[Series]) -> tuple[str, ...]:
-    """The parameters that enough tables tell by themselves."""
+    """The parameters that the data of enough tables determine."""
     return tuple(
-        one.quantity for one in series if known(one.quantity) and one.drawn and sum(one.told) >= LEAST_TABLES
+        one.quantity for one in series if known(one.quantity) and one.drawn and sum(one.determined) >= LEAST_TABLES
     )
 
 
@@ -133,7 +133,7 @@ def _populated(one: _Gathered, grouping: Grouping) -> Populated:
             f"population of {asked.name}: {len(one.tables)} tables have draws of it, expected at least {LEAST_TABLES}"
             + "".join(f"; {name}: {why}" for name, why in list(one.left_out.items())[:3])
         )
-    # Of what the prior of any table excludes, that table says nothing: the population is that of what all allow.
+    # Values that the prior of any table excludes are left out: the population is that of what all priors allow.
     sides = np.array([asked.ends(priors) for _name, _draws, priors, _efficiency in one.tables])
     ends = float(sides[:, 0].max()), float(sides[:, 1].min())
     tables = []
@@ -160,7 +160,7 @@ def _populated(one: _Gathered, grouping: Grouping) -> Populated:
         )
     before = asked.before(ends)
     found = population_over(levels, before) if grouping.levels else population(tables, before)
-    return Populated(asked, found, own, sds, one.left_out, grouping.over, grouping.said)
+    return Populated(asked, found, own, sds, one.left_out, grouping.over, grouping.remarks)
 
 
 POPULATION_JSON, POPULATION_CSV = "population.json", "population.csv"
@@ -185,8 +185,8 @@ def table_rows(populated: Populated) -> list[dict[str, object]]:
         row: dict[str, object] = {
             "quantity": populated.quantity.name, "unit": populated.quantity.unit, "table": table.name
         }  # fmt: skip
-        for head, told in (("", populated.own[table.name]), ("pooled_", table.known)):
-            row |= {f"{head}{end}": value for end, value in _ends(populated, told).items()}
+        for head, value_of in (("", populated.own[table.name]), ("pooled_", table.known)):
+            row |= {f"{head}{end}": value for end, value in _ends(populated, value_of).items()}
         row |= {"effective_draws": table.effective, "pareto_k": _finite(table.pareto_k), "trusted": table.trusted}
         row |= {"level": levels.get(table.name)}
         rows.append(row)
@@ -194,13 +194,13 @@ def table_rows(populated: Populated) -> list[dict[str, object]]:
 
 
 def content(populated: Sequence[Populated]) -> Mapping[str, object]:
-    """What `population.json` holds."""
+    """The content of `population.json`."""
     return {"kind": KIND, "quantities": {one.quantity.name: _quantity(one) for one in populated}}
 
 
 def _quantity(one: Populated) -> Mapping[str, object]:
     found = one.population
-    told: dict[str, object] = {
+    record: dict[str, object] = {
         "unit": one.quantity.unit,
         "logarithmic": one.quantity.log,
         "tables": len(found.tables),
@@ -211,13 +211,13 @@ def _quantity(one: Populated) -> Mapping[str, object]:
         "left_out": dict(one.left_out),
     }
     if found.levels:
-        told |= {
+        record |= {
             "over": one.over,
             "within": None if found.within is None else _spread(found.within),
             "new_level": None if found.new_level is None else _ends(one, found.new_level),
             "levels": {level.name: _level(one, level) for level in found.levels},
         }
-    return told
+    return record
 
 
 def _level(one: Populated, level: Level) -> Mapping[str, object]:

@@ -31,7 +31,7 @@ def failed_row(name: str, reason: str) -> Row:
 
 def row_of(name: str, saved: Fit, problem: Problem) -> Row:
     """The row of a fit: outcome, adequacy, labels that the whole table has in common or its scene states, each
-    parameter, court pace and what a drop test tells.
+    parameter, court pace and restitution of a drop test.
     """
     found = _found(name, saved)
     scene, labels = problem.scene, problem.table.labels
@@ -42,7 +42,7 @@ def row_of(name: str, saved: Fit, problem: Problem) -> Row:
 
 
 def _found(name: str, saved: Fit) -> Row:
-    """What a fit itself says of its row, which is all but the labels."""
+    """The row of a fit without its labels."""
     row: Row = {
         NAME: name,
         "outcome": DONE,
@@ -67,12 +67,12 @@ def _found(name: str, saved: Fit) -> Row:
 
 
 def check_row(row: Row, saved: Fit, place: Path) -> None:
-    """Raise ResultFolderError where a row that was read at `place` says something else than the fit it is of."""
+    """Raise ResultFolderError where a row that was read at `place` differs from its fit."""
     found = _found(str(row[NAME]), saved)
     for head, cell in row.items():
         if not head.startswith(LABEL) and cell != found.get(head):
-            said = f"its fit.json says {found.get(head)!r}"
-            raise damaged(place, f"table {row[NAME]!r}: {head} is {cell!r}, but {said}")
+            own = f"its fit.json says {found.get(head)!r}"
+            raise damaged(place, f"table {row[NAME]!r}: {head} is {cell!r}, but {own}")
 
 
 def read_rows(text: str) -> tuple[Row, ...]:

@@ -1,5 +1,5 @@
 """Columns of a batch as series: each parameter over the tables, along what the tables can be ordered by; and on which
-level each table lies: by a label that all its rows share, by its folder, or as told.
+level each table is: by a label that all its rows share, by its folder, or as given.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fitball.values import FloatArray
 from fitball.wording import option
 
 PACE = "court_pace"
-TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
+DETERMINED = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.CONDITIONAL)
 # Chance that a line is called a drift where there is none.
 FALSE_DRIFT = 0.05
 # Half of a 95 % interval in standard deviations.
@@ -53,12 +53,12 @@ class Along:
 @dataclass(frozen=True)
 class Series:
     """One quantity over the tables: `names` of those that have it, at `rows`; (tables,) median, sd, ends of the 95 %
-    interval, SI (NaN of a point fit, but for the median, its best value); `told` where the table itself told the
-    value, not its prior alone.
+    interval, SI (NaN of a point fit, but for the median, its best value); `determined` where the table's data
+    determine the value, not its prior alone.
 
-    `centre` is about what value the `told` ones scatter and how much, `drifts` the line over each thing they can be
-    set along (only those that are surely not level), `outside` (row, distance in standard deviations). All three are
-    of natural logarithms where the quantity is `logarithmic`: one that is known to a factor.
+    `centre` is the mean of the `determined` ones and how far they scatter, `drifts` the line along each label (only
+    those with a significant slope), `outside` (row, distance in standard deviations). All three are of natural
+    logarithms where the quantity is `logarithmic`: one that is known to a factor.
     """
 
     quantity: str
@@ -69,7 +69,7 @@ class Series:
     sd: FloatArray
     low: FloatArray
     high: FloatArray
-    told: tuple[bool, ...]
+    determined: tuple[bool, ...]
     logarithmic: bool
     centre: Line | None
     drifts: tuple[tuple[Along, Line], ...]
@@ -82,7 +82,7 @@ class Series:
 
     @property
     def name(self) -> str:
-        """The quantity as people call it."""
+        """The quantity as it is called in sentences."""
         return (
             "court pace"
             if self.quantity == PACE
@@ -91,7 +91,7 @@ class Series:
 
     @property
     def scale(self) -> Scale:
-        """The unit in which people read it."""
+        """The handy unit of it."""
         return handy(self.quantity, self.unit)
 
     @property
@@ -123,9 +123,9 @@ def _along(name: str, cells: Sequence[object]) -> Along | None:
     texts = [None if cell is None else str(cell).strip() for cell in cells]
     # Dates first: 20261122 is one.
     for read in (_days, _numbers):
-        made = read(name, texts)
-        if made is not None and len(np.unique(made.values[np.isfinite(made.values)])) > 2:
-            return made
+        along = read(name, texts)
+        if along is not None and len(np.unique(along.values[np.isfinite(along.values)])) > 2:
+            return along
     return None
 
 
@@ -174,15 +174,15 @@ def _series(name: str, rows: Sequence[Row], along: Sequence[Along]) -> Series | 
     median = np.array([_or_nan(row[head]) for _, row in found])
     sd = np.array([_or_nan(row.get(f"{name}_sd")) for _, row in found])
     sd = np.where(np.isnan(sd), (ends[1] - ends[0]) / (2.0 * REACH), sd)
-    told = np.array([_told(row.get(f"{name}_verdict")) for _, row in found])
+    determined = np.array([_determined(row.get(f"{name}_verdict")) for _, row in found])
     places = np.array([place for place, _ in found])
     scaled = _logarithmic(name) and bool(np.all(ends[0] > 0.0))
     values = np.log(median) if scaled else median
     errors = np.log(ends[1] / ends[0]) / (2.0 * REACH) if scaled else sd
-    counted = told & np.isfinite(errors)
+    counted = determined & np.isfinite(errors)
     centre = random_effects(values[counted], errors[counted]) if counted.any() else None
     drifts = tuple(
-        (item, line) for item in along if (line := _drift(item, places, values, errors, counted)) is not None
+        (label, line) for label in along if (line := _drift(label, places, values, errors, counted)) is not None
     )
     outside: tuple[tuple[int, float], ...] = ()
     if centre is not None:
@@ -191,7 +191,7 @@ def _series(name: str, rows: Sequence[Row], along: Sequence[Along]) -> Series | 
         outside = tuple(zip(places[counted][beyond].tolist(), distance[beyond].tolist(), strict=True))
     return Series(
         name, head.partition(" [")[2].removesuffix("]"), tuple(str(row[NAME]) for _, row in found),
-        tuple(map(int, places)), median, sd, ends[0], ends[1], tuple(map(bool, told)), scaled, centre, drifts,
+        tuple(map(int, places)), median, sd, ends[0], ends[1], tuple(map(bool, determined)), scaled, centre, drifts,
         outside,
     )  # fmt: skip
 
@@ -212,8 +212,8 @@ def _drift(
     return line if line is not None and line.p[1] < FALSE_DRIFT else None
 
 
-def _told(verdict: object) -> bool:
-    return verdict is None or str(verdict).startswith(tuple(map(str, TOLD)))
+def _determined(verdict: object) -> bool:
+    return verdict is None or str(verdict).startswith(tuple(map(str, DETERMINED)))
 
 
 def _number(cell: object) -> float | None:
@@ -229,26 +229,26 @@ def _or_nan(cell: object) -> float:
 FOLDER = "folder"
 # What every table is a level of by itself.
 TABLE = "table"
-# What levels are called that are told table by table.
+# The name of levels that are given table by table.
 LEVEL = "level"
 Over = str | Mapping[str, str] | None
 
 
 @dataclass(frozen=True)
 class Grouping:
-    """The level of each table that has one, `over` what; none where every table is a level by itself. `said` is what
-    is to be said of that.
+    """The level of each table that has one, by the label `over`; none where every table is a level by itself.
+    `remarks` are on the levels.
     """
 
     over: str = ""
     levels: Mapping[str, str] = field(default_factory=dict)
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def grouped(rows: Sequence[Row], over: Over) -> Grouping:
-    """Tables grouped `over` a label, over "folder", or as a mapping of tables to levels tells.
+    """Tables grouped `over` a label, over "folder", or by a mapping of tables to levels.
 
-    Numbers or dates of which every table has its own are no levels: what drifts along them is told of a batch anyway.
+    Numbers or dates of which every table has its own are no levels: drifts along them are reported of any batch.
     Raises ParameterError for a label that no table has, or all have the same.
     """
     if over is None or over == TABLE:
@@ -264,22 +264,20 @@ def grouped(rows: Sequence[Row], over: Over) -> Grouping:
     if count < 2:
         same = ", ".join(set(levels.values()))
         raise ParameterError(f"{option('over', name)}: one level alone, {same}; expected at least two levels")
-    along = next((item for item in things_along(rows) if item.name == name), None)
+    along = next((label for label in things_along(rows) if label.name == name), None)
     kind = "" if along is None else "dates" if along.first_day is not None else "numbers"
     if kind and count == len(levels):
-        return Grouping(said=(_DRIFT.format(name=name, kind=kind),))
-    said = [f"{len(levels):,} tables lie on {count:,} levels of {name}."]
+        return Grouping(remarks=(_DRIFT.format(name=name, kind=kind),))
+    remarks = [f"{len(levels):,} tables on {count:,} levels of {name}."]
     without = [table for table in done if table not in levels]
     if without:
-        said.append(f"Left out, without one {name} for all their rows: {listed(without[:5])}{_more(without)}.")
+        remarks.append(f"Left out, without one {name} for all their rows: {listed(without[:5])}{_more(without)}.")
     if kind:
-        said.append(
-            f"{name} holds {kind}, which are taken as names of levels; what drifts along them is told beside."
-        )
-    return Grouping(name, levels, (*said, *_weak(name, count, len(levels))))
+        remarks.append(f"{name} holds {kind}. They are used as names of levels; a drift along them is reported too.")
+    return Grouping(name, levels, (*remarks, *_weak(name, count, len(levels))))
 
 
-_DRIFT = "{name} holds {kind}, and every table another: there are no levels; what drifts along it is told."
+_DRIFT = "{name} holds {kind}, different in every table: no levels are used. A drift along it is reported."
 
 
 def _labelled(done: Mapping[str, Row], over: str) -> dict[str, str]:
@@ -297,18 +295,20 @@ def _labelled(done: Mapping[str, Row], over: str) -> dict[str, str]:
 
 
 def _weak(name: str, levels: int, tables: int) -> list[str]:
-    """What so few levels and tables hardly tell."""
-    said = []
+    """What so few levels and tables hardly determine."""
+    sentences = []
     if levels == 2:
-        said.append(f"Two levels of {name} hardly tell how far levels lie apart: that spread rests on its prior too.")
+        sentences.append(
+            f"Two levels of {name} hardly determine the spread between levels: it depends on its prior too."
+        )
     if tables == levels:
-        said.append(
-            f"Every {name} has one table: how tables of one {name} differ cannot be told from how levels do, and the "
-            "spread is of both."
+        sentences.append(
+            f"Every {name} has one table. Differences between tables and between levels cannot be separated: the "
+            "spread contains both."
         )
     elif tables == levels + 1:
-        said.append(f"One {name} alone has two tables: the spread within levels rests on its prior too.")
-    return said
+        sentences.append(f"Only one {name} has two tables: the spread within levels depends on its prior too.")
+    return sentences
 
 
 def _more(names: Sequence[str]) -> str:

@@ -106,12 +106,12 @@ def _agreement(fit: Fit, observable: Observable) -> Agreement:
     return Agreement(observable.name, measured_rows(observable), measured, predicted, model, ends)
 
 
-def interval_band(item: Agreement, interval: FloatArray) -> tuple[FloatArray, FloatArray]:
+def interval_band(agreement: Agreement, interval: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Places (bins,) and ends (2, bins) of the interval about the 1:1 line: medians over bins of equal count."""
-    order = np.argsort(item.predicted, kind="stable")
+    order = np.argsort(agreement.predicted, kind="stable")
     parts = [part for part in np.array_split(order, BAND_BINS) if part.size]
-    places = np.array([np.median(item.predicted[part]) for part in parts])
-    ends = np.stack([[np.median(side[part] - item.predicted[part]) for part in parts] for side in interval])
+    places = np.array([np.median(agreement.predicted[part]) for part in parts])
+    ends = np.stack([[np.median(side[part] - agreement.predicted[part]) for part in parts] for side in interval])
     return places, places + ends
 
 

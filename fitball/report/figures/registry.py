@@ -106,8 +106,8 @@ FIGURES: Mapping[str, Kind] = {
     ),
     "force": Kind(
         "force-time records against the posterior prediction",
-        "Force records (points: means of samples, with sensor noise) and the model: 95 % interval of its force "
-        "(dark) and of a record (light, with sensor noise and misfit).",
+        "Force records (points: means of samples, with sensor noise). Dark band: 95 % interval of the model's force. "
+        "Light band: that of a record, with sensor noise and misfit.",
         "predictions",
         "predictions",
         no_records,

@@ -10,7 +10,7 @@ from fitball.inference.thesis.published_cases import PublishedCase, compare_case
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
-from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, evidence_parts
+from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, brief_answer, evidence_parts
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import (
     balance_table,
@@ -40,14 +40,14 @@ from fitball.report.form.numbers import (
     told_line,
 )
 from fitball.version import versions_line
-from fitball.wording import speaking_to_command_line
+from fitball.wording import speaking_to_command_line, spoken
 
 # Parameters of the three best cases of the thesis, in SI where that has no handy multiple.
 PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope")
 SI_UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "eps_10": "m", "eps_slope": "m/(m/s)"}
 CASES = (
-    "{} The cases are those of Table 9 of Jafri (2004), with Eq. (53) and the damping and mean restitution of "
-    "Chapter V, computed as in the thesis. This fit: {}. Units of the thesis first, SI below."
+    "{} The cases are those of Table 9 of Jafri (2004), computed as in the thesis: with Eq. (53), and with the "
+    "damping and mean restitution of Chapter V. This fit: {}. Units of the thesis first, SI below."
 )
 
 
@@ -167,13 +167,13 @@ def fit_document(
 
 def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
     """The first screen, and the top of the page."""
-    answer = fit.adequacy.sentence if fit.adequacy is not None else ""
+    answer = "" if fit.adequacy is None else fit.adequacy.sentence
     results = [*lead_lines(fit.drop_test), *measured_lines(fit), *pace_lines(fit)]
     left = len(results) - MOST_RESULTS
     brief = results if left <= 0 else [*results[:4], f"... and {left + 1} more: report.html", *results[-2:]]
     warnings = [f"Warning: {line}" for line in warning_lines(fit)]
     pooled = [f"{it.parameter} differs between {len(it.labels)} {it.column}s." for it in fit.problem.pooling]
-    sentences = [answer, fit.verdict.removeprefix(answer).strip(), *pooled]
+    sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled]
     found: list[Part] = [
         Words(results, "list", "page"),
         Words(brief, "lead", "terminal", "first"),
@@ -196,7 +196,8 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
 
 
 def _where(folder: Path | None) -> list[str]:
-    return [] if folder is None else [f"Report: {folder / 'report.html'} (here: --full)."]
+    here = spoken(" (here: --full)", "")
+    return [] if folder is None else [f"Report: {folder / 'report.html'}{here}."]
 
 
 def _folded_sections(fit: Fit, drawn: Mapping[str, list[Part]], command: str | None) -> list[Section]:

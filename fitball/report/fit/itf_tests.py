@@ -39,10 +39,10 @@ LIKELY = 0.005
 NARROWED = 0.2
 QUANTITIES = {"v_y1": "vertical speed", "theta_1": "angle", "omega_1": "spin"}
 PACE = (
-    "The ITF court pace rating (CS 01/02) is 100 (1 - mu) + 150 (0.81 - e_T) of a test impact at 30 m/s and 16 "
-    "degrees with little spin. Here the model predicts the velocities of that impact. mu is the apparent friction of "
-    'the test impact; it equals the coefficient of sliding friction if the ball slides throughout. The column "by '
-    'fitted mu" has the rating with the fitted coefficient instead. A large rating is fast. '
+    "The ITF court pace rating (CS 01/02) is 100 (1 - mu) + 150 (0.81 - e_T). Its test impact has 30 m/s, 16 degrees "
+    "and little spin; here the model predicts the velocities. The mu of the rating is the apparent friction of that "
+    'impact. It equals the coefficient of sliding friction if the ball slides throughout. The column "by fitted mu"'
+    " has the rating with the fitted coefficient instead. A large rating is fast. "
     "Slow: up to 29; medium-slow: 30 to 34; medium: 35 to 39; medium-fast: 40 to 44; fast: from 45."
 )
 

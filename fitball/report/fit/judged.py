@@ -4,12 +4,14 @@ how do results depend on model assumptions.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
 from fitball.inference.results.assumptions import PACE, Alternative, Assumptions
 from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.results import Estimate, Fit, Verdict
+from fitball.inference.results.sentences import HINTS, RESIDUALS, capital
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Part, Row, Table, Words, judged
 from fitball.report.form.numbers import (
@@ -55,7 +57,8 @@ SCORES = (
     "Score: log predictive density of impacts left out one at a time, with the standard error of the difference. A "
     "variant fits equally well unless it is significantly worse: by more than two standard errors and by more than "
     "4. A value depends on an assumption if a variant that fits equally well moves it by more than two of its "
-    "sds: the median, or an end of the 95 % interval outwards. `fitball compare` fits such models in full."
+    "sds. What counts is the median, or an end of the 95 % interval outwards. To fit variants in full: "
+    "`fitball compare`."
 )
 CONSTANTS = (
     "Medians at both ends of the range of a constant, to first order. The range is two stated sds, else the ITF's "
@@ -98,7 +101,7 @@ def adequacy_parts(fit: Fit) -> list[Part]:
         for it in sorted(surest.values(), key=lambda it: (KINDS.index(it.kind), it.column))
     ]
     return [
-        Words(remarks(fit)),
+        Words([found.sentence, *remarks(fit)]),
         Table.of("Largest misfits", misfits, ["column"]),
         Words([NOISE], only="page"),
         Table.of("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
@@ -106,6 +109,16 @@ def adequacy_parts(fit: Fit) -> list[Part]:
         Table.of("Residual tests", patterns, [""], only="page"),
         Words([found.based_on], "quiet"),
     ]
+
+
+# How sentences begin that a first screen has no room for: sizes of residuals, and hints that may be chance.
+DETAILS = tuple(capital(template.partition("{")[0]) for template in (RESIDUALS, HINTS))
+
+
+def brief_answer(sentence: str) -> str:
+    """The sentences of an answer without details, which are with the residual tests."""
+    parts = re.split(r"(?<=[.]) (?=[A-Z])", sentence)
+    return " ".join(part for part in parts if not part.startswith(DETAILS))
 
 
 def _sureness(check: Check) -> tuple[float, float]:
@@ -138,7 +151,7 @@ def remarks(fit: Fit) -> list[str]:
         lines.append(f"To give outliers less weight, use {option('noise', 'student-t')}.")
     if "linked" in seen and fit.problem.incident is None and not fails:
         lines.append(
-            "Columns deviate together if the incident state has errors. State these errors in columns such as v_1_sd."
+            "Correlated residuals may come from errors of the incident state. State these in columns such as v_1_sd."
         )
     if fails:
         lines.append(

@@ -83,10 +83,7 @@ def measured_lines(fit: Fit) -> list[str]:
             row = parameter_row(item)
             among = f"{significant(float(speeds.min()), 2)} to {significant(float(speeds.max()), 2)} m/s"
             sure = " (95 %)" if row.median != "-" else ""
-            lines.append(
-                f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}, {item.verdict_words}; speeds "
-                f"measured: {among}."
-            )
+            lines.append(f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}; measured at {among}.")
     return lines
 
 
