@@ -307,7 +307,7 @@ ANSWERS = {
     Answer.DESCRIBES: "yes",
     Answer.EXCEPT: "yes, with exceptions",
     Answer.FAILS: "no",
-    Answer.UNTOLD: "too few data to test",
+    Answer.UNDECIDED: "too few data to test",
 }
 # The same in a cell.
 SHORT = {str(answer): words for answer, words in zip(ANSWERS, ("yes", "except", "NO", "too few data"), strict=True)}

@@ -66,7 +66,7 @@ ANSWERS = {
     Answer.DESCRIBES: "yes, no residual test finds a misfit",
     Answer.EXCEPT: "yes, with exceptions: {}",
     Answer.FAILS: "NO: {}",
-    Answer.UNTOLD: "too few data to test it",
+    Answer.UNDECIDED: "too few data to test it",
 }
 ERRORS = (
     "Root mean square errors. Each impact is predicted at the posterior maximum of a fit that leaves this impact out."

@@ -69,7 +69,7 @@ CONSTANTS = (
 # The answer in a few words.
 ANSWERS = {
     Answer.DESCRIBES: "yes", Answer.EXCEPT: "with exceptions", Answer.FAILS: "no",
-    Answer.UNTOLD: "too few data to test",
+    Answer.UNDECIDED: "too few data to test",
 }  # fmt: skip
 
 
@@ -103,11 +103,11 @@ def adequacy_parts(fit: Fit) -> list[Part]:
     ]
     return [
         Words([found.sentence, *remarks(fit)]),
-        Table.of("Largest misfits", misfits, ["column"]),
+        Table.from_rows("Largest misfits", misfits, ["column"]),
         Words([NOISE], only="page"),
-        Table.of("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
+        Table.from_rows("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
         Words([PATTERNS] * bool(patterns), only="page"),
-        Table.of("Residual tests", patterns, [""], only="page"),
+        Table.from_rows("Residual tests", patterns, [""], only="page"),
         Words([found.based_on], "quiet"),
     ]
 
@@ -218,11 +218,11 @@ def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     missing = f"No profile likelihoods: {found.profiles_missing}."
     return [
         Words([EVIDENCE.format(also[0], 100.0 * found.profile_coverage, also[1])], only="page"),
-        Table.of("Evidence on each parameter", _looks(fit, scene), ["", "unit", "verdict"], only="page"),
+        Table.from_rows("Evidence on each parameter", _looks(fit, scene), ["", "unit", "verdict"], only="page"),
         Words([*[missing] * bool(found.profiles_missing), *[ends] * bool(held)], "list"),
         *pictures,
         Words([DIRECTIONS] * bool(combined), only="page"),
-        Table.of("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
+        Table.from_rows("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
     ]
 
 
@@ -243,7 +243,7 @@ def _looks(fit: Fit, scene: bool) -> list[Row]:
                 "information": texts or "-",
                 "contraction": "-" if item.contraction is None else f"{item.contraction.contraction:.2f}",
                 "power: priors | likelihood": "-" if power is None else f"{power.prior:.2f} | {power.likelihood:.2f}",
-                "acts in": "-" if acts is None else f"{acts.acting} of {acts.of}",
+                "acts in": "-" if acts is None else f"{acts.acting} of {acts.total}",
                 "verdict": judged(estimate.verdict, estimate.verdict_words, estimate.reason),
             }
         )
@@ -261,7 +261,7 @@ def assumption_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     found = fit.assumptions
     if found is None:
         return []
-    moved = Table.of(
+    moved = Table.from_rows(
         "Shifts with constants of the ball",
         _moved_by_constants(fit, found),
         ["quantity", "unit", "over", "in this fit"],
@@ -283,11 +283,11 @@ def assumption_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     return [
         Words([_sentence(found)]),
         *pictures,
-        Table.of(
+        Table.from_rows(
             "Values over all variants that fit equally well", _spans(fit, found), ["unit", "with", "depends on"],
             aside=("95 % over all", "depends on"), rank="folded",
         ),
-        Table.of("Model variants", changes, ["changed to", "from", "fits"], only="page", rank="folded"),
+        Table.from_rows("Model variants", changes, ["changed to", "from", "fits"], only="page", rank="folded"),
         Words([SCORES], "quiet", "page"),
         *constants,
     ]  # fmt: skip

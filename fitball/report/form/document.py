@@ -51,9 +51,9 @@ class Cell(str):
         return cell
 
 
-def term(name: str, said: str) -> Cell:
-    """A name in bold with what is said of it."""
-    return Cell(f"{name}: {said}", Markup("<b>{}</b>: {}").format(name, _typeset(said)))
+def term(name: str, meaning: str) -> Cell:
+    """A name in bold and its meaning."""
+    return Cell(f"{name}: {meaning}", Markup("<b>{}</b>: {}").format(name, _typeset(meaning)))
 
 
 def judged(verdict: Verdict, words: str, reason: str = "") -> Cell:
@@ -78,9 +78,9 @@ class Words:
 @dataclass(frozen=True)
 class Table:
     """Rows of cells, heads first: the first column and those headed by one of `words` are flush left. `over` are
-    heads above the heads, each with its number of columns. Of many rows, `count` in all, some are shown, and the rest
-    stands in the file `rest`. A terminal has no room for the columns `aside`, its first screen for none but those
-    headed by one of `brief`.
+    heads above the heads, each with its number of columns. Of many rows, `count` in all, some are shown; the file
+    `rest` has the others. A terminal has no room for the columns `aside`; its first screen shows the first column and
+    those headed by one of `brief`.
     """
 
     label: str
@@ -95,7 +95,7 @@ class Table:
     rank: Rank = "full"
 
     @classmethod
-    def of(cls, label: str, rows: Sequence[Row], words: Collection[str] = (), **more: Any) -> Table:
+    def from_rows(cls, label: str, rows: Sequence[Row], words: Collection[str] = (), **more: Any) -> Table:
         """From rows by head, of which some may lack some."""
         heads = list(dict.fromkeys(head for row in rows for head in row))
         return cls(label, [heads, *([row.get(head, "") for head in heads] for row in rows)], words, **more)
@@ -286,7 +286,7 @@ def as_page(document: Document, images: Mapping[str, bytes]) -> str:
 
 
 def _beside(parts: Sequence[Part], images: Mapping[str, bytes]) -> Markup:
-    """What comes first on a page: a picture that a table follows stands beside it where there is room."""
+    """What comes first on a page: a picture beside the table that follows it, where there is room."""
     made: list[Markup] = []
     for k, part in enumerate(parts):
         before, after = parts[k - 1 : k], parts[k + 1 : k + 2]
@@ -386,7 +386,7 @@ def _table(part: Table) -> Markup:
     whole = Markup("<table>\n<caption>{}</caption>\n<thead>{}</thead>\n<tbody>\n{}\n</tbody></table>")
     made = BOX.format(part.label, "", whole.format(part.label, head, body))
     if (left := max(part.count, len(part.rows) - 1) - MOST_ROWS) > 0:
-        made += Markup('\n<p class="quiet">{:,} more stand in {}.</p>').format(left, _typeset(part.rest))
+        made += Markup('\n<p class="quiet">{:,} more: {}.</p>').format(left, _typeset(part.rest))
     folded = Markup("<details><summary>{}</summary>\n{}</details>")
     return folded.format(part.label, made) if part.rank == "folded" else made
 
