@@ -240,7 +240,7 @@ def test_examples_come_from_the_inputs_that_give_them():
         printed_tables.rebound_words(rows, 2)
     )
     assert printed_tables.transition_words(rows, 1) == ""
-    assert "give 0.315; nearest is 0.341 with those of C11, case 5 (V_x1 = 13.76" in (
+    assert "give 0.315. The nearest is 0.341, with those of C11, case 5 (V_x1 = 13.76" in (
         printed_tables.transition_words(rows, 2)
     )
     agreed = rows.assign(transition=np.where(rows["transition"] == "", "", "0.3147"))

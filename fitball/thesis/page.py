@@ -121,16 +121,16 @@ CAPTIONS: Mapping[str, str] = {
         "another c_y."
     ),
     "transition": (
-        "Figs 25, 27 and 28: centre and surface velocity during contact for the two examples of Chapter III, the "
-        "second with the inputs its rebound comes from. Open marks: printed rebounds; dotted: printed transition."
+        "Figs 25, 27 and 28: centre and surface velocity during contact for the two examples of Chapter III. The "
+        "second has the inputs of its rebound. Open marks: printed rebounds; dotted: printed transition."
     ),
     "offset": (
         "Fig. 20: spin of the shell while rolling, for three offsets of the normal force, from the second example's "
         "transition on."
     ),
     "errors": (
-        "Appendix D before and after: percentage errors of the three cases, and of the two-mass ball fitted freely "
-        "to all 21 impacts (posterior median, default model)."
+        "Appendix D before and after: percentage errors of the three cases, and of the two-mass ball fitted freely. "
+        "The fit is the posterior median of the default model for all 21 impacts."
     ),
 }
 NAMES: Mapping[str, tuple[str, str]] = {

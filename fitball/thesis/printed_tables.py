@@ -184,7 +184,7 @@ def transition_words(rows: pd.DataFrame, number: int) -> str:
     given = ", ".join(f"{share:.3f} with the inputs {label}" for label, share in others.items())
     return (
         f"Example {number}: the printed transition, {printed:g}, is not that of the printed rebound, whose inputs "
-        f"({_inputs(mine['used'])}) give {shares['used']:.3f}; nearest is {shares[nearest]:.3f} with those of "
+        f"({_inputs(mine['used'])}) give {shares['used']:.3f}. The nearest is {shares[nearest]:.3f}, with those of "
         f"{nearest} ({_inputs(mine[nearest])}); {given}."
     )
 

@@ -195,8 +195,8 @@ def check(cells: pd.DataFrame) -> Check:
     few, many = counted["candidates"].min(), counted["candidates"].max()
     finding = (
         f"{len(counted)} velocities and spins of Appendix C agree within {worst_c:.3f} % with inputs that were left "
-        f"over or mistyped, {int(np.sum(~in_c))} errors of Appendix D within {worst_d:.3f} points. No claim of the "
-        f"thesis changes. The inputs are from lists of {few:.0f} to {many:.0f} candidates. By chance "
+        f"over or mistyped. {int(np.sum(~in_c))} errors of Appendix D agree within {worst_d:.3f} points. No claim of "
+        f"the thesis changes. The inputs are from lists of {few:.0f} to {many:.0f} candidates. By chance "
         f"{chances(cells).sum():.2f} of them would agree as well, with {len(SOURCES)} lists tried in every group of "
         f"worksheets. {len(rest)} rows stay unexplained: {', '.join(rest)}."
     )
@@ -415,7 +415,7 @@ def slip_words(table: pd.DataFrame) -> str:
     return (
         f"The spin gained while sliding is I1/I2 times the value that follows from the loss of V_x (to {apart:.1f} "
         f"%): {listed(gained)}. A stray cosine reduces the velocity loss of a ball that slides throughout by up to "
-        f"{listed(stray)}. The exact solution of the equations differs from the computed rebounds by "
+        f"{listed(stray)}. The exact solution differs from the computed rebounds by "
         f"{digits(speed.min(), 2)} to {digits(speed.max(), 2)} m/s and {digits(spin.min(), 2)} to "
-        f"{digits(spin.max(), 2)} rad/s (rms over all impacts, range over the sets)."
+        f"{digits(spin.max(), 2)} rad/s (rms, range over the sets)."
     )
