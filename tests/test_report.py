@@ -264,7 +264,7 @@ def test_the_methods_text_has_the_numbers_of_the_fit(two_mass, point_fit):
     mu, found = two_mass.parameters["mu"], two_mass.assumptions
     for words in (
         f"{len(two_mass.problem.table)} impacts", f"{sampler.ensembles} independent ensembles",
-        f"R-hat of at most {sampler.max_r_hat:.3f}", f"{len(two_mass.adequacy.checks)} residual tests",
+        f"R-hat of at most {sampler.max_r_hat:.3f}", f"Of {len(two_mass.adequacy.checks)} residual tests",
         f"{len(found.alternatives)} model variants", f"{len(found.as_good)} fit equally well",
         f"mu = {mu.median:.3f} [{mu.q025:.3f}, {mu.q975:.3f}]", f"seed {two_mass.seed}",
     ):  # fmt: skip
