@@ -73,7 +73,7 @@ def test_what_is_wrong_with_a_data_frame_is_told_by_row_and_column():
         fitball.load_table(frame)
     with pytest.raises(FitballError, match="the header says"):
         fitball.load_table(frame, units={"v_y1": "mph"})
-    with pytest.raises(ParameterError, match="make no table"):
+    with pytest.raises(ParameterError, match="are not a table"):
         fitball.load_table({"v_y1": [4.0, 6.0], "v_y2": [3.2]})
 
 

@@ -293,7 +293,7 @@ def test_a_course_through_time(folder, point_fit):
     assert told.to_frame()[[f"v_x_{name} [m/s]" for name in names]].iloc[0].tolist() == levels.tolist()
     assert told.summary()["posterior"]["contact_time"] == dict(zip(names, levels, strict=True))
     for wrong in ({"fit": folder, "model": "two-mass"}, {"fit": point_fit, "values": {"mu": 1.0}}):
-        with pytest.raises(ParameterError, match="brings its own model"):
+        with pytest.raises(ParameterError, match="has its own model"):
             fitball.simulate("v=17, theta=18", **wrong)
-    with pytest.raises(ParameterError, match="follows one impact"):
+    with pytest.raises(ParameterError, match="takes one impact"):
         fitball.simulate(fitball.impacts([1.0, 2.0], 3.0))

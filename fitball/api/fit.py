@@ -381,8 +381,8 @@ def simulate(
     values: Mapping[str, Any] | None = None,
     draws: int = 200,
 ) -> Course:
-    """One impact through time, as the verb `simulate` computes it: from a fit, with bands from `draws` posterior
-    draws, or from a model at round default values, of which `values` [SI] replace some.
+    """One impact through time, as the verb `simulate` computes it. From a `fit` it has bands from `draws` posterior
+    draws; a `model` has round default values, of which `values` [SI] replace some.
 
     `impact` is a text or `fitball.impacts(...)` of one impact. Raises ParameterError, ModelError.
 

@@ -418,8 +418,8 @@ def _done(tasks: Sequence[Task], plan: Plan, engine: Engine) -> Iterator[Done]:
 def _lost(task: Task, how: str) -> Done:
     """The row of a table that ended the process that fitted it."""
     reason = (
-        f"the process that fitted it ended with {how}, also when it ran alone: the file makes a library crash, or "
-        "needs more memory than this machine has; check it, or leave it out"
+        f"the process that fitted it ended with {how}, also when it ran alone. The file makes a library crash, or "
+        "needs more memory than this machine has. Check it, or leave it out"
     )
     return Done(failed_row(task.name, reason))
 

@@ -99,7 +99,7 @@ def guess_of(name: str) -> tuple[str, ...]:
 
 
 def _told(name: str) -> list[tuple[str, str]]:
-    """What the words of a name tell, none where it has others."""
+    """The meanings of the words of a name, none if it has other words."""
     if len(name) > LONGEST:
         return []
     # Each part by itself first, so that "v_in" is not "vi" and "n".
@@ -215,7 +215,7 @@ class Header:
 
 
 def vocabulary(naming: Naming) -> Vocabulary:
-    """What a header of impacts is told by, where `naming` gives some columns names of their own."""
+    """How a header of impacts is recognised, with the names of columns in `naming`."""
 
     @cache
     def worth(cell: str) -> float:

@@ -52,7 +52,7 @@ def speeds_of_heights(columns: Columns, found: Findings) -> Columns:
             left |= {} if sd is None else {sd.name: sd}
             continue
         for k in np.flatnonzero(height.values <= 0.0).tolist():
-            found.fault(f"read {height.shown(k)}; expected a positive height above the court", name, k)
+            found.fault(f"read {height.text(k)}; expected a positive height above the court", name, k)
         made = _speed(speed, height)
         if speed in columns:
             _compare(height, made, columns[speed], found)
@@ -100,7 +100,7 @@ def _compare(height: NumberColumn, made: NumberColumn, speed: NumberColumn, foun
         excess = np.abs(made.values / np.abs(speed.values) - 1.0)
     for k in np.flatnonzero(excess > GROSS).tolist():
         found.fault(
-            f"read {height.shown(k)}, which gives {made.values[k]:.4g} m/s, but {speed.name} is "
+            f"read {height.text(k)}, which gives {made.values[k]:.4g} m/s, but {speed.name} is "
             f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row",
             height.name, k,
         )  # fmt: skip

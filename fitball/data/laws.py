@@ -33,7 +33,7 @@ _ABSURD = 1e9
 
 @dataclass(frozen=True)
 class Motion:
-    """Incident (1) and rebound (2) motion, each (impacts,) in m/s and rad/s; None where the columns do not tell.
+    """Incident (1) and rebound (2) motion, each (impacts,) in m/s and rad/s; None if undetermined.
 
     `contradictions` (impacts,) are differences between columns that say the same thing twice, as shares of the speed.
     """
@@ -131,7 +131,7 @@ class Misfit:
 
 
 def misfit(motion: Motion, ball: Ball) -> Misfit:
-    """Fit the laws to a motion and tell what is left."""
+    """Fit the laws to a motion; returns the residuals."""
     rows = next(len(item) for item in (motion.v_y1, motion.v_y2, motion.v_x1, motion.v_x2) if item is not None)
     residuals = dict[str, float]()
     cost = sum((float(np.sum(_penalty(share))) for share in motion.contradictions), 0.0)
@@ -320,8 +320,8 @@ def missing_above(columns: Columns, ball: Ball) -> str | None:
     above = int((size[gap] > limit).sum())
     return (
         f"omega_2 is missing where spins are large. Speeds show that {above} of {gaps} missing spins are above "
-        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random: "
-        "measure these spins by other means (more frames, marks on the ball), or leave out all impacts of such "
+        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random. "
+        "Measure these spins by other means (more frames, marks on the ball), or leave out all impacts with such "
         "speeds and angles"
     )
 
