@@ -316,7 +316,7 @@ def _spans(fit: Fit, found: Assumptions) -> list[Row]:
                 "this fit": scale.plus_minus(item.own.median, item.own.sd),
                 "medians over all": f"{scale.fixed(item.low, places)} to {scale.fixed(item.high, places)}",
                 "95 % over all": scale.interval(item.q025, item.q975, places),
-                "largest shift [sd]": fixed(item.shift, 1),
+                "shift [sd]": fixed(item.shift, 1),
                 "with": item.by,
                 "depends on": ", ".join(item.given),
             }

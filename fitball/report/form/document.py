@@ -152,9 +152,11 @@ class Document:
                 yield section, parts
 
 
-def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colour: bool = False) -> list[str]:
-    """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right. A cell stays
-    in its line, and has its colour where there is to be `colour`.
+def columns(
+    rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colour: bool = False, gap: int = 2
+) -> list[str]:
+    """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right, `gap` spaces
+    between them. A cell stays in its line, and has its colour where there is to be `colour`.
     """
     aligned = [k < left for k in range(len(rows[0]))] if isinstance(left, int) else left
     widths = _widths(rows)
@@ -165,7 +167,7 @@ def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colou
             text = one_line(cell, WIDEST)
             text = text.ljust(width) if flush else text.rjust(width)
             cells.append(_coloured(text, cell.colour) if colour and isinstance(cell, Cell) else text)
-        lines.append("  ".join(cells).rstrip())
+        lines.append((" " * gap).join(cells).rstrip())
     return lines
 
 
@@ -246,23 +248,27 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     if part.over:
         rows.insert(0, [text if k == 0 else "" for text, count in part.over for k in range(count)])
     lines: list[str] = []
-    for places in _side_by_side(_widths(rows)):
+    widths = _widths(rows)
+    # Columns are closer where that alone makes room for all of them.
+    gap = 1 if sum(widths) + len(widths) - 1 <= screen().width else 2
+    gap = 2 if sum(widths) + 2 * (len(widths) - 1) <= screen().width else gap
+    for places in _side_by_side(widths, gap):
         block = [[row[k] for k in places] for row in rows]
         lines += [""] * bool(lines)
-        lines += columns(block, [part.left[kept[k]] for k in places], screen().colour)
+        lines += columns(block, [part.left[kept[k]] for k in places], screen().colour, gap)
     lines += more(max(part.count, len(part.rows) - 1), part.rest.replace("`", ""), most)
     return [f"{part.label}:", "", *lines] if labelled else lines
 
 
-def _side_by_side(widths: Sequence[int]) -> list[list[int]]:
+def _side_by_side(widths: Sequence[int], gap: int) -> list[list[int]]:
     """Numbers of the columns that the screen has room for at once, the first in every block."""
     blocks, taken = [[0]], widths[0]
     for k, width in enumerate(widths[1:], start=1):
-        if taken + 2 + width > screen().width and len(blocks[-1]) > 1:
+        if taken + gap + width > screen().width and len(blocks[-1]) > 1:
             blocks.append([0])
             taken = widths[0]
         blocks[-1].append(k)
-        taken += 2 + width
+        taken += gap + width
     return blocks
 
 
