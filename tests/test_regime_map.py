@@ -129,7 +129,7 @@ def test_the_map_of_a_fit_has_its_impacts(grip_slip_folder, tmp_path, capsys):
         (["--map", "theta=-10..80"], "between 0 and 180"),
         (["--map", "--impact", "v=17, theta=18"], "leave out --impact"),
         (["--map", "--contours", "omega2"], "did you mean 'omega_2'"),
-        (["--map", "--contours", "contact_time", "--model", "grip-slip"], "model grip-slip has none"),
+        (["--map", "--contours", "contact_time", "--model", "grip-slip"], "model grip-slip"),
         (["--map", "--model", "thesis+damping=given"], "model thesis needs a value of c_y"),
         (["--impact", "v=17, theta=18", "--contours", "v_x2"], "--contours needs --map"),
     ],
