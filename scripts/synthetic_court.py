@@ -1,7 +1,7 @@
 """Write the bundled table of forty impacts, `datasets/synthetic_court.csv`, whose truth is known.
 
-As a student's table looks: km/h, degrees, rpm, two sessions, more flat balls than topspin; simulated by the model
-`two-mass`, with noise of its own in each measured column.
+It resembles a student's table: km/h, degrees, rpm, two sessions, more flat balls than topspin. The model is two-mass;
+each measured column has its own noise.
 """
 
 from __future__ import annotations

@@ -50,8 +50,8 @@ def write_case(
 ) -> Path:
     """Write `name`.csv and, with `records`, `name`_force.csv; return the table.
 
-    Starts of contact lie up to `latest` [s] after 1 ms, the force is multiplied by `scale`, and misses the model's by
-    a random course of `misfit` its peak, besides white `noise` [N]; `sd` [m/s] is that of the rebound speeds.
+    Contacts start up to `latest` [s] after 1 ms. The force is multiplied by `scale`. It deviates by a random course
+    of `misfit` its peak and by white `noise` [N]. `sd` [m/s] is that of the rebound speeds.
     """
     rng = np.random.default_rng(seed)
     lines, samples = ["id,v_y1,v_y2"], ["id,t [ms],F [N]"]

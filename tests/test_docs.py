@@ -47,6 +47,7 @@ from fitball.inference.results.source import COUNTS, NUMBERS
 from fitball.inference.sampling import ensembles as sampling
 from fitball.inference.sampling import importance, moves
 from fitball.models.registry import MODELS
+from fitball.models.specs import RANKED as NAMED
 from fitball.models.specs import SPECS
 from fitball.models.types import PHASE_SYMBOL, Closures, ThesisClosures
 from fitball.observables import NOISE_OF
@@ -169,6 +170,10 @@ def test_every_model_is_documented_with_its_composition_and_parameters():
     assert {row[0].strip("`"): row[1:] for row in table(PHYSICS, "model", "composition", "parameters")} == expected
 
 
+def test_help_texts_name_the_models_of_the_registry():
+    assert tuple(name for name, entry in MODELS.items() if entry.candidates) == NAMED
+
+
 def test_every_name_has_its_place():
     assert column(PHYSICS, "parameter", "symbol", "meaning") == set(SPECS)
     assert column(INFERENCE, "noise parameter", "of") == set(NOISE_SPECS)
@@ -177,6 +182,8 @@ def test_every_name_has_its_place():
     phases = {row[0].strip("`"): row[1].strip("`") for row in table(PHYSICS, "phase", "in words", "meaning")}
     assert phases == {phase.name: symbol for phase, symbol in PHASE_SYMBOL.items()}
     assert column(INFERENCE, "verdict", "when") == {str(item) for item in Verdict}
+    assert column(PAGES["verdicts.md"], "verdict", "meaning") >= {str(item) for item in Verdict} - {Verdict.GIVEN}
+    assert column(PAGES["glossary.md"], "verdict", "sentence") == {str(item) for item in Verdict}
     glossary = {row[0]: row[1] for row in table(PAGES["glossary.md"], "word", "meaning")}
     assert list(glossary) == sorted(glossary, key=str.lower)
     assert all(f"`{item}`" in glossary["verdict"] for item in Verdict)

@@ -252,7 +252,7 @@ def test_tables_that_differ_are_not_joined(tmp_path):
         ({"pool": {"mu": "surface"}}, FitError, "one label only"),
         ({"offsets": "court"}, FitError, "no label column 'court'"),
         # All of the ball is held; noise alone is no fit of a model.
-        ({"fix": {name: TRUE[name] for name in BALL}}, FitError, "nothing is left to fit"),
+        ({"fix": {name: TRUE[name] for name in BALL}}, FitError, "every parameter of model grip-slip is fixed"),
     ],
 )
 def test_impossible_structures_are_named(choices, error, words):

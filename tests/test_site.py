@@ -161,6 +161,14 @@ def test_a_page_broken_on_purpose_is_found(tmp_path, text, said):
     assert len(broken(tmp_path)) == 1 and said in broken(tmp_path)[0]
 
 
+def test_the_search_finds_pages_by_the_words_of_a_reader(site):
+    index = (site / "searchindex.js").read_text(encoding="utf-8")
+    titles = index[index.index("alltitles") :]
+    for words in ("Troubleshooting and questions", "One-sided", "Not converged", "How to measure", "Frame rate"):
+        assert f'"{words}"' in titles
+    assert '"troubleshoot"' in index
+
+
 def test_every_public_name_and_verb_is_documented(site):
     from fitball.cli.main import VERBS
 
@@ -240,6 +248,13 @@ def test_snippets_share_a_folder_and_a_namespace_and_are_woven_in(tmp_path):
         and "hidden" not in page.replace("print('hidden')", "")
     )
     assert not Path("a.csv").exists()
+
+
+def test_a_fence_in_a_comment_is_run_and_not_shown(tmp_path):
+    text = f"before\n\n<!--\n{page_of(('bash', 'echo hidden'))}\n-->\n\nafter\n"
+    (outcome,) = run_page(text, tmp_path / "page")
+    page = woven(text, [outcome], "made")
+    assert outcome.text == "hidden" and "echo" not in page and "<!--" not in page and ":class: output" in page
 
 
 def test_the_gallery_shows_every_kind_of_figure():

@@ -1,8 +1,8 @@
 """Effective draws a CPU second: fitball's sampling beside samplers people would take instead, on our own log
 posterior and on tables of different kinds.
 
-Each is given CPU seconds and coordinates, starts where ours does, and has its burn-in dropped; a density
-costs it what it costs fitball: samplers are compared and nothing else. Those that are not installed are named.
+Each has the same CPU seconds, coordinates, starting points and density, and its burn-in is dropped: only samplers are
+compared. Those that are not installed are named.
 """
 
 from __future__ import annotations

@@ -10,7 +10,14 @@ from fitball.inference.thesis.published_cases import PublishedCase, compare_case
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
-from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, brief_answer, evidence_parts
+from fitball.report.fit.judged import (
+    adequacy_parts,
+    assumption_line,
+    assumption_parts,
+    brief_answer,
+    evidence_parts,
+    next_line,
+)
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import (
     balance_table,
@@ -173,7 +180,7 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
     brief = results if left <= 0 else [*results[:4], f"... and {left + 1} more: report.html", *results[-2:]]
     warnings = [f"Warning: {line}" for line in warning_lines(fit)]
     pooled = [f"{it.parameter} differs between {len(it.labels)} {it.column}s." for it in fit.problem.pooling]
-    sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled]
+    sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled, *next_line(fit)]
     found: list[Part] = [
         Words(results, "list", "page"),
         Words(brief, "lead", "terminal", "first"),
