@@ -1,9 +1,9 @@
 """The environment of a run: settings of numba and limits of memory that make it impossible; notes on compiled
 kernels; modules that are seldom used, loaded when they are needed.
 
-lmfit, emcee and ArviZ's statistics import `scipy.stats`, pandas and more for functions that a fit does not call, and
-`scipy.optimize` all of `scipy.spatial` and, by way of array namespaces, numpy's wrapper of Fortran; that is more than
-half of what starting would cost.
+lmfit, emcee and ArviZ's statistics import `scipy.stats`, pandas and more for functions that a fit does not call.
+`scipy.optimize` imports all of `scipy.spatial` and numpy's wrapper of Fortran. Together these are more than half of
+the time to start.
 """
 
 from __future__ import annotations

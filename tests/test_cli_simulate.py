@@ -98,7 +98,7 @@ MISUSE = [
     (["--impact", "v=17, theta=18", "--model", "two-mass+torsion=stiff"], "closure torsion"),
     (["--impact", "v=17, theta=18", "--format", "jpg"], "unknown format 'jpg'"),
     (["--impact", "v=17, theta=18", "--fit", "nowhere", "--set", "mu=1"], "leave out --model and --set"),
-    (["--impact", "v=17, theta=18", "--fit", "nowhere"], "there is no such file"),
+    (["--impact", "v=17, theta=18", "--fit", "nowhere"], "no such file"),
     (["--example", "fig7"], "unknown example 'fig7'"),
     (["--example", "fig8", "--impact", "v=17, theta=18"], "leave out --impact"),
     ([], "simulate needs an impact"),

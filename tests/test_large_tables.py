@@ -266,7 +266,7 @@ def test_a_long_fit_is_read_back_whole(long_fits, tmp_path, capsys):
     # To predict takes no data, and a look at the range what fit.json holds.
     assert main(["predict", str(folder), "--impact", "v=17, theta=30"]) == 0
     assert main(["plot", str(folder), "residuals", "--out", str(tmp_path)]) == 2
-    assert "data.nc: there is no such file" in capsys.readouterr().err
+    assert "data.nc: no such file" in capsys.readouterr().err
 
 
 def test_spanning_impacts_have_the_same_range():

@@ -283,8 +283,8 @@ class Fit(results.Fit):
 
     @checked
     def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
-        """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
-        observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
+        """Draws and data for ArviZ, a DataTree with four chains of `draws` each. Its groups are posterior,
+        sample_stats, log_likelihood, posterior_predictive, prior, observed_data and constant_data.
 
         By default a thousand, fewer for long tables (see `exports.arviz_file`). `log_likelihood` has one value for
         each impact, the unit of leave-one-out. Raises ResultFolderError for a point fit.

@@ -1,5 +1,5 @@
-"""The verbs that need no table: `simulate`, for one impact through time, a map of regimes or a page with sliders; and
-those that examine the thesis and fitball itself, `rederive` and `bench`.
+"""The verbs that need no table. `simulate` computes one impact through time, a map of regimes or a page with sliders.
+`rederive` and `bench` examine the thesis and fitball itself.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What is wrong with the columns of a table, and with their numbers: columns that an impact needs, signs, ranges,
-parts larger than their whole, columns that say the same in other words; and what no ball can do: leave the court
-faster, or with more energy, than it came, beyond what its noise explains.
+"""Checks of the columns of a table and of their numbers: missing columns, signs, ranges, components larger than the
+speed, and redundant columns that disagree. Rebounds that are faster, or have more energy, than noise explains are
+faults too.
 """
 
 from __future__ import annotations
@@ -180,8 +180,8 @@ def check_ranges(columns: Columns, found: Findings) -> None:
 
 
 def check_directions(columns: Columns, found: Findings) -> None:
-    """Add a notice for the few rows whose ball comes the other way along the court than that of all others, or one
-    for all rows that come against the direction in which the table counts.
+    """Add a notice for the few rows whose ball moves in the opposite direction along the court to all others, or one
+    notice for all rows against the positive direction.
     """
     angle, along, up = columns.get("theta_1"), columns.get("v_x1"), columns.get("v_y1")
     if along is not None:

@@ -51,10 +51,10 @@ _COMING, _RISING = Limit(1.0e-3, 1000.0, "0.001 to 1000 m/s"), Limit(1.0e-4, inf
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column: the `end` of the bounce it is of ("1" incident, "2" rebound), its `dimension`; `positive` says what
-    it counts where it has no sign, `flip` its other way of counting, "" where there is none. Tables that count along
-    one fixed axis print a `turned` one negative throughout. `said` is what it is called in a line, besides its name;
-    `own_limit` goes before that of its dimension.
+    """One column: its `end` of the bounce ("1" incident, "2" rebound) and its `dimension`. `positive` is its meaning
+    where it has no sign, `flip` its opposite convention, "" if there is none. Tables that count along one fixed axis
+    print a `turned` one negative throughout. `said` is what it is called in a line, besides its name; `own_limit`
+    goes before that of its dimension.
     """
 
     name: str

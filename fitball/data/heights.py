@@ -1,5 +1,5 @@
-"""Drop tests as labs write them: the height a ball is dropped from, the height it rebounds to, and how high the ITF's
-types of ball may rebound from 254 cm (100 inches) off smooth granite.
+"""Drop tests as labs write them: heights of drop and rebound. The limits of the ITF's types of ball are for a drop
+from 254 cm (100 inches) on smooth granite.
 
 A ball at rest at a height h above the court arrives with v_y = sqrt(2 g h), one that leaves with v_y rises as high:
 energy without air. Heights are those of the bottom of the ball, as ITF rules have it.

@@ -1,5 +1,5 @@
-"""How well a table obeys the laws of an impulse on a round body, whatever the ball: a quick fit and its misfit; and
-what these laws say of spins whose signs are missing, or that are too fast for a camera, and of rows that are copies.
+"""A quick fit of the laws of an impulse on a round body to a table, for any ball, and its misfit. These laws also
+find missing signs of spins, spins too fast for a camera, and rows that are copies.
 
 With slip `u = v_x1 - R omega_1`, `a = I/(M R^2)` and the measured normal impulse per mass `s = v_y1 + v_y2`, the
 speed lost along the court is `a/(1 + a) ((1 + e_x) u + D s/(a R))` in a grip, at most `mu s` (Walton 1993; Foerster
@@ -352,8 +352,8 @@ NEAR = 10.0
 
 
 def repeats_of(table: ImpactTable, ball: Ball) -> tuple[str | None, str | None]:
-    """What there is to say of rows that are copies of others, and of rows that nearly are; None where chance explains
-    them, or where the table does not say how it was printed.
+    """Notes on rows that are copies of others, and on rows that nearly are; None if chance explains them, or if the
+    printed digits are unknown.
     """
     exact = _said(table, ball, 1.0)
     if exact is not None:

@@ -273,9 +273,9 @@ def without_empty(columns: Columns, found: Findings) -> Columns:
 def without_gaps(columns: Columns, rebound: bool, least: int, found: Findings) -> tuple[Columns, NDArray[np.int64]]:
     """The columns of the impacts that can be used, and the places of these among the rows.
 
-    Velocity cells that are missing are taken from speed and angle where their row has both. An impact whose incident
-    state, or, with `rebound`, whose whole rebound is missing is left out; where fewer than `least` stay, and where a
-    number has no sd although its column states them, that is a fault.
+    Velocity cells that are missing are taken from speed and angle where their row has both. An impact without an
+    incident state, or, with `rebound`, without any rebound is left out. It is a fault if fewer than `least` stay, or
+    if a number has no sd although its column has them.
     """
     count = len(found.rows)
     if not any(column.missing.any() for column in columns.values()):

@@ -69,10 +69,9 @@ LONGEST_LABEL = 200
 
 @dataclass(frozen=True)
 class Written:
-    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, its header's
-    cells as they stand (`heads`), and by our names the cells of its `numbers` with their `units` and those of its
-    `texts`, of which `extras` are no labels; with what was found so far. `files` are those it came from, none for a
-    DataFrame.
+    """A table before its numbers are read: `name`, `source`, SHA-256 of its bytes, and the cells of its header
+    (`heads`). The cells of its `numbers`, with their `units`, and of its `texts` are by fitball's names; `extras` are
+    texts that are no labels. `files` are those it came from, none for a DataFrame.
     """
 
     name: str

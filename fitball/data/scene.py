@@ -138,9 +138,9 @@ class Scene:
         return self.ball_type is not None or like_tennis(self.ball)
 
     def noise_of(self, name: str, speed: FloatArray) -> FloatArray:
-        """One sd (impacts,) of a rebound column that no table states, as known or else expected: that of the column,
-        of the spin, or of a velocity, for an angle across the flight at this `speed` [m/s] (NaN where that is not
-        known, infinite of a ball that stands).
+        """One sd (impacts,) of a rebound column without sds in the table, as known or else expected. For an angle it
+        is that of a velocity across the flight at this `speed` [m/s]: NaN if that is unknown, infinite for a ball at
+        rest.
         """
         velocity = self.nominal_velocity_sd if self.velocity_sd is None else self.velocity_sd
         own = getattr(self, NOISE_OF[name])

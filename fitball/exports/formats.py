@@ -1,5 +1,5 @@
-"""The forms that a fit can be exported in: what each is called, where it is made, which options it alone has; and a
-fit in one of them, written whole or not at all. Nothing heavy is loaded before a form is made.
+"""The formats of export: name, function and options of each; and a fit in one of them, written whole or not at all.
+Nothing heavy is loaded before a form is made.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class Format:
     """A form: a line of help, the function that makes it (`module:function` of this room), the `name` of its file by
     default, and the options that it takes. What `bounces` answers impacts.
 
-    The function takes a fit and those options, and gives the text of the file, or bytes; of several files, whose
-    `name` has no ending, texts by their endings; or one of these with a note on what one should know at once.
+    The function takes a fit and those options. It returns the text of the file, or bytes; for several files, whose
+    `name` has no ending, texts by their endings. A note for the user may come with it.
     """
 
     help: str

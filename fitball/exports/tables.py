@@ -1,6 +1,6 @@
-"""What answers impacts in the place of the solver: the golden impacts, what a port is fed with and what it should
-answer; rebounds on a grid, as CSV with what is known of them as JSON; and settings for engines that know restitution
-and friction only, as JSON and as a page with how to set them.
+"""Tables that replace the solver: the golden impacts, which are inputs and expected rebounds of a port; and rebounds
+on a grid, as CSV, with their description as JSON. Settings for game engines with restitution and friction only are
+JSON, and a page with instructions.
 """
 
 from __future__ import annotations

@@ -39,9 +39,9 @@ class Engine(Protocol):
         only results are held in memory. Tasks begin in the order of the items: the longest comes first.
 
         `here` replaces `make` in the calling process, if that works too: it has the same result, and may report
-        progress. With `lost` the calling process does no task, and a task can end no other: if its process dies (a
-        crash, too little memory), and again when it runs alone, `lost` makes the result from the item and the way in
-        which the process ended.
+        progress. With `lost` the calling process does no task, and a crash affects one task only. If the process of a
+        task ends (a crash, too little memory), and again when it runs alone, `lost` makes the result from the item
+        and the way it ended.
 
         The tasks stop when the iterator is closed. Raises ParameterError if a worker process was killed and there is
         no `lost`, and what `make` raises.
@@ -49,8 +49,8 @@ class Engine(Protocol):
 
 
 def engine(cores: int | None = None, scheduler: str | None = None) -> Engine:
-    """Joblib with `cores` processes on this machine (None: as many as it has), or the Dask cluster whose `scheduler`
-    is at an address (`tcp://host:8786`) or is described by a file that it wrote (`scheduler.json`).
+    """Joblib with `cores` processes on this machine (None: all cores), or a Dask cluster. Its `scheduler` is an
+    address (`tcp://host:8786`) or the file that it wrote (`scheduler.json`).
 
     Raises ParameterError for fewer than one core, or another kind of address.
     """
@@ -139,8 +139,8 @@ def tried_again(
 
 @dataclass(frozen=True)
 class ClusterEngine:
-    """Tasks on the cluster of the Dask scheduler at `place`, an address or the file that describes it: whatever Dask
-    runs on, be it processes, machines or a queue such as SLURM's.
+    """Tasks on the cluster of the Dask scheduler at `place`, an address or its file. Dask runs on processes, machines
+    or a queue such as SLURM's.
     """
 
     place: str
