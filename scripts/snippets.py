@@ -9,7 +9,7 @@ fence is only shown. Further words:
 - `status=2`: the exit code it must have;
 - `needs=node`: it is run only where that program is on the path, and only shown elsewhere.
 
-A fence inside an HTML comment (`<!--` on the line before, `-->` on the line after) is run, and its code is not shown.
+The code of a fence inside an HTML comment (`<!--` on the line before, `-->` on the line after) is run and not shown.
 `<!-- figure: FILE | WORDS -->` shows a picture that earlier snippets drew; `<!-- file: FILE | WORDS -->` links to
 a file that they wrote.
 """
