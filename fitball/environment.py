@@ -1,9 +1,9 @@
-"""What surrounds a run: settings of numba and a limit on the address space, which can make it impossible; kernels
-that are compiled first, and who is told; modules that others import and seldom use, loaded when they are used.
+"""The environment of a run: settings of numba and limits of memory that make it impossible; notes on compiled
+kernels; modules that are seldom used, loaded when they are needed.
 
-lmfit, emcee and ArviZ's statistics import `scipy.stats`, pandas and more for functions that a fit does not call, and
-`scipy.optimize` all of `scipy.spatial` and, by way of array namespaces, numpy's wrapper of Fortran; that is more than
-half of what starting would cost.
+lmfit, emcee and ArviZ's statistics import `scipy.stats`, pandas and more for functions that a fit does not call.
+`scipy.optimize` imports all of `scipy.spatial` and numpy's wrapper of Fortran. Together these are more than half of
+the time to start.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ def check_environment() -> None:
     check_address_space()
     if sys.flags.optimize > 1:
         raise EnvironmentSettingError(
-            "Python is told to drop docstrings, which packages that fitball uses need: unset PYTHONOPTIMIZE, or "
-            "start it without -OO"
+            "Python runs without docstrings, which packages of fitball need: unset PYTHONOPTIMIZE, or start Python "
+            "without -OO"
         )
     try:
         Path.cwd()
     except OSError as error:
         raise EnvironmentSettingError(
-            f"the current folder cannot be used ({error.strerror}): it may have been removed; change into another"
+            f"the current folder cannot be used ({error.strerror}): it may have been deleted; change to another"
         ) from None
     with suppress(OSError):
         try:
@@ -53,8 +53,7 @@ def check_environment() -> None:
             Path("matplotlibrc").read_text(encoding="utf-8")
         except UnicodeDecodeError:
             raise EnvironmentSettingError(
-                "matplotlibrc in the current folder is not UTF-8, and matplotlib cannot be loaded beside it: move it "
-                "away"
+                "matplotlibrc in the current folder is not UTF-8, so matplotlib cannot be loaded: move that file away"
             ) from None
 
 
@@ -71,13 +70,15 @@ def check_address_space() -> None:
     if limit != resource.RLIM_INFINITY and limit < needed:
         raise MemoryShortageError(
             f"the address space of this process is limited to {limit / 1e6:,.0f} MB, and fitball needs "
-            f"{needed / 1e6:,.0f} MB of it: raise the limit (ulimit -v {-(-needed // 1024)}) or lift it "
-            "(ulimit -v unlimited)"
+            f"{needed / 1e6:,.0f} MB of it: raise the limit (ulimit -v {-(-needed // 1024)}) or remove "
+            "it (ulimit -v unlimited)"
         )
 
 
 def _blas_threads() -> int:
-    """As many as OpenBLAS starts: one for each core that this process may use, or fewer where it was told so."""
+    """As many as OpenBLAS starts: one for each core that this process may use, or OPENBLAS_NUM_THREADS if that is
+    less.
+    """
     cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
     wished = os.environ.get("OPENBLAS_NUM_THREADS", "")
     return min(cores, MOST_THREADS, int(wished) if wished.isdecimal() and int(wished) > 0 else cores)
@@ -97,12 +98,11 @@ def load_numba() -> None:
         except (RuntimeWarning, ValueError) as error:
             raise EnvironmentSettingError(
                 f"numba, which compiles fitball's kernels, refuses its settings: {str(error).splitlines()[0]} "
-                f"({_set()}); unset what is wrong"
+                f"({_set()}); unset the wrong ones"
             ) from None
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         raise EnvironmentSettingError(
-            f"numba is told to compile nothing ({_set()}), and fitball's kernels run compiled only: unset "
-            "NUMBA_DISABLE_JIT"
+            f"numba does not compile ({_set()}), but fitball's kernels must be compiled: unset NUMBA_DISABLE_JIT"
         )
 
 
@@ -114,31 +114,31 @@ def _set() -> str:
 @dataclass(frozen=True)
 class Compiling:
     """The `kernel` that is being compiled with all it calls, and the `folder` that keeps it for later runs (None:
-    there is none that can be written to).
+    no folder can be written to).
     """
 
     kernel: str
     folder: str | None
 
 
-# Is told when a kernel is compiled, and with None when that is done.
+# Called when a kernel is compiled, and with None when that is done.
 Tell = Callable[[Compiling | None], None]
 
 
 def tell_nobody(_compiling: Compiling | None) -> None:
-    """Say nothing."""
+    """Report nothing."""
 
 
 _told: list[Tell] = [tell_nobody]
 
 
-def when_compiling(tell: Tell) -> None:
-    """Let `tell` be called from now on, instead of whatever was called before."""
-    _told[0] = tell
+def when_compiling(watch: Tell) -> None:
+    """Let `watch` be called from now on, instead of the function before."""
+    _told[0] = watch
 
 
-def tell(compiling: Compiling | None) -> None:
-    """Tell that a kernel is being compiled, or that it is done."""
+def report_compiling(compiling: Compiling | None) -> None:
+    """Report that a kernel is being compiled, or that it is done."""
     _told[0](compiling)
 
 
@@ -195,7 +195,7 @@ def heavy_later(*private: str) -> Iterator[None]:
     The `private` packages and their parts come out of this incomplete, for they would not do with names that wait:
     what was taken from them is kept by who took it, and whoever imports them afterwards gets them whole.
 
-    Where other threads run, everything is imported as ever: they might import what only stands in here and keep it.
+    Where other threads run, everything is imported as ever: they might import one of these substitutes and keep it.
     """
     if threading.active_count() > 1:
         yield

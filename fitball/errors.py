@@ -117,7 +117,10 @@ class TableError(FitballError):
         self.faults = tuple(faults)
         self.hints = tuple(hints)
         lines = _grouped(self.faults)
-        message = fault_list(source, len(self.faults), folded((line, line) for line in lines))
+        if len(lines) == 1 and lines[0] == self.faults[0].message:
+            message = f"{one_line(source)}: {lines[0]}"
+        else:
+            message = fault_list(source, len(self.faults), folded((line, line) for line in lines))
         if self.hints:
             message += "\n" + _bulleted("possible reasons (these readings fit the data much better):", self.hints)
         super().__init__(message)

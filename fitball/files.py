@@ -24,7 +24,7 @@ LEFTOVERS = ".fitball-*.partial"
 FULL = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the quota of this user is used up",
-    errno.EFBIG: "larger than a file may be here (ulimit -f)",
+    errno.EFBIG: "larger than the limit for files (ulimit -f)",
 }
 KINDS = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
 # The descriptors that a path names: a file that one leads to is written on, not replaced.
@@ -119,9 +119,9 @@ def refusal(path: Path, error: OSError, asked: int) -> str:
     """Why a file of (at least) so many bytes was not written."""
     if error.errno not in FULL:
         return f"{path}: cannot be written: {error.strerror or error}"
-    needed = f"it needs at least {asked:,} bytes" if asked else "there is no room for another file"
+    needed = f"it needs at least {asked:,} bytes" if asked else "there is no space for another file"
     free = f", {shutil.disk_usage(path.parent).free:,} are free" if error.errno == errno.ENOSPC and asked else ""
-    return f"{path}: {FULL[error.errno]}: {needed}{free}; it was not written: make room, or name another place"
+    return f"{path}: {FULL[error.errno]}: {needed}{free}; it was not written: free some space, or name another place"
 
 
 def _write(file: int, part: bytes | memoryview) -> None:

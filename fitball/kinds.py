@@ -1,4 +1,4 @@
-"""Arguments of a wrong kind are refused in words, before anything begins: no type checker may have seen the call.
+"""Checks the types of arguments of public functions before anything begins.
 
 `checked` is what every public function and method is decorated with; the kinds are those of its annotations.
 """

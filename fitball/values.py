@@ -1,7 +1,7 @@
-"""The two values every room speaks of: a ball and the state in which balls arrive.
+"""The two values that all rooms share: a ball, and the states of incident balls.
 
-They stand here, beside `errors`, because tables and scenes (`data`) and solvers (`models`) are
-strangers to each other and both need them.
+They are here, beside `errors`, because tables and scenes (`data`) and solvers (`models`) both need them and do not
+import each other.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ class OwnImpacts:
             object.__setattr__(self, name, array)
         # Written so that NaN is refused too.
         if not np.all(self.v_y1 > 0.0):
-            raise ParameterError("v_y1 holds a speed that is not towards the court")
+            raise ParameterError("v_y1 has a speed that is not towards the court")
 
     def __len__(self) -> int:
         return int(self.v_x1.shape[1])

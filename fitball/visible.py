@@ -1,5 +1,5 @@
-"""Text from files and command lines as it may be shown: nothing steers a terminal, nothing scrolls for minutes, no
-spreadsheet computes it.
+"""Text from files and command lines made safe to print: without control characters, of limited length, without
+formulas for spreadsheets.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _UNSEEN = re.compile(
     "\ud800-\udfff\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
 )
 _BREAK = re.compile("[\n\t]")
-# What tells two faults of a kind apart: the values that were read.
+# What differs between two faults of a kind: the values that were read.
 _VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[0-9][0-9.eE+-]*")
 LINE = 400
 # How cells begin that spreadsheets compute (OWASP, "CSV Injection"; full-width signs count in East Asian versions),
@@ -51,7 +51,7 @@ def one_line(text: str, most: int = LINE) -> str:
 
 
 def some(names: Sequence[str]) -> str:
-    """Names in a row: all of few, of many the first and how many more there are."""
+    """Names separated by commas: all of a few, or the first of many and the number of others."""
     if len(names) <= NAMED:
         return ", ".join(names)
     return f"{', '.join(names[:NAMED])} and {len(names) - NAMED:,} more"
@@ -86,14 +86,14 @@ def folded(lines: Iterable[tuple[Hashable, str]]) -> list[str]:
     shown: list[str] = []
     first: dict[Hashable, str] = {}
     seen: Counter[Hashable] = Counter()
-    untold = 0
+    others = 0
     for kind, line in lines:
         if kind not in first and len(shown) >= LINES:
-            untold += 1
+            others += 1
             continue
         first.setdefault(kind, one_line(line, LINE // 2))
         seen[kind] += 1
         if seen[kind] <= EACH:
             shown.append(one_line(line))
     shown += [f"... and {seen[kind] - EACH} more like: {line}" for kind, line in first.items() if seen[kind] > EACH]
-    return [*shown, f"... and {untold} others"] if untold else shown
+    return [*shown, f"... and {others} others"] if others else shown

@@ -213,7 +213,7 @@ def test_columns_that_deviate_together_are_an_exception():
 @pytest.mark.parametrize("rows", [4, 7])
 def test_few_rows_cannot_tell(rows):
     _, found = described(simulated(rows))
-    assert found.answer is Answer.UNTOLD
+    assert found.answer is Answer.UNDECIDED
     least = sentences.ONLY_STRONG.format(share=100.0 * min(found.unseen.values()))
     assert (sentences.NONE_NOTICED if min(found.unseen.values()) == 1.0 else least) in found.sentence
     assert min(found.unseen.values()) > 0.6
@@ -234,7 +234,7 @@ def test_impacts_that_all_come_alike_cannot_tell_however_many():
     told = linear_problem(alike)
     start = np.array([[point.values[name] for name in told.free_names]])
     found = adequacy(told, maximum_posterior(told, start), None, 1)
-    assert found.answer is Answer.UNTOLD
+    assert found.answer is Answer.UNDECIDED
     assert found.sentence.startswith(sentences.ALL_ALIKE.format(impacts=200))
 
 

@@ -213,7 +213,7 @@ def test_one_column_does_not_vouch_for_another(tmp_path):
     )
     _, found = said(replace(table, measurements=few))
     assert found.unseen["omega_2"] > 0.6 > found.unseen["v_y2"]
-    assert found.answer is Answer.UNTOLD
+    assert found.answer is Answer.UNDECIDED
     assert found.sentence.startswith("Five measurements") and " omega_2" in found.sentence
     assert sentences.ELSEWHERE.format(columns="v_x2 and v_y2") in found.sentence
 

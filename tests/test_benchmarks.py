@@ -103,7 +103,7 @@ def test_many_tables_are_fitted_in_a_process_of_its_own(monkeypatch):
     def fresh(code, **environment):
         folder = Path(re.search(r"calibrate_many\('(.*?)'", code).group(1))
         asked.append([load_table(place) for place in sorted(folder.iterdir())])
-        return clock.Told(
+        return clock.Spent(
             ["2", "20", "10", "60.5", "2.5", "210", "nan", "2", "20", "12", "70", "2", "210", "300"], 1.0, 1.0
         )
 

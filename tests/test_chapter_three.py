@@ -53,7 +53,7 @@ def test_examples_agree_with_the_independent_integration(solved):
 def test_claims_against_print(solved):
     """Numbers printed in Chapter III: to their last digit where the equations give them, else how far off."""
     found = {
-        (example.name, item.claim.said): item
+        (example.name, item.claim.statement): item
         for example in EXAMPLES
         for item in findings(example, solved[example.name])
     }

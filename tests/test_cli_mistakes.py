@@ -114,4 +114,4 @@ def test_a_file_is_no_folder_and_nothing_is_no_place(out, tmp_path, monkeypatch,
 
 def test_a_negative_number_is_no_option(capsys, small_fit):
     assert main(["predict", str(small_fit), "--impact", "v=17, theta=18", "--seed", "-1"]) == 2
-    assert "expected a whole number not below 0" in capsys.readouterr().err
+    assert "expected a whole number, 0" in capsys.readouterr().err

@@ -117,7 +117,7 @@ def test_profiles_that_are_not_stored_are_computed(point_folder, tmp_path, capsy
     [
         (lambda here: ["plot", str(here), "cornr"], ["unknown figure 'cornr'", "did you mean 'corner'"]),
         (lambda here: ["plot", str(here), "corner", "--format", "pgn"], ["unknown format 'pgn': did you mean 'png'"]),
-        (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["there is no such file"]),
+        (lambda here: ["plot", str(here / "nowhere.json"), "corner"], ["no such file"]),
         (lambda here: ["plot", str(here / "run.toml"), "corner"], ["not readable as JSON"]),
         (lambda here: ["plot", str(here), "corner", "--out", str(here / "fit.json")], ["is a file; name a folder"]),
     ],
@@ -137,11 +137,11 @@ def test_missing_damaged_and_older_files(small_fit, tmp_path, capsys):
         shutil.copy(small_fit / name, here)
     old = json.dumps(json.loads((small_fit / "fit.json").read_text(encoding="utf-8")) | {"schema_version": 1})
     for spoil, said in (
-        (lambda: None, "posterior.nc: there is no such file"),
+        (lambda: None, "posterior.nc: no such file"),
         (lambda: (here / "posterior.nc").write_bytes(b"nothing"), "posterior.nc: not the posterior draws"),
         (lambda: (here / "data.nc").write_bytes((here / "data.nc").read_bytes()[:-100]), "data.nc: not the meas"),
-        ((here / "data.nc").unlink, "data.nc: there is no such file"),
-        ((here / "run.toml").unlink, "run.toml: there is no such file"),
+        ((here / "data.nc").unlink, "data.nc: no such file"),
+        ((here / "run.toml").unlink, "run.toml: no such file"),
         (lambda: (here / "fit.json").write_text(old, "utf-8"), "reads version 6: run calibrate again"),
     ):
         spoil()

@@ -42,8 +42,8 @@ ROWS = [
 ]
 DOCUMENT = Document("A & B", [Words(["Good: 1 +- 2 `run`."], "lead", rank="first")], [
     Section("one", "First", [
-        Table.of("Values", ROWS, ["verdict"], aside=[""], rank="first"),
-        Table.of("Kept back", [{"a": "1"}], only="page", rank="folded"),
+        Table.from_rows("Values", ROWS, ["verdict"], aside=[""], rank="first"),
+        Table.from_rows("Kept back", [{"a": "1"}], only="page", rank="folded"),
         Picture("curve", "A curve.", "It rises."),
     ]),
     Section("empty", "Nothing", [Words([]), Table("none", [["head"]])]),
@@ -130,4 +130,4 @@ def test_many_rows_are_cut_and_said_to_be(monkeypatch, count, left):
     document = Document("", [Table("Numbers", rows, count=count, rest="`all.csv`, which has them")], [])
     assert on_terminal(document) == f"n\n0\n1\n... and {left} more: all.csv, which has them"
     page = as_page(document, {})
-    assert f"{left} more stand in <code>all.csv</code>, which has them." in page and "<td>2" not in page
+    assert f"{left} more: <code>all.csv</code>, which has them." in page and "<td>2" not in page

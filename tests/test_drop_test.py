@@ -235,7 +235,7 @@ def test_without_repeats_nothing_is_told_of_balls(names, why):
     assert why in found.variation.missing
     assert any(found.variation.missing in line for line in drop_remarks(found))
     found, _ = told(dropped([V0] * 6, [0.745] * 6, ["a", "a", "b", "b", "c", "c"]))
-    assert "agree to the last digit" in found.variation.missing
+    assert "identical" in found.variation.missing
 
 
 def test_intervals_of_one_way_hold_the_truth_and_those_that_forget_the_balls_do_not():

@@ -146,8 +146,8 @@ def test_predict_says_of_files_what_it_says_of_the_fit(made):
     predicted, notes = saved.predict(table), " ".join(saved.predict(table).attrs["notes"])
     pd.testing.assert_frame_equal(predicted, made.fit.predict(table))
     # What is not of the row's own surface or group is said to be so.
-    assert ("at the value common to all" in notes) == bool(made.choices.pool)
-    assert ("predictions have no bias" in notes) == (made.choices.offsets is not None)
+    assert ("the value used is the common one" in notes) == bool(made.choices.pool)
+    assert ("predictions are without bias" in notes) == (made.choices.offsets is not None)
     assert saved == made.fit
 
 

@@ -255,10 +255,10 @@ def test_manners(small_fit, tmp_path, capsys):
     before = place.read_bytes()
     for words, refused in (
         (["jsn"], "did you mean 'json'"),
-        (["json", "--out", str(place)], "allow it with --overwrite"),
-        (["json", "--out", str(tmp_path / "none" / "p.json")], "make it first"),
-        (["json", "--out", str(small_fit / "fit.json"), "--overwrite"], "belongs to the result"),
-        (["netcdf", "--out", str(small_fit / "posterior.nc"), "--overwrite"], "belongs to the result"),
+        (["json", "--out", str(place)], "use --overwrite"),
+        (["json", "--out", str(tmp_path / "none" / "p.json")], "create it first"),
+        (["json", "--out", str(small_fit / "fit.json"), "--overwrite"], "reserved for results"),
+        (["netcdf", "--out", str(small_fit / "posterior.nc"), "--overwrite"], "reserved for results"),
         (["netcdf", "--out", "-"], "not text"),
         (["json", "--range", "v=1"], "--range belongs to --to lookup"),
         (["c", "--prefix", "9-"], "the beginning of a name"),

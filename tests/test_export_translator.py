@@ -99,7 +99,7 @@ def _structured(x: float) -> float:
 def test_named_tuples_become_structs_with_the_same_fields(tmp_path):
     source = kernel_source(_structured)
     assert list(source.structs) == ["Inner", "Outer"]
-    program = Program.of(source, C_OF_P)
+    program = Program.from_source(source, C_OF_P)
     functions = [translated(item, program) for item in source.functions]
     main = "#include <stdio.h>\n#include <stdint.h>\n#include <stdbool.h>\n"
     main += "\n".join(

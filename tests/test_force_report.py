@@ -250,6 +250,6 @@ def test_the_bundled_drop_tells_its_stiffness_and_without_records_does_not():
     assert 0.97 * K_Y < low < K_Y < high < 1.03 * K_Y
     left_out = fitball.calibrate("synthetic_drop", force="none", point_only=True, cores=1)
     assert left_out.parameters["k_y"].verdict is Verdict.FIXED
-    assert "force records are left out on request" in left_out.notes
+    assert "force records are ignored, on request" in left_out.notes
     # No note about what takes no part.
     assert not any("friction" in note or "spins" in note for note in left_out.notes)

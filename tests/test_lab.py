@@ -54,7 +54,7 @@ def test_places_on_a_court_by_hand(court):
     table = load_table(court)
     found = measured(table)
     # 100 (1 - mu) + 150 (0.81 - 0.80), the mean of all 15 impacts.
-    assert (found.impacts, found.of, found.court.places) == (15, 15, 5)
+    assert (found.impacts, found.total, found.court.places) == (15, 15, 5)
     assert found.court.column == "location"
     assert found.court.rating.point == pytest.approx(100 * (1 - 0.6) + 1.5, abs=1e-5)
     assert {item.label: round(item.mean, 4) for item in found.places} == {

@@ -105,7 +105,7 @@ def test_a_strong_wrong_prior_is_flagged_and_a_wide_one_is_not():
     assert wrong.power.diagnosis == CONFLICT
     assert wrong.power.own_prior > 0.05
     reasons = [fit.parameters["cor_10"].reason for fit in fits.values()]
-    assert ["its prior and the table disagree" in reason for reason in reasons] == [False, True]
+    assert ["prior and data disagree" in reason for reason in reasons] == [False, True]
     # The profile knows no prior: it is the same under both.
     for left, right in zip(wide.profile.interval_95, wrong.profile.interval_95, strict=True):
         assert left == pytest.approx(right, rel=1e-3)

@@ -261,7 +261,7 @@ def test_an_impact_in_words(text, speed, degrees, spin):
         ("v=38, theta=0", "between 0 and 180 deg"),
         ("v=-3, theta=10", "positive speed v"),
         ("v_x=3, v_y=-2", "positive speed v_y"),
-        ("v=38, theta=18, spin=-9 rpm top", "either a sign or a word"),
+        ("v=38, theta=18, spin=-9 rpm top", "either a sign or top/back"),
         ("v=38, theta=18, spin=9 rpm up", "unknown"),
         ("v=1e999, theta=18", "finite"),
         ("spin=100", "no velocity"),

@@ -154,7 +154,7 @@ def test_draws_missing_damaged_or_of_another_fit_are_refused(folder, grip_slip_f
     shutil.copytree(folder, copy)
     (copy / "posterior.nc").unlink()
     assert main(["predict", str(copy), *IMPACT]) == 2
-    assert "posterior.nc: there is no such file" in capsys.readouterr().err
+    assert "posterior.nc: no such file" in capsys.readouterr().err
     (copy / "posterior.nc").write_bytes(b"not a netCDF file")
     assert main(["predict", str(copy), *IMPACT]) == 2
     assert "damaged" in capsys.readouterr().err

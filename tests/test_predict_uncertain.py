@@ -151,7 +151,7 @@ def test_an_uncertain_impact_in_words():
     assert not covariance[0, 2, :2].any()
     assert impacts.omega_1[0] == pytest.approx(-950.0 * math.pi / 30.0)
     assert impacts.v_x1[0] == parse_impact("v=38 mph, theta=18, spin=950 rpm back").v_x1[0]
-    with pytest.raises(ParameterError, match="which predictions alone take"):
+    with pytest.raises(ParameterError, match="which only predict uses"):
         parse_impact("v=38±1 mph, theta=18")
     assert parse_uncertain_impact("v=38 mph, theta=18")[1] is None
 
@@ -173,7 +173,7 @@ def test_at_the_command_line(small_fit, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "sd due to" in out
     assert "incident state" in out
-    assert "drawn anew for each draw" in err and "did not converge" in err
+    assert "drawn with each posterior draw" in err and "did not converge" in err
     frame = pd.read_csv(place)
     assert (frame["v_x2_sd_incident [m/s]"] > 0.1).all()
     assert {"v_x2_sd_parameters [m/s]", "theta_2_sd_measurement [deg]"} <= set(frame.columns)

@@ -50,7 +50,7 @@ def test_a_log_has_few_lines_none_twice(seconds, most):
     assert lines[-3:] == ["diagnosis ...", "profiles outwards ...", "figures and files ..."]
     # Every check is told.
     for step in (700, 1400, 2800, 5600, 11_200, 18_400):
-        assert f"sampling: step {step}, min effective sample size {step / 30.0:.0f} (wanted 1000)" in "\n".join(lines)
+        assert f"step {step}, smallest effective sample size {step / 30.0:.0f} (target 1000)" in "\n".join(lines)
 
 
 def test_half_a_minute_of_sampling_gives_a_line():

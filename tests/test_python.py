@@ -71,9 +71,9 @@ def test_what_is_wrong_with_a_data_frame_is_told_by_row_and_column():
     frame = pd.DataFrame({"v_y1 [m/s]": [4.0, -6.0], "v_y2": [3.2, 4.7]})
     with pytest.raises(FitballError, match=r"DataFrame: 1 fault\n  - row 2, column 'v_y1': read -6"):
         fitball.load_table(frame)
-    with pytest.raises(FitballError, match="the header says"):
+    with pytest.raises(FitballError, match="in the header and"):
         fitball.load_table(frame, units={"v_y1": "mph"})
-    with pytest.raises(ParameterError, match="make no table"):
+    with pytest.raises(ParameterError, match="are not a table"):
         fitball.load_table({"v_y1": [4.0, 6.0], "v_y2": [3.2]})
 
 

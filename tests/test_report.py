@@ -23,9 +23,10 @@ from fitball.data.balances import scene_balances
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
 from fitball.inference.results.evidence import Answer
-from fitball.inference.results.results import RunStatus
+from fitball.inference.results.results import RunStatus, Verdict
 from fitball.report.fit.document import fit_document, render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
+from fitball.report.fit.judged import next_line
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
 from fitball.report.form.document import on_terminal
@@ -248,7 +249,8 @@ def test_the_first_screen_has_the_answer_in_forty_lines(two_mass, fit):
         spans = [*item.assumptions.parameters.values(), *item.assumptions.court_pace.values()]
         assert f"{max(span.shift for span in spans):.1f} sd" in first
         assert screen_of(item, full=True).count("\n") > 2 * first.count("\n")
-        assert max(map(len, screen_of(item, width=80).splitlines())) <= 80
+        narrow = screen_of(item, width=80).splitlines()
+        assert len(narrow) <= 40 and max(map(len, narrow)) <= 80
 
 
 def test_what_is_wrong_is_on_the_first_screen_with_what_to_do(two_mass):
@@ -263,9 +265,21 @@ def test_the_methods_text_has_the_numbers_of_the_fit(two_mass, point_fit):
     mu, found = two_mass.parameters["mu"], two_mass.assumptions
     for words in (
         f"{len(two_mass.problem.table)} impacts", f"{sampler.ensembles} independent ensembles",
-        f"R-hat of at most {sampler.max_r_hat:.3f}", f"{len(two_mass.adequacy.checks)} residual tests",
+        f"R-hat of at most {sampler.max_r_hat:.3f}", f"Of {len(two_mass.adequacy.checks)} residual tests",
         f"{len(found.alternatives)} model variants", f"{len(found.as_good)} fit equally well",
         f"mu = {mu.median:.3f} [{mu.q025:.3f}, {mu.q975:.3f}]", f"seed {two_mass.seed}",
     ):  # fmt: skip
         assert words in text
     assert "no posterior was sampled" in methods_text(point_fit) and "ensembles" not in methods_text(point_fit)
+
+
+def test_the_most_useful_next_measurement_is_named(two_mass):
+    found = two_mass.assumptions
+    span = max((*found.parameters.values(), *found.court_pace.values()), key=lambda span: span.shift)
+    instead = next(item.instead_of for item in found.as_good if item.name == span.by)
+    assert f"separate {instead} from {span.by}" in next_line(two_mass)[0]
+    mu = replace(two_mass.parameters["mu"], verdict=Verdict.PRIOR_DOMINATED)
+    unknown = replace(two_mass, parameters={**two_mass.parameters, "mu": mu})
+    assert "determine mu" in next_line(unknown)[0] and "plan" in next_line(unknown)[0]
+    wrong = replace(two_mass, adequacy=replace(two_mass.adequacy, answer=Answer.FAILS))
+    assert next_line(wrong) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import re
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,7 @@ pytestmark = pytest.mark.skipif(
     FOUND is None,
     reason="no browser is installed (chromium, chromium-browser, google-chrome): pages are checked as text only",
 )
-PHONE, SCREEN = 400, 1280
+PHONE, SCREEN, FOLD = 400, 1280, 800
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +87,34 @@ def test_a_page_broken_on_purpose_fails(browser, pages, tmp_path, old, new, said
     broken.write_text(text.replace(old, new, 1), encoding="utf-8")
     found = complaints(browser.visit(broken, PHONE), broken)
     assert any(said in item for item in found), found
+
+
+WHERE = """[...document.querySelectorAll('p.verdict, .beside img, .beside table')].map(element => {
+  const box = element.getBoundingClientRect();
+  return [element.tagName, box.left, box.top, box.right, box.bottom];
+})"""
+
+
+def boxes(browser, page, width):
+    session = browser.open(page, width)
+    answer = browser.call("Runtime.evaluate", session, expression=WHERE, returnByValue=True)
+    browser.call("Page.close", session)
+    return {name: sides for name, *sides in answer["result"]["value"]}
+
+
+@pytest.mark.parametrize("name", ["grip-slip", "drop"])
+def test_verdict_curves_and_parameters_are_above_the_fold(browser, pages, name):
+    found = boxes(browser, pages[name], SCREEN)
+    assert all(sides[1] < 0.7 * FOLD for sides in found.values())
+    assert found["IMG"][3] < FOLD + 40.0 and found["IMG"][2] <= found["TABLE"][0]
+    narrow = boxes(browser, pages[name], PHONE)
+    assert narrow["IMG"][3] < narrow["TABLE"][1]
+
+
+@pytest.mark.parametrize("name", ["grip-slip", "drop", "point"])
+def test_a_report_prints_on_at_most_four_pages(browser, pages, name):
+    session = browser.open(pages[name], SCREEN, media="print")
+    made = browser.call("Page.printToPDF", session, preferCSSPageSize=True)
+    browser.call("Page.close", session)
+    count = len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(made["data"])))
+    assert 2 <= count <= 4

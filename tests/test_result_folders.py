@@ -146,7 +146,7 @@ def test_the_schema_refuses_what_is_wrong_by_itself(copy):
         (b'{"a": 1e400}', "out of range"),
         (b'{"a": ' + b"9" * 5000 + b"}", ""),
         (b'{"a": "\\ud800 and more"}', "surrogate"),
-        (b"[" * 100_000, "brackets within brackets"),
+        (b"[" * 100_000, "nested brackets"),
         (b"\xff\xfe{}", ""),
         (b"\xef\xbb\xbf{}", ""),
         (b'{"a": 1', "truncated"),

@@ -118,10 +118,10 @@ def test_the_model_itself_gives_the_slip(cells, place):
     ("place", "slip", "fault"),
     [
         ("C11", "all: mass_ratio=3/4", "C11 row 4, v_x2 with 'all: mass_ratio=3/4': residual"),
-        ("C8", "spin: c_y=0.03811", "an input that stands on no list of candidates"),
+        ("C8", "spin: c_y=0.03811", "an input that is on no list of candidates"),
         ("C18", "rolling: v_y1=16.14", "C18 row 6 7, omega_2 with 'rolling: v_y1=16.14': residual"),
         ("D2", "transition: radius=1.3", "D2 row 22.85, v_x2 with 'transition: radius=1.3': residual"),
-        ("D6", "velocity: k_y=80.1", "an input that stands on no list of candidates"),
+        ("D6", "velocity: k_y=80.1", "an input that is on no list of candidates"),
     ],
 )
 def test_a_wrong_slip_is_noticed(monkeypatch, place, slip, fault):

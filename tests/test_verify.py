@@ -110,7 +110,7 @@ def test_a_wrong_sign_unit_or_precision_fails_in_its_column_alone(golden, verify
 
 def test_bad_files_are_explained(golden, verify):
     cases = [
-        (golden.drop(columns=[*OUTPUTS, "regime"]), "no column of a rebound"),
+        (golden.drop(columns=[*OUTPUTS, "regime"]), "no rebound column"),
         (golden.iloc[:5].drop(columns="id"), "read 5 rows; expected 12"),
         (golden.iloc[:5], "no row 'golden-6'"),
         (golden.assign(id=["golden-1"] * 12), "repeated"),

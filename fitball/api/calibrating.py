@@ -116,8 +116,8 @@ def calibrate(
 
     Table. Columns are named as in files (`v_1 [mph]`). Columns without a unit are in m/s, rad/s, degrees and s, or in
     the unit that `units` gives (`{"v_1": "mph"}`). `columns` maps fitball's names to those of the table (`{"v_1":
-    "Vin [mph]"}`). `flip` lists columns with the opposite convention: the sign of spins and velocities is reversed,
-    angles are taken from the normal (`TABLE:COLUMN` for one of several tables). The scene is `scene`, or the file
+    "Vin [mph]"}`). `flip` lists columns with the opposite convention (`TABLE:COLUMN` for one of several tables): the
+    sign of spins and velocities is reversed, angles are taken from the normal. The scene is `scene`, or the file
     `config`, or the TOML file beside the table. `force` is a file of force-time records (see `data.force`); default:
     the one that the scene names, or the one beside the table; "none" for none. A table is refused if another reading
     fits much better, or if the ball is unlike any game ball, unless `as_read`.
@@ -126,10 +126,11 @@ def calibrate(
     parameters at values in SI. `pool` maps parameters to the label column between whose groups they differ, with
     partial pooling.
 
-    Noise. `noise` is "normal" (default) or "student-t", and "tied" (one noise for all columns of the rebound
-    velocity) or "separate" (one for each; default if the table has enough rows); for both `"student-t,separate"`.
-    `offsets` names the label column whose groups may have a measurement bias. Without `incident_errors` the incident
-    state is exact. `velocity_noise` is an older name for the second part of `noise`.
+    Noise. `noise` is a distribution, "normal" (default) or "student-t", or a structure, or both:
+    `"student-t,separate"`. With "tied" all columns of the rebound velocity share one noise, with "separate" each has
+    its own (default: "separate" if the table has enough rows). `offsets` names the label column whose groups may have
+    a measurement bias. Without `incident_errors` the incident state is exact. `velocity_noise` is an older name for
+    the second part of `noise`.
 
     Sampling. With `point_only` there is no posterior. `progress` is True, False, a function of stage and progress, or
     None: a bar in a notebook or terminal. The same seed gives the same fit. Raises subclasses of FitballError for
@@ -298,7 +299,7 @@ def compare(
     `models` are names such as `two-mass+torsion=free` (default: all that can differ on this table, with `quick` the
     main ones). For the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
     `cores` models are fitted at once (default: all cores), each in its own process, or on the workers of the Dask
-    cluster at the address `scheduler`; the results do not depend on this. Raises subclasses of FitballError.
+    cluster at the address `scheduler`. The results do not depend on this. Raises subclasses of FitballError.
 
     >>> fitball.compare("wang_zero_spin", ["brody"], cores=1)
     Traceback (most recent call last):

@@ -283,8 +283,8 @@ class Fit(results.Fit):
 
     @checked
     def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
-        """Draws and data for ArviZ: groups posterior, sample_stats, log_likelihood, posterior_predictive, prior,
-        observed_data and constant_data, as `arviz_base` makes them (a DataTree), in four chains of `draws` each.
+        """Draws and data for ArviZ, a DataTree with four chains of `draws` each. Its groups are posterior,
+        sample_stats, log_likelihood, posterior_predictive, prior, observed_data and constant_data.
 
         By default a thousand, fewer for long tables (see `exports.arviz_file`). `log_likelihood` has one value for
         each impact, the unit of leave-one-out. Raises ResultFolderError for a point fit.
@@ -381,8 +381,8 @@ def simulate(
     values: Mapping[str, Any] | None = None,
     draws: int = 200,
 ) -> Course:
-    """One impact through time, as the verb `simulate` computes it: from a fit, with bands from `draws` posterior
-    draws, or from a model at round default values, of which `values` [SI] replace some.
+    """One impact through time, as the verb `simulate` computes it. From a `fit` it has bands from `draws` posterior
+    draws; a `model` has round default values, of which `values` [SI] replace some.
 
     `impact` is a text or `fitball.impacts(...)` of one impact. Raises ParameterError, ModelError.
 

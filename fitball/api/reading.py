@@ -285,7 +285,7 @@ class Checked:
     def __repr__(self) -> str:
         lines = [str(error) for error in self.errors]
         if self.table is not None:
-            lines.append(f"{self.table.source}: {len(self.table)} impacts{', no fault' if self.ok else ''}")
+            lines.append(f"{self.table.source}: {len(self.table)} impacts{', no faults found' if self.ok else ''}")
             remarks = (*self.table.remarks, *(str(item) for item in self.notices[len(self.table.notices) :]))
             lines += [one_line(f"  - {remark}") for remark in remarks]
         return "\n".join(lines)

@@ -27,8 +27,8 @@ DEFAULT_TOLERANCE = 1e-9
 # Relative difference of an incident state in the file from the golden one: rounding at most.
 REPEATED = 1e-6
 EXPLANATION = (
-    "Relative differences: of speeds, and of spins times the radius, to the incident speed (of centre and surface\n"
-    "together); of contact times to their own value; of angles in radians. Double precision reaches 1e-12."
+    "Relative: differences of speeds, and of spins times the radius, are divided by the incident speed of centre\n"
+    "and surface, contact times by their own value. Angles are in radians. Double precision reaches 1e-12."
 )
 
 

@@ -191,13 +191,13 @@ def calibrate_many(
     """Fit many tables, each on its own: named ones (`{"court 3": frame}`), paths, patterns (`"courts/*.csv"`),
     folders.
 
-    In the folder `out`, every table has a folder with `fit.json`, or with `full` all files of `calibrate`; beside
-    them are a table with one row for each (CSV, and Parquet if pyarrow is installed) and a page. Finished tables are
-    not fitted again: the same call continues after an interruption. Results of other data or settings are refused
-    unless `overwrite`. A table that cannot be fitted does not stop the others; its row has the reason. Tables run on
-    `cores` processes (default: all), or on the Dask cluster at the address `scheduler`; the results do not depend on
-    this. Each table is fitted as by `calibrate` with the same `seed`; for the other arguments see there. `progress`
-    is called with the progress of the batch.
+    In the folder `out`, every table has a folder with `fit.json`, or with `full` all files of `calibrate`. A page and
+    a table with one row for each (CSV, and Parquet if pyarrow is installed) are beside them. Finished tables are not
+    fitted again: the same call continues after an interruption. Results of other data or settings are refused unless
+    `overwrite`. A table that cannot be fitted does not stop the others; its row has the reason. Tables run on `cores`
+    processes (default: all), or on the Dask cluster at the address `scheduler`; the results do not depend on this.
+    Each table is fitted as by `calibrate` with the same `seed`; for the other arguments see there. `progress` is
+    called with the progress of the batch.
 
     Raises ParameterError, ResultFolderError; KeyboardInterrupt when it is interrupted.
 
@@ -418,8 +418,8 @@ def _done(tasks: Sequence[Task], plan: Plan, engine: Engine) -> Iterator[Done]:
 def _lost(task: Task, how: str) -> Done:
     """The row of a table that ended the process that fitted it."""
     reason = (
-        f"the process that fitted it ended with {how}, also when it ran alone: the file makes a library crash, or "
-        "needs more memory than this machine has; check it, or leave it out"
+        f"the process that fitted it ended with {how}, also when it ran alone. The file makes a library crash, or "
+        "needs more memory than this machine has. Check it, or leave it out"
     )
     return Done(failed_row(task.name, reason))
 

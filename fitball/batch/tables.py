@@ -48,26 +48,26 @@ def fault_of(name: str) -> str:
     """Why no folder can have the name of a table; empty where one can."""
     place = PurePosixPath(name)
     if not name.strip() or place.as_posix() != name or place.is_absolute() or {"..", "."} & {*place.parts, name}:
-        return "expected a text that a folder can be called, such as 'court 3'"
+        return "expected a name that a folder can have, such as 'court 3'"
     return next(filter(None, map(_fault_of_part, place.parts)), "")
 
 
 def _fault_of_part(part: str) -> str:
     kept = same_key(part)
     if kept in OWN_NAMES:
-        return f"fitball itself writes to files and folders that are called {part}"
+        return f"fitball uses the name {part} itself"
     if part.startswith("."):
-        return "names that begin with a dot are those of hidden files"
+        return "a name with a dot at its beginning is that of a hidden file"
     if len(part.encode("utf-8", "surrogatepass")) > LONGEST:
         return f"the name has more than {LONGEST} bytes"
     if one_line(part) != part:
-        return "the name holds a character that cannot be seen or is no text"
+        return "the name has an invisible or invalid character"
     if _DEVICE.fullmatch(part):
-        return f"on Windows {part} is a device"
+        return f"{part} is a device on Windows"
     if part[-1] in ". ":
-        return "Windows drops a dot or blank at the end of a name"
+        return "Windows removes a dot or blank at the end of a name"
     found = _NOWHERE.search(part)
-    return "" if found is None else f"not every file system takes {found[0]} in a name"
+    return "" if found is None else f"not every file system allows {found[0]} in a name"
 
 
 def same_key(name: str) -> str:
@@ -81,7 +81,7 @@ def faults(names: Iterable[str]) -> dict[str, str]:
     """Why tables cannot have these names beside each other, by name."""
     names = list(names)
     keys = Counter(map(same_key, names))
-    clash = "another table's name differs from it only in case or in how an accent is written"
+    clash = "the name of another table differs only in case or in the encoding of an accent"
     found = {name: fault_of(name) or (clash if keys[same_key(name)] > 1 else "") for name in names}
     return {name: f"{why}; rename the table" for name, why in found.items() if why}
 
@@ -100,7 +100,7 @@ def names_of(paths: Sequence[Path], common: Path) -> list[str]:
     return names
 
 
-# Endings of tables; a pattern such as `courts/*` meets scenes and notes too.
+# Endings of tables; a pattern such as `courts/*` matches scenes and notes too.
 TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".ods", ".parquet")
 
 
@@ -125,7 +125,7 @@ def tasks_of(
     """
     if isinstance(tables, Mapping):
         if not tables:
-            raise ParameterError("no table was named")
+            raise ParameterError("no table was given")
         for name, fault in faults(map(_text, tables)).items():
             raise ParameterError(f"table {name!r}: {fault}")
         return tuple(Task(name, table) for name, table in tables.items())
@@ -135,11 +135,11 @@ def tasks_of(
     found: dict[Path, str] = {}
     for item in given:
         if not isinstance(item, (str, os.PathLike)):
-            raise ParameterError("tables that are no files have no names: pass a mapping, {name: table}")
+            raise ParameterError("tables in memory have no names: pass a mapping, {name: table}")
         # `courts/a.csv` and `./courts/a.csv` are one table.
         found |= {Path(path).absolute(): path for path in _files(os.fspath(item)) if not _within(path, results)}
     if not found:
-        raise ParameterError("no table was named")
+        raise ParameterError("no table was given")
     names = names_of(list(found), Path(os.path.commonpath([path.parent for path in found])))
     bad = faults(names)
     return tuple(
@@ -153,16 +153,16 @@ def _within(path: str, folder: Path | None) -> bool:
 
 
 def _files(text: str) -> list[str]:
-    """The tables that a path, a folder or a pattern stands for."""
+    """The tables of a path, a folder or a pattern."""
     if Path(text).is_file():
         return [text]
     if Path(text).is_dir():
         inside = sorted(str(place) for place in Path(text).iterdir() if place.suffix.lower() in TABLES)
         if not inside:
-            raise ParameterError(f"{text}: no table in this folder; tables end in {', '.join(TABLES)}")
+            raise ParameterError(f"{text}: no table in this folder; names of tables end with {', '.join(TABLES)}")
         return inside
     if not glob.has_magic(text):
-        # A bundled table, or a fault of its own that its row will tell.
+        # A bundled table, or a fault that its row will report.
         return [text]
     # As a shell reads it: pathlib takes no absolute patterns.
     matches = sorted(glob.glob(text, recursive=True))  # noqa: PTH207
@@ -177,5 +177,5 @@ def _files(text: str) -> list[str]:
 
 def _text(name: object) -> str:
     if not isinstance(name, str):
-        raise ParameterError(f"table {name!r}: expected a text that a folder can be called, such as 'court 3'")
+        raise ParameterError(f"table {name!r}: expected a name that a folder can have, such as 'court 3'")
     return name

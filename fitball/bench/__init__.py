@@ -1,4 +1,4 @@
-"""Speed against error of kernels and densities beside what one would take instead, ratios that tell when something
+"""Speed against error of kernels and densities beside common alternatives, ratios of times that show when something
 has become slower, and cases on which a search could fail.
 
 Offers: `measure`, `hard_cases`.

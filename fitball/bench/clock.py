@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from itertools import repeat
 
 Action = Callable[[], object]
-# Asked of a fresh process when its work is done. What getrusage tells on Linux is at least what the starter had, so
-# there the process reads its own; Windows tells nothing.
-TELL = """
+# Run by a fresh process after its work. On Linux getrusage reports at least the memory of the parent process, so that
+# the process reads its own; Windows has no such number.
+REPORT = """
 import os, sys, time
 spent = time.process_time() + sum(os.times()[2:4])
 try:
@@ -32,7 +32,7 @@ print("\\n", spent, most, flush=True)
 
 @dataclass(frozen=True)
 class Pace:
-    """How often rivals take turns, and how long a turn lasts at least [s], so that the clock can tell it."""
+    """How often rivals take turns, and how long a turn lasts at least [s], enough for the clock."""
 
     rounds: int
     turn: float
@@ -41,8 +41,8 @@ class Pace:
 def by_turns(actions: Mapping[str, Action], pace: Pace) -> dict[str, float]:
     """CPU seconds that one call of each action takes: the least over the rounds, in each of which all have a turn.
 
-    CPU time, because a machine may do other things; the least, because these only ever add to it; by turns, because
-    they do so for minutes on end.
+    CPU time, because the machine may do other things; the least, because these can only add to it; by turns, because
+    they may last for minutes.
     """
     calls = {name: _calls(action, pace.turn) for name, action in actions.items()}
     least = dict.fromkeys(actions, math.inf)
@@ -66,7 +66,7 @@ def _spent(action: Action, calls: int) -> float:
 
 
 @dataclass(frozen=True)
-class Told:
+class Spent:
     """Words that a process `printed`, its CPU `seconds` with those of its children, and the most memory it held."""
 
     printed: list[str]
@@ -74,14 +74,14 @@ class Told:
     megabytes: float
 
 
-def fresh_process(code: str, **environment: str) -> Told:
+def fresh_process(code: str, **environment: str) -> Spent:
     """What Python code takes in a process of its own, its children's time included.
 
     Raises CalledProcessError where it fails.
     """
-    told = subprocess.run(
-        [sys.executable, "-c", code + TELL], env={**os.environ, **environment}, check=True, stdout=subprocess.PIPE,
+    output = subprocess.run(
+        [sys.executable, "-c", code + REPORT], env={**os.environ, **environment}, check=True, stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL, text=True,
     ).stdout  # fmt: skip
-    *printed, seconds, megabytes = told.split()
-    return Told(printed, float(seconds), float(megabytes))
+    *printed, seconds, megabytes = output.split()
+    return Spent(printed, float(seconds), float(megabytes))

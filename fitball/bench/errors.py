@@ -1,4 +1,4 @@
-"""Speed against error: of one bounce, the kernels beside what one would write without a closed form; and of the log
+"""Speed against error: of one bounce, the kernels beside programs without a closed form; and of the log
 posterior, beside one written plainly, scipy's densities of integrated rebounds.
 """
 

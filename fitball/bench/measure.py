@@ -1,4 +1,4 @@
-"""All that `fitball bench` measures, here and now; its files, and whether something has become slower.
+"""Everything that `fitball bench` measures; its files, and whether something has become slower.
 
 A ratio of costs to those of one yardstick in the same run survives another load and, but for what vectors a processor
 has, another machine; seconds do not.
@@ -104,13 +104,13 @@ def machine() -> str:
 
 
 def _processor() -> str:
-    """Its name, where the system tells; vectors of eight numbers are faster than of four."""
+    """Its name, where the system reports it; vectors of eight numbers are faster than of four."""
     try:
         first = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0]
     except OSError:
         return platform.processor() or platform.machine()
-    told = dict(line.split(":", 1) for line in first.splitlines() if ":" in line)
-    known = {key.strip(): value.strip() for key, value in told.items()}
+    fields = dict(line.split(":", 1) for line in first.splitlines() if ":" in line)
+    known = {key.strip(): value.strip() for key, value in fields.items()}
     vectors = next((name for name in ("avx512f", "avx2") if name in known.get("flags", "").split()), "no avx2")
     return f"{known.get('model name', platform.machine())} ({vectors})"
 
@@ -186,13 +186,13 @@ def read_ratios(path: Path) -> pd.DataFrame:
     except (OSError, UnicodeError, ValueError) as error:
         what = getattr(error, "strerror", None) or error
         raise ResultFolderError(
-            f"{path}: read {what}, expected the ratios of an earlier run; make them with fitball bench, or name "
-            "their file after --check"
+            f"{path}: read {what}, expected the ratios of an earlier run; run fitball bench first, or give their "
+            "file with --check"
         ) from None
     if not good:
         raise ResultFolderError(
             f"{path}: read columns {', '.join(map(str, kept))}, expected '{WORK}' and '{RATIO}' with positive "
-            "numbers; make them with fitball bench"
+            "numbers; run fitball bench first"
         )
     return kept
 
@@ -203,8 +203,8 @@ def compared(kept: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     other = sorted(set(before.index) ^ set(after.index))
     if other:
         raise ResultFolderError(
-            f"kept ratios and those of this fitball are of different work ({'; '.join(other)}): measure them anew "
-            "with fitball bench"
+            f"the saved ratios are of other work than those of this fitball ({'; '.join(other)}): run fitball bench "
+            "again"
         )
     frame = pd.DataFrame({"kept": before, "now": after, "times": after / before})
     return frame.rename_axis(WORK).reset_index()
@@ -220,14 +220,14 @@ FIGURE = "speed_against_error.png"
 FLOOR = 1e-17
 MARKS = "D*dos^vPX"
 HEADS = {
-    "densities": "The log posterior: errors are of the log density, against one by textbook formulas",
+    "densities": "Log posterior (errors of the log density against textbook formulas)",
     "batches": "Batches",
     "ratios": "What `--check` compares",
 }
 
 
 def write(bench: Bench, folder: Path) -> None:
-    """Write CSV files, the bench_figure and the tables in words. Raises ResultFolderError."""
+    """Write CSV files, the figure and a summary. Raises ResultFolderError."""
     for name, frame in bench.frames.items():
         write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.4g", lineterminator="\n"))
     save_figure(bench_figure(bench), folder / FIGURE)
@@ -235,7 +235,7 @@ def write(bench: Bench, folder: Path) -> None:
 
 
 def summary(bench: Bench) -> list[str]:
-    """The figures people ask for, as Markdown."""
+    """The main numbers as Markdown."""
     precision = bench.frames["precision"]
     wang = precision[precision["scene"] == "Wang's 21"].drop(columns=["scene", "median error"])
     fastest = float(wang[wang["solver"] == FASTEST]["microseconds"].iloc[0])
@@ -243,7 +243,7 @@ def summary(bench: Bench) -> list[str]:
     exact = precision[precision["solver"] == "closed form, one by one"]
     largest = ", ".join(f"{row['scene']} {row['largest error']:.1e}" for row in exact.to_dict("records"))
     lines = [
-        f"Measured by `fitball bench` on {bench.machine}; times are of CPU, the least of several rounds.", "",
+        f"Measured by `fitball bench` on {bench.machine}; times are CPU times, the least of several rounds.", "",
         *markdown(wang), "", f"Largest error of the closed form by scene: {largest}.", "",
     ]  # fmt: skip
     for name, head in HEADS.items():
@@ -252,11 +252,11 @@ def summary(bench: Bench) -> list[str]:
 
 
 def verdict(compared: pd.DataFrame) -> tuple[list[str], bool]:
-    """Ratios now and then as Markdown, what has become slower in words, and whether nothing has."""
+    """Ratios now and before as Markdown, what has become slower in words, and whether nothing has."""
     slower = compared[compared["times"] > TOLERATED]
     lines = [*markdown(compared), ""]
     lines += [
-        f"{row[WORK]}: {row['times']:.2f} times slower than kept ({row['now']:.3g} {RATIO}, was {row['kept']:.3g})"
+        f"{row[WORK]}: {row['times']:.2f} times slower than saved ({row['now']:.3g} {RATIO}, was {row['kept']:.3g})"
         for row in slower.to_dict("records")
     ]
     return lines, slower.empty
@@ -279,8 +279,8 @@ def bench_figure(bench: Bench) -> Figure:
     """Time per impact against largest error, one panel a scene, and time a log posterior, one curve a solver."""
     precision, densities = bench.frames["precision"], bench.frames["densities"]
     names = [name for name in dict.fromkeys(precision["scene"]) if name != HARD]
-    made = new_figure(13.0, 8.2)
-    panels = made.subplots(2, 3).ravel()
+    figure = new_figure(13.0, 8.2)
+    panels = figure.subplots(2, 3).ravel()
     for panel, name in zip(panels, names, strict=False):
         _curves(panel, precision[precision["scene"] == name], "solver", name)
         panel.set_xlabel("largest error / incident surface speed")
@@ -294,8 +294,8 @@ def bench_figure(bench: Bench) -> Figure:
         panels[5].legend(*panels[0].get_legend_handles_labels(), title="Bounce", loc="upper left", **shared)
     )
     panels[5].legend(*panels[4].get_legend_handles_labels(), title="Log posterior", loc="lower left", **shared)
-    made.suptitle("Speed against error: lower left is better", fontsize=12)
-    return made
+    figure.suptitle("Speed against error: lower left is better", fontsize=12)
+    return figure
 
 
 def _curves(panel: Axes, rows: pd.DataFrame, by: str, title: str) -> None:

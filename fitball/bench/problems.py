@@ -1,4 +1,4 @@
-"""What the bench works on: impacts that are hard to solve, which tests hold to fifty digits; scenes with exact
+"""Problems of the bench: impacts that are hard to solve, which tests check to fifty digits; scenes with exact
 answers; and tables of different kinds on which densities and samplers are timed.
 """
 

@@ -375,7 +375,7 @@ REPEAT = Verb(
   fitball repeat fits/my_balls/grip-slip/run-seed-2.toml --out fits/my_balls/again""",
     description="""Run a fit again from its run.toml and compare the results.
 
-There are three outcomes. Bit-equal: all numbers are the same. Equal within tolerance: the posteriors differ by no
-more than their Monte Carlo errors, and the best-fit values by no more than the accuracy of the search. Different: the
-numbers that differ are listed, and the exit code is 1. The old result is never changed.""",
+There are three outcomes. Bit-equal: all numbers are the same. Equal within tolerance: posteriors differ by less
+than their Monte Carlo errors, and best-fit values by less than the accuracy of the search. Different: the numbers
+that differ are listed, and the exit code is 1. The old result is never changed.""",
 )  # fmt: skip

@@ -32,7 +32,7 @@ DESCRIPTION = (
     "uncertainty."
 )
 EPILOG = """examples:
-  fitball calibrate wang_zero_spin.csv    fit the two-mass model to a bundled table
+  fitball calibrate wang_zero_spin.csv    fit a model to a bundled table
   fitball datasets check my_balls.csv     find every fault of a table
   fitball VERB --help                     options and examples of a verb"""
 SHELLS = ("bash", "zsh", "fish")
@@ -119,9 +119,13 @@ COMPLETION = Verb(
         option("shell", "SHELL", either(SHELLS), type=one_of("shell", SHELLS)),
     ),
     run_completion,
-    """examples:
-  eval "$(fitball completion bash)"                                        in ~/.bashrc
-  eval "$(fitball completion zsh)"                                         in ~/.zshrc, after compinit
+    """in ~/.bashrc:
+  eval "$(fitball completion bash)"
+
+in ~/.zshrc, after compinit:
+  eval "$(fitball completion zsh)"
+
+for fish:
   fitball completion fish > ~/.config/fish/completions/fitball.fish
 
 Tab then completes verbs, options and files.""",

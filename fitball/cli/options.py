@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -55,7 +56,7 @@ Run = Callable[[argparse.Namespace], int]
 
 
 class Help(argparse.HelpFormatter):
-    """Wraps paragraphs to the width of the terminal; indented lines, such as examples, are printed as written."""
+    """Wraps paragraphs, and lists of names with words, to the width of the terminal; examples stay lines."""
 
     def add_argument(self, action: argparse.Action) -> None:
         """See argparse, which forgets that names of verbs are indented."""
@@ -70,7 +71,16 @@ class Help(argparse.HelpFormatter):
                 lines[-1] += f" {line}"
             else:
                 lines.append(line)
-        return "\n".join(line if line.startswith(" ") else textwrap.fill(line, width) for line in lines)
+        return "\n".join(self._wrapped(line, width) for line in lines)
+
+    def _wrapped(self, line: str, width: int) -> str:
+        named = re.match(r"  \S.*?  +", line)
+        if line.startswith(" ") and named is None:
+            return line
+        head = "" if named is None else named[0]
+        return textwrap.fill(
+            line[len(head) :], width, initial_indent=head, subsequent_indent=" " * len(head), break_on_hyphens=False
+        )
 
 
 @dataclass(frozen=True)

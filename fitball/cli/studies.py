@@ -1,5 +1,5 @@
-"""The verbs that need no table: `simulate`, for one impact through time, a map of regimes or a page with sliders; and
-those that examine the thesis and fitball itself, `rederive` and `bench`.
+"""The verbs that need no table. `simulate` computes one impact through time, a map of regimes or a page with sliders.
+`rederive` and `bench` examine the thesis and fitball itself.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from fitball.cli.options import (
     FIT,
+    FULL,
     PICTURE,
     SEED,
     Group,
@@ -28,6 +29,7 @@ from fitball.cli.options import (
     study,
     switch,
 )
+from fitball.cli.terminal import show
 from fitball.errors import ParameterError
 from fitball.models.specs import FOLLOWED
 
@@ -175,6 +177,7 @@ SIMULATE = Verb(
             PICTURE,
             option("--animate", "FILE", "also write a slow-motion film: bounce.gif, or bounce.mp4 with ffmpeg"),
             option("--csv", "FILE.csv", "also write the time series to this file"),
+            FULL,
             switch("--json", "print JSON (SI units)"),
             switch("--quiet", "print errors and files only"),
         )),
@@ -204,11 +207,11 @@ def run_rederive(args: argparse.Namespace) -> int:
     """Compute the tables again, write the page, print the checks; 1 where a count has changed."""
     from fitball.errors import check_whole
     from fitball.inference.effort import Effort
-    from fitball.report.form.document import columns
+    from fitball.report.form.document import on_terminal
     from fitball.report.form.folders import held
     from fitball.thesis.chapter_five import derive
-    from fitball.thesis.judgement import in_brief, side_by_side
-    from fitball.thesis.page import write
+    from fitball.thesis.judgement import side_by_side
+    from fitball.thesis.page import rederive_document, write
 
     check_whole(seed=args.seed)
     report = stages(args.quiet)
@@ -230,15 +233,7 @@ def run_rederive(args: argparse.Namespace) -> int:
         }
         print(json.dumps(content, indent=2, ensure_ascii=False))
     else:
-        for check in chapter.checks:
-            print(f"[{'as pinned' if check.holds else 'CHANGED'}] {check.name}: {check.finding}")
-        for name, verdict in chapter.verdicts.items():
-            print(f"{name}: {verdict}")
-        brief = in_brief(chapter.rankings)
-        print("Score of each set (share of resamples in which it is first):")
-        print("\n".join(columns([list(brief.columns), *brief.to_numpy().tolist()])))
-        print(chapter.summary)
-        print(f"Results: {folder / 'report.html'}")
+        show(on_terminal(rederive_document(chapter, folder)))
     return 0 if chapter.holds else 1
 
 
@@ -247,12 +242,13 @@ REDERIVE = Verb(
     (
         SEED,
         *study(CHAPTER),
+        FULL,
     ),
     run_rederive,
     "examples:\n  fitball rederive\n  fitball rederive --out judged --json\n",
     description="""Recompute the printed tables of Jafri (2004), compare its three best cases with Wang's
-measurements, and
-write a page. Exit code 1 if a comparison with the printed tables gives other counts than those last reviewed.""",
+measurements, and write a page. Exit code 1 if a comparison with the printed tables gives other counts than
+those last reviewed.""",
 )  # fmt: skip
 
 
@@ -261,21 +257,21 @@ BENCH_FOLDER = Path("fits") / "bench"
 
 def run_bench(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the summary; or compare ratios."""
-    from fitball.bench.measure import FULL, QUICK, measure, summary, write
+    from fitball.bench import measure
     from fitball.report.form.folders import held
 
-    extent = QUICK if args.quick else FULL
+    extent = measure.QUICK if args.quick else measure.FULL
     if args.check is not None:
         return _check_ratios(args, extent.pace)
     folder = Path(args.out) if args.out else BENCH_FOLDER
     with held(folder):
-        bench = measure(extent, args.cores, stages(args.quiet))
-        write(bench, folder)
+        bench = measure.measure(extent, args.cores, stages(args.quiet))
+        measure.write(bench, folder)
     if args.json:
         frames = {name: json.loads(frame.to_json(orient="records")) for name, frame in bench.frames.items()}
         print(json.dumps({"machine": bench.machine, **frames}, indent=2))
     else:
-        print("\n".join(summary(bench)))
+        print("\n".join(measure.summary(bench)))
         print(f"Results: {folder}")
     return 0
 

@@ -130,7 +130,7 @@ PATIENCE = 30.0
 
 
 class ProgressLine:
-    """Tells what a calibration is doing, and when kernels are compiled for it; silent when `quiet`. `clock` gives a
+    """Prints the stage of a calibration, and when kernels are compiled for it; silent when `quiet`. `clock` gives a
     time [s].
     """
 
@@ -218,11 +218,11 @@ class ProgressLine:
         self.stream.flush()
 
 
-def time_left(seconds: float, made: int, rest: int) -> str:
-    """How long the `rest` takes, as people say it, if the `made` took so many seconds; "" while nobody can say."""
-    if made <= 0 or rest <= 0:
+def time_left(seconds: float, done: int, rest: int) -> str:
+    """How long the `rest` takes, as people say it, if those `done` took so many seconds; "" while it is unknown."""
+    if done <= 0 or rest <= 0:
         return ""
-    left = seconds / made * rest
+    left = seconds / done * rest
     if left < 90.0:
         return f", about {left:.0f} s left"
     return f", about {left / 60.0:.0f} min left" if left < 5400.0 else f", about {left / 3600.0:.1f} h left"

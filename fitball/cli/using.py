@@ -175,8 +175,8 @@ PREDICT = Verb(
     description="""Predict rebounds of new impacts from a fit.
 
 There are two kinds of interval: one for the rebound itself, and a wider one for a new measurement of it, which
-includes the measurement noise. If the sd of the incident state is given (columns such as v_1_sd, or "v=38±1 mph"),
-both intervals include it, and the contribution of each source is printed. Impacts unlike the fitted ones are marked
+includes the measurement noise. Both include the sd of the incident state, if it is given (columns such as
+v_1_sd, or "v=38±1 mph"), and the contribution of each source is printed. Impacts unlike the fitted ones are marked
 as extrapolated. If DATA has rebound columns, they are compared with the prediction.""",
 )  # fmt: skip
 
@@ -248,8 +248,8 @@ sensors (several are joined by commas):
   drop=HEIGHT    a drop test from this height
   none           none but those of the table
 
-Without --sensor, four are compared with measuring as before, as far as the model describes them: a contact timer, a
-force plate, a camera with half the noise, and the ITF's drop test.""",
+Default sensors are a contact timer, a force plate, a camera with half the noise, and the ITF's drop test, as far as
+the model describes them. All are compared with measuring as before.""",
     description="""Plan the next measurements from the posterior of a fit.
 
 For every incident state within the reach of your machine, the expected information gain of one more impact is
@@ -281,7 +281,7 @@ def run_export(args: argparse.Namespace) -> int:
     return 0
 
 
-EXPORT_LINES = "\n".join(f"  {name:10} {form.help}" for name, form in EXPORTS.items())
+EXPORT_LINES = "\n".join(f"  {name:11}  {form.help}" for name, form in EXPORTS.items())
 EXPORT = Verb(
     "export", "write a fit as source code, a table, or settings of a game engine",
     (
@@ -338,8 +338,9 @@ VERIFY = Verb(
 v_2, theta_2, regime. Units are written as in impact tables; without a unit they are m/s, rad/s, s and deg. Rows are
 matched by a column id, or else by their order.
 
-The tolerance is relative: of speeds to the incident speed, of spins to the incident speed over the radius, of contact
-times to their own value. Two double-precision programs agree to 1e-12; 1e-9 allows for ten printed digits.
+The tolerance is relative. Differences of speeds are divided by the incident speed, of spins by the incident speed
+over the radius, and of contact times by their own value. Two double-precision programs agree to 1e-12; 1e-9 allows
+for ten printed digits.
 
 examples:
   fitball export fits/wang_all/two-mass --to golden --inputs-only --out impacts.csv

@@ -58,7 +58,7 @@ class RawTable:
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """What a header is told by: `worth` of a cell (1 for a column that is known, less for one that may be meant, 0
+    """How a header is recognised: `worth` of a cell (1 for a known column, less for a possible one, 0
     for any other text), and whether a text `is_unit`.
     """
 
@@ -88,8 +88,8 @@ class Findings:
     more: Counter[str] = field(default_factory=Counter)
 
     @staticmethod
-    def of(raw: RawTable) -> Findings:
-        """What was found of a table when it was taken apart."""
+    def from_raw(raw: RawTable) -> Findings:
+        """What was found when the cells were read."""
         return Findings(raw.rows, raw.header_line, list(raw.faults), [Notice(text) for text in raw.notes])
 
     def among(self, places: Iterable[int]) -> Findings:
@@ -146,10 +146,9 @@ def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> tuple[int,
 def laid_out(
     source: str, records: Sequence[Record], vocabulary: Vocabulary, data: bytes, notes: Sequence[str] = ()
 ) -> RawTable:
-    """Header and columns of records; rows of another shape than the header's are faults, notes say what was passed
-    over.
+    """Header and columns of records; rows of another shape than the header's are faults, notes say what was ignored.
 
-    Raises TableError where numbers stand above the header.
+    Raises TableError if there are numbers above the header.
     """
     at, _worth = find_header(records, vocabulary)
     line, header = records[at]
@@ -252,7 +251,7 @@ def _bare(cell: str) -> str:
 def _with_units(
     header: tuple[str, ...], record: Record, vocabulary: Vocabulary, faults: list[Fault]
 ) -> tuple[str, ...]:
-    """The header with the units of the row beneath it. A unit that stands in both places, once, is enough."""
+    """The header with the units of the row below it. A unit may be in both places."""
     line, units = record
     cells = list(header)
     for index, (name, unit) in enumerate(zip(header, units, strict=False)):

@@ -1,6 +1,6 @@
-"""What is wrong with the columns of a table, and with their numbers: columns that an impact needs, signs, ranges,
-parts larger than their whole, columns that say the same in other words; and what no ball can do: leave the court
-faster, or with more energy, than it came, beyond what its noise explains.
+"""Checks of the columns of a table and of their numbers: missing columns, signs, ranges, components larger than the
+speed, and redundant columns that disagree. Rebounds that are faster, or have more energy, than noise explains are
+faults too.
 """
 
 from __future__ import annotations
@@ -136,8 +136,8 @@ FEW = 0.2
 # Share of the speed towards the court below which a ball comes straight down.
 STEEP = 0.1
 AGAINST = (
-    "balls move towards negative v_x, where topspin and offsets have the opposite sign; the mirrored table (v_x and "
-    "spins with the other sign, 180 deg minus the angles) is equivalent"
+    "balls move towards negative v_x, where topspin and offsets have the opposite sign. The mirrored table is "
+    "equivalent: v_x and spins with the other sign, 180 deg minus the angles"
 )
 
 
@@ -156,7 +156,7 @@ def one_sign(columns: Columns, found: Findings) -> Columns:
         if negative.any() and positive.any():
             odd, word = (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
             for k in np.flatnonzero(odd).tolist():
-                read = f"read {column.shown(k)}, but other rows are {word}"
+                read = f"read {column.text(k)}, but other rows are {word}"
                 found.fault(f"{read}; expected one sign in all rows: check this row", name, k)
             # The odd rows are reported; the magnitude lets the other checks go on without repeating it.
             turned[name] = replace(column, values=np.abs(column.values))
@@ -180,8 +180,8 @@ def check_ranges(columns: Columns, found: Findings) -> None:
 
 
 def check_directions(columns: Columns, found: Findings) -> None:
-    """Add a notice for the few rows whose ball comes the other way along the court than that of all others, or one
-    for all rows that come against the direction in which the table counts.
+    """Add a notice for the few rows whose ball moves in the opposite direction along the court to all others, or one
+    notice for all rows against the positive direction.
     """
     angle, along, up = columns.get("theta_1"), columns.get("v_x1"), columns.get("v_y1")
     if along is not None:
@@ -200,7 +200,7 @@ def check_directions(columns: Columns, found: Findings) -> None:
         found.notice(f"{int(against.sum())} of {len(course)} {AGAINST}", column.name)
     kind = f"the ball moves in the opposite direction along the court to {int(many.sum())} other rows: check the sign"
     for k in np.flatnonzero(few).tolist() if odd else ():
-        found.notice(f"{kind}: {column.name} = {column.shown(k)}", column.name, place=k, kind=kind)
+        found.notice(f"{kind}: {column.name} = {column.text(k)}", column.name, place=k, kind=kind)
 
 
 def check_pairs(columns: Columns, found: Findings) -> None:
@@ -223,7 +223,7 @@ def check_pairs(columns: Columns, found: Findings) -> None:
 
 def _report(column: NumberColumn, bad: BoolArray, expected: str, found: Findings) -> None:
     for k in np.flatnonzero(bad).tolist():
-        found.fault(f"read {column.shown(k)}; {expected}", column.name, k)
+        found.fault(f"read {column.text(k)}; {expected}", column.name, k)
 
 
 # Beyond the rounding of the printed digits, columns may differ by this fraction (of the speed; in
@@ -256,7 +256,7 @@ def _compare(read: NumberColumn, said: Uncertain, scale: FloatArray, basis: tupl
     excess = np.abs(read.values - said.value) - said.reach - read.half_width
     kind = f"{read.name} disagrees with {names}, which are used"
     for k in np.flatnonzero(excess > AVERAGING * scale).tolist():
-        seen = f"read {read.shown(k)}, but {names} give {read.printed(float(said.value[k]))}"
+        seen = f"read {read.text(k)}, but {names} give {read.printed(float(said.value[k]))}"
         if excess[k] > GROSS * scale[k]:
             advice = "check the units and the row, or delete the redundant column"
             found.fault(f"{seen}; expected agreement: {advice}", read.name, k)
@@ -318,8 +318,8 @@ def _check_bound(
     blamed: BoolArray,
     found: Findings,
 ) -> BoolArray:
-    """Add what is to be said of rows that are above a bound and not `blamed` (rows,) yet; returns the rows that are
-    either. `excess` says by how much they are, with its sd; `kind` names the bound, `words` tell a row's numbers,
+    """Add faults or notices for rows that are above a bound and not `blamed` (rows,) yet; returns the rows that are
+    either. `excess` says by how much they are, with its sd; `kind` names the bound, `words` give a row's numbers,
     `column` is the column to point at.
     """
     sds = quotient(excess.value, excess.sd)

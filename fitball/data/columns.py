@@ -1,7 +1,7 @@
-"""The table of columns: whatever is true of one column of a table of impacts, once.
+"""The table of columns: the properties of each column of a table of impacts.
 
-What a rebound column is for a fit (its noise, its title, whether it has a sign) stands in `observables`; here stands
-what reading it takes: which end of the bounce it is of, what it measures, its limits, its other way of counting.
+Properties of a rebound column in a fit (its noise, its title, whether it has a sign) are in `observables`; those for
+reading are here: the end of the bounce, the quantity, its limits, its opposite convention.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ _COMING, _RISING = Limit(1.0e-3, 1000.0, "0.001 to 1000 m/s"), Limit(1.0e-4, inf
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column: the `end` of the bounce it is of ("1" incident, "2" rebound), its `dimension`; `positive` says what
-    it counts where it has no sign, `flip` its other way of counting, "" where there is none. Tables that count along
-    one fixed axis print a `turned` one negative throughout. `said` is what it is called in a line, besides its name;
-    `own_limit` goes before that of its dimension.
+    """One column: its `end` of the bounce ("1" incident, "2" rebound) and its `dimension`. `positive` is its meaning
+    where it has no sign, `flip` its opposite convention, "" if there is none. Tables that count along one fixed axis
+    print a `turned` one negative throughout. `said` is what it is called in a line, besides its name; `own_limit`
+    goes before that of its dimension.
     """
 
     name: str
@@ -63,7 +63,7 @@ class TableColumn:
     positive: str = ""
     flip: str = ""
     turned: bool = False
-    said: tuple[str, ...] = ()
+    short: tuple[str, ...] = ()
     own_limit: Limit | None = None
 
 
@@ -80,13 +80,13 @@ def _rebound() -> tuple[TableColumn, ...]:
 
 
 _ALL = (
-    TableColumn("v_x1", "1", Dimension.SPEED, flip=NEGATED, said=("v_x",)),
+    TableColumn("v_x1", "1", Dimension.SPEED, flip=NEGATED, short=("v_x",)),
     TableColumn(
-        "v_y1", "1", Dimension.SPEED, "a positive speed towards the court", NEGATED, said=("v_y",), own_limit=_COMING
+        "v_y1", "1", Dimension.SPEED, "a positive speed towards the court", NEGATED, short=("v_y",), own_limit=_COMING
     ),
-    TableColumn("v_1", "1", Dimension.SPEED, "a positive speed", said=("v",), own_limit=_COMING),
-    TableColumn("theta_1", "1", Dimension.ANGLE, flip=FROM_NORMAL, turned=True, said=("theta",), own_limit=_RISING),
-    TableColumn("omega_1", "1", Dimension.SPIN, flip=NEGATED, said=("omega", "spin")),
+    TableColumn("v_1", "1", Dimension.SPEED, "a positive speed", short=("v",), own_limit=_COMING),
+    TableColumn("theta_1", "1", Dimension.ANGLE, flip=FROM_NORMAL, turned=True, short=("theta",), own_limit=_RISING),
+    TableColumn("omega_1", "1", Dimension.SPIN, flip=NEGATED, short=("omega", "spin")),
     *_rebound(),
     # What labs write instead of v_y1 and v_y2 of a drop test (`data.heights`).
     TableColumn("drop_height", "1", Dimension.LENGTH),

@@ -75,11 +75,11 @@ class ForceFile:
 def load_force(path: Path, table: ImpactTable) -> ForceFile:
     """Read the force records of a table's impacts from a CSV or Parquet file with columns id, t, F.
 
-    Units stand in the header (s and N without). Raises TableError with every fault: row, line, column, what was read
+    Units are in the header (default: s and N). Raises TableError with every fault: row, line, column, what was read
     and what was expected.
     """
     raw = read_raw(path, Vocabulary(lambda cell: float(_name(cell) in ("id", *DIMENSIONS, *MISNAMED)), is_unit))
-    found = Findings.of(raw)
+    found = Findings.from_raw(raw)
     places, units = _header(raw, found)
     if len(found.faults) > len(raw.faults):
         raise TableError(str(path), found.faults)
@@ -173,7 +173,7 @@ def _record_fault(name: str, column: NumberColumn, forces: FloatArray) -> tuple[
     ):
         if np.any(wrong):
             k = int(np.argmax(wrong))
-            read = f"read {column.shown(k + 1)} after {column.shown(k)} in the record of '{name}'"
+            read = f"read {column.text(k + 1)} after {column.text(k)} in the record of '{name}'"
             return f"{read}; {words}", "t", k + 1
     peak = float(forces.max())
     if peak <= 0.0 or -float(forces.min()) > peak:

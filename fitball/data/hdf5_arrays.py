@@ -24,7 +24,7 @@ def opened(path: Path, what: str) -> Iterator[h5py.File]:
     """The file, which should be `what`. Raises ResultFolderError for what is missing, damaged or foreign in it."""
     try:
         if not path.is_file():
-            missing = "not a file" if path.exists() else "there is no such file"
+            missing = "not a file" if path.exists() else "no such file"
             raise ResultFolderError(f"{path}: {missing}; expected {what}; run calibrate again")
         with h5py.File(path, "r") as file:
             yield file

@@ -1,6 +1,6 @@
-"""The columns of a file by our names. What a header cell says, name and unit, in the ways in which people write both
-into one; what a name that is not ours probably means; and what each column is: as it is spelled, as a user says
-(`--columns v_1=Vin`), or misspelt.
+"""The columns of a file by our names. Reads header cells: name and unit in the ways in which people write them, and
+the probable meaning of other names. Each column is known as it is spelled, by the user's names (`--columns v_1=Vin`),
+or as a misspelling.
 
 A guess is offered, never taken. It says which end of the bounce it means only where the name does, so that incidence
 is never offered for rebound.
@@ -99,7 +99,7 @@ def guess_of(name: str) -> tuple[str, ...]:
 
 
 def _told(name: str) -> list[tuple[str, str]]:
-    """What the words of a name tell, none where it has others."""
+    """The meanings of the words of a name, none if it has other words."""
     if len(name) > LONGEST:
         return []
     # Each part by itself first, so that "v_in" is not "vi" and "n".
@@ -215,7 +215,7 @@ class Header:
 
 
 def vocabulary(naming: Naming) -> Vocabulary:
-    """What a header of impacts is told by, where `naming` gives some columns names of their own."""
+    """How a header of impacts is recognised, with the names of columns in `naming`."""
 
     @cache
     def worth(cell: str) -> float:
@@ -285,9 +285,9 @@ def _same(name: str) -> str | None:
 def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None = None) -> Header:
     """Find out what each column is.
 
-    A name that differs from ours in case or blanks only is read as ours, with a note. A misspelt column is a fault
-    and is then read as the column it resembles, so that the faults of its values come out in the same run; a name
-    that probably means one of ours is an extra column until `--columns` says so.
+    A name that differs from ours in case or blanks only is read as ours, with a note. A misspelt column is a fault,
+    and is read as the column it resembles, so that faults of its values are found in the same run. A name that
+    probably means one of fitball's is an extra column unless `--columns` names it.
     """
     naming, cells = naming or Naming(), unguarded(cells)
     parsed = [split_cell(cell, naming, found) for cell in cells]

@@ -1,5 +1,5 @@
-"""Drop tests as labs write them: the height a ball is dropped from, the height it rebounds to, and how high the ITF's
-types of ball may rebound from 254 cm (100 inches) off smooth granite.
+"""Drop tests as labs write them: heights of drop and rebound. The limits of the ITF's types of ball are for a drop
+from 254 cm (100 inches) on smooth granite.
 
 A ball at rest at a height h above the court arrives with v_y = sqrt(2 g h), one that leaves with v_y rises as high:
 energy without air. Heights are those of the bottom of the ball, as ITF rules have it.
@@ -52,7 +52,7 @@ def speeds_of_heights(columns: Columns, found: Findings) -> Columns:
             left |= {} if sd is None else {sd.name: sd}
             continue
         for k in np.flatnonzero(height.values <= 0.0).tolist():
-            found.fault(f"read {height.shown(k)}; expected a positive height above the court", name, k)
+            found.fault(f"read {height.text(k)}; expected a positive height above the court", name, k)
         made = _speed(speed, height)
         if speed in columns:
             _compare(height, made, columns[speed], found)
@@ -100,7 +100,7 @@ def _compare(height: NumberColumn, made: NumberColumn, speed: NumberColumn, foun
         excess = np.abs(made.values / np.abs(speed.values) - 1.0)
     for k in np.flatnonzero(excess > GROSS).tolist():
         found.fault(
-            f"read {height.shown(k)}, which gives {made.values[k]:.4g} m/s, but {speed.name} is "
+            f"read {height.text(k)}, which gives {made.values[k]:.4g} m/s, but {speed.name} is "
             f"{speed.values[k]:.4g} m/s; expected agreement: check the units and the row",
             height.name, k,
         )  # fmt: skip

@@ -1,5 +1,5 @@
-"""How well a table obeys the laws of an impulse on a round body, whatever the ball: a quick fit and its misfit; and
-what these laws say of spins whose signs are missing, or that are too fast for a camera, and of rows that are copies.
+"""A quick fit of the laws of an impulse on a round body to a table, for any ball, and its misfit. These laws also
+find missing signs of spins, spins too fast for a camera, and rows that are copies.
 
 With slip `u = v_x1 - R omega_1`, `a = I/(M R^2)` and the measured normal impulse per mass `s = v_y1 + v_y2`, the
 speed lost along the court is `a/(1 + a) ((1 + e_x) u + D s/(a R))` in a grip, at most `mu s` (Walton 1993; Foerster
@@ -33,7 +33,7 @@ _ABSURD = 1e9
 
 @dataclass(frozen=True)
 class Motion:
-    """Incident (1) and rebound (2) motion, each (impacts,) in m/s and rad/s; None where the columns do not tell.
+    """Incident (1) and rebound (2) motion, each (impacts,) in m/s and rad/s; None if undetermined.
 
     `contradictions` (impacts,) are differences between columns that say the same thing twice, as shares of the speed.
     """
@@ -131,7 +131,7 @@ class Misfit:
 
 
 def misfit(motion: Motion, ball: Ball) -> Misfit:
-    """Fit the laws to a motion and tell what is left."""
+    """Fit the laws to a motion; returns the residuals."""
     rows = next(len(item) for item in (motion.v_y1, motion.v_y2, motion.v_x1, motion.v_x2) if item is not None)
     residuals = dict[str, float]()
     cost = sum((float(np.sum(_penalty(share))) for share in motion.contradictions), 0.0)
@@ -320,8 +320,8 @@ def missing_above(columns: Columns, ball: Ball) -> str | None:
     above = int((size[gap] > limit).sum())
     return (
         f"omega_2 is missing where spins are large. Speeds show that {above} of {gaps} missing spins are above "
-        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random: "
-        "measure these spins by other means (more frames, marks on the ball), or leave out all impacts of such "
+        f"{limit:.0f} rad/s, the largest measured one. A fit assumes that values are missing at random. "
+        "Measure these spins by other means (more frames, marks on the ball), or leave out all impacts with such "
         "speeds and angles"
     )
 
@@ -352,8 +352,8 @@ NEAR = 10.0
 
 
 def repeats_of(table: ImpactTable, ball: Ball) -> tuple[str | None, str | None]:
-    """What there is to say of rows that are copies of others, and of rows that nearly are; None where chance explains
-    them, or where the table does not say how it was printed.
+    """Notes on rows that are copies of others, and on rows that nearly are; None if chance explains them, or if the
+    printed digits are unknown.
     """
     exact = _said(table, ball, 1.0)
     if exact is not None:

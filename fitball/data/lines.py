@@ -23,7 +23,7 @@ from fitball.values import FloatArray, Impacts
 
 # What a quantity may be called; the first name of each is that of the tables.
 _NAMES = {
-    said: name for name in ("v_1", "theta_1", "v_x1", "v_y1", "omega_1") for said in (name, *COLUMNS[name].said)
+    word: name for name in ("v_1", "theta_1", "v_x1", "v_y1", "omega_1") for word in (name, *COLUMNS[name].short)
 }
 _SENSES = {"top": 1.0, "topspin": 1.0, "back": -1.0, "backspin": -1.0}
 # A point before another belongs to a range: `10..40`.

@@ -2,7 +2,7 @@
 fit so much better than the header that the user must decide?
 
 A hypothesis transforms the columns as they were read, in SI, so that a refused table can be examined too. A table and
-its mirror image (`v_x` and `omega` of both ends negated) are equivalent: of a choice of signs and its mirror image
+its mirror image (`v_x` and `omega` of both ends negated) are equivalent. Of a choice of signs and its mirror image
 only the one with fewer columns is tried, or both if they have as many.
 """
 

@@ -65,7 +65,7 @@ def plain_numbers(columns: Cells) -> tuple[Cells, tuple[str, ...]]:
 
 
 def _any_of(signs: str, cells: Texts) -> bool:
-    """Whether any of the signs stands in any of the cells, which are looked at as one text: they may be millions."""
+    """Whether any of the signs is in any cell; the cells are searched as one text, since they may be millions."""
     text = "\n".join(cells)
     return any(sign in text for sign in signs)
 
@@ -142,7 +142,7 @@ class NumberColumn:
         """The cells with these places."""
         return replace(self, values=self.values[rows], missing=self.missing[rows])
 
-    def shown(self, place: int) -> str:
+    def text(self, place: int) -> str:
         """The number at a place as the file would print it."""
         return self.printed(float(self.values[place]))
 
@@ -241,7 +241,7 @@ def within_limits(columns: Columns, found: Findings) -> Columns:
         kept[name] = replace(column, values=np.where(beyond, np.nan, column.values))
         meant = _meant(column)
         for k in np.flatnonzero(beyond).tolist():
-            read = f"read {column.shown(k)}; expected {limit_of(name).words}"
+            read = f"read {column.text(k)}; expected {limit_of(name).words}"
             found.fault(f"{read}: check the unit and the digits{meant}", name, k)
     return kept
 
@@ -273,9 +273,9 @@ def without_empty(columns: Columns, found: Findings) -> Columns:
 def without_gaps(columns: Columns, rebound: bool, least: int, found: Findings) -> tuple[Columns, NDArray[np.int64]]:
     """The columns of the impacts that can be used, and the places of these among the rows.
 
-    Velocity cells that are missing are taken from speed and angle where their row has both. An impact whose incident
-    state, or, with `rebound`, whose whole rebound is missing is left out; where fewer than `least` stay, and where a
-    number has no sd although its column states them, that is a fault.
+    Velocity cells that are missing are taken from speed and angle where their row has both. An impact without an
+    incident state, or, with `rebound`, without any rebound is left out. It is a fault if fewer than `least` stay, or
+    if a number has no sd although its column has them.
     """
     count = len(found.rows)
     if not any(column.missing.any() for column in columns.values()):
@@ -342,7 +342,7 @@ def _with_sds(columns: Columns, found: Findings) -> Columns:
             continue
         for k in np.flatnonzero(sd.missing & ~column.missing).tolist():
             found.fault(
-                f"no standard deviation for {name} = {column.shown(k)}; expected one in every row with {name}: add "
+                f"no standard deviation for {name} = {column.text(k)}; expected one in every row with {name}: add "
                 f"it, or delete the column {sd.name} (the noise of {name} is then fitted)",
                 sd.name, k,
             )  # fmt: skip

@@ -1,6 +1,5 @@
-"""What is printed elsewhere and comes with the package: the tables of Jafri (2004), digits as printed, units in the
-heads; Wang's measurements, table by table, as the thesis uses them; priors from the literature, each value with where
-it was published and what its width means.
+"""Published data in the package. The tables of Jafri (2004) have the printed digits, with units in the heads; Wang's
+measurements are as the thesis uses them. Priors from the literature have their source and the meaning of their width.
 
 `mu=literature:clay` asks for the row of parameter `mu` and key `clay` of `datasets/literature/priors.csv`.
 """

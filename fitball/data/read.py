@@ -69,10 +69,9 @@ LONGEST_LABEL = 200
 
 @dataclass(frozen=True)
 class Written:
-    """A table before its numbers are looked at: `name`, where it is from, the SHA-256 of its bytes, its header's
-    cells as they stand (`heads`), and by our names the cells of its `numbers` with their `units` and those of its
-    `texts`, of which `extras` are no labels; with what was found so far. `files` are those it came from, none for a
-    DataFrame.
+    """A table before its numbers are read: `name`, `source`, SHA-256 of its bytes, and the cells of its header
+    (`heads`). The cells of its `numbers`, with their `units`, and of its `texts` are by fitball's names; `extras` are
+    texts that are no labels. `files` are those it came from, none for a DataFrame.
     """
 
     name: str
@@ -140,7 +139,7 @@ def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Nam
     else:
         place = name
         raw = frame_table(place, source, known, source.to_csv().encode("utf-8", "backslashreplace"))
-    found = Findings.of(raw)
+    found = Findings.from_raw(raw)
     header = read_header(raw.header, found, naming)
     numbers, notes = plain_numbers({name: raw.columns[header.places[name]] for name in header.units})
     parted = {name: split_deviations(cells) for name, cells in numbers.items()}
@@ -182,16 +181,16 @@ def load_table(
     """Read an impact table: a file (CSV and its like, a workbook, Parquet), a bundled one by name, a DataFrame, or
     columns by name. It is called `name` (default: as the file).
 
-    A path that exists wins over a bundled name. Units convert here, once, to m/s, rad/s, rad and s. With
-    `rebound=False` the rebound columns may be missing and one row is enough: impacts to predict, not to fit.
-    A rebound cell that says that nothing was measured is NaN in its `Measurement`; see `rows`.
-    `scene` says with what ball and what noise a rebound may seem to gain energy; without it that is the scene beside
-    the table. The columns named in `flip` are counted the other way round (see `misreading.flipped`). `columns` gives
-    names that are not ours by our name, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, before those of the scene;
-    `units` the units of columns by either name. Raises TableError
-    with every fault of the file: its row, line, column, what was read and what was expected, and what may be meant
-    where another reading has none; SceneError for a scene beside it that cannot be used; ParameterError for a column
-    that cannot be flipped, or for names in `columns` and `units` that are no columns.
+    A path that exists is preferred to a bundled name. Units are converted to m/s, rad/s, rad and s. With
+    `rebound=False` rebound columns are optional and one row is enough, for impacts to predict. A missing rebound
+    value is NaN in its `Measurement`. `scene` (default: the one beside the table) has the ball and the noise for
+    checks of energy. Columns in `flip` are read with the opposite convention (see `misreading.flipped`). `columns`
+    maps fitball's names to those of the table, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, and is preferred to
+    the scene's. `units` has the units of columns by either name.
+
+    Raises TableError with every fault of the file: row, line, column, what was read and what was expected; it names
+    another reading if that has no fault. Raises SceneError for a scene beside it that cannot be used, ParameterError
+    for an unknown column in `columns` or `units`, or one that cannot be flipped.
 
     >>> given = {"v_1": [38.0, 40.0], "theta_1": [18.0, 25.0], "v_x2": [11.0, 10.5], "v_y2": [4.0, 5.0]}
     >>> fitball.load_table(given, units={"v_1": "mph"}, name="mine")
@@ -354,9 +353,9 @@ def trusted_table(
 ) -> tuple[ImpactTable, tuple[str, ...]]:
     """A table, or the one joined from several, and notes on how it was read.
 
-    Each table is checked by itself, with the scene's ball. With `as_read` a table that another reading explains much
-    better is accepted, with a note. Raises ReadingError for it otherwise, ParameterError for
-    a table that was read already and is to be flipped or to have other names (`columns`), and as `load_tables` does.
+    Each table is checked by itself, with the scene's ball. With `as_read` a table that another reading fits much
+    better is accepted, with a note; otherwise ReadingError is raised. Raises ParameterError for `flip` or `columns`
+    of a table that has been read already, and as `load_tables` does.
     """
     for what, given in (("flip", flip), ("columns", columns), ("units", units)):
         if given and any(isinstance(item, ImpactTable) for item in data):
@@ -423,7 +422,7 @@ class PortFile:
 def read_port(path: Path) -> PortFile:
     """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
     raw = read_raw(path, vocabulary(Naming()))
-    found = Findings.of(raw)
+    found = Findings.from_raw(raw)
     header = read_header(raw.header, found)
     if not raw.rows and not found.faults:
         found.fault("no rows after the header; expected one row for each golden impact")

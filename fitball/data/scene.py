@@ -79,19 +79,23 @@ def _said(key: str, default: object = None) -> Any:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is known about a table besides its numbers; SI units, one standard deviation where an sd is named.
+    """What is known about a table besides its numbers; SI units, sds are one standard deviation.
 
-    `source` is the scene file (None: there is none). `ball_sd` has some of the keys mass, radius and inertia_ratio.
-    `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown. `velocity_sd` (of each component) and
-    those in `observables.NOISE_OF` are known measurement noise, not to be fitted; the nominal ones are orders of
-    magnitude. `velocity_noise` says whether the columns of the velocity share one noise ("tied") or have one each
-    ("separate"), None: "separate" if the table has enough rows. `priors` are texts such as `normal(0.55, 0.05)` by
-    parameter. `distribution` is that of the noise; `pool` maps parameters to the label column over whose levels they
-    differ, `columns` names of columns in the table that are not ours, by our name; `offsets` is the label column
-    whose groups may be biased. `force_file` holds force records, named relative to the scene file; `ball_type` is a
-    type of the ITF (see `heights`), `ball_temperature` and its sd are in degrees Celsius. `force_sd` [N] is the known
-    noise of a sample, `force_start_sd` [s] how well t = 0 is known to be the start of contact (None: it is found from
-    the record). `assumed` says in sentences what was taken because nothing was said.
+    Ball and court. `source` is the scene file (None: no file). `ball_sd` has some of the keys mass, radius and
+    inertia_ratio. `ball_type` is a type of the ITF (see `heights`); `ball_temperature` and its sd are in degrees
+    Celsius. `mu` is (value, sd or None), `contact_time` (value, sd), None when unknown.
+
+    Noise. `velocity_sd` (of each component) and those in `observables.NOISE_OF` are known and not fitted; the nominal
+    ones are orders of magnitude. With `velocity_noise` "tied" all velocity columns share one noise, with "separate"
+    each has its own (None: "separate" if the table has enough rows). `distribution` is that of the noise. `offsets`
+    is the label column whose groups may have a measurement bias.
+
+    Model. `priors` are texts such as `normal(0.55, 0.05)` by parameter. `pool` maps parameters to the label column
+    between whose groups they differ. `columns` maps fitball's names to those of the table.
+
+    Force records. `force_file` is relative to the scene file. `force_sd` [N] is the known noise of a sample.
+    `force_start_sd` [s] is the uncertainty of t = 0 as the start of contact (None: the start is found from the
+    record). `assumed` are sentences on assumptions for missing values.
     """
 
     source: str | None = None
@@ -134,9 +138,9 @@ class Scene:
         return self.ball_type is not None or like_tennis(self.ball)
 
     def noise_of(self, name: str, speed: FloatArray) -> FloatArray:
-        """One sd (impacts,) of a rebound column that no table states, as known or else expected: that of the column,
-        of the spin, or of a velocity, for an angle across the flight at this `speed` [m/s] (NaN where that is not
-        known, infinite of a ball that stands).
+        """One sd (impacts,) of a rebound column without sds in the table, as known or else expected. For an angle it
+        is that of a velocity across the flight at this `speed` [m/s]: NaN if that is unknown, infinite for a ball at
+        rest.
         """
         velocity = self.nominal_velocity_sd if self.velocity_sd is None else self.velocity_sd
         own = getattr(self, NOISE_OF[name])
@@ -179,7 +183,7 @@ def load_scene(
 
 def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
     """The scene, where its ball, court and instruments are like others. Raises SceneError otherwise; with `as_read`
-    what is unlikely is told among what is assumed.
+    what is unlikely is listed in `assumed`.
     """
     doubts = _doubts(scene)
     if not doubts:
@@ -358,7 +362,7 @@ def _number(content: object) -> float | None:
 
 
 def _shown(content: object) -> str:
-    """A TOML value as it could stand in the file."""
+    """A TOML value as in a file."""
     if isinstance(content, bool):
         return "true" if content else "false"
     if isinstance(content, str):

@@ -1,5 +1,5 @@
-"""Every key that a scene file (TOML) may have: what it holds, and which numbers no ball, court or instrument has, or
-one would doubt (a wrong unit, which no prior should hide).
+"""The keys of a scene file (TOML): the kind of each, and the limits beyond which numbers are impossible or doubtful
+(often a wrong unit).
 
 `scene.schema.json` beside this file declares them, each with what it holds and what it is about, for the reader here
 as for editors and other programs. The field of `Scene` that takes a key names it there, with its default.

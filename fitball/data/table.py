@@ -115,16 +115,17 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ImpactTable:
-    """A table of measured impacts; two are equal when all they hold is.
+    """A table of measured impacts; two are equal if their content is.
 
-    `measurements` are independent and enter a likelihood, each once; `redundant` repeat them in other
-    words (speed and angle beside components) and were only checked. `impacts` holds zeros where the
-    table has no such column; `incident_columns` names those that it has. `incident_covariance` (impacts, 3, 3) is
-    that of `(v_x1, v_y1, omega_1)`, None where no uncertainty of them was stated. `digest` is the SHA-256 of
-    the file's bytes, `files` are those it was read from, each with the SHA-256 of its bytes; `flipped` are columns
-    that were counted the other way round on request (`TABLE:COLUMN` in a table of several), `columns` names in the
-    file that are not ours, by our name. Where the table was just read `rows` (impacts,) says where each stood, from
-    1, and `resolution` half a unit of each column's last printed digit [SI].
+    `measurements` are independent, and each enters a likelihood once. `redundant` ones repeat them in another form
+    (speed and angle beside components) and are only checked. `impacts` has zeros for missing columns;
+    `incident_columns` are those of the table. `incident_covariance` (impacts, 3, 3) is that of
+    `(v_x1, v_y1, omega_1)`, None if no uncertainty of them is given.
+
+    `digest` is the SHA-256 of the file's bytes, `files` are the files with the SHA-256 of each. `flipped` are columns
+    with the opposite convention, on request (`TABLE:COLUMN` in a table of several). `columns` maps fitball's names to
+    those of the file. After reading, `rows` (impacts,) are the rows of the file, from 1, and `resolution` is half a
+    unit of each column's last printed digit [SI].
     """
 
     name: str
@@ -209,8 +210,8 @@ class ImpactTable:
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
     """The rows of all tables, with a label column `table` (names of files) when there are several.
 
-    Label columns that not all have are left empty where they are missing; a rebound column that some have is missing
-    in the others, and a notice is added. Raises TableError when incident columns or their sds differ, or if
+    Labels that a table lacks are empty in its rows. A rebound column that a table lacks is missing there, and a
+    notice is added. Raises TableError when incident columns or their sds differ, or if
     velocities are components in one table and speed and angle in another.
     """
     if len(tables) == 1:

@@ -1,5 +1,5 @@
-"""From the bytes of any file to the cells of a table, by `read_raw`: encodings (UTF-8, UTF-16, and Windows-1252 if
-nothing else fits the bytes) and separators of cells are found here.
+"""From the bytes of any file to the cells of a table, by `read_raw`. Encodings (UTF-8, UTF-16, and Windows-1252 if
+nothing else fits) and separators of cells are found here.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""From workbooks, Parquet files and DataFrames to records of cells, and how large any table may be: said before
-memory is used, by what a file declares and by where its cells are.
+"""From workbooks, Parquet files and DataFrames to records of cells. Tables that are too large are refused before
+memory is used, by the size that a file declares and the places of its cells.
 
 A table takes at most 1 GB up to 100,000 rows, and in proportion above (`docs/file-formats.md` has measurements). A
 workbook is laid out as the rectangle of its cells: one blank cell far away makes it as large as one that is full.

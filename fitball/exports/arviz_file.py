@@ -69,7 +69,9 @@ def partial_tree(saved: Fit) -> tuple[xr.DataTree, str]:
         raise _no_draws()
     assert saved.place is not None
     places = {name: saved.place.with_name(name) for name in (POSTERIOR_NAME, DATA_NAME)}
-    notes = [] if places[DATA_NAME].exists() else [f"{places[DATA_NAME]} is missing: the file holds no measurements"]
+    notes = (
+        [] if places[DATA_NAME].exists() else [f"{places[DATA_NAME]} is missing: the new file has no measurements"]
+    )
     posterior = saved.posterior if places[POSTERIOR_NAME].exists() else None
     if posterior is None:
         count = saved.fitted.draws.shape[0]

@@ -1,5 +1,5 @@
-"""The forms that a fit can be exported in: what each is called, where it is made, which options it alone has; and a
-fit in one of them, written whole or not at all. Nothing heavy is loaded before a form is made.
+"""The formats of export: name, function and options of each; and a fit in one of them, written whole or not at all.
+Nothing heavy is loaded before a form is made.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class Format:
     """A form: a line of help, the function that makes it (`module:function` of this room), the `name` of its file by
     default, and the options that it takes. What `bounces` answers impacts.
 
-    The function takes a fit and those options, and gives the text of the file, or bytes; of several files, whose
-    `name` has no ending, texts by their endings; or one of these with a note on what one should know at once.
+    The function takes a fit and those options. It returns the text of the file, or bytes; for several files, whose
+    `name` has no ending, texts by their endings. A note for the user may come with it.
     """
 
     help: str
@@ -36,41 +36,41 @@ class Format:
 
 FORMATS: Mapping[str, Format] = {
     "python": Format(
-        "a module that needs only math: rebound(v_x1, v_y1, omega_1), with a self-test",
+        "a Python module with rebound(v_x1, v_y1, omega_1) and a self-test; it needs math only",
         "port.languages:python_text", "bounce.py",
     ),
     "c": Format(
-        "a C99 header with the same, self-test under FITBALL_SELF_TEST", "port.languages:c_text", "bounce.h",
-        ("prefix",),
+        "a C99 header with the same function, and a self-test under FITBALL_SELF_TEST", "port.languages:c_text",
+        "bounce.h", ("prefix",),
     ),
     "javascript": Format(
-        "the same for a page or Node (.js) and as an ES module (.mjs)", "port.languages:javascript_texts", "bounce",
-        ("prefix",),
+        "the same function for web pages or Node (.js) and as an ES module (.mjs)", "port.languages:javascript_texts",
+        "bounce", ("prefix",),
     ),
     "csharp": Format(
-        "the same for Unity, Godot and .NET", "port.languages:csharp_text", "bounce.cs", ("prefix",)
+        "the same function for Unity, Godot and .NET", "port.languages:csharp_text", "bounce.cs", ("prefix",)
     ),
     "golden": Format(
-        "the impacts a port is checked with, and their rebounds; --inputs-only leaves these out",
+        "test impacts for ports, with their rebounds (--inputs-only: without them)",
         "tables:golden_table", "golden.csv", ("inputs_only",),
     ),
     "lookup": Format(
-        "rebounds on a grid, and how wrong interpolation between its points is", "tables:lookup_texts", "lookup",
+        "rebounds on a grid, and the error of interpolation between its points", "tables:lookup_texts", "lookup",
         ("range", "json"),
     ),
     "engine": Format(
-        "restitution and friction for Unity, Godot, Bullet and MuJoCo, and what they lose; as a page and as JSON",
+        "restitution and friction for Unity, Godot, Bullet and MuJoCo, with their errors; as a page and as JSON",
         "tables:engine_texts", "engine", ("at", "engine_inertia", "json"),
     ),
     "json": Format(
-        "the parameter set for other programs, with a schema; summary.csv of the result folder has it as CSV",
+        "parameters for other programs, with a schema (as CSV: summary.csv of the result folder)",
         "parameters:parameter_text", "parameters.json", bounces=False,
     ),
     "latex": Format(
-        "a table for booktabs, rounded by the rule of the Particle Data Group", "parameters:latex_table",
+        "a table of parameters (booktabs), rounded by the rule of the Particle Data Group", "parameters:latex_table",
         "parameters.tex", bounces=False,
     ),
-    "markdown": Format("the same table", "parameters:paper_markdown", "parameters.md", bounces=False),
+    "markdown": Format("the same table in Markdown", "parameters:paper_markdown", "parameters.md", bounces=False),
     "certificate": Format(
         "one page of HTML to print and sign: result, interval, model test, SHA-256 of the data",
         "parameters:certificate", "certificate.html", bounces=False,
@@ -125,7 +125,7 @@ class Exported:
 
 
 def exported(saved: Fit, to: str, options: Mapping[str, Any]) -> Exported:
-    """A fit in the form called `to`. Raises ParameterError for an unknown one, or an option that it does not have."""
+    """A fit in the format `to`. Raises ParameterError for an unknown format, or an option that it does not have."""
     if to not in FORMATS:
         raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMATS)}")
     form = FORMATS[to]
@@ -138,8 +138,8 @@ def exported(saved: Fit, to: str, options: Mapping[str, Any]) -> Exported:
             listed = " and ".join(filter(None, (", ".join(owners[:-1]), owners[-1])))
             raise ParameterError(
                 spoken(
-                    f"--{name.replace('_', '-')} belongs to --to {listed}, not to --to {to}",
-                    f"{name} belongs to the format {listed}, not to {to}",
+                    f"--{name.replace('_', '-')} is an option of --to {listed}, not of --to {to}",
+                    f"{name} is an option of the format {listed}, not of {to}",
                 )
             )
         kind, words = KINDS[name]

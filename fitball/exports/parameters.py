@@ -1,5 +1,5 @@
-"""The result of a fit for other programs, as JSON with a schema (`parameters.schema.json`); for a paper, as a table
-in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule; and as a certificate, to print and sign.
+"""The result of a fit: as JSON with a schema (`parameters.schema.json`) for other programs, and as a certificate to
+print and sign. For a paper it is a table in LaTeX (booktabs) and Markdown, rounded by the Particle Data Group's rule.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What answers impacts in the place of the solver: the golden impacts, what a port is fed with and what it should
-answer; rebounds on a grid, as CSV with what is known of them as JSON; and settings for engines that know restitution
-and friction only, as JSON and as a page with how to set them.
+"""Tables that replace the solver: the golden impacts, which are inputs and expected rebounds of a port; and rebounds
+on a grid, as CSV, with their description as JSON. Settings for game engines with restitution and friction only are
+JSON, and a page with instructions.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ def _lookup_note(lookup: Lookup) -> str:
     errors = ", ".join(
         f"{name} {item.largest:.2g} (RMS {item.rms:.2g}) {SI_UNITS[name]}" for name, item in lookup.errors.items()
     )
-    said = [f"largest error of interpolation: {errors}" if errors else "interpolation could not be checked"]
+    notes = [f"largest error of interpolation: {errors}" if errors else "interpolation could not be checked"]
     if beyond:
-        said.append(
-            f"{beyond} of {count} points lie outside of v_y1 = {valid.low:.4g} to {valid.high:.4g} m/s: restitution "
-            "and offset stay there what they are at its ends (column extrapolated)"
+        notes.append(
+            f"{beyond} of {count} points are outside of v_y1 = {valid.low:.4g} to {valid.high:.4g} m/s (column "
+            "extrapolated): restitution and offset keep their values at the end of this range"
         )
-    said += [f"{lost} of {count} points have no rebound: {reason}" for reason, lost in lookup.failed.items()]
-    return "; ".join(said)
+    notes += [f"{lost} of {count} points have no rebound: {reason}" for reason, lost in lookup.failed.items()]
+    return "; ".join(notes)
 
 
 def _lookup_rows(lookup: Lookup) -> list[dict[str, object]]:
@@ -118,7 +118,7 @@ def _lookup_json(saved: Fit, lookup: Lookup) -> dict[str, Any]:
             "unit": "m/s",
             "ends_below_by": lookup.valid.below,
             "ends_above_by": lookup.valid.above,
-            "outside": "restitution and offset of the normal force stay what they are at the nearer end",
+            "outside": "restitution and offset of the normal force keep their values at the nearer end",
         },
         "interpolation": {
             "method": "multilinear in the axes",
@@ -146,7 +146,7 @@ def engine_texts(saved: Fit, at: str | None = None, engine_inertia: float = 0.4)
     """The page and the JSON. Raises ParameterError for an operating point that is no one impact."""
     point = middle_impact(saved.fitted) if at is None else parse_impact(at)
     if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
-        raise ParameterError("this fit is of drop tests and knows no friction: give v_y alone")
+        raise ParameterError("this fit is of drop tests and has no friction: give v_y alone")
     engine = fit_engine(saved.fitted, point, engine_inertia)
     return {".md": _engine_page(saved, engine), ".json": json_text(_engine_json(saved, engine))}
 
@@ -237,26 +237,26 @@ def _engine_page(saved: Fit, engine: EngineFit) -> str:
         ["best at the operating point", f"{best.e:.4f}", _mu(best.mu)],
         ["best over the calibrated range", f"{wide.e:.4f}", _mu(wide.mu)],
     ]
-    said = []
+    notes = []
     if best.mu_from is not None:
-        said.append(
-            f"At the operating point the engine's ball grips: any mu from {best.mu_from:.4f} on predicts the same "
-            "there. The mu given is the one of these that errs least over the calibrated range."
+        notes.append(
+            f"At the operating point the engine's ball grips: every mu above {best.mu_from:.4f} gives the same "
+            "rebound. The mu above is the one with the smallest error over the calibrated range."
         )
     if best.mu is None:
-        said.append("The fit is of drop tests: it says nothing of friction.")
-    said.append(
-        "What is lost: such a ball has one restitution for every speed, no tangential rebound (no twist of the "
-        "cover, no shift of the normal force), and the engine's moment of inertia. Where an engine lets it be set, "
-        f"give it the ball's own: `engine_inertia = {inertia:.3g}`."
+        notes.append("The fit is of drop tests: friction is not determined.")
+    notes.append(
+        "Limits: the engine's ball has the same restitution at every speed and no tangential rebound: neither twist "
+        "of the cover nor shift of the normal force. It has the engine's moment of inertia. If your engine lets you "
+        f"set it, use that of the ball: `engine_inertia = {inertia:.3g}`."
     )
     errors = [
         ["output", "fitted ball", "engine", "error there", "RMS error over the range", "RMS, best over the range"]
     ]
     errors += [_row(name, engine) for name in COMPARED]
     lead: list[Part] = [
-        Words([state, *_warning(saved, engine)]), Table("Settings", settings), Words(said), Table("Errors", errors),
-        Words(["The range: mixtures of the calibrated impacts. Best: least kinetic energy of the difference."]),
+        Words([state, *_warning(saved, engine)]), Table("Settings", settings), Words(notes), Table("Errors", errors),
+        Words(["Range: mixtures of the calibrated impacts. Best: smallest kinetic energy of the difference."]),
     ]  # fmt: skip
     title = f"Engine settings for {saved.fitted.model_name} on {saved.source.name}"
     return as_markdown(Document(title, lead, [Section("set", "How to set them", [Words(_advice(engine))])]))
@@ -269,22 +269,20 @@ def _outside(saved: Fit, engine: EngineFit) -> bool:
 
 
 def _warning(saved: Fit, engine: EngineFit) -> list[str]:
-    said = [f"**{saved.at_common}.**"] if saved.at_common else []
+    notes = [f"**{saved.at_common}.**"] if saved.at_common else []
     if _outside(saved, engine):
-        said.append("**The operating point lies outside the calibrated range.**")
+        notes.append("**The operating point is outside the calibrated range.**")
     if engine.extrapolated:
         end, why = engine.valid.low, engine.valid.below
         if engine.point.v_y1[0] > engine.valid.high:
             end, why = engine.valid.high, engine.valid.above
-        said.append(
-            f"**It lies beyond v_y1 = {end:.4g} m/s, where the fitted model ends ({why}): restitution and offset are "
-            "taken as they are there.**"
+        notes.append(
+            f"**It is beyond v_y1 = {end:.4g} m/s, where the fitted model ends ({why}): restitution and offset keep "
+            "their values there.**"
         )
     if engine.unsolved:
-        said.append(
-            f"{engine.unsolved} mixtures of calibrated impacts have no rebound and are left out of the range."
-        )
-    return said
+        notes.append(f"{engine.unsolved} mixtures of calibrated impacts have no rebound and are not in the range.")
+    return notes
 
 
 def _mu(value: float | None) -> str:
@@ -307,14 +305,14 @@ def _advice(engine: EngineFit) -> list[str]:
     return [
         f"**Unity.** Material of the ball: bounciness {e}, dynamic and static friction {mu}; of the court: 1 and 1; "
         "both combine modes Multiply on both (of two different modes the later in Average, Minimum, Multiply, "
-        "Maximum is used). Lower the bounce threshold of the physics settings below the slowest `v_y1`, raise "
-        "`Rigidbody.maxAngularVelocity` above the spins, and set `Rigidbody.inertiaTensor` if it is not solid.",
+        "Maximum is used). Set the bounce threshold of the physics settings below the slowest `v_y1`, and "
+        "`Rigidbody.maxAngularVelocity` above the spins. Set `Rigidbody.inertiaTensor` if the ball is not solid.",
         f"**Godot.** `PhysicsMaterial` of the ball: bounce {e}, friction {mu}, rough off; of the court: bounce 0, "
         f"friction at least {mu}, rough and absorbent off. Bounces add, and the lower friction counts. `inertia` of "
         "the body sets the moment of inertia; set linear and angular damp to 0.",
         f"**Bullet.** Ball: `setRestitution({e})`, `setFriction({mu})`; court: 1 and 1, for both are multiplied. "
         "Rolling and spinning friction 0. The moment of inertia is an argument of the body.",
-        "**MuJoCo** has no restitution: a contact is a spring and damper, so the following approximates it. Ball: "
+        "**MuJoCo** has no restitution: a contact is a spring and damper, so this is an approximation. Ball: "
         f'`solref="{stiffness:.6g} {damping:.6g}"`, `solimp="0.99 0.99 0.001 0.5 2"`, `condim="3"`, '
         f'`friction="{mu} 0 0"`, `priority="1"` (else the larger friction of the two counts); a contact then lasts '
         f"{soft['contact_time'] * 1e3:.3g} ms{known}, so take a timestep of {soft['timestep_at_most'] * 1e3:.2g} ms "

@@ -1,4 +1,4 @@
-"""The door: which engine runs tasks, and what may be asked of any. Nothing is scheduled by code of ours."""
+"""Engines that run tasks on processes: joblib here, Dask on a cluster."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ class Engine(Protocol):
         here: Callable[[Item], Made] | None = None,
         lost: Callable[[Item, str], Made] | None = None,
     ) -> Iterator[Made]:
-        """What `make` gives for each item, as it is ready. Function, items and what is made must be picklable, and
-        nothing but what is made is held in memory. Tasks begin in the order of the items: the longest comes first.
+        """The result of `make` for each item, when it is ready. Function, items and results must be picklable, and
+        only results are held in memory. Tasks begin in the order of the items: the longest comes first.
 
-        `here` stands for `make` in the process that asks, where that works too: it makes the same, and may tell how
-        far it is. With `lost` nothing is made in the process that asks, and no task can end more than itself: where
-        the process of one dies (a crash, too little memory), and again when nothing else runs, `lost` makes the
-        result from the item and how the process ended, in words.
+        `here` replaces `make` in the calling process, if that works too: it has the same result, and may report
+        progress. With `lost` the calling process does no task, and a crash affects one task only. If the process of a
+        task ends (a crash, too little memory), and again when it runs alone, `lost` makes the result from the item
+        and the way it ended.
 
-        Whoever stops listening stops the tasks. Raises ParameterError where a process that works was killed and there
-        is no `lost`, and what `make` raises.
+        The tasks stop when the iterator is closed. Raises ParameterError if a worker process was killed and there is
+        no `lost`, and what `make` raises.
         """
 
 
 def engine(cores: int | None = None, scheduler: str | None = None) -> Engine:
-    """Joblib with `cores` processes on this machine (None: as many as it has), or the Dask cluster whose `scheduler`
-    is at an address (`tcp://host:8786`) or is described by a file that it wrote (`scheduler.json`).
+    """Joblib with `cores` processes on this machine (None: all cores), or a Dask cluster. Its `scheduler` is an
+    address (`tcp://host:8786`) or the file that it wrote (`scheduler.json`).
 
     Raises ParameterError for fewer than one core, or another kind of address.
     """
@@ -63,8 +63,8 @@ def engine(cores: int | None = None, scheduler: str | None = None) -> Engine:
         return LocalEngine(wanted)
     if not scheduler.startswith(ADDRESSES) and not scheduler.endswith(".json"):
         raise ParameterError(
-            f"scheduler {scheduler}: expected the address of a Dask scheduler, such as tcp://localhost:8786, or the "
-            "file that it wrote, such as scheduler.json"
+            f"scheduler {scheduler}: expected the address of a Dask scheduler, such as tcp://localhost:8786, or its "
+            "file, such as scheduler.json"
         )
     return ClusterEngine(scheduler)
 
@@ -92,8 +92,8 @@ class _Placed(Generic[Item, Made]):
 
 
 class Elsewhere(Generic[Item, Made]):
-    """A task as another process runs it: its messages speak to whom they speak to here, and files are named from the
-    same folder, if it is there.
+    """A task as another process runs it: its messages have the form for Python or the command line as here, and
+    it works in the same folder, if it exists there.
     """
 
     def __init__(self, make: Callable[[Item], Made]) -> None:
@@ -139,8 +139,8 @@ def tried_again(
 
 @dataclass(frozen=True)
 class ClusterEngine:
-    """Tasks on the cluster of the Dask scheduler at `place`, an address or the file that describes it: whatever Dask
-    runs on, be it processes, machines or a queue such as SLURM's.
+    """Tasks on the cluster of the Dask scheduler at `place`, an address or its file. Dask runs on processes, machines
+    or a queue such as SLURM's.
     """
 
     place: str
@@ -158,7 +158,7 @@ class ClusterEngine:
             from distributed.scheduler import KilledWorker
         except ImportError:
             raise ParameterError(
-                "a scheduler was named, but Dask is not installed here: pip install 'fitball[dask]'"
+                "a scheduler is given, but Dask is not installed here: pip install 'fitball[dask]'"
             ) from None
         elsewhere = Elsewhere(make)
 
@@ -176,8 +176,7 @@ class ClusterEngine:
                     running.add(added)
 
         def words(error: Exception) -> str:
-            said = f"a worker of the cluster was killed: {error}"
-            return said if lost is None else "the death of the workers that tried it"
+            return f"a worker of the cluster was killed: {error}" if lost is None else "the death of its workers"
 
         with self._client() as client:
             yield from tried_again(attempt, items, lost, KilledWorker, words)
@@ -191,20 +190,22 @@ class ClusterEngine:
                 self._check_certificates()
             return Client(timeout=PATIENCE, set_as_default=False, **known)
         except (OSError, ValueError) as error:
-            raise ParameterError(f"scheduler {self.place}: no Dask scheduler answers there: {error}") from None
+            raise ParameterError(
+                f"scheduler {self.place}: no Dask scheduler answers at this address: {error}"
+            ) from None
 
     def _check_certificates(self) -> None:
-        """Raise ParameterError where Dask was not told of certificates: its client would end in a fault."""
+        """Raise ParameterError if Dask has no certificates, for its client would fail."""
         from distributed.security import Security
 
         try:
             known = Security().get_connection_args("client")["ssl_context"] is not None
-            why = "none was named"
+            why = "none are given"
         except OSError as error:
             known, why = False, str(error)
         if not known:
             raise ParameterError(
-                f"scheduler {self.place}: a connection by TLS needs certificates ({why}): name them to Dask by the "
+                f"scheduler {self.place}: a TLS connection needs certificates ({why}): set the Dask "
                 "environment variables DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
                 "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY"
             )

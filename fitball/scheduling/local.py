@@ -84,9 +84,9 @@ def _each(
             pool.submit(make, item).add_done_callback(partial(finished, pool, item))
         return bool(taken)
 
-    def finished(pool: Any, item: Item, done: Future[Made]) -> None:
+    def finished(pool: Any, task: Item, done: Future[Made]) -> None:
         """In a thread of the pool, while this process works."""
-        ready.put((pool, item, done, not (done.cancelled() or done.exception()) and hand_out(pool)))
+        ready.put((pool, task, done, not (done.cancelled() or done.exception()) and hand_out(pool)))
 
     def begin() -> None:
         pool = _waiting.pop() if _waiting else _one_process()
@@ -130,7 +130,7 @@ def _taken(waiting: deque[Item]) -> list[Item]:
 
 
 def _killed(_error: Exception) -> str:
-    return "a process that worked was killed, as a system does that is short of memory: use fewer cores"
+    return "a worker process was killed, probably for lack of memory: use fewer cores"
 
 
 def _ending(error: Exception) -> str:
@@ -149,7 +149,7 @@ def _one_process() -> Any:
     if sys.platform != "win32":
         # Processes need it, and Python lets Ctrl-C through again when it has started it.
         resource_tracker.ensure_running()
-    # Of a process that crashes the result tells, not a dump of its stack in the middle of the terminal.
+    # A crash is reported with the result, not by a dump of the stack in the middle of the terminal.
     quiet = {"PYTHONFAULTHANDLER": os.environ.get("PYTHONFAULTHANDLER", "")}
     env = dict.fromkeys(THREADS, "1") | quiet
     return ProcessPoolExecutor(1, timeout=WARM, env=env, initializer=_begin, initargs=(_lifeline()[0],))
@@ -180,8 +180,8 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _begin(asker: Connection) -> None:
-    """Only the process that asks acts on a Ctrl-C, and ends the others. Where it was killed they end with it: what
-    they would write meets the files of whoever asks next.
+    """Only the process that asks acts on a Ctrl-C, and ends the others. Where it was killed they end with it, since
+    they might write into files of the next run.
     """
     from joblib.externals.loky import process_executor
 

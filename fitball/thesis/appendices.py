@@ -262,7 +262,7 @@ def row_inputs(row: Row) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Clause:
-    """`inputs` that stood in the worksheets `codes` instead of the row's own."""
+    """`inputs` used in the worksheets `codes` instead of the row's own."""
 
     codes: tuple[str, ...]
     inputs: Inputs

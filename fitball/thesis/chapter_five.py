@@ -24,7 +24,7 @@ from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 from fitball.thesis.printed_tables import Check, chapter_five_predictions
 from fitball.thesis.slips import slip_table, slip_words
 
-# What the recomputation gave when it was last looked at by a person; `Check.holds` compares against it.
+# Results of the recomputation when a person last checked them; `Check.holds` compares against it.
 ROWS_WITHIN = {0.1: 110, 0.5: 118, 1.0: 127}
 APPENDIX_D_MATCHES = {"v_x2": 55, "theta_2": 52, "omega_2": 57}
 # Relative deviation that rounding of printed energies and speeds makes.
@@ -58,12 +58,12 @@ class ChapterFive:
         changed = [check.name for check in self.checks if not check.holds]
         error = appendices.worst_error(self.appendix_c.rows)
         unexplained = int(np.sum(self.appendix_c.exceptions["kind"] == "unexplained"))
-        pinned = f"no longer as pinned: {listed(changed)}" if changed else "as they were when last looked at"
+        now = f"changed: {listed(changed)}" if changed else "unchanged since a person last checked them"
         return (
-            f"Counts and numbers of {len(self.checks)} comparisons with print: {pinned}. That says that the code "
-            f"still gives the same, not that print comes out: of the {len(error)} rows of Appendix C "
-            f"{int(np.sum(error > appendices.REPRODUCED))} are off by more than {appendices.REPRODUCED:g} %, "
-            f"{int(np.sum(error > 1.0))} by more than 1 %, and {unexplained} cells are unexplained."
+            f"{len(self.checks)} comparisons with the printed numbers: {now}. Unchanged means that the code gives "
+            f"the same results, not that these agree with print. Of the {len(error)} rows of Appendix C "
+            f"{int(np.sum(error > appendices.REPRODUCED))} differ by more than {appendices.REPRODUCED:g} % and "
+            f"{int(np.sum(error > 1.0))} by more than 1 %. {unexplained} cells are unexplained."
         )
 
 
@@ -116,8 +116,8 @@ def derive(effort: Effort, report: Callable[[str], None]) -> ChapterFive:
     for name, one in {**rankings, "chapter_v": by_chapter}.items():
         tables |= {f"ranking_{name}": one.scores, f"ranking_{name}_certainty": one.certainty}
     tables |= {f"credible_levels_{name}": item.points for name, item in fits.items()}
-    told = _verdicts(rankings, by_chapter, fits, sizes)
-    return ChapterFive(rows_c, tables, inertia, rankings, fits, checks, told)
+    verdicts = _verdicts(rankings, by_chapter, fits, sizes)
+    return ChapterFive(rows_c, tables, inertia, rankings, fits, checks, verdicts)
 
 
 def _check_appendix_c(appendix: appendices.AppendixC, strict: pd.DataFrame) -> Check:
@@ -126,13 +126,13 @@ def _check_appendix_c(appendix: appendices.AppendixC, strict: pd.DataFrame) -> C
     beyond = int(np.sum(error > 1.0))
     kinds = appendix.exceptions["kind"].value_counts().to_dict()
     finding = (
-        f"{within[0.1]} of {len(error)} rows within 0.1 % in both V_x2 and omega_2, {within[0.5]} within 0.5 %, "
-        f"{within[1.0]} within 1 % ({int(np.sum(before <= 0.1))} and {int(np.sum(before <= 1.0))} before the inputs "
-        f"listed as misprinted are mended); {beyond} rows beyond 1 %. Of all cells beyond their rounding "
-        f"{kinds.get('unexplained', 0)} are unexplained."
+        f"{within[0.1]} of {len(error)} rows agree within 0.1 % in both V_x2 and omega_2, {within[0.5]} within 0.5 "
+        f"%, {within[1.0]} within 1 %. With misprinted inputs as printed {int(np.sum(before <= 0.1))} agree within "
+        f"0.1 % and {int(np.sum(before <= 1.0))} within 1 %. {beyond} rows differ by more than 1 %. "
+        f"{kinds.get('unexplained', 0)} cells beyond their rounding are unexplained."
     )
     problems = [f"not in the errata: {item}" for item in appendix.unlisted]
-    problems += [f"no longer off: {item}" for item in appendix.stale]
+    problems += [f"now agrees, but is in the errata: {item}" for item in appendix.stale]
     return Check("Appendix C", " ".join([finding, *problems]), within == ROWS_WITHIN and not problems)
 
 
@@ -144,8 +144,9 @@ def _check_appendix_d(rows: pd.DataFrame) -> Check:
     off = appendices.deviations(rows)
     finding = (
         f"of {len(rows)} rows, {matches['v_x2']} velocity, {matches['omega_2']} spin and {matches['theta_2']} angle "
-        f"errors follow from Appendix C within {appendices.MATCHES} points; the angles with the mean restitution of "
-        f"Chapter V and in size ({signed} with their sign); of the angles that Appendix C prints {of_print} would."
+        f"errors follow from Appendix C within {appendices.MATCHES} points. Angles use the mean restitution of "
+        f"Chapter V and agree in size ({signed} with their sign). From the angles that Appendix C prints {of_print} "
+        "would."
     )
     return Check("Appendix D", finding, matches == APPENDIX_D_MATCHES and "unlisted" not in set(off["kind"]))
 
@@ -160,10 +161,10 @@ def _check_energies(rows: pd.DataFrame) -> Check:
     whose = "that" if abs(implied.median() / known - 1.0) < INERTIA_ROUNDING else "not that"
     return Check(
         "Tables 2, 4 and 6",
-        f"all {4 * len(rows)} numbers to {100.0 * worst:.3f} % or better, the energies with a moment of inertia of "
-        f"{implied.median():.3g} lbf s^2 in ({implied.min():.3g} to {implied.max():.3g}): {whose} of Appendix B "
-        f"({known:g}), {100.0 * (implied.median() / used - 1.0):+.0f} % from the {used:g} of Chapter IV, with which "
-        "the simulations start.",
+        f"all {4 * len(rows)} numbers agree to {100.0 * worst:.3f} % or better. The energies need a moment of "
+        f"inertia of {implied.median():.3g} lbf s^2 in ({implied.min():.3g} to {implied.max():.3g}), {whose} of "
+        f"Appendix B ({known:g}). This is {100.0 * (implied.median() / used - 1.0):+.0f} % from the {used:g} of "
+        "Chapter IV, which the simulations use.",
         worst < ENERGY_ROUNDING,
     )
 
@@ -185,7 +186,7 @@ def _check_inertia(inertia: Variable) -> Check:
     return Check(
         "Table 8",
         f"I = ({1e4 * measured:.3f} +- {1e4 * inertia.std_dev:.3f})e-4 lbf s^2 in by Eq. (79); the thesis prints "
-        f"{printed:.5f}, {how}. Drag of the air, the tape and slanting strings are in no budget.",
+        f"{printed:.5f}, {how}. Air drag, the tape and slanting strings are not included.",
         abs(measured - 2.888e-4) < 1e-7,
     )
 
@@ -199,10 +200,10 @@ def _check_damping(rows: pd.DataFrame) -> Check:
     return Check(
         "Damping c_y",
         f"{len(obeying)} of the {len(nine)} values of Chapter V obey exp(-x) = COR to "
-        f"{obeying['nearest [%]'].max():.1f} %; of the {len(appendix)} of Appendix C {counts.get('Chapter III', 0)} "
+        f"{obeying['nearest [%]'].max():.1f} %. Of the {len(appendix)} of Appendix C {counts.get('Chapter III', 0)} "
         f"obey exp(-x) = (M1/M)/COR to {printed_tables.OBEYS:g} %, {counts.get('Eq. (8)', 0)} Eq. (8), "
-        f"{counts.get('none', 0)} none. Eq. (8) as printed has no solution for {impossible} of the {len(rows)}: it "
-        "asks the core for COR M/M1 > 1 of its speed.",
+        f"{counts.get('none', 0)} none. Eq. (8) as printed has no solution for {impossible} of the {len(rows)}: the "
+        "core would keep COR M/M1 > 1 of its speed.",
         len(obeying) == len(nine) and counts.get("Chapter III") == 19,
     )
 
@@ -211,8 +212,8 @@ def _check_examples(rows: pd.DataFrame) -> Check:
     used = rows[rows["inputs"] == "used"]
     worst = float(np.abs(used[["v_x2_error", "omega_2_error"]].to_numpy()).max())
     words = (printed_tables.rebound_words, printed_tables.transition_words)
-    words_said = [told for number in used["example"] for word in words if (told := word(rows, int(number)))]
-    finding = f"both rebounds to {worst:.3f} %. {' '.join(words_said)}"
+    sentences = [text for number in used["example"] for word in words if (text := word(rows, int(number)))]
+    finding = f"both rebounds agree to {worst:.3f} %. {' '.join(sentences)}"
     return Check("Examples of Chapter III", finding, worst < printed_tables.EXAMPLE_ROUNDING)
 
 
@@ -222,14 +223,14 @@ def _verdicts(
     fits: Mapping[str, recalibration.Recalibration],
     slips: pd.DataFrame,
 ) -> dict[str, str]:
-    """What stands of `yield reasonable agreements` and `giving best results`, and of the computation behind it."""
+    """Whether `yield reasonable agreements` and `giving best results` hold, and the computation behind them."""
     fitted = fits["two-mass"]
     offset = fitted.offset
     placed = {name: item.placed for name, item in fits.items()}
-    told = {"Table 9": judgement.headline(rankings, placed), "Ranking": judgement.ranking_verdict(rankings)}
+    verdicts = {"Table 9": judgement.headline(rankings, placed), "Ranking": judgement.ranking_verdict(rankings)}
     for case in CASE_IN_APPENDIX_C:
         beside = judgement.fit_words(by_chapter.pooled, case, "two-mass", fitted.drawn.squares.rms)
-        told[f"Case {case}"] = f"{judgement.case_verdict(case, rankings)} {beside}"
-    told |= {f"Posterior of {name}": judgement.posterior_verdict(items) for name, items in placed.items()}
-    told["Offset"] = judgement.offset_verdict(fitted.problem.impacts.v_y1, offset.values / INCH, offset.sd / INCH)
-    return told | {"Slips": slip_words(slips)}
+        verdicts[f"Case {case}"] = f"{judgement.case_verdict(case, rankings)} {beside}"
+    verdicts |= {f"Posterior of {name}": judgement.posterior_verdict(items) for name, items in placed.items()}
+    verdicts["Offset"] = judgement.offset_verdict(fitted.problem.impacts.v_y1, offset.values / INCH, offset.sd / INCH)
+    return verdicts | {"Slips": slip_words(slips)}

@@ -1,8 +1,8 @@
 """Figs 8 to 28 of Jafri (2004): what each varies, and what the thesis states of its inputs; each solved exactly, what
-that says of every claim of the thesis, and what a user reads of it.
+that means for every claim of the thesis, and the text for a user.
 
-They stand in `datasets/thesis/figures.toml`, their claims in `figure_claims.csv`. The figures of Chapter III carry no
-inputs in their text: only the two examples behind Figs 25 to 28 are stated. What had to be assumed stands beside each
+They are kept in `datasets/thesis/figures.toml`, their claims in `figure_claims.csv`. The figures of Chapter III have
+no inputs in their text: only the two examples behind Figs 25 to 28 are stated. Assumptions are listed with each
 figure, with the reason.
 """
 
@@ -44,12 +44,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Claim:
-    """What the thesis says of a curve, numbered from 0: `measure` names the quantity (see `MEASURES`).
+    """A statement of the thesis on a curve, numbered from 0: `measure` names the quantity (see `MEASURES`).
 
     `printed` is its number, or None for a statement in words that `holds` or not.
     """
 
-    said: str
+    statement: str
     measure: str
     curve: int
     printed: float | None
@@ -69,7 +69,7 @@ class Example:
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """What the thesis says of it."""
+        """The claims of the thesis about it."""
         return tuple(
             Claim(
                 row["claim"], row["measure"], int(row["curve"]), float(row["printed"]) if row["printed"] else None,
@@ -350,7 +350,7 @@ def example_text(example: Example, results: Sequence[Finding]) -> str:
     for text in remarks(example):
         lines += wrapped([text], "Note: ", " " * 6)
     rows = [["the thesis says", "printed", "exact", "exact - printed", "thesis's computation"]]
-    rows += [[finding.claim.said, *_cells(finding)] for finding in results]
+    rows += [[finding.claim.statement, *_cells(finding)] for finding in results]
     notes = [line for finding in results if finding.note for line in wrapped([finding.note], "* ", " " * 2)]
     return "\n".join([*lines, "", *columns(rows), *notes])
 
@@ -365,7 +365,7 @@ def example_json(example: Example, results: Sequence[Finding]) -> dict[str, Any]
         "remarks": list(remarks(example)),
         "claims": [
             {
-                "said": finding.claim.said,
+                "said": finding.claim.statement,
                 "curve": example.curves[finding.claim.curve].label,
                 "unit": finding.claim.unit,
                 "printed": finding.claim.printed,
@@ -386,7 +386,7 @@ def _cells(finding: Finding) -> list[str]:
         "" if number is None or isinstance(number, bool) else f"{number:.5g}{unit}" for number in numbers
     )
     if isinstance(finding.found, bool):
-        exact = "so it is" if finding.found else "not so"
+        exact = "true" if finding.found else "false"
     elif finding.found is None:
         exact = "never"
     return [f"{printed} *" if finding.note else printed, exact, difference, computed]

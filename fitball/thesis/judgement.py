@@ -1,5 +1,5 @@
-"""How well each of the thesis's seven parameter sets predicts Wang's 21 impacts, how sure the order is, and what the
-numbers say of Table 9 and Eq. (53), in words: no word here but follows from the numbers given.
+"""How well each of the thesis's seven parameter sets predicts Wang's 21 impacts, how certain their order is, and what
+follows for Table 9 and Eq. (53), in words: every word follows from the numbers given.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def printed_sets(rows: pd.DataFrame) -> dict[str, dict[str, FloatArray]]:
 
 
 def solved_sets(chosen: Model) -> dict[str, dict[str, FloatArray]]:
-    """Errors of the seven sets by a model that is told the restitution, at Wang's incident states."""
+    """Errors of the seven sets by a model with given restitution, at Wang's incident states."""
 
     def predicted(mine: pd.DataFrame, spin: str) -> dict[str, FloatArray]:
         row = mine.iloc[0]
@@ -162,9 +162,9 @@ def in_brief(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
 SURE = 0.95
 # Relative difference in score within which two sets do equally well.
 EQUAL = 0.01
-# Shares that differ by less tell the same.
+# Shares that differ by less are the same.
 SAME_SHARE = 0.05
-# Levels are shares of some thousand correlated draws: beyond this one they are not told apart.
+# Levels are shares of some thousand correlated draws: beyond this one they cannot be distinguished.
 CONTOUR = 0.99
 # A published value outside the central share of a parameter's draws is named.
 CENTRAL = 0.95
@@ -178,26 +178,26 @@ def ranking_verdict(rankings: Mapping[str, Ranking]) -> str:
     answer = rankings[RECOMPUTED].pooled
     leader = str(answer["score"].idxmin())
     equal = _equals(answer, leader)
-    others = f"{_numbers(equal)} score within {_percent(EQUAL)} of it" if equal else "none comes near it"
+    others = f"Within {_percent(EQUAL)} of its score: {_numbers(equal) if equal else 'no other set'}"
     exact = rankings[EXACT].pooled
     best = str(exact["score"].idxmin())
     return (
-        f"Recomputed at Wang's impacts, where no erratum enters, {_set(leader)} is first of {len(answer)} in "
-        f"{_percent(answer['best'][leader])} of resampled sets of impacts; {others}. {_print(rankings)} With the "
-        f"thesis's equations solved exactly {_set(best)} comes first, in {_percent(exact['best'][best])}."
+        f"Recomputed at Wang's impacts (no erratum is used), {_set(leader)} is first of {len(answer)} in "
+        f"{_percent(answer['best'][leader])} of the bootstrap samples. {others}. {_print(rankings)} With the "
+        f"thesis's equations solved exactly, {_set(best)} is first in {_percent(exact['best'][best])}."
     )
 
 
 def _print(rankings: Mapping[str, Ranking]) -> str:
-    """What print says is first, and whether that rests on its misprints."""
+    """Which set is first as printed, and whether that depends on misprints."""
     printed = rankings[PRINTED].pooled["best"]
     first = str(printed.idxmax())
     mended, recomputed = (float(rankings[name].pooled["best"][first]) for name in (MENDED, RECOMPUTED))
-    rests = max(abs(printed[first] - share) for share in (mended, recomputed)) > SAME_SHARE
-    how = "rests" if rests else "does not rest"
+    depends = max(abs(printed[first] - share) for share in (mended, recomputed)) > SAME_SHARE
+    how = "depends" if depends else "does not depend"
     return (
-        f"As printed {_set(first)} is first in {_percent(printed[first])}, which {how} on misprinted rows: "
-        f"{_percent(mended)} once those of known cause are mended, {_percent(recomputed)} recomputed."
+        f"As printed, {_set(first)} is first in {_percent(printed[first])}. This {how} on misprinted rows: "
+        f"{_percent(mended)} after correction of those with a known cause, {_percent(recomputed)} recomputed."
     )
 
 
@@ -210,28 +210,31 @@ def case_verdict(case: int, rankings: Mapping[str, Ranking]) -> str:
     shares = {name: _percent(float(item["best"][mine])) for name, item in pooled.items()}
     return (
         f"set {mine.partition(':')[0]} of Appendix C, rank {int(answer['score'].rank()[mine])} of {len(answer)} "
-        f"recomputed, first in {shares[RECOMPUTED]} and among the best three in {_percent(sure)} of resampled sets "
-        f"of impacts (first as printed in {shares[PRINTED]}, with known misprints mended in {shares[MENDED]}, solved "
-        f"exactly in {shares[EXACT]}). {_claim(answer, mine, sure)}"
+        f"recomputed. It is first in {shares[RECOMPUTED]} and among the best three in {_percent(sure)} of the "
+        f"bootstrap samples. First as printed: {shares[PRINTED]}; with known misprints corrected: {shares[MENDED]}; "
+        f"solved exactly: {shares[EXACT]}. {_claim(answer, mine, sure)}"
     )
 
 
 def headline(rankings: Mapping[str, Ranking], placed: Mapping[str, Sequence[Placed]]) -> str:
-    """What is left of Table 9, in two sentences."""
+    """Whether the claim of Table 9 holds, in two sentences."""
     sure = rankings[RECOMPUTED].pooled["among the best three"]
-    standing = _grouped((_standing(float(sure[_chosen(sure, case)])), f"case {case}") for case in CASE_IN_APPENDIX_C)
+    standing: dict[str, list[str]] = {}
+    for case in CASE_IN_APPENDIX_C:
+        standing.setdefault(_standing(float(sure[_chosen(sure, case)])), []).append(f"case {case}")
+    which = "; it ".join(f"{words} for {listed(names)}" for words, names in standing.items())
     cases = {name: [item for item in items if item.point.startswith("case")] for name, items in placed.items()}
     beyond = _grouped(
         (f"{sum(item.level > CONTOUR for item in items)} of {len(items)}", name) for name, items in cases.items()
     )
     return (
-        f"Table 9's claim that its cases are the three best of the {len(sure)} sets {standing}. Its cases beyond "
+        f"Table 9 claims that its cases are the three best of the {len(sure)} sets. This {which}. Cases beyond "
         f"the {_percent(CONTOUR)} contour of a free fit: {beyond}."
     )
 
 
 def _standing(sure: float) -> str:
-    return "stands" if sure >= SURE else "falls" if sure <= 1.0 - SURE else "is undecided"
+    return "holds" if sure >= SURE else "fails" if sure <= 1.0 - SURE else "is undecided"
 
 
 def _chosen(sets: pd.DataFrame | pd.Series, case: int) -> str:
@@ -249,8 +252,8 @@ def _claim(answer: pd.DataFrame, mine: str, sure: float) -> str:
     worst = max(SCALE, key=lambda output: answer[heads[output]][mine] / answer[heads[output]][leader])
     miss, best = answer[heads[worst]][mine], answer[heads[worst]][leader]
     return (
-        f"{claim}: it misses the {NOUNS[worst]} by {miss:.3g} {UNITS[worst]}, {miss / best:.2g} times what "
-        f"{_set(leader)} does."
+        f"{claim}: the rms error of its {NOUNS[worst]} is {miss:.3g} {UNITS[worst]}, {miss / best:.2g} times that of "
+        f"{_set(leader)}."
     )
 
 
@@ -258,8 +261,9 @@ def fit_words(own: pd.DataFrame, case: int, fitted: str, rms: Mapping[str, float
     """Errors of a case with the damping of Chapter V beside those of a free fit."""
     mine = own.loc[f"case {case}"]
     return (
-        f"With Chapter V's own c_y it misses by {mine['v_x2 [m/s]']:.2f} m/s and {mine['omega_2 [rad/s]']:.0f} "
-        f"rad/s; {fitted}, fitted freely, by {rms['v_x2']:.2f} m/s and {rms['omega_2']:.0f} rad/s."
+        f"With Chapter V's own c_y its rms errors are {mine['v_x2 [m/s]']:.2f} m/s and "
+        f"{mine['omega_2 [rad/s]']:.0f} rad/s. Those of {fitted}, fitted freely, are {rms['v_x2']:.2f} m/s and "
+        f"{rms['omega_2']:.0f} rad/s."
     )
 
 
@@ -275,15 +279,15 @@ def posterior_verdict(placed: Sequence[Placed]) -> str:
         name: _grouped((_outside(place, name), place.point) for place in placed if name in place.below)
         for name in names
     }
-    told = [f"{name} {words}" for name, words in outside.items() if words]
+    parts = [f"{name} {words}" for name, words in outside.items() if words]
     central = f"outside the central {_percent(CENTRAL)}"
-    return f"{contours}. Parameter by parameter, {f'{central}: ' + '; '.join(told) if told else f'none {central}'}."
+    return f"{contours}. Parameter by parameter, {f'{central}: ' + '; '.join(parts) if parts else f'none {central}'}."
 
 
 def _outside(place: Placed, name: str) -> str:
     """Empty for a value among the central draws."""
     if name in place.excluded:
-        return f"excluded by the model itself, since {place.excluded[name]}"
+        return f"excluded by the model itself ({place.excluded[name]})"
     below = place.below[name]
     if min(below, 1.0 - below) >= 0.5 * (1.0 - CENTRAL):
         return ""
@@ -292,7 +296,7 @@ def _outside(place: Placed, name: str) -> str:
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> str:
-    """Words with the points they are true of, in order; empty words are left out."""
+    """Words with the points that they describe, in order; empty words are left out."""
     points: dict[str, list[str]] = {}
     for words, point in pairs:
         points.setdefault(words, []).append(point)
@@ -300,15 +304,15 @@ def _grouped(pairs: Iterable[tuple[str, str]]) -> str:
 
 
 def offset_verdict(v_y1: FloatArray, offset: FloatArray, sd: FloatArray) -> str:
-    """Whether model-free offsets [in] grow with `v_y1` [m/s] as Eq. (53) has it: a straight line weighted by `sd`."""
+    """Whether model-free offsets [in] grow with `v_y1` [m/s] as Eq. (53) states: a straight line weighted by `sd`."""
     (slope, _), covariance = np.polyfit(v_y1, offset, 1, w=1.0 / sd, cov="unscaled")
     error = float(np.sqrt(covariance[0, 0]))
     distance = abs(slope - C1) / error
     grows = "does not grow" if distance > APART else "may grow"
     return (
-        f"a line through the model-free offsets, weighted by their sd, rises by {slope:.4f} +- {error:.4f} in per "
-        f"m/s, Eq. (53) by {C1:g}: {distance:.0f} standard errors apart; the offset {grows} with the "
-        "vertical velocity as Eq. (53) has it."
+        f"A weighted line through the model-free offsets rises by {slope:.4f} +- {error:.4f} in per m/s, Eq. (53) by "
+        f"{C1:g}: {distance:.0f} standard errors apart. The offset {grows} with the vertical velocity as Eq. (53) "
+        "states."
     )
 
 
@@ -319,7 +323,7 @@ def _equals(pooled: pd.DataFrame, name: str) -> list[str]:
 
 
 def _set(name: str) -> str:
-    """`set 5 (case 1 of Table 9)`, or the set's own values where Table 9 has it not."""
+    """`set 5 (case 1 of Table 9)`, or the set's own values where it is not in Table 9."""
     number, _, values = name.partition(": ")
     cases = {index: case for case, index in CASE_IN_APPENDIX_C.items()}
     known = int(number) in cases

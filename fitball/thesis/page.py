@@ -1,5 +1,5 @@
-"""The page and the files of `fitball rederive`, `report.html` last; and its figures, in the manner of the thesis:
-measured, printed and recomputed values together.
+"""The report of `fitball rederive` on a terminal, its page and files, `report.html` last; and its figures, in the
+manner of the thesis: measured, printed and recomputed values together.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fitball.inference.thesis.published_cases import C1, C2, INCH, STIFFNESS, TO
 from fitball.models.specs import SPECS
 from fitball.models.thesis import ThesisCourse
 from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
-from fitball.report.form.document import figure_html, render_template
+from fitball.report.form.document import Document, Section, Table, Words, figure_html, render_template, term
 from fitball.report.form.files import write_text
 from fitball.report.form.folders import make_folder
 from fitball.report.form.palette import MARKERS, SERIES
@@ -30,6 +30,36 @@ from fitball.thesis.chapter_five import ChapterFive
 from fitball.thesis.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
 from fitball.thesis.recalibration import Recalibration, offset_constants
 from fitball.values import FloatArray, impacts
+
+
+def rederive_document(chapter: ChapterFive, folder: Path | None = None) -> Document:
+    """The report on a terminal: does Table 9 hold, the ranking, what has changed; in full every finding."""
+    brief = judgement.in_brief(chapter.rankings)
+    changed = [term(check.name, check.finding) for check in chapter.checks if not check.holds]
+    findings = [
+        term(f"{check.name}, {'unchanged' if check.holds else 'CHANGED'}", check.finding) for check in chapter.checks
+    ]
+    verdicts = {name: text for name, text in chapter.verdicts.items() if name != "Table 9"}
+    return Document(
+        TITLE,
+        [
+            Words([chapter.verdicts["Table 9"], chapter.verdicts["Ranking"]], "lead", rank="first"),
+            Words([SCORES], rank="first"),
+            Table(
+                "Score of each set", [list(brief.columns), *brief.to_numpy().tolist()], rank="first",
+                brief=(judgement.PRINTED, judgement.RECOMPUTED, judgement.EXACT),
+            ),
+            Words([chapter.summary], rank="first"),
+        ],
+        [
+            Section("changed", "Comparisons that have changed", [Words(changed, "list", rank="first")]),
+            Section("checks", "Comparisons with print", [Words(findings, "list")]),
+            Section("verdicts", "Verdicts", [
+                Words([term(name, text) for name, text in verdicts.items() if name != "Ranking"], "list"),
+            ]),
+            Section("", "", [Words([f"Report: {folder / 'report.html'}"] if folder else [], rank="first")]),
+        ],
+    )  # fmt: skip
 
 
 @all_or_none()
@@ -42,6 +72,13 @@ def write(chapter: ChapterFive, folder: Path) -> None:
     write_text(folder / "report.html", page(chapter, images))
 
 
+TITLE = "Chapter V and Appendices C and D of Jafri (2004), recomputed"
+SCORES = (
+    "Score of each set: rms error over the 21 impacts, velocity and spin weighted by their noise. In brackets: share "
+    "of bootstrap samples in which the set is first."
+)
+
+
 def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
     """The page as text."""
     off = chapter.appendix_c.exceptions
@@ -50,10 +87,11 @@ def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
         "fitball.thesis",
         "chapter_five.html.j2",
         found=chapter,
-        figures={name: figure_html(images[name], said, said) for name, said in CAPTIONS.items() if name in images},
+        figures={name: figure_html(images[name], text, text) for name, text in CAPTIONS.items() if name in images},
         tables=chapter.tables,
         text=_text,
-        brief=judgement.in_brief(chapter.rankings),
+        brief=(brief := judgement.in_brief(chapter.rankings)),
+        short=brief[["set", judgement.RECOMPUTED, judgement.EXACT]],
         scene=load_scene(recalibration.TABLE),
         scales=judgement.SCALE,
         resamples=judgement.RESAMPLES,
@@ -73,9 +111,9 @@ def _text(value: object) -> str:
 
 CAPTIONS: Mapping[str, str] = {
     "glance": (
-        "Where the thesis's values lie. Left and middle: posterior draws of three free fits to Wang's 21 impacts and "
-        "the cases of Table 9 (crosses, numbered). Right: the offset that each impact shows without any model, with "
-        "its standard deviation, and the lines: Eq. (53) dashed, the fits with their 95 % bands."
+        "Values of the thesis beside free fits. Left and middle: posterior draws of three free fits to Wang's 21 "
+        "impacts and the cases of Table 9 (crosses, numbered). Right: the offset that each impact shows without any "
+        "model, with its standard deviation, and the lines: Eq. (53) dashed, the fits with their 95 % bands."
     ),
     "chapter_v": (
         "Figs 36 to 44: rebound against incidence, three spins by three cases. Filled: Wang. Lines: recomputed with "
@@ -83,16 +121,16 @@ CAPTIONS: Mapping[str, str] = {
         "another c_y."
     ),
     "transition": (
-        "Figs 25, 27 and 28: centre and surface velocity during contact for the two examples of Chapter III, the "
-        "second with the inputs its rebound comes from. Open marks: printed rebounds; dotted: printed transition."
+        "Figs 25, 27 and 28: centre and surface velocity during contact for the two examples of Chapter III. The "
+        "second has the inputs of its rebound. Open marks: printed rebounds; dotted: printed transition."
     ),
     "offset": (
         "Fig. 20: spin of the shell while rolling, for three offsets of the normal force, from the second example's "
         "transition on."
     ),
     "errors": (
-        "Appendix D before and after: percentage errors of the three cases, and of the two-mass ball fitted freely "
-        "to all 21 impacts (posterior median, default model)."
+        "Appendix D before and after: percentage errors of the three cases, and of the two-mass ball fitted freely. "
+        "The fit is the posterior median of the default model for all 21 impacts."
     ),
 }
 NAMES: Mapping[str, tuple[str, str]] = {
@@ -163,7 +201,7 @@ def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
     figure.legend(
         [*handles, cross], [*labels, "Table 9"], loc="outside lower center", ncols=8, frameon=False, fontsize=9
     )
-    figure.suptitle("Table 9 and Eq. (53) against what Wang's impacts say")
+    figure.suptitle("Table 9 and Eq. (53) beside free fits to Wang's impacts")
     return figure
 
 

@@ -184,7 +184,7 @@ def transition_words(rows: pd.DataFrame, number: int) -> str:
     given = ", ".join(f"{share:.3f} with the inputs {label}" for label, share in others.items())
     return (
         f"Example {number}: the printed transition, {printed:g}, is not that of the printed rebound, whose inputs "
-        f"({_inputs(mine['used'])}) give {shares['used']:.3f}; nearest is {shares[nearest]:.3f} with those of "
+        f"({_inputs(mine['used'])}) give {shares['used']:.3f}. The nearest is {shares[nearest]:.3f}, with those of "
         f"{nearest} ({_inputs(mine[nearest])}); {given}."
     )
 
@@ -250,8 +250,8 @@ def chapter_five_predictions() -> dict[int, dict[str, dict[str, FloatArray]]]:
 def spin_predictions(
     chosen: Model, values: Mapping[str, float], spin: str, cor: float | None = None
 ) -> dict[str, FloatArray]:
-    """`v_x2`, `v_y2` [m/s], `theta_2` [deg], `omega_2` [rad/s] (7,) of Wang's impacts of one spin, from a model that
-    is told the restitution: `cor`, or each impact's own.
+    """`v_x2`, `v_y2` [m/s], `theta_2` [deg], `omega_2` [rad/s] (7,) of Wang's impacts of one spin, from a model with
+    given restitution: `cor`, or each impact's own.
     """
     wang = measured(spin)
     restitution = wang["v_y2"] / wang["v_y1"] if cor is None else cor

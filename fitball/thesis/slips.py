@@ -1,13 +1,13 @@
 """Cells of Appendices C and D that another, named input explains, each computed anew with that input.
 
-A slip of the errata reads `codes: name=value ...; codes: ...`: what stood in which worksheets of Appendix B instead
+A slip of the errata reads `codes: name=value ...; codes: ...`: the value in those worksheets of Appendix B instead
 of the row's own input, `all:` alone that nothing did. It says how a printed number came about; no table, no ranking
 and no claim is mended by it.
 
-Where a wrong input may have come from is told by short lists, drawn up beforehand, and by how often one of them fits
-by chance. No list holds a continuous range, so that nothing can be tuned; a slip whose input is on none of them is
-refused. Every list was tried in each worksheet of Appendix B, in both for sliding, in both that follow and in all. A
-row that two candidates fit equally well stays unexplained, with both of them named.
+Possible sources of a wrong input are short lists, made in advance, each with the number of its entries that fit by
+chance. No list holds a continuous range, so that nothing can be tuned; a slip whose input is on no list is refused.
+Every list was tried in each worksheet of Appendix B, in both for sliding, in both that follow and in all. A row that
+two candidates fit equally well stays unexplained, with both of them named.
 
 Last, how large the slips of the computation itself are on Wang's impacts, set by set.
 """
@@ -172,7 +172,7 @@ def faults(cells: pd.DataFrame) -> list[str]:
         if not abs(worst - stated) <= STATED:
             complaints.append(f"{where}: residual {worst:.4f}, stated {stated:g}")
         if (group["source"] == "").any():
-            complaints.append(f"{where}: an input that stands on no list of candidates")
+            complaints.append(f"{where}: an input that is on no list of candidates")
     chance = chances(cells)
     return complaints + [f"{name}: {value:.2f} fits by chance" for name, value in chance.items() if value > BY_CHANCE]
 
@@ -194,11 +194,11 @@ def check(cells: pd.DataFrame) -> Check:
     worst_c, worst_d = counted["residual"].max(), cells[~in_c]["residual"].max()
     few, many = counted["candidates"].min(), counted["candidates"].max()
     finding = (
-        f"{len(counted)} velocities and spins of Appendix C come out within {worst_c:.3f} % with named inputs that "
-        f"were left over or mistyped, {int(np.sum(~in_c))} errors of Appendix D within {worst_d:.3f} points. They "
-        f"mend no claim of the thesis. The inputs stand on lists of {few:.0f} to {many:.0f} candidates, of which "
-        f"{chances(cells).sum():.2f} in all would come as near by chance, {len(SOURCES)} lists having been tried in "
-        f"every group of worksheets. {len(rest)} rows stay unexplained: {', '.join(rest)}."
+        f"{len(counted)} velocities and spins of Appendix C agree within {worst_c:.3f} % with inputs that were left "
+        f"over or mistyped. {int(np.sum(~in_c))} errors of Appendix D agree within {worst_d:.3f} points. No claim of "
+        f"the thesis changes. The inputs are from lists of {few:.0f} to {many:.0f} candidates. By chance "
+        f"{chances(cells).sum():.2f} of them would agree as well, with {len(SOURCES)} lists tried in every group of "
+        f"worksheets. {len(rest)} rows stay unexplained: {', '.join(rest)}."
     )
     return Check("Slips of Appendices C and D", " ".join([finding, *problems]), not problems)
 
@@ -222,7 +222,7 @@ APPENDIX_B: Inputs = {"radius": 1.25, "inertia": 0.000342}
 NEAR = 2.0
 # Numbers are the same within this, relative, and outputs different beyond so many decimals of a per cent.
 SAME, DISTINCT = 1e-9, 7
-# Nearer than this, in per cent, print does not tell.
+# Nearer than this, in per cent, print does not distinguish.
 LAST_DIGIT = 0.001
 # `v_x2` and `R omega_2` of a rolling ball agree within this whether R is 1.25 or 1.3 in; a sliding ball's never do.
 ROLLS = 0.05
@@ -321,7 +321,7 @@ class Candidates:
 
 
 def candidates(row: Row, rows: pd.DataFrame, clauses: Sequence[Clause]) -> Candidates | None:
-    """The first list that holds the inputs of each clause; None if those of one stand on no list."""
+    """The first list that holds the inputs of each clause; None if those of one are on no list."""
     fitting: list[tuple[str, tuple[Inputs, ...]]] = []
     for clause in clauses:
         for name, draw in SOURCES.items():
@@ -335,7 +335,7 @@ def candidates(row: Row, rows: pd.DataFrame, clauses: Sequence[Clause]) -> Candi
 
 
 def by_chance(row: Row, alternatives: Candidates, columns: Sequence[str]) -> Chance:
-    """What a slip is worth that claims these `columns` of a row, the lists of its clauses combined.
+    """How likely by chance a slip is that explains these `columns` of a row, the lists of its clauses combined.
 
     A ball that rolls in the end gives one number, `v_x2` being `R omega_2`; one that slides gives two.
     """
@@ -413,9 +413,9 @@ def slip_words(table: pd.DataFrame) -> str:
     apart = 100.0 * (table["spin gained / balance"] / table["I1/I2"] - 1.0).abs().max()
     spin, speed = table["omega_2 from exact [rad/s]"], table["v_x2 from exact [m/s]"]
     return (
-        f"the spin gained while sliding is I1/I2 times, to {apart:.1f} %, what the loss of V_x beside it gives: "
-        f"{listed(gained)}. A stray cosine takes back up to {listed(stray)} of the velocity that a ball loses which "
-        f"slides throughout. Solved exactly, the equations give rebounds that differ from the computed ones by "
+        f"The spin gained while sliding is I1/I2 times the value that follows from the loss of V_x (to {apart:.1f} "
+        f"%): {listed(gained)}. A stray cosine reduces the velocity loss of a ball that slides throughout by up to "
+        f"{listed(stray)}. The exact solution differs from the computed rebounds by "
         f"{digits(speed.min(), 2)} to {digits(speed.max(), 2)} m/s and {digits(spin.min(), 2)} to "
-        f"{digits(spin.max(), 2)} rad/s (rms over all impacts, from set to set)."
+        f"{digits(spin.max(), 2)} rad/s (rms, range over the sets)."
     )

@@ -353,7 +353,7 @@ def text(found: Sequence[Finding]) -> str:
         "|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for one in found:
-        order = (Answer.DESCRIBES, Answer.EXCEPT, Answer.FAILS, Answer.UNTOLD)
+        order = (Answer.DESCRIBES, Answer.EXCEPT, Answer.FAILS, Answer.UNDECIDED)
         counts = " | ".join(str(one.answers[answer]) for answer in order)
         lines.append(f"| {_title(one)} | {one.tables} | {counts} | {one.unread} | {one.objected} |")
     lines += [

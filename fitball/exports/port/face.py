@@ -1,4 +1,4 @@
-"""What a port does beside its kernel, in the same restricted Python: the fitted model with what stands in where it
+"""The functions of a port beside its kernel, in restricted Python too: the fitted model with a substitute where it
 has no solution, the total bounce, its check on golden impacts, functions that a language may not have, and one bounce
 through its contact, which a page draws.
 

@@ -67,9 +67,9 @@ class Dialect:
     variable: str = ""
     zeros: Mapping[str, str] = field(default_factory=dict)
     zero: str = ""
-    # An item of a tuple; a struct or tuple of `items`, or of `named` ones; how one is written where it is constant.
-    item: str = "{}.f{}"
-    made: str = "{type}({items})"
+    # An element of a tuple; a struct or tuple of `items`, or of `named` ones; how a constant one is written.
+    element: str = "{}.f{}"
+    built: str = "{type}({items})"
     tuple_made: str = ""
     initial: str = ""
     # The definition of a struct of `fields`, one of these; of a constant that is a number, or a struct.
@@ -154,7 +154,7 @@ class Dialect:
         named = ", ".join(
             f"{self.name(name)}: {text}" for (name, _), text in zip(fields_of(kind), texts, strict=True)
         )
-        return self.made.format(type=self.type(kind), items=", ".join(texts), named=named)
+        return self.built.format(type=self.type(kind), items=", ".join(texts), named=named)
 
     def fit(self, text: str, kind: Type, wanted: Type) -> str:
         """A value where `wanted` is held, which is `kind` or wider."""
@@ -184,7 +184,7 @@ C99 = Dialect(
         "S": "double *", "v": "void",
     },
     cast="(double)", whole="((int64_t){})", real="creal({})", imaginary="cimag({})", counter="int64_t",
-    fixed="const ", zeros={"b": "false", "i": "0", "d": "0.0", "z": "0.0"}, zero="NULL", made="({type}){{{items}}}",
+    fixed="const ", zeros={"b": "false", "i": "0", "d": "0.0", "z": "0.0"}, zero="NULL", built="({type}){{{items}}}",
     initial="{{{}}}", struct="typedef struct {{ {fields} }} {type};", member="{};",
     constant_number="#define {name} ({value})", constant_struct="static const {type} {name} = {value};",
     head="/* {comment} */\nstatic inline {declared}({taken})\n{{", comment="\n   ", unread="(void){};",
@@ -207,7 +207,7 @@ CSHARP = Dialect(
     helpers=("hypot", "log1p"),
     taken=frozenset(_TAKEN_CSHARP.split()),
     integer="{}L", cast="(double)", whole="((long){})", bits={**_BITS, "<<": "({} << (int)({}))"}, real="{}.Real",
-    imaginary="{}.Imaginary", counter="long", zero="default({})", made="new {type}({items})",
+    imaginary="{}.Imaginary", counter="long", zero="default({})", built="new {type}({items})",
     struct="struct {type} {{ {fields} public {type}({taken}) {{ {stores} }} }}", member="public {};",
     constant_number="public const {type} {name} = {value};",
     constant_struct="static readonly {type} {name} = {value};",
@@ -230,7 +230,7 @@ JAVASCRIPT = Dialect(
     bits={sign: f"(BigInt({{}}) {sign} BigInt({{}}))" for sign in _BITS},
     complex_calls={"+": "zplus", "-": "zminus", "*": "ztimes", "/": "zover"},
     same="===", other="!==", whole="Math.trunc({})", counter="let", fixed="const ", variable="let ",
-    zeros={"b": "false", "i": "0", "d": "0"}, zero="undefined", item="{}[{}]", made="{{{named}}}",
+    zeros={"b": "false", "i": "0", "d": "0"}, zero="undefined", element="{}[{}]", built="{{{named}}}",
     tuple_made="[{items}]", head="/** {comment} */\nfunction {declared}({taken}) {{", comment="\n * ",
 )  # fmt: skip
 

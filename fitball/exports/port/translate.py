@@ -1,6 +1,6 @@
 """Kernels in another language: the types of their restricted Python, and a walk over their syntax trees that is the
-same for all dialects. What is not known here is refused: no port can drift in silence. Variables stand at the top of
-their function, with inferred types.
+same for all dialects. What is not known here is refused: no port can drift in silence. Variables are declared at the
+top of their function, with inferred types.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Program:
     dialect: Dialect
 
     @classmethod
-    def of(cls, source: KernelSource, dialect: Dialect) -> Program:
+    def from_source(cls, source: KernelSource, dialect: Dialect) -> Program:
         """A source in a language. Raises UnportableError."""
         structs: dict[str, Struct] = {}
         for name, given in source.structs.items():
@@ -319,7 +319,7 @@ class _Walk:
         text, kind = self.code(node.value)
         match node.slice:
             case ast.Constant(value=int() as place) if isinstance(kind, tuple):
-                return self.dialect.item.format(text, place), kind[place]
+                return self.dialect.element.format(text, place), kind[place]
             case ast.Tuple(elts=[_, _] as places) if kind == "S":
                 (row, column), kinds = self._codes(places)
                 if kinds == ["i", "i"]:
@@ -420,7 +420,7 @@ class _Walk:
         if not isinstance(value, ast.Tuple):
             ((name, kind),) = parts
             if isinstance(kind, tuple):
-                parts = [(dialect.item.format(name, k), item) for k, item in enumerate(kind)]
+                parts = [(dialect.element.format(name, k), item) for k, item in enumerate(kind)]
             else:
                 parts = [(f"{name}[{k}]", "d") for k in range(len(target.elts))]
         pairs = zip(target.elts, parts, strict=True)

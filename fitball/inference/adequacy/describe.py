@@ -335,7 +335,7 @@ def _answer(
         return Answer.FAILS
     if better or any(check.found for check in checks) or any(check.found for check in noise):
         return Answer.EXCEPT
-    return Answer.UNTOLD if blind(unseen) else Answer.DESCRIBES
+    return Answer.UNDECIDED if blind(unseen) else Answer.DESCRIBES
 
 
 def explained(observed: Tables, found: Sequence[Pattern], column: int) -> float:

@@ -43,10 +43,10 @@ def sentence(
     """
     impacts = len(problem.impacts)
     scatter = [f"{capital(noise_words(check))}." for check in noise] or [sentences.NO_NOISE]
-    if answer is Answer.UNTOLD and not covariates(problem):
+    if answer is Answer.UNDECIDED and not covariates(problem):
         return " ".join([sentences.ALL_ALIKE.format(impacts=impacts), *scatter])
     wide, beyond = _wide(noise, checks), _beyond(moved)
-    if answer is Answer.UNTOLD:
+    if answer is Answer.UNDECIDED:
         return " ".join([*_too_few(problem, unseen), *scatter, *wide])
     if answer is Answer.DESCRIBES:
         if small := strongest(check for check in checks if check.p < FALSE_EXCEPT):

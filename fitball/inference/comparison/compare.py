@@ -214,7 +214,7 @@ def _loses(score: ModelScore, other: ModelScore, starts: Sequence[Values]) -> bo
 # Draws of each model.
 DRAWS = 4000
 # Share of a model's draws that must give a quantity for it to be told.
-TOLD = 0.9
+DETERMINED = 0.9
 
 
 def over_models(models: Sequence[ModelScore], stacking: Mapping[str, float]) -> dict[str, Quantity]:
@@ -241,7 +241,7 @@ def _quantities(score: ModelScore) -> dict[str, FloatArray]:
     columns = dict(zip(problem.free_names, values.T, strict=True))
     for surface, rating in pace_by_surface(problem, values).items():
         known = rating[np.isfinite(rating)]
-        if known.size >= TOLD * rating.size:
+        if known.size >= DETERMINED * rating.size:
             columns[f"{PACE} of {surface}" if surface else PACE] = known
     return columns
 

@@ -159,7 +159,7 @@ def active_impacts(
         evidence[parameter.name] = ActiveImpacts(
             impacts=tuple(ids[k] for k in moved[:NAMED]),
             acting=moved.size,
-            of=count,
+            total=count,
             regimes=usual,
             doubtful=tuple(ids[k] for k in unsure[:NAMED]),
             in_doubt=len(unsure),

@@ -347,7 +347,7 @@ class Numbers:
         active = self.evidence.active_impacts
         if active is not None and not active.impacts:
             regimes = f" ({', '.join(active.regimes)})" if active.regimes else ""
-            return sentences.ACTS_NOWHERE.format(impacts=active.of, regimes=regimes)
+            return sentences.ACTS_NOWHERE.format(impacts=active.total, regimes=regimes)
         if active is None or active.share_doubtful <= DRIVEN or not active.doubtful:
             return ""
         more = active.in_doubt - NAMED_IN_WORDS

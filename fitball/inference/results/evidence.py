@@ -133,14 +133,14 @@ NAMED = 40
 
 @dataclass(frozen=True)
 class ActiveImpacts:
-    """The impacts in which one parameter changes a rebound over most of the posterior: `acting` of the `of` examined.
+    """The impacts in which one parameter changes a rebound over most of the posterior: `acting` of `total` examined.
     `regimes` are those that the impacts have most often. `share_doubtful` of its information comes from the
     `in_doubt` impacts whose regime is uncertain. `impacts` and `doubtful` are the ids of the first NAMED of them.
     """
 
     impacts: tuple[str, ...]
     acting: int
-    of: int
+    total: int
     regimes: tuple[str, ...]
     doubtful: tuple[str, ...]
     in_doubt: int
@@ -190,7 +190,7 @@ class Answer(StrEnum):
     DESCRIBES = "describes"
     EXCEPT = "describes except"
     FAILS = "does not describe"
-    UNTOLD = "cannot be told"
+    UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True)

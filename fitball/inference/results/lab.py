@@ -127,12 +127,12 @@ class PlaceRating:
 
 @dataclass(frozen=True)
 class MeasuredPace:
-    """The test as the ITF makes it, without a model: of the `impacts` within its tolerances (among `of`) the rating
-    of each, the mean of the court, and the places.
+    """The test as the ITF makes it, without a model: of the `impacts` within its tolerances (among `total`) the
+    rating of each, the mean of the court, and the places.
     """
 
     impacts: int
-    of: int
+    total: int
     court: CourtMean
     places: tuple[PlaceRating, ...]
     remark: str

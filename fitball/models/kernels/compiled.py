@@ -296,14 +296,14 @@ class _Compilations(event.Listener):
             self.collected = gc.isenabled()
             gc.disable()
             folder = dispatcher.stats.cache_path
-            environment.tell(environment.Compiling(dispatcher.py_func.__name__, folder))
+            environment.report_compiling(environment.Compiling(dispatcher.py_func.__name__, folder))
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002 - numba's face
         """It is compiled, or failed."""
         if self.kernels.pop():
             if self.collected:
                 gc.enable()
-            environment.tell(None)
+            environment.report_compiling(None)
 
 
 event.register("numba:compile", _Compilations())

@@ -49,15 +49,15 @@ LEVEL_HEADS = ("quantity", "unit", "level", "tables", "value", "95 %", "a new ta
 LEGEND = (
     "determined by: number of tables whose data determine the value. mean: population mean of the true values, with "
     "its 95 % interval. spread: population standard deviation; in percent, that of the logarithm. typical sd: median "
-    "uncertainty of one table. Mean and spread use the posterior draws of all tables, reweighted so that the "
-    "population replaces the prior of each table (Hogg, Myers and Bovy 2010). Court pace and other quantities whose "
-    "prior cannot be divided out have no interval of the spread. Theirs is a random-effects estimate from the "
-    "medians of the tables that determine them."
+    "uncertainty of one table. Mean and spread use the posterior draws of all tables. They are reweighted so "
+    "that the population replaces the prior of each table (Hogg, Myers and Bovy 2010). Court pace and other "
+    "quantities whose prior cannot be divided out have no interval of the spread. Theirs is a random-effects "
+    "estimate from the medians of the tables that determine them."
 )
 
 LEVELS = (
-    "Mean of the tables on each level, given all tables, and the 95 % interval of a new table: on that level, and on "
-    "a new level."
+    "Mean of each level, given all tables, and the 95 % interval of a new table there. A new one: a level that has "
+    "no table yet."
 )
 POOLED = (
     "Median +- sd: alone, with the prior of the table's own fit; and partially pooled, with the population as prior. "
@@ -307,7 +307,7 @@ ANSWERS = {
     Answer.DESCRIBES: "yes",
     Answer.EXCEPT: "yes, with exceptions",
     Answer.FAILS: "no",
-    Answer.UNTOLD: "too few data to test",
+    Answer.UNDECIDED: "too few data to test",
 }
 # The same in a cell.
 SHORT = {str(answer): words for answer, words in zip(ANSWERS, ("yes", "except", "NO", "too few data"), strict=True)}

@@ -66,7 +66,7 @@ ANSWERS = {
     Answer.DESCRIBES: "yes, no residual test finds a misfit",
     Answer.EXCEPT: "yes, with exceptions: {}",
     Answer.FAILS: "NO: {}",
-    Answer.UNTOLD: "too few data to test it",
+    Answer.UNDECIDED: "too few data to test it",
 }
 ERRORS = (
     "Root mean square errors. Each impact is predicted at the posterior maximum of a fit that leaves this impact out."
@@ -228,7 +228,7 @@ def verdict_table(comparison: Comparison) -> Table:
     names = dict.fromkeys(name for one in verdicts for name in one)
     heads = ["parameter", *(scored.name for scored in comparison.models)]
     rows = [[name, *(judged(one[name], one[name]) if name in one else "" for one in verdicts)] for name in names]
-    return Table("Verdict on each parameter under each model", [heads, *rows], heads, only="page")
+    return Table("Verdict on each parameter under each model", [heads, *rows], heads, only="page", rank="folded")
 
 
 def held_out(comparison: Comparison) -> list[Words | Table]:

@@ -20,7 +20,7 @@ from fitball.version import __version__
 
 SCHEMA_VERSION = 3
 SCHEMES = (IMPACTS, GROUPS, "shallowest third", "steepest third", "slowest third", "fastest third")
-SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNTOLD: "too few data"}
+SHORT = {Answer.DESCRIBES: "yes", Answer.EXCEPT: "except", Answer.FAILS: "NO", Answer.UNDECIDED: "too few data"}
 # Outputs shown for the schemes that leave out many impacts, as far as there is room.
 SHOWN = ("v_x2", "omega_2", "v_y2", "theta_2")
 

@@ -10,7 +10,14 @@ from fitball.inference.thesis.published_cases import PublishedCase, compare_case
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
-from fitball.report.fit.judged import adequacy_parts, assumption_line, assumption_parts, brief_answer, evidence_parts
+from fitball.report.fit.judged import (
+    adequacy_parts,
+    assumption_line,
+    assumption_parts,
+    brief_answer,
+    evidence_parts,
+    next_line,
+)
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import (
     balance_table,
@@ -27,17 +34,17 @@ from fitball.report.fit.rows import (
 )
 from fitball.report.form.document import Document, Part, Picture, Section, Table, Words, as_page, on_terminal
 from fitball.report.form.numbers import (
-    NOT_TOLD,
+    DETERMINED,
+    NOT_DETERMINED,
     THESIS,
-    TOLD,
     Scale,
     digits,
     file_words,
     handy,
     listed,
     output_scale,
+    parameter_line,
     parameter_row,
-    told_line,
 )
 from fitball.version import versions_line
 from fitball.wording import speaking_to_command_line, spoken
@@ -134,8 +141,8 @@ def fit_document(
     """
     drawn = _pictures(fit, pictures)
     determined, undetermined, fixed = (
-        [told_line(item) for item in (*fit.estimates, *fit.derived.values()) if item.verdict in verdicts]
-        for verdicts in (TOLD, NOT_TOLD, (Verdict.FIXED,))
+        [parameter_line(item) for item in (*fit.estimates, *fit.derived.values()) if item.verdict in verdicts]
+        for verdicts in (DETERMINED, NOT_DETERMINED, (Verdict.FIXED,))
     )
     sections = [
         Section("drop-test", "Drop test", drop_parts(fit.drop_test)),
@@ -147,7 +154,9 @@ def fit_document(
             Words([POOLED] * bool(fit.levels), only="page"),
             Words(["Fixed, and not fitted:"] * bool(fixed)), Words(fixed, "list"),
         ]),
-        Section("levels", "Level by level", [Table.of("Partially pooled parameters", level_rows(fit), ["unit"])]),
+        Section("levels", "Level by level", [
+            Table.from_rows("Partially pooled parameters", level_rows(fit), ["unit"]),
+        ]),
         Section("posterior", "Posterior", drawn["posterior"]),
         Section(
             "assumptions", "How results depend on model assumptions", assumption_parts(fit, drawn["assumptions"]),
@@ -173,7 +182,7 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
     brief = results if left <= 0 else [*results[:4], f"... and {left + 1} more: report.html", *results[-2:]]
     warnings = [f"Warning: {line}" for line in warning_lines(fit)]
     pooled = [f"{it.parameter} differs between {len(it.labels)} {it.column}s." for it in fit.problem.pooling]
-    sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled]
+    sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled, *next_line(fit)]
     found: list[Part] = [
         Words(results, "list", "page"),
         Words(brief, "lead", "terminal", "first"),
@@ -185,7 +194,7 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
         *(found if dropped else ()),
         Words([text for text in sentences if text], "lead", rank="first"),
         *curves,
-        Table.of(
+        Table.from_rows(
             "Parameters", parameter_table(fit, brief=True), ["unit", "verdict"], rest="`report.html`", rank="first",
         ),
         *(() if dropped else found),
@@ -210,7 +219,7 @@ def _folded_sections(fit: Fit, drawn: Mapping[str, list[Part]], command: str | N
     return [
         Section("impacts", "Impact by impact", [
             Words([f"Measured | {half}, without measurement noise."]),
-            Table.of(
+            Table.from_rows(
                 "Measured and predicted", prediction_table(fit), ["contact"], count=len(table),
                 rest=file_words("`predictions.csv`", len(table)), aside=("speed [m/s]",),
             ),
@@ -218,9 +227,11 @@ def _folded_sections(fit: Fit, drawn: Mapping[str, list[Part]], command: str | N
         Section("adequacy", "Residual tests", [*adequacy_parts(fit), *drawn["adequacy"]], rank="folded"),
         Section("regimes", "Sequences of slip and grip", drawn["regimes"], rank="folded"),
         Section("parameters", "Parameters in full, with priors", [
-            Table.of("Parameters in full", parameter_table(fit), ["", "unit", "meaning"], aside=("", "meaning")),
+            Table.from_rows(
+                "Parameters in full", parameter_table(fit), ["", "unit", "meaning"], aside=("", "meaning"),
+            ),
             Words(["Point: the maximum of the posterior density. Priors in SI units."], "quiet"),
-            Table.of("In the units of the thesis", own_units, ["unit"], only="page"),
+            Table.from_rows("In the units of the thesis", own_units, ["unit"], only="page"),
             *drawn["parameters"],
         ], rank="folded"),
         Section("evidence", "Evidence on each parameter", evidence_parts(fit, drawn["evidence"]), rank="folded"),
@@ -230,7 +241,7 @@ def _folded_sections(fit: Fit, drawn: Mapping[str, list[Part]], command: str | N
         ),
         Section("budget", "Error budget", [
             Words([budget_sentence(fit.error_budget)]),
-            Table.of("Error budget", budget_rows(fit.error_budget), ["unit"]),
+            Table.from_rows("Error budget", budget_rows(fit.error_budget), ["unit"]),
         ], rank="folded"),
         Section("thesis", "Comparison with the cases of the thesis", case_parts(fit), rank="folded"),
         Section("balances", "Model-free balances", [

@@ -55,9 +55,9 @@ def drop_parts(test: DropTest | None) -> list[Part]:
         return [Words([f"No coefficient of restitution at the tested speeds: {test.missing}."], only="page")]
     limits = "Probability that the rebound from 254 cm is within the ITF limits"
     return [
-        Table.of("Coefficient of restitution (COR) at the tested speeds", speed_rows(test), only="page"),
-        Table.of(limits, type_rows(test), ["limits"], only="page"),
-        Table.of("Rebound of each ball", ball_rows(test), only="page"),
+        Table.from_rows("Coefficient of restitution (COR) at the tested speeds", speed_rows(test), only="page"),
+        Table.from_rows(limits, type_rows(test), ["limits"], only="page"),
+        Table.from_rows("Rebound of each ball", ball_rows(test), only="page"),
         Words(drop_remarks(test), "list"),
     ]
 
@@ -237,7 +237,7 @@ def pace_parts(fit: Fit) -> list[Part]:
         return []
     parts: list[Part] = [
         Words(court_lines(pace)),
-        Table.of("Places on the court, as measured", place_rows(pace), only="page"),
+        Table.from_rows("Places on the court, as measured", place_rows(pace), only="page"),
     ]
     if pace.missing:
         return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
@@ -247,7 +247,7 @@ def pace_parts(fit: Fit) -> list[Part]:
     return [
         *parts,
         Words([PACE], only="page"),
-        Table.of("Court pace rating", rows, ["category", "contact there"], only="page"),
+        Table.from_rows("Court pace rating", rows, ["category", "contact there"], only="page"),
         Words([*[f"The rating is {depends}."] * bool(depends), *pace_remarks(pace)], "list", "page"),
     ]
 
@@ -286,7 +286,7 @@ def court_lines(pace: CourtPace, brief: bool = False) -> tuple[str, ...]:
     lines = []
     measured = pace.measured
     if measured is not None:
-        some = f"{measured.impacts} of {measured.of}" if measured.impacts < measured.of else str(measured.of)
+        some = f"{measured.impacts} of {measured.total}" if measured.impacts < measured.total else str(measured.total)
         head = f"ITF court pace as measured, without a model ({some} test impacts)"
         lines.append(f"{head}: {_court_words(measured.court, brief)}.")
         if measured.remark and not brief:

@@ -8,7 +8,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
-from fitball.inference.results.assumptions import PACE, Alternative, Assumptions
+from fitball.inference.results.assumptions import MOVED as MOVED_SDS
+from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Span
 from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.inference.results.sentences import HINTS, RESIDUALS, capital
@@ -68,7 +69,7 @@ CONSTANTS = (
 # The answer in a few words.
 ANSWERS = {
     Answer.DESCRIBES: "yes", Answer.EXCEPT: "with exceptions", Answer.FAILS: "no",
-    Answer.UNTOLD: "too few data to test",
+    Answer.UNDECIDED: "too few data to test",
 }  # fmt: skip
 
 
@@ -102,11 +103,11 @@ def adequacy_parts(fit: Fit) -> list[Part]:
     ]
     return [
         Words([found.sentence, *remarks(fit)]),
-        Table.of("Largest misfits", misfits, ["column"]),
+        Table.from_rows("Largest misfits", misfits, ["column"]),
         Words([NOISE], only="page"),
-        Table.of("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
+        Table.from_rows("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
         Words([PATTERNS] * bool(patterns), only="page"),
-        Table.of("Residual tests", patterns, [""], only="page"),
+        Table.from_rows("Residual tests", patterns, [""], only="page"),
         Words([found.based_on], "quiet"),
     ]
 
@@ -217,11 +218,11 @@ def evidence_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     missing = f"No profile likelihoods: {found.profiles_missing}."
     return [
         Words([EVIDENCE.format(also[0], 100.0 * found.profile_coverage, also[1])], only="page"),
-        Table.of("Evidence on each parameter", _looks(fit, scene), ["", "unit", "verdict"], only="page"),
+        Table.from_rows("Evidence on each parameter", _looks(fit, scene), ["", "unit", "verdict"], only="page"),
         Words([*[missing] * bool(found.profiles_missing), *[ends] * bool(held)], "list"),
         *pictures,
         Words([DIRECTIONS] * bool(combined), only="page"),
-        Table.of("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
+        Table.from_rows("Combinations of parameters", combined, ["without the scene: combination"], only="page"),
     ]
 
 
@@ -242,7 +243,7 @@ def _looks(fit: Fit, scene: bool) -> list[Row]:
                 "information": texts or "-",
                 "contraction": "-" if item.contraction is None else f"{item.contraction.contraction:.2f}",
                 "power: priors | likelihood": "-" if power is None else f"{power.prior:.2f} | {power.likelihood:.2f}",
-                "acts in": "-" if acts is None else f"{acts.acting} of {acts.of}",
+                "acts in": "-" if acts is None else f"{acts.acting} of {acts.total}",
                 "verdict": judged(estimate.verdict, estimate.verdict_words, estimate.reason),
             }
         )
@@ -260,7 +261,7 @@ def assumption_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     found = fit.assumptions
     if found is None:
         return []
-    moved = Table.of(
+    moved = Table.from_rows(
         "Shifts with constants of the ball",
         _moved_by_constants(fit, found),
         ["quantity", "unit", "over", "in this fit"],
@@ -282,11 +283,11 @@ def assumption_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     return [
         Words([_sentence(found)]),
         *pictures,
-        Table.of(
+        Table.from_rows(
             "Values over all variants that fit equally well", _spans(fit, found), ["unit", "with", "depends on"],
             aside=("95 % over all", "depends on"), rank="folded",
         ),
-        Table.of("Model variants", changes, ["changed to", "from", "fits"], only="page", rank="folded"),
+        Table.from_rows("Model variants", changes, ["changed to", "from", "fits"], only="page", rank="folded"),
         Words([SCORES], "quiet", "page"),
         *constants,
     ]  # fmt: skip
@@ -315,7 +316,7 @@ def _spans(fit: Fit, found: Assumptions) -> list[Row]:
                 "this fit": scale.plus_minus(item.own.median, item.own.sd),
                 "medians over all": f"{scale.fixed(item.low, places)} to {scale.fixed(item.high, places)}",
                 "95 % over all": scale.interval(item.q025, item.q975, places),
-                "largest shift [sd]": fixed(item.shift, 1),
+                "shift [sd]": fixed(item.shift, 1),
                 "with": item.by,
                 "depends on": ", ".join(item.given),
             }
@@ -324,8 +325,13 @@ def _spans(fit: Fit, found: Assumptions) -> list[Row]:
 
 
 def assumption_line(fit: Fit) -> list[str]:
-    """How many variants fit equally well, and the largest shift among them; nothing where that was not asked."""
-    found = fit.assumptions
+    """The assumptions that values depend on, how many variants fit equally well, and the largest shift among them."""
+    given = dict.fromkeys(one for item in (*fit.estimates, *fit.derived.values()) for one in item.given)
+    lines = [f"Values depend on these assumptions: {', '.join(given)}."] if given else []
+    return [*lines, *_variants(fit, fit.assumptions)]
+
+
+def _variants(fit: Fit, found: Assumptions | None) -> list[str]:
     if found is None:
         return []
     if found.missing:
@@ -333,15 +339,41 @@ def assumption_line(fit: Fit) -> list[str]:
     count, good = len(found.alternatives), len(found.as_good)
     if not good:
         return [f"Model assumptions: none of {count} model variants fits equally well."]
-    name, scale, widest = max(
-        quantities(fit, found.parameters, found.court_pace), key=lambda quantity: quantity[2].shift
-    )
+    name, scale, widest = _widest(fit, found)
     places = scale.decimals(widest.own.sd)
     ends = f"{scale.fixed(widest.low, places)} to {scale.fixed(widest.high, places)} {scale.unit}".rstrip()
     return [
         f"Model assumptions: {good} of {count} model variants fit equally well. Largest shift: {name} by "
         f"{fixed(widest.shift, 1)} sd with {widest.by} ({ends} over all)."
     ]
+
+
+def _widest(fit: Fit, found: Assumptions) -> tuple[str, Scale, Span]:
+    """The quantity that shifts most between variants that fit equally well."""
+    return max(quantities(fit, found.parameters, found.court_pace), key=lambda quantity: quantity[2].shift)
+
+
+def next_line(fit: Fit) -> list[str]:
+    """What would help most: to determine what is not, else to separate the variants that matter; nothing where the
+    model does not fit.
+    """
+    if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
+        return []
+    unknown = [item.name for item in fit.estimates if item.verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)]
+    if "k_y" in unknown and fit.problem.contact_time is None:
+        stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
+        return [f"Most useful next: the contact time, in the scene or from force records. It determines {stiff}."]
+    if unknown:
+        plan = spoken("`fitball plan`", "`fit.plan`")
+        return [f"Most useful next: impacts that determine {listed(unknown)}; {plan} proposes them."]
+    found = fit.assumptions
+    if found is None or found.missing or not found.as_good:
+        return []
+    name, _scale, widest = _widest(fit, found)
+    instead = next(item.instead_of for item in found.as_good if item.name == widest.by)
+    if widest.shift <= MOVED_SDS:
+        return []
+    return [f"Most useful next: data that separate {instead} from {widest.by}, which shifts {name} most."]
 
 
 def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:

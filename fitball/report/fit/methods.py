@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import Fit, Verdict
 from fitball.observables import OBSERVABLES
-from fitball.report.fit.judged import ANSWERS
 from fitball.report.form.numbers import listed, parameter_row
 from fitball.version import __version__
 
@@ -22,7 +22,11 @@ CONVERGENCE = (
     "Convergence: nested R-hat of at most {r_hat:.3f} (Margossian et al. 2024) and an effective sample size of at "
     "least {ess:.0f} (Vehtari et al. 2021)."
 )
-TESTED = "The model was tested by {tests} residual tests, calibrated on {sets:,} simulated data sets; fit: {answer}."
+TESTED = "Of {tests} residual tests, calibrated on {sets:,} simulated data sets, {found} found a misfit{so}."
+CONCLUSIONS = {
+    Answer.DESCRIBES: "", Answer.EXCEPT: "", Answer.FAILS: ": the model does not fit the data",
+    Answer.UNTOLD: ", but the data are too few to test the model",
+}  # fmt: skip
 VARIED = (
     "{count} model variants were compared by leave-one-out predictive density (Vehtari, Gelman and Gabry 2017); "
     "{good} fit equally well."
@@ -52,7 +56,9 @@ def methods_text(fit: Fit) -> str:
             lines.append("The sampler did not converge.")
     if fit.adequacy is not None and fit.adequacy.checks:
         found = fit.adequacy
-        lines.append(TESTED.format(tests=len(found.checks), sets=found.replicates, answer=ANSWERS[found.answer]))
+        count = sum(check.found for check in found.checks) or "none"
+        conclusion = CONCLUSIONS[found.answer]
+        lines.append(TESTED.format(tests=len(found.checks), sets=found.replicates, found=count, so=conclusion))
     if fit.assumptions is not None and fit.assumptions.alternatives:
         count, good = len(fit.assumptions.alternatives), len(fit.assumptions.as_good)
         lines.append(VARIED.format(count=count, good=good))

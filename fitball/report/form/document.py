@@ -51,9 +51,9 @@ class Cell(str):
         return cell
 
 
-def term(name: str, said: str) -> Cell:
-    """A name in bold with what is said of it."""
-    return Cell(f"{name}: {said}", Markup("<b>{}</b>: {}").format(name, _typeset(said)))
+def term(name: str, meaning: str) -> Cell:
+    """A name in bold and its meaning."""
+    return Cell(f"{name}: {meaning}", Markup("<b>{}</b>: {}").format(name, _typeset(meaning)))
 
 
 def judged(verdict: Verdict, words: str, reason: str = "") -> Cell:
@@ -78,9 +78,9 @@ class Words:
 @dataclass(frozen=True)
 class Table:
     """Rows of cells, heads first: the first column and those headed by one of `words` are flush left. `over` are
-    heads above the heads, each with its number of columns. Of many rows, `count` in all, some are shown, and the rest
-    stands in the file `rest`. A terminal has no room for the columns `aside`, its first screen for none but those
-    headed by one of `brief`.
+    heads above the heads, each with its number of columns. Of many rows, `count` in all, some are shown; the file
+    `rest` has the others. A terminal has no room for the columns `aside`; its first screen shows the first column and
+    those headed by one of `brief`.
     """
 
     label: str
@@ -95,7 +95,7 @@ class Table:
     rank: Rank = "full"
 
     @classmethod
-    def of(cls, label: str, rows: Sequence[Row], words: Collection[str] = (), **more: Any) -> Table:
+    def from_rows(cls, label: str, rows: Sequence[Row], words: Collection[str] = (), **more: Any) -> Table:
         """From rows by head, of which some may lack some."""
         heads = list(dict.fromkeys(head for row in rows for head in row))
         return cls(label, [heads, *([row.get(head, "") for head in heads] for row in rows)], words, **more)
@@ -152,9 +152,11 @@ class Document:
                 yield section, parts
 
 
-def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colour: bool = False) -> list[str]:
-    """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right. A cell stays
-    in its line, and has its colour where there is to be `colour`.
+def columns(
+    rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colour: bool = False, gap: int = 2
+) -> list[str]:
+    """Rows of cells as lines: the first `left` columns, or those it names, flush left, the others right, `gap` spaces
+    between them. A cell stays in its line, and has its colour where there is to be `colour`.
     """
     aligned = [k < left for k in range(len(rows[0]))] if isinstance(left, int) else left
     widths = _widths(rows)
@@ -165,7 +167,7 @@ def columns(rows: Sequence[Sequence[str]], left: int | Sequence[bool] = 1, colou
             text = one_line(cell, WIDEST)
             text = text.ljust(width) if flush else text.rjust(width)
             cells.append(_coloured(text, cell.colour) if colour and isinstance(cell, Cell) else text)
-        lines.append("  ".join(cells).rstrip())
+        lines.append((" " * gap).join(cells).rstrip())
     return lines
 
 
@@ -246,23 +248,27 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     if part.over:
         rows.insert(0, [text if k == 0 else "" for text, count in part.over for k in range(count)])
     lines: list[str] = []
-    for places in _side_by_side(_widths(rows)):
+    widths = _widths(rows)
+    # Columns are closer where that alone makes room for all of them.
+    gap = 1 if sum(widths) + len(widths) - 1 <= screen().width else 2
+    gap = 2 if sum(widths) + 2 * (len(widths) - 1) <= screen().width else gap
+    for places in _side_by_side(widths, gap):
         block = [[row[k] for k in places] for row in rows]
         lines += [""] * bool(lines)
-        lines += columns(block, [part.left[kept[k]] for k in places], screen().colour)
+        lines += columns(block, [part.left[kept[k]] for k in places], screen().colour, gap)
     lines += more(max(part.count, len(part.rows) - 1), part.rest.replace("`", ""), most)
     return [f"{part.label}:", "", *lines] if labelled else lines
 
 
-def _side_by_side(widths: Sequence[int]) -> list[list[int]]:
+def _side_by_side(widths: Sequence[int], gap: int) -> list[list[int]]:
     """Numbers of the columns that the screen has room for at once, the first in every block."""
     blocks, taken = [[0]], widths[0]
     for k, width in enumerate(widths[1:], start=1):
-        if taken + 2 + width > screen().width and len(blocks[-1]) > 1:
+        if taken + gap + width > screen().width and len(blocks[-1]) > 1:
             blocks.append([0])
             taken = widths[0]
         blocks[-1].append(k)
-        taken += 2 + width
+        taken += gap + width
     return blocks
 
 
@@ -286,7 +292,7 @@ def as_page(document: Document, images: Mapping[str, bytes]) -> str:
 
 
 def _beside(parts: Sequence[Part], images: Mapping[str, bytes]) -> Markup:
-    """What comes first on a page: a picture that a table follows stands beside it where there is room."""
+    """What comes first on a page: a picture beside the table that follows it, where there is room."""
     made: list[Markup] = []
     for k, part in enumerate(parts):
         before, after = parts[k - 1 : k], parts[k + 1 : k + 2]
@@ -386,7 +392,7 @@ def _table(part: Table) -> Markup:
     whole = Markup("<table>\n<caption>{}</caption>\n<thead>{}</thead>\n<tbody>\n{}\n</tbody></table>")
     made = BOX.format(part.label, "", whole.format(part.label, head, body))
     if (left := max(part.count, len(part.rows) - 1) - MOST_ROWS) > 0:
-        made += Markup('\n<p class="quiet">{:,} more stand in {}.</p>').format(left, _typeset(part.rest))
+        made += Markup('\n<p class="quiet">{:,} more: {}.</p>').format(left, _typeset(part.rest))
     folded = Markup("<details><summary>{}</summary>\n{}</details>")
     return folded.format(part.label, made) if part.rank == "folded" else made
 

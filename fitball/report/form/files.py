@@ -48,18 +48,16 @@ def refuse_existing(place: Path, overwrite: bool) -> None:
     """
     target = linked(place)
     if {place.name, target.name} & {*OWN_FILES}:
-        raise ResultFolderError(f"{place}: this name belongs to the result of a calibration; choose another")
+        raise ResultFolderError(f"{place}: this name is reserved for results of calibrate; choose another")
     if is_stream(place):
         return
     refuse_special(target)
     if target.is_symlink():
-        raise ResultFolderError(f"{place}: a symbolic link that leads nowhere; name another file")
+        raise ResultFolderError(f"{place}: a broken symbolic link; name another file")
     if target.exists() and not overwrite:
-        raise ResultFolderError(
-            f"{place}: exists already; choose another name, or allow it with {option('overwrite')}"
-        )
+        raise ResultFolderError(f"{place}: exists already; choose another name, or use {option('overwrite')}")
     if not target.parent.is_dir():
-        raise ResultFolderError(f"{place}: there is no folder {target.parent}; make it first")
+        raise ResultFolderError(f"{place}: there is no folder {target.parent}; create it first")
 
 
 # No fit.json of a thousand tables' parameters came near this; its values take ten times as much in memory.
@@ -73,7 +71,7 @@ def read_bounded(place: Path, most: int = MOST_BYTES) -> bytes:
     with place.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
-        raise ResultFolderError(f"{place}: more than {most:,} bytes, which fitball did not write here")
+        raise ResultFolderError(f"{place}: more than {most:,} bytes, so fitball did not write it")
     return content
 
 

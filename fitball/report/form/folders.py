@@ -33,8 +33,8 @@ NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 @contextmanager
 def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
     """Hold a folder, which is made, so that no other run writes in it meanwhile. Files that killed runs left half
-    written are removed. Network file systems pass the lock to other machines if they pass on `flock`; of one without
-    locks a warning tells.
+    written are removed. Network file systems pass the lock to other machines if they pass on `flock`; without locks
+    there is a warning.
 
     Raises ResultFolderError when it cannot be made, or another run holds it for longer than `patience` seconds.
     """
@@ -49,17 +49,17 @@ def held(folder: Path, patience: float = 0.0) -> Iterator[None]:
         lock.acquire()
     except Timeout:
         raise ResultFolderError(
-            f"{folder}: another run of fitball writes in this folder: {_holder(place)}; wait for it to end, or name "
+            f"{folder}: another run of fitball uses this folder: {_holder(place)}; wait until it ends, or name "
             "another folder"
         ) from None
     except PermissionError:
         raise ResultFolderError(
-            f"{place}: may not be locked: {_holder(place)}; remove this file if that run has ended"
+            f"{place}: cannot be locked: {_holder(place)}; remove this file if that run has ended"
         ) from None
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise ResultFolderError(refusal(place, error, 0)) from None
-        warnings.warn(f"{folder}: this file system has no locks: start no second run here", stacklevel=3)
+        warnings.warn(f"{folder}: this file system has no locks: do not start a second run here", stacklevel=3)
     try:
         clear_leftovers(folder)
         yield
@@ -88,7 +88,7 @@ def _holder(place: Path) -> str:
             told = json.loads(file.read(1000))
         return f"process {told['pid']} of user {told['user']} on {told['host']}, since {told['since']}"
     except (OSError, ValueError, LookupError, TypeError):
-        return "it does not say who it is"
+        return "unknown process"
 
 
 def _release(lock: FileLock, place: Path) -> None:
@@ -121,7 +121,7 @@ def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> No
         return
     if not overwrite:
         raise ResultFolderError(
-            f"{folder}: holds {record} of an older run; use {option('overwrite')} to replace it, or write to another "
+            f"{folder}: has {record} of an older run; use {option('overwrite')} to replace it, or write to another "
             "folder"
         )
     for pattern in (record, *others):
@@ -136,6 +136,6 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ResultFolderError(f"{folder}: cannot be made: {error.strerror}; name another") from None
+        raise ResultFolderError(f"{folder}: cannot be created: {error.strerror}; name another") from None
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise ResultFolderError(f"{folder}: not writable; name another")
+        raise ResultFolderError(f"{folder}: not writable; name another folder")

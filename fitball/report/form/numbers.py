@@ -237,7 +237,7 @@ class ParameterRow:
 
 
 def row_of(name: str, numbers: Mapping[str, Any], scale: Scale) -> ParameterRow:
-    """Point, median, sd and quantiles in SI as text in that unit, to the places that the sd tells."""
+    """Point, median, sd and quantiles in SI as text in that unit, to the places that the sd allows."""
     if numbers["median"] is None or numbers["sd"] is None:
         return ParameterRow(name, scale.unit, significant(numbers["point"] * scale.factor, 4))
     places = scale.decimals(numbers["sd"])
@@ -256,10 +256,10 @@ def verdict_cell(estimate: Estimate) -> Cell:
     return Cell(estimate.verdict, judged(estimate.verdict, estimate.verdict_words, estimate.reason).html)
 
 
-def told_line(estimate: Estimate) -> Cell:
-    """What is said of a parameter, in a line: its value where the table tells it, its verdict and the reason."""
+def parameter_line(estimate: Estimate) -> Cell:
+    """What is said of a parameter, in a line: its value if the data determine it, its verdict and the reason."""
     row, known = parameter_row(estimate), ""
-    if estimate.verdict in (*TOLD, Verdict.FIXED):
+    if estimate.verdict in (*DETERMINED, Verdict.FIXED):
         # A unit such as 1e-3 s/m is a factor to a reader.
         unit = f"{' x' * row.unit[:1].isdigit()} {row.unit}".rstrip()
         known = f" = {row.best}{unit}{'' if row.median == '-' else f' {row.interval_95} (95 %)'}"
@@ -269,8 +269,8 @@ def told_line(estimate: Estimate) -> Cell:
     return Cell(f"{row.name}{known}: {verdict}; {reason}", html)
 
 
-TOLD = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED, Verdict.CONDITIONAL)
-NOT_TOLD = (Verdict.EXTRAPOLATED, Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
+DETERMINED = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED, Verdict.CONDITIONAL)
+NOT_DETERMINED = (Verdict.EXTRAPOLATED, Verdict.ONE_SIDED, Verdict.PRIOR_DOMINATED, Verdict.NOT_JUDGED)
 
 
 def profile_interval(profile: Profile | None, scale: Scale) -> str:

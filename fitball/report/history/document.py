@@ -12,9 +12,9 @@ import numpy as np
 from fitball.files import all_or_none
 from fitball.inference.prediction.simulate import COURSES, Band, Simulation
 from fitball.inference.results.quantiles import BAND
-from fitball.models.history import Motion
+from fitball.models.history import History, Motion
 from fitball.models.types import PHASE_SYMBOL, Phase
-from fitball.report.form.document import Document, Section, Table, Words, on_terminal
+from fitball.report.form.document import Document, Rank, Section, Table, Words, on_terminal
 from fitball.report.form.files import json_text, write_text
 from fitball.report.form.numbers import percent
 
@@ -32,8 +32,11 @@ RPM = 30.0 / np.pi
 
 
 def simulate_document(simulations: Sequence[Simulation]) -> Document:
-    """Phases with their times, peaks, and the state before and after landing and release, of each simulation."""
-    return Document("", [], [_section(k, simulation) for k, simulation in enumerate(simulations)])
+    """Rebound, phases with their times, peaks, and the state before and after landing and release, of each
+    simulation; of several a first screen has the rebounds alone.
+    """
+    first: Rank = "first" if len(simulations) == 1 else "full"
+    return Document("", [], [_section(k, simulation, first) for k, simulation in enumerate(simulations)])
 
 
 def render(simulations: Sequence[Simulation]) -> str:
@@ -41,7 +44,7 @@ def render(simulations: Sequence[Simulation]) -> str:
     return on_terminal(simulate_document(simulations))
 
 
-def _section(place: int, simulation: Simulation) -> Section:
+def _section(place: int, simulation: Simulation, rank: Rank) -> Section:
     history, impact = simulation.history, simulation.impact
     v_x, v_y, omega = float(impact.v_x1[0]), float(impact.v_y1[0]), float(impact.omega_1[0])
     head = (
@@ -72,23 +75,33 @@ def _section(place: int, simulation: Simulation) -> Section:
     ]
     shares = ["(last two columns: shares of the contact time)"] if history.spans else []
     return Section(f"simulation-{place}", f"{simulation.label}: {head}" if simulation.label else head, [
-        Words([f"phases: {history.regime_name}"] if history.spans else []),
-        Table("Phases", phases), Words(shares), Table("Peaks", facts, ["where"]), Table("States", states),
-        Words(["(v_y counts towards the court; topspin is positive)", *_draws(simulation)]),
+        Words([_rebound(history), *([f"phases: {history.regime_name}"] * bool(history.spans))], "lead", rank="first"),
+        Table("Peaks", facts, ["where"], rank=rank), Table("Phases", phases, rank=rank), Words(shares, rank=rank),
+        Words(_draws(simulation), rank=rank), Table("States", states),
+        Words(["(v_y is positive towards the court; topspin is positive)"]),
     ])  # fmt: skip
 
 
+def _rebound(history: History) -> str:
+    """The rebound and the contact time in a sentence."""
+    after = history.release.after
+    return (
+        f"Rebound: v_x2 {after.v_x:.2f} m/s, v_y2 {-after.v_y:.2f} m/s, omega_2 {after.omega_2:.1f} rad/s, after "
+        f"{1e3 * history.contact_time:.2f} ms of contact."
+    )
+
+
 def _draws(simulation: Simulation) -> list[str]:
-    """What the bands are of."""
+    """The draws behind the bands."""
     lost, band = percent(simulation.unsolved), simulation.band
     if band is None:
-        bare = f"{lost} of the draws cannot be solved at this impact: no bands."
+        bare = f"{lost} of the draws have no solution at this impact: no bands."
         return [bare] if simulation.unsolved > 0.0 else []
     shares = ", ".join(f"{name} {percent(share)}" for name, share in band.regimes.items() if name)
-    said = f"{band.draws} draws of the posterior: {shares or 'no motion along the court'}."
+    text = f"{band.draws} posterior draws: {shares or 'no motion along the court'}."
     if band.failed:
-        said += f" {band.failed} more, {lost}, cannot be solved at this impact: bands are of the rest."
-    return [said]
+        text += f" {band.failed} more, {lost}, have no solution at this impact and are left out."
+    return [text]
 
 
 def _ms(seconds: float) -> str:
@@ -127,7 +140,7 @@ def history_rows(simulations: Sequence[Simulation]) -> list[dict[str, object]]:
 
 
 def simulation_json(simulation: Simulation) -> dict[str, Any]:
-    """One curve without its courses: what went in, the phases, the peaks, the jumps, the rebound."""
+    """One curve without its time series: inputs, phases, peaks, jumps, rebound."""
     history, after, impact = simulation.history, simulation.history.release.after, simulation.impact
     return {
         "label": simulation.label,

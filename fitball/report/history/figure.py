@@ -35,8 +35,8 @@ LABELS: Mapping[str, str] = {
 }
 # A band on the axis of time would show little but the spread of contact times.
 BAND_CAPTION = (
-    "Bands: 68 and 95 % of {draws} posterior draws, each at equal shares of its own contact time, since rebounds "
-    "tell the courses along the contact better than its length (95 %: {low:.2f} to {high:.2f} ms)."
+    "Bands: 68 and 95 % of {draws} posterior draws, each at equal shares of its own contact time. Rebounds determine "
+    "the motion during contact better than the contact time (95 %: {low:.2f} to {high:.2f} ms)."
 )
 
 
@@ -46,7 +46,7 @@ def history_figure(
 ) -> Figure:
     """Panels along the share of the contact; the upper axis shows time where all curves last equally long.
 
-    One simulation is shaded by phase; of several, dots mark where one phase hands over to the next.
+    One simulation is shaded by phase; of several, dots mark the transitions between phases.
     """
     shown = tuple(panels) or (ALL_PANELS if simulations[0].history.spans else VERTICAL_PANELS)
     columns = 1 if len(shown) == 1 else 2
@@ -122,7 +122,7 @@ def _velocities(axis: Axes, simulation: Simulation, colour: str, alone: bool) ->
     _line(axis, simulation, "v_x", SERIES[0], alone, label="$v_x$")
     _line(axis, simulation, "omega_2", SERIES[1], alone, history.radius, label=r"$R\,\omega_2$ shell", linestyle="--")
     _line(axis, simulation, "omega_1", "0.25", alone, history.radius, label=r"$R\,\omega_1$ core", linestyle="-.")
-    # What jumps at landing and at release shows as a gap between mark and line.
+    # A jump at landing or release is a gap between mark and line.
     for share, motion in ((0.0, history.landing.before), (1.0, history.release.after)):
         for value, own, mark in ((motion.v_x, SERIES[0], "o"), (history.radius * motion.omega_2, SERIES[1], "s")):
             axis.plot(share, value, mark, color=own, markersize=5, markerfacecolor="white", clip_on=False, zorder=5)
@@ -131,7 +131,7 @@ def _velocities(axis: Axes, simulation: Simulation, colour: str, alone: bool) ->
 
 
 def _explained(axis: Axes) -> None:
-    """A legend where it hides least."""
+    """A legend where it covers least."""
     axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.7)
 
 

@@ -169,7 +169,7 @@ class Film:
         self.found, self.history = found, simulation.history
         self.radius = self.history.radius
         deepest = float(found.compression.max())
-        # A core that moves further than the shell is wide is drawn to a smaller scale, and that is said.
+        # A core that moves further than the shell is wide is drawn to a smaller scale, which is stated.
         self.scale = min(1.0, REACH * self.radius / deepest) if deepest > 0.0 else 1.0
         self.greatest = float(np.max(found.normal_force))
         self.figure = new_figure(6.4, 5.2, None)
@@ -197,7 +197,7 @@ class Film:
         ]
         self.springs = [Line2D([], [], color="0.45", linewidth=1.0, zorder=2) for _ in range(SPRINGS)]
         self.core = Circle((0.0, 0.0), CORE * radius, facecolor="0.75", edgecolor="0.2", zorder=3)
-        # Marks by which one sees them turn.
+        # Marks that make rotation visible.
         self.on_shell = Line2D([], [], color=SERIES[2], linewidth=3.5, solid_capstyle="butt", zorder=3)
         self.on_core = Line2D([], [], color=SERIES[2], linewidth=3.0, zorder=4)
         self.arrows = [
@@ -214,8 +214,8 @@ class Film:
         self.state = axis.text(0.755, 0.86, "", fontsize=10, **place)
         self.numbers = axis.text(0.745, 0.78, "", fontsize=8, family="monospace", linespacing=1.5, **place)
         smaller = "" if self.scale == 1.0 else f"; compression drawn at {100.0 * self.scale:.0f} %"
-        said = f"slowed down {self.found.slowed:,.0f} times{smaller}"
-        self.figure.text(0.5, 0.945, said, fontsize=8, ha="center", va="top", color="0.3")
+        words = f"slowed down {self.found.slowed:,.0f} times{smaller}"
+        self.figure.text(0.5, 0.945, words, fontsize=8, ha="center", va="top", color="0.3")
 
     def _set_course(self) -> None:
         axis, history = self.course, self.history

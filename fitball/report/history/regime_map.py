@@ -113,7 +113,7 @@ def map_figure(
 
 
 def _uncover(figure: Figure, names: Sequence[Text], labels: Sequence[Text]) -> None:
-    """Take away labels of contours on which names lie; where they lie is known once the figure is laid out."""
+    """Remove labels of contours below names; their places are known once the figure is laid out."""
     figure.draw_without_rendering()
     boxes = [name.get_window_extent().padded(2.0) for name in names]
     for label in labels:
@@ -191,14 +191,14 @@ def _draw_impacts(axis: Axes, found: RegimeMap, impacts: Impacts, source: str) -
 
 
 def map_text(found: RegimeMap, title: str) -> str:
-    """The map in words: areas, and at what angles one sequence follows another without spin."""
+    """The map in words: areas, and the angles between sequences without spin."""
     window = found.window
     low, high = np.degrees(window.angle)
-    head = f"{title}: regimes at {window.speed:.4g} m/s, {low:.4g} to {high:.4g} deg, "
+    head = f"{title}: regimes of contact at {window.speed:.4g} m/s, {low:.4g} to {high:.4g} deg, "
     head += f"{window.spin[0]:.4g} to {window.spin[1]:.4g} rad/s"
     lines = [head, "-" * len(head)]
     if window.spin[0] <= 0.0 <= window.spin[1]:
-        lines.append("without spin, as the angle to the court rises:")
+        lines.append("without spin, by angle to the court:")
         lines += [
             f"  {np.degrees(start):8.3f} to {np.degrees(end):7.3f} deg  {name or NO_SOLUTION}"
             for name, start, end in found.along_angle
@@ -222,7 +222,7 @@ def map_json(found: RegimeMap) -> dict[str, object]:
 
 
 def map_rows(found: RegimeMap) -> list[dict[str, object]]:
-    """A row an impact of a coarser grid: incidence, regime and rebound, in SI."""
+    """One row for each impact of a coarser grid: incidence, regime and rebound, in SI."""
     rows: list[dict[str, object]] = []
     stride = (max(1, found.spins.size // 48), max(1, found.angles.size // 64))
     for row in range(stride[0] // 2, found.spins.size, stride[0]):
@@ -240,5 +240,5 @@ def map_rows(found: RegimeMap) -> list[dict[str, object]]:
 
 
 def contour_names() -> Mapping[str, str]:
-    """Outputs that contours may show, with what they are."""
+    """Outputs that contours may show, with their titles."""
     return {name: column.title for name, column in OBSERVABLES.items()}

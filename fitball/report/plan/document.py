@@ -163,7 +163,7 @@ def plan_document(
     first = [head for head in chosen[0] if head != "contact" and head not in sds[MOST_BRIEF:]]
     lead: list[Words | Picture | Table] = [
         Words(headline(plan), "lead", rank="first"),
-        Table.of(
+        Table.from_rows(
             "Impacts to measure, best first", chosen, ["surface", "sensor", "contact"], brief=first, rank="first"
         ),
         *[Picture(name, CAPTION, f"{CAPTION} {headline(plan)[0]}", rank="first") for name in pictures],
@@ -171,7 +171,7 @@ def plan_document(
     ]
     sections = [
         Section("sensors", "Ways of measuring", [
-            Table.of(
+            Table.from_rows(
                 "Ways of measuring", sensors, ["what it reads", "largest effect"],
                 brief=["what it reads", "cost", "same impacts", "largest effect"],
                 only="" if len(sensors) > 1 else "page", rank="first",

@@ -20,8 +20,8 @@ FIRST_REMARKS, REMARKS = 3, 12
 # Impacts that are named in a sentence.
 MOST_NAMED = 4
 CAPTION = (
-    "Predicted rebounds: median, 68 % (thick) and 95 % interval (thin) of a new measurement, or of the rebound where "
-    "the noise is not known. Dots: measured values."
+    "Predicted rebounds: median, 68 % interval (thick) and 95 % interval (thin) of a new measurement. Where the "
+    "noise is not known, they are of the rebound itself. Dots: measured values."
 )
 
 

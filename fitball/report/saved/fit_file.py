@@ -1,5 +1,5 @@
-"""`fit.json`: the record of a fit, written and read as the types that it has in memory; what lies in the files beside
-it is read when it is asked for. Nothing is fitted or sampled again.
+"""`fit.json`: the record of a fit, written and read as the types that it has in memory. The files beside it are read
+when they are needed. Nothing is fitted or sampled again.
 """
 
 from __future__ import annotations

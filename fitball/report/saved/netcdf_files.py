@@ -129,7 +129,7 @@ def read_columns(source: Source, place: Path) -> dict[str, NDArray[Any]]:
         read = digest(columns)
     if read != source.digest:
         raise ResultFolderError(
-            f"{place}: these measurements are not those that the fit.json beside them was made from; "
+            f"{place}: these measurements are not those of the fit.json beside them; "
             "calibrate again, or put the files of one run together"
         )
     return columns
@@ -222,7 +222,7 @@ def read_draws(path: Path, names: Sequence[str], shape: tuple[int, int, int]) ->
     """
     ensembles, steps, walkers = shape
     chains = (ensembles * walkers, steps)
-    what = f"the posterior draws that belong to the fit.json beside it (a batch keeps them with {option('full')})"
+    what = f"the posterior draws of the fit.json beside it (batch saves them with {option('full')})"
     with opened(path, what) as file:
         kept, known = group(file, "posterior"), group(file, "prior")
         owner = array(kept, "ensemble", chains[:1], "iu")

@@ -55,7 +55,7 @@ SCENE_NUMBERS = (
 SCENE_TEXTS = ("model", "surface", "ball_type", "description", "citation")
 HEAD = """\
 # Everything this result depends on; SI units. `fitball repeat` runs it again.
-# The priors are those of all parameters; the prior of one that is fixed takes no part.
+# The priors are those of all parameters; the prior of a fixed parameter is not used.
 
 """
 
@@ -293,7 +293,7 @@ def read_run(path: Path) -> RunRecord:
     content = read_toml(place)
     if "schema_version" not in content and "fitball" in content:
         raise ResultFolderError(
-            f"{place}: made by a fitball that did not keep all it takes to repeat a run; run calibrate again"
+            f"{place}: written by an old fitball, without all that a repetition needs; run calibrate again"
         )
     refuse_foreign(place, content, RUN_KIND, RUN_SCHEMA)
     return RunRecord(place, structured(place, content, RunFile))
@@ -307,12 +307,12 @@ def find_tables(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path, ...
     tables = record.file.table.files
     if not tables:
         raise ResultFolderError(
-            f"{record.place}: names no file: the table was made in Python; fit it there again to repeat the run"
+            f"{record.place}: has no file of the table, which was made in Python; fit it there again"
         )
     if given and len(given) != len(tables):
         raise ResultFolderError(
-            f"{record.place}: made from {len(tables)} table{'s' if len(tables) > 1 else ''}, but {len(given)} named; "
-            "name each of them, in the order of the fit"
+            f"{record.place}: made from {len(tables)} table{'s' if len(tables) > 1 else ''}, but {len(given)} given; "
+            "give each of them, in the order of the fit"
         )
     places = map(Path, given) if given else map(record.place_of, tables)
     return tuple(_found(place, named, "the table", "data") for place, named in zip(places, tables, strict=True))
@@ -323,7 +323,7 @@ def find_records(record: RunRecord, given: str | None = None) -> Path | None:
     force = record.file.force
     if force is None:
         if given is not None:
-            raise ResultFolderError(f"{record.place}: made without force records, but {given} named")
+            raise ResultFolderError(f"{record.place}: made without force records, but {given} is given")
         return None
     return _found(Path(given) if given else record.place_of(force), force, "the force record", "force")
 
@@ -337,14 +337,14 @@ def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
         raise ResultFolderError(f"{str(place)[:200]}: cannot be opened: {error.strerror}") from None
     if not there:
         raise ResultFolderError(
-            f"{place}: {what} of this fit is not there; put it back, or say with {option(name, 'FILE')} where it is "
+            f"{place}: {what} of this fit is missing; put it back, or give its place with {option(name, 'FILE')} "
             f"(SHA-256 {named.sha256})"
         )
     digest = sha256(file.read_bytes()).hexdigest()
     if digest != named.sha256:
         raise ResultFolderError(
             f"{place}: changed since the fit: its SHA-256 is {digest}, the fit was made from {named.sha256}; "
-            f"put the old file back, name it with {option(name, 'FILE')}, or calibrate anew"
+            f"put the old file back, give it with {option(name, 'FILE')}, or run calibrate again"
         )
     return place
 

@@ -76,13 +76,13 @@ def _read(place: Path, language: str, read: Callable[[bytes], Any]) -> Any:
     try:
         data = read_bounded(place)
     except FileNotFoundError:
-        raise ResultFolderError(f"{place}: there is no such file; expected a result of fitball calibrate") from None
+        raise ResultFolderError(f"{place}: no such file or folder; expected a result of fitball calibrate") from None
     except (OSError, ValueError) as error:
         raise ResultFolderError(f"{place}: cannot be opened: {getattr(error, 'strerror', None) or error}") from None
     try:
         return read(data)
     except (ValueError, RecursionError) as error:
-        words = "brackets within brackets without end" if isinstance(error, RecursionError) else error
+        words = "too many nested brackets" if isinstance(error, RecursionError) else error
         raise ResultFolderError(f"{place}: not readable as {language}: {words}; {REMEDY}") from None
 
 
@@ -90,16 +90,16 @@ def refuse_foreign(place: Path, content: Content, kind: str, version: int) -> No
     """Raise ResultFolderError for a file of another `kind`, or of an older or newer schema than `version`."""
     if content.get("kind") != kind:
         read = reprlib.repr(content.get("kind"))
-        raise ResultFolderError(f"{place}: not a file of this kind: read kind {read}, expected '{kind}'; {REMEDY}")
+        raise ResultFolderError(f"{place}: read kind {read}, expected '{kind}'; {REMEDY}")
     version_read = content.get("schema_version")
     if isinstance(version_read, bool) or version_read != version:
         older = isinstance(version_read, int) and version_read < version
-        said = f"{place}: schema_version {reprlib.repr(version_read)}; this fitball reads version {version}: "
+        read = f"{place}: schema_version {reprlib.repr(version_read)}; this fitball reads version {version}: "
         if older:
             verb = spoken("`fitball repeat FOLDER --out NEW`", "the verb repeat of the command line")
-            again = f", or let {verb} make the run of the run.toml beside it again" * (place.name == FIT_NAME)
-            raise OlderFileError(f"{said}run calibrate again{again}")
-        raise ResultFolderError(f"{said}install the fitball that wrote it")
+            again = f", or use {verb} to repeat the run of the run.toml beside it" * (place.name == FIT_NAME)
+            raise OlderFileError(f"{read}run calibrate again{again}")
+        raise ResultFolderError(f"{read}install the version of fitball that wrote it")
 
 
 def structured(place: Path, content: Content, kind: type[Kept]) -> Kept:
@@ -191,7 +191,7 @@ def _array(kind: type, value: object) -> np.ndarray:
             msgspec.convert(value, tuple[tuple[number, ...], ...] if lists else tuple[number, ...]), dtype
         )
     except msgspec.ValidationError as error:
-        # As a plain ValueError msgspec says where the column stands.
+        # With a plain ValueError msgspec adds where the column is.
         raise ValueError(str(error).partition(" - at ")[0]) from None
     except (ValueError, OverflowError) as error:
         raise ValueError(f"Expected an array of numbers: {error}") from None
@@ -200,7 +200,7 @@ def _array(kind: type, value: object) -> np.ndarray:
 
 
 def _located(content: Content, kind: type[Any], error: str) -> tuple[object, str]:
-    """What stands at the path that ends an `error`, and the path with its keys: msgspec writes [...] for any key."""
+    """The value at the path that ends an `error`, and the path with its keys: msgspec writes [...] for any key."""
     value, path = content, ""
     for match in _STEP.finditer(error.rpartition("`$")[2].removesuffix("`")):
         step: Any = match["field"] or int(match["index"] or 0)
