@@ -25,7 +25,7 @@ CONVERGENCE = (
 TESTED = "Of {tests} residual tests, calibrated on {sets:,} simulated data sets, {found} found a misfit{so}."
 CONCLUSIONS = {
     Answer.DESCRIBES: "", Answer.EXCEPT: "", Answer.FAILS: ": the model does not fit the data",
-    Answer.UNTOLD: ", but the data are too few to test the model",
+    Answer.UNDECIDED: ", but the data are too few to test the model",
 }  # fmt: skip
 VARIED = (
     "{count} model variants were compared by leave-one-out predictive density (Vehtari, Gelman and Gabry 2017); "
