@@ -24,7 +24,7 @@ SHORTER = {
     "compare": ("--models", "brody,grip-slip", "--max-steps", "100", "--cores", "1"),
 }
 SAMPLED = {"wang_all.csv", "synthetic_court.csv"}
-NOT_DRAWN = ("corner.png", "trace.png", "profiles.png")
+NOT_DRAWN = ("corner.png", "trace.png", "profiles.png", "forest.png")
 STEPS = 100
 # One white pixel.
 PNG = bytes.fromhex(
