@@ -260,7 +260,7 @@ def test_manners(small_fit, tmp_path, capsys):
         (["json", "--out", str(small_fit / "fit.json"), "--overwrite"], "reserved for results"),
         (["netcdf", "--out", str(small_fit / "posterior.nc"), "--overwrite"], "reserved for results"),
         (["netcdf", "--out", "-"], "not text"),
-        (["json", "--range", "v=1"], "--range belongs to --to lookup"),
+        (["json", "--range", "v=1"], "--to lookup, not of --to json"),
         (["c", "--prefix", "9-"], "the beginning of a name"),
         (["csharp", "--prefix", "_9"], "the beginning of a name"),
         (["engine", "--engine-inertia", "2"], "at most 1"),

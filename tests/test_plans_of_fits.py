@@ -318,7 +318,7 @@ def test_sensors_that_nobody_asked_for_are_as_good_as_they_usually_are():
 @pytest.mark.parametrize(
     ("quantity", "text", "said"),
     [
-        ("speed", "20:5", "rises"), ("speed", "0:5", "above 0"), ("angle", "10:95", "up to 90 deg"),
+        ("speed", "20:5", "increasing"), ("speed", "0:5", "above 0"), ("angle", "10:95", "up to 90 deg"),
         ("spin", "fast", "expected LOW:HIGH"), ("spin", "1:2 m/s", "measures speed"),
         ("speed", "5:20:1", "two steps"), ("speed", "1:1e9", "1000 m/s"),
     ],

@@ -257,7 +257,7 @@ def test_exports_are_those_of_the_verb(short_fit, folder, tmp_path, capsys):
     for words, said in ((("jsn",), "did you mean 'json'"), (("netcdf",), "to_inferencedata")):
         with pytest.raises(ParameterError, match=said):
             short_fit.export(*words)
-    with pytest.raises(ParameterError, match="prefix belongs to the format c, csharp and javascript, not to json"):
+    with pytest.raises(ParameterError, match=r"prefix .* c, csharp and javascript, not of json"):
         short_fit.export("json", prefix="x")
     with pytest.raises(ParameterError, match="unknown option 'prefx'"):
         short_fit.export("c", prefx="x")

@@ -87,7 +87,7 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "run calibrate again"),
         ('{"kind": "fitball fit", "schema_version": 6}', "damaged"),
-        ('{"kind": "fitball fit", "schema_version": 5}', "the verb repeat of the command line make the run"),
+        ('{"kind": "fitball fit", "schema_version": 5}', "reads version 6: run calibrate again, or use"),
     ],
 )
 def test_a_file_that_is_no_fit_is_refused(tmp_path, content, said):
@@ -116,7 +116,7 @@ def test_folder_is_refused_or_replaced(fit, folder, tmp_path):
     file.write_text("x", encoding="utf-8")
     with pytest.raises(ResultFolderError, match="is a file"):
         prepare_folder(file, overwrite=False, resume=False)
-    with pytest.raises(ResultFolderError, match="cannot be made"):
+    with pytest.raises(ResultFolderError, match="cannot be created"):
         prepare_folder(file / "below", overwrite=False, resume=False)
 
 

@@ -174,7 +174,7 @@ def test_what_has_more_colours_gets_the_nearest():
 def test_long_tables_are_cut_and_say_so(grip_slip_fit, monkeypatch):
     monkeypatch.setattr("fitball.report.form.document.MOST_ROWS", 5)
     cut = page(grip_slip_fit, {})
-    assert cut.count("16 more stand in") == 2
+    assert cut.count("16 more: ") == 2
     assert faults(cut) == []
 
 

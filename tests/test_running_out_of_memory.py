@@ -19,7 +19,7 @@ def test_running_out_of_memory_is_said_in_words(place, tmp_path, monkeypatch, ca
     command = ["calibrate", "wang_zero_spin.csv", "--point-only", "--out", str(tmp_path / "fit"), "--quiet"]
     assert main(command) == 2
     err = capsys.readouterr().err
-    assert "memory of this machine does not suffice (Unable to allocate 2.9 GiB)" in err
+    assert "memory on this machine (Unable to allocate 2.9 GiB)" in err
     assert "Traceback" not in err
     assert not list((tmp_path / "fit").glob("fit.json"))
 

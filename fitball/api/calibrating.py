@@ -304,7 +304,7 @@ def compare(
     >>> fitball.compare("wang_zero_spin", ["brody"], cores=1)
     Traceback (most recent call last):
     ...
-    fitball.errors.FitError: a comparison needs at least two different models; there is 1: name more (models)
+    fitball.errors.FitError: a comparison needs at least two different models, read 1: name more (models)
     """
     asked = contest(
         data, models, quick=quick, seed=seed, max_steps=max_steps, cores=cores, scheduler=scheduler, scene=scene,

@@ -27,7 +27,7 @@ from fitball.inference.problem.parameters import SD_SPECS
 from fitball.models.types import Rebound
 from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES, ReboundColumn
 from fitball.values import FloatArray
-from fitball.wording import spoken
+from fitball.wording import option
 
 
 @dataclass(frozen=True)
@@ -137,11 +137,6 @@ FACTOR, FREEDOM, SPENT = 2.0, 10, 3
 COMPONENTS = {"v_x2": np.array([1.0, 0.0]), "v_y2": np.array([0.0, 1.0])}
 
 
-def asked_noise(structure: str) -> str:
-    """The option that makes velocities share a noise, or not."""
-    return spoken(f"--noise {structure}", f"velocity_noise={structure!r}")
-
-
 def noise_by_column(
     table: ImpactTable, wanted: str | None, named: Collection[str], groups: int, notes: list[str]
 ) -> Mapping[str, str]:
@@ -164,14 +159,14 @@ def noise_by_column(
     own = [NOISE_OF[name] for name in columns if NOISE_OF[name] in named]
     if wanted == TIED and own:
         raise ParameterError(
-            f"{asked_noise(TIED)} with a value or prior of {' and '.join(own)}: expected {SHARED_SD} there, or "
-            f"{asked_noise(SEPARATE)}"
+            f"{option('noise', TIED)} with a value or prior of {' and '.join(own)}: expected {SHARED_SD} there, or "
+            f"{option('noise', SEPARATE)}"
         )
     each = " and ".join(NOISE_OF[name] for name in columns)
     if wanted == SEPARATE and SHARED_SD in named and columns:
         raise ParameterError(
-            f"{asked_noise(SEPARATE)} with a value or prior of {SHARED_SD}, which all columns of the velocity "
-            f"share: expected {each} there, or {asked_noise(TIED)}"
+            f"{option('noise', SEPARATE)} with a value or prior of {SHARED_SD}, which all columns of the velocity "
+            f"share: expected {each} there, or {option('noise', TIED)}"
         )
     enough = FREEDOM + SPENT + groups
     shared = wanted == TIED or SHARED_SD in named

@@ -241,7 +241,9 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
             return wrapped(part.texts, "- ", "  ")
         between = "\n" if part.kind == "lead" else "\n\n"
         return [between.join("\n".join(wrapped([text])) for text in part.texts)]
-    most = MOST_LINES if screen().full else FIRST_LINES
+    most, count = MOST_LINES if screen().full else FIRST_LINES, max(part.count, len(part.rows) - 1)
+    # A line that says "1 more" is as long as that row.
+    most += count == most + 1
     brief = part.brief if part.brief and not screen().full else part.rows[0]
     kept = [k for k, head in enumerate(part.rows[0]) if head not in part.aside and (k == 0 or head in brief)]
     rows = [[row[k] for k in kept] for row in part.rows[: most + 1]]
@@ -256,7 +258,7 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
         block = [[row[k] for k in places] for row in rows]
         lines += [""] * bool(lines)
         lines += columns(block, [part.left[kept[k]] for k in places], screen().colour, gap)
-    lines += more(max(part.count, len(part.rows) - 1), part.rest.replace("`", ""), most)
+    lines += more(count, part.rest.replace("`", ""), most)
     return [f"{part.label}:", "", *lines] if labelled else lines
 
 
