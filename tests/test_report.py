@@ -247,7 +247,7 @@ def test_the_first_screen_has_the_answer_in_forty_lines(two_mass, fit):
             rows = [line for line in first.splitlines() if line.startswith(f"{name} ")]
             assert any(row.endswith(estimate.verdict) for row in rows), name
         spans = [*item.assumptions.parameters.values(), *item.assumptions.court_pace.values()]
-        assert f"{max(span.shift for span in spans):.1f} sd" in first
+        assert f"(with {max(spans, key=lambda span: span.shift).by})" in " ".join(first.split())
         assert screen_of(item, full=True).count("\n") > 2 * first.count("\n")
         narrow = screen_of(item, width=80).splitlines()
         assert len(narrow) <= 40 and max(map(len, narrow)) <= 80

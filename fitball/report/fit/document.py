@@ -200,12 +200,13 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
         *(() if dropped else found),
         Words(warnings[:MOST_WARNINGS], "list", "page"),
         Words(warnings[:MOST_WARNINGS], "lead", "terminal", "first"),
+        Words(assumption_line(fit), "list", "page"),
         Words([*assumption_line(fit), *_where(folder)], "lead", "terminal", "first"),
     ]  # fmt: skip
 
 
 def _where(folder: Path | None) -> list[str]:
-    here = spoken(" (here: --full)", "")
+    here = spoken(" (print it here: --full)", "")
     return [] if folder is None else [f"Report: {folder / 'report.html'}{here}."]
 
 

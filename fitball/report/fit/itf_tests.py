@@ -357,7 +357,7 @@ def rating_words(rating: PaceRating) -> str:
 def category_words(rating: PaceRating) -> str:
     """The most probable category, with its probability where there are draws."""
     name, share = max(rating.categories.items(), key=lambda pair: pair[1])
-    return name if rating.rating.median is None else f"{name} ({percent(share)})"
+    return name if rating.rating.median is None else f"{name} (probability {percent(share)})"
 
 
 def surface_words(rating: PaceRating) -> str:
@@ -417,7 +417,7 @@ def reach_words(reach: Reach) -> str:
         scale, side = INCIDENT[name], "above" if value > 0.0 else "below"
         parts.append(f"{QUANTITIES[name]} {abs(value) * scale.factor:.2g} {scale.unit} {side} the measured range")
     if reach.distance > reach.slack:
-        parts.append(f"{reach.distance:.1f} m/s outside the range of the measured impacts")
+        parts.append(f"the test impact is {reach.distance:.1f} m/s away from the measured range")
     return " and ".join(parts) if parts else "within the measured range"
 
 

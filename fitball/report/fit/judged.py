@@ -339,13 +339,17 @@ def _variants(fit: Fit, found: Assumptions | None) -> list[str]:
     count, good = len(found.alternatives), len(found.as_good)
     if not good:
         return [f"Model assumptions: none of {count} model variants fits equally well."]
-    name, scale, widest = _widest(fit, found)
-    places = scale.decimals(widest.own.sd)
-    ends = f"{scale.fixed(widest.low, places)} to {scale.fixed(widest.high, places)} {scale.unit}".rstrip()
-    return [
-        f"Model assumptions: {good} of {count} model variants fit equally well. Largest shift: {name} by "
-        f"{fixed(widest.shift, 1)} sd with {widest.by} ({ends} over all)."
-    ]
+    widest = _widest(fit, found)
+    friction = [one for one in quantities(fit, found.parameters, {}) if one[0] == "mu" != widest[0]]
+    medians = [f"that of {name} {_ends(scale, span)}" for name, scale, span in friction]
+    first = f"the median of {widest[0]} {_ends(*widest[1:])} (with {widest[2].by})"
+    return [f"Model variants: {good} of {count} fit equally well. Over all of them, {listed([first, *medians])}."]
+
+
+def _ends(scale: Scale, span: Span) -> str:
+    """Between which values the median lies over the variants that fit equally well."""
+    places = scale.decimals(span.own.sd)
+    return f"goes from {scale.fixed(span.low, places)} to {scale.fixed(span.high, places)} {scale.unit}".rstrip()
 
 
 def _widest(fit: Fit, found: Assumptions) -> tuple[str, Scale, Span]:
@@ -369,11 +373,14 @@ def next_line(fit: Fit) -> list[str]:
     found = fit.assumptions
     if found is None or found.missing or not found.as_good:
         return []
-    name, _scale, widest = _widest(fit, found)
+    name, scale, widest = _widest(fit, found)
     instead = next(item.instead_of for item in found.as_good if item.name == widest.by)
     if widest.shift <= MOVED_SDS:
         return []
-    return [f"Most useful next: data that separate {instead} from {widest.by}, which shifts {name} most."]
+    return [
+        f"Most useful next: data that decide between the model assumptions {instead} and {widest.by}. Over the "
+        f"variants that fit equally well, the median of {name} {_ends(scale, widest)}."
+    ]
 
 
 def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
