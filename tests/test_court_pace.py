@@ -269,7 +269,10 @@ def test_it_is_saved_and_shown(grip_slip_fit, grip_slip_folder, tmp_path):
     assert json.loads(render_json(grip_slip_fit, tmp_path))["court_pace"] == content["court_pace"]
     rating, shares = found.rating, found.categories
     likeliest = max(shares, key=shares.get)
-    assert f"[{rating.q025:.1f}, {rating.q975:.1f}] (95 %), {likeliest} ({100.0 * shares[likeliest]:.0f} %)" in text
+    assert (
+        f"[{rating.q025:.1f}, {rating.q975:.1f}] (95 %), {likeliest} (probability {100.0 * shares[likeliest]:.0f} %)"
+        in text
+    )
     # The last digits are those of a chain: half a unit is a dozen of its standard errors.
     assert (rating.q025, rating.median, rating.q975) == pytest.approx((40.6, 44.4, 48.4), abs=0.6)
     assert "(CS 01/02)" in (grip_slip_folder / "report.html").read_text(encoding="utf-8")

@@ -277,7 +277,7 @@ def test_the_most_useful_next_measurement_is_named(two_mass):
     found = two_mass.assumptions
     span = max((*found.parameters.values(), *found.court_pace.values()), key=lambda span: span.shift)
     instead = next(item.instead_of for item in found.as_good if item.name == span.by)
-    assert f"separate {instead} from {span.by}" in next_line(two_mass)[0]
+    assert f"{instead} and {span.by}" in next_line(two_mass)[0]
     mu = replace(two_mass.parameters["mu"], verdict=Verdict.PRIOR_DOMINATED)
     unknown = replace(two_mass, parameters={**two_mass.parameters, "mu": mu})
     assert "determine mu" in next_line(unknown)[0] and "plan" in next_line(unknown)[0]
