@@ -31,7 +31,7 @@ COPIED = ("fitball", "datasets", "tests", "scripts", "fits", "docs", "pyproject.
 # Test files that run compiled kernels, whose lines no tracer sees.
 KERNEL_TESTS = (
     "small_and_flat", "certificates", "laws", "kernel_oracle", "jacobian", "history", "hard_cases",
-    "thesis_model", "force_likelihood", "export_ports", "export_languages",
+    "thesis_model", "force_likelihood", "export_ports",
 )  # fmt: skip
 COMPARED = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -161,7 +161,9 @@ def met(root: Path, mutant: Mutant, tests: list[str]) -> str:
     finally:
         path.write_text(source, encoding="utf-8")
     failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return failed[0].split(" - ")[0] if failed else f"exit {done.returncode}" * bool(done.returncode)
+    if done.returncode > 1 and not failed:
+        raise RuntimeError(f"pytest cannot run the tests of {mutant.file}:{mutant.line}\n{done.stdout}{done.stderr}")
+    return failed[0].split(" - ")[0] if failed else "a test process died" * bool(done.returncode)
 
 
 def main() -> None:
