@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # Growth is a decision: who raises one of these says in the commit what for, see CONTRIBUTING.
 CEILINGS: Mapping[str, int] = {
-    "lines of fitball": 56_500, "modules of fitball": 317, "lines of scripts": 4_360, "lines of tests": 31_460,
+    "lines of fitball": 55_600, "modules of fitball": 246, "lines of scripts": 4_360, "lines of tests": 31_200,
 }  # fmt: skip
 KINDS = ("code", "imports", "docstrings", "comments", "blank")
 
