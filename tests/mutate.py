@@ -133,7 +133,7 @@ def judges(root: Path, mutant: Mutant, reach: coverage.CoverageData, sizes: Coun
     tree = ast.parse(source)
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     within = [node for node in functions if node.lineno <= mutant.line <= (node.end_lineno or 0)]
-    if "/kernels/" in mutant.file or "@compiled" in source or "@linked" in source:
+    if "/kernels/" in mutant.file or "@compiled" in source or "@inner" in source:
         return [f"tests/test_{name}.py" for name in KERNEL_TESTS]
     # A statement of many lines is reached where it begins.
     around = [node for node in ast.walk(tree) if isinstance(node, ast.stmt)]
