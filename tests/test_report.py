@@ -26,7 +26,7 @@ from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.report.fit.document import fit_document, render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
-from fitball.report.fit.judged import next_line
+from fitball.report.fit.judged import next_line, remarks
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
 from fitball.report.form.document import on_terminal
@@ -283,3 +283,17 @@ def test_the_most_useful_next_measurement_is_named(two_mass):
     assert "determine mu" in next_line(unknown)[0] and "plan" in next_line(unknown)[0]
     wrong = replace(two_mass, adequacy=replace(two_mass.adequacy, answer=Answer.FAILS))
     assert next_line(wrong) == []
+
+
+ADVICE = {
+    "outlier": "student-t", "tails": "student-t", "group": "offsets", "level": "pool", "uneven": "separate",
+    "linked": "incident",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["trend", *ADVICE])
+def test_what_was_found_leads_to_its_own_advice(two_mass, kind):
+    check = replace(two_mass.adequacy.checks[0], kind=kind, over="surface", words="mu differs", found=True)
+    seen = replace(two_mass.adequacy, checks=(check,), moved={}, answer=Answer.EXCEPT)
+    given = remarks(replace(two_mass, adequacy=seen))
+    assert len(given) == (kind in ADVICE) and ADVICE.get(kind, "") in " ".join(given)
