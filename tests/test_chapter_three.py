@@ -71,6 +71,13 @@ def test_claims_against_print(solved):
     assert rolling.found == pytest.approx(0.3699, abs=1e-4)
     assert rolling.computed == pytest.approx(0.3674, abs=1e-4)
     assert found["fig28", "v_x2"].difference == pytest.approx(-1.439, abs=1e-3)
+    # Appendix B lets the shell take the energy of the ball but its core's spin; its inertia in lb in s^2.
+    (item,) = solved["fig18"]
+    start = found["fig18", "shell spin when rolling begins"].computed
+    shell = (1.0 - item.parameters["inertia_split"]) * 0.000264 * 4.4482216 * 0.0254
+    given = item.parameters["ball_mass"] * item.impact.v_x1[0] ** 2 + shell * item.impact.omega_1[0] ** 2
+    rolling_mass = item.parameters["ball_mass"] * 0.03302**2
+    assert (shell + rolling_mass) * start**2 == pytest.approx(given, rel=2e-3)
     # Sliding throughout, the impulses stand as mu; Eq. (65) divides by the whole ball's, the model pushes the core's.
     assert found["fig26", "ratio of the impulses of both forces"].found == pytest.approx(0.55, rel=1e-12)
     assert found["fig26", "mean coefficient of friction, Eq. (65)"].found == pytest.approx(0.3691, abs=1e-4)
