@@ -322,9 +322,8 @@ POPULATION = Verb(
   fitball population fits/batch --parameters mu,cor_10
   fitball population results/season --parameters k_theta/k_y --json
   fitball population results/season --parameters mu --over surface""",
-    description="""Estimate the mean and spread of parameters over the tables of a batch, and each table's value given
-all
-others.
+    description="""Estimate the mean and spread of parameters over the tables of a batch, and each table's value
+given all others.
 
 The draws that fitball batch saved are reweighted, with the priors divided out; nothing is fitted again. The verb
 writes population.csv and population.json, and the page of the batch anew. Exit code 1 if importance weights of a

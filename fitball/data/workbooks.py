@@ -64,7 +64,7 @@ def check_text(source: str, data: bytes) -> None:
 
 
 # What a damaged archive raises: its directory and its members (CRCs among them), what unpacks them, names that are no
-# UTF-8; RuntimeError: it is encrypted, or (NotImplementedError is one) packed in a way that nobody knows.
+# UTF-8; RuntimeError: it is encrypted, or (NotImplementedError is one) compressed by a method that zipfile lacks.
 _ARCHIVE = (
     zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, struct.error, OSError, UnicodeDecodeError, RuntimeError
 )  # fmt: skip

@@ -60,8 +60,10 @@ def report_pdf(saved: Fit) -> bytes:
                 [*command, place.resolve().as_uri()], capture_output=True, text=True, timeout=PATIENCE, check=False
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise ResultFolderError(f"{program}: {error}; open {place} in a browser and print it") from None
+            raise ResultFolderError(f"{program}: {error}; open report.html in any browser and print it") from None
         if not out.exists():
             words = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-            raise ResultFolderError(f"{program} printed nothing: {words}")
+            raise ResultFolderError(
+                f"{program} printed nothing: {words}; open report.html in any browser and print it"
+            )
         return out.read_bytes()

@@ -184,18 +184,20 @@ def _coloured(text: str, colour: str) -> str:
 # What no line is broken inside of: an interval, a number and its unit, what is added to or taken from a number.
 UNITS = r"%|[kmc]?m|m?s|k?g|k?N|J|deg|rad|sd|rpm|[a-zA-Z]+/[a-z]+\^?2?"
 UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?\+- [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
+# The number of bold letters (ISO 6429).
+BOLD = "1"
 # A space that textwrap does not take for one.
 HARD = "\u00a0"
 
 
-def wrapped(texts: Iterable[str], first: str = "", others: str = "", width: int | None = None) -> list[str]:
+def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
     """Texts as lines of the screen's width, the first line of each indented by `first`, its others by `others`."""
     return [
         line.replace(HARD, " ")
         for text in texts
         for line in textwrap.wrap(
             UNBROKEN.sub(lambda found: found[0].replace(" ", HARD), visible(text)),
-            screen().width if width is None else width,
+            screen().width,
             initial_indent=first,
             subsequent_indent=others,
             break_on_hyphens=False,
@@ -231,9 +233,6 @@ def _blocks(document: Document) -> Iterator[str]:
         yield from texts
 
 
-BOLD = "1"
-
-
 def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     """`labelled` is a table that is not the only one of its section."""
     if isinstance(part, Words):
@@ -252,8 +251,8 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     lines: list[str] = []
     widths = _widths(rows)
     # Columns are closer where that alone makes room for all of them.
-    gap = 1 if sum(widths) + len(widths) - 1 <= screen().width else 2
-    gap = 2 if sum(widths) + 2 * (len(widths) - 1) <= screen().width else gap
+    room, gaps = screen().width - sum(widths), len(widths) - 1
+    gap = 1 if gaps <= room < 2 * gaps else 2
     for places in _side_by_side(widths, gap):
         block = [[row[k] for k in places] for row in rows]
         lines += [""] * bool(lines)
