@@ -253,6 +253,19 @@ def test_the_first_screen_has_the_answer_in_forty_lines(two_mass, fit):
         assert len(narrow) <= 40 and max(map(len, narrow)) <= 80
 
 
+def test_medians_over_the_variants_are_those_of_the_assumptions_lowest_first(two_mass):
+    given = re.sub(r"\s+", " ", screen_of(two_mass))
+    spans = two_mass.assumptions.parameters
+    widest = max(spans, key=lambda name: spans[name].shift)
+    for name in {widest, "mu"}:
+        ends = re.search(rf"\bof {name} goes from (-?[0-9.]*[0-9]) to (-?[0-9.]*[0-9])(.*)", given)
+        factor = HANDY[name].factor if name in HANDY else 1.0
+        low, high = spans[name].low * factor, spans[name].high * factor
+        assert low < high
+        assert [float(end) for end in ends.groups()[:2]] == pytest.approx([low, high], rel=0.05), name
+        assert ends[3].lstrip().startswith(HANDY[name].unit) if name in HANDY else ends[3][:1] in " ."
+
+
 def test_what_is_wrong_is_on_the_first_screen_with_what_to_do(two_mass):
     unsure = screen_of(replace(two_mass, status=RunStatus.NOT_CONVERGED))
     assert "Warning: NOT CONVERGED" in unsure and "--max-steps" in unsure
