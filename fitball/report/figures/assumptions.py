@@ -148,7 +148,7 @@ def _draw(axis: Axes, panel: ForestPanel) -> None:
         axis.set_xlim(*ends)
         axis.locator_params(axis="x", nbins=4)
     axis.set_xlabel(panel.axis.label, fontsize=panel.axis.letters(9), labelpad=2)
-    axis.set_title(f"up to {panel.shift:.1f} sd", fontsize=8, pad=3)
+    axis.set_title(f"moved by up to {panel.shift:.1f} sd", fontsize=8, pad=3)
 
 
 def forest_words(fit: Fit) -> str:

@@ -415,9 +415,11 @@ def reach_words(reach: Reach) -> str:
     parts = []
     for name, value in reach.beyond.items():
         scale, side = INCIDENT[name], "above" if value > 0.0 else "below"
-        parts.append(f"{QUANTITIES[name]} {abs(value) * scale.factor:.2g} {scale.unit} {side} the measured range")
+        parts.append(
+            f"the test's {QUANTITIES[name]} is {abs(value) * scale.factor:.2g} {scale.unit} {side} the measured range"
+        )
     if reach.distance > reach.slack:
-        parts.append(f"the test impact is {reach.distance:.1f} m/s away from the measured range")
+        parts.append(f"the test is {reach.distance:.1f} m/s away from the measured range")
     return " and ".join(parts) if parts else "within the measured range"
 
 

@@ -46,4 +46,5 @@ def _draw(axis: Axes, output: OutputPrediction, places: np.ndarray) -> None:
     axis.plot(places, middle * factor, "_", color=MODEL, markersize=6.0 * width)
     if output.observed is not None:
         axis.plot(places, output.observed * factor, "o", color=MEASURED, markersize=3.5 * width)
+    axis.set_xlim(-0.5, len(places) - 0.5)
     axis.grid(axis="y")
