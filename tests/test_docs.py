@@ -147,8 +147,8 @@ def options(kind):
 
 
 def test_formulas_of_the_physics_are_asserted():
-    """`tests/test_site.py` runs them."""
-    assert PHYSICS.count("\nassert ") > 20
+    """`tests/test_site.py` runs them; `test_kernel_oracle.py`, `test_laws.py` and others compare the rest."""
+    assert PHYSICS.count("\nassert ") >= 5
 
 
 def test_every_closure_and_option_is_documented_and_exists():
