@@ -282,6 +282,12 @@ FORCE = option(
 SEED = option("--seed", "N", "seed of all random numbers (default: 1)", type=whole, default=1)
 FULL = switch("--full", "print the whole report (default: its first screen)")
 EXACT = "--exact-incidence", "treat the incident state as exact, even if its sd is given"
+LEVEL = pairs(
+    "--level", "COLUMN=LABEL",
+    "the surface, ball or place, if parameters of the fit differ between them, e.g. surface=clay; new for one of "
+    "which nothing was measured (repeatable)",
+    dest="levels",
+)  # fmt: skip
 FIT = option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json")
 OVERWRITE = switch("--overwrite", "replace an older result in the folder")
 MODEL = Group("model and priors", (

@@ -391,6 +391,7 @@ def _fitted(problem: Problem, point: PointFit, posterior: Posterior | None) -> F
         point=np.array([point.values[name] for name in names]),
         draws=draws,
         impacts=spanning_impacts(problem.impacts, problem.model.ball.radius),
+        levels=tuple(item.levels for item in problem.pooling),
     )
 
 

@@ -39,17 +39,19 @@ def expected_spread(log: bool, prior: Prior) -> float:
     return EXPECTED_SPREAD * median if median > ABOUT_ZERO * prior.width else prior.width
 
 
-@dataclass(frozen=True)
-class Pooling:
-    """A parameter over the `labels` of a `column`; `index` (impacts,) says which label an impact has.
+# What asks for a surface or a ball of which nothing was measured.
+NEW = "new"
 
-    `log` is whether its coordinate is the logarithm; `bounds` are those of the parameter, in SI.
+
+@dataclass(frozen=True)
+class Levels:
+    """A parameter over the `labels` of a `column`. `log` is whether its coordinate is the logarithm; `bounds` are
+    those of the parameter, in SI.
     """
 
     parameter: str
     column: str
     labels: tuple[str, ...]
-    index: NDArray[np.int64]
     log: bool
     bounds: tuple[float, float]
 
@@ -64,13 +66,29 @@ class Pooling:
 
     def value(self, columns: Mapping[str, FloatArray], label: str) -> FloatArray:
         """The parameter (draws,) at a level, from the columns of all parameters."""
-        shift: FloatArray = columns[self.spread_name] * columns[self.place_name(label)]
+        return self.away(columns, columns[self.place_name(label)])
+
+    def away(self, columns: Mapping[str, FloatArray], places: FloatArray) -> FloatArray:
+        """The parameter (draws,) so many spreads away (draws,) from the common value."""
+        shift: FloatArray = columns[self.spread_name] * places
         common = columns[self.parameter]
         return np.asarray(common * np.exp(shift) if self.log else common + shift)
 
     def outside(self, values: FloatArray) -> NDArray[np.bool_]:
         """Where values leave the bounds of the parameter."""
         return np.asarray((values < self.bounds[0]) | (values > self.bounds[1]))
+
+
+@dataclass(frozen=True)
+class Pooling(Levels):
+    """Levels of the impacts of a table; `index` (impacts,) says which label an impact has."""
+
+    index: NDArray[np.int64]
+
+    @property
+    def levels(self) -> Levels:
+        """The levels alone."""
+        return Levels(self.parameter, self.column, self.labels, self.log, self.bounds)
 
     def take(self, rows: NDArray[np.int64]) -> Pooling:
         """The same levels for some of the impacts."""
@@ -126,7 +144,8 @@ def build_pooling(
             raise ParameterError(f"{asked}: unknown parameter '{name}' of the model: {suggestion(name, names)}")
         prior = priors[name]
         bounds = (prior.lower, prior.upper)
-        pooled.append(Pooling(name, column, *levels_of(table, column, asked), prior.log, bounds))
+        labels, index = levels_of(table, column, asked)
+        pooled.append(Pooling(name, column, labels, prior.log, bounds, index))
     return tuple(pooled)
 
 

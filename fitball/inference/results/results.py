@@ -23,7 +23,7 @@ from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, same
 
 # Versions 1 to 4 were laid out by hand; 5 is these types as they are.
-SCHEMA_VERSION: Literal[6] = 6
+SCHEMA_VERSION: Literal[7] = 7
 KIND: Literal["fitball fit"] = "fitball fit"
 TARGET_ESS = 1000.0
 TARGET_R_HAT = 1.01
@@ -305,7 +305,7 @@ class Record:
     estimate; `optima` are all that its search found, best first.
     """
 
-    schema_version: Literal[6] = SCHEMA_VERSION
+    schema_version: Literal[7] = SCHEMA_VERSION
     kind: Literal["fitball fit"] = KIND
     status: RunStatus
     verdict: str
