@@ -59,10 +59,10 @@ def wang(numbers: dict[str, Any]) -> str:
 
 
 def wang_short(numbers: dict[str, Any]) -> str:
-    """The parameters of the bounce alone."""
+    """The parameters of the bounce alone, without slopes."""
     rows = []
     for name, item in numbers["parameters"].items():
-        if name in SPECS:
+        if name in SPECS and not name.endswith("_slope"):
             value, _over, unit = _value(name, item)
             rows.append((f"`{name}`, {SPECS[name].meaning}", value, unit, item["verdict"]))
     return table(("parameter of `two-mass`", "median ± sd", "unit", "verdict"), rows)
