@@ -102,7 +102,7 @@ def test_a_page_is_typeset_escaped_and_whole():
     page = as_page(DOCUMENT, {"curve": PNG})
     assert faults(page) == []
     for said in (
-        "<title>A &amp; B - fitball</title>", "Good: 1 \u00b1 2 <code>run</code>.", "<td><i>m</i></td>",
+        "<title>A &amp; B - fitball</title>", "Good: 1\u00a0\u00b1\u00a02 <code>run</code>.", "<td><i>m</i></td>",
         '<td class="text"><span class="v-given" title="a &lt; b">given</span></td>',
         '<td class="text">&lt;none&gt;</td>', "<details><summary>Kept back</summary>", "<b>mu</b>: one &amp; two",
         '<section id="two" class="short">', ">here<", 'alt="It rises."',
