@@ -258,7 +258,12 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     # Columns are closer where that alone makes room for all of them.
     room, gaps = screen().width - sum(widths), len(widths) - 1
     gap = 1 if gaps <= room < 2 * gaps else 2
-    for places in _side_by_side(widths, gap):
+    blocks = _side_by_side(widths, gap)
+    if count > most and not screen().full:
+        # A first screen has as many lines, one below the other.
+        most //= len(blocks)
+        rows = rows[: most + 1 + bool(part.over)]
+    for places in blocks:
         block = [[row[k] for k in places] for row in rows]
         lines += [""] * bool(lines)
         lines += columns(block, [part.left[kept[k]] for k in places], screen().colour, gap)
