@@ -32,7 +32,7 @@ LIKE = {"far apart": ([-0.38, -0.70], [0.014, 0.015]), "alike": ([-0.51, -0.50],
 def hierarchy(measured, errors):
     """As much of a problem as the sampler sees: levels of `mu`, each measured once with a known error."""
     labels = tuple(f"l{k}" for k in range(len(measured)))
-    pooling = Pooling("mu", "surface", labels, np.arange(len(labels)), log=True, bounds=(0.01, 3.0))
+    pooling = Pooling("mu", "surface", labels, True, (0.01, 3.0), np.arange(len(labels)))
     specs = {"mu": SimpleNamespace(name="mu", prior=MU, lower=1e-3, upper=1e3, unit="")}
     parameters = build_parameters(["mu"], specs, {}, {}, (), pooling.specs("", parse_prior("mu", MU, 1e-3, 1e3)))
     names = tuple(item.name for item in parameters)

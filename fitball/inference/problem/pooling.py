@@ -9,16 +9,18 @@ Beside these stand biases of whole groups, shown as such instead of hidden in th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.labels import Role, grouping
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import Prior
+from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
 from fitball.wording import in_formula, option, spoken
@@ -39,17 +41,21 @@ def expected_spread(log: bool, prior: Prior) -> float:
     return EXPECTED_SPREAD * median if median > ABOUT_ZERO * prior.width else prior.width
 
 
-@dataclass(frozen=True)
-class Pooling:
-    """A parameter over the `labels` of a `column`; `index` (impacts,) says which label an impact has.
+# What is asked for instead of a column where a parameter is to be the same everywhere, and of all parameters at once.
+NOT_POOLED, ALL = "none", "all"
+# What asks for a surface or a ball of which nothing was measured.
+NEW = "new"
 
-    `log` is whether its coordinate is the logarithm; `bounds` are those of the parameter, in SI.
+
+@dataclass(frozen=True)
+class Levels:
+    """A parameter over the `labels` of a `column`. `log` is whether its coordinate is the logarithm; `bounds` are
+    those of the parameter, in SI.
     """
 
     parameter: str
     column: str
     labels: tuple[str, ...]
-    index: NDArray[np.int64]
     log: bool
     bounds: tuple[float, float]
 
@@ -62,15 +68,40 @@ class Pooling:
         """Name of the parameter for the place of a level, in spreads from the common value."""
         return f"{self.parameter}_place[{label}]"
 
+    def level_name(self, label: str) -> str:
+        """What the parameter at a level is called."""
+        return f"{self.parameter}[{label}]"
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The parameters of the scatter between levels: spread and places."""
+        return self.spread_name, *map(self.place_name, self.labels)
+
     def value(self, columns: Mapping[str, FloatArray], label: str) -> FloatArray:
         """The parameter (draws,) at a level, from the columns of all parameters."""
-        shift: FloatArray = columns[self.spread_name] * columns[self.place_name(label)]
+        return self.away(columns, columns[self.place_name(label)])
+
+    def away(self, columns: Mapping[str, FloatArray], places: FloatArray) -> FloatArray:
+        """The parameter (draws,) so many spreads away (draws,) from the common value."""
+        shift: FloatArray = columns[self.spread_name] * places
         common = columns[self.parameter]
         return np.asarray(common * np.exp(shift) if self.log else common + shift)
 
     def outside(self, values: FloatArray) -> NDArray[np.bool_]:
         """Where values leave the bounds of the parameter."""
         return np.asarray((values < self.bounds[0]) | (values > self.bounds[1]))
+
+
+@dataclass(frozen=True)
+class Pooling(Levels):
+    """Levels of the impacts of a table; `index` (impacts,) says which label an impact has."""
+
+    index: NDArray[np.int64]
+
+    @property
+    def levels(self) -> Levels:
+        """The levels alone."""
+        return Levels(self.parameter, self.column, self.labels, self.log, self.bounds)
 
     def take(self, rows: NDArray[np.int64]) -> Pooling:
         """The same levels for some of the impacts."""
@@ -95,6 +126,50 @@ class Pooling:
                 rf"$z_{{{in_formula(label)}}}$", possible=EVERYTHING,
             )  # fmt: skip
         return made
+
+
+# What belongs to a surface, to a ball, to a place on a court. Stiffnesses only show where contacts were timed.
+OWNED: Mapping[Role, tuple[str, ...]] = {
+    Role.SURFACE: ("mu", "cor_10"),
+    Role.PLACE: ("mu",),
+    Role.BALL: ("cor_10", "offset", "eps_10"),
+}
+TIMED = {Role.BALL: ("k_y",)}
+
+
+def default_pool(
+    table: ImpactTable,
+    chosen: Model,
+    fixed: Collection[str],
+    asked: Collection[str],
+    offsets: str | None,
+    timed: bool,
+) -> tuple[dict[str, str], list[str]]:
+    """The parameters that are fitted to each surface, ball or place without being asked to, by label column; and
+    notes on them.
+
+    A parameter belongs to one column: to surfaces before places, and these before balls. Those that are `fixed`, or
+    `asked` for otherwise, and the column of `offsets` are left alone. The balls of a drop test have an analysis of
+    their own (see `prediction.drop_test`).
+    """
+    pool, notes = dict[str, str](), []
+    for role in OWNED if chosen.tangential else ():
+        for item in grouping(table):
+            if item.role is not role or item.column == offsets:
+                continue
+            names = [
+                name
+                for name in (*OWNED[role], *(TIMED.get(role, ()) if timed else ()))
+                if name in chosen.parameter_names and name not in {*fixed, *asked, *pool}
+            ]
+            pool |= dict.fromkeys(names, item.column)
+            if names:
+                none = spoken("--pool none", "pool='none'")
+                notes.append(
+                    f"{len(item.counts)} {item.noun} in column {item.column}: {', '.join(names)} fitted to each "
+                    f"({none}: one value for all)"
+                )
+    return pool, notes
 
 
 def levels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[tuple[str, ...], NDArray[np.int64]]:
@@ -126,7 +201,8 @@ def build_pooling(
             raise ParameterError(f"{asked}: unknown parameter '{name}' of the model: {suggestion(name, names)}")
         prior = priors[name]
         bounds = (prior.lower, prior.upper)
-        pooled.append(Pooling(name, column, *levels_of(table, column, asked), prior.log, bounds))
+        labels, index = levels_of(table, column, asked)
+        pooled.append(Pooling(name, column, labels, prior.log, bounds, index))
     return tuple(pooled)
 
 

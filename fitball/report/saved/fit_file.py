@@ -271,6 +271,10 @@ def _names(fit: Record) -> Iterator[str]:
         listed: Sequence[str] = getattr(fit.source, name)
         if len(set(listed)) < len(listed):
             yield f"source.{name}: read {_listed(listed)}, where a name comes twice"
+    for item in fit.fitted.levels:
+        for name in (item.parameter, *item.hidden):
+            if name not in fit.parameters:
+                yield f"fitted.levels: without parameter {name}"
     missing = [name for name in fit.fitted.model.parameter_names if name not in fit.parameters]
     if missing:
         yield f"parameters: without {', '.join(missing)}, which model {fit.fitted.model_name} has"
