@@ -1,4 +1,4 @@
-"""What a comparison found: frozen values and the differences between any two models; beside them the parameter sets
+"""What a comparison found: frozen values and the differences between any two models. Beside them the parameter sets
 that Jafri (2004) published, as predictions of Wang's impacts.
 """
 

@@ -106,19 +106,19 @@ def _all(problem: Problem) -> Iterator[Quantity]:
         at = f"at {speed:g} m/s"
         if anchor == "cor_10":
             spec = ParameterSpec(
-                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"coefficient of restitution {at}", r"$\mathrm{COR}$"
+                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"vertical restitution, {at}", r"$\mathrm{COR}$"
             )
             yield Quantity(_parameter(spec), parts, _restitution(problem, speed))
         else:
             spec = ParameterSpec(
                 f"offset {at}", "m", -0.033, 0.033, "normal(0, 0.005)",
-                f"offset of the normal force, ahead of the centre, {at}", r"$\varepsilon$",
+                f"normal-force offset, ahead of the centre, {at}", r"$\varepsilon$",
             )  # fmt: skip
             yield Quantity(_parameter(spec), parts, _line(problem, *parts, speed - ANCHOR_SPEED))
     if {"k_theta", "k_y"} <= set(problem.free_names):
         spec = ParameterSpec(
             "k_theta/k_y", "m^2/rad", 1e-12, 1e6, "lognormal(1.5e-3, 1.8)",
-            "torsional over vertical stiffness: rebounds determine only this ratio", r"$K_\theta/K_y$",
+            "stiffness ratio, torsional over vertical: rebounds determine only this", r"$K_\theta/K_y$",
         )  # fmt: skip
         above, below = (problem.free_names.index(name) for name in ("k_theta", "k_y"))
         yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: values[:, above] / values[:, below])

@@ -87,7 +87,7 @@ class InformationEvidence:
 
 @dataclass(frozen=True)
 class Direction:
-    """One eigenvector of the information in sds of the priors: its `components` by name, that combination of
+    """One eigenvector of the information in sds of the priors. It has its `components` by name, that combination of
     parameters in words, and its standard error in words.
     """
 
@@ -228,7 +228,7 @@ class Check:
 
     `statistic` is the observed one and `usual` the 95 % quantile of its size over simulated data sets. `p` is the
     probability that such a data set shows as much in any of all tests. `explained` is the share of the residual
-    variance that the pattern explains, `size` its root mean square in units of the noise (None: it has none).
+    variance that the pattern explains. `size` is its root mean square in units of the noise (None: it has none).
     """
 
     kind: str
