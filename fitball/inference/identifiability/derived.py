@@ -156,8 +156,8 @@ def differences(problem: Problem, followed: Sequence[Derived]) -> tuple[Differen
         size, sd = float(np.median(apart)), float(np.std(apart, ddof=1))
         found.append(
             Difference(
-                pooling.parameter, pooling.column, low, high, unit, size, sd, p=p, found=p < FALSE_EXCEPT, fitted=True,
-                **within,
+                pooling.parameter, pooling.column, low, high, unit, size, sd, **within, p=p, found=p < FALSE_EXCEPT,
+                fitted=True,
             )
         )  # fmt: skip
     return tuple(found)
