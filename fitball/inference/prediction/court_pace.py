@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.labels import Role
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.prediction.drop_test import DRAWN, chosen_spread, one_way, plain_mean
@@ -17,7 +18,7 @@ from fitball.inference.prediction.posterior_predictive import by_level, regime_s
 from fitball.inference.prediction.reach import calibrated_range, lines_of
 from fitball.inference.problem.parameters import Prior
 from fitball.inference.problem.problem import Problem
-from fitball.inference.problem.spreads import LAB_COLUMNS, PLACE, published_spread
+from fitball.inference.problem.spreads import published_spread
 from fitball.inference.results.lab import (
     PER_KELVIN,
     SPEED_TOLERANCE,
@@ -51,7 +52,7 @@ CONTINUED = 2.0
 SATURATED = 0.95
 RATING = "rating"
 # Label columns that may name places on a court, the surest first.
-PLACES = LAB_COLUMNS[RATING]
+PLACES = ("location", "group")
 # Fewer impacts say nothing of their scatter.
 LEAST = 3
 
@@ -276,7 +277,7 @@ def measured_pace(
     index = np.array([labels.index(name) for name in named], dtype=np.int64)
     between = elsewhere = levels = None
     remark = ""
-    known = published_spread(RATING, PLACE)
+    known = published_spread(RATING, Role.PLACE)
     assert known is not None
     prior = spread or known.prior
     found = one_way(rating, np.ones((rating.size, 1)), index, prior, rng) if len(labels) > 1 else ""

@@ -13,11 +13,12 @@ from scipy.special import chdtri
 
 from fitball.data.columns import HEIGHTS
 from fitball.data.heights import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
+from fitball.data.labels import Role
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.prediction.reach import calibrated_range
 from fitball.inference.problem.parameters import Prior, parse_prior
 from fitball.inference.problem.problem import Problem
-from fitball.inference.problem.spreads import BALL, spread_prior
+from fitball.inference.problem.spreads import spread_prior
 from fitball.inference.results.lab import (
     BallRebound,
     DropTest,
@@ -252,7 +253,7 @@ def spread_of_balls(tennis: bool) -> Prior:
     """The prior by default of the standard deviation of the restitution between balls."""
     spec = SPECS["cor_10"]
     return spread_prior(
-        spec.name, BALL, False, parse_prior(spec.name, spec.prior, spec.lower, spec.upper), tennis
+        spec.name, Role.BALL, False, parse_prior(spec.name, spec.prior, spec.lower, spec.upper), tennis
     ).prior
 
 

@@ -15,25 +15,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitball.data.labels import Role, plain, role_of
 from fitball.data.published import published_priors
 from fitball.inference.problem.parameters import Prior, parse_prior
 
 # Degrees of freedom of the half-t prior of a spread.
 FREEDOM = 4.0
-# What is known of the levels of a column, by its name; of others nothing is.
-SURFACE, PLACE, BALL, MAKE = "surface", "place", "ball", "make"
-KINDS: Mapping[str, str] = {
-    "surface": SURFACE, "court": SURFACE, "location": PLACE, "place": PLACE, "position": PLACE,
-    "ball": BALL, "sample": BALL, "make": MAKE, "brand": MAKE,
-}  # fmt: skip
+# Kinds of levels of which something is known: what columns name, and makes of balls.
+MAKE = "make"
+_MAKES = frozenset({"make", "brand", "manufacturer", "balltype", "ballbrand", "ballmodel", "ballmake"})
 # Where nothing was published: spread of a logarithm, and of a value as a share of its prior's median. Balls of a
 # make, makes of one approval and places of one court are more alike than surfaces or tables.
 EXPECTED_SPREAD, EXPECTED_OF_ALIKE = 0.3, 0.1
 # Share of a prior's width within which its median is as good as zero.
 ABOUT_ZERO = 0.1
-# Quantities of drop tests and courts that differ between labels without being fitted to each, and label columns that
-# may hold these, the surest first.
-LAB_COLUMNS: Mapping[str, tuple[str, ...]] = {"cor_10": ("ball",), "rating": ("location", "group")}
+# Spreads in drop tests and on courts that need no parameter of the fit, and between what they are.
+LAB_SPREADS: Mapping[str, str] = {"cor_10_spread": Role.BALL, "rating_spread": Role.PLACE}
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ def general_spread(log: bool, prior: Prior) -> float:
 
 def kind_of(column: str) -> str | None:
     """What the levels of a column are; None where that is unknown."""
-    return KINDS.get(column.casefold())
+    return MAKE if plain(column) in _MAKES else role_of(column)
 
 
 def published_spread(parameter: str, kind: str | None) -> SpreadPrior | None:
@@ -80,6 +77,6 @@ def spread_prior(parameter: str, kind: str | None, log: bool, prior: Prior, tenn
     if found is not None:
         return found
     size = general_spread(log, prior)
-    if kind in (PLACE, BALL, MAKE):
+    if kind in (Role.PLACE, Role.BALL, MAKE):
         size *= EXPECTED_OF_ALIKE / EXPECTED_SPREAD
     return SpreadPrior(f"half-t({size:.6g}, {FREEDOM:g})", "")
