@@ -48,9 +48,14 @@ LEAST_ROWS, LEAST_LEVELS, MOST_LEVELS = 3, 2, 12
 _NEAR, _LEAST_LETTERS = 0.75, 4
 
 
+def plain(name: str) -> str:
+    """The name of a column without case, blanks and underscores."""
+    return re.sub(r"[\s_.\-]+", "", name.casefold())
+
+
 def role_of(name: str) -> Role | None:
     """What the labels of a column of this name are names of; None where the name does not say."""
-    return _ROLES.get(re.sub(r"[\s_.\-]+", "", name.casefold()))
+    return _ROLES.get(plain(name))
 
 
 @dataclass(frozen=True)
