@@ -189,28 +189,27 @@ def population() -> str:
     """What the study of populations counted, and how joint fits of ten tables compare."""
     folder = VALIDATION / "population"
     found = json.loads((folder / "population.json").read_text(encoding="utf-8"))
-    rows = []
-    for (name, what), pair in pd.read_csv(folder / "coverage.csv").groupby(["quantity", "what"], sort=False):
-        by = {row["priors"]: row for _, row in pair.iterrows()}
-        cells = [
-            f"{100.0 * row['share']:.0f} % [{100.0 * row['low']:.0f}, {100.0 * row['high']:.0f}] of {row['of']:,}"
-            for row in (by["divided out"], by["left in"])
-        ]
-        rows.append((f"`{name}`, {what}", *cells))
+    cells: dict[str, dict[str, dict[str, str]]] = {}
+    for _, row in pd.read_csv(folder / "coverage.csv").iterrows():
+        ends = f" [{100.0 * row['low']:.0f}, {100.0 * row['high']:.0f}]" if row["priors"] == "divided out" else ""
+        by = cells.setdefault(row["what"], {}).setdefault(row["quantity"], {})
+        by[row["priors"]] = f"{100.0 * row['share']:.0f} %{ends}"
+    rows = [(what, *(f"{by['divided out']}; {by['left in']}" for by in two.values())) for what, two in cells.items()]
     less = " and ".join(
         f"{100.0 * (1.0 - share):.0f} % (`{name}`)" for name, share in found["error_given_all"].items()
     )
     apart = [abs(row["apart"]) for row in found["joint"]]
     widths = sorted(row["width"] for row in found["joint"])
     return (
-        f"{table(('interval of', 'priors divided out', 'priors left in (control)'), rows)}\n\n"
-        f"The table counts 95 % intervals that contain the truth, in {found['populations']} populations of "
-        f"{found['tables']:,} tables and {found['on_levels']} populations of three levels with four tables each.\n\n"
+        f"{table(('95 % intervals of', *(f'`{name}`' for name in found['error_given_all'])), rows)}\n\n"
+        f"Each cell: share that contains the truth with its 95 % interval; control with priors left in. There are "
+        f"{found['populations']} populations of {found['tables'] // found['populations']} tables, and "
+        f"{found['on_levels']} of three levels with four tables each.\n\n"
         f"Given all tables, the root mean square error of a table is smaller than alone by {less}. "
-        f"{sum(found['not_trusted'].values())} of {found['tables'] * len(found['not_trusted']):,} sets of weights "
-        f"are unreliable. On {len(apart) // 4} sets of ten tables the joint fit (`--pool`) agrees: centre and spread "
-        f"differ by {median(apart):.2f} sd (at most {max(apart):.2f}), and its intervals are {widths[0]:.2f} to "
-        f"{widths[-1]:.2f} times as wide."
+        f"Of {found['tables'] * len(found['not_trusted']):,} sets of weights {sum(found['not_trusted'].values())} "
+        f"are unreliable. Joint fits (`--pool`) of {len(apart) // 4} sets of ten tables agree: centre and spread "
+        f"differ by {median(apart):.2f} sd (median; at most {max(apart):.2f}), widths of intervals by a factor of "
+        f"{widths[0]:.2f} to {widths[-1]:.2f}."
     )
 
 

@@ -58,7 +58,7 @@ def parameter_table(fit: Fit, brief: bool = False) -> list[Row]:
     meaning, intervals, point estimate, prior and contraction.
     """
     sampled, rows = fit.posterior is not None, []
-    for item in (*fit.estimates, *fit.derived.values()):
+    for item in fit.reported:
         row = parameter_row(item)
         if brief:
             numbers = {"median": row.best, "95 %": row.interval_95} if sampled else {"point": row.point}
@@ -85,17 +85,6 @@ def measured_lines(fit: Fit) -> list[str]:
             sure = " (95 %)" if row.median != "-" else ""
             lines.append(f"{item.name}: {row.within}{f' {row.unit}' if row.unit else ''}{sure}; measured at {among}.")
     return lines
-
-
-def level_rows(fit: Fit) -> list[Row]:
-    """Each surface, ball or table with its value of a parameter that differs between them; empty where none does."""
-    rows = []
-    for level in fit.levels:
-        scale = handy(level.parameter, level.unit)
-        name = f"{level.parameter}[{level.label}]"
-        row = row_of(name, vars(level), scale)
-        rows.append({"level": name, "unit": scale.unit, "impacts": str(level.impacts), **row.numbers()})
-    return rows
 
 
 def thesis_rows(fit: Fit) -> list[ParameterRow]:
