@@ -309,7 +309,10 @@ def densities() -> str:
     rows = [
         (
             name.removeprefix("plain Python, "),
-            *(f"{digits(row['microseconds'], 2)} ({row['largest error']:.0e})" for _, row in mine.iterrows()),
+            *(
+                f"{digits(row['microseconds'], 2)} ({row['largest error']:.0e})".replace("-", "\u2011")
+                for _, row in mine.iterrows()
+            ),
         )
         for name, mine in frame.groupby("log posterior", sort=False)
     ]
