@@ -190,6 +190,7 @@ class Fit(results.Fit):
         flip: str | Sequence[str] = (),
         columns: Mapping[str, str] | None = None,
         exact_incidence: bool = False,
+        levels: Mapping[str, str | Sequence[str]] | None = None,
         seed: int = 1,
     ) -> pd.DataFrame:
         """Rebounds of new impacts with intervals: one row for each impact, with the index of `data`. Column names
@@ -201,10 +202,14 @@ class Fit(results.Fit):
         sds of the incident state are given, both include them, unless `exact_incidence`. Rebound columns of `data`
         are returned as `v_x2_measured`, with residuals. Notes are in `.attrs["notes"]`.
 
+        Where parameters differ between surfaces, balls or places, each impact has those of its own label, in the
+        column of `data` that the fit used. `levels` names them where `data` does not: `{"surface": "clay"}`, or a
+        label for each impact. The label `"new"` is a surface of which nothing was measured, with wider intervals.
+
         >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round().tolist()
         [10.0]
         """
-        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
+        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns, levels).frame()
 
     @checked
     def predict_interval(
@@ -214,9 +219,10 @@ class Fit(results.Fit):
         *,
         seed: int = 1,
         incident_covariance: FloatArray | None = None,
+        levels: Mapping[str, str | Sequence[str]] | None = None,
     ) -> NewPrediction:
         """The same as arrays; see `inference.prediction.new_impacts.predict_new`."""
-        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
+        return predict_new(self.predicting, impacts, observed, seed, incident_covariance, levels)
 
     @checked
     def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:

@@ -180,6 +180,17 @@ def joined(parts: Sequence[Made]) -> Made:
     return replace(parts[0], **{name: together([getattr(part, name) for part in parts]) for name in names})
 
 
+def in_order(value: Made, order: NDArray[np.int64]) -> Made:
+    """A value that holds arrays (..., impacts), of the impacts in another order."""
+
+    def moved(held: Any) -> Any:
+        if is_dataclass(held) and not isinstance(held, type):
+            return in_order(held, order)
+        return held[..., order] if isinstance(held, np.ndarray) else held
+
+    return replace(value, **{item.name: moved(getattr(value, item.name)) for item in fields(value)})
+
+
 def _at_impacts(
     problem: Problem, at_point: Rebound, values: FloatArray, rng: np.random.Generator
 ) -> tuple[list[ObservablePrediction], tuple[Mapping[str, float], ...]]:

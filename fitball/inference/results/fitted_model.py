@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import unicodedata
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from fitball.errors import ParameterError, suggestion
+from fitball.errors import ParameterError
 from fitball.inference.problem.noise import NoiseKind, noise_with
 from fitball.inference.problem.pooling import NEW, Levels
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
-from fitball.wording import spoken
+from fitball.visible import some
+from fitball.wording import option, spoken
 
 # Draws of a posterior from which intervals of predictions are made. Of a normal quantity each end of a 95 % interval
 # then has a standard error of 0.011 of its length (`sqrt(p (1 - p)/n)` over the density there), and 0.035 from 400.
@@ -79,22 +81,27 @@ class FittedModel:
         """The model on the surfaces and with the balls of `labels` (column -> label): without levels, each parameter
         at its value there.
 
-        The label `new` is one of which nothing was measured: in each draw of the posterior it has a place of its
-        own among the levels, drawn with `rng`; the point estimate is the common value. Raises ParameterError for a
-        column without a label, and for a label that was not fitted.
+        The label `new` is one of which nothing was measured, unless a fitted one has that name. In each draw of the
+        posterior it has a place of its own among the levels, drawn with `rng` (default: seeded with 1); the point
+        estimate is the median of these draws. Raises ParameterError for a column without a label, for one over which
+        no parameter differs, for a label that was not fitted, and for a new one of a point fit.
         """
+        names = checked_labels(self, labels)
         point = dict(zip(self.names, self.point[:, None], strict=True))
         draws = dict(zip(self.names, self.draws.T, strict=True))
         own_point, own_draws = dict(point), dict(draws)
-        # Each parameter of an unknown level has a place of its own, as those of the fitted ones have.
-        for item in self.levels:
-            label = checked_label(item, labels)
-            if label != NEW:
+        # Each parameter of an unknown level has a place of its own, as those of the fitted ones have. It is the same
+        # whatever the labels of other columns are.
+        generator = np.random.default_rng(1) if rng is None else rng
+        chances = generator.random((len(self.levels), len(self.draws)))
+        for item, chance in zip(self.levels, chances, strict=True):
+            label = names[item.column]
+            if label in item.labels:
                 own_point[item.parameter] = item.value(point, label)
                 own_draws[item.parameter] = item.value(draws, label)
-            elif len(self.draws):
-                assert rng is not None
-                own_draws[item.parameter] = item.away(draws, rng.standard_normal(len(self.draws)))
+            else:
+                own_draws[item.parameter] = item.elsewhere(draws, chance)
+                own_point[item.parameter] = np.atleast_1d(np.median(own_draws[item.parameter]))
         return replace(
             self,
             point=np.concatenate([own_point[name] for name in self.names]),
@@ -103,26 +110,59 @@ class FittedModel:
         )
 
 
-def checked_label(levels: Levels, labels: Mapping[str, str]) -> str:
-    """The label of `labels` (column -> label) for a parameter. Raises ParameterError where there is none, or where
-    it was not fitted.
+def checked_labels(fitted: FittedModel, labels: Mapping[str, str]) -> dict[str, str]:
+    """The labels of `labels` (column -> label) as they were fitted, one for each column over which a parameter
+    differs, or `new`. Raises ParameterError as `FittedModel.at` does.
     """
-    column, label = levels.column, labels.get(levels.column)
+    refuse_unknown(fitted, labels)
+    return {column: checked_label(fitted, column, labels.get(column)) for column in fitted.labels}
 
-    def asked(name: str) -> str:
-        return spoken(f"--level {column}={name}", f"levels={{{column!r}: {name!r}}}")
 
+def refuse_unknown(fitted: FittedModel, columns: Collection[str]) -> None:
+    """Raise ParameterError for a column over which no parameter differs."""
+    for column in columns:
+        if column not in fitted.labels:
+            known = f" (columns: {', '.join(fitted.labels)})" if fitted.labels else ""
+            raise ParameterError(
+                f"{at_level(column, '...')}: no parameter of this fit differs between levels of {column}{known}: "
+                "leave it out"
+            )
+
+
+def checked_label(fitted: FittedModel, column: str, label: str | None) -> str:
+    """A label as it was fitted, whatever its case, blanks and accents, or `new`. Raises ParameterError for None, and
+    for one that was not fitted.
+    """
+    known = fitted.labels[column]
     if label is None:
+        names = [item.parameter for item in fitted.levels if item.column == column]
         raise ParameterError(
-            f"{levels.parameter} differs between the levels of {column} ({', '.join(levels.labels)}), and none is "
-            f"named: name one, such as {asked(levels.labels[0])}"
+            f"{' and '.join(names)} {'differs' if len(names) == 1 else 'differ'} between the levels of {column} "
+            f"({', '.join(known)}): name one, such as {at_level(column, known[0])}"
         )
-    if label != NEW and label not in levels.labels:
+    found = label if label in known else next((name for name in known if _plain(name) == _plain(label)), label)
+    if found not in known and _plain(found) != NEW:
         raise ParameterError(
-            f"{column} '{label}' was not fitted: {suggestion(label, levels.labels)}. For one of which nothing was "
-            f"measured use {asked(NEW)}, with wider intervals"
+            f"{column} '{label}' was not fitted. Fitted: {some(known)}. For one of which nothing was measured use "
+            f"{at_level(column, NEW)}; its intervals are wider"
         )
-    return label
+    if found not in known and not len(fitted.draws):
+        raise ParameterError(
+            f"{at_level(column, label)}: a {column} of which nothing was measured is predicted from the posterior, "
+            f"and a point fit has none: fit again without {option('point_only')}"
+        )
+    return found if found in known else NEW
+
+
+def _plain(label: str) -> str:
+    """A label without case, accents and superfluous blanks."""
+    apart = unicodedata.normalize("NFKD", label.casefold())
+    return " ".join("".join(letter for letter in apart if not unicodedata.combining(letter)).split())
+
+
+def at_level(column: str, label: str) -> str:
+    """How a level is asked for."""
+    return spoken(f"--level {column}={label}", f"levels={{{column!r}: {label!r}}}")
 
 
 def at_values(chosen: Model, parameters: Mapping[str, float]) -> FittedModel:
