@@ -14,7 +14,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.errors import FitError
 from fitball.exports.parameters import certificate
-from fitball.inference.design.asked import of_court_pace
+from fitball.inference.design.targets import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.lab import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned

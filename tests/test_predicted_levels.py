@@ -9,6 +9,7 @@ import pytest
 from test_predict import CENTRE, NAMES, bounce, fitted_grip_slip
 
 import fitball
+from fitball.api.simulating import Subject, page_of, regimes_of
 from fitball.cli.main import main
 from fitball.errors import ParameterError
 from fitball.inference.prediction.impact_levels import levels_of_impacts, new_words
@@ -195,3 +196,22 @@ def test_the_rows_of_a_table_follow_its_own_column(two_surfaces, capsys):
     assert "name one, such as --level surface=clay" in capsys.readouterr().err
     assert main(["predict", str(two_surfaces / "fit"), "--impact", "v=19, theta=15", "--level", "surface=hard"]) == 0
     assert "Predicted rebound (surface hard)" in capsys.readouterr().out
+
+
+def test_one_impact_through_time_is_on_a_named_surface(two_surfaces, capsys, tmp_path):
+    fit = fitball.load_fit(two_surfaces / "fit")
+    with pytest.raises(ParameterError, match="mu differs between the levels of surface"):
+        Subject.from_fit(fit, None, {})
+    clay, hard = (Subject.from_fit(fit, None, {}, {"surface": name}) for name in ("CLAY", "hard"))
+    assert clay.parameters["mu"] == pytest.approx(0.7, rel=0.05) and hard.parameters["mu"] == pytest.approx(
+        0.5, rel=0.05
+    )
+    assert clay.name == "fit_grip-slip_clay" and clay.title.endswith(", surface clay")
+    assert regimes_of(clay, "v=20", None).found.areas["slide"] < regimes_of(hard, "v=20", None).found.areas["slide"]
+    assert "surface hard" in page_of(hard, None)
+    with pytest.raises(ParameterError, match="only a fit has levels"):
+        fitball.simulate("v=17, theta=18", levels={"surface": "clay"})
+    command = ["simulate", "--map", "v=20", "--fit", str(two_surfaces / "fit"), "--out", str(tmp_path / "map")]
+    assert main(command) == 2
+    assert main([*command, "--level", "surface=hard", "--json"]) == 0
+    assert '"levels": {' in capsys.readouterr().out

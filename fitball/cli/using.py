@@ -198,7 +198,7 @@ def run_plan(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
     made = load_fit(place).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
-        sensors=args.sensor, cost=args.cost, seed=args.seed, progress=args.progress,
+        sensors=args.sensor, cost=args.cost, levels=args.levels, seed=args.seed, progress=args.progress,
     )  # fmt: skip
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
@@ -225,6 +225,12 @@ PLAN = Verb(
             for name, unit, example in (
                 ("speed", "m/s", "5:20"), ("angle", "deg", "10:80"), ("spin", "rad/s", "-300:300")
             )
+        ),
+        pairs(
+            "--level", "COLUMN=LABEL",
+            "plan for this surface, ball or place alone, if parameters of the fit differ between them (default: for "
+            "all of them; repeatable)",
+            dest="levels",
         ),
         option("--impacts", "N", "number of impacts to choose (default: 5)", type=count, default=5),
         option("--repeats", "N", "how often each impact is measured (default: 1)", type=count, default=1),

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import ParameterError
+from fitball.inference.problem.level_names import at_level, checked_label, refuse_unknown
 from fitball.inference.problem.pooling import FEW_LEVELS, NEW
-from fitball.inference.results.fitted_model import FittedModel, at_level, checked_label, refuse_unknown
+from fitball.inference.results.fitted_model import FittedModel
 from fitball.visible import some
 
 # The label of each impact, by column.
@@ -27,7 +28,7 @@ def levels_of_impacts(
     Raises ParameterError for impacts without a label, for labels that were not fitted, for those asked for where the
     table has labels, and for columns over which no parameter differs.
     """
-    refuse_unknown(fitted, asked)
+    refuse_unknown(fitted.levels, asked)
     return {
         column: _checked(
             fitted, column, _labels(fitted, column, count, asked.get(column), cells.get(column), ids), ids
@@ -53,7 +54,7 @@ def _labels(
         )
     if asked is None:
         if len(empty) == count:
-            checked_label(fitted, column, None)
+            checked_label(fitted.levels, column, None)
         if empty:
             where = some([ids[k] if ids else f"impact {k + 1}" for k in empty])
             raise ParameterError(
@@ -74,7 +75,7 @@ def _checked(fitted: FittedModel, column: str, labels: Sequence[str], ids: Seque
         if label in known:
             continue
         try:
-            known[label] = checked_label(fitted, column, label)
+            known[label] = checked_label(fitted.levels, column, label)
         except ParameterError as error:
             raise ParameterError(f"{ids[k]}: {error}" if len(set(labels)) > 1 and ids else str(error)) from None
     return tuple(known[label] for label in labels)

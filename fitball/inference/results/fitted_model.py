@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import unicodedata
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from fitball.errors import ParameterError
+from fitball.inference.problem.level_names import at_level, checked_label, labels_of, refuse_unknown
 from fitball.inference.problem.noise import NoiseKind, noise_with
-from fitball.inference.problem.pooling import NEW, Levels
+from fitball.inference.problem.pooling import Levels
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
-from fitball.visible import some
-from fitball.wording import option, spoken
+from fitball.wording import option
 
 # Draws of a posterior from which intervals of predictions are made. Of a normal quantity each end of a 95 % interval
 # then has a standard error of 0.011 of its length (`sqrt(p (1 - p)/n)` over the density there), and 0.035 from 400.
@@ -75,7 +74,7 @@ class FittedModel:
     @cached_property
     def labels(self) -> Mapping[str, tuple[str, ...]]:
         """The labels of each column over which a parameter differs."""
-        return {item.column: item.labels for item in self.levels}
+        return labels_of(self.levels)
 
     def at(self, labels: Mapping[str, str], rng: np.random.Generator | None = None) -> FittedModel:
         """The model on the surfaces and with the balls of `labels` (column -> label): without levels, each parameter
@@ -87,6 +86,12 @@ class FittedModel:
         no parameter differs, for a label that was not fitted, and for a new one of a point fit.
         """
         names = checked_labels(self, labels)
+        for column, label in names.items():
+            if label not in self.labels[column] and not len(self.draws):
+                raise ParameterError(
+                    f"{at_level(column, label)}: a {column} of which nothing was measured is predicted from the "
+                    f"posterior, and a point fit has none: fit again without {option('point_only')}"
+                )
         point = dict(zip(self.names, self.point[:, None], strict=True))
         draws = dict(zip(self.names, self.draws.T, strict=True))
         own_point, own_draws = dict(point), dict(draws)
@@ -114,55 +119,8 @@ def checked_labels(fitted: FittedModel, labels: Mapping[str, str]) -> dict[str, 
     """The labels of `labels` (column -> label) as they were fitted, one for each column over which a parameter
     differs, or `new`. Raises ParameterError as `FittedModel.at` does.
     """
-    refuse_unknown(fitted, labels)
-    return {column: checked_label(fitted, column, labels.get(column)) for column in fitted.labels}
-
-
-def refuse_unknown(fitted: FittedModel, columns: Collection[str]) -> None:
-    """Raise ParameterError for a column over which no parameter differs."""
-    for column in columns:
-        if column not in fitted.labels:
-            known = f" (columns: {', '.join(fitted.labels)})" if fitted.labels else ""
-            raise ParameterError(
-                f"{at_level(column, '...')}: no parameter of this fit differs between levels of {column}{known}: "
-                "leave it out"
-            )
-
-
-def checked_label(fitted: FittedModel, column: str, label: str | None) -> str:
-    """A label as it was fitted, whatever its case, blanks and accents, or `new`. Raises ParameterError for None, and
-    for one that was not fitted.
-    """
-    known = fitted.labels[column]
-    if label is None:
-        names = [item.parameter for item in fitted.levels if item.column == column]
-        raise ParameterError(
-            f"{' and '.join(names)} {'differs' if len(names) == 1 else 'differ'} between the levels of {column} "
-            f"({', '.join(known)}): name one, such as {at_level(column, known[0])}"
-        )
-    found = label if label in known else next((name for name in known if _plain(name) == _plain(label)), label)
-    if found not in known and _plain(found) != NEW:
-        raise ParameterError(
-            f"{column} '{label}' was not fitted. Fitted: {some(known)}. For one of which nothing was measured use "
-            f"{at_level(column, NEW)}; its intervals are wider"
-        )
-    if found not in known and not len(fitted.draws):
-        raise ParameterError(
-            f"{at_level(column, label)}: a {column} of which nothing was measured is predicted from the posterior, "
-            f"and a point fit has none: fit again without {option('point_only')}"
-        )
-    return found if found in known else NEW
-
-
-def _plain(label: str) -> str:
-    """A label without case, accents and superfluous blanks."""
-    apart = unicodedata.normalize("NFKD", label.casefold())
-    return " ".join("".join(letter for letter in apart if not unicodedata.combining(letter)).split())
-
-
-def at_level(column: str, label: str) -> str:
-    """How a level is asked for."""
-    return spoken(f"--level {column}={label}", f"levels={{{column!r}: {label!r}}}")
+    refuse_unknown(fitted.levels, labels)
+    return {column: checked_label(fitted.levels, column, labels.get(column)) for column in fitted.labels}
 
 
 def at_values(chosen: Model, parameters: Mapping[str, float]) -> FittedModel:
