@@ -104,7 +104,8 @@ def test_impacts_that_are_not_those_of_the_test_are_not_rated(court, tmp_path):
 def test_friction_is_fitted_to_each_place_unless_it_is_asked_not_to(court, tmp_path):
     problem = pose(court, Choices(model="grip-slip"))
     assert [(item.parameter, item.column, item.labels) for item in problem.pooling] == [("mu", "location", tuple(MU))]
-    assert any("pool mu = none" in note for note in problem.notes)
+    assert any("mu fitted to each" in note and "pool='none'" in note for note in problem.notes)
+    assert pose(court, Choices(model="grip-slip", pool={"all": "none"})).pooling == ()
     assert pose(court, Choices(model="grip-slip", pool={"mu": "none"})).pooling == ()
     assert pose(court, Choices(model="grip-slip", fix={"mu": 0.6})).pooling == ()
     many = tmp_path / "many.csv"

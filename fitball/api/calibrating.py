@@ -123,8 +123,9 @@ def calibrate(
     fits much better, or if the ball is unlike any game ball, unless `as_read`.
 
     Model. `closures` replace model assumptions, `priors` are texts such as `normal(0.55, 0.05)`, `fix` holds
-    parameters at values in SI. `pool` maps parameters to the label column between whose groups they differ, with
-    partial pooling.
+    parameters at values in SI. `pool` maps parameters to the label column to whose levels they are fitted, with
+    partial pooling. By default mu and cor_10 are fitted to each surface, mu to each place, cor_10 and the offset to
+    each ball, where a column names several. "none" fits one value to all.
 
     Noise. `noise` is a distribution, "normal" (default) or "student-t", or a structure, or both:
     `"student-t,separate"`. With "tied" all columns of the rebound velocity share one noise, with "separate" each has

@@ -22,6 +22,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.problem.noise import KINDS
 from fitball.inference.problem.observables import SEPARATE, TIED
 from fitball.inference.problem.parameters import FAMILIES
+from fitball.inference.problem.pooling import ALL, NOT_POOLED
 from fitball.inference.problem.problem import Choices
 from fitball.inference.results.results import TARGET_ESS, TARGET_R_HAT
 from fitball.inference.sampling.ensembles import Progress
@@ -120,7 +121,7 @@ class Fitting(Reading, total=False):
     priors: Mapping[str, str] | None
     fix: Mapping[str, float] | None
     noise: str | Sequence[str] | None
-    pool: Mapping[str, str] | None
+    pool: Mapping[str, str] | str | None
     offsets: str | None
     incident_errors: bool
     velocity_noise: str | None
@@ -154,6 +155,8 @@ def choices_of(model: str | None, asked: Fitting) -> Choices:
     """
     given: dict[str, Any] = {item.name: asked.get(item.name) for item in fields(Choices) if item.name != "model"}
     given |= _noise_of(asked.get("noise"), asked.get("velocity_noise"))
+    if given["pool"] == NOT_POOLED:
+        given["pool"] = {ALL: NOT_POOLED}
     for option in EXAMPLES:
         value = given[option]
         if not isinstance(value, Mapping | None):

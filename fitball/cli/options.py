@@ -191,8 +191,8 @@ def count(text: str) -> int:
 
 class Pairs(argparse.Action):
     """Gathers NAME=VALUE from a repeated option, or `several` separated by commas; split at the first `=`, or at the
-    `last` one. Raises ParameterError for another form than `form`, for a value that is not a `number`, and for a name
-    that is given twice.
+    `last` one. A word of `alone` stands for what it maps to. Raises ParameterError for another form than `form`, for
+    a value that is not a `number`, and for a name that is given twice.
     """
 
     def __init__(
@@ -203,15 +203,18 @@ class Pairs(argparse.Action):
         number: str = "a number in SI units",
         several: bool = False,
         last: bool = False,
+        alone: Mapping[str, str] | None = None,
         **more: Any,
     ) -> None:
         super().__init__(**more)
         self.convert, self.form, self.number, self.several, self.last = convert, form, number, several, last
+        self.alone = alone or {}
 
     def __call__(self, _parser: object, namespace: argparse.Namespace, given: Any, flag: str | None = None) -> None:
         """See argparse.Action."""
         values = dict(getattr(namespace, self.dest) or {})
-        for text in given.split(",") if self.several else [given]:
+        for word in given.split(",") if self.several else [given]:
+            text = self.alone.get(word.strip(), word)
             parts = text.rpartition("=") if self.last else text.partition("=")
             name, equals, value = (part.strip() for part in parts)
             if not (name and equals and value):
@@ -302,8 +305,10 @@ MODEL = Group("model and priors", (
     ),
     pairs(
         "--pool", "NAME=COLUMN",
-        "let a parameter differ between the surfaces, balls or tables that a column names, with partial pooling, "
-        "e.g. mu=surface (repeatable)",
+        "fit a parameter to each surface, ball, place or table that a column names, with partial pooling, e.g. "
+        "mu=group; none: one value for all (repeatable; default: mu and cor_10 to each surface, mu to each place, "
+        "cor_10 and the offset to each ball, where the table names several with three rows each)",
+        alone={"none": "all=none"}, form="NAME=COLUMN, or none",
     ),
 ))  # fmt: skip
 NOISE = Group("noise", (

@@ -44,10 +44,16 @@ def knows_incident(names: Iterable[str]) -> bool:
 
 
 def check_columns(
-    present: Collection[str], named: Sequence[str], extras: Sequence[str], found: Findings, rebound: bool = True
+    present: Collection[str],
+    named: Sequence[str],
+    extras: Sequence[str],
+    found: Findings,
+    rebound: bool = True,
+    grouping: Collection[str] = (),
 ) -> None:
     """Add a fault for every column that is not `present`, and a notice for what is assumed or ignored; `named` are
-    those that were read, `extras` those among them that are neither numbers nor labels.
+    those that were read, `extras` those among them that are neither numbers nor known labels, and `grouping` the
+    extras whose labels group rows.
 
     Without `rebound` a table of incident columns alone is complete.
     """
@@ -70,9 +76,9 @@ def check_columns(
     _check_sds(present, found)
     if "omega_2" in present and "omega_1" not in present:
         found.notice("no column omega_1: incident spin is set to 0", "omega_1")
-    if extras:
-        kept = some([_with_guess(name, present) for name in extras])
-        found.notice(f"columns not used: {kept}", *extras)
+    if unused := [name for name in extras if name not in grouping]:
+        kept = some([_with_guess(name, present) for name in unused])
+        found.notice(f"columns not used: {kept}", *unused)
 
 
 def _guessed(name: str, present: Collection[str]) -> tuple[str, ...]:
@@ -95,15 +101,22 @@ def _named(columns: Mapping[str, str]) -> str:
     )
 
 
-def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
-    """How to name the extra columns that may be what is missing; empty where none may."""
+def surely_meant(extras: Collection[str], present: Collection[str]) -> dict[str, str]:
+    """By our name the extra columns whose names say which columns of ours they probably are."""
     sure: dict[str, str] = {}
-    said = []
     for name in extras:
         meant = _guessed(name, present)
-        if len(meant) == 1 and meant[0] not in sure:
-            sure[meant[0]] = name
-        elif len(meant) > 1:
+        if len(meant) == 1:
+            sure.setdefault(meant[0], name)
+    return sure
+
+
+def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
+    """How to name the extra columns that may be what is missing; empty where none may."""
+    said, sure = [], surely_meant(extras, present)
+    for name in extras:
+        meant = _guessed(name, present)
+        if len(meant) > 1:
             said.append(f"; '{name}' may be {' or '.join(meant)}: choose with {spoken('--columns', 'columns={...}')}")
     if sure:
         said.insert(0, f"; if these are the columns, pass {_named(sure)}")

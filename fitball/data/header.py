@@ -58,6 +58,8 @@ _LEXICON: Mapping[tuple[str, str], str] = {
 }
 _WORDS = {word: told for told, words in _LEXICON.items() for word in words.split()}
 _LONGEST_WORD = max(map(len, _WORDS))
+# Words that alone, as the name of a column, mean a height.
+_OF_A_DROP = ("drop", "fall", "rebound", "bounce")
 _HEIGHTS = {COLUMNS[name].end: name for name in HEIGHTS}
 
 
@@ -85,6 +87,8 @@ def guess_of(name: str) -> tuple[str, ...]:
         return ()
     kinds = ("quantity", "direction", "end", "sd")
     quantities, directions, ends, sds = ([value for of, value in told if of == kind] for kind in kinds)
+    if not quantities and len(ends) == 1 and bare(name) in _OF_A_DROP:
+        return (_HEIGHTS[ends[0]],)
     if len(quantities) != 1 or len(directions) > 1 or len(ends) > 1:
         return ()
     (quantity,), suffix = quantities, SD_SUFFIX if sds else ""

@@ -25,11 +25,13 @@ from fitball.data.checks import (
     knows_incident,
     normal_speed,
     one_sign,
+    surely_meant,
 )
 from fitball.data.columns import INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
 from fitball.data.header import Naming, naming, read_header, vocabulary, with_units
 from fitball.data.heights import speeds_of_heights
 from fitball.data.kinematics import Uncertain, covariance_matrix, independent, velocity
+from fitball.data.labels import labelled, one_spelling
 from fitball.data.laws import repeats_of
 from fitball.data.misreading import check_flips, doubt_of, doubt_of_table, flip_columns, flips_of, gaps_of_table
 from fitball.data.numbers import (
@@ -46,7 +48,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen, joined
 from fitball.data.text import frame_table, read_raw
 from fitball.data.units import Unit
-from fitball.errors import Fault, ParameterError, ReadingError
+from fitball.errors import Fault, ParameterError, ReadingError, TableError
 from fitball.kinds import checked
 from fitball.observables import OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
@@ -208,11 +210,17 @@ def load_table(
     }
     numbers = within_limits(without_empty(numbers, found), found)
     numbers = speeds_of_heights(numbers, found)
-    check_columns(numbers, [*text.units, *text.texts], text.extras, found, rebound)
+    grouped = {item.column for item in labelled(text.texts)}
+    check_columns(numbers, [*text.units, *text.texts], text.extras, found, rebound, grouped)
+    if found.faults and (meant := surely_meant(text.extras, numbers)):
+        under = _beneath(source, {**asked, **meant}, rebound=rebound, scene=known, flip=flip, name=name)
+        found.faults.extend(fault for fault in under if fault not in found.faults)
+        found.refuse(text.source)
     numbers, kept = without_gaps(numbers, rebound, least, found)
     texts = text.texts
     if len(kept) < len(found.rows):
         found, texts = found.among(kept), {name: tuple(cells[k] for k in kept) for name, cells in texts.items()}
+    texts = one_spelling(texts, found)
     numbers = one_sign(flip_columns(numbers, flips_of(flip, text.name), found), found)
     check_ranges(numbers, found)
     for end in ("1", "2"):
@@ -225,6 +233,17 @@ def load_table(
     found.refuse(text.source, _hints(numbers, known) if rebound and found.faults else ())
     table = _assembled(replace(text, texts=texts, found=found), numbers, ids)
     return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
+
+
+def _beneath(source: Source, columns: Mapping[str, str], **reading: Any) -> list[Fault]:
+    """The faults in rows of a table whose columns are named so, to be mended in the same round."""
+    try:
+        load_table(source, columns=columns, **reading)
+    except TableError as error:
+        theirs = {ours: naming({ours: text}, (ours,)).theirs[ours] for ours, text in columns.items()}
+        faults = [fault for fault in error.faults if fault.row is not None]
+        return [replace(fault, column=theirs.get(fault.column or "", fault.column)) for fault in faults]
+    return []
 
 
 def _hints(columns: Columns, scene: Scene) -> tuple[str, ...]:

@@ -22,18 +22,21 @@ from fitball.inference.problem.observables import (
     noise_parameters,
 )
 from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters, parse_prior
-from fitball.inference.problem.pooling import GroupBias, Pooling, build_group_bias, build_pooling
+from fitball.inference.problem.pooling import (
+    ALL,
+    NOT_POOLED,
+    GroupBias,
+    Pooling,
+    build_group_bias,
+    build_pooling,
+    default_pool,
+)
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
 from fitball.values import FloatArray, Impacts
-
-# The label column of places on a court, over which friction differs without being asked to, and how many at most.
-LOCATION, MOST_PLACES = "location", 12
-# What is asked for instead of a column where a parameter is to be the same everywhere.
-NOT_POOLED = "none"
 
 __all__ = ["Choices", "build_problem", "impacts_with_cor", "reduction"]
 
@@ -79,10 +82,12 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
     wanted, published = with_published({**priors, **choices.priors})
     kind = noise_kind(choices.noise or scene.distribution)
-    pool = {**scene.pool, **choices.pool}
-    if "mu" not in pool and "mu" not in fixed and "mu" in chosen.parameter_names and _names_places(table):
-        pool["mu"] = LOCATION
-        notes.append("the table has locations, and mu is pooled over them: pool mu = none fits one friction to all")
+    wished = {**scene.pool, **choices.pool}
+    pool = dict(wished)
+    if pool.get(ALL) != NOT_POOLED:
+        own, remarks = default_pool(table, chosen, fixed, {*pool}, choices.offsets or scene.offsets, measured_time)
+        pool |= own
+        notes += remarks
     pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
     levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
     parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, published)
@@ -91,7 +96,11 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
             f"{table.source}: every parameter of model {name} is fixed: free at least one that is not a noise"
         )
     notes += [f"prior of {key} from {source}" for key, source in published.items()]
-    notes += [f"{pooling.parameter} is fitted to each {pooling.column}, partially pooled" for pooling in levels]
+    notes += [
+        f"{pooling.parameter} is fitted to each {pooling.column}, partially pooled"
+        for pooling in levels
+        if pooling.parameter in wished
+    ]
     return Problem(
         table=table,
         scene=scene,
@@ -167,12 +176,6 @@ def _structure(
         sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
         extra |= offsets.specs(observables, sizes)
     return levels, offsets, extra
-
-
-def _names_places(table: ImpactTable) -> bool:
-    """Whether a table holds several places on a court, with enough impacts on each to distinguish their friction."""
-    labels = table.labels.get(LOCATION, ())
-    return 2 <= len(set(labels)) <= min(MOST_PLACES, len(labels) // 2)
 
 
 def reduction(table: ImpactTable, name: str) -> Reduced | None:

@@ -9,17 +9,19 @@ Beside these stand biases of whole groups, shown as such instead of hidden in th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from fitball.data.labels import Role, grouping
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import Prior
+from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
 from fitball.wording import in_formula, option, spoken
@@ -40,6 +42,8 @@ def expected_spread(log: bool, prior: Prior) -> float:
     return EXPECTED_SPREAD * median if median > ABOUT_ZERO * prior.width else prior.width
 
 
+# What is asked for instead of a column where a parameter is to be the same everywhere, and of all parameters at once.
+NOT_POOLED, ALL = "none", "all"
 # What asks for a surface or a ball of which nothing was measured.
 NEW = "new"
 # Fewer levels determine hardly how far others lie apart: what is said of another one then follows from the prior of
@@ -127,6 +131,50 @@ class Pooling(Levels):
                 rf"$z_{{{in_formula(label)}}}$", possible=EVERYTHING,
             )  # fmt: skip
         return made
+
+
+# What belongs to a surface, to a ball, to a place on a court. Stiffnesses only show where contacts were timed.
+OWNED: Mapping[Role, tuple[str, ...]] = {
+    Role.SURFACE: ("mu", "cor_10"),
+    Role.PLACE: ("mu",),
+    Role.BALL: ("cor_10", "offset", "eps_10"),
+}
+TIMED = {Role.BALL: ("k_y",)}
+
+
+def default_pool(
+    table: ImpactTable,
+    chosen: Model,
+    fixed: Collection[str],
+    asked: Collection[str],
+    offsets: str | None,
+    timed: bool,
+) -> tuple[dict[str, str], list[str]]:
+    """The parameters that are fitted to each surface, ball or place without being asked to, by label column; and
+    notes on them.
+
+    A parameter belongs to one column: to surfaces before places, and these before balls. Those that are `fixed`, or
+    `asked` for otherwise, and the column of `offsets` are left alone. The balls of a drop test have an analysis of
+    their own (see `prediction.drop_test`).
+    """
+    pool, notes = dict[str, str](), []
+    for role in OWNED if chosen.tangential else ():
+        for item in grouping(table):
+            if item.role is not role or item.column == offsets:
+                continue
+            names = [
+                name
+                for name in (*OWNED[role], *(TIMED.get(role, ()) if timed else ()))
+                if name in chosen.parameter_names and name not in {*fixed, *asked, *pool}
+            ]
+            pool |= dict.fromkeys(names, item.column)
+            if names:
+                none = spoken("--pool none", "pool='none'")
+                notes.append(
+                    f"{len(item.counts)} {item.noun} in column {item.column}: {', '.join(names)} fitted to each "
+                    f"({none}: one value for all)"
+                )
+    return pool, notes
 
 
 def levels_of(table: ImpactTable, column: str, asked_by: str) -> tuple[tuple[str, ...], NDArray[np.int64]]:

@@ -19,9 +19,10 @@ from fitball.data.scene import Scene
 from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.errors import ResultFolderError
 from fitball.inference.effort import Effort
-from fitball.inference.problem.build import NOT_POOLED, Choices, build_problem
+from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.parameters import SD_SPECS
+from fitball.inference.problem.pooling import NOT_POOLED
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Fit
 from fitball.inference.results.source import Counted, Digest, Positive, Whole
