@@ -277,7 +277,7 @@ def contest(
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
     candidates = replace(candidates, notes=(*doubts, *candidates.notes))
-    return Contest(table, candidates, effort, workers, quick, (*table.remarks, *doubts, *known.assumed, *skipped))
+    return Contest(table, candidates, effort, workers, quick, (*skipped, *doubts, *table.remarks, *known.assumed))
 
 
 @checked

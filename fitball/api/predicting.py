@@ -164,12 +164,11 @@ def foretell(
     at = levels_of_impacts(fitted, len(new.impacts), levels or {}, cells, new.ids)
     prediction = predict_new(fitted, new.impacts, observables, seed, covariance, at)
     prediction = with_assumptions(prediction, fitted, saved.assumptions)
-    notes = [*assumed, *(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]
-    if saved.status is RunStatus.POINT_ONLY:
-        notes.append(POINT_ONLY)
-    if stated:
-        notes.append(IGNORED if saved.status is RunStatus.POINT_ONLY or exact_incidence else DRAWN)
-    notes += _cautions(saved, fitted, prediction)
+    # What limits every prediction comes first: a terminal shows a few.
+    point = saved.status is RunStatus.POINT_ONLY
+    notes = [*[POINT_ONLY] * point, *[IGNORED if point or exact_incidence else DRAWN] * stated]
+    notes += [*_cautions(saved, fitted, prediction), *assumed]
+    notes += [*(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]
     return Foretold(new, prediction, scores(prediction), tuple(notes))
 
 

@@ -134,7 +134,7 @@ def run_predict(args: argparse.Namespace) -> int:
         page = predict_document(prediction, ids, found.scores, seen, title, ["rebounds"], args.command)
         write_text(Path(args.html), predict_page(page, prediction, ids), named=True)
     if not args.quiet:
-        print_notes(found.notes)
+        print_notes(found.notes, args.full)
     if args.json:
         print(json_text(prediction_json(prediction, ids, found.scores, found.notes)), end="")
     elif not args.quiet:

@@ -254,6 +254,34 @@ class Misfit:
 
 
 @dataclass(frozen=True)
+class Difference:
+    """By how much a parameter differs between the levels of a `column`, from the level where it is `low`est to that
+    where it is `high`est, in SI: `size` with its standard deviation.
+
+    `p` is the probability of as much without any difference, adjusted for the number of looks. `found`: the
+    difference is sure. `fitted`: the parameter is fitted to each level; else this is of first order, and `values` are
+    those of a quick fit to each, where one was found.
+    """
+
+    parameter: str
+    column: str
+    low: str
+    high: str
+    unit: str
+    size: float
+    sd: float
+    p: float
+    found: bool
+    fitted: bool
+    values: Mapping[str, float] = field(default_factory=FrozenMapping)
+
+    @property
+    def sds(self) -> float:
+        """The difference in its standard deviations."""
+        return self.size / self.sd
+
+
+@dataclass(frozen=True)
 class Adequacy:
     """Whether the model describes the data: the `answer`, the same in a `sentence`, and what it is `based_on`.
 

@@ -45,6 +45,7 @@ from fitball.report.form.files import csv_text, json_text, write_text
 from fitball.report.form.numbers import fixed, handy, listed, output_scale
 from fitball.values import FloatArray
 from fitball.version import versions_line
+from fitball.visible import some
 from fitball.wording import Screen, option, screen, shown_on
 
 JSON_NAME = "compare.json"
@@ -173,7 +174,7 @@ def shortened(notes: Sequence[str]) -> Sequence[str]:
     left = len(notes) - MOST_NOTES
     if screen().full or left <= 1:
         return notes
-    return [*notes[:MOST_NOTES], f"{left} more notes: {option('full')}, or the report."]
+    return [*notes[:MOST_NOTES], f"... and {left:,} more: {option('full')}."]
 
 
 def render(comparison: Comparison, folder: str = "") -> str:
@@ -206,9 +207,9 @@ def remarks(comparison: Comparison) -> list[str]:
         if found is not None and not found.converged:
             own.append("sampling did not converge: " + "; ".join(found.complaints))
         if scored.loo.unsettled:
-            own.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
+            own.append(f"refits without {some([ids[k] for k in scored.loo.unsettled])} did not converge")
         if scored.loo.doubtful:
-            own.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is unreliable (Pareto k above 0.7)")
+            own.append(f"elpd of {some([ids[k] for k in scored.loo.doubtful])} is unreliable (Pareto k above 0.7)")
         notes += [f"{scored.name}: {note}" for note in own]
     return [*comparison.notes, *notes]
 

@@ -141,7 +141,7 @@ def fit_document(
     """
     drawn = _pictures(fit, pictures)
     determined, undetermined, fixed = (
-        [parameter_line(item) for item in (*fit.estimates, *fit.derived.values()) if item.verdict in verdicts]
+        [parameter_line(item) for item in fit.reported if item.verdict in verdicts]
         for verdicts in (DETERMINED, NOT_DETERMINED, (Verdict.FIXED,))
     )
     sections = [

@@ -326,7 +326,7 @@ def _spans(fit: Fit, found: Assumptions) -> list[Row]:
 
 def assumption_line(fit: Fit) -> list[str]:
     """The assumptions that values depend on, how many variants fit equally well, and the largest shift among them."""
-    given = dict.fromkeys(one for item in (*fit.estimates, *fit.derived.values()) for one in item.given)
+    given = dict.fromkeys(one for item in fit.reported for one in item.given)
     lines = [f"Values depend on these assumptions: {', '.join(given)}."] if given else []
     return [*lines, *_variants(fit, fit.assumptions)]
 
@@ -363,7 +363,7 @@ def next_line(fit: Fit) -> list[str]:
     """
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         return []
-    unknown = [item.name for item in fit.estimates if item.verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)]
+    unknown = [item.name for item in fit.reported if item.verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
         return [f"Most useful next: the contact time, in the scene or from force records. It determines {stiff}."]

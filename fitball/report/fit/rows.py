@@ -58,7 +58,7 @@ def parameter_table(fit: Fit, brief: bool = False) -> list[Row]:
     meaning, intervals, point estimate, prior and contraction.
     """
     sampled, rows = fit.posterior is not None, []
-    for item in (*fit.estimates, *fit.derived.values()):
+    for item in fit.reported:
         row = parameter_row(item)
         if brief:
             numbers = {"median": row.best, "95 %": row.interval_95} if sampled else {"point": row.point}

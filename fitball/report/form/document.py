@@ -183,11 +183,16 @@ def _coloured(text: str, colour: str) -> str:
 
 # What no line is broken inside of: an interval, a number and its unit, what is added to or taken from a number.
 UNITS = r"%|[kmc]?m|m?s|k?g|k?N|J|deg|rad|sd|rpm|[a-zA-Z]+/[a-z]+\^?2?"
-UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?\+- [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
+UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?(?:\+-|\u00b1) [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
 # The number of bold letters (ISO 6429).
 BOLD = "1"
 # A space that textwrap does not take for one.
 HARD = "\u00a0"
+
+
+def unbroken(text: str) -> str:
+    """The text with hard spaces where no line is to be broken."""
+    return UNBROKEN.sub(lambda found: found[0].replace(" ", HARD), text)
 
 
 def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str]:
@@ -196,7 +201,7 @@ def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str
         line.replace(HARD, " ")
         for text in texts
         for line in textwrap.wrap(
-            UNBROKEN.sub(lambda found: found[0].replace(" ", HARD), visible(text)),
+            unbroken(visible(text)),
             screen().width,
             initial_indent=first,
             subsequent_indent=others,
@@ -253,7 +258,12 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     # Columns are closer where that alone makes room for all of them.
     room, gaps = screen().width - sum(widths), len(widths) - 1
     gap = 1 if gaps <= room < 2 * gaps else 2
-    for places in _side_by_side(widths, gap):
+    blocks = _side_by_side(widths, gap)
+    if count > most and not screen().full:
+        # A first screen has as many lines, one below the other.
+        most //= len(blocks)
+        rows = rows[: most + 1 + bool(part.over)]
+    for places in blocks:
         block = [[row[k] for k in places] for row in rows]
         lines += [""] * bool(lines)
         lines += columns(block, [part.left[kept[k]] for k in places], screen().colour, gap)
@@ -354,8 +364,10 @@ WORDS = {
 def _typeset(text: str) -> Markup:
     """What terminals have in ASCII, as print has it; names of files and commands between backquotes."""
     if isinstance(text, Cell):
-        return text.html
-    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text.replace("+-", "\u00b1")))))
+        return Markup(unbroken(text.html))
+    plain = str(escape(unbroken(text.replace("+-", "\u00b1"))))
+    # What is copied from code has the spaces that people type.
+    return Markup(re.sub(r"`([^`]*)`", lambda found: f"<code>{found[1].replace(HARD, ' ')}</code>", plain))
 
 
 def _html(part: Part, images: Mapping[str, bytes]) -> Markup:
@@ -379,7 +391,7 @@ def figure_html(png: bytes, caption: str, alt: str) -> Markup:
     )
     widest = Markup(' style="max-width: {:.1f}rem"').format(max(width * 6.25, 45.0))
     return Markup("<figure>{}\n<figcaption>{}</figcaption></figure>").format(
-        BOX.format("figure", widest, image), caption
+        BOX.format("figure", widest, image), _typeset(caption)
     )
 
 

@@ -120,7 +120,7 @@ def _with_unit(output: OutputPrediction) -> str:
 
 def _shortened(remarks: Sequence[str]) -> list[str]:
     most = REMARKS if screen().full else FIRST_REMARKS
-    left = [f"{len(remarks) - most:,} more: {_all()}"] if len(remarks) > most else []
+    left = [f"... and {len(remarks) - most:,} more: {_all()}"] if len(remarks) > most else []
     return [*remarks[:most], *left]
 
 
