@@ -97,8 +97,8 @@ def test_impacts_that_are_not_those_of_the_test_are_not_rated(court, tmp_path):
     alone = measured(replace(table, labels={}))
     assert alone.places == () and alone.court.between is None and alone.court.column == ""
     assert measured(replace(table, labels={"group": table.labels["location"]})).court.column == "group"
-    two = measured(replace(table, labels={"location": tuple("ab"[k % 2] for k in range(15))}))
-    assert "fewer than three" in two.remark and two.places[0].rating is None
+    once = measured(replace(table, labels={"location": tuple(str(k) for k in range(15))}))
+    assert "too few repeats" in once.remark and once.places[0].rating is None
 
 
 def test_friction_is_fitted_to_each_place_unless_it_is_asked_not_to(court, tmp_path):
@@ -144,9 +144,11 @@ def test_a_court_is_the_mean_of_its_places_by_the_model_too(court):
 @pytest.mark.parametrize("row", published_priors(), ids=lambda row: f"{row.parameter}-{row.key}")
 def test_published_priors_are_priors_with_a_source(row):
     spec = parameter_spec(row.parameter)
-    prior = parse_prior(row.parameter, row.text, spec.lower, spec.upper, spec.unit)
+    # A spread between levels is no parameter of a model.
+    lower, upper = (0.0, np.inf) if row.parameter.endswith("_spread") else (spec.lower, spec.upper)
+    prior = parse_prior(row.parameter, row.text, lower, upper)
     low, high = prior.quantile(np.array([0.025, 0.975]))
-    assert spec.lower < low < row.value < high < spec.upper
+    assert lower < low < row.value < high < upper
     assert any(year in row.source for year in ("2002", "2004")) or "ITF" in row.source
     assert len(row.note) > 30
     assert with_published({row.parameter: f" Literature:{row.key} "}) == (

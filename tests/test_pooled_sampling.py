@@ -59,7 +59,7 @@ def spread_and_common(problem):
     precision = 1.0 / b**2 + weight.sum(axis=1)
     middle = (a / b**2 + weight @ problem.measured) / precision
     quadratic = a**2 / b**2 + weight @ problem.measured**2 - precision * middle**2
-    log = -0.5 * (quadratic + np.log(precision) + np.log(variance).sum(axis=1)) + stats.norm(0, 0.3).logpdf(tau)
+    log = -0.5 * (quadratic + np.log(precision) + np.log(variance).sum(axis=1)) + stats.t(4, 0, 0.2).logpdf(tau)
     mass = np.exp(log - log.max())
     whole = integrate.trapezoid(mass, tau)
     below = integrate.cumulative_trapezoid(mass, tau, initial=0.0) / whole

@@ -200,7 +200,7 @@ def test_the_rows_of_a_table_follow_its_own_column(two_surfaces, capsys):
 
 def test_one_impact_through_time_is_on_a_named_surface(two_surfaces, capsys, tmp_path):
     fit = fitball.load_fit(two_surfaces / "fit")
-    with pytest.raises(ParameterError, match="mu differs between the levels of surface"):
+    with pytest.raises(ParameterError, match="differ between the levels of surface"):
         Subject.from_fit(fit, None, {})
     clay, hard = (Subject.from_fit(fit, None, {}, {"surface": name}) for name in ("CLAY", "hard"))
     assert clay.parameters["mu"] == pytest.approx(0.7, rel=0.05) and hard.parameters["mu"] == pytest.approx(

@@ -10,12 +10,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.labels import Role
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.prediction.drop_test import DRAWN, one_way, plain_mean
+from fitball.inference.prediction.drop_test import DRAWN, chosen_spread, one_way, plain_mean
 from fitball.inference.prediction.posterior_predictive import by_level, regime_shares
 from fitball.inference.prediction.reach import calibrated_range, lines_of
+from fitball.inference.problem.parameters import Prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.spreads import published_spread
 from fitball.inference.results.lab import (
     PER_KELVIN,
     SPEED_TOLERANCE,
@@ -47,6 +50,7 @@ SLIDING = ("slide", "slide back")
 CONTINUED = 2.0
 # Where the apparent friction is this share of what gripping allows a model does not tell courts apart.
 SATURATED = 0.95
+RATING = "rating"
 # Label columns that may name places on a court, the surest first.
 PLACES = ("location", "group")
 # Fewer impacts say nothing of their scatter.
@@ -63,7 +67,11 @@ def court_pace(
     if not scene.tennis:
         return CourtPace((), NO_TENNIS.format(1e3 * scene.ball.mass, 1e3 * scene.ball.radius))
     known = CourtPace(
-        (), "", scene.ball_temperature, scene.ball_temperature_sd, measured=measured_pace(problem.table, scene, rng)
+        (),
+        "",
+        scene.ball_temperature,
+        scene.ball_temperature_sd,
+        measured=measured_pace(problem.table, scene, rng, chosen_spread(problem, RATING, "")),
     )
     if missing := _unrated(problem):
         return replace(known, missing=missing)
@@ -240,9 +248,12 @@ def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:
     )
 
 
-def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) -> MeasuredPace | None:
+def measured_pace(
+    table: ImpactTable, scene: Scene, rng: np.random.Generator, spread: Prior | None = None
+) -> MeasuredPace | None:
     """The rating of the impacts that are those of the test (30 +- 2 m/s, 16 +- 2 degrees, at most 3 revolutions a
     second); None where fewer than three of them are, or where they are on several surfaces, which have no mean.
+    `spread` is the prior of the standard deviation between places, by default that of the literature.
     """
     if len(set(table.labels.get("surface", ()))) > 1:
         return None
@@ -266,7 +277,10 @@ def measured_pace(table: ImpactTable, scene: Scene, rng: np.random.Generator) ->
     index = np.array([labels.index(name) for name in named], dtype=np.int64)
     between = elsewhere = levels = None
     remark = ""
-    found = one_way(rating, np.ones((rating.size, 1)), index, rng) if len(labels) > 1 else ""
+    known = published_spread(RATING, Role.PLACE)
+    assert known is not None
+    prior = spread or known.prior
+    found = one_way(rating, np.ones((rating.size, 1)), index, prior, rng) if len(labels) > 1 else ""
     if isinstance(found, str):
         mean, within = plain_mean(rating, rng)
         remark = found and f"differences between places cannot be separated from noise: {found}"

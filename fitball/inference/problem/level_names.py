@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Collection, Mapping, Sequence
 
+from fitball.data.labels import plain_label
 from fitball.errors import ParameterError
 from fitball.inference.problem.pooling import NEW, Levels
 from fitball.visible import some
@@ -39,19 +39,13 @@ def checked_label(levels: Sequence[Levels], column: str, label: str | None) -> s
             f"{' and '.join(names)} {'differs' if len(names) == 1 else 'differ'} between the levels of {column} "
             f"({some(known)}): name one, such as {at_level(column, known[0])}"
         )
-    found = label if label in known else next((name for name in known if _plain(name) == _plain(label)), "")
-    if not found and _plain(label) != NEW:
+    found = label if label in known else next((name for name in known if plain_label(name) == plain_label(label)), "")
+    if not found and plain_label(label) != NEW:
         raise ParameterError(
             f"{column} '{label}' was not fitted. Fitted: {some(known)}. For one of which nothing was measured use "
             f"{at_level(column, NEW)}; its intervals are wider"
         )
     return found or NEW
-
-
-def _plain(label: str) -> str:
-    """A label without case, accents and superfluous blanks."""
-    apart = unicodedata.normalize("NFKD", label.casefold())
-    return " ".join("".join(letter for letter in apart if not unicodedata.combining(letter)).split())
 
 
 def at_level(column: str, label: str) -> str:

@@ -185,7 +185,10 @@ def run_text(fit: Fit, folder: Path) -> str:
         ),
         model=ModelPart(problem.model.name, problem.model.options),
         ball=problem.model.ball,
-        priors={spec.name: spec.prior.text for spec in problem.parameters},
+        priors={
+            **{spec.name: spec.prior.text for spec in problem.parameters},
+            **{name: prior.text for name, prior in problem.spreads.items()},
+        },
         prior_sources={spec.name: spec.prior_source for spec in problem.parameters if spec.prior_source},
         fix={spec.name: spec.fixed for spec in problem.parameters if spec.fixed is not None},
         fixed_because={spec.name: spec.fixed_because for spec in problem.parameters if spec.fixed is not None},
