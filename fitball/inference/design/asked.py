@@ -19,7 +19,7 @@ from fitball.data.lines import Range
 from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
-from fitball.inference.prediction.posterior_predictive import by_level
+from fitball.inference.prediction.posterior_predictive import by_level, levels_of
 from fitball.inference.problem.level_names import at_level, checked_label, labels_of, refuse_unknown
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
@@ -138,9 +138,7 @@ def surfaces_of(problem: Problem, levels: Labels | None = None) -> tuple[tuple[s
     """Combinations of levels by their labels in words (empty where there are none), and the first row of each; those
     with the labels of `levels` alone. Raises ParameterError where no impact has these.
     """
-    columns = [pooling.column for pooling in problem.pooling]
-    # Two parameters over one column have the same labels.
-    found = [(dict(zip(columns, labels, strict=True)), rows[0]) for labels, rows in by_level(problem).items()]
+    found = [(levels_of(problem, labels), rows[0]) for labels, rows in by_level(problem).items()]
     chosen = [one for one in found if not levels or levels.items() <= one[0].items()]
     if not chosen:
         asked = " and ".join(f"{column} {label}" for column, label in (levels or {}).items())

@@ -66,6 +66,11 @@ def by_level(problem: Problem) -> dict[tuple[str, ...], NDArray[np.int64]]:
     }
 
 
+def levels_of(problem: Problem, labels: Sequence[str]) -> dict[str, str]:
+    """The labels of a combination of levels by column: two parameters over one column have the same."""
+    return dict(zip((pooling.column for pooling in problem.pooling), labels, strict=True))
+
+
 def _rounded(value: float, tolerance: float) -> float:
     """`value` to a multiple of 1, 2 or 5 times a power of ten, at most a third of `tolerance`."""
     decade = 10.0 ** math.floor(math.log10(tolerance / 3.0))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
+from fitball.data.labels import role_of
+from fitball.inference.problem.pooling import FEW_LEVELS
 from fitball.inference.results.evidence import Adequacy
 from fitball.inference.results.lab import (
     PACE_CONSTANT,
@@ -152,9 +154,7 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
         return (*lines, "This is no tennis ball: the ITF's drop from 254 cm and its limits do not apply.")
     asked, warm = f"{TEST_TEMPERATURE:.0f} degrees Celsius", test.temperature
     if warm is None:
-        lines.append(
-            f"The ITF tests balls at {asked}. No ball temperature is stated (ball.temperature in the scene)."
-        )
+        lines.append(f"The ITF tests balls at {asked}. The scene states no ball temperature (ball.temperature).")
     elif abs(warm - TEST_TEMPERATURE) <= 2.0:
         lines.append(f"The ball was at {warm:g} degrees Celsius; the ITF tests balls at {asked}.")
     else:
@@ -241,7 +241,7 @@ def pace_parts(fit: Fit) -> list[Part]:
     ]
     if pace.missing:
         return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
-    left_out = () if fit.levels else ("surface", "impacts")
+    left_out = () if fit.levels else (*level_heads(pace), "impacts")
     rows = [{head: cell for head, cell in row.items() if head not in left_out} for row in surface_rows(pace)]
     depends = rests(fit.parameters, fit.adequacy)
     return [
@@ -281,31 +281,42 @@ def rests(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
     return "prior-dominated, as mu is"
 
 
-def court_lines(pace: CourtPace, brief: bool = False) -> tuple[str, ...]:
-    """The court as a whole: as measured, and by the model where it has several places; in `brief` the mean alone."""
+def court_lines(pace: CourtPace, brief: bool = False, shares: bool = True) -> tuple[str, ...]:
+    """The court as a whole: as measured, and by the model where it has several places; in `brief` the mean alone,
+    without `shares` no probabilities of categories.
+    """
     lines = []
-    measured = pace.measured
-    if measured is not None:
-        some = f"{measured.impacts} of {measured.total}" if measured.impacts < measured.total else str(measured.total)
-        head = f"ITF court pace as measured, without a model ({some} test impacts)"
-        lines.append(f"{head}: {_court_words(measured.court, brief)}.")
-        if measured.remark and not brief:
-            lines.append(measured.remark[:1].upper() + measured.remark[1:] + ".")
+    for one in pace.measured:
+        some = f"{one.impacts} of {one.total}" if one.impacts < one.total else str(one.total)
+        where = f" of {one.surface}" if one.surface else ""
+        head = f"ITF court pace{where} as measured, without a model ({some} test impacts)"
+        lines.append(f"{head}: {_court_words(one.court, brief, shares)}.")
+        if not brief:
+            lines += [f"{one.remark[:1].upper()}{one.remark[1:]}."] * bool(one.remark) + _few_places(one.court)
     if pace.court is not None:
-        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court, brief)}.")
+        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court, brief, shares)}.")
     return tuple(lines)
 
 
-def _court_words(court: CourtMean, brief: bool) -> str:
+def _few_places(court: CourtMean) -> list[str]:
+    """That a place that was not tested is not predicted; nothing where it is, or where no places are told apart."""
+    if court.elsewhere is not None or court.between is None:
+        return []
+    return [
+        f"{court.places} places are too few to predict a place that was not tested: at least {FEW_LEVELS} are needed."
+    ]
+
+
+def _court_words(court: CourtMean, brief: bool, shares: bool) -> str:
     likely = {name: share for name, share in court.categories.items() if share >= LIKELY}
     (value, ends), known = ranged(court.rating, places=1), court.rating.q025 is not None
-    parts = [f"{value}{f' {ends} (95 %)' * known}, {_shares(likely, known)}"]
+    parts = [f"{value}{f' {ends} (95 %)' * known}", *[_shares(likely, known)] * shares]
     if brief:
-        return f"{parts[0]}{f'; mean of {court.places} places' * (court.places > 1)}"
+        return f"{', '.join(parts)}{f'; mean of {court.places} places' * (court.places > 1)}"
     if court.places > 1:
-        parts[0] += f"; mean of {court.places} places ({court.column})"
+        parts[-1] += f"; mean of {court.places} places ({court.column})"
         # Of a make of places where repeats determine it, else of those that were tested.
-        between = "sd between places" if court.elsewhere is not None else "sd of these places"
+        between = "sd between places" if court.within is not None else "sd of these places"
         spreads = (
             (between, court.between),
             ("sd within one", court.within),
@@ -319,16 +330,38 @@ def _court_words(court: CourtMean, brief: bool) -> str:
     return ", ".join(parts)
 
 
+def class_lines(pace: CourtPace) -> tuple[str, ...]:
+    """The one classification of each surface."""
+    lines = []
+    for one in pace.classes:
+        chance = "" if one.probability is None else f" (probability {percent(one.probability)})"
+        basis = "the test impacts as measured" if one.measured else "the rating by the model"
+        where = f" of {one.surface}" if one.surface else ""
+        lines.append(f"Classification{where}: {one.category}{chance}, from {basis}.")
+    return tuple(lines)
+
+
 def place_rows(pace: CourtPace) -> list[Row]:
     """The places of a court, as measured."""
     heads = ("place", "impacts", "mean rating", "beyond noise", "95 %", "mu", "restitution")
     rows = []
-    for place in () if pace.measured is None else pace.measured.places:
-        beyond = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
-        means = (f"{place.friction:.3f}", f"{place.restitution:.3f}")
-        cells = (place.label, str(place.impacts), f"{place.mean:.1f}", *beyond, *means)
-        rows.append(dict(zip(heads, cells, strict=True)))
+    for one in pace.measured:
+        for place in one.places:
+            beyond = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
+            means = (f"{place.friction:.3f}", f"{place.restitution:.3f}")
+            cells = (place.label, str(place.impacts), f"{place.mean:.1f}", *beyond, *means)
+            surface = {"surface": one.surface} if one.surface else {}
+            rows.append(surface | dict(zip(heads, cells, strict=True)))
     return rows
+
+
+def level_heads(pace: CourtPace) -> tuple[str, ...]:
+    """What the labels of a rating name: surface, place or ball by what the column is, else the column itself; of a
+    rating of all impacts the surface.
+    """
+    named = [str(role_of(column) or column) for column in pace.columns]
+    distinct = named if len({*named}) == len(named) else pace.columns
+    return tuple(distinct) or ("surface",)
 
 
 def surface_rows(pace: CourtPace) -> list[Row]:
@@ -336,10 +369,9 @@ def surface_rows(pace: CourtPace) -> list[Row]:
     rows = []
     for rating in pace.ratings:
         value, ends = ranged(rating.rating, places=1)
-        row, sampled = (
-            {"surface": surface_words(rating), "impacts": str(rating.impacts), "rating": value},
-            ends != "-",
-        )
+        sampled = ends != "-"
+        row = dict(zip(level_heads(pace), rating.labels or (surface_words(rating),), strict=True))
+        row |= {"impacts": str(rating.impacts), "rating": value}
         row |= {"68 %": inner(rating.rating), "95 %": ends} if sampled else {}
         row |= {"category": _shares(rating.categories, sampled), "mu of the test": _with_interval(rating.friction)}
         row |= {"by fitted mu": ranged(rating.sliding_rating, places=1)[0]}
@@ -396,7 +428,7 @@ def warmth_words(pace: CourtPace) -> str:
     """How the temperature of the ball enters the rating."""
     if pace.temperature is None:
         return (
-            "No ball temperature is stated (ball.temperature in the scene), so e_T is not corrected. The method "
+            "The scene states no ball temperature (ball.temperature), so e_T is not corrected. The method "
             f"corrects it to {PACE_TEMPERATURE:.0f} degrees Celsius: {PER_KELVIN:+} points of the rating for each "
             "degree that the ball was warmer."
         )
