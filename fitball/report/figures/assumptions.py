@@ -61,7 +61,9 @@ def forest_panels(fit: Fit) -> tuple[ForestPanel, ...]:
     """The quantities that move most, in the order of the fit."""
     found = fit.assumptions
     assert found is not None
-    spans = {**found.parameters, **{pace_name(surface): item for surface, item in found.court_pace.items()}}
+    scatter = {item.name for item in fit.scatter}
+    own = {name: item for name, item in found.parameters.items() if name not in scatter}
+    spans = {**own, **{pace_name(surface): item for surface, item in found.court_pace.items()}}
     order = sorted(spans, key=lambda name: -spans[name].shift)
     moving = sum(spans[name].shift > MOVES for name in order)
     kept = set(order[: min(max(moving, LEAST), MOST)])

@@ -138,14 +138,10 @@ def remarks(fit: Fit) -> list[str]:
     for check in found.checks:
         if check.found:
             seen.setdefault(check.kind, []).append(check)
-    if "group" in seen and fit.problem.group_bias is None:
+    explained = {item.column for item in fit.differences if item.found and not item.fitted}
+    if "group" in seen and fit.problem.group_bias is None and seen["group"][0].over not in explained:
         asked = option("offsets", seen["group"][0].over)
         lines.append(f"If that group was measured differently, use {asked}: it fits a bias of each group.")
-    if "level" in seen and not fit.problem.pooling:
-        best = min(seen["level"], key=_sureness)
-        name = best.words.partition(" ")[0]
-        pooled = spoken(f"--pool {name}={best.over}", f"pool={{'{name}': '{best.over}'}}")
-        lines.append(f"To fit a separate {name} for each {best.over}, use {pooled}.")
     if "uneven" in seen:
         lines.append(f"To fit a separate noise for each column, use {option('noise', 'separate')}.")
     if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
@@ -298,8 +294,10 @@ T = TypeVar("T")
 
 def quantities(fit: Fit, found: Mapping[str, T], paces: Mapping[str, T]) -> Iterator[tuple[str, Scale, T]]:
     """What was found of each quantity of the model and of the rating of each surface, with its unit."""
-    known = {**fit.parameters, **fit.derived}
+    known, scatter = {**fit.parameters, **fit.derived}, {item.name for item in fit.scatter}
     for name, item in found.items():
+        if name in scatter:
+            continue
         yield name, handy(name, known[name].unit if name in known else ""), item
     for surface, item in paces.items():
         yield f"{PACE} of {surface}" if surface else PACE, Scale(""), item
@@ -340,10 +338,18 @@ def _variants(fit: Fit, found: Assumptions | None) -> list[str]:
     if not good:
         return [f"Model assumptions: none of {count} model variants fits equally well."]
     widest = _widest(fit, found)
-    friction = [one for one in quantities(fit, found.parameters, {}) if one[0] == "mu" != widest[0]]
+    friction = [
+        one
+        for one in quantities(fit, found.parameters, {})
+        if one[0].partition("[")[0] == "mu" and one[0] != widest[0]
+    ]
     medians = [f"that of {name} {_ends(scale, span)}" for name, scale, span in friction]
     first = f"the median of {widest[0]} {_ends(*widest[1:])} (with {widest[2].by})"
     return [f"Model variants: {good} of {count} fit equally well. Over all of them, {listed([first, *medians])}."]
+
+
+# Surfaces whose friction is named beside the quantity that shifts most.
+FRICTIONS = 3
 
 
 def _ends(scale: Scale, span: Span) -> str:

@@ -87,17 +87,6 @@ def measured_lines(fit: Fit) -> list[str]:
     return lines
 
 
-def level_rows(fit: Fit) -> list[Row]:
-    """Each surface, ball or table with its value of a parameter that differs between them; empty where none does."""
-    rows = []
-    for level in fit.levels:
-        scale = handy(level.parameter, level.unit)
-        name = f"{level.parameter}[{level.label}]"
-        row = row_of(name, vars(level), scale)
-        rows.append({"level": name, "unit": scale.unit, "impacts": str(level.impacts), **row.numbers()})
-    return rows
-
-
 def thesis_rows(fit: Fit) -> list[ParameterRow]:
     """The parameters that the thesis quotes in units of its own, in those, with `C1`, `C2` of its Eq. (51); none
     where the data are not the thesis's.

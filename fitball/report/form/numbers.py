@@ -169,10 +169,10 @@ INCIDENT: Mapping[str, Scale] = {
 
 
 def handy(name: str, unit: str) -> Scale:
-    """The handy multiple for a parameter or output, SI itself where none is listed; a value "at 2 m/s" is read as the
-    parameter is.
+    """The handy multiple for a parameter or output, SI itself where none is listed; a value "at 2 m/s", or of a level
+    in brackets, is read as the parameter is.
     """
-    return HANDY.get(name.partition(" at ")[0], Scale(unit, 1.0))
+    return HANDY.get(name.partition(" at ")[0].partition("[")[0], Scale(unit, 1.0))
 
 
 def output_scale(name: str) -> Scale:
