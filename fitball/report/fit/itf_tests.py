@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
 from fitball.data.labels import role_of
 from fitball.inference.problem.pooling import FEW_LEVELS
-from fitball.inference.results.evidence import Adequacy
 from fitball.inference.results.lab import (
     PACE_CONSTANT,
     PER_DEGREE,
@@ -21,7 +20,7 @@ from fitball.inference.results.lab import (
 )
 from fitball.inference.results.lab import TEST_TEMPERATURE as PACE_TEMPERATURE
 from fitball.inference.results.quantiles import Spread
-from fitball.inference.results.results import Estimate, Fit, Verdict
+from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.judged import conditional_words
 from fitball.report.form.document import Part, Row, Table, Words
 from fitball.report.form.numbers import INCIDENT, digits, inner, percent, ranged, significant
@@ -107,8 +106,26 @@ def lead_lines(test: DropTest | None) -> tuple[str, ...]:
     return (f"Drop test: no coefficient of restitution, {test.missing}.",) if test.missing else drop_lead(test)
 
 
-def drop_lead(test: DropTest) -> tuple[str, ...]:
-    """COR at each tested speed, the rebound from 254 cm, and whether that is within the limits of a type of ball."""
+def drop_class(test: DropTest) -> tuple[str, ...]:
+    """Whether the balls are within the limits of their type, with the probability; nothing of other balls."""
+    rebound = test.rebound
+    if rebound is None:
+        return ()
+    chance = rebound.passing[test.ball_type].mean
+    kind = BALL_TYPES[test.ball_type]
+    within = kind.lowest <= rebound.height.point <= kind.highest if chance is None else chance >= 0.5
+    share = 0.0 if chance is None else chance if within else 1.0 - chance
+    known = "" if chance is None else f" (probability {percent(share)})"
+    who = "rebound" if rebound.passing[test.ball_type].ball is None else "ball"
+    stated = "" if test.type_stated else "; the type is assumed"
+    where = f"{'within' if within else 'outside'} the limits of ITF {kind.words}, {limits_words(test.ball_type)}"
+    return (f"Classification: the mean {who} is {where}{known}{stated}.",)
+
+
+def drop_lead(test: DropTest, stated: bool = False) -> tuple[str, ...]:
+    """COR at each tested speed, the rebound from 254 cm, and, unless it is `stated` already, whether that is within
+    the limits of a type of ball.
+    """
     lines, rebound = [], test.rebound
     for item in test.speeds:
         among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if item.highest - item.lowest > 0.005 else ""
@@ -121,6 +138,8 @@ def drop_lead(test: DropTest) -> tuple[str, ...]:
         f"Rebound from {CM * DROP_HEIGHT:.0f} cm (100 in, {rebound.speed:.2f} m/s): "
         f"{valued(rebound.height, CM, 'cm')}."
     )
+    if stated:
+        return tuple(lines)
     name = test.ball_type
     passing, kind = rebound.passing[name], BALL_TYPES[name]
     head = f"ITF {kind.words}, {limits_words(name)}"
@@ -243,12 +262,11 @@ def pace_parts(fit: Fit) -> list[Part]:
         return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
     left_out = () if fit.levels else (*level_heads(pace), "impacts")
     rows = [{head: cell for head, cell in row.items() if head not in left_out} for row in surface_rows(pace)]
-    depends = rests(fit.parameters, fit.adequacy)
     return [
         *parts,
         Words([PACE], only="page"),
         Table.from_rows("Court pace rating", rows, ["category", "contact there"], only="page"),
-        Words([*[f"The rating is {depends}."] * bool(depends), *pace_remarks(pace)], "list", "page"),
+        Words([*rest_lines(fit), *pace_remarks(pace)], "list", "page"),
     ]
 
 
@@ -260,8 +278,8 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     lines = [*court_lines(pace, brief=True)]
     if pace.missing:
         return (*lines, f"ITF court pace rating by the model: none, {pace.missing}.")
-    depends = rests(fit.parameters, fit.adequacy)
     for rating in pace.ratings:
+        depends = rests(fit, rating)
         name = f" of {surface_words(rating)}" if rating.labels else ""
         flags = [f"extrapolated: {reach_words(rating.reach)}"] if rating.reach.outside else []
         if rating.saturated > SATURATES:
@@ -271,14 +289,29 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def rests(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
+def rests(fit: Fit, rating: PaceRating) -> str:
     """What to add to a rating; empty where the data determine what it is made of."""
-    friction = parameters.get("mu")
+    known = {item.name: item for item in fit.reported}
+    own = [
+        "mu",
+        *(item.level_name(name) for item in fit.fitted.levels for name in item.labels if name in rating.labels),
+    ]
+    friction = next((known[name] for name in own if name in known and name.startswith("mu")), None)
     if friction is None or friction.verdict is not Verdict.PRIOR_DOMINATED:
-        return conditional_words(parameters, adequacy)
+        return conditional_words(known, fit.adequacy)
+    name = friction.name
     if (friction.contraction or 0.0) < NARROWED:
-        return "as uncertain as the prior of mu: the data do not determine mu"
-    return "prior-dominated, as mu is"
+        return f"as uncertain as the prior of {name}: the data do not determine {name}"
+    return f"prior-dominated, as {name} is"
+
+
+def rest_lines(fit: Fit) -> list[str]:
+    """The same as sentences, one for all ratings where it is the same."""
+    ratings = () if fit.court_pace is None else fit.court_pace.ratings
+    found = [(rating, words) for rating in ratings if (words := rests(fit, rating))]
+    if len({words for _, words in found}) == 1 and len(found) == len(ratings):
+        return [f"The rating by the model is {found[0][1]}."]
+    return [f"{surface_words(rating)}: the rating by the model is {words}." for rating, words in found]
 
 
 def court_lines(pace: CourtPace, brief: bool = False, shares: bool = True) -> tuple[str, ...]:
@@ -382,8 +415,13 @@ def surface_rows(pace: CourtPace) -> list[Row]:
 
 def rating_words(rating: PaceRating) -> str:
     """A rating with its interval and its most probable category."""
+    return f"{rating_value(rating)}, {category_words(rating)}"
+
+
+def rating_value(rating: PaceRating) -> str:
+    """A rating with its interval."""
     value, ends = ranged(rating.rating, places=1)
-    return f"{value}{'' if ends == '-' else f' {ends} (95 %)'}, {category_words(rating)}"
+    return f"{value}{'' if ends == '-' else f' {ends} (95 %)'}"
 
 
 def category_words(rating: PaceRating) -> str:
