@@ -13,6 +13,7 @@ from fitball.data.scene import load_scene
 from fitball.data.table import joined
 from fitball.errors import SceneError, TableError
 from fitball.inference.results.source import Circumstances
+from fitball.report.fit.circumstances import circumstance_line
 
 HEAD = "v_1 [m/s],theta_1 [deg],v_2 [m/s],theta_2 [deg]"
 ROWS = ("30.1,16.0,20.1,19.4", "29.9,16.1,19.9,19.8", "30.2,15.9,20.0,19.3", "30.0,16.0,20.3,19.6")
@@ -132,3 +133,9 @@ def test_a_fit_and_its_file_carry_them(tmp_path):
     assert json.loads((tmp_path / "fit" / "fit.json").read_text())["source"]["circumstances"]["court"] == "Court 3"
     assert saved.table.ball_temperature == pytest.approx([26.0, np.nan, 25.5, 27.0], nan_ok=True)
     assert saved.problem.scene.laboratory == "Test & Co"
+    page = (tmp_path / "fit" / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
+    assert (
+        "Laboratory: Test &amp; Co; operator: A. Nother" in page
+        and "surface: acrylic; ball temperature: 25.5" in page
+    )
+    assert circumstance_line(saved).count(";") == 6

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from fitball.data.labels import Role, role_of
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.evidence import Answer
 from fitball.inference.results.lab import CourtPace, DropTest
@@ -19,6 +18,7 @@ from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
+from fitball.report.fit.circumstances import circumstance_rows
 from fitball.report.fit.itf_tests import (
     ball_rows,
     class_lines,
@@ -317,26 +317,6 @@ def _of_court(pace: CourtPace, depends: Sequence[str]) -> Content:
             for rating in pace.ratings[:4]
         ]
     return "Court pace", result, parts, (*depends, *pace_remarks(pace))
-
-
-def circumstance_rows(saved: Fit) -> tuple[tuple[str, str], ...]:
-    """Who measured what, where and when, in words; empty where the scene does not say, to be filled in by hand."""
-    known = saved.source.circumstances
-    surfaces = [
-        name for column, labels in saved.fitted.labels.items() if role_of(column) is Role.SURFACE for name in labels
-    ]
-    warmth = known.ball_temperature or (known.stated_temperature,) * 2
-    low, high = ("" if end is None else f"{end:.3g}" for end in warmth)
-    degrees = f"{low} degrees Celsius" if low == high else f"{low} to {high} degrees Celsius"
-    return (
-        ("Laboratory", known.laboratory or ""),
-        ("Operator", known.operator or ""),
-        ("Instrument", known.instrument or ""),
-        ("Date of measurement", known.date or ""),
-        ("Court", known.court or ""),
-        ("Surface", known.surface or ", ".join(surfaces)),
-        ("Ball temperature", degrees if low else ""),
-    )
 
 
 def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:
