@@ -57,8 +57,8 @@ POINT_ONLY = "a point fit has no posterior: best-fit values without intervals"
 
 @dataclass(frozen=True)
 class New:
-    """Impacts to predict, their names, the table they are from, the covariance of their states if given, and the
-    index of the data frame they are from.
+    """Impacts to predict, their names, the table they are from, the covariance of their states if given.
+    `index` is that of the data frame they are from.
     """
 
     impacts: Impacts

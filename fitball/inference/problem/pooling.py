@@ -113,7 +113,7 @@ class Pooling(Levels):
         made = {
             self.spread_name: ParameterSpec(
                 self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",
-                f"spread of {self.parameter} between {self.column}s (one standard deviation"
+                f"spread of {self.parameter}, between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
                 rf"$\tau_{{{in_formula(self.parameter)}}}$", possible=POSITIVE,
             )
