@@ -37,7 +37,7 @@ from fitball.inference.likelihood.posterior import log_posterior
 from fitball.inference.population.hyper import SMOOTH
 from fitball.inference.population.trend import LEAST_TABLES
 from fitball.inference.prediction.reach import SLACK
-from fitball.inference.problem import force_records, observables
+from fitball.inference.problem import force_records, observables, spreads
 from fitball.inference.problem import pooling as levels
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results import assumptions as assumption_values
@@ -85,7 +85,7 @@ DECIDING = {
     "parts of the mixture": regime_mixture.PARTS,
     "means of a force record": force_records.NODES,
     "correlation length of the misfit": force_records.ALIKE,
-    "expected spread between levels": levels.EXPECTED_SPREAD,
+    "expected spread between levels": spreads.EXPECTED_SPREAD,
     "expected group offset in noises": levels.EXPECTED,
     "Pareto k": left_out.K_TRUSTED,
     "sure difference in standard errors": assumption_values.SURE_ERRORS,

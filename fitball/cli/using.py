@@ -13,6 +13,7 @@ from fitball.cli.options import (
     FIT,
     FLIP,
     FULL,
+    LEVEL,
     PICTURE,
     SCHEDULER,
     SEED,
@@ -122,7 +123,7 @@ def run_predict(args: argparse.Namespace) -> int:
     data = args.impact if args.data is None else args.data
     found = foretell(
         fit, fit.predicting, data, flip=args.flip, columns=args.columns, exact_incidence=args.exact_incidence,
-        seed=args.seed,
+        seed=args.seed, levels=args.levels,
     )  # fmt: skip
     ids, prediction = found.new.ids, found.prediction
     if args.out is not None:
@@ -155,6 +156,7 @@ PREDICT = Verb(
             "repeatable)",
             action="append", default=[],
         ),
+        LEVEL,
         FLIP,
         COLUMNS,
         switch(*EXACT),
@@ -171,13 +173,19 @@ PREDICT = Verb(
   fitball predict fits/wang_all/two-mass new_balls.csv
   fitball predict fits/wang_all/two-mass --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
   fitball predict fits/wang_all/two-mass --impact "v=38±1 mph, theta=18±0.5 deg"
-  fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv""",
+  fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv
+  fitball predict fits/two_surfaces/two-mass new_balls.csv --level surface=clay""",
     description="""Predict rebounds of new impacts from a fit.
 
 There are two kinds of interval: one for the rebound itself, and a wider one for a new measurement of it, which
 includes the measurement noise. Both include the sd of the incident state, if it is given (columns such as
 v_1_sd, or "v=38±1 mph"), and the contribution of each source is printed. Impacts unlike the fitted ones are marked
-as extrapolated. If DATA has rebound columns, they are compared with the prediction.""",
+as extrapolated. If DATA has rebound columns, they are compared with the prediction.
+
+If parameters of the fit differ between surfaces, balls or places, each row is predicted for its own label, in the
+column of DATA that the fit used. --level gives the label of rows that have none, and of --impact. The label new
+(--level surface=new, or new in DATA) is one of which nothing was measured: its parameters are drawn from the
+population, with wider intervals.""",
 )  # fmt: skip
 
 
@@ -190,7 +198,7 @@ def run_plan(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
     made = load_fit(place).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
-        sensors=args.sensor, cost=args.cost, seed=args.seed, progress=args.progress,
+        sensors=args.sensor, cost=args.cost, levels=args.levels, seed=args.seed, progress=args.progress,
     )  # fmt: skip
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
@@ -217,6 +225,12 @@ PLAN = Verb(
             for name, unit, example in (
                 ("speed", "m/s", "5:20"), ("angle", "deg", "10:80"), ("spin", "rad/s", "-300:300")
             )
+        ),
+        pairs(
+            "--level", "COLUMN=LABEL",
+            "plan for this surface, ball or place alone, if parameters of the fit differ between them (default: for "
+            "all of them; repeatable)",
+            dest="levels",
         ),
         option("--impacts", "N", "number of impacts to choose (default: 5)", type=count, default=5),
         option("--repeats", "N", "how often each impact is measured (default: 1)", type=count, default=1),

@@ -123,11 +123,11 @@ def refit(problem: Problem, point: PointFit) -> Refit:
     sizes_of = [mine.size for mine in places]
     measured = -residuals(problem, values, weighting)[0, : sum(sizes_of)]
     kept = [k for k, parameter in enumerate(problem.free) if parameter.name not in NOISE_SPECS]
-    width = np.array([p.prior.width * (1.0 if p.prior.normal else UNIFORM_SD) for p in problem.free])
+    width = np.array([p.prior.width * (1.0 if p.prior.bell else UNIFORM_SD) for p in problem.free])
     every = _slopes(problem, values, weighting)
     slopes = every[:, kept] * width[kept]
     # A uniform prior has no residual; without one a direction that the table hardly sees would count as fitted.
-    flat = np.eye(len(kept))[[not problem.free[k].prior.normal for k in kept]]
+    flat = np.eye(len(kept))[[not problem.free[k].prior.bell for k in kept]]
     left, sizes, right = np.linalg.svd(np.concatenate([slopes, flat]), full_matrices=False)
     seen = sizes > 1e-9 * max(sizes.max(initial=0.0), 1.0)
     solved = right[seen].T / sizes[seen]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.inference.identifiability.information import first_order_moves
-from fitball.inference.identifiability.verdict import Judgement, Numbers, judge, marginal
+from fitball.inference.identifiability.verdict import CENTRAL_95, Judgement, Numbers, judge, marginal
 from fitball.inference.problem.parameters import Parameter, parse_prior
 from fitball.inference.problem.pooling import Pooling
 from fitball.inference.problem.problem import Problem
@@ -152,10 +152,12 @@ def differences(problem: Problem, followed: Sequence[Derived]) -> tuple[Differen
         pairs = len(names) * (len(names) - 1) // 2
         p = min(1.0, 2.0 * pairs * float(np.mean(apart <= 0.0)))
         unit = problem.model.specs[pooling.parameter].unit
+        within = dict(zip(("q025", "q975"), np.quantile(apart, CENTRAL_95).tolist(), strict=True))
+        size, sd = float(np.median(apart)), float(np.std(apart, ddof=1))
         found.append(
             Difference(
-                pooling.parameter, pooling.column, low, high, unit, float(np.median(apart)),
-                float(np.std(apart, ddof=1)), p, found=p < FALSE_EXCEPT, fitted=True,
+                pooling.parameter, pooling.column, low, high, unit, size, sd, **within, p=p, found=p < FALSE_EXCEPT,
+                fitted=True,
             )
         )  # fmt: skip
     return tuple(found)

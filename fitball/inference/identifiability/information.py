@@ -123,8 +123,8 @@ def _without_room(problem: Problem, coordinates: FloatArray) -> NDArray[np.bool_
 
 
 def prior_sds(problem: Problem) -> FloatArray:
-    """Sds of the priors (free,) in their widths: 1 for a normal prior, the root of 1/12 for a uniform one."""
-    return np.array([1.0 if parameter.prior.normal else 12.0**-0.5 for parameter in problem.free])
+    """Sds of the priors (free,) in their widths: 1 for a bell, the root of 1/12 for a uniform one."""
+    return np.array([1.0 if parameter.prior.bell else 12.0**-0.5 for parameter in problem.free])
 
 
 def information_evidence(problem: Problem, coordinates: FloatArray) -> dict[str, InformationEvidence]:

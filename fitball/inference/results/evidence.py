@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from scipy.special import ndtri
+
 from fitball.data.table import FrozenMapping
 from fitball.inference.results import sentences
 from fitball.values import FloatArray
@@ -176,6 +178,8 @@ class Identifiability:
     several: str = ""
 
 
+# Probabilities of a difference below this are not resolved by draws.
+RESOLVED = 1e-3
 # Probabilities that simulated data are described only with exceptions, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01
 # A parameter that a misfit shifts by more than so many of its standard deviations is conditional.
@@ -256,7 +260,7 @@ class Misfit:
 @dataclass(frozen=True)
 class Difference:
     """By how much a parameter differs between the levels of a `column`, from the level where it is `low`est to that
-    where it is `high`est, in SI: `size` with its standard deviation.
+    where it is `high`est, in SI: `size` with its standard deviation and 95 % interval.
 
     `p` is the probability of as much without any difference, adjusted for the number of looks. `found`: the
     difference is sure. `fitted`: the parameter is fitted to each level; else this is of first order, and `values` are
@@ -270,6 +274,8 @@ class Difference:
     unit: str
     size: float
     sd: float
+    q025: float
+    q975: float
     p: float
     found: bool
     fitted: bool
@@ -277,8 +283,10 @@ class Difference:
 
     @property
     def sds(self) -> float:
-        """The difference in its standard deviations."""
-        return self.size / self.sd
+        """The difference in its standard deviations: of a normal number with the same `p`, as far as draws resolve
+        that.
+        """
+        return -float(ndtri(0.5 * self.p)) if self.p >= RESOLVED else self.size / self.sd
 
 
 @dataclass(frozen=True)
