@@ -294,8 +294,8 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
     """The page with sliders as HTML, starting at an impact (default: the middle of the calibrated range). Raises
     ModelError.
     """
+    from fitball.exports.bounces import origin_of
     from fitball.exports.interactive import interactive_page, round_impact
-    from fitball.exports.port.port import origin_of
 
     if subject.saved is not None:
         fitted, table = subject.fitted, subject.saved.source
