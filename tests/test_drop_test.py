@@ -15,7 +15,7 @@ from fitball.data.heights import BALL_TYPES
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import Measurement
-from fitball.inference.prediction.drop_test import drop_test, one_way, plain_mean
+from fitball.inference.prediction.drop_test import drop_test, one_way, plain_mean, spread_of_balls
 from fitball.inference.results.lab import (
     drag,
     fall_speed,
@@ -227,7 +227,7 @@ def test_balls_are_told_apart_from_noise_and_count_as_a_sample():
 
 @pytest.mark.parametrize(
     ("names", "why"),
-    [(["a", "b", "c", "d", "e", "f"], "too few repeats"), (["a", "a", "a", "b", "b", "b"], "fewer than three")],
+    [(["a", "b", "c", "d", "e", "f"], "too few repeats"), (["a", "a", "a", "a", "a", "a"], "fewer than two")],
 )
 def test_without_repeats_nothing_is_told_of_balls(names, why):
     found, _ = told(dropped([V0] * 6, 0.745 + 0.002 * np.arange(6), names))
@@ -246,7 +246,7 @@ def test_intervals_of_one_way_hold_the_truth_and_those_that_forget_the_balls_do_
         source = rng([7, k])
         shift = 0.010 * source.standard_normal(balls)
         values = 0.745 + shift[index] + 0.004 * source.standard_normal(index.size)
-        found = one_way(values, np.ones((index.size, 1)), index, source)
+        found = one_way(values, np.ones((index.size, 1)), index, spread_of_balls(True), source)
         truths = {"mean": 0.745, "between": 0.010, "within": 0.004, "ball": 0.745 + shift[0]}
         drawn = {
             "mean": found.coefficients[:, 0], "between": found.between, "within": found.within,

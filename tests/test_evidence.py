@@ -47,7 +47,7 @@ def numerical_hessian(problem, coordinates):
         total = log_likelihood(problem, values, rebound) + log_scene_density(problem, rebound)
         return -total.reshape(z.shape[1:])
 
-    scale = np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+    scale = np.array([1.0 if item.prior.bell else 12.0**-0.5 for item in problem.free])
     found = hessian(cost, np.zeros(coordinates.size), initial_step=1e-2, maxiter=6)
     return found.ddf * np.outer(scale, scale)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,7 +60,7 @@ def spread_and_common(problem):
     precision = 1.0 / b**2 + weight.sum(axis=1)
     middle = (a / b**2 + weight @ problem.measured) / precision
     quadratic = a**2 / b**2 + weight @ problem.measured**2 - precision * middle**2
-    log = -0.5 * (quadratic + np.log(precision) + np.log(variance).sum(axis=1)) + stats.norm(0, 0.3).logpdf(tau)
+    log = -0.5 * (quadratic + np.log(precision) + np.log(variance).sum(axis=1)) + stats.t(4, 0, 0.2).logpdf(tau)
     mass = np.exp(log - log.max())
     whole = integrate.trapezoid(mass, tau)
     below = integrate.cumulative_trapezoid(mass, tau, initial=0.0) / whole
@@ -143,7 +144,8 @@ def test_straight_coordinates_have_an_inverse_and_a_volume(case):
     labels = {"surface": tuple("aabbbcc" * 3), "ball": tuple("xxxxyyy" * 3)}
     table = load_table("wang_all.csv")
     table = type(table)(**{**vars(table), "labels": labels})
-    problem = build_problem(table, Scene(), CASES[case])
+    choices = CASES[case]
+    problem = build_problem(table, Scene(), replace(choices, pool={"all": "none", **choices.pool}))
     x = problem.to_coordinates(problem.prior.draw(np.random.default_rng(1), 40))
     straight = straight_coordinates(problem, x)
     assert len(straight.levels) == (2 if case == "two parameters" else 0 if case == "a spread that is held" else 1)

@@ -12,12 +12,17 @@ from scipy.special import ndtr
 from fitball.errors import ParameterError
 from fitball.inference.population.hyper import Before, TableDraws
 from fitball.inference.population.levels import level_nodes, population, population_over
+from fitball.inference.problem.parameters import parse_prior
 from fitball.report.batch.rows import LABEL, NAME
 from fitball.report.batch.series import grouped
 
 WIDE = (-np.inf, np.inf)
 CENTRE = stats.norm(0.0, 2.0)
-BEFORE = Before(CENTRE.logpdf, 0.6, WIDE)
+# Scale and degrees of freedom of the half-t priors of both spreads.
+BETWEEN, WITHIN = (0.6, 4.0), (0.5, 3.0)
+BEFORE = Before(
+    CENTRE.logpdf, *(parse_prior("spread", f"half-t{both}", 0.0, np.inf) for both in (BETWEEN, WITHIN)), WIDE
+)
 SD = 0.3
 # Interim prior of each table, far from the population: mean, sd.
 INTERIM = (-1.0, 0.6)
@@ -37,9 +42,9 @@ def tables_of(rng, measured, count=400):
     return levels
 
 
-def exact(measured, size=BEFORE.spread):
+def exact(measured):
     """Quantiles (0.5, 0.025, 0.975) of everything by closed forms given both spreads, and a sum over these."""
-    edges = np.linspace(0.0, np.arcsinh(6.0 * size / 0.1), 181)
+    edges = np.linspace(0.0, np.arcsinh(20.0 * BETWEEN[0] / 0.1), 221)
     side = 0.1 * np.sinh((edges[1:] + edges[:-1]) / 2.0)
     between, within = np.meshgrid(side, side, indexing="ij")
     noise = SD**2 + within**2
@@ -50,7 +55,8 @@ def exact(measured, size=BEFORE.spread):
     m = np.sum(mean / v, axis=-1) / precision
     log = (
         np.log(np.hypot(between, 0.1) * np.hypot(within, 0.1))
-        - 0.5 * (between**2 + within**2) / size**2
+        + stats.t(BETWEEN[1], 0.0, BETWEEN[0]).logpdf(between)
+        + stats.t(WITHIN[1], 0.0, WITHIN[0]).logpdf(within)
         - 0.5 * np.sum(np.log(v), axis=-1)
         - 0.5 * np.log(precision)
     )

@@ -41,7 +41,7 @@ def normal_draws(problem, truth, seed):
     rng = np.random.default_rng(seed)
     at = coordinates_of(problem, truth)
     information = fisher_information(problem, at, scene=True)
-    scale = problem.prior.width * np.array([1.0 if item.prior.normal else 12.0**-0.5 for item in problem.free])
+    scale = problem.prior.width * np.array([1.0 if item.prior.bell else 12.0**-0.5 for item in problem.free])
     covariance = np.linalg.inv(information + np.eye(at.size)) * np.outer(scale, scale)
     return problem.to_values(rng.multivariate_normal(at, covariance, 3000))
 

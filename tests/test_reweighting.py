@@ -18,6 +18,7 @@ from fitball.errors import FitballError
 from fitball.inference.population.hyper import Before, TableDraws, covering_grid, drawn_new, log_likelihood, log_mass
 from fitball.inference.population.levels import population
 from fitball.inference.population.quantity import log_density, prior_of, quantity
+from fitball.inference.problem.parameters import parse_prior
 from fitball.report.batch import populations
 from fitball.report.batch.document import write_results
 from fitball.report.batch.rows import read_rows, row_of
@@ -64,7 +65,13 @@ def exact(measured, sd=SD):
     return ends(m[:, 0], mass.sum(1)), ends(tau[0], mass.sum(0)), told(first, around)
 
 
-BEFORE = Before(stats.norm(0.0, 2.0).logpdf, 1.0, WIDE)
+def before(log_centre, spread, ends=WIDE):
+    """What is known of a population whose spread has a half-normal prior."""
+    prior = parse_prior("spread", f"half-normal({spread})", 0.0, np.inf)
+    return Before(log_centre, prior, prior, ends)
+
+
+BEFORE = before(stats.norm(0.0, 2.0).logpdf, 1.0)
 
 
 @pytest.mark.parametrize(("count", "tau"), [(3, 0.5), (12, 0.6), (25, 0.0)])
@@ -165,7 +172,7 @@ def test_a_population_at_a_bound_is_that_of_a_truncated_distribution():
         TableDraws.drawn(str(k), stats.truncnorm(a, b, y, sd).rvs(1000, random_state=rng), flat)
         for k, (a, b, y) in enumerate(zip(*cut, measured, strict=True))
     ]
-    found = population(tables, Before(flat, 1.0, ends))
+    found = population(tables, before(flat, 1.0, ends))
     m, tau = np.meshgrid(np.linspace(-0.5, 1.0, 300, endpoint=False), np.linspace(0.02, 1.5, 400), indexing="ij")
     log = -0.5 * tau**2 - len(measured) * stats.norm.logcdf(1.0, m, tau)
     for y in measured:
@@ -194,7 +201,7 @@ def test_tables_that_tell_nothing_say_nothing():
     silent = TableDraws.drawn("", prior.ppf((np.arange(4000) + 0.5) / 4000), prior.logpdf)
     assert np.ptp(log_likelihood(silent, points)) < 0.01
     told = tables_of(rng, 1.0 + 0.3 * rng.standard_normal(6))
-    alone, together = (population([*told, *[silent] * k], replace(BEFORE, spread=0.5)) for k in (0, 40))
+    alone, together = (population([*told, *[silent] * k], before(BEFORE.log_centre, 0.5)) for k in (0, 40))
     assert together.centre.median == pytest.approx(
         alone.centre.median, abs=0.1 * (alone.centre.high - alone.centre.low)
     )
@@ -204,7 +211,7 @@ def test_where_tables_are_alike_each_is_known_as_well_as_all():
     """No wider than that for standing for its neighbourhood."""
     rng = np.random.default_rng(6)
     tables = tables_of(rng, 1.0 + SD * rng.standard_normal(25), (0.0, 5.0), count=2000)
-    found = population(tables, replace(BEFORE, spread=1e-3))
+    found = population(tables, before(BEFORE.log_centre, 1e-3))
     known = SD / np.sqrt(25)
     assert np.median([table.sd for table in found.tables]) == pytest.approx(known, rel=0.12)
     assert found.centre.high - found.centre.low == pytest.approx(3.92 * known, rel=0.1)
@@ -214,7 +221,7 @@ def test_a_table_that_none_of_its_draws_lets_into_the_population_is_doubted():
     rng = np.random.default_rng(3)
     tables = tables_of(rng, 1.0 + 0.3 * rng.standard_normal(20), (0.0, 5.0))
     far = TableDraws.drawn("far", 2.4 + 0.25 * rng.standard_normal(400), stats.norm(0.0, 5.0).logpdf)
-    found = population([*tables, far], Before(stats.norm(0.0, 2.0).logpdf, 0.02, WIDE))
+    found = population([*tables, far], before(stats.norm(0.0, 2.0).logpdf, 0.02))
     assert "far" in found.doubtful
     assert len(found.doubtful) < 6
 

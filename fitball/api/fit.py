@@ -1,4 +1,4 @@
-"""The fit in Python: one type for new fits and for those read back from a folder, with its methods; and the verbs
+"""The fit in Python: one type for new fits and for those read back from a folder, with its methods. Then the verbs
 that start from a fit, as functions.
 """
 
@@ -190,21 +190,26 @@ class Fit(results.Fit):
         flip: str | Sequence[str] = (),
         columns: Mapping[str, str] | None = None,
         exact_incidence: bool = False,
+        levels: Mapping[str, str | Sequence[str]] | None = None,
         seed: int = 1,
     ) -> pd.DataFrame:
         """Rebounds of new impacts with intervals: one row for each impact, with the index of `data`. Column names
         contain units.
 
         `data` is a data frame, a path or bundled name, an `ImpactTable`, `Impacts`, or texts such as `"v=38 mph,
-        theta=18 deg, spin=950 rpm top"`; for `units`, `flip` and `columns` see `calibrate`. Columns such as
+        theta=18 deg, spin=950 rpm top"`. For `units`, `flip` and `columns` see `calibrate`. Columns such as
         `v_x2_mean_q025 [m/s]` are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a measurement of it. If
         sds of the incident state are given, both include them, unless `exact_incidence`. Rebound columns of `data`
         are returned as `v_x2_measured`, with residuals. Notes are in `.attrs["notes"]`.
 
+        Where parameters differ between surfaces, balls or places, each impact has those of its own label, in the
+        column of `data` that the fit used. `levels` names them where `data` does not: `{"surface": "clay"}`, or a
+        label for each impact. The label `"new"` is a surface of which nothing was measured, with wider intervals.
+
         >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round().tolist()
         [10.0]
         """
-        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
+        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns, levels).frame()
 
     @checked
     def predict_interval(
@@ -214,14 +219,15 @@ class Fit(results.Fit):
         *,
         seed: int = 1,
         incident_covariance: FloatArray | None = None,
+        levels: Mapping[str, str | Sequence[str]] | None = None,
     ) -> NewPrediction:
         """The same as arrays; see `inference.prediction.new_impacts.predict_new`."""
-        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
+        return predict_new(self.predicting, impacts, observed, seed, incident_covariance, levels)
 
     @checked
-    def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
+    def simulate(self, impact: Impacts | str, *, draws: int = 200, levels: Mapping[str, str] | None = None) -> Course:
         """One impact through time, with bands from `draws` posterior draws; see `fitball.simulate`."""
-        return course_of(Subject(self.fitted, self), impact, draws)
+        return course_of(Subject.from_fit(self, None, {}, levels), impact, draws)
 
     @checked
     def plan(
@@ -235,6 +241,7 @@ class Fit(results.Fit):
         repeats: int = 1,
         sensors: str | Sequence[str] | None = None,
         cost: Mapping[str, float] | None = None,
+        levels: Mapping[str, str] | None = None,
         seed: int = 1,
         progress: Wanted = False,
     ) -> Plan:
@@ -242,18 +249,20 @@ class Fit(results.Fit):
         and the gain of other sensors.
 
         `target` are names of parameters (default: all of the model), `"court pace"`, or `"impact=v=30 m/s, theta=16
-        deg"`. `speed`, `angle` and `spin` are the ranges of your machine: texts such as `"5:20"` [m/s], `"10:80"`
+        deg"`. `speed`, `angle` and `spin` are ranges of your machine. Give texts such as `"5:20"` [m/s], `"10:80"`
         [deg], `"-300:300 rpm"`, or pairs in SI (default: the range of the fitted table). `sensors` are texts such as
         `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`. `cost` is that of an impact with a
-        sensor, relative to one measured as before. For `progress` see `calibrate`. Raises ParameterError, and
-        FitError for a fit that allows no plan.
+        sensor, relative to one measured as before. Where parameters differ between surfaces or balls, the plan is for
+        all of these, or for those of `levels`, such as `{"surface": "clay"}`. For `progress` see `calibrate`. Raises
+        ParameterError, and FitError for a fit that allows no plan.
 
         >>> fit.plan("mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="camera=0.5")
         <Plan of 2 impacts about mu: ... nats>
         """
         ranges = (parsed("speed", speed), parsed("angle", angle), parsed("spin", spin))
         ways = (sensors,) if isinstance(sensors, str) else sensors
-        return planned(self, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
+        asked = Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed, dict(levels or {}))
+        return planned(self, asked, progress)
 
     @checked
     def export(
@@ -406,9 +415,11 @@ def simulate(
     model: str | None = None,
     values: Mapping[str, Any] | None = None,
     draws: int = 200,
+    levels: Mapping[str, str] | None = None,
 ) -> Course:
     """One impact through time, as the verb `simulate` computes it. From a `fit` it has bands from `draws` posterior
-    draws; a `model` has round default values, of which `values` [SI] replace some.
+    draws; a `model` has round default values, of which `values` [SI] replace some. `levels` names the surface or
+    ball, as in `{"surface": "clay"}`, if parameters of the fit differ between these.
 
     `impact` is a text or `fitball.impacts(...)` of one impact. Raises ParameterError, ModelError.
 
@@ -417,5 +428,5 @@ def simulate(
     """
     if fit is not None and (model is not None or values):
         raise ParameterError("a fit has its own model and parameters: leave out model and values")
-    subject = Subject.from_fit(None if fit is None else fit_of(fit), model, values or {})
+    subject = Subject.from_fit(None if fit is None else fit_of(fit), model, values or {}, levels)
     return course_of(subject, impact, draws)

@@ -242,7 +242,7 @@ def _check_item(option: str, name: object, value: object) -> None:
     elif not isinstance(value, str):
         more = ""
         if option == "priors":
-            more = f"{_pair_words(name, value)}; forms: {', '.join(form for form, *_ in FAMILIES.values())}"
+            more = f"{_pair_words(name, value)}; forms: {', '.join(family.form for family in FAMILIES.values())}"
         raise ParameterError(f"{option}: {name} = {value!r}: expected a text, such as {EXAMPLES[option]}{more}")
 
 

@@ -126,18 +126,18 @@ def run_predict(args: argparse.Namespace) -> int:
     data = args.impact if args.data is None else args.data
     found = foretell(
         fit, fit.predicting, data, flip=args.flip, columns=args.columns, exact_incidence=args.exact_incidence,
-        seed=args.seed,
+        seed=args.seed, levels=args.levels,
     )  # fmt: skip
     ids, prediction = found.new.ids, found.prediction
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)), named=True)
     seen = impacts_seen(fit.impacts, found.new.impacts) if found.scores else 0
-    title = f"Rebounds predicted by {fit.fitted.model_name}, fitted to {fit.source.name}"
+    title = f"{fit.source.name}: rebounds predicted by the {fit.fitted.model_name} model"
     if args.html is not None:
         page = predict_document(prediction, ids, found.scores, seen, title, ["rebounds"], args.command)
         write_text(Path(args.html), predict_page(page, prediction, ids), named=True)
     if not args.quiet:
-        print_notes(found.notes)
+        print_notes(found.notes, args.full)
     if args.json:
         print(json_text(prediction_json(prediction, ids, found.scores, found.notes)), end="")
     elif not args.quiet:
@@ -159,6 +159,7 @@ PREDICT = Verb(
             "repeatable)",
             action="append", default=[],
         ),
+        LEVEL,
         FLIP,
         COLUMNS,
         switch(*EXACT),
@@ -175,13 +176,19 @@ PREDICT = Verb(
   fitball predict fits/wang_all/two-mass new_balls.csv
   fitball predict fits/wang_all/two-mass --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
   fitball predict fits/wang_all/two-mass --impact "v=38±1 mph, theta=18±0.5 deg"
-  fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv""",
+  fitball predict fits/wang_topspin/two-mass wang_backspin.csv --out predicted.csv
+  fitball predict fits/two_surfaces/two-mass new_balls.csv --level surface=clay""",
     description="""Predict rebounds of new impacts from a fit.
 
 There are two kinds of interval: one for the rebound itself, and a wider one for a new measurement of it, which
 includes the measurement noise. Both include the sd of the incident state, if it is given (columns such as
 v_1_sd, or "v=38±1 mph"), and the contribution of each source is printed. Impacts unlike the fitted ones are marked
-as extrapolated. If DATA has rebound columns, they are compared with the prediction.""",
+as extrapolated. If DATA has rebound columns, they are compared with the prediction.
+
+If parameters of the fit differ between surfaces, balls or places, each row is predicted for its own label, in the
+column of DATA that the fit used. --level gives the label of rows that have none, and of --impact. The label new
+(--level surface=new, or new in DATA) is one of which nothing was measured: its parameters are drawn from the
+population, with wider intervals.""",
 )  # fmt: skip
 
 
@@ -194,7 +201,7 @@ def run_plan(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
     made = load_fit(place).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
-        sensors=args.sensor, cost=args.cost, seed=args.seed, progress=args.progress,
+        sensors=args.sensor, cost=args.cost, levels=args.levels, seed=args.seed, progress=args.progress,
     )  # fmt: skip
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
@@ -221,6 +228,12 @@ PLAN = Verb(
             for name, unit, example in (
                 ("speed", "m/s", "5:20"), ("angle", "deg", "10:80"), ("spin", "rad/s", "-300:300")
             )
+        ),
+        pairs(
+            "--level", "COLUMN=LABEL",
+            "plan for this surface, ball or place alone, if parameters of the fit differ between them (default: for "
+            "all of them; repeatable)",
+            dest="levels",
         ),
         option("--impacts", "N", "number of impacts to choose (default: 5)", type=count, default=5),
         option("--repeats", "N", "how often each impact is measured (default: 1)", type=count, default=1),

@@ -48,9 +48,14 @@ LEAST_ROWS, LEAST_LEVELS, MOST_LEVELS = 3, 2, 12
 _NEAR, _LEAST_LETTERS = 0.75, 4
 
 
+def plain(name: str) -> str:
+    """The name of a column without case, blanks and underscores."""
+    return re.sub(r"[\s_.\-]+", "", name.casefold())
+
+
 def role_of(name: str) -> Role | None:
     """What the labels of a column of this name are names of; None where the name does not say."""
-    return _ROLES.get(re.sub(r"[\s_.\-]+", "", name.casefold()))
+    return _ROLES.get(plain(name))
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class Labelled:
 
     @property
     def divides(self) -> bool:
-        """Whether parameters can be told apart between its levels: enough levels, with enough rows."""
+        """Whether parameters can be separated between its levels: enough levels, with enough rows."""
         enough = sum(count >= LEAST_ROWS for count in self.counts.values())
         return enough >= LEAST_LEVELS and len(self.counts) <= MOST_LEVELS and "" not in self.counts
 
@@ -96,7 +101,7 @@ def labelled(labels: Mapping[str, Sequence[str]]) -> tuple[Labelled, ...]:
 
 
 def grouping(table: ImpactTable) -> tuple[Labelled, ...]:
-    """The label columns of a table whose levels can be told apart."""
+    """The label columns of a table that divide the rows."""
     return tuple(item for item in labelled(table.labels) if item.divides)
 
 
@@ -114,9 +119,9 @@ def one_spelling(texts: Mapping[str, Texts], found: Findings) -> dict[str, Texts
             continue
         spellings: dict[str, Counter[str]] = {}
         for cell in cells:
-            spellings.setdefault(_plain(cell), Counter())[cell.strip()] += 1
+            spellings.setdefault(plain_label(cell), Counter())[cell.strip()] += 1
         chosen = {plain: counts.most_common(1)[0][0] for plain, counts in spellings.items()}
-        made[column] = tuple(chosen[_plain(cell)] for cell in cells)
+        made[column] = tuple(chosen[plain_label(cell)] for cell in cells)
         for plain, counts in spellings.items():
             others = [f"'{label}' ({count})" for label, count in counts.items() if label != chosen[plain]]
             if others:
@@ -160,7 +165,7 @@ def _near_labels(item: Labelled) -> list[tuple[str, str]]:
     found = []
     for k, label in enumerate(order):
         for other in order[:k]:
-            near = SequenceMatcher(None, _plain(label), _plain(other)).ratio() >= _NEAR
+            near = SequenceMatcher(None, plain_label(label), plain_label(other)).ratio() >= _NEAR
             if near and _digits(label) == _digits(other) and min(len(label), len(other)) >= _LEAST_LETTERS:
                 found.append((label, other))
                 break
@@ -171,7 +176,7 @@ def _digits(label: str) -> list[str]:
     return re.findall(r"[0-9]+", label)
 
 
-def _plain(label: str) -> str:
+def plain_label(label: str) -> str:
     """A label without case, accents and superfluous blanks."""
     apart = unicodedata.normalize("NFKD", label.casefold())
     return " ".join("".join(letter for letter in apart if not unicodedata.combining(letter)).split())

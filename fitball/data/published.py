@@ -63,8 +63,9 @@ PREFIX = "literature:"
 
 @dataclass(frozen=True)
 class PublishedPrior:
-    """A prior of `parameter` under `key`: `distribution` is normal (`value` [SI], `sd`) or lognormal (median, sd of
-    the natural logarithm); `source` is where the value was published, `note` what it and its width are.
+    """A prior of `parameter` under `key`: `distribution` is normal (`value` [SI], `sd`), lognormal (median, sd of
+    the natural logarithm) or half-t (scale, degrees of freedom), of the spread between levels; `source` is where the
+    value was published, `note` what it and its width are.
     """
 
     parameter: str

@@ -20,16 +20,19 @@ from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
+from fitball.report.fit.circumstances import circumstance_rows
 from fitball.report.fit.itf_tests import (
     ball_rows,
-    category_words,
+    class_lines,
     court_lines,
+    drop_class,
     drop_lead,
     drop_remarks,
+    level_heads,
     pace_remarks,
     place_rows,
-    rating_words,
-    rests,
+    rating_value,
+    rest_lines,
     speed_rows,
     surface_rows,
     surface_words,
@@ -280,6 +283,7 @@ def certificate(saved: Fit) -> str:
         parts=parts,
         adequacy="Not tested." if saved.adequacy is None else saved.adequacy.sentence,
         remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["None besides data and scene."],
+        circumstances=circumstance_rows(saved),
         facts=_facts(saved),
     )
 
@@ -303,10 +307,10 @@ def _content(saved: Fit) -> Content:
     dropped, pace = saved.drop_test, saved.court_pace
     if dropped is not None and not dropped.missing:
         return _of_drops(dropped)
-    if pace is not None and (pace.ratings or pace.measured is not None):
-        return _of_court(pace, rests(saved.parameters, saved.adequacy) if pace.ratings else "")
+    if pace is not None and (pace.ratings or pace.measured):
+        return _of_court(pace, rest_lines(saved))
     sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
-    rows = [parameter_row(item) for item in saved.parameters.values() if item.verdict in sure]
+    rows = [parameter_row(item) for item in saved.reported if item.verdict in sure]
     known = [{"parameter": row.name, "value": row.best, "95 %": row.interval_95, "unit": row.unit} for row in rows]
     parts = [_part("Parameters that the data determine", known, "parameters", narrow=True)] if known else []
     return f"Fit of model {saved.fitted.model_name}", (saved.verdict,), parts, ()
@@ -321,29 +325,28 @@ def _of_drops(test: DropTest) -> Content:
         heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
         parts.append(_part("Coefficient of restitution (COR) at the tested speeds", speeds, "speeds", heads=heads))
     title = "Drop test" if test.rebound is None else "Drop test of tennis balls"
-    return title, drop_lead(test), parts, drop_remarks(test)
+    return title, (*drop_class(test), *drop_lead(test, stated=True)), parts, drop_remarks(test)
 
 
-def _of_court(pace: CourtPace, depends: str) -> Content:
-    parts, places = [], place_rows(pace)
-    surfaces = [
-        row | {"category": category_words(item)} for row, item in zip(surface_rows(pace), pace.ratings, strict=True)
-    ]
+def _of_court(pace: CourtPace, depends: Sequence[str]) -> Content:
+    parts, places, surfaces = [], place_rows(pace), surface_rows(pace)
     if places:
         parts.append(_part("Places on the court, as measured", places, "places", MOST_PLACES))
     # One page has room for one long table, not for two.
     most = MOST_PLACES - len(places)
-    if 0 < len(surfaces) <= most or not places:
+    if surfaces and (len(surfaces) <= most or not places):
         title = "Test impact (30 m/s, 16 degrees) predicted by the model"
-        heads = ("surface", "impacts", "rating", "95 %", "category", "mu of the test")
-        parts.append(_part(title, surfaces, "surfaces", most, heads))
-    result = court_lines(pace) or tuple(
-        f"ITF court pace rating{f' of {surface_words(rating)}' if len(surfaces) > 1 else ''} by the model: "
-        f"{rating_words(rating)}."
-        for rating in pace.ratings[:4]
-    )
-    remarks = [f"The rating by the model is {depends}."] if depends else []
-    return "Court pace", result, parts, (*remarks, *pace_remarks(pace))
+        heads = (*level_heads(pace), "impacts", "rating", "95 %", "mu of the test")
+        parts.append(_part(title, surfaces, f"{level_heads(pace)[0]}s", most, heads))
+    # One category is stated; both tests have their numbers.
+    result = [*class_lines(pace), *court_lines(pace, shares=False)]
+    if pace.court is None:
+        result += [
+            f"ITF court pace rating{f' of {surface_words(rating)}' if rating.labels else ''} by the model: "
+            f"{rating_value(rating)}."
+            for rating in pace.ratings[:4]
+        ]
+    return "Court pace", result, parts, (*depends, *pace_remarks(pace))
 
 
 def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:

@@ -16,7 +16,7 @@ from fitball.data.table import ImpactTable
 from fitball.inference.population.hyper import Before, Known, TableDraws
 from fitball.inference.population.levels import population, population_over
 from fitball.inference.population.quantity import default_prior, prior_of, quantity
-from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.parameters import NOISE_SPECS, parse_prior
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.inference.sampling.ensembles import Schedule
@@ -77,7 +77,8 @@ def before(name: str) -> Before:
     centre, sd, spread = POPULATIONS[name]
     asked = quantity(name)
     ends = asked.ends({name: prior_of(asked.parts[0], INTERIM[name])})
-    return Before(lambda places: -0.5 * ((places - centre) / sd) ** 2, spread, ends)
+    size = parse_prior(f"{name}_spread", f"half-normal({spread})", 0.0, np.inf)
+    return Before(lambda places: -0.5 * ((places - centre) / sd) ** 2, size, size, ends)
 
 
 def draw_table(

@@ -102,8 +102,8 @@ def _expected(
     median, at = float(prior.quantile(np.array([0.5]))[0]), float(prior.coordinate(np.array(fitted)))
     error = (1.0 if prior.log else fitted) / math.sqrt(2.0 * freedom)
     (low, high), ratio = prior.support, fitted / median
-    if prior.normal:
-        p = float(ndtr((prior.a - at) / math.hypot(prior.b, error)))
+    if prior.bell:
+        p = prior.below((prior.a - at) / math.hypot(prior.b, error))
     else:
         # A uniform density knows no size that would be improbable but by its ends.
         p = float(ndtr((high - at) / error)) if at > high else (high - max(at, low)) / (high - low)

@@ -170,17 +170,16 @@ def _profile(
     at, cost = (np.array(part) for part in zip(*((point.at, point.cost) for point in ordered), strict=True))
     # What counts of a level, a bias or a constant of the ball besides the table does so for all others; for itself it
     # is a prior, and taken off again.
-    precision = centre = 0.0
+    apart, drop = False, np.maximum(cost - lowest, 0.0)
     if column in objective.columns:
-        precision, centre = (float(part[objective.columns.index(column)]) for part in objective.knowledge_apart)
-    drop = np.maximum(cost - lowest, 0.0)
-    if precision > 0.0:
-        own = cost - 0.5 * precision * (at - centre) ** 2
-        drop = own - own.min()
+        known = objective.knowledge_apart.take(objective.columns.index(column))
+        apart = bool(known.precision[0] > 0.0)
+        own = cost - known.cost(at[:, None])[:, 0]
+        drop = own - own.min() if apart else drop
     shown = (lambda place: place) if objective.is_value(column) else parameter.prior.value
     ends, leans = [], []
     for k in (0, -1):
-        end = End.BOUND if ordered[k].bound else End.SCATTER if precision > 0.0 else End.MODEL
+        end = End.BOUND if ordered[k].bound else End.SCATTER if apart else End.MODEL
         if drop[k] >= DROP_95:
             end = End.RANGE if ranged[k] else End.CLOSED
         ends.append(end)

@@ -147,7 +147,7 @@ def within_support(contraction: float, prior: Prior) -> float:
     """A contraction to first order, against a normal prior that ends nowhere, as that of a prior with its ends: by
     the variance that a normal likelihood of the same precision, about the prior's median, leaves of it.
     """
-    unit = prior.width if prior.normal else prior.width / 12.0**0.5
+    unit = prior.width if prior.bell else prior.width / 12.0**0.5
     precision = contraction / (1.0 - contraction) / unit**2
     return left_of(prior, lambda at: 0.5 * precision * (at - np.median(at)) ** 2)
 

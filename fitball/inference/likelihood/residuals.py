@@ -42,8 +42,8 @@ def residuals(problem: Problem, values: FloatArray, weighting: Weighting) -> Flo
     if weighting.penalised:
         coordinates = problem.to_coordinates(values)
         for column, parameter in enumerate(problem.free):
-            if parameter.prior.normal and parameter.name not in NOISE_SPECS:
-                rows.append(((coordinates[:, column] - parameter.prior.a) / parameter.prior.b)[:, None])
+            if parameter.prior.bell and parameter.name not in NOISE_SPECS:
+                rows.append(parameter.prior.residual(coordinates[:, column])[0][:, None])
     stacked = np.concatenate(rows, axis=1)
     # So near to where the model ends numbers may overflow before it says so.
     impossible = np.any(rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=1)
@@ -94,9 +94,9 @@ def residual_slopes(problem: Problem, coordinates: FloatArray, weighting: Weight
         rows.append(made.pace[:, None] / problem.contact_time[1])
     if weighting.penalised:
         for k, parameter in enumerate(problem.free):
-            if parameter.prior.normal and parameter.name not in NOISE_SPECS:
-                unit = np.eye(problem.dimension)[k] / parameter.prior.b
-                rows.append(np.broadcast_to(unit, (coordinates.shape[0], 1, unit.size)))
+            if parameter.prior.bell and parameter.name not in NOISE_SPECS:
+                rate = parameter.prior.residual(coordinates[:, k])[1]
+                rows.append(rate[:, None, None] * np.eye(problem.dimension)[k])
     stacked = np.concatenate(rows, axis=1)
     impossible = np.any(made.rebound.status, axis=1) | ~np.all(np.isfinite(stacked), axis=(1, 2))
     stacked[impossible] = 0.0

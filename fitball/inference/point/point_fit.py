@@ -237,7 +237,7 @@ def _moved(problem: Problem, starts: FloatArray) -> FloatArray:
     shifted = []
     for column, parameter in enumerate(problem.free):
         low, high = parameter.prior.support
-        if parameter.prior.normal:
+        if parameter.prior.bell:
             low, high = (
                 max(low, parameter.prior.a - REACH * parameter.prior.b),
                 min(high, parameter.prior.a + REACH * parameter.prior.b),

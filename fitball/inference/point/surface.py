@@ -10,7 +10,7 @@ for. No prior enters a likelihood; bounds, and what the model can evaluate, do.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from fitball.inference.likelihood.force import (
 )
 from fitball.inference.likelihood.posterior import impact_terms, log_scene_density
 from fitball.inference.problem.noise import NORMAL, NoiseKind, NormalNoise
-from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Pull
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import PART, batches, part_of
 from fitball.models.model import ROUNDING
@@ -163,7 +163,7 @@ class Surface:
         low, high = prior.support if self.penalised else prior.ends
         if self.is_value(column):
             return float(prior.value(np.array(low))), float(prior.value(np.array(high)))
-        middle = own.a if own.normal else 0.5 * (own.a + own.b)
+        middle = own.a if own.bell else 0.5 * (own.a + own.b)
         return max(low, middle - PRIOR_REACH * own.width) if own.log else low, high
 
     def _possible(self, column: int) -> tuple[float, float]:
@@ -181,6 +181,35 @@ class Surface:
         low = np.array([first > possible for (first, _), (possible, _) in ends], dtype=bool)
         high = np.array([last < possible - ROUNDING for (_, last), (_, possible) in ends], dtype=bool)
         return low, high
+
+    @cached_property
+    def _levels(self) -> list[tuple[int, NDArray[np.int64]]]:
+        """Of each parameter that differs between levels the columns of spread and places, where all are free and the
+        common value is in the coordinate of its prior.
+        """
+        places = {parameter.name: k for k, parameter in enumerate(self.parameters)}
+        return [
+            (places[item.spread_name], np.array([places[name] for name in item.hidden[1:]]))
+            for item in self.problem.pooling
+            if {item.parameter, *item.hidden} <= places.keys() and not self._as_value[places[item.parameter]]
+        ]
+
+    def moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
+        """Where a step (rows, columns) leads, within bounds. What is linear along it is a level, `q + tau z`, which
+        the data determine, and not the place `z`: else steps would follow a curved ridge.
+        """
+        there = x + step
+        low, high = self.limits
+        for spread, places in self._levels:
+            log = self.parameters[spread].prior.log
+            before, after = (np.exp(at[:, spread]) if log else at[:, spread] for at in (x, there))
+            rate = before * step[:, spread] if log else step[:, spread]
+            # From the common value, which moves too.
+            level = before[:, None] * there[:, places] + x[:, places] * rate[:, None]
+            sure = after > 0.0
+            there[np.ix_(sure, places)] = level[sure] / after[sure, None]
+            there[:, places] = np.clip(there[:, places], low[places], high[places])
+        return there
 
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
@@ -268,33 +297,26 @@ class Surface:
         return sizes
 
     @cached_property
-    def knowledge_apart(self) -> tuple[FloatArray, FloatArray]:
-        """Precision and centre (columns,), in coordinates of the priors, of what is part of the model or was measured
-        apart (`Problem.known_apart`); zero precision for all others.
-        """
-        priors = [item.prior for item in self.parameters]
-        apart = [item.name in self.problem.known_apart and item.prior.normal for item in self.parameters]
-        precision = [prior.b**-2.0 if known else 0.0 for prior, known in zip(priors, apart, strict=True)]
-        return np.array(precision), np.array([prior.a for prior in priors])
+    def knowledge_apart(self) -> Pull:
+        """What is part of the model or was measured apart (`Problem.known_apart`), in coordinates of the priors."""
+        return self._pull([item.name in self.problem.known_apart for item in self.parameters])
+
+    def _pull(self, counted: Sequence[bool]) -> Pull:
+        return Pull.of([item.prior for item in self.parameters], counted)
 
     def _held(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What holds columns beside the measurements: its cost (rows,), slopes and curvatures (rows, columns)."""
-        precision, centre = self._knowledge
-        chain = self._chain(x)
-        away = np.where(self._as_value, np.log(np.where(self._as_value, x, 1.0)), x) - centre
-        return 0.5 * np.sum(precision * away**2, axis=1), precision * away * chain, precision * chain**2
+        known, chain = self._knowledge, self._chain(x)
+        at = np.where(self._as_value, np.log(np.where(self._as_value, x, 1.0)), x)
+        weight = known.weight(at)
+        return known.cost(at).sum(axis=1), weight * (at - known.centre) * chain, weight * chain**2
 
     @cached_property
-    def _knowledge(self) -> tuple[FloatArray, FloatArray]:
-        """Precision and centre (columns,) of what is known of each column, in coordinates of the priors; a uniform
-        prior only bounds.
-        """
-        if self.squares:
-            return np.zeros(len(self.columns)), np.zeros(len(self.columns))
-        if not self.penalised:
-            return self.knowledge_apart
-        priors = [item.prior for item in self.parameters]
-        return np.array([item.b**-2.0 if item.normal else 0.0 for item in priors]), np.array([p.a for p in priors])
+    def _knowledge(self) -> Pull:
+        """What is known of each column, in coordinates of the priors; a uniform prior only bounds."""
+        if self.penalised or self.squares:
+            return self._pull([not self.squares] * len(self.columns))
+        return self.knowledge_apart
 
     def cost(self, x: FloatArray, given: Conditions) -> FloatArray:
         """The surface (rows,), with the scene's contact time where it counts; inf where the model has no answer."""

@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import ndtr, ndtri
 from scipy.stats import iqr
 
+from fitball.inference.problem.parameters import Prior
 from fitball.values import FloatArray
 
 SMOOTH = 0.3
@@ -225,8 +226,8 @@ def _cut(sides: tuple[FloatArray, ...], table: FloatArray, empty: float) -> tupl
 
 # The posterior of centre and spread.
 
-# The largest spread that is looked at, in sds of its half-normal prior.
-REACH = 5.0
+# Share of the prior of a spread below the largest that is looked at: five sds of a normal one.
+REACHED = 1.0 - 6e-7
 # Share of the mass of the grid that may be left out where tables are weighted.
 LEFT_OUT = 1e-4
 # Median, and ends of a 95 % interval.
@@ -239,17 +240,24 @@ FAR = 8.0
 
 @dataclass(frozen=True)
 class Before:
-    """What is known of a population before any table: the log density of its centre, the sd `spread` of the
-    half-normal prior of its spread, and the ends between which the quantity may lie, and its centre.
+    """What is known of a population before any table: the log density of its centre, the priors of its spread (over
+    levels of that between these) and of that `within` levels, and the ends between which the quantity may lie, and
+    its centre.
     """
 
     log_centre: Callable[[FloatArray], FloatArray]
-    spread: float
+    spread: Prior
+    within: Prior
     ends: tuple[float, float]
 
     def log_density(self, points: FloatArray) -> FloatArray:
         """Log density (points,) of populations (points, 2), up to a constant."""
-        return np.asarray(self.log_centre(points[:, 0]) - 0.5 * (points[:, 1] / self.spread) ** 2)
+        return np.asarray(self.log_centre(points[:, 0]) + self.spread.log_density(points[:, 1]))
+
+
+def reach(spread: Prior, size: float) -> float:
+    """The largest spread that is looked at, in coordinates `u` where the spread is `size` sinh u."""
+    return float(np.arcsinh(float(spread.quantile(np.array(REACHED))) / size))
 
 
 @dataclass(frozen=True)
@@ -349,9 +357,8 @@ def hyper_posterior(tables: Sequence[TableDraws], before: Before) -> HyperPoster
         total[inside] -= len(tables) * log_mass(points, before.ends)
         return total
 
-    reach = FAR + float(np.sqrt(len(tables))) * FAR
-    most = float(np.arcsinh(REACH * before.spread / chart.size))
-    return HyperPosterior(covering_grid(log_density, (-reach, 0.0), (reach, most)), chart)
+    far = FAR + float(np.sqrt(len(tables))) * FAR
+    return HyperPosterior(covering_grid(log_density, (-far, 0.0), (far, reach(before.spread, chart.size))), chart)
 
 
 def quantile_ends(fine: FloatArray, side: FloatArray, shares: FloatArray) -> tuple[float, float, float]:

@@ -4,7 +4,7 @@ Centre and spread from the draws of all tables; the estimate of a table within t
 by it, averaged over its posterior (Hogg, Myers and Bovy 2010, ApJ 725, 2166).
 
 Tables may lie on levels (surfaces, balls, days): tables scatter about the value of their level, levels about a
-centre. Both scatter normally, each spread with the half-normal prior of a pooled parameter's. At each spread within
+centre. Both scatter normally, each spread with the prior of a pooled parameter's. At each spread within
 levels the value of a level has a likelihood, the product of those of its tables, which quadrature nodes stand for;
 these levels have a population as tables have, whose evidence weighs the spread within. Levels and tables are drawn
 from all of that together.
@@ -20,7 +20,6 @@ import numpy as np
 from fitball.inference.population.hyper import (
     FAR,
     FINE,
-    REACH,
     Before,
     HyperPosterior,
     Known,
@@ -33,6 +32,7 @@ from fitball.inference.population.hyper import (
     log_likelihood,
     log_mass,
     quantile_ends,
+    reach,
     shares_of,
 )
 from fitball.inference.sampling.importance import K_TRUSTED, smoothed
@@ -173,9 +173,9 @@ def level_nodes(
             total += log_likelihood(table.take(every), points)
         return total
 
-    reach = FAR * np.hypot(within, max(table.width for table in tables))
-    low = max(ends[0], min(float(table.places.min()) for table in tables) - reach)
-    high = min(ends[1], max(float(table.places.max()) for table in tables) + reach)
+    far = FAR * np.hypot(within, max(table.width for table in tables))
+    low = max(ends[0], min(float(table.places.min()) for table in tables) - far)
+    high = min(ends[1], max(float(table.places.max()) for table in tables) + far)
     grid = covering_grid(log_density, (low,), (high,), NODES, DEEP, every)
     side, shares = grid.sides[0], grid.shares
     centre, width = float(shares @ side), BLUR * float(side[1] - side[0])
@@ -224,9 +224,9 @@ def population_over(levels: Mapping[str, Sequence[TableDraws]], before: Before) 
             nodes = [level_nodes(name, tables, within, before.ends, every) for name, tables in levels.items()]
             parts.append(Part(float(within), tuple(nodes), hyper_posterior(nodes, before)))
         evidence = np.array([part.posterior.grid.log_mass for part in parts])
-        return np.asarray(evidence - 0.5 * (spreads / before.spread) ** 2 + np.log(np.cosh(u[:, 0])))
+        return np.asarray(evidence + before.within.log_density(spreads) + np.log(np.cosh(u[:, 0])))
 
-    grid = covering_grid(log_density, (0.0,), (float(np.arcsinh(REACH * before.spread / size)),))
+    grid = covering_grid(log_density, (0.0,), (reach(before.within, size),))
     rng = np.random.default_rng([len(levels), TOGETHER])
     counts = rng.multinomial(TOGETHER, grid.shares)
     drawn = np.concatenate([part.drawn(count, rng) for part, count in zip(parts, counts, strict=True) if count])

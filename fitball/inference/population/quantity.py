@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 from fitball.errors import ParameterError
 from fitball.inference.population.hyper import Before
 from fitball.inference.problem.parameters import NOISE_SPECS, Prior, parse_prior
-from fitball.inference.problem.pooling import expected_spread
+from fitball.inference.problem.spreads import kind_of, spread_prior
 from fitball.models.registry import parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.values import FloatArray
@@ -70,14 +70,15 @@ class Quantity:
         (low, high), (lower, higher) = sides
         return low - higher, high - lower
 
-    def before(self, ends: tuple[float, float]) -> Before:
+    def before(self, ends: tuple[float, float], over: str = "") -> Before:
         """What is known of the population: the centre as the parameter itself by default, the spread as a pooled
-        parameter's; the quantity lies between `ends`.
+        parameter's over the label `over` (empty: over the tables); the quantity lies between `ends`.
         """
         priors: dict[str, Prior | float] = {part.name: default_prior(part) for part in self.parts}
-        first = default_prior(self.parts[0])
-        size = expected_spread(True, first) if len(self.parts) == 2 else expected_spread(self.log, first)
-        return Before(self.log_prior(priors), size, ends)
+        first, kind = default_prior(self.parts[0]), kind_of(over)
+        log = self.log or len(self.parts) == 2
+        between, within = (spread_prior(self.name, level, log, first).prior for level in (kind, None))
+        return Before(self.log_prior(priors), between, within, ends)
 
 
 def quantity(name: str) -> Quantity:

@@ -9,12 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from fitball.data.columns import HEIGHTS
 from fitball.data.heights import BALL_TYPES, DEFAULT_TYPE, DROP_HEIGHT
+from fitball.data.labels import Role
 from fitball.inference.prediction.posterior_predictive import with_noise
 from fitball.inference.prediction.reach import calibrated_range
+from fitball.inference.problem.parameters import Prior, parse_prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.spreads import spread_prior
 from fitball.inference.results.lab import (
     BallRebound,
     DropTest,
@@ -33,18 +37,22 @@ from fitball.inference.results.lab import (
 )
 from fitball.inference.results.quantiles import MOST_UNSOLVED, Spread, spread_of
 from fitball.inference.results.results import PointFit, Posterior, thinned
+from fitball.models.specs import SPECS
 from fitball.models.types import STATUS_REASON, Status
 from fitball.values import FloatArray, Impacts
 
 # Repeated measurements of several balls, or at several places: their differences apart from measurement noise. `y = X
-# beta + b[label] + noise`, where `b` and the noise are normal. Priors are flat in `beta`, in the standard deviation
-# between labels (Gelman 2006, *Bayesian Analysis* 1, 515) and in the logarithm of that of the noise. Given the ratio
-# of the two, everything else is known in closed form (a linear mixed model with one factor; Searle, Casella and
-# McCulloch 1992, *Variance Components*, ch. 3), so that the ratio alone is summed over a grid.
+# beta + b[label] + noise`, where `b` and the noise are normal. Priors are flat in `beta` and in the logarithm of the
+# noise's standard deviation; that between labels has the prior of a pooled parameter's spread. Given the ratio of the
+# two, `beta` and `b` are known in closed form (a linear mixed model with one factor; Searle, Casella and McCulloch
+# 1992, *Variance Components*, ch. 3); so would be the noise if the prior between labels were flat. The prior weighs
+# the cells of a grid of ratios and of quantiles of that noise.
 
 DRAWN = 8000
 # Ratios of the two standard deviations, evenly spaced in their logarithm: beyond, nothing is left of either.
 RATIOS = np.exp(np.linspace(np.log(1e-4), np.log(1e4), 800))
+# Parts of equal probability of the noise.
+PARTS = 100
 # Below this share of the whole scatter repeats agree to the digits they are printed with.
 LEAST_SCATTER = 1e-12
 
@@ -80,14 +88,16 @@ def plain_mean(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray
 
 
 def one_way(
-    values: FloatArray, design: FloatArray, index: NDArray[np.int64], rng: np.random.Generator
+    values: FloatArray, design: FloatArray, index: NDArray[np.int64], between: Prior, rng: np.random.Generator
 ) -> OneWay | str:
-    """Draws for `values` (rows,) with `design` (rows, columns) and labels `index` (rows,), or why there are none."""
+    """Draws for `values` (rows,) with `design` (rows, columns) and labels `index` (rows,), or why there are none;
+    `between` is the prior of the standard deviation between labels, in the unit of the values.
+    """
     labels = np.eye(int(index.max()) + 1)[index]
     rank = int(np.linalg.matrix_rank(np.hstack([design, labels])))
     shared = int(np.linalg.matrix_rank(design)) + labels.shape[1] - rank
-    if labels.shape[1] - shared < 2:
-        return "fewer than three of them"
+    if labels.shape[1] - shared < 1:
+        return "fewer than two of them"
     if values.size - rank < 2:
         return "too few repeats"
     beta: FloatArray = np.asarray(np.linalg.lstsq(design, values, rcond=None)[0], dtype=np.float64)
@@ -95,7 +105,7 @@ def one_way(
     pure = rest - _fitted(np.hstack([design, labels]), rest)
     if not pure @ pure > LEAST_SCATTER * (values @ values):
         return "all repeats are identical"
-    return _draws(rest, beta, design, labels, rng)
+    return _draws(rest, beta, design, labels, between, rng)
 
 
 def _fitted(matrix: FloatArray, values: FloatArray) -> FloatArray:
@@ -103,7 +113,12 @@ def _fitted(matrix: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _draws(
-    rest: FloatArray, beta: FloatArray, design: FloatArray, labels: FloatArray, rng: np.random.Generator
+    rest: FloatArray,
+    beta: FloatArray,
+    design: FloatArray,
+    labels: FloatArray,
+    between: Prior,
+    rng: np.random.Generator,
 ) -> OneWay:
     """Draws around the least-squares `beta`, which leaves `rest` (rows,)."""
     freedom = rest.size - design.shape[1] - 1
@@ -120,10 +135,12 @@ def _draws(
         - 0.5 * freedom * np.log(square)
         + np.log(RATIOS)
     )
-    weight = np.cumsum(np.exp(density - density.max()))
-    chosen = np.searchsorted(weight, weight[-1] * (np.arange(DRAWN) + rng.uniform()) / DRAWN)
-    chosen = rng.permutation(np.minimum(chosen, RATIOS.size - 1))
-    within = np.sqrt(square[chosen] / rng.chisquare(freedom, DRAWN))
+    noise = np.sqrt(square[:, None] / chdtri(freedom, (np.arange(PARTS) + 0.5) / PARTS))
+    cells = (density[:, None] + between.log_density(RATIOS[:, None] * noise)).ravel()
+    weight = np.cumsum(np.exp(cells - cells.max()))
+    found = np.searchsorted(weight, weight[-1] * (np.arange(DRAWN) + rng.uniform()) / DRAWN)
+    chosen, part = np.divmod(rng.permutation(np.minimum(found, cells.size - 1)), PARTS)
+    within = np.sqrt(square[chosen] / chdtri(freedom, (part + rng.uniform(size=DRAWN)) / PARTS))
     roots = np.linalg.cholesky(np.linalg.inv(information))[chosen]
     moved = move[chosen] + within[:, None] * np.einsum(
         "dpq,dq->dp", roots, rng.standard_normal((DRAWN, design.shape[1]))
@@ -131,6 +148,16 @@ def _draws(
     spread = within[:, None] * np.sqrt(share[chosen])
     shifts = share[chosen] * (totals - moved @ sums.T) + spread * rng.standard_normal((DRAWN, count.size))
     return OneWay(beta + moved, RATIOS[chosen] * within, within, shifts)
+
+
+def chosen_spread(problem: Problem, quantity: str, column: str) -> Prior | None:
+    """The prior of the spread of a quantity over the labels of a `column` where the fit has one: as pooled, or as
+    chosen.
+    """
+    name = f"{quantity}_spread"
+    if any((pooling.parameter, pooling.column) == (quantity, column) for pooling in problem.pooling):
+        return next(item.prior for item in problem.parameters if item.name == name)
+    return problem.spreads.get(name)
 
 
 DRAWS = 4000
@@ -222,6 +249,14 @@ def _fitted_law(problem: Problem, point: PointFit, posterior: Posterior | None, 
     return at
 
 
+def spread_of_balls(tennis: bool) -> Prior:
+    """The prior by default of the standard deviation of the restitution between balls."""
+    spec = SPECS["cor_10"]
+    return spread_prior(
+        spec.name, Role.BALL, False, parse_prior(spec.name, spec.prior, spec.lower, spec.upper), tennis
+    ).prior
+
+
 def _balls(
     problem: Problem, known: NDArray[np.int64], cor: FloatArray, speed: float, rng: np.random.Generator
 ) -> tuple[OneWay | None, Variation | None]:
@@ -231,7 +266,8 @@ def _balls(
         return None, None
     names = tuple(dict.fromkeys(labels[k] for k in known))
     index = np.array([names.index(labels[k]) for k in known], dtype=np.int64)
-    found = one_way(cor, _design(problem.table.impacts.v_y1[known], speed), index, rng)
+    between = chosen_spread(problem, "cor_10", BALLS) or spread_of_balls(problem.scene.tennis)
+    found = one_way(cor, _design(problem.table.impacts.v_y1[known], speed), index, between, rng)
     if isinstance(found, str):
         return None, Variation(BALLS, None, None, (), found)
     levels = tuple(

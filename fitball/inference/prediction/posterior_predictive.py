@@ -66,6 +66,11 @@ def by_level(problem: Problem) -> dict[tuple[str, ...], NDArray[np.int64]]:
     }
 
 
+def levels_of(problem: Problem, labels: Sequence[str]) -> dict[str, str]:
+    """The labels of a combination of levels by column: two parameters over one column have the same."""
+    return dict(zip((pooling.column for pooling in problem.pooling), labels, strict=True))
+
+
 def _rounded(value: float, tolerance: float) -> float:
     """`value` to a multiple of 1, 2 or 5 times a power of ten, at most a third of `tolerance`."""
     decade = 10.0 ** math.floor(math.log10(tolerance / 3.0))
@@ -178,6 +183,17 @@ def joined(parts: Sequence[Made]) -> Made:
 
     names = [item.name for item in fields(parts[0])]
     return replace(parts[0], **{name: together([getattr(part, name) for part in parts]) for name in names})
+
+
+def in_order(value: Made, order: NDArray[np.int64]) -> Made:
+    """A value that holds arrays (..., impacts), of the impacts in another order."""
+
+    def moved(held: Any) -> Any:
+        if is_dataclass(held) and not isinstance(held, type):
+            return in_order(held, order)
+        return held[..., order] if isinstance(held, np.ndarray) else held
+
+    return replace(value, **{item.name: moved(getattr(value, item.name)) for item in fields(value)})
 
 
 def _at_impacts(

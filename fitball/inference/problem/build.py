@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Set
 from dataclasses import replace
 
@@ -21,7 +22,7 @@ from fitball.inference.problem.observables import (
     noise_by_column,
     noise_parameters,
 )
-from fitball.inference.problem.parameters import NOISE_SPECS, build_parameters, parse_prior
+from fitball.inference.problem.parameters import NOISE_SPECS, Prior, build_parameters, parse_prior
 from fitball.inference.problem.pooling import (
     ALL,
     NOT_POOLED,
@@ -32,6 +33,7 @@ from fitball.inference.problem.pooling import (
     default_pool,
 )
 from fitball.inference.problem.problem import Choices, Problem
+from fitball.inference.problem.spreads import LAB_SPREADS, kind_of
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
@@ -89,8 +91,11 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         pool |= own
         notes += remarks
     pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
-    levels, offsets, extra = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
-    parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, published)
+    levels, offsets, extra, known_spreads = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
+    spreads = _spreads(table, wanted, extra)
+    wanted = {key: text for key, text in wanted.items() if key not in spreads}
+    sources = {**known_spreads, **published}
+    parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, sources)
     if all(parameter.name in NOISE_SPECS for parameter in parameters if parameter.free):
         raise FitError(
             f"{table.source}: every parameter of model {name} is fixed: free at least one that is not a noise"
@@ -115,6 +120,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
             *([chosen.remark] if chosen.remark else []),
         ),
         pooling=levels,
+        spreads=spreads,
         group_bias=offsets,
         incident=incident,
         force=records,
@@ -158,8 +164,10 @@ def _structure(
     priors: Mapping[str, str],
     noise: NoiseKind,
     pool: Mapping[str, str],
-) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec]]:
-    """The `pool`ing and group offsets asked for, and the parameters that these and `noise` bring."""
+) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec], dict[str, str]]:
+    """The `pool`ing and group offsets asked for, the parameters that these and `noise` bring, and where priors of
+    spreads that nobody chose were published.
+    """
     extra = {spec.name: spec for spec in noise.parameters}
     specs = chosen.specs
     known = {
@@ -168,14 +176,28 @@ def _structure(
         if name in pool and name in chosen.parameter_names
     }
     levels = build_pooling(table, pool, chosen.parameter_names, known)
+    sources = {}
     for pooling in levels:
-        extra |= pooling.specs(specs[pooling.parameter].unit, known[pooling.parameter])
+        extra |= pooling.specs(specs[pooling.parameter].unit, known[pooling.parameter], scene.tennis)
+        source = pooling.spread_prior(known[pooling.parameter], scene.tennis).source
+        if source and pooling.spread_name not in priors:
+            sources[pooling.spread_name] = source
     column = choices.offsets or scene.offsets
     offsets = None if column is None else build_group_bias(table, column)
     if offsets is not None:
         sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
         extra |= offsets.specs(observables, sizes)
-    return levels, offsets, extra
+    return levels, offsets, extra, sources
+
+
+def _spreads(table: ImpactTable, priors: Mapping[str, str], extra: Mapping[str, ParameterSpec]) -> dict[str, Prior]:
+    """Chosen `priors` of spreads that are no parameter of the fit: of dropped balls, of places of a court."""
+    kinds = {kind_of(column) for column in table.labels}
+    return {
+        name: parse_prior(name, text, 0.0, math.inf)
+        for name, text in priors.items()
+        if name not in extra and LAB_SPREADS.get(name) in kinds - {None}
+    }
 
 
 def reduction(table: ImpactTable, name: str) -> Reduced | None:

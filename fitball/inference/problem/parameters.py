@@ -1,5 +1,5 @@
 """Which parameters a fit has: free with a prior, or fixed at a value. Priors are proper one-dimensional densities,
-truncated by the bounds of their parameter.
+truncated by the bounds of their parameter: uniform, normal, or Student's t.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import log_ndtr, ndtr, ndtri
+from scipy.special import exprel, gammaln, log_ndtr, ndtr, ndtri, stdtr, stdtrit
 
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.noise import KINDS
@@ -20,27 +20,34 @@ from fitball.models.specs import POSITIVE, ParameterSpec
 from fitball.observables import OBSERVABLES, SHARED_NOISE, SHARED_SD, ColumnNoise
 from fitball.values import FloatArray
 
-FORM = re.compile(r"^\s*([A-Za-z_]+)\s*\(([^()]*)\)\s*$")
+FORM = re.compile(r"^\s*([A-Za-z_-]+)\s*\(([^()]*)\)\s*$")
 # No quantity is larger or smaller than these, nor its logarithm less known; beyond, quantiles leave the doubles.
 SMALLEST, LARGEST, WIDEST_LOG = 1.0e-100, 1.0e100, 50.0
 LOG_ROOT_TAU = 0.5 * math.log(2.0 * math.pi)
 
 
+def tailed(square: FloatArray, freedom: float | FloatArray) -> FloatArray:
+    """Minus twice the log density of Student's t, but for a constant, at a `square` of a distance in scales."""
+    return np.asarray((freedom + 1.0) * np.log1p(square / freedom))
+
+
 @dataclass(frozen=True)
 class Prior:
-    """A uniform or normal density of `x`, or of `ln x` when `log`, truncated to [lower, upper].
+    """A density of `x`, or of `ln x` when `log`, truncated to [lower, upper]: uniform, or a bell.
 
-    For a normal one `a`, `b` are its mean and sd (of `ln x` when `log`); for a uniform one its ends. `text` is
-    how it was written.
+    A bell (`bell`) is normal, or Student's t where its degrees of `freedom` are finite; `a`, `b` are its centre and
+    scale (of `ln x` when `log`), of a normal one mean and sd. For a uniform one they are its ends. `text` is how it
+    was written.
     """
 
     text: str
-    normal: bool
+    bell: bool
     log: bool
     a: float
     b: float
     lower: float
     upper: float
+    freedom: float = math.inf
 
     def coordinate(self, x: FloatArray) -> FloatArray:
         """The coordinate in which the density has its shape: `ln x` or `x`."""
@@ -65,19 +72,32 @@ class Prior:
     def log_density(self, coordinate: FloatArray) -> FloatArray:
         """Log density with respect to `coordinate`, normalised, -inf outside the bounds."""
         low, high = self.support
-        z = (coordinate - self.a) / self.b if self.normal else np.zeros(np.shape(coordinate))
-        return np.where((coordinate >= low) & (coordinate <= high), -0.5 * z * z - self.log_scale, -np.inf)
+        z = (coordinate - self.a) / self.b if self.bell else np.zeros(np.shape(coordinate))
+        square = z * z if math.isinf(self.freedom) else tailed(z * z, self.freedom)
+        return np.where((coordinate >= low) & (coordinate <= high), -0.5 * square - self.log_scale, -np.inf)
+
+    def residual(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The residual of a bell, half of whose square is minus its log density but for a constant, and its
+        derivative.
+        """
+        z = (coordinate - self.a) / self.b
+        if math.isinf(self.freedom):
+            return z, np.full(np.shape(z), 1.0 / self.b)
+        # ln(1 + u)/u, which is one at u = 0.
+        share = 1.0 / exprel(np.log1p(z * z / self.freedom))
+        root = np.sqrt((self.freedom + 1.0) / self.freedom * share)
+        return z * root, (self.freedom + 1.0) / (self.freedom + z * z) / root / self.b
 
     @property
     def support(self) -> tuple[float, float]:
         """Coordinates between which the density is positive."""
         low, high = self.ends
-        return (low, high) if self.normal else (max(low, self.a), min(high, self.b))
+        return (low, high) if self.bell else (max(low, self.a), min(high, self.b))
 
     @property
     def width(self) -> float:
-        """A length along the coordinate: the sd of a normal prior, the range of a uniform one."""
-        return self.b if self.normal else self.b - self.a
+        """A length along the coordinate: the scale of a bell, the range of a uniform prior."""
+        return self.b if self.bell else self.b - self.a
 
     @property
     def variance(self) -> float:
@@ -89,36 +109,53 @@ class Prior:
     def log_scale(self) -> float:
         """Minus the log density at the peak."""
         low, high = self.support
-        return LOG_ROOT_TAU + math.log(self.b) + self._log_mass if self.normal else math.log(high - low)
+        if not self.bell:
+            return math.log(high - low)
+        half = 0.5 * self.freedom
+        level = (
+            LOG_ROOT_TAU
+            if math.isinf(half)
+            else float(gammaln(half) - gammaln(half + 0.5) + 0.5 * math.log(math.pi * self.freedom))
+        )
+        return level + math.log(self.b) + self._log_mass
 
     @property
     def _lower_ends(self) -> tuple[float, float]:
-        """The ends of a normal one, mirrored where both lie in the upper tail."""
+        """The ends of a bell, mirrored where both lie in the upper tail."""
         low, high = self._scaled_ends
         return (-high, -low) if low > 0.0 else (low, high)
 
     @property
     def has_mass(self) -> bool:
-        """Whether the bounds leave anything of it: of a normal one at least 1e-12."""
-        if not self.normal:
+        """Whether the bounds leave anything of it: of a bell at least 1e-12."""
+        if not self.bell:
             return self.support[0] < self.support[1]
         low, high = self._lower_ends
-        return float(ndtr(high) - ndtr(low)) > 1e-12 and math.isfinite(self._log_mass)
+        return self.below(high) - self.below(low) > 1e-12 and math.isfinite(self._log_mass)
+
+    def below(self, z: float) -> float:
+        """Probability of less than `z` scales from the centre of a bell that nothing truncates."""
+        return float(ndtr(z) if math.isinf(self.freedom) else stdtr(self.freedom, z))
 
     @property
     def _log_mass(self) -> float:
         low, high = self._lower_ends
+        if math.isfinite(self.freedom):
+            # Tails of Student's t stay within the doubles.
+            return math.log(self.below(high) - self.below(low))
         upper, lower = float(log_ndtr(high)), float(log_ndtr(low))
         return upper + math.log1p(-math.exp(lower - upper))
 
     def quantile(self, probability: FloatArray) -> FloatArray:
         """Values of the parameter at the given probabilities."""
-        if self.normal:
+        if self.bell:
             low, high = self._scaled_ends
             # In the upper tail the probabilities are counted from above, where they keep their digits.
             side = -1.0 if low > 0.0 else 1.0
-            first, last = float(ndtr(side * low)), float(ndtr(side * high))
-            coordinate = self.a + side * self.b * ndtri(first + probability * (last - first))
+            first, last = self.below(side * low), self.below(side * high)
+            among = first + probability * (last - first)
+            inverse = ndtri(among) if math.isinf(self.freedom) else stdtrit(self.freedom, among)
+            coordinate = self.a + side * self.b * inverse
         else:
             low, high = self.support
             coordinate = low + probability * (high - low)
@@ -131,12 +168,26 @@ class Prior:
         return self.quantile(rng.uniform(size=size))
 
 
-# How each is written, and whether it is a normal one, and of the logarithm.
-FAMILIES: Mapping[str, tuple[str, bool, bool]] = {
-    "uniform": ("uniform(lower, upper)", False, False),
-    "loguniform": ("loguniform(lower, upper), both positive", False, True),
-    "normal": ("normal(mean, sd)", True, False),
-    "lognormal": ("lognormal(median, sd of the natural logarithm)", True, True),
+@dataclass(frozen=True)
+class Family:
+    """How a prior is written, in so many `numbers`; whether it is a `bell`, of the logarithm, and only its upper
+    `half`, about zero.
+    """
+
+    form: str
+    bell: bool = False
+    log: bool = False
+    half: bool = False
+    numbers: int = 2
+
+
+FAMILIES: Mapping[str, Family] = {
+    "uniform": Family("uniform(lower, upper)"),
+    "loguniform": Family("loguniform(lower, upper), both positive", log=True),
+    "normal": Family("normal(mean, sd)", bell=True),
+    "lognormal": Family("lognormal(median, sd of the natural logarithm)", bell=True, log=True),
+    "half-normal": Family("half-normal(scale)", bell=True, half=True, numbers=1),
+    "half-t": Family("half-t(scale, degrees of freedom)", bell=True, half=True),
 }
 
 
@@ -149,31 +200,21 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
     matched = FORM.match(text)
     if matched is None:
         raise ParameterError(f"prior of {name}: read '{text}', expected a form such as normal(0.55, 0.05)")
-    family = matched.group(1).lower()
-    if family not in FAMILIES:
-        raise ParameterError(f"prior of {name}: unknown family '{matched.group(1)}': {suggestion(family, FAMILIES)}")
-    form, normal, log = FAMILIES[family]
-    try:
-        numbers = [float(part) for part in matched.group(2).split(",")]
-    except ValueError:
-        raise ParameterError(f"prior of {name}: read '{text}', expected numbers: {form}") from None
-    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
-        raise ParameterError(f"prior of {name}: read '{text}', expected two finite numbers: {form}")
-    if not all(number == 0.0 or SMALLEST <= abs(number) <= LARGEST for number in numbers):
-        raise ParameterError(
-            f"prior of {name}: read '{text}', expected numbers of {SMALLEST:g} to {LARGEST:g} in size"
-        )
-    if normal and log and numbers[1] > WIDEST_LOG:
-        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with a sd of at most {WIDEST_LOG:g}")
-    ordered = numbers[1] > 0.0 if normal else numbers[0] < numbers[1]
-    if not ordered or (log and numbers[0] <= 0.0):
-        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with lower < upper and sd > 0")
-    if log and upper <= 0.0:
+    family = FAMILIES.get(matched.group(1).lower())
+    if family is None:
+        hint = suggestion(matched.group(1).lower(), FAMILIES)
+        raise ParameterError(f"prior of {name}: unknown family '{matched.group(1)}': {hint}")
+    numbers = _numbers(name, text, matched.group(2), family)
+    if family.log and upper <= 0.0:
         raise ParameterError(f"prior of {name}: {text} is positive but the bounds are [{lower:g}, {upper:g}] {unit}")
+    freedom = math.inf
+    if family.half:
+        freedom = numbers[1] if family.numbers == 2 else math.inf
+        numbers, lower = [0.0, numbers[0]], max(lower, 0.0)
     a, b = numbers
-    if log:
-        a, b = math.log(a), b if normal else math.log(b)
-    prior = Prior(text.strip(), normal, log, a, b, lower, upper)
+    if family.log:
+        a, b = math.log(a), b if family.bell else math.log(b)
+    prior = Prior(text.strip(), family.bell, family.log, a, b, lower, upper, freedom)
     if not prior.has_mass:
         raise ParameterError(
             f"prior of {name}: {text} has no mass within the bounds [{lower:g}, {upper:g}]"
@@ -181,6 +222,75 @@ def parse_prior(name: str, text: str, lower: float, upper: float, unit: str = ""
             + "; change the prior"
         )
     return prior
+
+
+def _numbers(name: str, text: str, written: str, family: Family) -> list[float]:
+    """The numbers of a prior. Raises ParameterError for those that its family cannot have."""
+    form = family.form
+    try:
+        numbers = [float(part) for part in written.split(",")]
+    except ValueError:
+        raise ParameterError(f"prior of {name}: read '{text}', expected numbers: {form}") from None
+    if len(numbers) != family.numbers or not all(math.isfinite(number) for number in numbers):
+        count = "two finite numbers" if family.numbers == 2 else "one finite number"
+        raise ParameterError(f"prior of {name}: read '{text}', expected {count}: {form}")
+    if not all(number == 0.0 or SMALLEST <= abs(number) <= LARGEST for number in numbers):
+        raise ParameterError(
+            f"prior of {name}: read '{text}', expected numbers of {SMALLEST:g} to {LARGEST:g} in size"
+        )
+    if family.half:
+        if min(numbers) <= 0.0:
+            raise ParameterError(f"prior of {name}: read '{text}', expected {form}, positive")
+        return numbers
+    if family.bell and family.log and numbers[1] > WIDEST_LOG:
+        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with a sd of at most {WIDEST_LOG:g}")
+    ordered = numbers[1] > 0.0 if family.bell else numbers[0] < numbers[1]
+    if not ordered or (family.log and numbers[0] <= 0.0):
+        raise ParameterError(f"prior of {name}: read '{text}', expected {form} with lower < upper and sd > 0")
+    return numbers
+
+
+@dataclass(frozen=True)
+class Pull:
+    """How priors hold coordinates beside the measurements: with `precision` (columns,), zero where they do not,
+    towards `centre` (columns,), as normal densities do or those of Student's t with degrees of `freedom` (columns,).
+    """
+
+    centre: FloatArray
+    precision: FloatArray
+    freedom: FloatArray
+
+    @classmethod
+    def of(cls, priors: Sequence[Prior], counted: Sequence[bool]) -> Pull:
+        """That of the bells among `priors` that are `counted`."""
+        both = [prior.bell and own for prior, own in zip(priors, counted, strict=True)]
+        return cls(
+            np.array([prior.a for prior in priors]),
+            np.array([prior.b**-2.0 if own else 0.0 for prior, own in zip(priors, both, strict=True)]),
+            np.array([prior.freedom for prior in priors]),
+        )
+
+    def take(self, column: int) -> Pull:
+        """That on one column."""
+        return Pull(self.centre[[column]], self.precision[[column]], self.freedom[[column]])
+
+    def cost(self, x: FloatArray) -> FloatArray:
+        """Minus the log density (rows, columns) at coordinates (rows, columns), but for a constant."""
+        square = self.precision * (x - self.centre) ** 2
+        tails = np.isfinite(self.freedom)
+        square[:, tails] = tailed(square[:, tails], self.freedom[tails])
+        return np.asarray(0.5 * square)
+
+    def weight(self, x: FloatArray) -> FloatArray:
+        """The slope of that cost over the distance from the centre (rows, columns): the curvature of the normal
+        density that touches it, which lies below.
+        """
+        weight = np.broadcast_to(self.precision, x.shape).copy()
+        tails = np.isfinite(self.freedom)
+        own, precision = self.freedom[tails], self.precision[tails]
+        square = precision * (x[:, tails] - self.centre[tails]) ** 2
+        weight[:, tails] = precision * (own + 1.0) / (own + square)
+        return weight
 
 
 @dataclass(frozen=True)
@@ -201,10 +311,15 @@ class JointPrior:
 
     @cached_property
     def shape(self) -> tuple[FloatArray, FloatArray, float]:
-        """Centre and precision of each column (precision 0 where it is flat), and the joint constant."""
+        """Centre of each column, one over its scale (0 where it is flat), and the joint constant."""
         centre = np.array([prior.a for prior in self.priors])
-        precision = np.array([1.0 / prior.b if prior.normal else 0.0 for prior in self.priors])
-        return centre, precision, float(sum(prior.log_scale for prior in self.priors))
+        rate = np.array([1.0 / prior.b if prior.bell else 0.0 for prior in self.priors])
+        return centre, rate, float(sum(prior.log_scale for prior in self.priors))
+
+    @cached_property
+    def tails(self) -> dict[int, float]:
+        """Columns with tails of Student's t, and their degrees of freedom."""
+        return {k: prior.freedom for k, prior in enumerate(self.priors) if math.isfinite(prior.freedom)}
 
     @cached_property
     def width(self) -> FloatArray:
@@ -236,9 +351,12 @@ class JointPrior:
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Log density (draws,) with respect to coordinates; -inf outside the bounds."""
         low, high = self.limits
-        centre, precision, constant = self.shape
-        z = (coordinates - centre) * precision
+        centre, rate, constant = self.shape
+        z = (coordinates - centre) * rate
         density = -0.5 * np.einsum("ij,ij->i", z, z) - constant
+        for column, freedom in self.tails.items():
+            square = z[:, column] ** 2
+            density += 0.5 * (square - tailed(square, freedom))
         inside = np.all((coordinates >= low) & (coordinates <= high), axis=1)
         return np.where(inside, density, -np.inf)
 
@@ -261,11 +379,11 @@ SD_SPECS: Mapping[str, ParameterSpec] = {
 FORCE_NOISE = ("force_sd", "force_misfit")
 _FORCE_SPECS: Mapping[str, ParameterSpec] = {
     "force_sd": ParameterSpec(
-        "force_sd", "N", 1e-3, 1e4, "lognormal(10, 1.0)", "noise of one sample of a force record", r"$\sigma_F$"
+        "force_sd", "N", 1e-3, 1e4, "lognormal(10, 1.0)", "noise of force, of one sample of a record", r"$\sigma_F$"
     ),
     "force_misfit": ParameterSpec(
         "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
-        "misfit of the model's force to a record, slow in time, as a share of its peak", r"$\delta_F$",
+        "misfit of force, model to record, slow in time, as a share of its peak", r"$\delta_F$",
         handy=("%", 1e2),
     ),
 }  # fmt: skip

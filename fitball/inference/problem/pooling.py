@@ -4,7 +4,8 @@ The coordinate of the parameter (its logarithm for a log prior) at a level is th
 times a standard normal number: the form without centre, whose prior stays a product (Papaspiliopoulos, Roberts and
 Skoeld 2007). How far levels lie apart, `spread`, is itself fitted; so a level with few impacts leans on the others.
 
-Beside these stand biases of whole groups, shown as such instead of hidden in the noise.
+The prior of the spread is that of `spreads`. Beside these stand biases of whole groups, shown as such instead of
+hidden in the noise.
 """
 
 from __future__ import annotations
@@ -14,37 +15,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from fitball.data.labels import Role, grouping
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import Prior
+from fitball.inference.problem.spreads import SpreadPrior, general_spread, kind_of, spread_prior
 from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, ParameterSpec
 from fitball.values import FloatArray
 from fitball.wording import in_formula, option, spoken
 
-# Spread of a logarithm, and of a value as a share of its prior's median, that is still expected (half-normal prior).
-EXPECTED_SPREAD = 0.3
-# Share of a prior's width within which its median is as good as zero.
-ABOUT_ZERO = 0.1
-
-
-def expected_spread(log: bool, prior: Prior) -> float:
-    """The sd of the half-normal prior of a spread, of the logarithm where `log`: a share of the median of the
-    parameter's `prior`, or the width of that where it is centred about zero.
-    """
-    if log:
-        return EXPECTED_SPREAD
-    median = abs(float(prior.quantile(np.array([0.5]))[0]))
-    return EXPECTED_SPREAD * median if median > ABOUT_ZERO * prior.width else prior.width
-
-
 # What is asked for instead of a column where a parameter is to be the same everywhere, and of all parameters at once.
 NOT_POOLED, ALL = "none", "all"
 # What asks for a surface or a ball of which nothing was measured.
 NEW = "new"
+# Fewer levels determine hardly how far others lie apart: what is said of another one then follows from the prior of
+# the spread (Gelman 2006, *Bayesian Analysis* 1, 515: flat priors need five groups or more).
+FEW_LEVELS = 5
+# The largest spread that is looked for, over what is expected of levels of any kind.
+WIDEST = 20.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +60,15 @@ class Levels:
         """Name of the parameter for the place of a level, in spreads from the common value."""
         return f"{self.parameter}_place[{label}]"
 
+    def level_name(self, label: str) -> str:
+        """What the parameter at a level is called."""
+        return f"{self.parameter}[{label}]"
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The parameters of the scatter between levels: spread and places."""
+        return self.spread_name, *map(self.place_name, self.labels)
+
     def value(self, columns: Mapping[str, FloatArray], label: str) -> FloatArray:
         """The parameter (draws,) at a level, from the columns of all parameters."""
         return self.away(columns, columns[self.place_name(label)])
@@ -77,6 +78,16 @@ class Levels:
         shift: FloatArray = columns[self.spread_name] * places
         common = columns[self.parameter]
         return np.asarray(common * np.exp(shift) if self.log else common + shift)
+
+    def elsewhere(self, columns: Mapping[str, FloatArray], chance: FloatArray) -> FloatArray:
+        """The parameter (draws,) at levels of which nothing was measured, one for each number of `chance` (draws,)
+        between 0 and 1. Their places are normal, as those of the fitted levels, between the bounds of the parameter.
+        """
+        common = columns[self.parameter]
+        with np.errstate(divide="ignore", over="ignore"):
+            ways = [np.log(end) - np.log(common) if self.log else end - common for end in self.bounds]
+            low, high = (ndtr(way / np.maximum(columns[self.spread_name], np.finfo(float).tiny)) for way in ways)
+        return self.away(columns, ndtri(low + (high - low) * chance))
 
     def outside(self, values: FloatArray) -> NDArray[np.bool_]:
         """Where values leave the bounds of the parameter."""
@@ -98,13 +109,18 @@ class Pooling(Levels):
         """The same levels for some of the impacts."""
         return replace(self, index=self.index[rows])
 
-    def specs(self, unit: str, prior: Prior) -> dict[str, ParameterSpec]:
-        """What the additional parameters are, by name; `prior` is that of the parameter."""
-        size = expected_spread(self.log, prior)
+    def spread_prior(self, prior: Prior, tennis: bool = True) -> SpreadPrior:
+        """The prior of the spread by default, of `tennis` balls or others; `prior` is that of the parameter."""
+        return spread_prior(self.parameter, kind_of(self.column), self.log, prior, tennis)
+
+    def specs(self, unit: str, prior: Prior, tennis: bool = True) -> dict[str, ParameterSpec]:
+        """What the additional parameters are, by name; see `spread_prior`."""
+        most = WIDEST * general_spread(self.log, prior)
         made = {
             self.spread_name: ParameterSpec(
-                self.spread_name, "" if self.log else unit, 0.0, 20.0 * size, f"normal(0, {size:.6g})",
-                f"spread of {self.parameter} between {self.column}s (one standard deviation"
+                self.spread_name, "" if self.log else unit, 0.0, most,
+                self.spread_prior(prior, tennis).text,
+                f"spread of {self.parameter}, between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
                 rf"$\tau_{{{in_formula(self.parameter)}}}$", possible=POSITIVE,
             )

@@ -19,7 +19,7 @@ from fitball.data.table import ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.parameters import JointPrior, Parameter
+from fitball.inference.problem.parameters import JointPrior, Parameter, Prior
 from fitball.inference.problem.pooling import GroupBias, Pooling
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import LinearConstraint, Model, by_output
@@ -55,6 +55,7 @@ class Problem:
 
     `contact_time` is the scene's mean contact time of the table, (value, sd) [s], or None. `notes` are sentences on
     what was left out or assumed, and why. `pooling` lists the parameters that differ between surfaces or balls,
+    `spreads` are chosen priors of spreads that are no parameter of the fit (of dropped balls, of places of a court),
     `group_bias` the biases of whole groups. `incident` is the covariance (impacts, 3, 3) of `(v_x1, v_y1, omega_1)`
     in SI where these have errors; their true values are marginalised with a flat prior. `force` are records of the
     force on the court. `noise` is that of the table, `threads` share large batches, and `choices` are those of the
@@ -70,6 +71,7 @@ class Problem:
     contact_time: tuple[float, float] | None
     notes: tuple[str, ...]
     pooling: tuple[Pooling, ...] = ()
+    spreads: Mapping[str, Prior] = field(default_factory=dict)
     group_bias: GroupBias | None = None
     incident: FloatArray | None = None
     force: ForceRecords | None = None
@@ -99,7 +101,7 @@ class Problem:
         """
         names = set() if self.group_bias is None else self.group_bias.names(self.observables)
         for pooling in self.pooling:
-            names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
+            names |= {*pooling.hidden}
         return frozenset({*names, *(item.name for item in self.free if item.name in BALL_PARAMETERS)})
 
     @property
@@ -204,11 +206,7 @@ class Problem:
         levelled = {pooling.parameter for pooling in self.pooling}
         acting = [name for name in self.model_names if name in self.free_names or name in levelled]
         alone = {name: self.free_names.index(name) for name in acting if name not in levelled}
-        own_names = {
-            name
-            for pooling in self.pooling
-            for name in (pooling.parameter, pooling.spread_name, *map(pooling.place_name, pooling.labels))
-        }
+        own_names = {name for pooling in self.pooling for name in (pooling.parameter, *pooling.hidden)}
         moved = {
             k: self.all_values(self.to_values(coordinates + 1j * STEP * np.eye(self.dimension)[k]))
             for k, name in enumerate(self.free_names)

@@ -1,21 +1,21 @@
 """What laboratories rate, as formulas and values, nothing of a problem: the court pace of a fitted surface, and drop
 tests.
 
-ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*: a ball hits
+ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*. A ball hits
 the court at 30 m/s and 16 degrees with hardly any spin. From its velocities follow `e = v_y2/v_y1`, `mu = (v_x1 -
 v_x2)/(v_y1 (1 + e))` and the rating `100 (1 - mu) + 150 (0.81 - e_T)`.
 
 That `mu` is the apparent one: the ratio of the impulses, the coefficient of sliding friction only while the ball
 slides throughout. At 16 degrees it may grip, so the rating with the fitted coefficient is given beside it. The method
-brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`; where no ball temperature is known `e_T =
-e`. It takes nine impacts at a place, the mean of all as the value of the court, and the largest difference between
-the means of places as its variation (ITF Technical Booklet 2015, p. 40).
+brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`. Where no ball temperature is known `e_T =
+e`. It takes nine impacts at a place. The mean of all is the value of the court, the largest difference between
+the means of places its variation (ITF Technical Booklet 2015, p. 40).
 
-Without air a ball dropped from height h lands with `v = sqrt(2 g h)` and rises to `v^2/(2 g)`, so that a drop and its
+Without air a ball dropped from height h lands with `v = sqrt(2 g h)` and rises to `v^2/(2 g)`. A drop and its
 rebound, both as heights, have the restitution `sqrt(h_2/h_1)`. Air takes part of it: with `k = rho c_d pi R^2/(2 M)`
 a ball lands with `v^2 = (g/k) (1 - exp(-2 k h))` and rises to `ln(1 + k v^2/g)/(2 k)`. For a tennis ball from 254 cm
 that is 2 % of the speed and 7 % of the rebound. Rebound heights that were turned into speeds without air and are
-turned back without air come out as they were measured; speeds measured at the floor need the air.
+turned back without air come out as measured. Speeds measured at the floor need the air.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class PaceRating:
     `friction` is the apparent one of the test impact. `sliding_friction` is the fitted coefficient, `sliding_rating`
     the rating by that. `categories` and `regimes` are probabilities, `slides` that of sliding throughout, among the
     draws that can be evaluated. `failed` is the share of the others. `saturated` is the probability that the ball
-    grips in the test impact, or nearly, in a model that then gives all rougher courts the same rating.
+    grips in the test impact, or nearly. The model then gives all rougher courts the same rating.
     """
 
     labels: tuple[str, ...]
@@ -97,7 +97,8 @@ class CourtMean:
     """A court as the mean of its tested places: so many `places`, labels of `column`, with the mean `rating`.
 
     `between` places and `within` one are standard deviations. `elsewhere` is the rating of a place that was not
-    tested. They are None where repeats do not separate them, and in a model, which has no repeats.
+    tested, None with fewer than five places. They are None where repeats do not separate them, and in a model, which
+    has no repeats.
     `largest_difference` is that between places; `categories` are probabilities.
     """
 
@@ -113,8 +114,8 @@ class CourtMean:
 
 @dataclass(frozen=True)
 class PlaceRating:
-    """One place of a court: its measured impacts, mean rating, friction and restitution as measured, and the
-    `rating` beyond the noise of its repeats (None where places cannot be separated from that).
+    """One place of a court: its measured impacts, mean rating, friction and restitution as measured. The
+    `rating` is beyond the noise of its repeats (None where places cannot be separated from that).
     """
 
     label: str
@@ -127,8 +128,9 @@ class PlaceRating:
 
 @dataclass(frozen=True)
 class MeasuredPace:
-    """The test as the ITF makes it, without a model: of the `impacts` within its tolerances (among `total`) the
-    rating of each, the mean of the court, and the places.
+    """The test as the ITF makes it, without a model. Of the `impacts` within its tolerances (among `total`) the
+    rating of each, the mean of the court, and the places. `surface` is the label of the surface, if the table has
+    several.
     """
 
     impacts: int
@@ -136,15 +138,17 @@ class MeasuredPace:
     court: CourtMean
     places: tuple[PlaceRating, ...]
     remark: str
+    surface: str = ""
 
 
 @dataclass(frozen=True)
 class CourtPace:
-    """Ratings surface by surface, or `missing`: why there is none.
+    """Ratings surface by surface, or `missing`: why there is none. `columns` are the label columns of the labels of
+    each.
 
-    `court` is the mean of the ratings of several places on one court, `measured` that of the impacts themselves,
-    where they are those of the test. `temperature` of the ball and its sd are in degrees Celsius; ratings are brought
-    to 23 where it is known.
+    `court` is the mean of the ratings of several places on one court. `measured` is that of the impacts themselves on
+    each surface, where they are those of the test. `temperature` of the ball and its sd are in degrees Celsius;
+    ratings are brought to 23 where it is known.
     """
 
     ratings: tuple[PaceRating, ...]
@@ -152,7 +156,40 @@ class CourtPace:
     temperature: float | None = None
     temperature_sd: float | None = None
     court: CourtMean | None = None
-    measured: MeasuredPace | None = None
+    measured: tuple[MeasuredPace, ...] = ()
+    columns: tuple[str, ...] = ()
+
+    @property
+    def classes(self) -> tuple[CourtClass, ...]:
+        """The classification of each surface: of the test's impacts as measured where there are any, else of the
+        model.
+        """
+        stated = [_class(one.surface, one.court.rating, one.court.categories, True) for one in self.measured]
+        known = {one.surface for one in self.measured}
+        if self.court is not None:
+            left = [] if known else [_class("", self.court.rating, self.court.categories, False)]
+        else:
+            left = [
+                _class(", ".join(one.labels), one.rating, one.categories, False)
+                for one in self.ratings
+                if not known & {"", *one.labels}
+            ]
+        return (*stated, *left)
+
+
+@dataclass(frozen=True)
+class CourtClass:
+    """The category of a `surface` with its probability, None without draws; `measured`: of the test's own impacts."""
+
+    surface: str
+    category: str
+    probability: float | None
+    measured: bool
+
+
+def _class(surface: str, rating: Spread, categories: Mapping[str, float], measured: bool) -> CourtClass:
+    name, share = max(categories.items(), key=lambda pair: pair[1])
+    return CourtClass(surface, name, None if rating.median is None else share, measured)
 
 
 def itf_impact() -> Impacts:
@@ -204,9 +241,9 @@ class TestedSpeed:
 
 @dataclass(frozen=True)
 class Passing:
-    """Probabilities that a rebound is within the limits of a type, None without draws: of the `mean` ball, of one
-    more `ball` of the same make, and of one more measured `drop`. `ball` is None where balls cannot be separated from
-    noise.
+    """Probabilities that a rebound is within the limits of a type, None without draws. `mean` is that of the
+    mean, then of one more `ball` of the make, of one more measured `drop`. `ball` is None where
+    balls cannot be separated from noise.
     """
 
     mean: float | None

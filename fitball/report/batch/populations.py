@@ -158,7 +158,7 @@ def _populated(one: _Gathered, grouping: Grouping) -> Populated:
             f"population of {asked.name} over {grouping.over}: all tables that have draws of it have the same "
             f"{grouping.over}, {', '.join(levels)}; expected at least two levels"
         )
-    before = asked.before(ends)
+    before = asked.before(ends, grouping.over)
     found = population_over(levels, before) if grouping.levels else population(tables, before)
     return Populated(asked, found, own, sds, one.left_out, grouping.over, grouping.remarks)
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from fitball.files import all_or_none
-from fitball.inference.design.asked import AS_BEFORE, Part, Setting
+from fitball.inference.design.asked import AS_BEFORE, Setting
 from fitball.inference.design.make_plan import Plan, Worth
+from fitball.inference.design.targets import Part
 from fitball.inference.problem.problem import Problem
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Document, Picture, Row, Section, Table, Words, as_page, on_terminal
@@ -198,7 +199,7 @@ def plan_document(
 
 def title_of(problem: Problem) -> str:
     """The title of a plan."""
-    return f"{problem.table.name}, {problem.model.name}: what to measure next"
+    return f"{problem.table.name}: what to measure next, by the {problem.model.name} model"
 
 
 def render(plan: Plan, problem: Problem, folder: Path | None = None) -> str:

@@ -53,7 +53,10 @@ SCENE_NUMBERS = (
     "force_start_sd",
     "ball_temperature_sd",
 )
-SCENE_TEXTS = ("model", "surface", "ball_type", "description", "citation")
+SCENE_TEXTS = (
+    "model", "surface", "court", "laboratory", "operator", "instrument", "date", "ball_type", "description",
+    "citation",
+)  # fmt: skip
 HEAD = """\
 # Everything this result depends on; SI units. `fitball repeat` runs it again.
 # The priors are those of all parameters; the prior of a fixed parameter is not used.
@@ -182,7 +185,10 @@ def run_text(fit: Fit, folder: Path) -> str:
         ),
         model=ModelPart(problem.model.name, problem.model.options),
         ball=problem.model.ball,
-        priors={spec.name: spec.prior.text for spec in problem.parameters},
+        priors={
+            **{spec.name: spec.prior.text for spec in problem.parameters},
+            **{name: prior.text for name, prior in problem.spreads.items()},
+        },
         prior_sources={spec.name: spec.prior_source for spec in problem.parameters if spec.prior_source},
         fix={spec.name: spec.fixed for spec in problem.parameters if spec.fixed is not None},
         fixed_because={spec.name: spec.fixed_because for spec in problem.parameters if spec.fixed is not None},
