@@ -102,7 +102,7 @@ def test_a_page_is_typeset_escaped_and_whole():
     page = as_page(DOCUMENT, {"curve": PNG})
     assert faults(page) == []
     for said in (
-        "<title>A &amp; B - fitball</title>", "Good: 1 \u00b1 2 <code>run</code>.", "<td><i>m</i></td>",
+        "<title>A &amp; B - fitball</title>", "Good: 1\u00a0\u00b1\u00a02 <code>run</code>.", "<td><i>m</i></td>",
         '<td class="text"><span class="v-given" title="a &lt; b">given</span></td>',
         '<td class="text">&lt;none&gt;</td>', "<details><summary>Kept back</summary>", "<b>mu</b>: one &amp; two",
         '<section id="two" class="short">', ">here<", 'alt="It rises."',
@@ -131,3 +131,12 @@ def test_many_rows_are_cut_and_said_to_be(monkeypatch, count, left):
     assert on_terminal(document) == f"n\n0\n1\n... and {left} more: all.csv, which has them"
     page = as_page(document, {})
     assert f"{left} more: <code>all.csv</code>, which has them." in page and "<td>2" not in page
+
+
+def test_blocks_of_a_long_table_share_the_lines_of_a_first_screen():
+    rows = [["name", "one", "two"], *([f"a long name {k}", "1" * 20, "2" * 20] for k in range(60))]
+    document = Document("", [Table("Many", rows, rest="long.csv", rank="first")], [])
+    beside, below = (on_terminal(document, Screen(width, full=False)).splitlines() for width in (100, 40))
+    assert len(beside) == FIRST_LINES + 2 and beside[-1] == f"... and {60 - FIRST_LINES} more: long.csv"
+    # Two blocks, each with a head, and a blank line between.
+    assert len(below) == FIRST_LINES + 4 and below[-1] == f"... and {60 - FIRST_LINES // 2} more: long.csv"

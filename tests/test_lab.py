@@ -212,7 +212,7 @@ def test_a_drop_test_from_table_to_certificate(drops, capsys, without_figures):
     assert "ITF TB 04/01" in content["parameters"]["cor_10"]["prior_source"]
     assert content["parameters"]["cor_slope"]["prior_source"] == ""
     report = (out / "report.html").read_text(encoding="utf-8")
-    assert report.index("COR at 7.06 m/s") < report.index("Contents")
+    assert report.replace("\u00a0", " ").index("COR at 7.06 m/s") < report.index("Contents")
     assert "literature:itf-type-2" in report
     problem = restored(out).problem
     assert {item.name: item.prior_source for item in problem.parameters if item.prior_source}.keys() == {"cor_10"}

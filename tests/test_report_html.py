@@ -235,7 +235,7 @@ def test_cases_of_table_9_stand_beside_a_fit_of_wangs_data(grip_slip_fit, text):
     assert rows["mu"][3:] == ("0.550", "0.550", "0.550")
     assert "0.50 m/s in v_x2 and 16 rad/s in omega_2" in words.texts[0]
     assert "26 to 128 rad/s" in words.texts[0]
-    assert "26 to 128 rad/s" in text
+    assert "26 to 128\u00a0rad/s" in text
 
 
 def test_a_part_of_wangs_data_counts_its_own_rows():

@@ -370,7 +370,7 @@ def test_a_batch_that_lies_there_tells_its_population(season, capsys):
 
 
 def test_a_population_is_one_object_in_the_unit_of_its_parameter(season):
-    """Values, spread and levels by hand from the population in its logarithm; a new level is a surface, not a table."""
+    """Values, spread and levels by hand from the population in its logarithm."""
     over = {"a": "clay", "b": "clay", "c": "hard", "d": "hard"}
     found = fitball.load_batch(season).population("mu", over=over)
     assert len(repr(found)) < 100 and repr(found).startswith("<Populations: mu 0.")
@@ -387,13 +387,13 @@ def test_a_population_is_one_object_in_the_unit_of_its_parameter(season):
     assert alone["alone_median"].item() == pytest.approx(np.exp(found["mu"].own["c"].median))
     assert alone["level"].item() == "hard"
     report = found.report()
-    assert "mu over 4 tables, on levels of level" in report and "clay" in report and "cor_10" not in report
+    assert "mu over 4 tables, by level" in report and "clay" in report and "cor_10" not in report
     (panel,) = found.plot().axes
     names = [text.get_text() for text in panel.get_yticklabels()]
     assert names == ["a", "b", "c", "d", "level clay", "level hard", "mean", "new table"]
     bars = [path.get_segments()[0] for path in panel.collections]
     assert any(np.allclose(bar[:, 0], ends[1:]) for bar in bars)
-    with pytest.raises(KeyError, match="did you mean"):
+    with pytest.raises(KeyError, match="mi: known: mu"):
         found["mi"]
 
 

@@ -57,8 +57,8 @@ POINT_ONLY = "a point fit has no posterior: best-fit values without intervals"
 
 @dataclass(frozen=True)
 class New:
-    """Impacts to predict, their names, the table they are from, the covariance of their states if given, and the
-    index of the data frame they are from.
+    """Impacts to predict, their names, the table they are from, the covariance of their states if given.
+    `index` is that of the data frame they are from.
     """
 
     impacts: Impacts
@@ -159,12 +159,11 @@ def foretell(
     observables, unused = observed_observables(fitted, table) if table is not None else ((), ())
     prediction = predict_new(fitted, new.impacts, observables, seed, covariance)
     prediction = with_assumptions(prediction, fitted, saved.assumptions)
-    notes = [*assumed, *(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]
-    if saved.status is RunStatus.POINT_ONLY:
-        notes.append(POINT_ONLY)
-    if stated:
-        notes.append(IGNORED if saved.status is RunStatus.POINT_ONLY or exact_incidence else DRAWN)
-    notes += _cautions(saved, fitted, prediction)
+    # What limits every prediction comes first: a terminal shows a few.
+    point = saved.status is RunStatus.POINT_ONLY
+    notes = [*[POINT_ONLY] * point, *[IGNORED if point or exact_incidence else DRAWN] * stated]
+    notes += [*_cautions(saved, fitted, prediction), *assumed]
+    notes += [*(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]
     return Foretold(new, prediction, scores(prediction), tuple(notes))
 
 

@@ -106,8 +106,8 @@ class Batch(Mapping[str, Fit]):
         given all others; without names those of parameters that at least three tables determine. They come from the
         saved draws: nothing is fitted. `to_frame()`, `report()` and `plot()` show them in the parameters' units.
 
-        `over` groups tables into levels: by a label that all rows of a table share (`"surface"`), by their
-        `"folder"`, or by a mapping of tables to levels. There is then a spread between levels and one within them.
+        `over` groups tables into levels. It is a label that all rows of a table share (`"surface"`), or
+        `"folder"`, or a mapping of tables to levels. There is then a spread between levels and one within them.
 
         Raises ParameterError for an unknown quantity, or one that too few tables have; ResultFolderError.
         """

@@ -161,7 +161,7 @@ def run_compare(args: argparse.Namespace) -> int:
         clear_folder(folder, JSON_NAME, overwrite=args.overwrite)
         if not args.quiet:
             progress.finish()
-            print_notes(asked.notes)
+            print_notes(asked.notes, args.full)
         comparison = asked.compare(lambda stage: progress(stage, None))
         progress("figures and files", None)
         write_all(comparison.result, folder, args.command)

@@ -353,7 +353,7 @@ def print_notes(notes: Sequence[object], full: bool = True) -> None:
     for note in first:
         print(one_line(f"note: {note}"), file=sys.stderr)
     if len(first) < len(notes):
-        print(f"note: {len(notes) - len(first)} more in the report, and here with --full", file=sys.stderr)
+        print(f"note: ... and {len(notes) - len(first):,} more: --full", file=sys.stderr)
 
 
 class Result(Protocol):

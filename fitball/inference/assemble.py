@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from fitball.data.balances import scene_balances
+from fitball.inference.adequacy import by_label
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.effort import Effort, Stopwatch
-from fitball.inference.identifiability.derived import Quantity, derived
+from fitball.inference.identifiability.derived import Quantity, derived, differences
 from fitball.inference.identifiability.examine import examine
 from fitball.inference.identifiability.verdict import Judgement
 from fitball.inference.likelihood.force import MISFIT, SD, aligned, mean_forces, rotated
@@ -46,6 +47,7 @@ from fitball.inference.results.results import (
     Predictive,
     RunStatus,
     Verdict,
+    reported,
     thinned,
 )
 from fitball.inference.results.sentences import listed
@@ -215,6 +217,7 @@ def assemble(
     prediction = diagnostics = None
     with watch.stage("adequacy"):
         described = adequacy(problem, point, posterior, effort.seed, assumptions)
+        unfitted = by_label.differences(problem, point)
     with watch.stage("verdicts and prediction"):
         if posterior is not None and sampled is not None:
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
@@ -236,6 +239,7 @@ def assemble(
             )
             for parameter in problem.parameters
         ]
+        quantified = derived(problem, point, posterior, derived_generator(effort.seed))
         followed = [
             _estimate(
                 item.quantity.parameter,
@@ -246,9 +250,10 @@ def assemble(
                 assumptions,
                 item.quantity,
             )
-            for item in derived(problem, point, posterior, derived_generator(effort.seed))
+            for item in quantified
         ]
         fitted = _fitted(problem, point, posterior)
+        parameters, quantities = ({item.name: item for item in some} for some in (estimates, followed))
         chosen = golden(fitted, problem.impacts)
         budget = error_budget(problem, fitted, point, prediction, chosen)
     status = RunStatus.POINT_ONLY
@@ -268,8 +273,8 @@ def assemble(
         rms=point.rms,
         optima=point.optima,
         optima_log_posterior=point.optima_log_posterior,
-        parameters={item.name: item for item in estimates},
-        derived={item.name: item for item in followed},
+        parameters=parameters,
+        derived=quantities,
         covariance=covariance,
         correlation=correlation,
         diagnostics=diagnostics,
@@ -279,9 +284,10 @@ def assemble(
         golden=chosen,
         error_budget=budget,
         levels=group_estimates(problem, point, posterior),
+        differences=(*differences(problem, quantified), *unfitted),
         status=status,
         verdict=f"{described.sentence} "
-        f"{_sentence(status, diagnostics, [*followed, *estimates], identifiability.several)}",
+        f"{_sentence(status, diagnostics, reported(parameters, quantities, fitted.levels), identifiability.several)}",
         seed=effort.seed,
         timings=tuple(watch.timings),
         court_pace=court_pace(problem, point, posterior, lab),
@@ -437,7 +443,9 @@ def _sentence(
             they = sentences.THEY if named else sentences.THE_DATA
             its = sentences.ITS_PRIOR if len(names) == 1 else sentences.THEIR_PRIORS
             parts.append(template.format(they=they, names=listed(names), its=its))
-    return " ".join([head, *([several] if several else []), *parts])
+    # Results come first, unless sampling casts doubt on them.
+    found = [*([several] if several else []), *parts]
+    return " ".join([*found, head] if status is not RunStatus.NOT_CONVERGED else [head, *found])
 
 
 def qualified(

@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.labels import labelled
 from fitball.inference.likelihood.residuals import IMPOSSIBLE, Weighting, differentiable, residual_slopes, residuals
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
@@ -116,7 +117,7 @@ class Refit:
 def refit(problem: Problem, point: PointFit) -> Refit:
     """The first order of a problem about its point estimate."""
     values = np.array([[point.values[name] for name in problem.free_names]])
-    weighting = Weighting({name: point.values[name] for name in point.values if name in NOISE_SPECS}, penalised=True)
+    weighting = _weighting(point)
     count = len(problem.impacts)
     places = tuple(observable.places(count) for observable in problem.observables)
     sizes_of = [mine.size for mine in places]
@@ -171,6 +172,16 @@ def _predicted_sizes(problem: Problem, values: FloatArray) -> FloatArray:
     return np.concatenate([size / np.sqrt(np.mean(size**2)) for size in sizes])
 
 
+def slopes_of(problem: Problem, point: PointFit) -> FloatArray:
+    """Derivatives (rows, free) of all weighted residuals at a point with respect to coordinates."""
+    values = np.array([[point.values[name] for name in problem.free_names]])
+    return _slopes(problem, values, _weighting(point))
+
+
+def _weighting(point: PointFit) -> Weighting:
+    return Weighting({name: point.values[name] for name in point.values if name in NOISE_SPECS}, penalised=True)
+
+
 def _slopes(problem: Problem, values: FloatArray, weighting: Weighting) -> FloatArray:
     """Derivatives (rows, free) of all weighted residuals with respect to coordinates."""
     at = problem.to_coordinates(values)
@@ -208,7 +219,6 @@ LEAST_FREEDOM = 2.0
 LEFT = 0.02
 # Patterns whose remains agree so well are one.
 SAME = 0.98
-LABELS = ("group", "surface", "ball", "location")
 # What a pattern is a pattern of, and those that are no knowledge of the incidence.
 WHOLE_TABLE, ROWS = "all rows", "the order of rows"
 # The correlation from which rows count as in the order of a quantity.
@@ -282,7 +292,7 @@ def covariates(problem: Problem) -> dict[str, FloatArray]:
 
 
 def _groups(problem: Problem, point: PointFit) -> Iterator[tuple[str, str, str, FloatArray]]:
-    labels = {kind: np.array(problem.table.labels[kind]) for kind in LABELS if kind in problem.table.labels}
+    labels = {item.column: np.array(problem.table.labels[item.column]) for item in labelled(problem.table.labels)}
     if problem.model.tangential:
         labels["regime"] = np.array([regime_name(int(code)) for code in point.rebound.regime[0]])
     for kind, column in labels.items():

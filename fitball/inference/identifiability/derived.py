@@ -1,20 +1,22 @@
-"""Quantities that follow from several parameters and are known where these are not: the ratio of the stiffnesses, and
-the restitution and the offset at a speed that was measured where their lines are anchored at another.
+"""Quantities that follow from several parameters and are known where these are not: the value of a parameter on each
+surface or with each ball, the ratio of the stiffnesses, and the restitution and the offset at a speed that was
+measured where their lines are anchored at another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.inference.identifiability.information import first_order_draws
-from fitball.inference.identifiability.verdict import Judgement, Numbers, judge, marginal
+from fitball.inference.identifiability.information import first_order_moves
+from fitball.inference.identifiability.verdict import CENTRAL_95, Judgement, Numbers, judge, marginal
 from fitball.inference.problem.parameters import Parameter, parse_prior
+from fitball.inference.problem.pooling import Pooling
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import sentences
-from fitball.inference.results.evidence import Evidence
+from fitball.inference.results.evidence import FALSE_EXCEPT, Difference, Evidence
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.kernels.contact import ANCHOR_SPEED
 from fitball.models.specs import ParameterSpec
@@ -27,19 +29,23 @@ Rule = Callable[[FloatArray], FloatArray]
 BEYOND = 0.05
 # Lines in the normal speed: parameter at the anchor, its slope.
 LINES = {"cor_10": "cor_slope", "eps_10": "eps_slope"}
-# Draws of a point fit.
-DRAWS = 2000
+# Draws of a point fit, and the step of its derivatives in widths of the priors.
+DRAWS, STEP = 2000, 1e-5
 # They are judged by their draws alone.
 NOTHING = Evidence(None, None, None, None, None, None)
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that follows from the parameters called `parts`; `parameter` has its name, unit and coordinate."""
+    """A quantity that follows from the parameters called `parts`; `parameter` has its name, unit and coordinate.
+
+    A `level` is known where spread and place, whose product it has, are not: to first order it is its own line.
+    """
 
     parameter: Parameter
     parts: tuple[str, ...]
     rule: Rule
+    level: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,9 +78,25 @@ def extrapolated_words(problem: Problem) -> str:
 
 
 def quantities(problem: Problem) -> tuple[Quantity, ...]:
-    """Those that a problem has, of parameters that are the same for all impacts."""
+    """Those that a problem has: of parameters that differ between levels their values there, and else those of
+    parameters that are the same for all impacts.
+    """
     pooled = {pooling.parameter for pooling in problem.pooling}
-    return tuple(item for item in _all(problem) if not pooled & set(item.parts))
+    return (*_levels(problem), *(item for item in _all(problem) if not pooled & set(item.parts)))
+
+
+def _levels(problem: Problem) -> Iterator[Quantity]:
+    for pooling in problem.pooling:
+        spec = problem.model.specs[pooling.parameter]
+        prior = next(item.prior for item in problem.parameters if item.name == pooling.parameter)
+        for label in pooling.labels:
+            own = replace(spec, name=pooling.level_name(label), meaning=f"{spec.meaning}, {pooling.column} {label}")
+            parts = (pooling.parameter, pooling.place_name(label))
+
+            def rule(values: FloatArray, pooling: Pooling = pooling, label: str = label) -> FloatArray:
+                return pooling.value(problem.all_values(values), label)
+
+            yield Quantity(Parameter(own, prior, None), parts, rule, level=True)
 
 
 def _all(problem: Problem) -> Iterator[Quantity]:
@@ -84,22 +106,61 @@ def _all(problem: Problem) -> Iterator[Quantity]:
         at = f"at {speed:g} m/s"
         if anchor == "cor_10":
             spec = ParameterSpec(
-                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"coefficient of restitution {at}", r"$\mathrm{COR}$"
+                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"vertical restitution, {at}", r"$\mathrm{COR}$"
             )
             yield Quantity(_parameter(spec), parts, _restitution(problem, speed))
         else:
             spec = ParameterSpec(
                 f"offset {at}", "m", -0.033, 0.033, "normal(0, 0.005)",
-                f"offset of the normal force, ahead of the centre, {at}", r"$\varepsilon$",
+                f"normal-force offset, ahead of the centre, {at}", r"$\varepsilon$",
             )  # fmt: skip
             yield Quantity(_parameter(spec), parts, _line(problem, *parts, speed - ANCHOR_SPEED))
     if {"k_theta", "k_y"} <= set(problem.free_names):
         spec = ParameterSpec(
             "k_theta/k_y", "m^2/rad", 1e-12, 1e6, "lognormal(1.5e-3, 1.8)",
-            "torsional over vertical stiffness: rebounds determine only this ratio", r"$K_\theta/K_y$",
+            "stiffness ratio, torsional over vertical: rebounds determine only this", r"$K_\theta/K_y$",
         )  # fmt: skip
         above, below = (problem.free_names.index(name) for name in ("k_theta", "k_y"))
         yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: values[:, above] / values[:, below])
+
+
+def _along(problem: Problem, item: Quantity, at: FloatArray, moves: FloatArray) -> FloatArray:
+    """Draws (draws,) of a quantity whose coordinate is a line in those of the problem, from `at` (free,) and `moves`
+    (draws, free), by central differences.
+    """
+    steps = np.diag(STEP * problem.prior.width)
+    prior = item.parameter.prior
+    ahead, behind, here = (
+        prior.coordinate(item.rule(problem.to_values(rows))) for rows in (at + steps, at - steps, at[None, :])
+    )
+    slope = (ahead - behind) / (2.0 * np.diag(steps))
+    return np.asarray(prior.value(np.clip(here + moves @ slope, *prior.support)))
+
+
+def differences(problem: Problem, followed: Sequence[Derived]) -> tuple[Difference, ...]:
+    """By how much every parameter that is fitted to levels differs between them: the pair farthest apart, found where
+    less than a share of 0.05 over all pairs of the draws of its difference lies beyond zero, on either side.
+    """
+    draws, found = {item.quantity.parameter.name: item.draws for item in followed}, []
+    for pooling in problem.pooling:
+        names = {label: pooling.level_name(label) for label in pooling.labels if pooling.level_name(label) in draws}
+        if len(names) < 2:
+            continue
+        order = sorted(names, key=lambda label: float(np.median(draws[names[label]])))
+        low, high = order[0], order[-1]
+        apart = draws[names[high]] - draws[names[low]]
+        pairs = len(names) * (len(names) - 1) // 2
+        p = min(1.0, 2.0 * pairs * float(np.mean(apart <= 0.0)))
+        unit = problem.model.specs[pooling.parameter].unit
+        within = dict(zip(("q025", "q975"), np.quantile(apart, CENTRAL_95).tolist(), strict=True))
+        size, sd = float(np.median(apart)), float(np.std(apart, ddof=1))
+        found.append(
+            Difference(
+                pooling.parameter, pooling.column, low, high, unit, size, sd, **within, p=p, found=p < FALSE_EXCEPT,
+                fitted=True,
+            )
+        )  # fmt: skip
+    return tuple(found)
 
 
 def _parameter(spec: ParameterSpec) -> Parameter:
@@ -131,13 +192,18 @@ def derived(
     if not asked:
         return ()
     best = np.array([[point.values[name] for name in problem.free_names]])
+    at = moves = np.empty(0)
     if posterior is None:
-        values, before = first_order_draws(problem, point, DRAWS, rng), problem.prior.draw(rng, DRAWS)
+        at, moves = first_order_moves(problem, point, DRAWS, rng)
+        values = problem.to_values(np.clip(at + moves, *problem.prior.limits))
+        before = problem.prior.draw(rng, DRAWS)
     else:
         values, before = posterior.draws, posterior.prior_draws
     found = []
     for item in asked:
-        draws, known = item.rule(values), item.rule(before)
+        straight = item.level and posterior is None
+        draws = _along(problem, item, at, moves) if straight else item.rule(values)
+        known = item.rule(before)
         draws, known = draws[np.isfinite(draws)], known[np.isfinite(known)]
         # Where the model hardly has an answer there is nothing to report.
         if 2 * len(draws) < len(values) or 2 * len(known) < len(before):

@@ -173,9 +173,16 @@ def first_order_draws(problem: Problem, point: PointFit, count: int, rng: np.ran
     """Free values (count, free) in SI of the normal distribution about a point that the information of table, scene
     and priors promises, within the bounds.
     """
+    at, moves = first_order_moves(problem, point, count, rng)
+    return problem.to_values(np.clip(at + moves, *problem.prior.limits))
+
+
+def first_order_moves(
+    problem: Problem, point: PointFit, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """The coordinates (free,) of a point and such draws less these (count, free), bounds or not."""
     at = problem.to_coordinates(np.array([[point.values[name] for name in problem.free_names]]))[0]
-    draws = at + rng.standard_normal((count, at.size)) @ about(problem, at).factor.T
-    return problem.to_values(np.clip(draws, *problem.prior.limits))
+    return at, rng.standard_normal((count, at.size)) @ about(problem, at).factor.T
 
 
 # --- draws from all that was known before the table: priors, what the model can evaluate, what the scene says

@@ -89,7 +89,7 @@ def descend(
         stuck = (promise < promised) & (damping[busy] > 1.0) | (damping[busy] > MAX_DAMPING)
         running[busy[done | stuck]] = False
         tried, step = busy[~done & ~stuck], step[~done & ~stuck]
-        trial = x[tried] + step
+        trial = objective.moved(x[tried], step)
         lower = objective.cost(trial, searches.given.take(tried))
         better = lower < cost[tried]
         moved, refused = tried[better], tried[~better]

@@ -183,6 +183,35 @@ class Surface:
         return low, high
 
     @cached_property
+    def _levels(self) -> list[tuple[int, NDArray[np.int64]]]:
+        """Of each parameter that differs between levels the columns of spread and places, where all are free and the
+        common value is in the coordinate of its prior.
+        """
+        places = {parameter.name: k for k, parameter in enumerate(self.parameters)}
+        return [
+            (places[item.spread_name], np.array([places[name] for name in item.hidden[1:]]))
+            for item in self.problem.pooling
+            if {item.parameter, *item.hidden} <= places.keys() and not self._as_value[places[item.parameter]]
+        ]
+
+    def moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
+        """Where a step (rows, columns) leads, within bounds. What is linear along it is a level, `q + tau z`, which
+        the data determine, and not the place `z`: else steps would follow a curved ridge.
+        """
+        there = x + step
+        low, high = self.limits
+        for spread, places in self._levels:
+            log = self.parameters[spread].prior.log
+            before, after = (np.exp(at[:, spread]) if log else at[:, spread] for at in (x, there))
+            rate = before * step[:, spread] if log else step[:, spread]
+            # From the common value, which moves too.
+            level = before[:, None] * there[:, places] + x[:, places] * rate[:, None]
+            sure = after > 0.0
+            there[np.ix_(sure, places)] = level[sure] / after[sure, None]
+            there[:, places] = np.clip(there[:, places], low[places], high[places])
+        return there
+
+    @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Bounds of all columns, (columns,) each."""
         low, high = np.array([self.ends(k) for k in self.columns]).reshape(-1, 2).T

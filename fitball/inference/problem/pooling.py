@@ -56,6 +56,15 @@ class Levels:
         """Name of the parameter for the place of a level, in spreads from the common value."""
         return f"{self.parameter}_place[{label}]"
 
+    def level_name(self, label: str) -> str:
+        """What the parameter at a level is called."""
+        return f"{self.parameter}[{label}]"
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The parameters of the scatter between levels: spread and places."""
+        return self.spread_name, *map(self.place_name, self.labels)
+
     def value(self, columns: Mapping[str, FloatArray], label: str) -> FloatArray:
         """The parameter (draws,) at a level, from the columns of all parameters."""
         return self.away(columns, columns[self.place_name(label)])
@@ -97,7 +106,7 @@ class Pooling(Levels):
             self.spread_name: ParameterSpec(
                 self.spread_name, "" if self.log else unit, 0.0, most,
                 self.spread_prior(prior, tennis).text,
-                f"spread of {self.parameter} between {self.column}s (one standard deviation"
+                f"spread of {self.parameter}, between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
                 rf"$\tau_{{{in_formula(self.parameter)}}}$", possible=POSITIVE,
             )

@@ -101,7 +101,7 @@ class Problem:
         """
         names = set() if self.group_bias is None else self.group_bias.names(self.observables)
         for pooling in self.pooling:
-            names |= {pooling.spread_name, *map(pooling.place_name, pooling.labels)}
+            names |= {*pooling.hidden}
         return frozenset({*names, *(item.name for item in self.free if item.name in BALL_PARAMETERS)})
 
     @property
@@ -206,11 +206,7 @@ class Problem:
         levelled = {pooling.parameter for pooling in self.pooling}
         acting = [name for name in self.model_names if name in self.free_names or name in levelled]
         alone = {name: self.free_names.index(name) for name in acting if name not in levelled}
-        own_names = {
-            name
-            for pooling in self.pooling
-            for name in (pooling.parameter, pooling.spread_name, *map(pooling.place_name, pooling.labels))
-        }
+        own_names = {name for pooling in self.pooling for name in (pooling.parameter, *pooling.hidden)}
         moved = {
             k: self.all_values(self.to_values(coordinates + 1j * STEP * np.eye(self.dimension)[k]))
             for k, name in enumerate(self.free_names)

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.balances import Balances
+from fitball.inference.problem.pooling import Levels
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import Assumptions
-from fitball.inference.results.evidence import Adequacy, Identifiability
+from fitball.inference.results.evidence import Adequacy, Difference, Identifiability
 from fitball.inference.results.fitted_model import PREDICTING, FittedModel
 from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.source import Counted, NotNegative, Share, Source, Whole
@@ -41,6 +42,20 @@ class Verdict(StrEnum):
     PRIOR_DOMINATED = "prior-dominated"
     FIXED = "fixed"
     NOT_JUDGED = "not judged"
+
+
+def reported(
+    parameters: Mapping[str, Estimate], derived: Mapping[str, Estimate], levels: Sequence[Levels]
+) -> tuple[Estimate, ...]:
+    """See `Record.reported`."""
+    scatter = {name for item in levels for name in item.hidden}
+    own = {item.parameter: [item.level_name(label) for label in item.labels] for item in levels}
+    found = dict[str, Estimate]()
+    for name, item in parameters.items():
+        # A level for which the model has hardly an answer has no value.
+        found |= {one: derived[one] for one in own.get(name, ()) if one in derived}
+        found |= {} if name in own or name in scatter else {name: item}
+    return tuple({**found, **derived}.values())
 
 
 def verdict_words(verdict: Verdict, given: Sequence[str]) -> str:
@@ -301,8 +316,9 @@ class Timing:
 class Record:
     """The content of `fit.json`, numbers in SI. `derived` are quantities that follow from several parameters, those
     at a measured speed first. `notes` are those of table, problem and fit. `covariance` and `correlation` are those
-    of the free parameters. Log densities and root mean square residuals by column (`rms`) are those at the point
-    estimate; `optima` are all that its search found, best first.
+    of the free parameters. `differences` says which parameters differ between levels of labels. Log densities and
+    root mean square residuals by column (`rms`) are those at the point estimate; `optima` are all that its search
+    found, best first.
     """
 
     schema_version: Literal[7] = SCHEMA_VERSION
@@ -324,6 +340,7 @@ class Record:
     least_squares: LeastSquares
     diagnostics: Diagnostics | None
     levels: tuple[LevelEstimate, ...]
+    differences: tuple[Difference, ...]
     error_budget: ErrorBudget
     court_pace: CourtPace | None = None
     drop_test: DropTest | None = None
@@ -338,6 +355,18 @@ class Record:
     def estimates(self) -> tuple[Estimate, ...]:
         """The parameters in order."""
         return tuple(self.parameters.values())
+
+    @property
+    def scatter(self) -> tuple[Estimate, ...]:
+        """Of the parameters that differ between levels the common value, spread and places."""
+        return tuple(self.parameters[name] for item in self.fitted.levels for name in (item.parameter, *item.hidden))
+
+    @property
+    def reported(self) -> tuple[Estimate, ...]:
+        """The parameters in order, those that differ between levels by their values there; then other quantities that
+        follow from them.
+        """
+        return reported(self.parameters, self.derived, self.fitted.levels)
 
     @property
     def free_names(self) -> tuple[str, ...]:
@@ -360,7 +389,7 @@ class Record:
 class Fit(Record):
     """All that one calibration found: its record, and what lies in files beside `fit.json`.
 
-    A fit that was read back has its `place`, and a function `later` in its dictionary by which it reads those files
+    A fit that was read back has its `place`, and a function `later` in its dictionary. It reads those files
     when something in them is first asked for. Two fits are equal when they agree to the last digit.
     """
 

@@ -101,7 +101,7 @@ class Populations(Mapping[str, Populated]):
             Section("pooled", "Each table, given all others", [each] if parts else []),
             Section("", "", [Words(place, only="terminal", rank="first")]),
         ]
-        on = f", on levels of {over}" * bool(over)
+        on = f", by {over}" * bool(over)
         title = f"{', '.join(self) or 'Parameters'} over {tables:,} tables{on}"
         return Document(title, lead, sections)
 

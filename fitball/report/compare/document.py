@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +39,14 @@ from fitball.report.form.document import (
     as_page,
     judged,
     on_terminal,
+    shortened,
     term,
 )
 from fitball.report.form.files import csv_text, json_text, write_text
 from fitball.report.form.numbers import fixed, handy, listed, output_scale
 from fitball.values import FloatArray
 from fitball.version import versions_line
+from fitball.visible import some
 from fitball.wording import Screen, option, screen, shown_on
 
 JSON_NAME = "compare.json"
@@ -123,6 +125,7 @@ def compare_document(
     ]
     quick = f"; {option('quick')}: no exact refits of influential impacts" * comparison.quick
     notes = [f"{note}." for note in remarks(comparison)]
+    most = len(notes) if screen().full else MOST_NOTES
     lead: list[Part] = [
         Words(answer(comparison), "lead", rank="first"),
         *[drawn[name] for name in pictures if name == "scores"],
@@ -146,7 +149,8 @@ def compare_document(
             Words([term(scored.name, undetermined(scored)) for scored in models], "list"), verdict_table(comparison),
         ]),
         Section("notes", "Notes", [
-            Words(shortened(notes), "list", "terminal", rank="first"), Words(notes, "list", "page"),
+            Words(shortened(notes, most, option("full")), "list", "terminal", rank="first"),
+            Words(notes, "list", "page"),
         ]),
         Section("ranking", "Scores and weights", [
             Table("Scores and weights", scores, ["fits the data"]), Words([" ".join(LEGEND)], "quiet"),
@@ -164,16 +168,8 @@ def compare_document(
         Section("", "", [Words([f"Report: {folder}/compare.html"] * bool(folder), only="terminal", rank="first"),
                          Words([f"Time: {comparison.seconds:.0f} s."], only="terminal")]),
     ]  # fmt: skip
-    title = f"{len(models)} models on {table.name} ({len(table)} impacts), scored by {', '.join(comparison.columns)}"
+    title = f"{table.name}: {len(models)} models on {len(table):,} impacts, scored by {', '.join(comparison.columns)}"
     return Document(title, lead, sections)
-
-
-def shortened(notes: Sequence[str]) -> Sequence[str]:
-    """The first notes, for a first screen, and how many more there are."""
-    left = len(notes) - MOST_NOTES
-    if screen().full or left <= 1:
-        return notes
-    return [*notes[:MOST_NOTES], f"{left} more notes: {option('full')}, or the report."]
 
 
 def render(comparison: Comparison, folder: str = "") -> str:
@@ -206,9 +202,9 @@ def remarks(comparison: Comparison) -> list[str]:
         if found is not None and not found.converged:
             own.append("sampling did not converge: " + "; ".join(found.complaints))
         if scored.loo.unsettled:
-            own.append(f"refits without {', '.join(ids[k] for k in scored.loo.unsettled)} did not converge")
+            own.append(f"refits without {some([ids[k] for k in scored.loo.unsettled])} did not converge")
         if scored.loo.doubtful:
-            own.append(f"elpd of {', '.join(ids[k] for k in scored.loo.doubtful)} is unreliable (Pareto k above 0.7)")
+            own.append(f"elpd of {some([ids[k] for k in scored.loo.doubtful])} is unreliable (Pareto k above 0.7)")
         notes += [f"{scored.name}: {note}" for note in own]
     return [*comparison.notes, *notes]
 

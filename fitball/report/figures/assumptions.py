@@ -4,6 +4,7 @@ variant that fits equally well, and for each constant of the ball.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,7 @@ COLUMNS = 4
 @dataclass(frozen=True)
 class Row:
     """One model variant, or constant of the ball: `median` (None for a constant) and ends of the interval, in the
-    unit of the panel; NaN where it has none. `moved` where the value depends on what it changes.
+    unit of the panel; NaN where it has none. `moved` where median or an end outwards does by more than `MOVED`.
     """
 
     median: float | None
@@ -60,7 +61,9 @@ def forest_panels(fit: Fit) -> tuple[ForestPanel, ...]:
     """The quantities that move most, in the order of the fit."""
     found = fit.assumptions
     assert found is not None
-    spans = {**found.parameters, **{pace_name(surface): item for surface, item in found.court_pace.items()}}
+    scatter = {item.name for item in fit.scatter}
+    own = {name: item for name, item in found.parameters.items() if name not in scatter}
+    spans = {**own, **{pace_name(surface): item for surface, item in found.court_pace.items()}}
     order = sorted(spans, key=lambda name: -spans[name].shift)
     moving = sum(spans[name].shift > MOVES for name in order)
     kept = set(order[: min(max(moving, LEAST), MOST)])
@@ -110,17 +113,21 @@ def forest_figure(fit: Fit) -> Figure:
     cell = (1.62, ROUND + HIGH * len(names))
     margins = Margins(left=2.1, across=0.15, down=0.62, top=0.5, bottom=0.95)
     figure, axes = filled(len(data), COLUMNS, cell, margins)
-    places = np.arange(len(names))
-    for axis, panel in zip(axes.ravel(), data, strict=False):
-        _draw(axis, panel)
-        axis.set_ylim(len(names) - 0.4, -0.6)
-        axis.set_yticks([])
-    for row in axes:
-        row[0].set_yticks(places, [verbatim(short(name, LETTERS)) for name in names], fontsize=8)
+    for first, row in zip(range(0, len(data), len(axes[0])), axes, strict=True):
+        beside = data[first : first + len(row)]
+        # A constant is left out beside panels that do not depend on it.
+        kept = [k for k in range(len(names)) if any(np.isfinite(panel.rows[k].low) for panel in beside)]
+        for axis, panel in zip(row, beside, strict=False):
+            _draw(axis, panel, kept)
+            axis.set_ylim(len(kept) - 0.4, -0.6)
+            axis.set_yticks([])
+        row[0].set_yticks(range(len(kept)), [verbatim(short(names[k], LETTERS)) for k in kept], fontsize=8)
     handles = {
         "this fit, 95 %": Line2D([], [], color=MODEL, marker="o", markersize=4),
         "variant, 95 %": Line2D([], [], color=MEASURED, marker="o", markersize=4),
-        f"moved by more than {MOVED:g} sd": Line2D([], [], color=TREND, marker="o", markersize=4),
+        f"median or interval end moved by more than {MOVED:g} sd": Line2D(
+            [], [], color=TREND, marker="o", markersize=4
+        ),
     }
     if fit.assumptions.constants:
         handles["medians over the range of a constant"] = Line2D([], [], color=GUIDE, marker="|", markersize=6)
@@ -129,12 +136,12 @@ def forest_figure(fit: Fit) -> Figure:
     return figure
 
 
-def _draw(axis: Axes, panel: ForestPanel) -> None:
+def _draw(axis: Axes, panel: ForestPanel, kept: Sequence[int]) -> None:
     own = panel.rows[0]
     axis.axvspan(own.low, own.high, color=pale(MODEL, 0.2), linewidth=0, zorder=0)
     known = [row for row in panel.rows if np.isfinite(row.low)]
     low, high = min(row.low for row in known), max(row.high for row in known)
-    for k, row in enumerate(panel.rows):
+    for k, row in enumerate(panel.rows[place] for place in kept):
         if row.median is None:
             axis.plot([row.low, row.high], [k, k], "|-", color=GUIDE, markersize=6, linewidth=1.0)
             continue
@@ -148,7 +155,7 @@ def _draw(axis: Axes, panel: ForestPanel) -> None:
         axis.set_xlim(*ends)
         axis.locator_params(axis="x", nbins=4)
     axis.set_xlabel(panel.axis.label, fontsize=panel.axis.letters(9), labelpad=2)
-    axis.set_title(f"moved by up to {panel.shift:.1f} sd", fontsize=8, pad=3)
+    axis.set_title(f"median moved up to {panel.shift:.1f} sd", fontsize=7.5, pad=3)
 
 
 def forest_words(fit: Fit) -> str:
@@ -160,7 +167,7 @@ def forest_words(fit: Fit) -> str:
         medians = [row.median for row in panel.rows if row.median is not None]
         unit = panel.axis.label.rpartition("[")[2].rstrip("]") if panel.axis.label.endswith("]") else ""
         ends = f"{significant(min(medians))} to {significant(max(medians))} {unit}".rstrip()
-        parts.append(f"{panel.name} {ends}, shifted by up to {panel.shift:.1f} sd")
+        parts.append(f"{panel.name} {ends}, moved by up to {panel.shift:.1f} sd")
     count = len(found.as_good)
     fits = f"this fit and {count} model variant{'s' * (count != 1)} that fit equally well"
     return f"Medians under {fits}: {'; '.join(parts)}."

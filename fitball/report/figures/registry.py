@@ -93,7 +93,9 @@ FIGURES: Mapping[str, Kind] = {
     "forest": Kind(
         "parameters under model variants that fit equally well",
         "Median and 95 % interval of each quantity under this fit (band) and under each model variant that fits "
-        "equally well. The quantities that shift most are shown, the shift in sds of this fit above each panel.",
+        "equally well. The quantities whose medians move most are shown; above each panel the largest move in sds of "
+        "this fit. A variant is in colour where the median, or an end of the interval outwards, moves by more than "
+        "2 sd.",
         "assumptions",
         "assumptions",
         no_variants,

@@ -9,6 +9,7 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.inference.thesis.published_cases import PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
+from fitball.report.fit.differences import difference_lines, difference_rows, scatter_rows
 from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
 from fitball.report.fit.judged import (
     adequacy_parts,
@@ -24,7 +25,6 @@ from fitball.report.fit.rows import (
     budget_rows,
     budget_sentence,
     diagnosis_lines,
-    level_rows,
     measured_lines,
     parameter_table,
     prediction_table,
@@ -119,9 +119,14 @@ def _case_values(fit: Fit, cases: Sequence[PublishedCase]) -> list[tuple[str, ..
     return rows
 
 
+LEVELS = (
+    "Each parameter has its largest difference between two levels of a label. Where it is fitted to each level, the "
+    "difference is that of the posterior. Else it is of first order: the score of a value for each level. "
+    "Probabilities are those of as large a difference by chance, adjusted for the number of pairs or scores."
+)
 POOLED = (
-    "The table of levels has the value of each surface, ball or source table. The parameters of the pooling itself "
-    "(common value, spread, places) are often less certain than the levels."
+    "A parameter at a level is the common value plus a place times the spread. The common value belongs to no level. "
+    "It and the spread are often less certain than the levels."
 )
 REPEAT = (
     "`fitball repeat FOLDER`, with the folder of this page, repeats the fit from `run.toml` and compares.",
@@ -141,7 +146,7 @@ def fit_document(
     """
     drawn = _pictures(fit, pictures)
     determined, undetermined, fixed = (
-        [parameter_line(item) for item in (*fit.estimates, *fit.derived.values()) if item.verdict in verdicts]
+        [parameter_line(item) for item in fit.reported if item.verdict in verdicts]
         for verdicts in (DETERMINED, NOT_DETERMINED, (Verdict.FIXED,))
     )
     sections = [
@@ -151,11 +156,14 @@ def fit_document(
         ]),
         Section("not-determined", "Not determined", [
             Words(undetermined, "list"), Words([] if undetermined else ["No parameter."]),
-            Words([POOLED] * bool(fit.levels), only="page"),
             Words(["Fixed, and not fitted:"] * bool(fixed)), Words(fixed, "list"),
         ]),
-        Section("levels", "Level by level", [
-            Table.from_rows("Partially pooled parameters", level_rows(fit), ["unit"]),
+        Section("levels", "Differences between surfaces, balls and groups", [
+            Words(difference_lines(fit), "list"),
+            Words([LEVELS] * bool(fit.differences), "quiet"),
+            Table.from_rows("Differences by label", difference_rows(fit), ["unit", "from", "to", "", "fitted"]),
+            Words([POOLED] * bool(fit.scatter), "quiet", "page"),
+            Table.from_rows("Scatter between levels", scatter_rows(fit), ["unit"], only="page", rank="folded"),
         ]),
         Section("posterior", "Posterior", drawn["posterior"]),
         Section(
@@ -167,11 +175,9 @@ def fit_document(
         *_folded_sections(fit, drawn, command),
         Section("", "", [Words(_done(fit, folder), only="terminal")]),
     ]  # fmt: skip
-    return Document(
-        f"{fit.problem.model.name} fitted to {fit.problem.table.name} ({len(fit.problem.table)} impacts)",
-        _lead(fit, drawn[""], folder),
-        sections,
-    )
+    table, model = fit.problem.table, fit.problem.model.name
+    title = f"{table.name}: {len(table):,} impact{'s' * (len(table) > 1)}, {model} model"
+    return Document(title, _lead(fit, drawn[""], folder), sections)
 
 
 def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
@@ -181,12 +187,9 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
     left = len(results) - MOST_RESULTS
     brief = results if left <= 0 else [*results[:4], f"... and {left + 1} more: report.html", *results[-2:]]
     warnings = [f"Warning: {line}" for line in warning_lines(fit)]
-    pooled = [f"{it.parameter} differs between {len(it.labels)} {it.column}s." for it in fit.problem.pooling]
+    pooled = difference_lines(fit)
     sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled, *next_line(fit)]
-    found: list[Part] = [
-        Words(results, "list", "page"),
-        Words(brief, "lead", "terminal", "first"),
-    ]
+    found: list[Part] = [Words(results, "list", "page"), Words(brief, "lead", "terminal", "first")]
     # The coefficient of restitution is what a drop test is for.
     dropped = fit.drop_test is not None
     return [
@@ -195,7 +198,8 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
         Words([text for text in sentences if text], "lead", rank="first"),
         *curves,
         Table.from_rows(
-            "Parameters", parameter_table(fit, brief=True), ["unit", "verdict"], rest="`report.html`", rank="first",
+            "Parameters", parameter_table(fit, brief=True), ["meaning", "unit", "verdict"], rest="`report.html`",
+            spare="meaning", rank="first",
         ),
         *(() if dropped else found),
         Words(warnings[:MOST_WARNINGS], "list", "page"),

@@ -64,7 +64,7 @@ def methods_text(fit: Fit) -> str:
         lines.append(VARIED.format(count=count, good=good))
     values = [
         f"{row.name} = {row.within} {row.unit}".rstrip() + mark
-        for item in fit.estimates
+        for item in fit.reported
         if item.verdict is not Verdict.FIXED
         for row, mark in [(parameter_row(item), " (prior-dominated)" * (item.verdict is Verdict.PRIOR_DOMINATED))]
     ]

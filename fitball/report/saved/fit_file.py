@@ -272,7 +272,7 @@ def _names(fit: Record) -> Iterator[str]:
         if len(set(listed)) < len(listed):
             yield f"source.{name}: read {_listed(listed)}, where a name comes twice"
     for item in fit.fitted.levels:
-        for name in (item.parameter, item.spread_name, *map(item.place_name, item.labels)):
+        for name in (item.parameter, *item.hidden):
             if name not in fit.parameters:
                 yield f"fitted.levels: without parameter {name}"
     missing = [name for name in fit.fitted.model.parameter_names if name not in fit.parameters]
