@@ -83,8 +83,8 @@ class FitError(FitballError):
 class Fault:
     """One fault of an input file.
 
-    `row` counts data rows from 1 (the header is not a row), `line` counts lines of the file from 1;
-    either is None for a fault without a row.
+    `row` counts data rows from 1 (the header is not a row), `line` counts lines of the file from 1.
+    Either is None for a fault without a row.
     """
 
     message: str

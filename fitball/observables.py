@@ -18,8 +18,8 @@ from fitball.values import FloatArray
 
 @dataclass(frozen=True)
 class ColumnNoise:
-    """The noise parameter of a column: name, bounds and typical size (as the text of a prior has it) in the unit of
-    the column, its `source` in words, and its symbol (mathtext).
+    """The noise parameter of a column: name, bounds and typical size (as a prior writes it) in the unit of
+    the column. `source` is in words, the symbol in mathtext.
     """
 
     name: str
@@ -44,7 +44,7 @@ class ReboundColumn:
 
     `unit` is SI, angles in radians; `handy` the unit of reports, with the factor from SI. `title` and `symbol`
     (mathtext) head figures. `positive` is the convention of a column that has no sign. `tangential` columns need
-    motion along the court, `timed` ones a model with a time axis; those with `restitution` are not predicted by a
+    motion along the court, `timed` ones a model with a time axis. Those with `restitution` are not predicted by a
     model that takes the measured one. `velocity`: a component, the speed or the angle, of which at most two count
     (`data.kinematics`) and which may share one noise. `function` is None for what a model gives itself.
     """

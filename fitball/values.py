@@ -40,7 +40,7 @@ def numbers(name: str, values: ArrayLike) -> FloatArray:
 
 
 def quotient(top: ArrayLike, bottom: ArrayLike) -> FloatArray:
-    """`top / bottom`: infinite with its sign where it is beyond FARTHEST, as over zero, NaN for zero by zero and
+    """`top / bottom`: infinite with its sign where it is beyond FARTHEST, as over zero. NaN for zero by zero and
     infinity by infinity; nothing overflows.
     """
     above, below = np.asarray(top, dtype=np.float64), np.asarray(bottom, dtype=np.float64)
@@ -71,8 +71,8 @@ def same(one: object, other: object) -> bool:
 class Ball:
     """A tennis ball: `mass` [kg], outer `radius` [m], central moment of `inertia` [kg m^2].
 
-    Raises ParameterError for values that are not positive and finite, or absurd, or an inertia above that of
-    a ring of the same mass and radius.
+    Raises ParameterError for values that are not positive and finite, or absurd. Too large is an inertia above
+    that of a ring of the same mass and radius.
     """
 
     mass: float = WANG_MASS

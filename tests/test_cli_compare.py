@@ -90,7 +90,7 @@ def test_files_are_complete_and_agree(done):
 
 def test_the_first_screen_is_short_and_has_the_answer(done):
     place, _code, out, err = done
-    assert "2 models on balls (6 impacts), scored by v_x2, v_y2, omega_2" in out
+    assert "balls: 2 models on 6 impacts, scored by v_x2, v_y2, omega_2" in out
     assert len(out.splitlines()) <= 40
     assert "With 6 impacts" in out and str(place.parts[-1]) not in out
     assert "fits/balls/compare/compare.html" in out

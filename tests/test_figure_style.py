@@ -99,7 +99,7 @@ def test_every_symbol_is_one_parameters_and_reads_on_a_page():
 def test_the_table_of_parameters_says_what_they_mean(point_fit):
     text = page(point_fit, {})
     assert f'<td class="text">\u03bc</td><td class="text"></td><td class="words">{SPECS["mu"].meaning}</td>' in text
-    assert '<td class="words">vertical stiffness between core and shell</td>' in text
+    assert '<td class="words">vertical stiffness, between core and shell</td>' in text
     assert "K<sub>y</sub>" in text
 
 

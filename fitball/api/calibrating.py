@@ -111,13 +111,13 @@ def calibrate(
     progress: Wanted = None,
     **options: Unpack[Fitting],
 ) -> Fit:
-    """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, an `ImpactTable`, or
-    several of them, which are fitted together.
+    """Fit `model` (default: the scene's) to a table: a data frame, a path or bundled name, or an `ImpactTable`.
+    Several tables are fitted together.
 
     Table. Columns are named as in files (`v_1 [mph]`). Columns without a unit are in m/s, rad/s, degrees and s, or in
     the unit that `units` gives (`{"v_1": "mph"}`). `columns` maps fitball's names to those of the table (`{"v_1":
-    "Vin [mph]"}`). `flip` lists columns with the opposite convention (`TABLE:COLUMN` for one of several tables): the
-    sign of spins and velocities is reversed, angles are taken from the normal. The scene is `scene`, or the file
+    "Vin [mph]"}`). `flip` lists columns with the opposite convention (`TABLE:COLUMN` for one of several tables). The
+    sign of spins and velocities is reversed; angles are taken from the normal. The scene is `scene`, or the file
     `config`, or the TOML file beside the table. `force` is a file of force-time records (see `data.force`); default:
     the one that the scene names, or the one beside the table; "none" for none. A table is refused if another reading
     fits much better, or if the ball is unlike any game ball, unless `as_read`.
@@ -148,7 +148,7 @@ def calibrate(
 
 
 class Comparison:
-    """The result of `compare`: a recommendation, and models with the best first, each with its fit
+    """The result of `compare`: a recommendation, and models with the best first. Each has its fit
     (`comparison["two-mass"]`) and its scores on impacts that were left out.
     """
 
@@ -299,8 +299,8 @@ def compare(
 
     `models` are names such as `two-mass+torsion=free` (default: all that can differ on this table, with `quick` the
     main ones). For the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
-    `cores` models are fitted at once (default: all cores), each in its own process, or on the workers of the Dask
-    cluster at the address `scheduler`. The results do not depend on this. Raises subclasses of FitballError.
+    `cores` models are fitted at once (default: all cores), each in its own process, or on the workers of a Dask
+    cluster (address `scheduler`). The results do not depend on this. Raises subclasses of FitballError.
 
     >>> fitball.compare("wang_zero_spin", ["brody"], cores=1)
     Traceback (most recent call last):

@@ -1,4 +1,4 @@
-"""The fit in Python: one type for new fits and for those read back from a folder, with its methods; and the verbs
+"""The fit in Python: one type for new fits and for those read back from a folder, with its methods. Then the verbs
 that start from a fit, as functions.
 """
 
@@ -197,7 +197,7 @@ class Fit(results.Fit):
         contain units.
 
         `data` is a data frame, a path or bundled name, an `ImpactTable`, `Impacts`, or texts such as `"v=38 mph,
-        theta=18 deg, spin=950 rpm top"`; for `units`, `flip` and `columns` see `calibrate`. Columns such as
+        theta=18 deg, spin=950 rpm top"`. For `units`, `flip` and `columns` see `calibrate`. Columns such as
         `v_x2_mean_q025 [m/s]` are quantiles of the rebound itself, `v_x2_data_q025 [m/s]` of a measurement of it. If
         sds of the incident state are given, both include them, unless `exact_incidence`. Rebound columns of `data`
         are returned as `v_x2_measured`, with residuals. Notes are in `.attrs["notes"]`.
@@ -249,7 +249,7 @@ class Fit(results.Fit):
         and the gain of other sensors.
 
         `target` are names of parameters (default: all of the model), `"court pace"`, or `"impact=v=30 m/s, theta=16
-        deg"`. `speed`, `angle` and `spin` are the ranges of your machine: texts such as `"5:20"` [m/s], `"10:80"`
+        deg"`. `speed`, `angle` and `spin` are ranges of your machine. Give texts such as `"5:20"` [m/s], `"10:80"`
         [deg], `"-300:300 rpm"`, or pairs in SI (default: the range of the fitted table). `sensors` are texts such as
         `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`. `cost` is that of an impact with a
         sensor, relative to one measured as before. Where parameters differ between surfaces or balls, the plan is for

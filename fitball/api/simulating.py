@@ -1,5 +1,5 @@
-"""One impact through time, a map of contact regimes over angle and spin, and the page with sliders: of a fit, or of a
-model at default values. Each has its text, its content for other programs, its figure and its files.
+"""One impact through time, a map of contact regimes over angle and spin, and the page with sliders. They are
+of a fit, or of a model at default values. Each has text, content for other programs, a figure and files.
 """
 
 from __future__ import annotations

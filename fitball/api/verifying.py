@@ -1,4 +1,4 @@
-"""A port of a fit, compared with the fit on its golden impacts: the file is read and compared, the result is text or
+"""A port of a fit, compared with the fit on its golden impacts. The file is read and compared; the result is text or
 plain data.
 """
 

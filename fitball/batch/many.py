@@ -104,8 +104,8 @@ class Batch(Mapping[str, Fit]):
         """Centre and spread of parameters, or ratios of two (`"k_theta/k_y"`), over the tables, and each table's
         value given all others. They come from the saved draws: nothing is fitted.
 
-        `over` groups tables into levels: by a label that all rows of a table share (`"surface"`), by their
-        `"folder"`, or by a mapping of tables to levels. There is then a spread between levels and one within them.
+        `over` groups tables into levels. It is a label that all rows of a table share (`"surface"`), or
+        `"folder"`, or a mapping of tables to levels. There is then a spread between levels and one within them.
 
         Raises ParameterError for an unknown quantity, or one that too few tables have; ResultFolderError.
         """

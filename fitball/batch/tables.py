@@ -71,7 +71,7 @@ def _fault_of_part(part: str) -> str:
 
 
 def same_key(name: str) -> str:
-    """Equal for names that some file system takes for one: those that differ only in case, or in how an accent is
+    """Equal for names that some file system takes for one. They differ only in case, or in how an accent is
     written (Unicode Standard, definition D145: canonical caseless matching).
     """
     return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())

@@ -129,7 +129,7 @@ def run_predict(args: argparse.Namespace) -> int:
     if args.out is not None:
         write_text(Path(args.out), csv_text(prediction_csv_rows(prediction, ids)), named=True)
     seen = impacts_seen(fit.impacts, found.new.impacts) if found.scores else 0
-    title = f"Rebounds predicted by {fit.fitted.model_name}, fitted to {fit.source.name}"
+    title = f"{fit.source.name}: rebounds predicted by the {fit.fitted.model_name} model"
     if args.html is not None:
         page = predict_document(prediction, ids, found.scores, seen, title, ["rebounds"], args.command)
         write_text(Path(args.html), predict_page(page, prediction, ids), named=True)

@@ -68,7 +68,7 @@ class Labelled:
 
     @property
     def divides(self) -> bool:
-        """Whether parameters can be told apart between its levels: enough levels, with enough rows."""
+        """Whether parameters can be separated between its levels: enough levels, with enough rows."""
         enough = sum(count >= LEAST_ROWS for count in self.counts.values())
         return enough >= LEAST_LEVELS and len(self.counts) <= MOST_LEVELS and "" not in self.counts
 
@@ -101,7 +101,7 @@ def labelled(labels: Mapping[str, Sequence[str]]) -> tuple[Labelled, ...]:
 
 
 def grouping(table: ImpactTable) -> tuple[Labelled, ...]:
-    """The label columns of a table whose levels can be told apart."""
+    """The label columns of a table that divide the rows."""
     return tuple(item for item in labelled(table.labels) if item.divides)
 
 

@@ -196,9 +196,9 @@ def load_table(
     maps fitball's names to those of the table, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, and is preferred to
     the scene's. `units` has the units of columns by either name.
 
-    Raises TableError with every fault of the file: row, line, column, what was read and what was expected; it names
-    another reading if that has no fault. Raises SceneError for a scene beside it that cannot be used, ParameterError
-    for an unknown column in `columns` or `units`, or one that cannot be flipped.
+    Raises TableError with every fault of the file: row, line, column, what was read and what was expected. It names
+    another reading if that has no fault. Raises SceneError for a scene beside it that cannot be used. Raises
+    ParameterError for an unknown column in `columns` or `units`, or one that cannot be flipped.
 
     >>> given = {"v_1": [38.0, 40.0], "theta_1": [18.0, 25.0], "v_x2": [11.0, 10.5], "v_y2": [4.0, 5.0]}
     >>> fitball.load_table(given, units={"v_1": "mph"}, name="mine")

@@ -171,8 +171,8 @@ _FIELDS: Mapping[str, str] = {item.metadata["key"]: item.name for item in fields
 def load_scene(
     table_source: str | os.PathLike[str] | None, config: str | os.PathLike[str] | None = None, as_read: bool = False
 ) -> Scene:
-    """The scene of a table: from `config`, else from the TOML file beside the table, else assumed throughout, as it
-    is for a table without a file (None).
+    """The scene of a table: from `config`, else from the TOML file beside the table, else assumed. A table
+    without a file (None) has an assumed scene.
 
     Raises SceneError with every fault of the file and, unless `as_read`, as `likely_scene` does; TableError when the
     table does not exist.

@@ -1,4 +1,4 @@
-"""The frozen impact table: what was measured, in SI units, each quantity counted once; and several joined, rows one
+"""The frozen impact table: what was measured, in SI units, each quantity counted once. Several are joined, rows one
 below the other, each labelled with the table it came from.
 """
 

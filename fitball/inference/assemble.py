@@ -443,7 +443,9 @@ def _sentence(
             they = sentences.THEY if named else sentences.THE_DATA
             its = sentences.ITS_PRIOR if len(names) == 1 else sentences.THEIR_PRIORS
             parts.append(template.format(they=they, names=listed(names), its=its))
-    return " ".join([head, *([several] if several else []), *parts])
+    # Results come first, unless sampling casts doubt on them.
+    found = [*([several] if several else []), *parts]
+    return " ".join([*found, head] if status is not RunStatus.NOT_CONVERGED else [head, *found])
 
 
 def qualified(

@@ -24,8 +24,8 @@ _Chosen = Closures | ThesisClosures | ImpulseClosures
 
 @dataclass(frozen=True)
 class Reduced:
-    """A model on a table that does not show all of it: the `closures` it has there by default, and the `candidates`
-    that a comparison tries of it by default, as names with closures.
+    """A model on a table that does not show all of it. `closures` are those it has there by default, `candidates`
+    those that a comparison tries of it by default, as names with closures.
     """
 
     closures: Mapping[str, str] = field(default_factory=dict)
@@ -34,7 +34,7 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Entry:
-    """How a model is composed, from its name, ball, whether there is motion along the court, and its closures, which
+    """How a model is composed, from its name, ball, whether there is motion along the court, and its closures. These
     are `closures` with some replaced (None: it has none).
 
     `candidates` are what a comparison tries of it by default, `variants` what it adds unless it is to be quick.

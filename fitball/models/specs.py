@@ -20,7 +20,8 @@ FOLLOWED = ("two-mass", "thesis-exact")
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """A model parameter: `unit` (SI, empty when dimensionless), closed bounds, default prior, meaning.
+    """A model parameter: `unit` (SI, empty when dimensionless), closed bounds, default prior, meaning (a comma
+    after its first words, which are its short name).
 
     `label` is its symbol in figures and on pages (mathtext). `handy` is the unit of reports, with the factor from SI.
     `logarithmic`: its axis is so in every figure. `typical` is a round number near the fits to Wang's 21 impacts, the
@@ -51,43 +52,43 @@ EVERYTHING, POSITIVE = (-math.inf, math.inf), (0.0, math.inf)
 # Three lines a parameter: name, unit, bounds and prior; meaning and symbol; what else is known of it.
 _ALL = (
     ParameterSpec("mass_ratio", "", 0.3, 1.0, "uniform(0.3, 1)",
-        "mass of the core over that of the ball", r"$M_1/M$", typical=0.87, open_above=True, possible=(0.0, 1.0)),
+        "relative core mass, over that of the ball", r"$M_1/M$", typical=0.87, open_above=True, possible=(0.0, 1.0)),
     ParameterSpec("k_y", "N/m", 1.0e2, 1.0e7, "lognormal(2.0e4, 1.0)",
-        "vertical stiffness between core and shell", r"$K_y$",
+        "vertical stiffness, between core and shell", r"$K_y$",
         typical=2.0e4, possible=POSITIVE, handy=("kN/m", 1e-3), logarithmic=True),
     ParameterSpec("k_theta", "N m/rad", 1.0e-2, 1.0e8, "lognormal(30, 1.5)",
-        "torsional stiffness between core and shell", r"$K_\theta$",
+        "torsional stiffness, between core and shell", r"$K_\theta$",
         typical=20.0, possible=POSITIVE, logarithmic=True),
     ParameterSpec("mu", "", 0.0, 5.0, "lognormal(0.6, 0.4)",
-        "coefficient of sliding friction of ball on court", r"$\mu$", typical=0.56, possible=POSITIVE),
+        "friction coefficient, of the ball sliding on the court", r"$\mu$", typical=0.56, possible=POSITIVE),
     ParameterSpec("eps_10", "m", -0.033, 0.033, "normal(0, 0.005)",
-        "offset of the normal force, ahead of the centre, at 10 m/s", r"$\varepsilon_{10}$",
+        "normal-force offset, ahead of the centre, at 10 m/s", r"$\varepsilon_{10}$",
         typical=2.4e-3, handy=("mm", 1e3)),
     ParameterSpec("eps_slope", "m/(m/s)", -0.01, 0.01, "normal(0, 0.001)",
-        "change of that offset per m/s of vertical speed", r"$\varepsilon'$",
+        "slope of the offset, its change per m/s of vertical speed", r"$\varepsilon'$",
         typical=0.0, possible=EVERYTHING, handy=("mm/(m/s)", 1e3)),
     ParameterSpec("cor_10", "", 0.0, 1.0, "normal(0.75, 0.15)",
-        "coefficient of restitution at 10 m/s", r"$\mathrm{COR}_{10}$", typical=0.776),
+        "vertical restitution, the coefficient at 10 m/s", r"$\mathrm{COR}_{10}$", typical=0.776),
     ParameterSpec("cor_slope", "1/(m/s)", -0.1, 0.1, "normal(0, 0.02)",
-        "change of the coefficient of restitution per m/s of vertical speed", r"$\mathrm{COR}'$",
+        "slope of restitution, its change per m/s of vertical speed", r"$\mathrm{COR}'$",
         typical=-0.0158, possible=EVERYTHING, handy=("1e-3 s/m", 1e3)),
     ParameterSpec("zeta_theta", "", 0.0, 10.0, "lognormal(0.5, 1.0)",
-        "torsional damping ratio during slip", r"$\zeta_\theta$",
+        "torsional damping, its ratio during slip", r"$\zeta_\theta$",
         typical=0.5, possible=POSITIVE, logarithmic=True),
     ParameterSpec("inertia_split", "", 1.0e-6, 1.0 - 1.0e-6, "uniform(0.1, 0.98)",
-        "moment of inertia of the core over that of the ball", r"$I_1/I$", typical=0.7),
+        "relative core inertia, over that of the ball", r"$I_1/I$", typical=0.7),
     ParameterSpec("c_y", "N s/m", 0.0, 1.0e4, "lognormal(3, 1.0)",
-        "vertical damping between core and shell", r"$C_y$", possible=POSITIVE, logarithmic=True),
+        "vertical damping, between core and shell", r"$C_y$", possible=POSITIVE, logarithmic=True),
     ParameterSpec("e_x", "", -1.0, 1.0, "normal(0, 0.5)",
-        "tangential coefficient of restitution of the contact point in grip", r"$e_x$", typical=0.1),
+        "grip restitution, tangential coefficient of the contact point", r"$e_x$", typical=0.1),
     ParameterSpec("offset", "m", -0.033, 0.033, "normal(0, 0.005)",
-        "offset of the normal force, ahead of the centre", r"$\varepsilon$", handy=("mm", 1e3), typical=2.4e-3),
+        "normal-force offset, ahead of the centre", r"$\varepsilon$", handy=("mm", 1e3), typical=2.4e-3),
     ParameterSpec("ball_mass", "kg", 1.0e-6, 20.0, "normal(0.0576, 0.001)",
         "mass of the ball", r"$M$", possible=POSITIVE, handy=("g", 1e3)),
     ParameterSpec("ball_radius", "m", 1.0e-4, 0.5, "normal(0.03302, 0.0005)",
         "outer radius of the ball", r"$R$", possible=POSITIVE, handy=("mm", 1e3)),
     ParameterSpec("inertia_ratio", "", 0.05, 1.0, "normal(0.56, 0.015)",
-        "moment of inertia of the ball over M R^2", r"$I/MR^2$", possible=POSITIVE),
+        "relative inertia, of the ball over M R^2", r"$I/MR^2$", possible=POSITIVE),
 )  # fmt: skip
 
 SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}

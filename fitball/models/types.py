@@ -45,7 +45,7 @@ def options_of(kind: type[Closures | ThesisClosures | ImpulseClosures]) -> dict[
 class Closures:
     """The named options that compose a two-mass model; one value each.
 
-    `torsion = "rigid"` is the limit of infinite torsional stiffness: it is what is left of the model
+    `torsion = "rigid"` is the limit of infinite torsional stiffness. It is what is left of the model
     when no spin was measured, and costs no transition search.
     """
 
@@ -185,7 +185,7 @@ class Rebound:
     """Rebound states, each array of shape (impacts,) or (draws, impacts).
 
     `v_x2`, `v_y2` [m/s] (`v_y2 > 0` away from the court), `omega_2` [rad/s], `contact_time` [s] (NaN
-    for models without a time axis), `regime` packed phase sequences (see `regime_name`), `status`
+    for models without a time axis). `regime`: packed phase sequences (see `regime_name`), `status`
     values of `Status`.
     """
 

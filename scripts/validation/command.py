@@ -1,6 +1,6 @@
 """`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
 with `--trust`, whether what fits say of themselves is true; with `--population`, whether populations over many tables
-are found.
+are found; with `--few`, whether intervals from few levels hold and stay narrow.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -75,12 +75,19 @@ def make_parser() -> argparse.ArgumentParser:
         help="instead: populations of 20 tables each with known centre and spread, and of 3 levels of 4 tables: how "
         "often do intervals hold them, and do joint fits of ten tables say the same",
     )
+    parser.add_argument(
+        "--few",
+        action="store_true",
+        help="instead: labs with two to six balls or places, and tables of two surfaces: how often do intervals hold "
+        "the truth, and how wide are they",
+    )
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument(
         "--replicates",
         type=whole,
         metavar="N",
-        help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50)",
+        help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50); "
+        "labs and tables of two surfaces (400)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -107,6 +114,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             args.line = ProgressLine(args.quiet)
             if args.population:
                 return _population(args)
+            if args.few:
+                return _few(args)
             return _plan(args) if args.plan else _trust(args) if args.trust else _ranks(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
@@ -172,6 +181,19 @@ def _population(args: argparse.Namespace) -> int:
     both = zip(studies(), counts, strict=True)
     made = {study.name: _made(args, study, folder, workers, count) for study, count in both}
     return _end(args, folder / "population.json", judge(made, args.seed))
+
+
+def _few(args: argparse.Namespace) -> int:
+    """Measure few balls, places and surfaces, and count; 1 where intervals do not hold."""
+    _checked(args, 400)
+    from fitball.report.form.files import write_text
+    from validation.few_levels import judge, studies
+
+    folder, workers = _place_and_workers(args, "few")
+    made = {study.name: _made(args, study, folder, workers) for study in studies()}
+    found = judge(made, args.seed)
+    write_text(folder / "few.md", f"```text\n{found.text}```\n")
+    return _end(args, folder / "few.json", found)
 
 
 def _made(

@@ -30,6 +30,8 @@ from fitball.values import FloatArray
 
 # A direction of which a refit of the others leaves less of the square is not seen.
 LEFT = 1e-3
+# Standard errors of a 95 % interval.
+TWO_SIDED = 1.959964
 # Parameters of one column that may be found to differ, one after the other.
 MOST = 3
 
@@ -149,8 +151,8 @@ def _difference(
     size = float(whole[high] - whole[low])
     error = float(np.sqrt(wide[low, low] + wide[high, high] - 2.0 * wide[low, high]))
     return Difference(
-        name, item.column, labels[low], labels[high], parameter.spec.unit, unit * size, unit * error, p, found=False,
-        fitted=False,
+        name, item.column, labels[low], labels[high], parameter.spec.unit, unit * size, unit * error,
+        unit * (size - TWO_SIDED * error), unit * (size + TWO_SIDED * error), p, found=False, fitted=False,
     )  # fmt: skip
 
 

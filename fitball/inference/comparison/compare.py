@@ -102,10 +102,14 @@ def score_model(task: Task, report: Callable[[str], None] = lambda _stage: None)
     notes += fit.notes[len(problem.table.remarks) + len(problem.notes) :]
     every = {observable.name for observable in problem.observables} == set(columns)
     starts = (*fit.point.optima[:FOLLOWED], fit.least_squares.values, *task.beside)
-    information = criteria(problem, starts) if every else None
+    # Levels and biases scatter by a prior: how many parameters they count for is not a whole number.
+    counted = every and not problem.pooling and problem.group_bias is None
+    information = criteria(problem, starts) if counted else None
     if not every:
         extra = ", ".join(observable.name for observable in problem.observables if observable.name not in columns)
         notes.append(f"fitted to {extra} too, which makes AICc and BIC incomparable: left out")
+    elif not counted:
+        notes.append("parameters are fitted to each level of a label: AICc and BIC are left out")
     left = sum(observable.observed.size for observable in problem.observables) - len(problem.observables)
     if left <= problem.dimension:
         notes.append(

@@ -1,4 +1,4 @@
-"""What a comparison found: frozen values and the differences between any two models; beside them the parameter sets
+"""What a comparison found: frozen values and the differences between any two models. Beside them the parameter sets
 that Jafri (2004) published, as predictions of Wang's impacts.
 """
 
@@ -59,8 +59,6 @@ def criteria(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Criteri
 
     The scene's contact time is prior knowledge and does not enter.
     """
-    # Their penalty would be part of the likelihood, and each would count as a parameter.
-    assert not problem.pooling and problem.group_bias is None, "levels and biases are not counted"
     objective = surface_of(replace(problem, contact_time=None), SETTLED)
     begun = objective.from_values(np.array([[start[name] for name in problem.free_names] for start in starts]))
     reached = descend(objective, free_searches(objective, begun))

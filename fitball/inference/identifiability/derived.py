@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitball.inference.identifiability.information import first_order_moves
-from fitball.inference.identifiability.verdict import Judgement, Numbers, judge, marginal
+from fitball.inference.identifiability.verdict import CENTRAL_95, Judgement, Numbers, judge, marginal
 from fitball.inference.problem.parameters import Parameter, parse_prior
 from fitball.inference.problem.pooling import Pooling
 from fitball.inference.problem.problem import Problem
@@ -106,19 +106,19 @@ def _all(problem: Problem) -> Iterator[Quantity]:
         at = f"at {speed:g} m/s"
         if anchor == "cor_10":
             spec = ParameterSpec(
-                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"coefficient of restitution {at}", r"$\mathrm{COR}$"
+                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"vertical restitution, {at}", r"$\mathrm{COR}$"
             )
             yield Quantity(_parameter(spec), parts, _restitution(problem, speed))
         else:
             spec = ParameterSpec(
                 f"offset {at}", "m", -0.033, 0.033, "normal(0, 0.005)",
-                f"offset of the normal force, ahead of the centre, {at}", r"$\varepsilon$",
+                f"normal-force offset, ahead of the centre, {at}", r"$\varepsilon$",
             )  # fmt: skip
             yield Quantity(_parameter(spec), parts, _line(problem, *parts, speed - ANCHOR_SPEED))
     if {"k_theta", "k_y"} <= set(problem.free_names):
         spec = ParameterSpec(
             "k_theta/k_y", "m^2/rad", 1e-12, 1e6, "lognormal(1.5e-3, 1.8)",
-            "torsional over vertical stiffness: rebounds determine only this ratio", r"$K_\theta/K_y$",
+            "stiffness ratio, torsional over vertical: rebounds determine only this", r"$K_\theta/K_y$",
         )  # fmt: skip
         above, below = (problem.free_names.index(name) for name in ("k_theta", "k_y"))
         yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: values[:, above] / values[:, below])
@@ -152,10 +152,12 @@ def differences(problem: Problem, followed: Sequence[Derived]) -> tuple[Differen
         pairs = len(names) * (len(names) - 1) // 2
         p = min(1.0, 2.0 * pairs * float(np.mean(apart <= 0.0)))
         unit = problem.model.specs[pooling.parameter].unit
+        within = dict(zip(("q025", "q975"), np.quantile(apart, CENTRAL_95).tolist(), strict=True))
+        size, sd = float(np.median(apart)), float(np.std(apart, ddof=1))
         found.append(
             Difference(
-                pooling.parameter, pooling.column, low, high, unit, float(np.median(apart)),
-                float(np.std(apart, ddof=1)), p, found=p < FALSE_EXCEPT, fitted=True,
+                pooling.parameter, pooling.column, low, high, unit, size, sd, **within, p=p, found=p < FALSE_EXCEPT,
+                fitted=True,
             )
         )  # fmt: skip
     return tuple(found)

@@ -196,7 +196,7 @@ class Surface:
 
     def moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
         """Where a step (rows, columns) leads, within bounds. What is linear along it is a level, `q + tau z`, which
-        the table knows, and not the place `z`: else steps would follow a curved ridge.
+        the data determine, and not the place `z`: else steps would follow a curved ridge.
         """
         there = x + step
         low, high = self.limits

@@ -126,7 +126,7 @@ class StudentNoise(NoiseKind):
     parameters = (
         ParameterSpec(
             "degrees_of_freedom", "", 2.0, 100.0, "lognormal(8, 0.8)",
-            "degrees of freedom of the noise: few allow outliers", r"$\nu$",
+            "degrees of freedom, of the noise: few allow outliers", r"$\nu$",
             logarithmic=True,
         ),
     )  # fmt: skip

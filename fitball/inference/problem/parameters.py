@@ -379,11 +379,11 @@ SD_SPECS: Mapping[str, ParameterSpec] = {
 FORCE_NOISE = ("force_sd", "force_misfit")
 _FORCE_SPECS: Mapping[str, ParameterSpec] = {
     "force_sd": ParameterSpec(
-        "force_sd", "N", 1e-3, 1e4, "lognormal(10, 1.0)", "noise of one sample of a force record", r"$\sigma_F$"
+        "force_sd", "N", 1e-3, 1e4, "lognormal(10, 1.0)", "noise of force, of one sample of a record", r"$\sigma_F$"
     ),
     "force_misfit": ParameterSpec(
         "force_misfit", "", 1e-4, 3.0, "lognormal(0.03, 1.0)",
-        "misfit of the model's force to a record, slow in time, as a share of its peak", r"$\delta_F$",
+        "misfit of force, model to record, slow in time, as a share of its peak", r"$\delta_F$",
         handy=("%", 1e2),
     ),
 }  # fmt: skip

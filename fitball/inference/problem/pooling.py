@@ -120,7 +120,7 @@ class Pooling(Levels):
             self.spread_name: ParameterSpec(
                 self.spread_name, "" if self.log else unit, 0.0, most,
                 self.spread_prior(prior, tennis).text,
-                f"spread of {self.parameter} between {self.column}s (one standard deviation"
+                f"spread of {self.parameter}, between {self.column}s (one standard deviation"
                 + (" of its logarithm)" if self.log else ")"),
                 rf"$\tau_{{{in_formula(self.parameter)}}}$", possible=POSITIVE,
             )

@@ -109,8 +109,8 @@ class Alternative:
 class Span:
     """One quantity over the fit itself and all alternatives that fit equally well.
 
-    `low` and `high` are the lowest and highest median, `q025` and `q975` the outermost ends of the 95 % intervals,
-    `own` the summary within the fit itself. `shift` is the largest move of the median, in the fit's own sds, and `by`
+    `low` and `high` are the lowest and highest median, `q025` and `q975` the outermost ends of the 95 % intervals.
+    `own` is the summary within the fit itself. `shift` is the largest move of the median, in the fit's own sds, `by`
     the alternative that makes it. `given` are the choices on which the value depends (see `MOVED`), the strongest
     first.
     """

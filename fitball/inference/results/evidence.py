@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from scipy.special import ndtri
+
 from fitball.data.table import FrozenMapping
 from fitball.inference.results import sentences
 from fitball.values import FloatArray
@@ -85,7 +87,7 @@ class InformationEvidence:
 
 @dataclass(frozen=True)
 class Direction:
-    """One eigenvector of the information in sds of the priors: its `components` by name, that combination of
+    """One eigenvector of the information in sds of the priors. It has its `components` by name, that combination of
     parameters in words, and its standard error in words.
     """
 
@@ -176,6 +178,8 @@ class Identifiability:
     several: str = ""
 
 
+# Probabilities of a difference below this are not resolved by draws.
+RESOLVED = 1e-3
 # Probabilities that simulated data are described only with exceptions, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01
 # A parameter that a misfit shifts by more than so many of its standard deviations is conditional.
@@ -224,7 +228,7 @@ class Check:
 
     `statistic` is the observed one and `usual` the 95 % quantile of its size over simulated data sets. `p` is the
     probability that such a data set shows as much in any of all tests. `explained` is the share of the residual
-    variance that the pattern explains, `size` its root mean square in units of the noise (None: it has none).
+    variance that the pattern explains. `size` is its root mean square in units of the noise (None: it has none).
     """
 
     kind: str
@@ -256,7 +260,7 @@ class Misfit:
 @dataclass(frozen=True)
 class Difference:
     """By how much a parameter differs between the levels of a `column`, from the level where it is `low`est to that
-    where it is `high`est, in SI: `size` with its standard deviation.
+    where it is `high`est, in SI: `size` with its standard deviation and 95 % interval.
 
     `p` is the probability of as much without any difference, adjusted for the number of looks. `found`: the
     difference is sure. `fitted`: the parameter is fitted to each level; else this is of first order, and `values` are
@@ -270,6 +274,8 @@ class Difference:
     unit: str
     size: float
     sd: float
+    q025: float
+    q975: float
     p: float
     found: bool
     fitted: bool
@@ -277,8 +283,10 @@ class Difference:
 
     @property
     def sds(self) -> float:
-        """The difference in its standard deviations."""
-        return self.size / self.sd
+        """The difference in its standard deviations: of a normal number with the same `p`, as far as draws resolve
+        that.
+        """
+        return -float(ndtri(0.5 * self.p)) if self.p >= RESOLVED else self.size / self.sd
 
 
 @dataclass(frozen=True)

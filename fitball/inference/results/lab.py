@@ -1,21 +1,21 @@
 """What laboratories rate, as formulas and values, nothing of a problem: the court pace of a fitted surface, and drop
 tests.
 
-ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*: a ball hits
+ITF CS 01/02, "Court pace" (earlier CS 01/01), in *ITF Guide to Test Methods for Tennis Court Surfaces*. A ball hits
 the court at 30 m/s and 16 degrees with hardly any spin. From its velocities follow `e = v_y2/v_y1`, `mu = (v_x1 -
 v_x2)/(v_y1 (1 + e))` and the rating `100 (1 - mu) + 150 (0.81 - e_T)`.
 
 That `mu` is the apparent one: the ratio of the impulses, the coefficient of sliding friction only while the ball
 slides throughout. At 16 degrees it may grip, so the rating with the fitted coefficient is given beside it. The method
-brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`; where no ball temperature is known `e_T =
-e`. It takes nine impacts at a place, the mean of all as the value of the court, and the largest difference between
-the means of places as its variation (ITF Technical Booklet 2015, p. 40).
+brings the restitution to 23 degrees Celsius, `e_T = e + 0.003 (23 - T)`. Where no ball temperature is known `e_T =
+e`. It takes nine impacts at a place. The mean of all is the value of the court, the largest difference between
+the means of places its variation (ITF Technical Booklet 2015, p. 40).
 
-Without air a ball dropped from height h lands with `v = sqrt(2 g h)` and rises to `v^2/(2 g)`, so that a drop and its
+Without air a ball dropped from height h lands with `v = sqrt(2 g h)` and rises to `v^2/(2 g)`. A drop and its
 rebound, both as heights, have the restitution `sqrt(h_2/h_1)`. Air takes part of it: with `k = rho c_d pi R^2/(2 M)`
 a ball lands with `v^2 = (g/k) (1 - exp(-2 k h))` and rises to `ln(1 + k v^2/g)/(2 k)`. For a tennis ball from 254 cm
 that is 2 % of the speed and 7 % of the rebound. Rebound heights that were turned into speeds without air and are
-turned back without air come out as they were measured; speeds measured at the floor need the air.
+turned back without air come out as measured. Speeds measured at the floor need the air.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class PaceRating:
     `friction` is the apparent one of the test impact. `sliding_friction` is the fitted coefficient, `sliding_rating`
     the rating by that. `categories` and `regimes` are probabilities, `slides` that of sliding throughout, among the
     draws that can be evaluated. `failed` is the share of the others. `saturated` is the probability that the ball
-    grips in the test impact, or nearly, in a model that then gives all rougher courts the same rating.
+    grips in the test impact, or nearly. The model then gives all rougher courts the same rating.
     """
 
     labels: tuple[str, ...]
@@ -114,8 +114,8 @@ class CourtMean:
 
 @dataclass(frozen=True)
 class PlaceRating:
-    """One place of a court: its measured impacts, mean rating, friction and restitution as measured, and the
-    `rating` beyond the noise of its repeats (None where places cannot be separated from that).
+    """One place of a court: its measured impacts, mean rating, friction and restitution as measured. The
+    `rating` is beyond the noise of its repeats (None where places cannot be separated from that).
     """
 
     label: str
@@ -128,7 +128,7 @@ class PlaceRating:
 
 @dataclass(frozen=True)
 class MeasuredPace:
-    """The test as the ITF makes it, without a model: of the `impacts` within its tolerances (among `total`) the
+    """The test as the ITF makes it, without a model. Of the `impacts` within its tolerances (among `total`) the
     rating of each, the mean of the court, and the places. `surface` is the label of the surface, if the table has
     several.
     """
@@ -146,7 +146,7 @@ class CourtPace:
     """Ratings surface by surface, or `missing`: why there is none. `columns` are the label columns of the labels of
     each.
 
-    `court` is the mean of the ratings of several places on one court, `measured` that of the impacts themselves on
+    `court` is the mean of the ratings of several places on one court. `measured` is that of the impacts themselves on
     each surface, where they are those of the test. `temperature` of the ball and its sd are in degrees Celsius;
     ratings are brought to 23 where it is known.
     """
@@ -241,9 +241,9 @@ class TestedSpeed:
 
 @dataclass(frozen=True)
 class Passing:
-    """Probabilities that a rebound is within the limits of a type, None without draws: of the `mean` ball, of one
-    more `ball` of the same make, and of one more measured `drop`. `ball` is None where balls cannot be separated from
-    noise.
+    """Probabilities that a rebound is within the limits of a type, None without draws. `mean` is that of the
+    mean, then of one more `ball` of the make, of one more measured `drop`. `ball` is None where
+    balls cannot be separated from noise.
     """
 
     mean: float | None

@@ -56,7 +56,7 @@ def spread_of(draws: FloatArray | None, point: float | None = None) -> Spread:
 
 
 def bands(array: FloatArray) -> FloatArray:
-    """Quantiles (5, points) of draws (draws, points), as `BAND` has them; draws that the model cannot evaluate at a
+    """Quantiles (5, points) of draws (draws, points), as `BAND` has them. Draws that the model cannot evaluate at a
     point are left out, NaN where none is left.
     """
     if not np.isnan(array).any():

@@ -389,7 +389,7 @@ class Record:
 class Fit(Record):
     """All that one calibration found: its record, and what lies in files beside `fit.json`.
 
-    A fit that was read back has its `place`, and a function `later` in its dictionary by which it reads those files
+    A fit that was read back has its `place`, and a function `later` in its dictionary. It reads those files
     when something in them is first asked for. Two fits are equal when they agree to the last digit.
     """
 

@@ -81,9 +81,7 @@ FALSE_ALARMS = "False alarms if the model is right: {exceptions:.0f} % with exce
 
 # --- did sampling converge, and what do the data determine?
 
-CONVERGED = (
-    "Sampling converged: effective sample size at least {ess:.0f} and R-hat at most {r_hat:.3f} for every parameter."
-)
+CONVERGED = "Sampling converged: effective sample size at least {ess:.0f}, R-hat at most {r_hat:.3f}."
 NOT_CONVERGED = (
     "Sampling did NOT converge in {steps} steps: effective sample size {ess:.0f} for {rarest} (target {enough:.0f}), "
     "R-hat {r_hat:.3f} for {apart} (target below {target})."

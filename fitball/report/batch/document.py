@@ -288,7 +288,7 @@ def summarised(rows: Sequence[Row], series: Sequence[Series], populated: Sequenc
         parts.append(f"{len(failed):,} failed")
     unsure = [str(row[NAME]) for row in done if row["status"] == RunStatus.NOT_CONVERGED]
     if unsure:
-        parts.append(f"{len(unsure):,} did not converge ({_some(unsure)})")
+        parts.append(f"{len(unsure):,} did not converge ({listed(unsure, 5)})")
     answers = Counter(str(row["adequacy"]) for row in done if row["adequacy"] is not None)
     sentences = ["; ".join(parts) + "."]
     if answers:
@@ -296,7 +296,7 @@ def summarised(rows: Sequence[Row], series: Sequence[Series], populated: Sequenc
         sentences.append(f"Does the model fit the data? {'; '.join(counts).capitalize()}.")
     refused = [str(row[NAME]) for row in done if row["adequacy"] == Answer.FAILS]
     if refused:
-        sentences.append(f"The model does not fit {_some(refused)}: their parameters hold within the model only.")
+        sentences.append(f"The model does not fit {listed(refused, 5)}: their parameters hold within the model only.")
     points = [sentence for one in series for sentence in _standing_out(one)]
     points += dict.fromkeys(sentence for one in populated for sentence in one.remarks)
     points += doubts_of_all(populated)
@@ -317,12 +317,6 @@ def _all_fitted(count: int) -> str:
     return f"All {count:,} tables fitted" if count > 1 else "One table fitted"
 
 
-def _some(names: Sequence[str], most: int = 5) -> str:
-    """The first names of many."""
-    more = len(names) - most
-    return listed(names) if more <= 0 else f"{', '.join(names[:most])} and {more:,} more"
-
-
 def _standing_out(series: Series) -> list[str]:
     """Drifts and outliers of a quantity, in words."""
     sentences = []
@@ -338,7 +332,7 @@ def _standing_out(series: Series) -> list[str]:
     if series.outside:
         places_of = dict(zip(series.rows, series.names, strict=True))
         far = [f"{places_of[row]} ({distance:+.1f} sd)" for row, distance in series.outside]
-        sentences.append(f"Outliers of {series.name}: {_some(far)}.")
+        sentences.append(f"Outliers of {series.name}: {listed(far, 5)}.")
     return sentences
 
 
@@ -442,8 +436,8 @@ def doubts(populated: Populated) -> list[str]:
     if found.doubtful:
         count = len(found.doubtful)
         sentences.append(
-            f"Importance weights of {count:,} table{'s' * (count > 1)} ({_some(found.doubtful)}) are unreliable for "
-            f"{name} (Pareto k above {K_TRUSTED})."
+            f"Importance weights of {count:,} table{'s' * (count > 1)} ({listed(found.doubtful, 5)}) are unreliable "
+            f"for {name} (Pareto k above {K_TRUSTED})."
         )
     if sentences and len(populated.quantity.parts) == 1 and len(found.tables) <= MOST_TOGETHER:
         how = spoken(

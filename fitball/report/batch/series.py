@@ -271,7 +271,7 @@ def grouped(rows: Sequence[Row], over: Over) -> Grouping:
     remarks = [f"{len(levels):,} tables on {count:,} levels of {name}."]
     without = [table for table in done if table not in levels]
     if without:
-        remarks.append(f"Left out, without one {name} for all their rows: {listed(without[:5])}{_more(without)}.")
+        remarks.append(f"Left out, without one {name} for all their rows: {listed(without, 5)}.")
     if kind:
         remarks.append(f"{name} holds {kind}. They are used as names of levels; a drift along them is reported too.")
     return Grouping(name, levels, (*remarks, *_weak(name, count, len(levels))))
@@ -309,7 +309,3 @@ def _weak(name: str, levels: int, tables: int) -> list[str]:
     elif tables == levels + 1:
         sentences.append(f"Only one {name} has two tables: the spread within levels depends on its prior too.")
     return sentences
-
-
-def _more(names: Sequence[str]) -> str:
-    return f" and {len(names) - 5:,} more" if len(names) > 5 else ""

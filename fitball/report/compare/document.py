@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,7 @@ from fitball.report.form.document import (
     as_page,
     judged,
     on_terminal,
+    shortened,
     term,
 )
 from fitball.report.form.files import csv_text, json_text, write_text
@@ -124,6 +125,7 @@ def compare_document(
     ]
     quick = f"; {option('quick')}: no exact refits of influential impacts" * comparison.quick
     notes = [f"{note}." for note in remarks(comparison)]
+    most = len(notes) if screen().full else MOST_NOTES
     lead: list[Part] = [
         Words(answer(comparison), "lead", rank="first"),
         *[drawn[name] for name in pictures if name == "scores"],
@@ -147,7 +149,8 @@ def compare_document(
             Words([term(scored.name, undetermined(scored)) for scored in models], "list"), verdict_table(comparison),
         ]),
         Section("notes", "Notes", [
-            Words(shortened(notes), "list", "terminal", rank="first"), Words(notes, "list", "page"),
+            Words(shortened(notes, most, option("full")), "list", "terminal", rank="first"),
+            Words(notes, "list", "page"),
         ]),
         Section("ranking", "Scores and weights", [
             Table("Scores and weights", scores, ["fits the data"]), Words([" ".join(LEGEND)], "quiet"),
@@ -165,16 +168,8 @@ def compare_document(
         Section("", "", [Words([f"Report: {folder}/compare.html"] * bool(folder), only="terminal", rank="first"),
                          Words([f"Time: {comparison.seconds:.0f} s."], only="terminal")]),
     ]  # fmt: skip
-    title = f"{len(models)} models on {table.name} ({len(table)} impacts), scored by {', '.join(comparison.columns)}"
+    title = f"{table.name}: {len(models)} models on {len(table):,} impacts, scored by {', '.join(comparison.columns)}"
     return Document(title, lead, sections)
-
-
-def shortened(notes: Sequence[str]) -> Sequence[str]:
-    """The first notes, for a first screen, and how many more there are."""
-    left = len(notes) - MOST_NOTES
-    if screen().full or left <= 1:
-        return notes
-    return [*notes[:MOST_NOTES], f"... and {left:,} more: {option('full')}."]
 
 
 def render(comparison: Comparison, folder: str = "") -> str:

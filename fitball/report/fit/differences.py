@@ -20,7 +20,8 @@ def difference_rows(fit: Fit) -> list[Row]:
                 "unit": scale.unit,
                 "from": item.low,
                 "to": item.high,
-                "difference": scale.plus_minus(item.size, item.sd),
+                "difference": scale.fixed(item.size, scale.decimals(item.sd)),
+                "95 %": scale.interval(item.q025, item.q975, scale.decimals(item.sd)),
                 "in sd": fixed(item.sds, 1),
                 "probability": significant(item.p, 2),
                 "": "found" if item.found else "not found",
@@ -69,7 +70,7 @@ def _difference_line(fit: Fit, item: Difference) -> str:
     labels = [*known] if len(known) <= NAMED_LEVELS else [item.low, item.high]
     places = scale.decimals(item.sd)
     values = [f"{label} {scale.fixed(known[label], places)}" for label in labels if label in known]
-    size = scale.plus_minus(item.size, item.sd)
+    size = f"{scale.fixed(item.size, places)} {scale.interval(item.q025, item.q975, places)} (95 %)"
     between = f"between {item.low} and {item.high} " if len(known) > NAMED_LEVELS else ""
     return (
         f"{item.parameter} differs by {item.column}: {', '.join(values)} {scale.unit}".rstrip()

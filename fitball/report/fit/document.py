@@ -176,11 +176,9 @@ def fit_document(
         *_folded_sections(fit, drawn, command),
         Section("", "", [Words(_done(fit, folder), only="terminal")]),
     ]  # fmt: skip
-    return Document(
-        f"{fit.problem.model.name} fitted to {fit.problem.table.name} ({len(fit.problem.table)} impacts)",
-        _lead(fit, drawn[""], folder),
-        sections,
-    )
+    table, model = fit.problem.table, fit.problem.model.name
+    title = f"{table.name}: {len(table):,} impact{'s' * (len(table) > 1)}, {model} model"
+    return Document(title, _lead(fit, drawn[""], folder), sections)
 
 
 def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
@@ -192,10 +190,7 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
     warnings = [f"Warning: {line}" for line in warning_lines(fit)]
     pooled = difference_lines(fit)
     sentences = [brief_answer(answer), fit.verdict.removeprefix(answer).strip(), *pooled, *next_line(fit)]
-    found: list[Part] = [
-        Words(results, "list", "page"),
-        Words(brief, "lead", "terminal", "first"),
-    ]
+    found: list[Part] = [Words(results, "list", "page"), Words(brief, "lead", "terminal", "first")]
     # The coefficient of restitution is what a drop test is for.
     dropped = fit.drop_test is not None
     return [
@@ -204,7 +199,8 @@ def _lead(fit: Fit, curves: Sequence[Part], folder: Path | None) -> list[Part]:
         Words([text for text in sentences if text], "lead", rank="first"),
         *curves,
         Table.from_rows(
-            "Parameters", parameter_table(fit, brief=True), ["unit", "verdict"], rest="`report.html`", rank="first",
+            "Parameters", parameter_table(fit, brief=True), ["meaning", "unit", "verdict"], rest="`report.html`",
+            spare="meaning", rank="first",
         ),
         *(() if dropped else found),
         Words(warnings[:MOST_WARNINGS], "list", "page"),

@@ -23,7 +23,7 @@ from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.judged import conditional_words
 from fitball.report.form.document import Part, Row, Table, Words
-from fitball.report.form.numbers import INCIDENT, digits, inner, percent, ranged, significant
+from fitball.report.form.numbers import INCIDENT, digits, inner, listed, percent, ranged, significant
 
 CM = 100.0
 # Balls that a page lists.
@@ -234,8 +234,7 @@ def _ball_remarks(test: DropTest) -> list[str]:
         )
     doubtful = [ball.label for ball in test.balls if ball.passes < SURE]
     if doubtful:
-        names = ", ".join(doubtful[:8]) + (f" and {len(doubtful) - 8} more" if len(doubtful) > 8 else "")
-        lines.append(f"Balls that pass with a probability below {percent(SURE)}: {names}.")
+        lines.append(f"Balls that pass with a probability below {percent(SURE)}: {listed(doubtful, 8)}.")
     return lines
 
 
@@ -249,7 +248,7 @@ def valued(spread: Spread, factor: float = 1.0, unit: str = "") -> str:
     """A number with its 95 % interval, rounded to what that supports."""
     value, ends = ranged(spread, factor)
     space = f" {unit}" if unit else ""
-    return f"{value}{space} (best value)" if ends == "-" else f"{value}{space} {ends}{space} (95 %)"
+    return f"{value}{space} (best value)" if ends == "-" else f"{value} {ends}{space} (95 %)"
 
 
 def pace_parts(fit: Fit) -> list[Part]:

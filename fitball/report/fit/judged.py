@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
+from fitball.inference.results.assumptions import CONTACT_TIME, PACE, Alternative, Assumptions, Span
 from fitball.inference.results.assumptions import MOVED as MOVED_SDS
-from fitball.inference.results.assumptions import PACE, Alternative, Assumptions, Span
 from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.inference.results.sentences import HINTS, RESIDUALS, capital
@@ -18,6 +18,7 @@ from fitball.report.form.document import Part, Row, Table, Words, judged
 from fitball.report.form.numbers import (
     Scale,
     decimals,
+    digits,
     fixed,
     handy,
     listed,
@@ -325,7 +326,7 @@ def _spans(fit: Fit, found: Assumptions) -> list[Row]:
 def assumption_line(fit: Fit) -> list[str]:
     """The assumptions that values depend on, how many variants fit equally well, and the largest shift among them."""
     given = dict.fromkeys(one for item in fit.reported for one in item.given)
-    lines = [f"Values depend on these assumptions: {', '.join(given)}."] if given else []
+    lines = [f"Values move, by so many sd, with these assumptions: {', '.join(given)}."] if given else []
     return [*lines, *_variants(fit, fit.assumptions)]
 
 
@@ -345,7 +346,19 @@ def _variants(fit: Fit, found: Assumptions | None) -> list[str]:
     ]
     medians = [f"that of {name} {_ends(scale, span)}" for name, scale, span in friction]
     first = f"the median of {widest[0]} {_ends(*widest[1:])} (with {widest[2].by})"
-    return [f"Model variants: {good} of {count} fit equally well. Over all of them, {listed([first, *medians])}."]
+    return [f"Model variants: {good} of {count} fit equally well. Over these, {listed([first, *medians])}."]
+
+
+def brief_verdict(fit: Fit, estimate: Estimate) -> str:
+    """A verdict in a few letters: of a value that assumptions move, by how many of its sds they move the median."""
+    found = None if fit.assumptions is None else fit.assumptions.parameters.get(estimate.name)
+    if estimate.given == (CONTACT_TIME,):
+        return "by contact time"
+    if fit.assumptions is None or found is None or estimate.verdict is not Verdict.GIVEN or not found.own.sd > 0.0:
+        return estimate.verdict
+    ends = [end for one in fit.assumptions.constants for end in one.parameters.get(estimate.name, ())]
+    moves = [found.shift, *(abs(end - found.own.median) / found.own.sd for end in ends)]
+    return f"moves {digits(max(moves), 2)} sd"
 
 
 # Surfaces whose friction is named beside the quantity that shifts most.
@@ -354,8 +367,10 @@ FRICTIONS = 3
 
 def _ends(scale: Scale, span: Span) -> str:
     """Between which values the median lies over the variants that fit equally well."""
-    places = scale.decimals(span.own.sd)
-    return f"goes from {scale.fixed(span.low, places)} to {scale.fixed(span.high, places)} {scale.unit}".rstrip()
+    places, factor = scale.decimals(span.own.sd), "x " * scale.unit[:1].isdigit()
+    return (
+        f"goes from {scale.fixed(span.low, places)} to {scale.fixed(span.high, places)} {factor}{scale.unit}".rstrip()
+    )
 
 
 def _widest(fit: Fit, found: Assumptions) -> tuple[str, Scale, Span]:
@@ -379,14 +394,11 @@ def next_line(fit: Fit) -> list[str]:
     found = fit.assumptions
     if found is None or found.missing or not found.as_good:
         return []
-    name, scale, widest = _widest(fit, found)
+    widest = _widest(fit, found)[2]
     instead = next(item.instead_of for item in found.as_good if item.name == widest.by)
     if widest.shift <= MOVED_SDS:
         return []
-    return [
-        f"Most useful next: data that decide between the model assumptions {instead} and {widest.by}. Over the "
-        f"variants that fit equally well, the median of {name} {_ends(scale, widest)}."
-    ]
+    return [f"Most useful next: data that decide between {instead} and {widest.by}."]
 
 
 def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:

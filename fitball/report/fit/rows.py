@@ -25,7 +25,7 @@ from fitball.inference.results.results import (
 from fitball.inference.thesis.published_cases import wang_rows
 from fitball.models.types import regime_name
 from fitball.report.figures.quantities import prediction, prediction_of
-from fitball.report.fit.judged import ANSWERS, named, remarks
+from fitball.report.fit.judged import ANSWERS, brief_verdict, named, remarks
 from fitball.report.form.document import MOST_ROWS, Row, Table, columns, judged, term, wrapped
 from fitball.report.form.numbers import (
     THESIS,
@@ -45,7 +45,7 @@ from fitball.report.form.numbers import (
     significant,
 )
 from fitball.values import FloatArray
-from fitball.wording import spoken
+from fitball.wording import short, spoken
 
 # Sequence of slip and grip that is named without its probability.
 SURE = 0.995
@@ -54,16 +54,19 @@ LISTED_CORRELATION = 0.5
 
 
 def parameter_table(fit: Fit, brief: bool = False) -> list[Row]:
-    """Every parameter and every quantity that follows from several. In brief: median, 95 %, unit and verdict; else
-    meaning, intervals, point estimate, prior and contraction.
+    """Every parameter and every quantity that follows from several. In brief: short name, median, 95 %, unit
+    and verdict; else meaning, intervals, point estimate, prior and contraction.
     """
     sampled, rows = fit.posterior is not None, []
     for item in fit.reported:
         row = parameter_row(item)
         if brief:
             numbers = {"median": row.best, "95 %": row.interval_95} if sampled else {"point": row.point}
-            verdict = judged(item.verdict, item.verdict, f"{item.verdict_words}; {item.reason}")
-            rows.append({"parameter": row.name} | numbers | {"unit": row.unit, "verdict": verdict})
+            verdict = judged(item.verdict, brief_verdict(fit, item), f"{item.verdict_words}; {item.reason}")
+            meaning = short(item.meaning.partition(",")[0])
+            rows.append(
+                {"parameter": row.name, "meaning": meaning} | numbers | {"unit": row.unit, "verdict": verdict}
+            )
             continue
         known = None if item.median is None else item.contraction
         cells = named(fit, item.name, handy(item.name, item.unit))

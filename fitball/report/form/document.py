@@ -10,7 +10,7 @@ import base64
 import re
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any, Literal, TypeAlias
 
@@ -79,8 +79,8 @@ class Words:
 class Table:
     """Rows of cells, heads first: the first column and those headed by one of `words` are flush left. `over` are
     heads above the heads, each with its number of columns. Of many rows, `count` in all, some are shown; the file
-    `rest` has the others. A terminal has no room for the columns `aside`; its first screen shows the first column and
-    those headed by one of `brief`.
+    `rest` has the others. A terminal has no room for the columns `aside`, a narrow one none for `spare`; its first
+    screen shows the first column and those headed by one of `brief`.
     """
 
     label: str
@@ -91,6 +91,7 @@ class Table:
     rest: str = ""
     aside: Collection[str] = ()
     brief: Collection[str] = ()
+    spare: str = ""
     only: Only = ""
     rank: Rank = "full"
 
@@ -183,7 +184,9 @@ def _coloured(text: str, colour: str) -> str:
 
 # What no line is broken inside of: an interval, a number and its unit, what is added to or taken from a number.
 UNITS = r"%|[kmc]?m|m?s|k?g|k?N|J|deg|rad|sd|rpm|[a-zA-Z]+/[a-z]+\^?2?"
-UNBROKEN = re.compile(rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?(?:\+-|\u00b1) [0-9]|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))")
+UNBROKEN = re.compile(
+    rf"\[[^\[\]]{{1,40}}\]|[0-9]* ?(?:\+-|\u00b1) [0-9]|[<>] (?=[0-9])|[0-9] (?=(?:{UNITS})(?:[\s.,:;)]|$))"
+)
 # The number of bold letters (ISO 6429).
 BOLD = "1"
 # A space that textwrap does not take for one.
@@ -213,6 +216,11 @@ def wrapped(texts: Iterable[str], first: str = "", others: str = "") -> list[str
 def more(count: int, where: str, most: int = MOST_LINES) -> list[str]:
     """A line that says how many of `count` rows are not shown, and where they are; nothing when all are."""
     return [f"... and {count - most:,} more{': ' * bool(where)}{where}"] if count > most else []
+
+
+def shortened(texts: Sequence[str], most: int, where: str) -> Sequence[str]:
+    """The first texts, and how many more there are."""
+    return texts if len(texts) <= most + 1 else [*texts[:most], *more(len(texts), where, most)]
 
 
 def on_terminal(document: Document, wanted: Screen | None = None) -> str:
@@ -257,6 +265,8 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     widths = _widths(rows)
     # Columns are closer where that alone makes room for all of them.
     room, gaps = screen().width - sum(widths), len(widths) - 1
+    if room < gaps and part.spare in part.rows[0]:
+        return _lines(replace(part, aside=(*part.aside, part.spare), spare=""), labelled)
     gap = 1 if gaps <= room < 2 * gaps else 2
     blocks = _side_by_side(widths, gap)
     if count > most and not screen().full:
@@ -384,14 +394,15 @@ def _html(part: Part, images: Mapping[str, bytes]) -> Markup:
 
 
 def figure_html(png: bytes, caption: str, alt: str) -> Markup:
-    """A PNG file of `DPI` as a figure; its width is the first number of its header chunk."""
-    width = int.from_bytes(png[16:20], "big") / DPI
+    """A PNG file of `DPI` as a figure; width and height are the first numbers of its header chunk."""
+    width, height = (int.from_bytes(png[k : k + 4], "big") / DPI for k in (16, 20))
     image = Markup('<img alt="{}" src="data:image/png;base64,{}" style="min-width: {:.1f}rem">').format(
         alt, base64.b64encode(png).decode("ascii"), min(width * 3.6, 60.0)
     )
     widest = Markup(' style="max-width: {:.1f}rem"').format(max(width * 6.25, 45.0))
-    return Markup("<figure>{}\n<figcaption>{}</figcaption></figure>").format(
-        BOX.format("figure", widest, image), _typeset(caption)
+    tall = Markup(' class="tall"') if height > 1.5 * width else ""
+    return Markup("<figure{}>{}\n<figcaption>{}</figcaption></figure>").format(
+        tall, BOX.format("figure", widest, image), _typeset(caption)
     )
 
 
@@ -402,8 +413,9 @@ def _table(part: Table) -> Markup:
     # The heads of words are flush left, whether their cells may break or not.
     head += _line("th", part.rows[0], [kind and "text" for kind in kinds])
     body = Markup("\n").join(_line("td", row, kinds) for row in part.rows[1 : MOST_ROWS + 1])
-    whole = Markup("<table>\n<caption>{}</caption>\n<thead>{}</thead>\n<tbody>\n{}\n</tbody></table>")
-    made = BOX.format(part.label, "", whole.format(part.label, head, body))
+    many = Markup(' class="many"') if len(part.rows[0]) > 10 else ""
+    whole = Markup("<table{}>\n<caption>{}</caption>\n<thead>{}</thead>\n<tbody>\n{}\n</tbody></table>")
+    made = BOX.format(part.label, "", whole.format(many, part.label, head, body))
     if (left := max(part.count, len(part.rows) - 1) - MOST_ROWS) > 0:
         made += Markup('\n<p class="quiet">{:,} more: {}.</p>').format(left, _typeset(part.rest))
     folded = Markup("<details><summary>{}</summary>\n{}</details>")

@@ -146,7 +146,7 @@ HANDY: Mapping[str, Scale] = {
     for registry in (SPECS, NOISE_SPECS, OBSERVABLES)
     for item in registry.values()
     if item.handy is not None
-}
+} | {"k_theta/k_y": Scale("cm^2/rad", 1e4)}
 
 # Jafri (2004), Appendix B: inch, pound force, second; speeds in metres per second.
 THESIS: Mapping[str, Scale] = {
@@ -180,8 +180,10 @@ def output_scale(name: str) -> Scale:
     return handy(name, OBSERVABLES[name].unit)
 
 
-def listed(words: Sequence[str]) -> str:
-    """Words with commas and an `and` before the last."""
+def listed(words: Sequence[str], most: int = 0) -> str:
+    """Words with commas and an `and` before the last; of more than `most` those, and how many others."""
+    if 0 < most < len(words):
+        return f"{', '.join(words[:most])} and {len(words) - most:,} more"
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 

@@ -199,7 +199,7 @@ def plan_document(
 
 def title_of(problem: Problem) -> str:
     """The title of a plan."""
-    return f"{problem.table.name}, {problem.model.name}: what to measure next"
+    return f"{problem.table.name}: what to measure next, by the {problem.model.name} model"
 
 
 def render(plan: Plan, problem: Problem, folder: Path | None = None) -> str:

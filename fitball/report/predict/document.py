@@ -8,7 +8,7 @@ import numpy as np
 
 from fitball.inference.prediction.new_impacts import NewPrediction, ObservableScore, OutputPrediction
 from fitball.observables import COMPARED
-from fitball.report.form.document import MOST_ROWS, Document, Part, Picture, Section, Table, Words, as_page
+from fitball.report.form.document import MOST_ROWS, Document, Part, Picture, Section, Table, Words, as_page, shortened
 from fitball.report.form.numbers import Scale, decimals, fixed, listed, output_scale, percent, significant
 from fitball.report.predict.rows import level_of, remarks_on
 from fitball.wording import screen, spoken
@@ -40,6 +40,7 @@ def predict_document(
     count, table = len(ids), _brief_table(prediction, ids)
     odd = [k for k in range(count) if prediction.range.outside[k] or prediction.failures[k]]
     remarks = [f"{ids[k]}: {text}" for k in odd for text in remarks_on(prediction, k)] if count > 1 else []
+    most = REMARKS if screen().full else FIRST_REMARKS
     lead: list[Part] = [Words(answer(prediction, ids, scores, seen), "lead", rank="first")]
     lead += [Picture(name, CAPTION, f"{CAPTION} {count} impacts.", rank="first") for name in pictures]
     if count > 1:
@@ -47,7 +48,8 @@ def predict_document(
     sections = [
         Section("scores", "Measured minus predicted", [_score_table(scores)]),
         Section("remarks", "Limits of the prediction", [
-            Words(_shortened(remarks), "list", "terminal", rank="first"), Words(remarks[:MOST_ROWS], "list", "page"),
+            Words(shortened(remarks, most, _all()), "list", "terminal", rank="first"),
+            Words(remarks[:MOST_ROWS], "list", "page"),
         ]),
         *(
             Section(f"impact-{k}", _heading(prediction, k, name), _in_full(prediction, k, alone=count == 1))
@@ -116,12 +118,6 @@ def _with_unit(output: OutputPrediction) -> str:
         return f"{output.name} {scale.fixed(output.point[0], places)} {scale.unit}"
     middle = scale.fixed(output.rebound[2, 0], places)
     return f"{output.name} {middle} {scale.interval(ends[0, 0], ends[4, 0], places)} {scale.unit}"
-
-
-def _shortened(remarks: Sequence[str]) -> list[str]:
-    most = REMARKS if screen().full else FIRST_REMARKS
-    left = [f"... and {len(remarks) - most:,} more: {_all()}"] if len(remarks) > most else []
-    return [*remarks[:most], *left]
 
 
 def _all() -> str:
