@@ -20,7 +20,7 @@ from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.inference.prediction.posterior_predictive import by_level, levels_of
-from fitball.inference.problem.level_names import at_level, checked_label, labels_of, refuse_unknown
+from fitball.inference.problem.level_names import at_level, checked_label, columns_of, labels_of
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -148,8 +148,8 @@ def surfaces_of(problem: Problem, levels: Labels | None = None) -> tuple[tuple[s
 
 def checked_levels(problem: Problem, levels: Labels) -> dict[str, str]:
     """The labels of a plan as they were fitted. Raises ParameterError for others, `new` among them."""
-    refuse_unknown(problem.pooling, levels)
-    named = {column: checked_label(problem.pooling, column, label) for column, label in levels.items()}
+    asked = columns_of(problem.pooling, levels)
+    named = {column: checked_label(problem.pooling, column, label) for column, label in asked.items()}
     for column, label in named.items():
         if label not in labels_of(problem.pooling)[column]:
             raise ParameterError(
