@@ -46,7 +46,7 @@ def _value(name: str, item: dict[str, Any]) -> tuple[str, str, str]:
     sd = item["sd"] * scale.factor
     places = decimals(sd)
     ends = [fixed(end * scale.factor, places) for end in item["over"] or ()]
-    value = f"{fixed(item['median'] * scale.factor, places)} ± {fixed(sd, places)}"
+    value = f"{fixed(item['median'] * scale.factor, places)}\u00a0±\u00a0{fixed(sd, places)}"
     return value, " to ".join(ends) or "-", scale.unit or "-"
 
 
@@ -98,7 +98,7 @@ def together(numbers: dict[str, Any]) -> str:
     low, median, high = (1e3 * ratio[key] for key in ("q16", "median", "q84"))
     places = decimals(0.5 * (high - low))
     return (
-        f"`wang_zero_spin.csv`: `k_theta/k_y` = {fixed(median, places)} x 10^-3 m^2, 68 % interval "
+        f"`wang_zero_spin.csv`: `k_theta/k_y` = {fixed(median, places)} × 10⁻³ m², 68 % interval "
         f"{fixed(low, places)} to {fixed(high, places)}, {ratio['verdict']}."
     )
 
@@ -166,7 +166,7 @@ def _rate(row: Any, what: str) -> str:
     if not row[f"{what}_of"]:
         return "-"
     share, low, high = (round(100.0 * row[f"{what}{end}"]) for end in ("", "_low", "_high"))
-    return f"{share} % [{low}, {high}]"
+    return f"{share}\u00a0% [{low},\u00a0{high}]"
 
 
 def plan() -> str:
@@ -178,7 +178,7 @@ def plan() -> str:
     for name, both in gains.groupby("case", sort=False):
         made, again = (both[both["design"] == design].iloc[0] for design in ("planned", "table again"))
         off = 100.0 * (1.0 + sds[(sds["case"] == name) & (sds["design"] == "planned")]["off"])
-        found = [f"{one['found [nats]']:.2f} ± {one['se']:.2f}" for one in (made, again)]
+        found = [f"{one['found [nats]']:.2f}\u00a0±\u00a0{one['se']:.2f}" for one in (made, again)]
         promised = f"{made['promised [nats]']:.2f}"
         rows.append((words[name]["words"], promised, *found, f"{off.min():.0f} to {off.max():.0f} %"))
     heads = ("plan", "predicted", "found by refits", "existing impacts repeated", "sd over predicted sd")
@@ -265,7 +265,7 @@ def thesis(numbers: dict[str, Any]) -> str:
             "",
             "Root mean square score of each set of Appendix C, and in brackets how often it is first when impacts "
             "are resampled. The columns: printed outputs, known misprints corrected, recomputed as in the thesis, "
-            f"equations solved exactly. {cases.capitalize()}.",
+            f"equations solved exactly. C{cases[1:]}.",
             "",
             table(("set", *names), rows).replace(" (0.0 %)", ""),
         ]
@@ -343,7 +343,13 @@ def densities() -> str:
     """Log posteriors, ours and plain ones: microseconds, and in brackets the largest error."""
     frame = _benched("densities")
     rows = [
-        (name, *(f"{digits(row['microseconds'], 2)} ({row['largest error']:.0e})" for _, row in mine.iterrows()))
+        (
+            name.removeprefix("plain Python, "),
+            *(
+                f"{digits(row['microseconds'], 2)} ({row['largest error']:.0e})".replace("-", "\u2011")
+                for _, row in mine.iterrows()
+            ),
+        )
         for name, mine in frame.groupby("log posterior", sort=False)
     ]
     return table(("log posterior", *frame["table"].unique()), rows)

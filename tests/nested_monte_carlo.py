@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.inference.design.asked import PlannedColumn, Sensor, Target
+from fitball.inference.design.asked import PlannedColumn, Sensor
 from fitball.inference.design.knowledge import Knowledge
+from fitball.inference.design.targets import Target
 from fitball.inference.likelihood.cells import joint_root, shared_covariance
 from fitball.inference.likelihood.cells import solved as whiten
 from fitball.inference.problem.problem import Problem

@@ -14,7 +14,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.errors import FitError
 from fitball.exports.parameters import certificate
-from fitball.inference.design.asked import of_court_pace
+from fitball.inference.design.targets import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.lab import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
@@ -128,27 +128,28 @@ def test_a_ball_that_grips_has_less_apparent_friction(brief):
 
 def test_every_surface_has_its_own_rating(two_surfaces):
     fit = two_surfaces
-    levels = {item.label: item.point for item in fit.levels}
+    levels = {(item.parameter, item.label): item.point for item in fit.levels}
     assert [item.labels for item in fit.court_pace.ratings] == [("clay",), ("grass",)]
     for item in fit.court_pace.ratings:
-        values = {name: fit.point.values[name] for name in ("e_x", "offset", "cor_10", "cor_slope")}
-        values["mu"] = levels[item.labels[0]]
+        values = {name: fit.point.values[name] for name in ("e_x", "offset", "cor_slope")}
+        values |= {name: levels[name, item.labels[0]] for name in ("mu", "cor_10")}
         rebound = fitball.model("grip-slip").rebound(values, fitball.impacts(V_X1, V_Y1, 0.0))
         e = rebound.v_y2[0] / V_Y1
         mu = (V_X1 - rebound.v_x2[0]) / (V_Y1 * (1.0 + e))
         assert item.rating.point == pytest.approx(100.0 * (1.0 - mu) + 150.0 * (0.81 - e), abs=1e-4)
         assert item.impacts == 8
-        assert item.sliding_friction.point == pytest.approx(levels[item.labels[0]], rel=1e-12)
+        assert item.sliding_friction.point == pytest.approx(levels["mu", item.labels[0]], rel=1e-12)
     clay, grass = (item.rating.point for item in fit.court_pace.ratings)
     # The truth: 100 (1 - mu) + 150 (0.81 - 0.8) with mu of 0.72 and 0.45.
     assert (clay, grass) == (pytest.approx(29.5, abs=2.0), pytest.approx(56.5, abs=2.0))
     lines = pace_lines(fit)
-    assert len(lines) == 2
-    assert lines[0].startswith("ITF court pace rating of clay: ")
-    assert "extrapolated" not in lines[0]
+    measured, model = lines[:2], lines[2:]
+    assert measured[0].startswith("ITF court pace of clay as measured, without a model (3 of 8 test impacts)")
+    assert len(model) == 2 and model[0].startswith("ITF court pace rating of clay: ")
+    assert "extrapolated" not in model[0]
     # What is told level by level is not called unknown because the pooling is.
     said = page(fit, {})
-    assert "mu differs between 2 surfaces." in said and "mu[clay]" in said
+    assert "mu differs by surface" in said and "mu[clay]" in said
 
 
 def test_extrapolation_is_flagged_with_its_distance(two_surfaces, grip_slip_fit):
@@ -243,7 +244,7 @@ def test_other_balls_have_no_court_pace(grip_slip_fit):
     golf = replace(grip_slip_fit.problem.scene, ball=fitball.Ball(0.0459, 0.02135, 0.4 * 0.0459 * 0.02135**2))
     problem = replace(grip_slip_fit.problem, scene=golf)
     found = court_pace(problem, grip_slip_fit.point, None, np.random.default_rng(1))
-    assert not found.ratings and found.measured is None and "45.9 g" in found.missing
+    assert not found.ratings and found.measured == () and "45.9 g" in found.missing
     assert pace_by_surface(problem, grip_slip_fit.posterior.draws[:5]) == {}
     with pytest.raises(FitError, match="no tennis ball"):
         of_court_pace(SimpleNamespace(problem=problem))

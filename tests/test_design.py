@@ -14,10 +14,11 @@ from nested_monte_carlo import Planned, nested_gain
 from fitball.data.lines import Range
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.inference.design.asked import PlannedColumn, Sensor, as_before, of_parameters
+from fitball.inference.design.asked import PlannedColumn, Sensor, as_before
 from fitball.inference.design.knowledge import Knowledge, plate_rows, with_plate
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
+from fitball.inference.design.targets import of_parameters
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.noise import StudentNoise
 from fitball.inference.results.results import Posterior

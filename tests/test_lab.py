@@ -20,14 +20,16 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError
 from fitball.exports.parameters import certificate
-from fitball.inference.prediction.court_pace import court_pace, measured_pace
+from fitball.inference.prediction.court_pace import court_pace
+from fitball.inference.prediction.measured_pace import measured_paces
 from fitball.inference.problem.build import Choices
 from fitball.inference.problem.parameters import parse_prior
-from fitball.inference.results.lab import BallRebound, CourtPace, adjusted
+from fitball.inference.results.lab import BallRebound, CourtPace, Passing, adjusted
 from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
+from fitball.inference.results.source import Circumstances
 from fitball.models.registry import parameter_spec
-from fitball.report.fit.itf_tests import court_lines, place_rows, warmth_words
+from fitball.report.fit.itf_tests import court_lines, drop_class, place_rows, warmth_words
 
 MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
 
@@ -47,7 +49,8 @@ def court(tmp_path_factory):
 
 
 def measured(table, seed=0, **scene):
-    return measured_pace(table, Scene(**scene), np.random.default_rng(seed))
+    found = measured_paces(table, Scene(**scene), np.random.default_rng(seed))
+    return found[0] if found else None
 
 
 def test_places_on_a_court_by_hand(court):
@@ -70,9 +73,46 @@ def test_places_on_a_court_by_hand(court):
     assert found.court.elsewhere.q975 - found.court.elsewhere.q025 > 4 * (mean.q975 - mean.q025)
     assert sum(found.court.categories.values()) == pytest.approx(1.0)
     assert found.court.categories["medium-fast"] > 0.95
-    said = court_lines(CourtPace((), "", measured=found))[0]
+    said = court_lines(CourtPace((), "", measured=(found,)))[0]
     assert "mean of 5 places (location)" in said and "largest difference 12.0" in said
-    assert [row["place"] for row in place_rows(CourtPace((), "", measured=found))] == list(MU)
+    assert [row["place"] for row in place_rows(CourtPace((), "", measured=(found,)))] == list(MU)
+
+
+def test_fewer_than_five_places_predict_no_other_one(court):
+    table = load_table(court)
+    rows = np.arange(9)
+    three = replace(
+        table, impacts=table.impacts.take(rows), labels={"Position": table.labels["location"][:9]},
+        measurements=tuple(replace(item, values=item.values[:9]) for item in table.measurements),
+        ids=table.ids[:9], redundant=(),
+    )  # fmt: skip
+    found = measured(three)
+    assert (found.court.column, found.court.places, found.court.elsewhere) == ("Position", 3, None)
+    assert found.court.between is not None and measured(table).court.elsewhere is not None
+    said = court_lines(CourtPace((), "", measured=(found,)))
+    assert "untested place" not in said[0] and "sd between places" in said[0]
+    assert said[1] == "3 places are too few to predict a place that was not tested: at least 5 are needed."
+    assert len(court_lines(CourtPace((), "", measured=(measured(table),)))) == 1
+
+
+def test_each_surface_is_rated_by_its_own_impacts(court):
+    table = load_table(court)
+    surfaces = tuple("clay" if k < 6 else "grass" for k in range(15))
+    found = measured_paces(
+        replace(table, labels={**table.labels, "court": surfaces}), Scene(), np.random.default_rng(0)
+    )
+    assert [(one.surface, one.impacts, one.total) for one in found] == [("clay", 6, 6), ("grass", 9, 9)]
+    # mu is 0.60 and 0.66 on clay, 0.54, 0.62 and 0.58 on grass.
+    assert [one.court.rating.point for one in found] == pytest.approx([101.5 - 63.0, 101.5 - 58.0], abs=1e-4)
+    assert [[item.label for item in one.places] for one in found] == [["A", "B"], ["C", "D", "E"]]
+    pace = CourtPace((), "", measured=found)
+    assert [row["surface"] for row in place_rows(pace)] == ["clay"] * 2 + ["grass"] * 3
+    assert court_lines(pace)[0].startswith(
+        "ITF court pace of clay as measured, without a model (6 test impacts): 38.5"
+    )
+    assert [(one.surface, one.category, one.measured) for one in pace.classes] == [
+        ("clay", "medium", True), ("grass", "medium-fast", True),
+    ]  # fmt: skip
 
 
 def test_the_prior_of_the_spread_between_places_is_chosen_as_any_other(court):
@@ -83,7 +123,8 @@ def test_the_prior_of_the_spread_between_places_is_chosen_as_any_other(court):
         problem = pose(court, Choices(model="grip-slip", fix={"mu": 0.6}, priors=priors))
         best = {parameter.name: parameter.fixed or 0.1 for parameter in problem.parameters}
         found = court_pace(problem, PointFit(best, 0, 0, {}, None, (), ()), None, np.random.default_rng(1))
-        spread[text] = found.measured.court.between.median
+        (measured,) = found.measured
+        spread[text] = measured.court.between.median
     assert spread["half-normal(0.1)"] < 1.0 < 3.0 < spread[""]
 
 
@@ -96,7 +137,7 @@ def test_ball_temperature_brings_the_restitution_to_23_degrees(court):
     unsure = measured(table, ball_temperature=31.0, ball_temperature_sd=4.0).court.rating
     assert (unsure.q975 - unsure.q025) / 3.92 == pytest.approx(np.hypot(1.0 / np.sqrt(15), 0.45 * 4.0), rel=0.1)
     assert "e - 0.024, +3.6 points" in warmth_words(CourtPace((), "", temperature=31.0))
-    assert "No ball temperature" in warmth_words(CourtPace((), ""))
+    assert "states no ball temperature" in warmth_words(CourtPace((), ""))
 
 
 def test_impacts_that_are_not_those_of_the_test_are_not_rated(court, tmp_path):
@@ -104,8 +145,6 @@ def test_impacts_that_are_not_those_of_the_test_are_not_rated(court, tmp_path):
     assert measured(load_table("wang_all.csv")) is None
     slow = replace(table, impacts=replace(table.impacts, v_x1=0.9 * table.impacts.v_x1))
     assert measured(slow) is None
-    surfaces = tuple("clay" if k < 6 else "grass" for k in range(15))
-    assert measured(replace(table, labels={**table.labels, "surface": surfaces})) is None
     alone = measured(replace(table, labels={}))
     assert alone.places == () and alone.court.between is None and alone.court.column == ""
     assert measured(replace(table, labels={"group": table.labels["location"]})).court.column == "group"
@@ -149,7 +188,7 @@ def test_a_court_is_the_mean_of_its_places_by_the_model_too(court):
     assert (mean.q975 - mean.q025) / 3.92 == pytest.approx(1.5, rel=0.12)
     assert between.median == pytest.approx(np.std([100 * mu for mu in MU.values()], ddof=1))
     assert between.q975 - between.q025 < 1e-6
-    assert found.measured.impacts == 15
+    assert found.measured[0].impacts == 15
     assert court_lines(found)[1].startswith("ITF court pace of the court by the model: 41.5")
 
 
@@ -248,10 +287,39 @@ def test_priors_are_listed(capsys):
 
 
 def test_a_certificate_of_a_court(dropped, court):
-    pace = CourtPace((), "", temperature=31.0, measured=measured(load_table(court), ball_temperature=31.0))
+    pace = CourtPace((), "", temperature=31.0, measured=(measured(load_table(court), ball_temperature=31.0),))
     page = certificate(replace(dropped, drop_test=None, court_pace=pace))
     for words in ("<h1>Court pace</h1>", "mean of 5 places (location)", "+3.6 points", "<td>A</td>"):
         assert words in page
+    # One category, with its probability; the numbers of the test beside it.
+    assert "medium" not in page and page.count("Classification") == 1
+    assert "Classification: fast (probability" in page and "from the test impacts as measured" in page
+
+
+def test_a_certificate_carries_who_measured_and_leaves_room_for_what_is_not_known(dropped):
+    blank = '<dt>{}</dt><dd class="blank"></dd>'
+    page = certificate(dropped)
+    for name in ("Laboratory", "Operator", "Instrument", "Date of measurement", "Court", "Surface"):
+        assert blank.format(name) in page
+    assert "<dt>Ball temperature</dt><dd>20 degrees Celsius</dd>" in page
+    known = Circumstances("Lab <1>", "A. Nother", "Camera", "2026-05-31", "Court 3", "acrylic", (25.5, 27.0), 20.0)
+    page = certificate(replace(dropped, source=replace(dropped.source, circumstances=known)))
+    assert 'class="blank"' not in page
+    for words in ("Lab &lt;1&gt;", "A. Nother", "Camera", "2026-05-31", "Court 3", "acrylic", "25.5 to 27"):
+        assert f"<dd>{words}" in page
+
+
+def test_a_drop_test_is_classified_once(dropped):
+    (first,) = drop_class(dropped.drop_test)
+    assert first == "Classification: the mean rebound is within the limits of ITF type 1 (fast), 138 to 151 cm."
+    passing = {name: Passing(0.2, 0.3, 0.4) for name in dropped.drop_test.rebound.passing}
+    unsure = replace(
+        dropped.drop_test, rebound=replace(dropped.drop_test.rebound, passing=passing), type_stated=False
+    )
+    (second,) = drop_class(unsure)
+    assert second.startswith("Classification: the mean ball is outside the limits of ITF type 1 (fast)")
+    assert second.endswith("(probability 80 %); the type is assumed.")
+    assert "passes" not in certificate(replace(dropped, drop_test=unsure)).partition("Assumptions and remarks")[0]
 
 
 def test_a_certificate_says_what_it_leaves_out(dropped, monkeypatch):

@@ -17,10 +17,11 @@ from fitball.data.lines import Range, parse_range
 from fitball.data.read import joined, load_table
 from fitball.data.scene import Scene
 from fitball.errors import FitError, ParameterError
-from fitball.inference.design.asked import Part, as_before, build_settings, parse_sensor, parse_target, usual_sensors
+from fitball.inference.design.asked import as_before, build_settings, parse_sensor, usual_sensors
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, Chosen, make_plan
 from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
+from fitball.inference.design.targets import Part, parse_target
 from fitball.inference.likelihood.cells import shared_covariance
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.report.plan.document import plan_rows
@@ -209,6 +210,57 @@ def test_a_level_is_as_uncertain_as_its_draws_whatever_the_spread(known):
     target, draws = parse_target("court pace", levelled), levelled.some(80)
     found = nothing_measured(target.gradients(draws) @ levelled.roots(draws)).sds.mean(axis=0)
     assert found == pytest.approx(np.nanstd(target.values(levelled.coordinates), axis=0), rel=0.1)
+
+
+def levelled_fit(known, **choices):
+    """The problem with mu by group, and draws with mu of each group well known while common value and spread are
+    not.
+    """
+    problem = build_problem(
+        known.problem.table, known.problem.scene, Choices(model="grip-slip", pool={"mu": "group"}, **choices)
+    )
+    rng, count = np.random.default_rng(9), len(known.coordinates)
+    common, spread = rng.normal(0.5, 0.1, count), 0.03 + np.abs(rng.normal(0.0, 0.15, count))
+    values = {"mu": common, "mu_spread": spread}
+    for k, label in enumerate(problem.pooling[0].labels):
+        values[f"mu_place[{label}]"] = (rng.normal(0.55 + 0.03 * k, 0.005 * (k + 1), count) - common) / spread
+    plain = {name: known.coordinates[:, known.problem.free_names.index(name)] for name in known.problem.free_names}
+    return Knowledge(problem, np.column_stack([values.get(name, plain.get(name)) for name in problem.free_names]))
+
+
+@pytest.mark.parametrize("text", [None, "mu", "impact=v=30 m/s, theta=16 deg", "court pace"])
+def test_a_target_has_a_part_for_each_level(known, text):
+    """A parameter at a level, not the value common to all, is what a measurement there determines."""
+    levelled = levelled_fit(known)
+    labels = levelled.problem.pooling[0].labels
+    target = parse_target(text, levelled)
+    named = [part.name for part in target.parts]
+    assert not {"mu", "v_x2"} & {*named} and all(any(label in name for name in named) for label in labels)
+    one = parse_target(text, levelled, {"group": labels[1]})
+    kept = [k for k, name in enumerate(named) if not any(label in name for label in labels) or labels[1] in name]
+    assert [part.name for part in one.parts] == [named[k] for k in kept]
+    draws = levelled.some(60)
+    assert one.values(draws) == pytest.approx(target.values(draws)[:, kept], rel=1e-12)
+    found = nothing_measured(target.gradients(draws) @ levelled.roots(draws)).sds.mean(axis=0)
+    assert found == pytest.approx(np.nanstd(target.values(levelled.coordinates), axis=0), rel=0.15)
+    if text == "mu":
+        assert np.std(target.values(levelled.coordinates), axis=0) == pytest.approx([0.005, 0.01, 0.015], rel=0.1)
+
+
+def test_a_plan_for_one_level_measures_there(known):
+    levelled = levelled_fit(known)
+    labels = levelled.problem.pooling[0].labels
+    where = [parse_range(*one) for one in (("speed", "25"), ("angle", "16"), ("spin", "0"))]
+    posterior = posterior_from(levelled.problem, levelled.problem.to_values(levelled.coordinates))
+    both, one = (
+        make_plan(levelled.problem, posterior, Asked("mu", *where, 1, sensors=["none"], levels=levels))
+        for levels in ({}, {"group": labels[0].upper()})
+    )
+    assert both.settings.surfaces == labels and one.settings.surfaces == labels[:1]
+    assert one.chosen[0].setting.surface == labels[0]
+    assert [part.name for part in one.parts] == [f"mu {labels[0]}"]
+    with pytest.raises(ParameterError, match="a plan needs a group that was fitted"):
+        make_plan(levelled.problem, posterior, Asked("mu", *where, 1, levels={"group": "new"}))
 
 
 def test_costs_decide_between_sensors(grip_slip_fit):

@@ -22,6 +22,8 @@ ALPHABET = {
 FUNCTION = re.compile(
     r"(<mi>(?:ln|log|exp|sin|cos|tan|cot|sinh|cosh|arccos)</mi>)(?=<m(?:i|n|sub|sup|subsup|over|frac|row)\b)"
 )
+# Fonts without mathematics draw a raised prime small and far above its letter.
+PRIME = re.compile(r"<msup>((?:(?!<msup>).)*?)<mi>&#x02032;</mi></msup>")
 
 
 def _letter(found: re.Match[str]) -> str:
@@ -36,7 +38,9 @@ def _letter(found: re.Match[str]) -> str:
 
 def mathml(formula: str, display: str = "inline") -> str:
     """A formula of LaTeX as MathML."""
-    return FUNCTION.sub(r'\1<mspace width="0.17em"/>', LETTER.sub(_letter, convert(formula, display=display)))
+    written = LETTER.sub(_letter, convert(formula, display=display))
+    written = PRIME.sub(r'<mrow>\1<mo lspace="0" rspace="0">&#x02032;</mo></mrow>', written)
+    return FUNCTION.sub(r'\1<mspace width="0.17em"/>', written)
 
 
 def _inline(translator: HTML5Translator, node: nodes.math) -> None:

@@ -17,7 +17,7 @@ from fitball.api.reading import PathLike, Wanted
 from fitball.api.simulating import Course, Subject, course_of
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, suggestion
-from fitball.exports.formats import Exported, exported
+from fitball.exports.formats import Exported, exported, exported_model
 from fitball.inference.design.make_plan import Asked
 from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
@@ -190,6 +190,7 @@ class Fit(results.Fit):
         flip: str | Sequence[str] = (),
         columns: Mapping[str, str] | None = None,
         exact_incidence: bool = False,
+        levels: Mapping[str, str | Sequence[str]] | None = None,
         seed: int = 1,
     ) -> pd.DataFrame:
         """Rebounds of new impacts with intervals: one row for each impact, with the index of `data`. Column names
@@ -201,10 +202,14 @@ class Fit(results.Fit):
         sds of the incident state are given, both include them, unless `exact_incidence`. Rebound columns of `data`
         are returned as `v_x2_measured`, with residuals. Notes are in `.attrs["notes"]`.
 
+        Where parameters differ between surfaces, balls or places, each impact has those of its own label, in the
+        column of `data` that the fit used. `levels` names them where `data` does not: `{"surface": "clay"}`, or a
+        label for each impact. The label `"new"` is a surface of which nothing was measured, with wider intervals.
+
         >>> fit.predict("v=17, theta=25, spin=100")["v_x2_median [m/s]"].round().tolist()
         [10.0]
         """
-        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns).frame()
+        return foretell(self, self.predicting, data, units, flip, exact_incidence, seed, columns, levels).frame()
 
     @checked
     def predict_interval(
@@ -214,14 +219,15 @@ class Fit(results.Fit):
         *,
         seed: int = 1,
         incident_covariance: FloatArray | None = None,
+        levels: Mapping[str, str | Sequence[str]] | None = None,
     ) -> NewPrediction:
         """The same as arrays; see `inference.prediction.new_impacts.predict_new`."""
-        return predict_new(self.predicting, impacts, observed, seed, incident_covariance)
+        return predict_new(self.predicting, impacts, observed, seed, incident_covariance, levels)
 
     @checked
-    def simulate(self, impact: Impacts | str, *, draws: int = 200) -> Course:
+    def simulate(self, impact: Impacts | str, *, draws: int = 200, levels: Mapping[str, str] | None = None) -> Course:
         """One impact through time, with bands from `draws` posterior draws; see `fitball.simulate`."""
-        return course_of(Subject(self.fitted, self), impact, draws)
+        return course_of(Subject.from_fit(self, None, {}, levels), impact, draws)
 
     @checked
     def plan(
@@ -235,6 +241,7 @@ class Fit(results.Fit):
         repeats: int = 1,
         sensors: str | Sequence[str] | None = None,
         cost: Mapping[str, float] | None = None,
+        levels: Mapping[str, str] | None = None,
         seed: int = 1,
         progress: Wanted = False,
     ) -> Plan:
@@ -245,15 +252,17 @@ class Fit(results.Fit):
         deg"`. `speed`, `angle` and `spin` are ranges of your machine. Give texts such as `"5:20"` [m/s], `"10:80"`
         [deg], `"-300:300 rpm"`, or pairs in SI (default: the range of the fitted table). `sensors` are texts such as
         `"contact_time=0.2ms"`, `"force=20N"`, `"camera=0.5"`, `"drop=254cm"`. `cost` is that of an impact with a
-        sensor, relative to one measured as before. For `progress` see `calibrate`. Raises ParameterError, and
-        FitError for a fit that allows no plan.
+        sensor, relative to one measured as before. Where parameters differ between surfaces or balls, the plan is for
+        all of these, or for those of `levels`, such as `{"surface": "clay"}`. For `progress` see `calibrate`. Raises
+        ParameterError, and FitError for a fit that allows no plan.
 
         >>> fit.plan("mu", speed="10:20:2", angle="20:60:3", spin=0.0, impacts=2, sensors="camera=0.5")
         <Plan of 2 impacts about mu: ... nats>
         """
         ranges = (parsed("speed", speed), parsed("angle", angle), parsed("spin", spin))
         ways = (sensors,) if isinstance(sensors, str) else sensors
-        return planned(self, Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed), progress)
+        asked = Asked(target, *ranges, impacts, repeats, ways, dict(cost or {}), seed, dict(levels or {}))
+        return planned(self, asked, progress)
 
     @checked
     def export(
@@ -265,7 +274,8 @@ class Fit(results.Fit):
         Formats are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
         `latex`, `markdown`, `certificate`, and `pdf` and `netcdf` (files only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
-        JSON only). Raises ParameterError, ResultFolderError.
+        JSON only). If parameters differ between surfaces or balls, the first seven but `json` have all of them;
+        `levels`, such as `{"surface": "clay"}`, chooses one. Raises ParameterError, ResultFolderError.
 
         >>> print(fit.export("latex")[".tex"].splitlines()[0])
         %...
@@ -360,6 +370,31 @@ export = _of_fit(Fit.export)
 
 
 @checked
+def port(
+    model: str,
+    to: str,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    values: Mapping[str, Any] | None = None,
+    surfaces: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+    **options: Any,
+) -> Mapping[str, str] | tuple[Path, ...]:
+    """A bounce without a table: a model at `values` as source code, a lookup table or engine settings, as the verb
+    `export` writes it without a fit. Formats, `out`, `options` and what it returns are those of `export`.
+
+    A value is a number in SI or a published one, such as `"literature:clay"`; parameters without one have default
+    values. `surfaces` change some of them by name: `{"clay": "literature:clay", "mine": {"mu": 0.6}}`. Several
+    surfaces are an argument of the bounce. Raises ParameterError, ModelError, ResultFolderError.
+
+    >>> print(fitball.port("two-mass", "c", values={"mu": 0.7})[".h"].splitlines()[1])
+     * Bounce of a ball: model two-mass.
+    """
+    made = exported_model(model, to, values or {}, surfaces or {}, options)
+    return made.texts if out is None else made.write(Path(out), overwrite)
+
+
+@checked
 def plot(fit: FitOrFolder, kind: str) -> Figure:
     """A figure of a fit by name, as the verb `plot` draws it: a matplotlib Figure, with its panels in `axes`.
 
@@ -380,9 +415,11 @@ def simulate(
     model: str | None = None,
     values: Mapping[str, Any] | None = None,
     draws: int = 200,
+    levels: Mapping[str, str] | None = None,
 ) -> Course:
     """One impact through time, as the verb `simulate` computes it. From a `fit` it has bands from `draws` posterior
-    draws; a `model` has round default values, of which `values` [SI] replace some.
+    draws; a `model` has round default values, of which `values` [SI] replace some. `levels` names the surface or
+    ball, as in `{"surface": "clay"}`, if parameters of the fit differ between these.
 
     `impact` is a text or `fitball.impacts(...)` of one impact. Raises ParameterError, ModelError.
 
@@ -391,5 +428,5 @@ def simulate(
     """
     if fit is not None and (model is not None or values):
         raise ParameterError("a fit has its own model and parameters: leave out model and values")
-    subject = Subject.from_fit(None if fit is None else fit_of(fit), model, values or {})
+    subject = Subject.from_fit(None if fit is None else fit_of(fit), model, values or {}, levels)
     return course_of(subject, impact, draws)

@@ -20,6 +20,8 @@ from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.design import make_plan as plans
 from fitball.inference.design.make_plan import Asked
+from fitball.inference.prediction.impact_levels import Asked as AskedLevels
+from fitball.inference.prediction.impact_levels import levels_of_impacts, new_words, written_columns
 from fitball.inference.prediction.new_impacts import (
     NewPrediction,
     ObservableScore,
@@ -147,9 +149,10 @@ def foretell(
     exact_incidence: bool = False,
     seed: int = 1,
     columns: Mapping[str, str] | None = None,
+    levels: AskedLevels | None = None,
 ) -> Foretold:
-    """Predict impacts from `fitted`, the model of `saved` with the draws to use. Raises as `new_impacts` and
-    `predict_new` do.
+    """Predict impacts from `fitted`, the model of `saved` with the draws to use, at `levels` where the impacts name
+    no surface or ball of their own. Raises as `new_impacts`, `levels_of_impacts` and `predict_new` do.
     """
     check_whole(seed=seed)
     columns, assumed = _named_as_before(data, columns, saved.source.columns)
@@ -157,10 +160,14 @@ def foretell(
     stated, table = new.covariance is not None, new.table
     covariance = None if exact_incidence else new.covariance
     observables, unused = observed_observables(fitted, table) if table is not None else ((), ())
-    prediction = predict_new(fitted, new.impacts, observables, seed, covariance)
+    cells = {} if table is None else table.labels
+    at = levels_of_impacts(fitted, len(new.impacts), levels or {}, cells, new.ids)
+    prediction = predict_new(fitted, new.impacts, observables, seed, covariance, at)
     prediction = with_assumptions(prediction, fitted, saved.assumptions)
     # What limits every prediction comes first: a terminal shows a few.
     point = saved.status is RunStatus.POINT_ONLY
+    elsewhere = {column: name for column, name in written_columns(fitted, cells).items() if name != column}
+    assumed += tuple(f"labels of {column} are read from the column {name}" for column, name in elsewhere.items())
     notes = [*[POINT_ONLY] * point, *[IGNORED if point or exact_incidence else DRAWN] * stated]
     notes += [*_cautions(saved, fitted, prediction), *assumed]
     notes += [*(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]
@@ -185,7 +192,8 @@ def _named_as_before(
 
 def _cautions(saved: Fit, fitted: FittedModel, prediction: NewPrediction) -> list[str]:
     """Notes on limits of the fit."""
-    notes = [f"{saved.at_common}; intervals do not include the difference"] if saved.at_common else []
+    asked_new = [name for name, labels in prediction.levels.items() if set(labels) - {*fitted.labels[name]}]
+    notes = new_words(fitted, asked_new)
     if any(f"{name}_offset[" in parameter for name in OBSERVABLES for parameter in saved.parameters):
         notes.append("the fit has a measurement bias for each group (offsets); predictions are without bias")
     if saved.status is RunStatus.NOT_CONVERGED:

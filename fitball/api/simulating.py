@@ -5,6 +5,7 @@ of a fit, or of a model at default values. Each has text, content for other prog
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from fitball.data.read import load_table
 from fitball.errors import ParameterError, check_whole, suggestion
 from fitball.files import all_or_none
 from fitball.inference.comparison.candidates import parse_name
+from fitball.inference.prediction.impact_levels import new_words
 from fitball.inference.prediction.new_impacts import predict_new
 from fitball.inference.prediction.simulate import (
     RegimeMap,
@@ -28,7 +30,8 @@ from fitball.inference.prediction.simulate import (
     simulate_fit,
 )
 from fitball.inference.prediction.simulate import simulate as follow
-from fitball.inference.results.fitted_model import FittedModel, at_values
+from fitball.inference.problem.level_names import at_level
+from fitball.inference.results.fitted_model import FittedModel, at_values, checked_labels
 from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.kinds import checked
 from fitball.models.registry import model
@@ -53,17 +56,32 @@ CONTOURS = "theta_2"
 
 @dataclass(frozen=True)
 class Subject:
-    """The model to simulate: `fitted`, of the fit `saved`, or at default values except for those `given`."""
+    """The model to simulate: `fitted`, of the fit `saved` on the surface and with the ball of `levels` (column ->
+    label), or at default values except for those `given`.
+    """
 
     fitted: FittedModel
     saved: Fit | None = None
     given: tuple[str, ...] = ()
+    levels: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def from_fit(cls, saved: Fit | None, name: str | None, values: Mapping[str, float]) -> Subject:
-        """A fit, or the model with this name. Raises ModelError, ParameterError."""
+    def from_fit(
+        cls,
+        saved: Fit | None,
+        name: str | None,
+        values: Mapping[str, float],
+        levels: Mapping[str, str] | None = None,
+    ) -> Subject:
+        """A fit at `levels`, or the model with this name. Raises ModelError; ParameterError, also where parameters of
+        the fit differ between surfaces or balls and none of these is named.
+        """
         if saved is not None:
-            return cls(saved.fitted, saved)
+            named = checked_labels(saved.fitted, levels or {})
+            return cls(saved.fitted.at(named), saved, levels=named)
+        if levels:
+            column, label = next(iter(levels.items()))
+            raise ParameterError(f"{at_level(column, label)}: only a fit has levels: leave it out, or name a fit")
         plain, closures = parse_name(str(name) if name is not None else DEFAULT_MODEL)
         chosen = model(plain, ball=None, tangential=True, **closures)
         return cls(at_values(chosen, chosen_parameters(chosen, values)), given=tuple(values))
@@ -71,12 +89,20 @@ class Subject:
     @property
     def name(self) -> str:
         """The name in file names."""
-        return f"{'' if self.saved is None else 'fit_'}{self.fitted.model.name}"
+        labels = (re.sub(r"\W+", "-", label) for label in dict.fromkeys(self.levels.values()))
+        return "_".join([f"{'' if self.saved is None else 'fit_'}{self.fitted.model.name}", *labels])
 
     @property
     def title(self) -> str:
         """The title of figures."""
-        return self.fitted.model.name + ("" if self.saved is None else f" fitted to {self.saved.source.name}")
+        return self.fitted.model.name + (
+            "" if self.saved is None else f" fitted to {self.saved.source.name}{self.at}"
+        )
+
+    @property
+    def at(self) -> str:
+        """The levels in words, after a comma; empty where there are none."""
+        return "".join(f", {column} {label}" for column, label in self.levels.items())
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -87,7 +113,8 @@ class Subject:
     def notes(self) -> tuple[str, ...]:
         """Notes on its values."""
         if self.saved is not None:
-            return (self.saved.at_common,) if self.saved.at_common else ()
+            new = [column for column, label in self.levels.items() if label not in self.saved.fitted.labels[column]]
+            return tuple(new_words(self.saved.fitted, new))
         rest = ", ".join(f"{name} = {value:g}" for name, value in self.parameters.items() if name not in self.given)
         return (f"default values, near the fits to Wang's balls: {rest}",) if rest else ()
 
@@ -95,7 +122,8 @@ class Subject:
 @dataclass(frozen=True, repr=False)
 class Course:
     """One impact through time, or several in one figure, from `source`, with `notes`. `panels` are the quantities in
-    the figure (empty: those of the model), `heading` and `more` further text and data of an example.
+    the figure (empty: those of the model), `heading` and `more` further text and data of an example. `levels` are the
+    surface and ball, where parameters of a fit differ between these.
     """
 
     simulations: tuple[Simulation, ...]
@@ -105,6 +133,7 @@ class Course:
     panels: tuple[str, ...] = ()
     heading: str = ""
     more: Mapping[str, object] = field(default_factory=dict)
+    levels: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Course of {self.title}>"
@@ -133,7 +162,7 @@ class Course:
 
     def json(self) -> dict[str, object]:
         """The content of `simulate.json`: all but the time series."""
-        more = self.more or {"notes": list(self.notes)}
+        more = self.more or {"notes": list(self.notes), **({"levels": dict(self.levels)} if self.levels else {})}
         return {**more, "simulations": [document.simulation_json(item) for item in self.simulations]}
 
     def plot(self) -> Figure:
@@ -204,7 +233,7 @@ def course_of(subject: Subject, impact: Impacts | str, draws: int) -> Course:
         notes = (*remarks_on(predict_new(fitted, given), 0), *subject.notes, *_cautions(saved))
     v_x, v_y, omega = (float(getattr(given, name)[0]) for name in ("v_x1", "v_y1", "omega_1"))
     title = f"{simulation.model.name}: {v_x:.2f} m/s along, {v_y:.2f} m/s towards the court, {omega:.0f} rad/s"
-    return Course((simulation,), subject.name, title, notes)
+    return Course((simulation,), subject.name, title + subject.at, notes, levels=subject.levels)
 
 
 def _cautions(saved: Fit) -> Sequence[str]:
@@ -250,7 +279,8 @@ class Regimes:
         from fitball.report.history.regime_map import map_json
 
         chosen = self.subject.fitted.model
-        return {"model": chosen.name, "closures": dict(chosen.options), **map_json(self.found)}
+        levels = {"levels": dict(self.subject.levels)} if self.subject.levels else {}
+        return {"model": chosen.name, "closures": dict(chosen.options), **levels, **map_json(self.found)}
 
     def save(self, folder: Path, *, overwrite: bool = False, form: str = "png") -> tuple[Path, ...]:
         """Write `regime_map.json`, `regime_map.csv` and the figure; returns the paths. Raises ResultFolderError."""
@@ -295,11 +325,11 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
     ModelError.
     """
     from fitball.exports.interactive import interactive_page, round_impact
-    from fitball.exports.port.port import origin_of
 
     if subject.saved is not None:
-        fitted, table = subject.fitted, subject.saved.source
-        intro, origin = f"As fitted to {table.name}, {table.impacts} impacts.", origin_of(subject.saved)
+        fitted, table, at = subject.fitted, subject.saved.source, subject.at
+        intro = f"As fitted to {table.name}, {table.impacts} impacts{at}."
+        origin = f"table {table.file} ({table.impacts} impacts){at}, point estimate, fit {subject.saved.status}"
     else:
         # The valid range is that of these impacts.
         fitted, origin = replace(subject.fitted, impacts=load_table("wang_all").impacts), "default values, no fit"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from fitball.cli.options import (
     FIT,
     FULL,
+    LEVEL,
     PICTURE,
     SEED,
     Group,
@@ -77,13 +78,13 @@ def _subject(args: argparse.Namespace) -> Subject:
     from fitball.api import load_fit
     from fitball.api.simulating import Subject
 
-    return Subject.from_fit(None if args.fit is None else load_fit(args.fit), args.model, args.values)
+    return Subject.from_fit(None if args.fit is None else load_fit(args.fit), args.model, args.values, args.levels)
 
 
 def _check_together(args: argparse.Namespace) -> None:
     """Raises ParameterError for options that contradict each other, or if one is missing."""
     own = [f"--{name}" for name in ("impact", "fit", "model") if getattr(args, name) is not None]
-    own += ["--set"] if args.values else []
+    own += ["--set"] * bool(args.values) + ["--level"] * bool(args.levels)
     if args.example is not None and own:
         raise ParameterError(f"--example has its own impact and parameters: leave out {', '.join(own)}")
     idle = [f"--{name}" for name in ("impact", "example", "csv", "animate") if getattr(args, name) is not None]
@@ -155,6 +156,7 @@ SIMULATE = Verb(
         )),
         Group("model and parameters", (
             option("--fit", "FIT", FIT.help),
+            LEVEL,
             option("--model", "NAME", f"{either(marked(FOLLOWED))}; assumptions as +NAME=OPTION"),
             pairs(
                 "--set", "NAME=VALUE", "a parameter of the model in SI units (repeatable)", convert=float,
@@ -186,6 +188,7 @@ SIMULATE = Verb(
     """examples:
   fitball simulate --impact "v=38 mph, theta=18 deg, spin=950 rpm top"
   fitball simulate --impact "v=17, theta=42" --fit fits/wang_all/two-mass
+  fitball simulate --impact "v=17, theta=42" --fit fits/two_surfaces/two-mass --level surface=clay
   fitball simulate --impact "v=17, theta=42" --model two-mass+torsion=free --set mu=0.6
   fitball simulate --impact "v=17, theta=42, spin=100" --animate bounce.gif
   fitball simulate --map "v=30" --set mu=0.7

@@ -14,6 +14,8 @@ from fitball.data.units import UNITS, Dimension
 from fitball.observables import OBSERVABLES
 
 LABELS = ("id", "surface", "ball", "group", "location")
+# Printed in certificates, in no fit.
+BALL_TEMPERATURE = "ball_temperature"
 SD_SUFFIX = "_sd"
 NEGATED, FROM_NORMAL = "with the other sign", "from the normal"
 

@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from functools import cache
 
 from fitball.data.cells import Findings, Vocabulary
-from fitball.data.columns import COLUMNS, HEIGHTS, LABELS, MEASURED, NUMBERS, SD_SUFFIX
+from fitball.data.columns import BALL_TEMPERATURE, COLUMNS, HEIGHTS, LABELS, MEASURED, NUMBERS, SD_SUFFIX
 from fitball.data.table import FrozenMapping
 from fitball.data.units import Unit, parse_unit, unit_of
 from fitball.errors import ParameterError, UnitError, suggestion
@@ -193,7 +193,7 @@ def with_units(columns: Mapping[str, str], units: Mapping[str, str], known: Coll
 # High enough to pass over words that only share a few letters ("case", "temperature"), low enough
 # to catch one wrong, missing or swapped character in names as short as "v_y1" (difflib ratio 0.75 and up).
 _NEAR = 0.75
-_BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
+_BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS, BALL_TEMPERATURE)} | {"balltemp": BALL_TEMPERATURE}
 # What people call the column that names the impacts.
 _IDS = ("id", "no", "nr", "#", "number", "impactid", "impactno")
 # How no name begins (an empty cell among them).
@@ -205,12 +205,14 @@ _GUESSED = 0.5
 @dataclass(frozen=True)
 class Header:
     """The columns of a table: their `places` in the file by name, the `units` of those of numbers (None where one was
-    not understood), and `extras`, which are neither numbers nor labels.
+    not understood), and `extras`, which are neither numbers nor labels. `warmth` is the unit of ball temperatures as
+    it is written, None without one.
     """
 
     places: Mapping[str, int]
     units: Mapping[str, Unit | None]
     extras: tuple[str, ...]
+    warmth: str | None = None
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -280,7 +282,7 @@ def split_cell(cell: str, naming: Naming | None = None, found: Findings | None =
 
 def _same(name: str) -> str | None:
     """Our name of which `name` differs in case, blanks and underscores only."""
-    if name in NUMBERS or name in LABELS:
+    if name in NUMBERS or name in LABELS or name == BALL_TEMPERATURE:
         return name
     plain = bare(name)
     return "id" if plain in _IDS or name.strip() == "#" else _BY_BARE.get(plain)
@@ -299,7 +301,7 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
     names = [name for name, _ in parsed]
     taken = {*filter(None, asked), *names}
     places, units = dict[str, int](), dict[str, Unit | None]()
-    extras, spelled = list[str](), list[str]()
+    extras, spelled, warmth = list[str](), list[str](), None
     for index, ((name, unit), named) in enumerate(zip(parsed, asked, strict=True)):
         ours = named if named is not None else _same(name)
         if named is not None:
@@ -321,6 +323,8 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
             places[meant] = index
             if meant in NUMBERS:
                 units[meant] = _unit(meant, unit, found)
+            if meant == BALL_TEMPERATURE:
+                warmth = unit
             extras += [name] if ours is None else []
     if spelled:
         found.notice(f"columns with other spellings: {some(spelled)}")
@@ -328,7 +332,7 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
     for ours, their in naming.theirs.items():
         if their.casefold() not in here and ours not in places:
             found.header_fault(f"there is no column '{their}' to read as {ours}; columns of the table: {some(names)}")
-    return Header(places, units, tuple(extras))
+    return Header(places, units, tuple(extras), warmth)
 
 
 def _stated_unit(naming: Naming, ours: str, written: str | None, found: Findings) -> str | None:

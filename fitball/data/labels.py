@@ -119,9 +119,9 @@ def one_spelling(texts: Mapping[str, Texts], found: Findings) -> dict[str, Texts
             continue
         spellings: dict[str, Counter[str]] = {}
         for cell in cells:
-            spellings.setdefault(_plain(cell), Counter())[cell.strip()] += 1
+            spellings.setdefault(plain_label(cell), Counter())[cell.strip()] += 1
         chosen = {plain: counts.most_common(1)[0][0] for plain, counts in spellings.items()}
-        made[column] = tuple(chosen[_plain(cell)] for cell in cells)
+        made[column] = tuple(chosen[plain_label(cell)] for cell in cells)
         for plain, counts in spellings.items():
             others = [f"'{label}' ({count})" for label, count in counts.items() if label != chosen[plain]]
             if others:
@@ -165,7 +165,7 @@ def _near_labels(item: Labelled) -> list[tuple[str, str]]:
     found = []
     for k, label in enumerate(order):
         for other in order[:k]:
-            near = SequenceMatcher(None, _plain(label), _plain(other)).ratio() >= _NEAR
+            near = SequenceMatcher(None, plain_label(label), plain_label(other)).ratio() >= _NEAR
             if near and _digits(label) == _digits(other) and min(len(label), len(other)) >= _LEAST_LETTERS:
                 found.append((label, other))
                 break
@@ -176,7 +176,7 @@ def _digits(label: str) -> list[str]:
     return re.findall(r"[0-9]+", label)
 
 
-def _plain(label: str) -> str:
+def plain_label(label: str) -> str:
     """A label without case, accents and superfluous blanks."""
     apart = unicodedata.normalize("NFKD", label.casefold())
     return " ".join("".join(letter for letter in apart if not unicodedata.combining(letter)).split())

@@ -27,7 +27,7 @@ from fitball.data.checks import (
     one_sign,
     surely_meant,
 )
-from fitball.data.columns import INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
+from fitball.data.columns import BALL_TEMPERATURE, INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
 from fitball.data.header import Naming, naming, read_header, vocabulary, with_units
 from fitball.data.heights import speeds_of_heights
 from fitball.data.kinematics import Uncertain, covariance_matrix, independent, velocity
@@ -46,6 +46,7 @@ from fitball.data.numbers import (
 )
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen, joined
+from fitball.data.temperatures import ball_temperatures
 from fitball.data.text import frame_table, read_raw
 from fitball.data.units import Unit
 from fitball.errors import Fault, ParameterError, ReadingError, TableError
@@ -63,6 +64,8 @@ Source: TypeAlias = "str | os.PathLike[str] | pandas.DataFrame | Mapping[str, Se
 
 # What a DataFrame is called in reports and messages, unless its `attrs["name"]` says.
 FRAME = "DataFrame"
+# Every column that may be named.
+OURS = (*NUMBERS, *LABELS, BALL_TEMPERATURE)
 # What names a file; any other source is a DataFrame.
 PATHS = (str, os.PathLike)
 LEAST_IMPACTS = 2
@@ -73,7 +76,8 @@ LONGEST_LABEL = 200
 class Written:
     """A table before its numbers are read: `name`, `source`, SHA-256 of its bytes, and the cells of its header
     (`heads`). The cells of its `numbers`, with their `units`, and of its `texts` are by fitball's names; `extras` are
-    texts that are no labels. `files` are those it came from, none for a DataFrame.
+    texts that are no labels. `warmth` is the unit of ball temperatures as it is written, if there is one. `files` are
+    those it came from, none for a DataFrame.
     """
 
     name: str
@@ -85,6 +89,7 @@ class Written:
     numbers: Mapping[str, Texts]
     texts: Mapping[str, Texts]
     extras: tuple[str, ...]
+    warmth: str | None
     found: Findings
 
 
@@ -165,6 +170,7 @@ def written_table(source: str | os.PathLike[str] | pandas.DataFrame, naming: Nam
         numbers={name: values for name, (values, _sds) in parted.items()} | stated,
         texts={name: unguarded(raw.columns[header.places[name]]) for name in header.texts},
         extras=header.extras,
+        warmth=header.warmth,
         found=found,
     )
 
@@ -200,8 +206,8 @@ def load_table(
     """
     flip = (flip,) if isinstance(flip, str) else flip
     known = scene or load_scene(source if isinstance(source, PATHS) else None, as_read=True)
-    asked = with_units({**known.columns, **(columns or {})}, units or {}, (*NUMBERS, *LABELS))
-    text = written_table(framed(source), naming(asked, (*NUMBERS, *LABELS)))
+    asked = with_units({**known.columns, **(columns or {})}, units or {}, OURS)
+    text = written_table(framed(source), naming(asked, OURS))
     text = text if name is None else replace(text, name=name)
     found, least = text.found, LEAST_IMPACTS if rebound else 1
     _check_count(found, least)
@@ -210,7 +216,7 @@ def load_table(
     }
     numbers = within_limits(without_empty(numbers, found), found)
     numbers = speeds_of_heights(numbers, found)
-    grouped = {item.column for item in labelled(text.texts)}
+    grouped = {item.column for item in labelled(text.texts)} - {BALL_TEMPERATURE}
     check_columns(numbers, [*text.units, *text.texts], text.extras, found, rebound, grouped)
     if found.faults and (meant := surely_meant(text.extras, numbers)):
         under = _beneath(source, {**asked, **meant}, rebound=rebound, scene=known, flip=flip, name=name)
@@ -220,7 +226,8 @@ def load_table(
     texts = text.texts
     if len(kept) < len(found.rows):
         found, texts = found.among(kept), {name: tuple(cells[k] for k in kept) for name, cells in texts.items()}
-    texts = one_spelling(texts, found)
+    warmth = ball_temperatures(texts, text.warmth, found)
+    texts = one_spelling({name: cells for name, cells in texts.items() if name != BALL_TEMPERATURE}, found)
     numbers = one_sign(flip_columns(numbers, flips_of(flip, text.name), found), found)
     check_ranges(numbers, found)
     for end in ("1", "2"):
@@ -232,7 +239,7 @@ def load_table(
     ids = unique_ids(texts.get("id"), found)
     found.refuse(text.source, _hints(numbers, known) if rebound and found.faults else ())
     table = _assembled(replace(text, texts=texts, found=found), numbers, ids)
-    return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked))
+    return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked), ball_temperature=warmth)
 
 
 def _beneath(source: Source, columns: Mapping[str, str], **reading: Any) -> list[Fault]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import re
 import tomllib
@@ -96,6 +97,8 @@ class Scene:
     Force records. `force_file` is relative to the scene file. `force_sd` [N] is the known noise of a sample.
     `force_start_sd` [s] is the uncertainty of t = 0 as the start of contact (None: the start is found from the
     record). `assumed` are sentences on assumptions for missing values.
+
+    Certificates carry `surface`, `court`, `laboratory`, `operator`, `instrument` and `date`, as they are written.
     """
 
     source: str | None = None
@@ -105,6 +108,7 @@ class Scene:
     ball_temperature: float | None = None
     ball_temperature_sd: float | None = None
     surface: str | None = _said("surface.name")
+    court: str | None = _said("surface.court")
     mu: tuple[float, float | None] | None = None
     contact_time: tuple[float, float] | None = None
     velocity_sd: float | None = _said("measurement.velocity_sd")
@@ -129,6 +133,10 @@ class Scene:
     force_sd: float | None = _said("force.sd")
     force_start_sd: float | None = _said("force.start_sd")
     assumed: tuple[str, ...] = ()
+    laboratory: str | None = _said("laboratory.name")
+    operator: str | None = _said("laboratory.operator")
+    instrument: str | None = _said("laboratory.instrument")
+    date: str | None = _said("laboratory.date")
     description: str = _said("source.description", "")
     citation: str = _said("source.citation", "")
 
@@ -339,6 +347,8 @@ def _free(key: str, content: object, kind: Kind, faults: list[str]) -> FrozenMap
 
 def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
     """The value when it is of its kind, else None."""
+    if kind is Kind.DATE:
+        return _date(content)
     if kind is Kind.TEXT:
         return content if isinstance(content, str) and content.strip() else None
     number, sd = _number(content), None
@@ -349,6 +359,19 @@ def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
     if number is None or (number <= 0.0 and kind is not Kind.DEGREES):
         return None
     return number if kind is Kind.POSITIVE else Quantity(number, sd)
+
+
+def _date(content: object) -> str | None:
+    """A day of the calendar, or a period between two, as text; None for anything else."""
+    if isinstance(content, datetime.date) and not isinstance(content, datetime.datetime):
+        return content.isoformat()
+    if not isinstance(content, str):
+        return None
+    try:
+        days = [datetime.date.fromisoformat(day) for day in content.strip().split(" to ")]
+    except ValueError:
+        return None
+    return content.strip() if len(days) <= 2 and days == sorted(days) else None
 
 
 def _number(content: object) -> float | None:

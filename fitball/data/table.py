@@ -124,8 +124,9 @@ class ImpactTable:
 
     `digest` is the SHA-256 of the file's bytes, `files` are the files with the SHA-256 of each. `flipped` are columns
     with the opposite convention, on request (`TABLE:COLUMN` in a table of several). `columns` maps fitball's names to
-    those of the file. After reading, `rows` (impacts,) are the rows of the file, from 1, and `resolution` is half a
-    unit of each column's last printed digit [SI].
+    those of the file. `ball_temperature` (impacts,) is in degrees Celsius, NaN in rows without one, and used by no
+    fit; None if the table has no such column. After reading, `rows` (impacts,) are the rows of the file, from 1, and
+    `resolution` is half a unit of each column's last printed digit [SI].
     """
 
     name: str
@@ -143,6 +144,7 @@ class ImpactTable:
     incident_covariance: FloatArray | None = None
     flipped: tuple[str, ...] = ()
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
+    ball_temperature: FloatArray | None = None
     files: tuple[tuple[str, str], ...] = ()
     rows: tuple[int, ...] = field(default=(), compare=False)
     resolution: Mapping[str, float] = field(default_factory=FrozenMapping, compare=False)
@@ -184,6 +186,8 @@ class ImpactTable:
             if item.sd is not None:
                 columns[f"{item.name}_sd"] = item.sd
         named = {f"{name} [{SI_UNITS[name.removesuffix('_sd')]}]": values for name, values in columns.items()}
+        if self.ball_temperature is not None:
+            named["ball_temperature [degC]"] = self.ball_temperature
         return pd.DataFrame(named | dict(self.labels), index=pd.Index(self.ids, name="id"))
 
     @property
@@ -255,8 +259,18 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         ),
         flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
         columns=first.columns,
+        ball_temperature=_temperatures(tables),
         files=tuple(place for table in tables for place in table.files),
     )
+
+
+def _temperatures(tables: Sequence[ImpactTable]) -> FloatArray | None:
+    """The ball temperatures of all tables, NaN in those that have none; None where none has."""
+    known = [table.ball_temperature for table in tables]
+    if all(column is None for column in known):
+        return None
+    filled = [np.full(len(one), np.nan) if it is None else it for one, it in zip(tables, known, strict=True)]
+    return frozen(np.concatenate(filled))
 
 
 def _stacked(columns: Sequence[FloatArray | None]) -> FloatArray | None:

@@ -11,30 +11,35 @@ from typing import Any
 
 import numpy as np
 
+from fitball.exports.bounces import bounces_of, joined
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.pooling import Levels
 from fitball.inference.results.evidence import Answer
 from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.quantiles import ESSENTIALS
 from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunStatus, Verdict
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
+from fitball.report.fit.circumstances import circumstance_rows
 from fitball.report.fit.itf_tests import (
     ball_rows,
-    category_words,
+    class_lines,
     court_lines,
+    drop_class,
     drop_lead,
     drop_remarks,
+    level_heads,
     pace_remarks,
     place_rows,
-    rating_words,
-    rests,
+    rating_value,
+    rest_lines,
     speed_rows,
     surface_rows,
     surface_words,
 )
 from fitball.report.form.document import Row, markdown_table, render_template
 from fitball.report.form.files import json_text
-from fitball.report.form.numbers import parameter_row
+from fitball.report.form.numbers import handy, parameter_row, row_of
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
 
@@ -51,7 +56,12 @@ _ESCAPES = {
 
 def parameter_content(saved: Fit) -> dict[str, Any]:
     """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
-    source, impacts, rebound = plain(saved.source), saved.golden.impacts, saved.golden.rebound
+    golden, labels = joined(bounces_of(saved))
+    source, impacts, rebound = plain(saved.source), golden.impacts, golden.rebound
+    # Values common to all levels are those of none: they are beside the levels.
+    levels = saved.fitted.levels
+    pooled = {item.parameter for item in levels} | {item.spread_name for item in levels}
+    pooled |= {item.place_name(label) for item in levels for label in item.labels}
     columns = {name: getattr(rebound, name) for name in (*OUTPUTS, "regime")}
     parameter_set: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
@@ -61,15 +71,16 @@ def parameter_content(saved: Fit) -> dict[str, Any]:
         "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
         "ball": plain(saved.fitted.ball),
         "table": {key: source[key] for key in TABLE} | {"flipped": list(saved.source.flipped)},
-        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
+        "parameters": {name: _parameter(item) for name, item in saved.parameters.items() if name not in pooled},
     }
-    if saved.levels:
-        parameter_set["levels"] = _levels(saved.levels)
+    if levels:
+        parameter_set["levels"] = {item.parameter: _levels(saved, item) for item in levels}
     if saved.correlation is not None:
         parameter_set["correlation"] = {"names": list(saved.free_names), "values": saved.correlation.tolist()}
     parameter_set["golden"] = {
         "impacts": {name: column for name, column in plain(impacts).items() if column is not None},
         "rebound": {name: column.tolist() for name, column in columns.items() if not np.isnan(column).any()},
+        **({"labels": {column: list(values) for column, values in labels.items()}} if labels else {}),
     }
     return parameter_set
 
@@ -79,13 +90,16 @@ def parameter_text(saved: Fit) -> str:
     return json_text(parameter_content(saved))
 
 
-def _levels(listed: Sequence[LevelEstimate]) -> dict[str, Any]:
-    """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
-    levels: dict[str, Any] = {}
-    for item in listed:
-        one = levels.setdefault(item.parameter, {"column": item.column, "values": {}})
-        one["values"][item.label] = _known(item)
-    return levels
+def _levels(saved: Fit, levels: Levels) -> dict[str, Any]:
+    """Values of a parameter that differs between surfaces, balls or tables, by label, and what they follow from."""
+    known = saved.parameters
+    return {
+        "column": levels.column,
+        "values": {item.label: _known(item) for item in saved.levels if item.parameter == levels.parameter},
+        "common": _parameter(known[levels.parameter]),
+        "spread": _parameter(known[levels.spread_name]),
+        "places": {label: _parameter(known[levels.place_name(label)]) for label in levels.labels},
+    }
 
 
 def _known(item: Estimate | LevelEstimate) -> dict[str, float]:
@@ -141,9 +155,17 @@ MARKS = {
 
 
 def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
-    """Every parameter: median and standard deviation, or the point estimate to four digits."""
-    rows = []
+    """Every parameter: median and standard deviation, or the point estimate to four digits. One that differs between
+    levels has a row for each of them and one for their spread.
+    """
+    places = {item.place_name(label) for item in saved.fitted.levels for label in item.labels}
+    at_levels = [_at_level(saved, item) for item in saved.levels]
+    rows: list[PaperRow] = []
     for item in saved.parameters.values():
+        own = [row for name, row in at_levels if name == item.name]
+        if own or item.name in places:
+            rows += own
+            continue
         row, spec = parameter_row(item), parameter_spec(item.name) or NOISE_SPECS.get(item.name)
         known = (row.name, "" if spec is None else spec.label, item.meaning, row.unit)
         if row.median == "-" or item.verdict is Verdict.FIXED:
@@ -152,6 +174,17 @@ def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
             mark = MARKS[item.verdict][0] if item.verdict in MARKS else ""
             rows.append(PaperRow(*known, row.median, row.sd, row.interval_95, mark))
     return tuple(rows)
+
+
+def _at_level(saved: Fit, item: LevelEstimate) -> tuple[str, PaperRow]:
+    """The parameter that differs, and its row for a level."""
+    common, spec = saved.parameters[item.parameter], parameter_spec(item.parameter)
+    row = row_of(f"{item.parameter}[{item.label}]", vars(item), handy(item.parameter, item.unit))
+    symbol = "" if spec is None else f"{spec.label} {_escaped(item.label)}"
+    known = (row.name, symbol, f"{common.meaning}, {item.column} {item.label}", row.unit)
+    if row.median == "-":
+        return item.parameter, PaperRow(*known, row.point)
+    return item.parameter, PaperRow(*known, row.median, row.sd, row.interval_95)
 
 
 def _caption(saved: Fit) -> str:
@@ -250,6 +283,7 @@ def certificate(saved: Fit) -> str:
         parts=parts,
         adequacy="Not tested." if saved.adequacy is None else saved.adequacy.sentence,
         remarks=[*remarks[:MOST_REMARKS], *([more] if more else [])] or ["None besides data and scene."],
+        circumstances=circumstance_rows(saved),
         facts=_facts(saved),
     )
 
@@ -273,10 +307,10 @@ def _content(saved: Fit) -> Content:
     dropped, pace = saved.drop_test, saved.court_pace
     if dropped is not None and not dropped.missing:
         return _of_drops(dropped)
-    if pace is not None and (pace.ratings or pace.measured is not None):
-        return _of_court(pace, rests(saved.parameters, saved.adequacy) if pace.ratings else "")
+    if pace is not None and (pace.ratings or pace.measured):
+        return _of_court(pace, rest_lines(saved))
     sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
-    rows = [parameter_row(item) for item in saved.parameters.values() if item.verdict in sure]
+    rows = [parameter_row(item) for item in saved.reported if item.verdict in sure]
     known = [{"parameter": row.name, "value": row.best, "95 %": row.interval_95, "unit": row.unit} for row in rows]
     parts = [_part("Parameters that the data determine", known, "parameters", narrow=True)] if known else []
     return f"Fit of model {saved.fitted.model_name}", (saved.verdict,), parts, ()
@@ -291,29 +325,28 @@ def _of_drops(test: DropTest) -> Content:
         heads = ("speed [m/s]", "drops", "COR", "95 %", "measured mean")
         parts.append(_part("Coefficient of restitution (COR) at the tested speeds", speeds, "speeds", heads=heads))
     title = "Drop test" if test.rebound is None else "Drop test of tennis balls"
-    return title, drop_lead(test), parts, drop_remarks(test)
+    return title, (*drop_class(test), *drop_lead(test, stated=True)), parts, drop_remarks(test)
 
 
-def _of_court(pace: CourtPace, depends: str) -> Content:
-    parts, places = [], place_rows(pace)
-    surfaces = [
-        row | {"category": category_words(item)} for row, item in zip(surface_rows(pace), pace.ratings, strict=True)
-    ]
+def _of_court(pace: CourtPace, depends: Sequence[str]) -> Content:
+    parts, places, surfaces = [], place_rows(pace), surface_rows(pace)
     if places:
         parts.append(_part("Places on the court, as measured", places, "places", MOST_PLACES))
     # One page has room for one long table, not for two.
     most = MOST_PLACES - len(places)
-    if 0 < len(surfaces) <= most or not places:
+    if surfaces and (len(surfaces) <= most or not places):
         title = "Test impact (30 m/s, 16 degrees) predicted by the model"
-        heads = ("surface", "impacts", "rating", "95 %", "category", "mu of the test")
-        parts.append(_part(title, surfaces, "surfaces", most, heads))
-    result = court_lines(pace) or tuple(
-        f"ITF court pace rating{f' of {surface_words(rating)}' if len(surfaces) > 1 else ''} by the model: "
-        f"{rating_words(rating)}."
-        for rating in pace.ratings[:4]
-    )
-    remarks = [f"The rating by the model is {depends}."] if depends else []
-    return "Court pace", result, parts, (*remarks, *pace_remarks(pace))
+        heads = (*level_heads(pace), "impacts", "rating", "95 %", "mu of the test")
+        parts.append(_part(title, surfaces, f"{level_heads(pace)[0]}s", most, heads))
+    # One category is stated; both tests have their numbers.
+    result = [*class_lines(pace), *court_lines(pace, shares=False)]
+    if pace.court is None:
+        result += [
+            f"ITF court pace rating{f' of {surface_words(rating)}' if rating.labels else ''} by the model: "
+            f"{rating_value(rating)}."
+            for rating in pace.ratings[:4]
+        ]
+    return "Court pace", result, parts, (*depends, *pace_remarks(pace))
 
 
 def _facts(saved: Fit) -> tuple[tuple[str, str], ...]:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from fitball.api.calibrating import calibrate
 from fitball.data.lines import parse_range
 from fitball.errors import FitError
-from fitball.inference.design.asked import Sensor, Target, as_before, parse_sensor, parse_target
+from fitball.inference.design.asked import Sensor, as_before, parse_sensor
 from fitball.inference.design.knowledge import Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, Plan, make_plan
+from fitball.inference.design.targets import Target, parse_target
 from fitball.inference.identifiability.information import about
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem

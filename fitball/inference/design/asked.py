@@ -1,9 +1,9 @@
-"""What a plan is asked: quantities to know better, settings of a machine, and ways of measuring."""
+"""What a plan is asked besides its target: settings of a machine, and ways of measuring."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isfinite, sqrt
@@ -15,161 +15,23 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import NUMBERS
 from fitball.data.heights import GRAVITY
-from fitball.data.lines import Range, parse_impact
+from fitball.data.lines import Range
 from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
-from fitball.errors import FitError, ParameterError, UnitError, suggestion
-from fitball.inference.design.knowledge import Knowledge
-from fitball.inference.prediction.posterior_predictive import by_level
+from fitball.errors import ParameterError, UnitError, suggestion
+from fitball.inference.prediction.posterior_predictive import by_level, levels_of
+from fitball.inference.problem.level_names import at_level, checked_label, columns_of, labels_of
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results.lab import PACE_CONSTANT, apparent_friction, itf_impact, pace_rating
 from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES
 from fitball.values import FloatArray, Impacts
+from fitball.visible import some
 from fitball.wording import option, spoken
 
-# What a plan is about: parameters, the rebound of an impact, or the court pace rating.
-
-COURT_PACE, IMPACT = "court pace", "impact"
-# All parameters in words, by their number: one is called by its name.
-ALL = {1: "", 2: "both parameters of the model", 3: "all {} parameters of the model"}
-TARGET_FORMS = f"expected parameters separated by commas, '{COURT_PACE}', or {IMPACT}=\"v=30 m/s, theta=16 deg\""
-
-
-def asked_for(text: str) -> str:
-    """How a target was asked for."""
-    return spoken(f"--for {text}", f"target={text!r}")
-
-
-@dataclass(frozen=True)
-class Part:
-    """One quantity of a target: its `name` and `unit` (SI); `log`: it is the logarithm that is known so well."""
-
-    name: str
-    unit: str
-    log: bool = False
-
-
-@dataclass(frozen=True)
-class Target:
-    """Quantities that are functions of the parameters, called `words` in a sentence: at coordinates (draws, free)
-    their `values` (draws, parts), and the derivatives of these, `gradients` (draws, parts, free); NaN where the model
-    has no answer.
-    """
-
-    words: str
-    parts: tuple[Part, ...]
-    values: Callable[[FloatArray], FloatArray]
-    gradients: Callable[[FloatArray], FloatArray]
-
-
-def parse_target(text: str | Sequence[str] | None, known: Knowledge) -> Target:
-    """The target that `text` names; without one all parameters of the model. Raises ParameterError that quotes it,
-    FitError for a prediction that the fit has not.
-    """
-    problem = known.problem
-    if text is None:
-        names = tuple(name for name in problem.model_names if name in problem.free_names)
-        if not names:
-            raise FitError("no parameter of the model is free: name a free one (a noise) as the target")
-        return of_parameters(problem, names, ALL[min(len(names), 3)].format(len(names)))
-    if not isinstance(text, str):
-        try:
-            names = tuple(map(str, text))
-        except TypeError:
-            raise ParameterError(f"{asked_for(str(text))}: {TARGET_FORMS}") from None
-        return of_parameters(problem, names)
-    kind, equals, rest = (part.strip() for part in text.partition("="))
-    if equals:
-        if kind != IMPACT:
-            raise ParameterError(f"{asked_for(text)}: {TARGET_FORMS}")
-        return of_impact(known, parse_impact(rest), rest)
-    if text.strip().replace("_", " ").lower() == COURT_PACE:
-        return of_court_pace(known)
-    return of_parameters(problem, tuple(name.strip() for name in text.split(",")))
-
-
-def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "") -> Target:
-    """Parameters by name. Raises ParameterError for one that is not free or named twice."""
-    for name in names:
-        if name not in problem.free_names:
-            fixed = name in {parameter.name for parameter in problem.parameters}
-            why = "is fixed in this fit" if fixed else "is no parameter of this fit"
-            raise ParameterError(
-                f"{asked_for(','.join(names))}: '{name}' {why}: {suggestion(name, problem.free_names)}; "
-                f"{TARGET_FORMS}"
-            )
-    if len(set(names)) < len(names):
-        raise ParameterError(f"{asked_for(','.join(names))}: a name is given twice")
-    places = tuple(problem.free_names.index(name) for name in names)
-    chosen = [problem.free[k] for k in places]
-    parts = tuple(Part(item.name, item.spec.unit, item.prior.log) for item in chosen)
-
-    def gradients(coordinates: FloatArray) -> FloatArray:
-        unit = np.eye(coordinates.shape[1])[list(places)]
-        return np.broadcast_to(unit, (len(coordinates), *unit.shape))
-
-    return Target(words or ", ".join(names), parts, lambda coordinates: coordinates[:, places], gradients)
-
-
-def of_impact(known: Knowledge, impact: Impacts, text: str) -> Target:
-    """The rebound of an impact in the middle of all levels. Raises ParameterError for one it cannot know."""
-    problem = known.problem
-    if not problem.table.has_tangential and (impact.v_x1[0] or impact.omega_1[0]):
-        raise ParameterError(f"impact '{text}': this fit is of a drop test, with vertical motion only")
-    shown = ("v_x2", "v_y2", "omega_2") if problem.table.has_tangential else ("v_y2",)
-    parts = tuple(Part(name, OBSERVABLES[name].unit) for name in shown)
-    at = known.common(impact)
-
-    def values(coordinates: FloatArray) -> FloatArray:
-        rebound = at.rebound(at.to_values(coordinates))
-        return np.concatenate([OBSERVABLES[name].predict(rebound) for name in shown], axis=1)
-
-    def gradients(coordinates: FloatArray) -> FloatArray:
-        rebound, slopes = at.differentiated(coordinates)
-        return np.concatenate([OBSERVABLES[name].slopes(rebound, slopes) for name in shown], axis=1)
-
-    return Target(f"the rebound of {text}", parts, values, gradients)
-
-
-def of_court_pace(known: Knowledge) -> Target:
-    """The ITF's rating of each surface; a temperature of the ball, which only shifts it, is left out. Raises FitError
-    where the fit has none.
-    """
-    problem = known.problem
-    if not problem.table.has_tangential:
-        raise FitError("a fit of a drop test has no court pace rating: no motion along the court was measured")
-    if not problem.scene.tennis:
-        raise FitError("this ball is no tennis ball: the court pace rating is defined for tennis balls")
-    surfaces, first = surfaces_of(problem)
-    impacts = itf_impact().take(np.zeros(len(surfaces), dtype=np.int64))
-    at = replace(known.at(impacts, np.array(first)), group_bias=None, incident=None)
-    parts = tuple(Part(f"court pace {words}".strip(), "") for words in surfaces)
-
-    def values(coordinates: FloatArray) -> FloatArray:
-        rebound = at.rebound(at.to_values(coordinates))
-        friction = apparent_friction(impacts.v_x1, impacts.v_y1, rebound.v_x2, rebound.v_y2)
-        return pace_rating(friction, rebound.v_y2 / impacts.v_y1)
-
-    def gradients(coordinates: FloatArray) -> FloatArray:
-        rebound, slopes = at.differentiated(coordinates)
-        vertical = (impacts.v_y1 + rebound.v_y2)[..., None]
-        lost = (impacts.v_x1 - rebound.v_x2)[..., None]
-        friction = -slopes["v_x2"] / vertical - lost / vertical**2 * slopes["v_y2"]
-        return np.asarray(-100.0 * friction - PACE_CONSTANT * slopes["v_y2"] / impacts.v_y1[:, None])
-
-    return Target("the court pace rating", parts, values, gradients)
-
-
-def surfaces_of(problem: Problem) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Combinations of levels by their labels in words (empty where there are none), and the first row of each."""
-    columns, levels = [pooling.column for pooling in problem.pooling], by_level(problem)
-    # Two parameters over one column have the same labels.
-    words = [", ".join(dict(zip(columns, labels, strict=True)).values()) for labels in levels]
-    return tuple(words), tuple(int(rows[0]) for rows in levels.values())
-
+# Labels of a plan by column.
+Labels = Mapping[str, str]
 
 # Incident states that a machine can be set to: a grid over speed, angle and spin, on each surface of a fit.
 
@@ -230,8 +92,15 @@ class Settings:
         return Setting(self.surfaces[int(surface)], *state)
 
 
-def build_settings(problem: Problem, speed: Range | None, angle: Range | None, spin: Range | None) -> Settings:
-    """The grid of the ranges asked for, those of the fitted table where nothing was.
+def build_settings(
+    problem: Problem,
+    speed: Range | None,
+    angle: Range | None,
+    spin: Range | None,
+    levels: Labels | None = None,
+) -> Settings:
+    """The grid of the ranges asked for, those of the fitted table where nothing was, on each surface or those of
+    `levels`.
 
     Raises ParameterError for a range of a quantity that the fit does not have, and for a grid too fine.
     """
@@ -258,11 +127,36 @@ def build_settings(problem: Problem, speed: Range | None, angle: Range | None, s
             assumed.append(name)
         count = chosen.count or (steps if chosen.high > chosen.low else 1)
         axes.append(np.linspace(chosen.low, chosen.high, count))
-    surfaces, first = surfaces_of(problem)
+    surfaces, first = surfaces_of(problem, levels)
     size = len(surfaces) * axes[0].size * axes[1].size * axes[2].size
     if size > MOST:
         raise ParameterError(f"{size:,} settings: expected {MOST:,} at most; use fewer steps")
     return Settings(axes[0], axes[1], axes[2], first, surfaces, tuple(assumed))
+
+
+def surfaces_of(problem: Problem, levels: Labels | None = None) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Combinations of levels by their labels in words (empty where there are none), and the first row of each; those
+    with the labels of `levels` alone. Raises ParameterError where no impact has these.
+    """
+    found = [(levels_of(problem, labels), rows[0]) for labels, rows in by_level(problem).items()]
+    chosen = [one for one in found if not levels or levels.items() <= one[0].items()]
+    if not chosen:
+        asked = " and ".join(f"{column} {label}" for column, label in (levels or {}).items())
+        raise ParameterError(f"no impact of the fitted table has {asked} together: a plan needs measured levels")
+    return tuple(", ".join(labels.values()) for labels, _ in chosen), tuple(int(row) for _, row in chosen)
+
+
+def checked_levels(problem: Problem, levels: Labels) -> dict[str, str]:
+    """The labels of a plan as they were fitted. Raises ParameterError for others, `new` among them."""
+    asked = columns_of(problem.pooling, levels)
+    named = {column: checked_label(problem.pooling, column, label) for column, label in asked.items()}
+    for column, label in named.items():
+        if label not in labels_of(problem.pooling)[column]:
+            raise ParameterError(
+                f"{at_level(column, label)}: a plan needs a {column} that was fitted "
+                f"({some(labels_of(problem.pooling)[column])})"
+            )
+    return named
 
 
 # Ways of measuring a planned impact: the columns that are read, each with its noise; written in a line, they are
@@ -381,6 +275,7 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
             raise ParameterError(f"{asked_sensor(text)}: {SENSOR_FORMS}")
+        written = re.sub(r"(?<=[0-9])(?=[A-Za-z])(?!e[-+0-9])", " ", value)
         try:
             if key == CAMERA:
                 share = _number(key, value, None)
@@ -390,13 +285,13 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
                 height = _number(key, value, Dimension.LENGTH)
                 refuse_beyond("drop_height", np.array([height]))
                 drop = Impacts(np.zeros(1), np.array([sqrt(2.0 * GRAVITY * height)]), np.zeros(1))
-                words.append(f"a ball dropped from {value}")
+                words.append(f"a ball dropped from {written}")
             elif key == PLATE:
                 plate = _plate(problem, value)
-                words.append(f"force within {value} per sample")
+                words.append(f"force within {written} per sample")
             else:
                 columns[key] = _column(problem, key, value)
-                words.append(f"{OBSERVABLES[key].title} within {value}")
+                words.append(f"{OBSERVABLES[key].title} within {written}")
         except (ParameterError, UnitError) as error:
             raise ParameterError(f"{asked_sensor(text)}: {error}") from None
         names.append(key)

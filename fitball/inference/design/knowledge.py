@@ -108,10 +108,6 @@ class Knowledge:
             incident=None if problem.incident is None else _alike(problem.incident, problem.impacts, impacts),
         )
 
-    def common(self, impacts: Impacts) -> Problem:
-        """The problem at impacts on a surface and with a ball in the middle of all levels, without errors."""
-        return replace(self.problem, impacts=impacts, pooling=(), group_bias=None, incident=None)
-
 
 def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Generator) -> Knowledge:
     """The knowledge of a fit. Raises FitError for one that cannot be planned from, with the reason."""

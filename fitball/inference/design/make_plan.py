@@ -13,9 +13,10 @@ import numpy as np
 
 from fitball.data.lines import Range
 from fitball.errors import ParameterError, check_whole
-from fitball.inference.design.asked import Part, Setting, Settings, build_sensors, build_settings, parse_target
+from fitball.inference.design.asked import Setting, Settings, build_sensors, build_settings, checked_levels
 from fitball.inference.design.knowledge import knowledge, with_plate
 from fitball.inference.design.search import Left, Pick, Search, greedy, look, searched, with_plates
+from fitball.inference.design.targets import Part, parse_target
 from fitball.inference.prediction.posterior_predictive import regime_shares
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior
@@ -40,6 +41,7 @@ class Asked:
     sensors: Sequence[str] | None = None
     cost: Mapping[str, float] = field(default_factory=dict)
     seed: int = 1
+    levels: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raise ParameterError for numbers that cannot work."""
@@ -132,12 +134,13 @@ def make_plan(
     """
     chance = np.random.default_rng(np.random.SeedSequence(asked.seed).spawn(1)[0])
     known = knowledge(problem, posterior, chance)
-    settings = build_settings(problem, asked.speed, asked.angle, asked.spin)
+    levels = checked_levels(problem, asked.levels)
+    settings = build_settings(problem, asked.speed, asked.angle, asked.spin, levels)
     sensors = {sensor.name: sensor for sensor in build_sensors(problem, asked.sensors, asked.cost)}
     plate = next((sensor.plate for sensor in sensors.values() if sensor.plate is not None), None)
     if plate is not None:
         known = with_plate(known, plate, chance)
-    target = parse_target(asked.target, known)
+    target = parse_target(asked.target, known, levels)
     report("gains of all settings, to first order")
     search = searched(known, target, settings, sensors)
     by_cost = bool(asked.cost)
@@ -145,7 +148,7 @@ def make_plan(
     picks = greedy(search, asked.impacts, asked.repeats, tuple(sensors) if by_cost else tuple(sensors)[:1])
     search = search if by_cost else with_plates(search, [pick.place for pick in picks])
     now = np.nanstd(target.values(known.coordinates), axis=0)
-    again, again_left = _table_again(search, problem, asked.impacts * asked.repeats)
+    again, again_left = _table_again(search, problem, asked.impacts * asked.repeats, levels)
     return Plan(
         target=target.words,
         parts=target.parts,
@@ -209,10 +212,16 @@ def _worth(search: Search, name: str, picks: Sequence[Pick], repeats: int, now: 
     )  # fmt: skip
 
 
-def _table_again(search: Search, problem: Problem, count: int) -> tuple[float, Left]:
-    """The gain of `count` impacts of the fitted table, repeated evenly, and what they would leave open."""
-    total = len(problem.impacts)
-    rows = np.linspace(0, total - 1, min(total, OF_TABLE)).round().astype(np.int64)
+def _table_again(search: Search, problem: Problem, count: int, levels: Mapping[str, str]) -> tuple[float, Left]:
+    """The gain of `count` impacts of the fitted table with these labels, repeated evenly, and what they would leave
+    open.
+    """
+    among = np.ones(len(problem.impacts), dtype=np.bool_)
+    for pooling in problem.pooling:
+        if pooling.column in levels:
+            among &= pooling.index == pooling.labels.index(levels[pooling.column])
+    measured = np.flatnonzero(among)
+    rows = measured[np.linspace(0, measured.size - 1, min(measured.size, OF_TABLE)).round().astype(np.int64)]
     name, sensor = next(iter(search.sensors.items()))
     looked = look(search.known, search.draws, problem.impacts.take(rows), rows, {name: sensor})[name]
     return search.start.after_all(looked.rows_at(k, count / rows.size) for k in range(rows.size))

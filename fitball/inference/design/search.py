@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import FitError
-from fitball.inference.design.asked import Sensor, Setting, Settings, Target
+from fitball.inference.design.asked import Sensor, Setting, Settings
 from fitball.inference.design.knowledge import Knowledge, in_directions, plate_rows
+from fitball.inference.design.targets import Target
 from fitball.inference.likelihood.cells import Cells, cells_of
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import MOST_UNSOLVED

@@ -1,6 +1,4 @@
-"""What the ITF's court pace test would find on a fitted surface, draw by draw (see `pace_rating`), and what it finds
-of the impacts that are those of the test: of these the rating as they were measured, no model between.
-"""
+"""What the ITF's court pace test would find on a fitted surface, draw by draw (see `pace_rating`)."""
 
 from __future__ import annotations
 
@@ -10,26 +8,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.labels import Role
-from fitball.data.scene import Scene
-from fitball.data.table import ImpactTable
-from fitball.inference.prediction.drop_test import DRAWN, chosen_spread, one_way, plain_mean
-from fitball.inference.prediction.posterior_predictive import by_level, regime_shares
+from fitball.inference.prediction.drop_test import chosen_spread
+from fitball.inference.prediction.measured_pace import RATING, measured_paces, names_places
+from fitball.inference.prediction.posterior_predictive import by_level, levels_of, regime_shares
 from fitball.inference.prediction.reach import calibrated_range, lines_of
-from fitball.inference.problem.parameters import Prior
 from fitball.inference.problem.problem import Problem
-from fitball.inference.problem.spreads import published_spread
 from fitball.inference.results.lab import (
-    PER_KELVIN,
-    SPEED_TOLERANCE,
-    TEST_ANGLE,
-    TEST_SPEED,
     TOLERANCE,
     CourtMean,
     CourtPace,
-    MeasuredPace,
     PaceRating,
-    PlaceRating,
     Reach,
     adjusted,
     apparent_friction,
@@ -50,11 +38,6 @@ SLIDING = ("slide", "slide back")
 CONTINUED = 2.0
 # Where the apparent friction is this share of what gripping allows a model does not tell courts apart.
 SATURATED = 0.95
-RATING = "rating"
-# Label columns that may name places on a court, the surest first.
-PLACES = ("location", "group")
-# Fewer impacts say nothing of their scatter.
-LEAST = 3
 
 
 def court_pace(
@@ -71,7 +54,8 @@ def court_pace(
         "",
         scene.ball_temperature,
         scene.ball_temperature_sd,
-        measured=measured_pace(problem.table, scene, rng, chosen_spread(problem, RATING, "")),
+        columns=tuple(dict.fromkeys(pooling.column for pooling in problem.pooling)),
+        measured=measured_paces(problem.table, scene, rng, chosen_spread(problem, RATING, "")),
     )
     if missing := _unrated(problem):
         return replace(known, missing=missing)
@@ -105,8 +89,9 @@ def _unrated(problem: Problem) -> str:
 
 def _court(problem: Problem, ratings: Sequence[PaceRating], draws: Sequence[FloatArray]) -> CourtMean | None:
     """The mean over the places of one court; None where the problem distinguishes no places."""
-    column = next((pooling.column for pooling in problem.pooling if pooling.parameter == "mu"), None)
-    if column not in PLACES or len(problem.pooling) > 1:
+    columns = {pooling.column for pooling in problem.pooling}
+    column = next(iter(columns), "")
+    if len(columns) != 1 or not names_places(column):
         return None
     points = np.array([rating.rating.point for rating in ratings])
     sampled = ratings[0].rating.median is not None
@@ -135,7 +120,8 @@ def pace_by_surface(problem: Problem, values: FloatArray) -> dict[str, FloatArra
     for labels, rows in by_level(problem).items():
         rebound = problem.rebound_like(columns, impact, rows[:1])
         told = _quantities(problem, labels, columns, rebound, problem.scene.ball_temperature)
-        ratings[", ".join(labels)] = np.where(rebound.status[:, 0] == 0, told["rating"], np.nan)
+        name = ", ".join(levels_of(problem, labels).values())
+        ratings[name] = np.where(rebound.status[:, 0] == 0, told["rating"], np.nan)
     return ratings
 
 
@@ -173,7 +159,7 @@ def _rate(
     most = _gripping(problem, columns, impact, rows[:1])[draws]
     shares = regime_shares(rebound.each(lambda array: array[draws]))[0]
     rated = PaceRating(
-        labels=labels,
+        labels=tuple(levels_of(problem, labels).values()),
         impacts=len(rows),
         **{
             name: spread_of(drawn[name][solved] if sampled else None, float(array[0])) for name, array in told.items()
@@ -246,81 +232,3 @@ def _reach(problem: Problem, rows: NDArray[np.int64]) -> Reach:
         slack=calibrated.slack,
         lines=calibrated.lines if "v_y1" in beyond else (),
     )
-
-
-def measured_pace(
-    table: ImpactTable, scene: Scene, rng: np.random.Generator, spread: Prior | None = None
-) -> MeasuredPace | None:
-    """The rating of the impacts that are those of the test (30 +- 2 m/s, 16 +- 2 degrees, at most 3 revolutions a
-    second); None where fewer than three of them are, or where they are on several surfaces, which have no mean.
-    `spread` is the prior of the standard deviation between places, by default that of the literature.
-    """
-    if len(set(table.labels.get("surface", ()))) > 1:
-        return None
-    impacts = table.impacts
-    v_x2, v_y2 = _rebound(table)
-    valid = (
-        (np.abs(impacts.speed - TEST_SPEED) <= SPEED_TOLERANCE)
-        & (np.abs(impacts.angle - TEST_ANGLE) <= TOLERANCE["theta_1"])
-        & (np.abs(impacts.omega_1) <= TOLERANCE["omega_1"])
-        & np.isfinite(v_x2 + v_y2)
-    )
-    rows = np.flatnonzero(valid)
-    if rows.size < LEAST:
-        return None
-    friction = apparent_friction(impacts.v_x1[rows], impacts.v_y1[rows], v_x2[rows], v_y2[rows])
-    restitution = v_y2[rows] / impacts.v_y1[rows]
-    rating = pace_rating(friction, adjusted(restitution, scene.ball_temperature))
-    column = next((name for name in PLACES if len(set(table.labels.get(name, ()))) > 1), "")
-    named = [table.labels[column][k] for k in rows] if column else [""] * rows.size
-    labels = tuple(dict.fromkeys(named))
-    index = np.array([labels.index(name) for name in named], dtype=np.int64)
-    between = elsewhere = levels = None
-    remark = ""
-    known = published_spread(RATING, Role.PLACE)
-    assert known is not None
-    prior = spread or known.prior
-    found = one_way(rating, np.ones((rating.size, 1)), index, prior, rng) if len(labels) > 1 else ""
-    if isinstance(found, str):
-        mean, within = plain_mean(rating, rng)
-        remark = found and f"differences between places cannot be separated from noise: {found}"
-    else:
-        elsewhere = found.coefficients[:, 0] + found.between * rng.standard_normal(DRAWN)
-        mean, within = found.levels @ (np.bincount(index) / index.size), found.within
-        between, levels = found.between, found.levels
-    # The thermometer's error is one for all impacts.
-    warm = PER_KELVIN * (scene.ball_temperature_sd or 0.0) * rng.standard_normal(DRAWN)
-    means = np.array([rating[index == k].mean() for k in range(len(labels))])
-    court = CourtMean(
-        column=column,
-        places=len(labels),
-        rating=spread_of(mean + warm, float(rating.mean())),
-        elsewhere=None if elsewhere is None else spread_of(elsewhere + warm),
-        between=None if between is None else spread_of(between),
-        within=spread_of(within),
-        largest_difference=float(np.ptp(means)) if len(labels) > 1 else None,
-        categories=pace_categories(mean + warm),
-    )
-    places = tuple(
-        PlaceRating(
-            label=name,
-            impacts=int(np.sum(index == k)),
-            mean=float(means[k]),
-            friction=float(friction[index == k].mean()),
-            restitution=float(restitution[index == k].mean()),
-            rating=None if levels is None else spread_of(levels[:, k] + warm),
-        )
-        for k, name in enumerate(labels)
-    )
-    return MeasuredPace(rows.size, len(table), court, places if column else (), remark)
-
-
-def _rebound(table: ImpactTable) -> tuple[FloatArray, FloatArray]:
-    """Rebound velocity (impacts,) along the court and away from it; NaN where it was not measured."""
-    known = {item.name: item.values for item in (*table.measurements, *table.redundant)}
-    none = np.full(len(table), np.nan)
-    v_x2, v_y2 = known.get("v_x2", none), known.get("v_y2", none)
-    if "v_2" in known and "theta_2" in known:
-        v_x2 = np.where(np.isfinite(v_x2), v_x2, known["v_2"] * np.cos(known["theta_2"]))
-        v_y2 = np.where(np.isfinite(v_y2), v_y2, known["v_2"] * np.sin(known["theta_2"]))
-    return v_x2, v_y2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from fitball.data.table import ImpactTable
 from fitball.errors import ModelError, ParameterError, check_whole
 from fitball.inference.likelihood import regime_mixture
-from fitball.inference.prediction.posterior_predictive import joined, regime_shares, with_noise
+from fitball.inference.prediction.impact_levels import Asked, ImpactLevels, by_levels, is_new, levels_of_impacts
+from fitball.inference.prediction.posterior_predictive import in_order, joined, regime_shares, with_noise
 from fitball.inference.prediction.reach import CalibratedRange, calibrated_range, lines_of
 from fitball.inference.problem.observables import Observable, build_observables, derived, noise_in
 from fitball.inference.results.assumptions import Alternative, Assumptions
@@ -131,7 +132,8 @@ class NewPrediction:
     `regimes[k]` maps phase sequences to their probability at impact k, among the draws that can be evaluated there
     (empty for a drop test); `failures[k]` maps each reason why others cannot to their share of all draws. `draws` is
     0 for a point fit. Where `withheld` (impacts,) more than half of the draws cannot be evaluated: all but the point
-    estimate is NaN.
+    estimate is NaN. `levels` are the surface, ball or place (impacts,) by the column that names it, where parameters
+    differ between these.
     """
 
     impacts: Impacts
@@ -140,6 +142,7 @@ class NewPrediction:
     failures: tuple[Mapping[str, float], ...]
     range: CalibratedRange
     draws: int
+    levels: ImpactLevels = field(default_factory=dict)
 
     @property
     def unsolved(self) -> FloatArray:
@@ -162,15 +165,17 @@ def predict_new(
     observed: Sequence[Observable] = (),
     seed: int = 1,
     incident_covariance: FloatArray | None = None,
+    levels: Asked | None = None,
 ) -> NewPrediction:
-    """Predict the rebounds of new impacts from every draw of `fitted`.
+    """Predict the rebounds of new impacts from every draw of `fitted`. `levels` are the surface and ball of each, by
+    column, see `levels_of_impacts`; needed where parameters differ between these.
 
     `incident_covariance` (impacts, 3, 3) is that of `(v_x1, v_y1, omega_1)` in SI; None: they are exact. A point fit,
     which has no draws, takes no notice of it.
 
     `observed` are measured columns of the same impacts: their own sds, where stated, are the noise of a new
     measurement. Raises ModelError when the model needs each impact's own restitution and there is none,
-    ParameterError for a covariance of another shape, or a seed that is none.
+    ParameterError for a covariance of another shape, or a seed that is none, and as `levels_of_impacts` does.
     """
     if fitted.model.needs_cor and impacts.cor is None:
         raise ModelError(
@@ -184,29 +189,40 @@ def predict_new(
         )
     observables = output_observables(fitted, len(impacts), observed)
     rng = np.random.default_rng(seed)
-    # A stream of its own: the noise is the same with and without uncertainty of the incident state.
-    states = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
-    parts = []
-    for k in range(0, len(impacts), BATCH):
-        rows = np.arange(k, min(k + BATCH, len(impacts)))
-        cut = [replace(observable.at(rows), rows=None) for observable in observables]
-        covariance = None if incident_covariance is None else incident_covariance[rows]
-        parts.append(_batch(fitted, impacts.take(rows), cut, covariance, rng, states))
+    # A stream of its own: the noise is the same with and without uncertainty of the incident state. The second one is
+    # for levels of which nothing was measured.
+    first, second = np.random.SeedSequence(seed).spawn(2)
+    states = np.random.default_rng(first)
+    known_levels = levels_of_impacts(fitted, len(impacts), levels or {}, {})
+    parts, order = [], []
+    for one, rows in by_levels(fitted, known_levels, len(impacts), second):
+        for k in range(0, rows.size, BATCH):
+            batch = rows[k : k + BATCH]
+            cut = [replace(observable.at(batch), rows=None) for observable in observables]
+            covariance = None if incident_covariance is None else incident_covariance[batch]
+            parts.append(_batch(one, impacts.take(batch), cut, covariance, rng, states))
+        order.append(rows)
+    back = np.argsort(np.concatenate(order), kind="stable")
+    regimes, failures = ([share for part in parts for share in part[k]] for k in (1, 2))
     known = {observable.name for observable in observed}
     outputs = tuple(
-        replace(joined([part[0][k] for part in parts]), observed=item.observed if item.name in known else None)
+        replace(
+            in_order(joined([part[0][k] for part in parts]), back),
+            observed=item.observed if item.name in known else None,
+        )
         for k, item in enumerate(observables)
     )
     return NewPrediction(
         impacts=impacts,
         outputs=outputs,
         # Without motion along the court there is neither slip nor grip.
-        regimes=tuple(share if fitted.tangential else {} for part in parts for share in part[1]),
-        failures=tuple(share for part in parts for share in part[2]),
+        regimes=tuple(regimes[k] if fitted.tangential else {} for k in back),
+        failures=tuple(failures[k] for k in back),
         range=calibrated_range(
             fitted.impacts, impacts, fitted.model.ball.radius, fitted.tangential, lines_of(fitted.names)
         ),
         draws=fitted.draws.shape[0],
+        levels=known_levels,
     )
 
 
@@ -343,20 +359,33 @@ def with_assumptions(prediction: NewPrediction, fitted: FittedModel, found: Assu
 
     The range includes the fit itself: its median, or the point where there is none. Each alternative is taken at the
     mean of its posterior. Nothing is added where assumptions were not examined or no alternative fits equally well.
+    The range is NaN for an impact on a surface or with a ball of which nothing was measured.
     """
     if found is None or not found.as_good:
         return prediction
-    impacts = prediction.impacts
-    rebounds = [_alternative(fitted, item).rebound(impacts) for item in found.as_good]
+    # What a new surface would be like under an alternative is not known: it has no draws.
+    known = ~is_new(fitted, prediction.levels, len(prediction.impacts))
+    levels = {column: tuple(np.array(labels)[known]) for column, labels in prediction.levels.items()}
+    impacts = prediction.impacts.take(np.flatnonzero(known))
+    rebounds = [_point_rebound(_alternative(fitted, item), impacts, levels) for item in found.as_good if known.any()]
     observables = {item.name: item for item in output_observables(fitted, len(impacts), ())}
     outputs = []
     for output in prediction.outputs:
         own = output.point if output.rebound is None else output.rebound[2]
-        every = np.stack([own, *(observables[output.name].predict(rebound)[0] for rebound in rebounds)])
+        every = np.stack([own[known], *(observables[output.name].predict(rebound)[0] for rebound in rebounds)])
+        over = np.full((2, known.size), np.nan)
         # What an alternative cannot answer takes no part.
-        over = np.stack([np.fmin.reduce(every), np.fmax.reduce(every)])
+        over[:, known] = np.stack([np.fmin.reduce(every), np.fmax.reduce(every)])
         outputs.append(replace(output, over=over))
     return replace(prediction, outputs=tuple(outputs))
+
+
+def _point_rebound(fitted: FittedModel, impacts: Impacts, levels: ImpactLevels) -> Rebound:
+    """Rebounds (1, impacts) at the point estimate, each impact at its own levels."""
+    blocks = list(by_levels(fitted, levels, len(impacts), np.random.SeedSequence(0)))
+    order = np.concatenate([rows for _, rows in blocks])
+    made = Rebound.joined([one.rebound(impacts.take(rows)) for one, rows in blocks], axis=1)
+    return made.take(np.argsort(order, kind="stable"))
 
 
 def _alternative(fitted: FittedModel, item: Alternative) -> FittedModel:

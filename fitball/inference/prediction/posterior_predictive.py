@@ -43,7 +43,9 @@ def curves(problem: Problem, values: FloatArray) -> tuple[Curve, ...]:
     A drop test has one, over its speed. Where a parameter differs between surfaces, balls or tables each curve is on
     one of them.
     """
-    found = {", ".join(labels): rows for labels, rows in sorted(by_level(problem).items())}
+    found = {
+        ", ".join(levels_of(problem, labels).values()): rows for labels, rows in sorted(by_level(problem).items())
+    }
     if problem.table.has_tangential:
         return tuple(_curve(problem, values, *crowd) for crowd in _crowds(problem, found))
     busiest = sorted(found.items(), key=lambda item: -item[1].size)[:MOST_CURVES]
@@ -64,6 +66,11 @@ def by_level(problem: Problem) -> dict[tuple[str, ...], NDArray[np.int64]]:
         tuple(pooling.labels[place] for pooling, place in zip(problem.pooling, places, strict=True)): np.array(some)
         for places, some in rows.items()
     }
+
+
+def levels_of(problem: Problem, labels: Sequence[str]) -> dict[str, str]:
+    """The labels of a combination of levels by column: two parameters over one column have the same."""
+    return dict(zip((pooling.column for pooling in problem.pooling), labels, strict=True))
 
 
 def _rounded(value: float, tolerance: float) -> float:
@@ -178,6 +185,17 @@ def joined(parts: Sequence[Made]) -> Made:
 
     names = [item.name for item in fields(parts[0])]
     return replace(parts[0], **{name: together([getattr(part, name) for part in parts]) for name in names})
+
+
+def in_order(value: Made, order: NDArray[np.int64]) -> Made:
+    """A value that holds arrays (..., impacts), of the impacts in another order."""
+
+    def moved(held: Any) -> Any:
+        if is_dataclass(held) and not isinstance(held, type):
+            return in_order(held, order)
+        return held[..., order] if isinstance(held, np.ndarray) else held
+
+    return replace(value, **{item.name: moved(getattr(value, item.name)) for item in fields(value)})
 
 
 def _at_impacts(

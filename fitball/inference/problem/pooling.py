@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from fitball.data.labels import Role, grouping
 from fitball.data.table import ImpactTable
@@ -31,6 +32,9 @@ from fitball.wording import in_formula, option, spoken
 NOT_POOLED, ALL = "none", "all"
 # What asks for a surface or a ball of which nothing was measured.
 NEW = "new"
+# Fewer levels determine hardly how far others lie apart: what is said of another one then follows from the prior of
+# the spread (Gelman 2006, *Bayesian Analysis* 1, 515: flat priors need five groups or more).
+FEW_LEVELS = 5
 # The largest spread that is looked for, over what is expected of levels of any kind.
 WIDEST = 20.0
 
@@ -74,6 +78,16 @@ class Levels:
         shift: FloatArray = columns[self.spread_name] * places
         common = columns[self.parameter]
         return np.asarray(common * np.exp(shift) if self.log else common + shift)
+
+    def elsewhere(self, columns: Mapping[str, FloatArray], chance: FloatArray) -> FloatArray:
+        """The parameter (draws,) at levels of which nothing was measured, one for each number of `chance` (draws,)
+        between 0 and 1. Their places are normal, as those of the fitted levels, between the bounds of the parameter.
+        """
+        common = columns[self.parameter]
+        with np.errstate(divide="ignore", over="ignore"):
+            ways = [np.log(end) - np.log(common) if self.log else end - common for end in self.bounds]
+            low, high = (ndtr(way / np.maximum(columns[self.spread_name], np.finfo(float).tiny)) for way in ways)
+        return self.away(columns, ndtri(low + (high - low) * chance))
 
     def outside(self, values: FloatArray) -> NDArray[np.bool_]:
         """Where values leave the bounds of the parameter."""
@@ -146,7 +160,7 @@ def default_pool(
     their own (see `prediction.drop_test`).
     """
     pool, notes = dict[str, str](), []
-    for role in OWNED if chosen.tangential else ():
+    for role in OWNED:
         for item in grouping(table):
             if item.role is not role or item.column == offsets:
                 continue

@@ -8,14 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from fitball.errors import ParameterError, suggestion
+from fitball.errors import ParameterError
+from fitball.inference.problem.level_names import at_level, checked_label, columns_of, labels_of
 from fitball.inference.problem.noise import NoiseKind, noise_with
-from fitball.inference.problem.pooling import NEW, Levels
+from fitball.inference.problem.pooling import Levels
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.types import Rebound
 from fitball.values import Ball, FloatArray, Impacts
-from fitball.wording import spoken
+from fitball.wording import option
 
 # Draws of a posterior from which intervals of predictions are made. Of a normal quantity each end of a 95 % interval
 # then has a standard error of 0.011 of its length (`sqrt(p (1 - p)/n)` over the density there), and 0.035 from 400.
@@ -73,28 +74,39 @@ class FittedModel:
     @cached_property
     def labels(self) -> Mapping[str, tuple[str, ...]]:
         """The labels of each column over which a parameter differs."""
-        return {item.column: item.labels for item in self.levels}
+        return labels_of(self.levels)
 
     def at(self, labels: Mapping[str, str], rng: np.random.Generator | None = None) -> FittedModel:
         """The model on the surfaces and with the balls of `labels` (column -> label): without levels, each parameter
         at its value there.
 
-        The label `new` is one of which nothing was measured: in each draw of the posterior it has a place of its
-        own among the levels, drawn with `rng`; the point estimate is the common value. Raises ParameterError for a
-        column without a label, and for a label that was not fitted.
+        The label `new` is one of which nothing was measured, unless a fitted one has that name. In each draw of the
+        posterior it has a place of its own among the levels, drawn with `rng` (default: seeded with 1); the point
+        estimate is the median of these draws. Raises ParameterError for a column without a label, for one over which
+        no parameter differs, for a label that was not fitted, and for a new one of a point fit.
         """
+        names = checked_labels(self, labels)
+        for column, label in names.items():
+            if label not in self.labels[column] and not len(self.draws):
+                raise ParameterError(
+                    f"{at_level(column, label)}: a {column} of which nothing was measured is predicted from the "
+                    f"posterior, and a point fit has none: fit again without {option('point_only')}"
+                )
         point = dict(zip(self.names, self.point[:, None], strict=True))
         draws = dict(zip(self.names, self.draws.T, strict=True))
         own_point, own_draws = dict(point), dict(draws)
-        # Each parameter of an unknown level has a place of its own, as those of the fitted ones have.
-        for item in self.levels:
-            label = checked_label(item, labels)
-            if label != NEW:
+        # Each parameter of an unknown level has a place of its own, as those of the fitted ones have. It is the same
+        # whatever the labels of other columns are.
+        generator = np.random.default_rng(1) if rng is None else rng
+        chances = generator.random((len(self.levels), len(self.draws)))
+        for item, chance in zip(self.levels, chances, strict=True):
+            label = names[item.column]
+            if label in item.labels:
                 own_point[item.parameter] = item.value(point, label)
                 own_draws[item.parameter] = item.value(draws, label)
-            elif len(self.draws):
-                assert rng is not None
-                own_draws[item.parameter] = item.away(draws, rng.standard_normal(len(self.draws)))
+            else:
+                own_draws[item.parameter] = item.elsewhere(draws, chance)
+                own_point[item.parameter] = np.atleast_1d(np.median(own_draws[item.parameter]))
         return replace(
             self,
             point=np.concatenate([own_point[name] for name in self.names]),
@@ -103,26 +115,12 @@ class FittedModel:
         )
 
 
-def checked_label(levels: Levels, labels: Mapping[str, str]) -> str:
-    """The label of `labels` (column -> label) for a parameter. Raises ParameterError where there is none, or where
-    it was not fitted.
+def checked_labels(fitted: FittedModel, labels: Mapping[str, str]) -> dict[str, str]:
+    """The labels of `labels` (column -> label) as they were fitted, one for each column over which a parameter
+    differs, or `new`. Raises ParameterError as `FittedModel.at` does.
     """
-    column, label = levels.column, labels.get(levels.column)
-
-    def asked(name: str) -> str:
-        return spoken(f"--level {column}={name}", f"levels={{{column!r}: {name!r}}}")
-
-    if label is None:
-        raise ParameterError(
-            f"{levels.parameter} differs between the levels of {column} ({', '.join(levels.labels)}), and none is "
-            f"named: name one, such as {asked(levels.labels[0])}"
-        )
-    if label != NEW and label not in levels.labels:
-        raise ParameterError(
-            f"{column} '{label}' was not fitted: {suggestion(label, levels.labels)}. For one of which nothing was "
-            f"measured use {asked(NEW)}, with wider intervals"
-        )
-    return label
+    named = columns_of(fitted.levels, labels)
+    return {column: checked_label(fitted.levels, column, named.get(column)) for column in fitted.labels}
 
 
 def at_values(chosen: Model, parameters: Mapping[str, float]) -> FittedModel:

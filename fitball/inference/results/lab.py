@@ -97,7 +97,8 @@ class CourtMean:
     """A court as the mean of its tested places: so many `places`, labels of `column`, with the mean `rating`.
 
     `between` places and `within` one are standard deviations. `elsewhere` is the rating of a place that was not
-    tested. They are None where repeats do not separate them, and in a model, which has no repeats.
+    tested, None with fewer than five places. They are None where repeats do not separate them, and in a model, which
+    has no repeats.
     `largest_difference` is that between places; `categories` are probabilities.
     """
 
@@ -128,7 +129,8 @@ class PlaceRating:
 @dataclass(frozen=True)
 class MeasuredPace:
     """The test as the ITF makes it, without a model. Of the `impacts` within its tolerances (among `total`) the
-    rating of each, the mean of the court, and the places.
+    rating of each, the mean of the court, and the places. `surface` is the label of the surface, if the table has
+    several.
     """
 
     impacts: int
@@ -136,15 +138,17 @@ class MeasuredPace:
     court: CourtMean
     places: tuple[PlaceRating, ...]
     remark: str
+    surface: str = ""
 
 
 @dataclass(frozen=True)
 class CourtPace:
-    """Ratings surface by surface, or `missing`: why there is none.
+    """Ratings surface by surface, or `missing`: why there is none. `columns` are the label columns of the labels of
+    each.
 
-    `court` is the mean of the ratings of several places on one court. `measured` is that of the impacts themselves,
-    where they are those of the test. `temperature` of the ball and its sd are in degrees Celsius; ratings are brought
-    to 23 where it is known.
+    `court` is the mean of the ratings of several places on one court. `measured` is that of the impacts themselves on
+    each surface, where they are those of the test. `temperature` of the ball and its sd are in degrees Celsius;
+    ratings are brought to 23 where it is known.
     """
 
     ratings: tuple[PaceRating, ...]
@@ -152,7 +156,40 @@ class CourtPace:
     temperature: float | None = None
     temperature_sd: float | None = None
     court: CourtMean | None = None
-    measured: MeasuredPace | None = None
+    measured: tuple[MeasuredPace, ...] = ()
+    columns: tuple[str, ...] = ()
+
+    @property
+    def classes(self) -> tuple[CourtClass, ...]:
+        """The classification of each surface: of the test's impacts as measured where there are any, else of the
+        model.
+        """
+        stated = [_class(one.surface, one.court.rating, one.court.categories, True) for one in self.measured]
+        known = {one.surface for one in self.measured}
+        if self.court is not None:
+            left = [] if known else [_class("", self.court.rating, self.court.categories, False)]
+        else:
+            left = [
+                _class(", ".join(one.labels), one.rating, one.categories, False)
+                for one in self.ratings
+                if not known & {"", *one.labels}
+            ]
+        return (*stated, *left)
+
+
+@dataclass(frozen=True)
+class CourtClass:
+    """The category of a `surface` with its probability, None without draws; `measured`: of the test's own impacts."""
+
+    surface: str
+    category: str
+    probability: float | None
+    measured: bool
+
+
+def _class(surface: str, rating: Spread, categories: Mapping[str, float], measured: bool) -> CourtClass:
+    name, share = max(categories.items(), key=lambda pair: pair[1])
+    return CourtClass(surface, name, None if rating.median is None else share, measured)
 
 
 def itf_impact() -> Impacts:

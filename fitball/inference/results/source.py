@@ -12,7 +12,8 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from fitball.data.columns import SD_SUFFIX
+from fitball.data.columns import BALL_TEMPERATURE, SD_SUFFIX
+from fitball.data.scene import Scene
 from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.problem import Problem
@@ -49,6 +50,22 @@ class ForceSource:
 
 
 @dataclass(frozen=True)
+class Circumstances:
+    """Where, when and by whom a table was measured, as its scene says; None where it does not. `ball_temperature` is
+    the lowest and the highest of the table's own column, `stated_temperature` that of the scene [degrees Celsius].
+    """
+
+    laboratory: str | None = None
+    operator: str | None = None
+    instrument: str | None = None
+    date: str | None = None
+    court: str | None = None
+    surface: str | None = None
+    ball_temperature: tuple[float, float] | None = None
+    stated_temperature: float | None = None
+
+
+@dataclass(frozen=True)
 class Source:
     """The table of a fit: its file with digest, names of incident and of measured columns, of those with a stated sd,
     of label columns, `contact_time` (value, sd) as known to the scene. `flipped` are columns that were counted the
@@ -70,6 +87,7 @@ class Source:
     digest: Digest
     force: ForceSource | None = None
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
+    circumstances: Circumstances = field(default_factory=Circumstances)
 
 
 def source_of(problem: Problem) -> Source:
@@ -90,6 +108,17 @@ def source_of(problem: Problem) -> Source:
         digest=digest(data_columns(table, force)),
         force=None if force is None else ForceSource(Path(force.source).name, force.digest, force.start_sd),
         columns=dict(table.columns),
+        circumstances=_circumstances(table, problem.scene),
+    )
+
+
+def _circumstances(table: ImpactTable, scene: Scene) -> Circumstances:
+    warmth = table.ball_temperature
+    names = ("laboratory", "operator", "instrument", "date", "court", "surface")
+    return Circumstances(
+        **{name: getattr(scene, name) for name in names},
+        ball_temperature=None if warmth is None else (float(np.nanmin(warmth)), float(np.nanmax(warmth))),
+        stated_temperature=scene.ball_temperature,
     )
 
 
@@ -104,6 +133,8 @@ def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, ND
     columns |= {name + SD_SUFFIX: sd for name, sd in table.incident_sd.items()}
     if table.incident_covariance is not None:
         columns[COVARIANCE] = table.incident_covariance
+    if table.ball_temperature is not None:
+        columns[BALL_TEMPERATURE] = table.ball_temperature
     columns |= {f"{LABEL}{k}": np.array(column, dtype=object) for k, column in enumerate(table.labels.values())}
     if force is not None:
         columns[FORCE + "row"] = force.rows

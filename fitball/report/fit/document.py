@@ -9,6 +9,7 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.inference.thesis.published_cases import PublishedCase, compare_cases
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
+from fitball.report.fit.circumstances import circumstance_line
 from fitball.report.fit.differences import difference_lines, difference_rows, scatter_rows
 from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
 from fitball.report.fit.judged import (
@@ -290,6 +291,7 @@ def _facts(fit: Fit) -> list[str]:
     return [
         f"{len(problem.table)} impacts with {measured}.{description}",
         *([f"Source: {scene.citation}"] if scene.citation else []),
+        *([measured_by] if (measured_by := circumstance_line(fit)) else []),
         f"Ball: {size}.",
         *([f"Model assumptions: {options}."] if options else []),
     ]

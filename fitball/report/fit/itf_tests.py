@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.inference.results.evidence import Adequacy
+from fitball.data.labels import role_of
+from fitball.inference.problem.pooling import FEW_LEVELS
 from fitball.inference.results.lab import (
     PACE_CONSTANT,
     PER_DEGREE,
@@ -19,7 +20,7 @@ from fitball.inference.results.lab import (
 )
 from fitball.inference.results.lab import TEST_TEMPERATURE as PACE_TEMPERATURE
 from fitball.inference.results.quantiles import Spread
-from fitball.inference.results.results import Estimate, Fit, Verdict
+from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.judged import conditional_words
 from fitball.report.form.document import Part, Row, Table, Words
 from fitball.report.form.numbers import INCIDENT, digits, inner, listed, percent, ranged, significant
@@ -105,8 +106,26 @@ def lead_lines(test: DropTest | None) -> tuple[str, ...]:
     return (f"Drop test: no coefficient of restitution, {test.missing}.",) if test.missing else drop_lead(test)
 
 
-def drop_lead(test: DropTest) -> tuple[str, ...]:
-    """COR at each tested speed, the rebound from 254 cm, and whether that is within the limits of a type of ball."""
+def drop_class(test: DropTest) -> tuple[str, ...]:
+    """Whether the balls are within the limits of their type, with the probability; nothing of other balls."""
+    rebound = test.rebound
+    if rebound is None:
+        return ()
+    chance = rebound.passing[test.ball_type].mean
+    kind = BALL_TYPES[test.ball_type]
+    within = kind.lowest <= rebound.height.point <= kind.highest if chance is None else chance >= 0.5
+    share = 0.0 if chance is None else chance if within else 1.0 - chance
+    known = "" if chance is None else f" (probability {percent(share)})"
+    who = "rebound" if rebound.passing[test.ball_type].ball is None else "ball"
+    stated = "" if test.type_stated else "; the type is assumed"
+    where = f"{'within' if within else 'outside'} the limits of ITF {kind.words}, {limits_words(test.ball_type)}"
+    return (f"Classification: the mean {who} is {where}{known}{stated}.",)
+
+
+def drop_lead(test: DropTest, stated: bool = False) -> tuple[str, ...]:
+    """COR at each tested speed, the rebound from 254 cm, and, unless it is `stated` already, whether that is within
+    the limits of a type of ball.
+    """
     lines, rebound = [], test.rebound
     for item in test.speeds:
         among = f" at {item.lowest:.2f} to {item.highest:.2f} m/s" if item.highest - item.lowest > 0.005 else ""
@@ -119,6 +138,8 @@ def drop_lead(test: DropTest) -> tuple[str, ...]:
         f"Rebound from {CM * DROP_HEIGHT:.0f} cm (100 in, {rebound.speed:.2f} m/s): "
         f"{valued(rebound.height, CM, 'cm')}."
     )
+    if stated:
+        return tuple(lines)
     name = test.ball_type
     passing, kind = rebound.passing[name], BALL_TYPES[name]
     head = f"ITF {kind.words}, {limits_words(name)}"
@@ -152,9 +173,7 @@ def drop_remarks(test: DropTest) -> tuple[str, ...]:
         return (*lines, "This is no tennis ball: the ITF's drop from 254 cm and its limits do not apply.")
     asked, warm = f"{TEST_TEMPERATURE:.0f} degrees Celsius", test.temperature
     if warm is None:
-        lines.append(
-            f"The ITF tests balls at {asked}. No ball temperature is stated (ball.temperature in the scene)."
-        )
+        lines.append(f"The ITF tests balls at {asked}. The scene states no ball temperature (ball.temperature).")
     elif abs(warm - TEST_TEMPERATURE) <= 2.0:
         lines.append(f"The ball was at {warm:g} degrees Celsius; the ITF tests balls at {asked}.")
     else:
@@ -208,6 +227,11 @@ def _ball_remarks(test: DropTest) -> list[str]:
         f"Sd of COR between balls: {valued(found.between)}; between drops of one ball: {valued(found.within)}. "
         f"Intervals take the {len(found.levels)} balls as a sample of their make."
     ]
+    if len(found.levels) < FEW_LEVELS:
+        lines.append(
+            f"{len(found.levels)} balls hardly determine the sd between balls. It depends on its prior, and so does "
+            "the probability of another ball."
+        )
     doubtful = [ball.label for ball in test.balls if ball.passes < SURE]
     if doubtful:
         lines.append(f"Balls that pass with a probability below {percent(SURE)}: {listed(doubtful, 8)}.")
@@ -240,14 +264,13 @@ def pace_parts(fit: Fit) -> list[Part]:
     ]
     if pace.missing:
         return [*parts, Words([f"No ITF court pace rating by the model: {pace.missing}."], only="page")]
-    left_out = () if fit.levels else ("surface", "impacts")
+    left_out = () if fit.levels else (*level_heads(pace), "impacts")
     rows = [{head: cell for head, cell in row.items() if head not in left_out} for row in surface_rows(pace)]
-    depends = rests(fit.parameters, fit.adequacy)
     return [
         *parts,
         Words([PACE], only="page"),
         Table.from_rows("Court pace rating", rows, ["category", "contact there"], only="page"),
-        Words([*[f"The rating is {depends}."] * bool(depends), *pace_remarks(pace)], "list", "page"),
+        Words([*rest_lines(fit), *pace_remarks(pace)], "list", "page"),
     ]
 
 
@@ -259,8 +282,8 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     lines = [*court_lines(pace, brief=True)]
     if pace.missing:
         return (*lines, f"ITF court pace rating by the model: none, {pace.missing}.")
-    depends = rests(fit.parameters, fit.adequacy)
     for rating in pace.ratings:
+        depends = rests(fit, rating)
         name = f" of {surface_words(rating)}" if rating.labels else ""
         flags = [f"extrapolated: {reach_words(rating.reach)}"] if rating.reach.outside else []
         if rating.saturated > SATURATES:
@@ -270,41 +293,67 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def rests(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:
+def rests(fit: Fit, rating: PaceRating) -> str:
     """What to add to a rating; empty where the data determine what it is made of."""
-    friction = parameters.get("mu")
+    known = {item.name: item for item in fit.reported}
+    own = [
+        "mu",
+        *(item.level_name(name) for item in fit.fitted.levels for name in item.labels if name in rating.labels),
+    ]
+    friction = next((known[name] for name in own if name in known and name.startswith("mu")), None)
     if friction is None or friction.verdict is not Verdict.PRIOR_DOMINATED:
-        return conditional_words(parameters, adequacy)
+        return conditional_words(known, fit.adequacy)
+    name = friction.name
     if (friction.contraction or 0.0) < NARROWED:
-        return "as uncertain as the prior of mu: the data do not determine mu"
-    return "prior-dominated, as mu is"
+        return f"as uncertain as the prior of {name}: the data do not determine {name}"
+    return f"prior-dominated, as {name} is"
 
 
-def court_lines(pace: CourtPace, brief: bool = False) -> tuple[str, ...]:
-    """The court as a whole: as measured, and by the model where it has several places; in `brief` the mean alone."""
+def rest_lines(fit: Fit) -> list[str]:
+    """The same as sentences, one for all ratings where it is the same."""
+    ratings = () if fit.court_pace is None else fit.court_pace.ratings
+    found = [(rating, words) for rating in ratings if (words := rests(fit, rating))]
+    if len({words for _, words in found}) == 1 and len(found) == len(ratings):
+        return [f"The rating by the model is {found[0][1]}."]
+    return [f"{surface_words(rating)}: the rating by the model is {words}." for rating, words in found]
+
+
+def court_lines(pace: CourtPace, brief: bool = False, shares: bool = True) -> tuple[str, ...]:
+    """The court as a whole: as measured, and by the model where it has several places; in `brief` the mean alone,
+    without `shares` no probabilities of categories.
+    """
     lines = []
-    measured = pace.measured
-    if measured is not None:
-        some = f"{measured.impacts} of {measured.total}" if measured.impacts < measured.total else str(measured.total)
-        head = f"ITF court pace as measured, without a model ({some} test impacts)"
-        lines.append(f"{head}: {_court_words(measured.court, brief)}.")
-        if measured.remark and not brief:
-            lines.append(measured.remark[:1].upper() + measured.remark[1:] + ".")
+    for one in pace.measured:
+        some = f"{one.impacts} of {one.total}" if one.impacts < one.total else str(one.total)
+        where = f" of {one.surface}" if one.surface else ""
+        head = f"ITF court pace{where} as measured, without a model ({some} test impacts)"
+        lines.append(f"{head}: {_court_words(one.court, brief, shares)}.")
+        if not brief:
+            lines += [f"{one.remark[:1].upper()}{one.remark[1:]}."] * bool(one.remark) + _few_places(one.court)
     if pace.court is not None:
-        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court, brief)}.")
+        lines.append(f"ITF court pace of the court by the model: {_court_words(pace.court, brief, shares)}.")
     return tuple(lines)
 
 
-def _court_words(court: CourtMean, brief: bool) -> str:
+def _few_places(court: CourtMean) -> list[str]:
+    """That a place that was not tested is not predicted; nothing where it is, or where no places are separated."""
+    if court.elsewhere is not None or court.between is None:
+        return []
+    return [
+        f"{court.places} places are too few to predict a place that was not tested: at least {FEW_LEVELS} are needed."
+    ]
+
+
+def _court_words(court: CourtMean, brief: bool, shares: bool) -> str:
     likely = {name: share for name, share in court.categories.items() if share >= LIKELY}
     (value, ends), known = ranged(court.rating, places=1), court.rating.q025 is not None
-    parts = [f"{value}{f' {ends} (95 %)' * known}, {_shares(likely, known)}"]
+    parts = [f"{value}{f' {ends} (95 %)' * known}", *[_shares(likely, known)] * shares]
     if brief:
-        return f"{parts[0]}{f'; mean of {court.places} places' * (court.places > 1)}"
+        return f"{', '.join(parts)}{f'; mean of {court.places} places' * (court.places > 1)}"
     if court.places > 1:
-        parts[0] += f"; mean of {court.places} places ({court.column})"
+        parts[-1] += f"; mean of {court.places} places ({court.column})"
         # Of a make of places where repeats determine it, else of those that were tested.
-        between = "sd between places" if court.elsewhere is not None else "sd of these places"
+        between = "sd between places" if court.within is not None else "sd of these places"
         spreads = (
             (between, court.between),
             ("sd within one", court.within),
@@ -318,16 +367,38 @@ def _court_words(court: CourtMean, brief: bool) -> str:
     return ", ".join(parts)
 
 
+def class_lines(pace: CourtPace) -> tuple[str, ...]:
+    """The one classification of each surface."""
+    lines = []
+    for one in pace.classes:
+        chance = "" if one.probability is None else f" (probability {percent(one.probability)})"
+        basis = "the test impacts as measured" if one.measured else "the rating by the model"
+        where = f" of {one.surface}" if one.surface else ""
+        lines.append(f"Classification{where}: {one.category}{chance}, from {basis}.")
+    return tuple(lines)
+
+
 def place_rows(pace: CourtPace) -> list[Row]:
     """The places of a court, as measured."""
     heads = ("place", "impacts", "mean rating", "beyond noise", "95 %", "mu", "restitution")
     rows = []
-    for place in () if pace.measured is None else pace.measured.places:
-        beyond = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
-        means = (f"{place.friction:.3f}", f"{place.restitution:.3f}")
-        cells = (place.label, str(place.impacts), f"{place.mean:.1f}", *beyond, *means)
-        rows.append(dict(zip(heads, cells, strict=True)))
+    for one in pace.measured:
+        for place in one.places:
+            beyond = ("-", "-") if place.rating is None else ranged(place.rating, places=1)
+            means = (f"{place.friction:.3f}", f"{place.restitution:.3f}")
+            cells = (place.label, str(place.impacts), f"{place.mean:.1f}", *beyond, *means)
+            surface = {"surface": one.surface} if one.surface else {}
+            rows.append(surface | dict(zip(heads, cells, strict=True)))
     return rows
+
+
+def level_heads(pace: CourtPace) -> tuple[str, ...]:
+    """What the labels of a rating name: surface, place or ball by what the column is, else the column itself; of a
+    rating of all impacts the surface.
+    """
+    named = [str(role_of(column) or column) for column in pace.columns]
+    distinct = named if len({*named}) == len(named) else pace.columns
+    return tuple(distinct) or ("surface",)
 
 
 def surface_rows(pace: CourtPace) -> list[Row]:
@@ -335,10 +406,9 @@ def surface_rows(pace: CourtPace) -> list[Row]:
     rows = []
     for rating in pace.ratings:
         value, ends = ranged(rating.rating, places=1)
-        row, sampled = (
-            {"surface": surface_words(rating), "impacts": str(rating.impacts), "rating": value},
-            ends != "-",
-        )
+        sampled = ends != "-"
+        row = dict(zip(level_heads(pace), rating.labels or (surface_words(rating),), strict=True))
+        row |= {"impacts": str(rating.impacts), "rating": value}
         row |= {"68 %": inner(rating.rating), "95 %": ends} if sampled else {}
         row |= {"category": _shares(rating.categories, sampled), "mu of the test": _with_interval(rating.friction)}
         row |= {"by fitted mu": ranged(rating.sliding_rating, places=1)[0]}
@@ -349,8 +419,13 @@ def surface_rows(pace: CourtPace) -> list[Row]:
 
 def rating_words(rating: PaceRating) -> str:
     """A rating with its interval and its most probable category."""
+    return f"{rating_value(rating)}, {category_words(rating)}"
+
+
+def rating_value(rating: PaceRating) -> str:
+    """A rating with its interval."""
     value, ends = ranged(rating.rating, places=1)
-    return f"{value}{'' if ends == '-' else f' {ends} (95 %)'}, {category_words(rating)}"
+    return f"{value}{'' if ends == '-' else f' {ends} (95 %)'}"
 
 
 def category_words(rating: PaceRating) -> str:
@@ -395,7 +470,7 @@ def warmth_words(pace: CourtPace) -> str:
     """How the temperature of the ball enters the rating."""
     if pace.temperature is None:
         return (
-            "No ball temperature is stated (ball.temperature in the scene), so e_T is not corrected. The method "
+            "The scene states no ball temperature (ball.temperature), so e_T is not corrected. The method "
             f"corrects it to {PACE_TEMPERATURE:.0f} degrees Celsius: {PER_KELVIN:+} points of the rating for each "
             "degree that the ball was warmer."
         )

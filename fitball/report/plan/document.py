@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from fitball.files import all_or_none
-from fitball.inference.design.asked import AS_BEFORE, Part, Setting
+from fitball.inference.design.asked import AS_BEFORE, Setting
 from fitball.inference.design.make_plan import Plan, Worth
+from fitball.inference.design.targets import Part
 from fitball.inference.problem.problem import Problem
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Document, Picture, Row, Section, Table, Words, as_page, on_terminal

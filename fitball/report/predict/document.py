@@ -10,7 +10,7 @@ from fitball.inference.prediction.new_impacts import NewPrediction, ObservableSc
 from fitball.observables import COMPARED
 from fitball.report.form.document import MOST_ROWS, Document, Part, Picture, Section, Table, Words, as_page, shortened
 from fitball.report.form.numbers import Scale, decimals, fixed, listed, output_scale, percent, significant
-from fitball.report.predict.rows import remarks_on
+from fitball.report.predict.rows import level_of, remarks_on
 from fitball.wording import screen, spoken
 
 # Up to so many impacts each has a section of its own, besides its line.
@@ -78,7 +78,8 @@ def answer(prediction: NewPrediction, ids: Sequence[str], scores: Sequence[Obser
     count, outside = len(ids), np.flatnonzero(prediction.range.outside)
     if count == 1:
         outputs = [_with_unit(output) for output in prediction.outputs if output.name in COMPARED]
-        sentences = [f"Predicted rebound: {', '.join(outputs)}.", _reading(prediction)]
+        where = f" ({level})" if (level := level_of(prediction, 0)) else ""
+        sentences = [f"Predicted rebound{where}: {', '.join(outputs)}.", _reading(prediction)]
         sentences += ["Extrapolated: the impact is outside the range of the fitted data."] * len(outside)
     else:
         named = [ids[k] for k in outside[:MOST_NAMED]]
@@ -139,7 +140,8 @@ def _heading(prediction: NewPrediction, row: int, name: str) -> str:
     v_x, v_y, omega = impacts.v_x1[row], impacts.v_y1[row], impacts.omega_1[row]
     sense = "no spin" if omega == 0.0 else f"{abs(omega):.1f} rad/s {'topspin' if omega > 0.0 else 'backspin'}"
     angle = np.degrees(np.arctan2(v_y, v_x))
-    return f"{name}: {np.hypot(v_x, v_y):.2f} m/s at {angle:.1f} deg (v_x1 {v_x:.2f}, v_y1 {v_y:.2f} m/s), {sense}"
+    where = f"{name} ({level})" if (level := level_of(prediction, row)) else name
+    return f"{where}: {np.hypot(v_x, v_y):.2f} m/s at {angle:.1f} deg (v_x1 {v_x:.2f}, v_y1 {v_y:.2f} m/s), {sense}"
 
 
 def _in_full(prediction: NewPrediction, row: int, alone: bool) -> list[Part]:
@@ -219,12 +221,14 @@ def _brief_table(prediction: NewPrediction, ids: Sequence[str]) -> Table:
     impacts = prediction.impacts
     outputs = [output for output in prediction.outputs if output.name in COMPARED]
     heads = [f"{output.name} [{output_scale(output.name).unit}]" for output in outputs]
-    rows = [["impact", "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]", *heads]]
+    levels = prediction.levels
+    rows = [["impact", *levels, "v_1 [m/s]", "theta_1 [deg]", "omega_1 [rad/s]", *heads]]
     for k, name in enumerate(ids[:MOST_ROWS]):
         mark = "*" if prediction.range.outside[k] or prediction.failures[k] else ""
         angle = np.degrees(np.arctan2(impacts.v_y1[k], impacts.v_x1[k]))
         speed = np.hypot(impacts.v_x1[k], impacts.v_y1[k])
-        row = [name + mark, f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
+        row = [name + mark, *(labels[k] for labels in levels.values())]
+        row += [f"{speed:.1f}", f"{angle:.1f}", f"{impacts.omega_1[k]:.0f}"]
         for output in outputs:
             scale, places = _written(output, k)
             ends = output.rebound if output.measured is None else output.measured
@@ -234,5 +238,5 @@ def _brief_table(prediction: NewPrediction, ids: Sequence[str]) -> Table:
                 within = scale.interval(ends[0, k], ends[4, k], places)
                 row.append(f"{scale.fixed(output.rebound[2, k], places)} {within}")
         rows.append(row)
-    first = [head for head, output in zip(heads, outputs, strict=True) if output.name != "theta_2"]
+    first = [*levels, *(head for head, output in zip(heads, outputs, strict=True) if output.name != "theta_2")]
     return Table("Predicted rebounds", rows, count=len(ids), rest=_all(), brief=first, rank="first")

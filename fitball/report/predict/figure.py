@@ -14,6 +14,7 @@ from fitball.report.figures.canvas import new_figure, own_style, verbatim
 from fitball.report.figures.quantities import output_label
 from fitball.report.form.numbers import output_scale
 from fitball.report.form.palette import MEASURED, MODEL, pale
+from fitball.report.predict.rows import level_of
 
 # Impacts whose names are written at the axis, and from which on intervals are drawn thinner.
 MOST_NAMED, MANY = 24, 60
@@ -24,12 +25,14 @@ def predict_figure(prediction: NewPrediction, ids: Sequence[str]) -> Figure:
     """A panel for each output, impacts in their order: median, 68 and 95 % interval, measured value."""
     outputs = [output for output in prediction.outputs if output.name in COMPARED]
     named = len(ids) <= MOST_NAMED
+    places = [level_of(prediction, k) for k in range(len(ids))]
+    names = [f"{name} ({place})" if place else name for name, place in zip(ids, places, strict=True)]
     figure = new_figure(3.2 * len(outputs) + 0.4, 2.9 + 0.5 * named)
     for axis, output in zip(np.atleast_1d(figure.subplots(1, len(outputs))), outputs, strict=True):
         _draw(axis, output, np.arange(len(ids)))
         axis.set_title(output_label(output.name), fontsize=9)
         if named:
-            axis.set_xticks(range(len(ids)), [verbatim(name) for name in ids], rotation=90, fontsize=7)
+            axis.set_xticks(range(len(ids)), [verbatim(name) for name in names], rotation=90, fontsize=7)
         else:
             axis.set_xlabel("impact")
     return figure

@@ -50,6 +50,11 @@ def remarks_on(prediction: NewPrediction, row: int) -> list[str]:
     return remarks
 
 
+def level_of(prediction: NewPrediction, row: int) -> str:
+    """The surface, ball or place of one impact in words; empty where no parameter differs between these."""
+    return ", ".join(f"{column} {labels[row]}" for column, labels in prediction.levels.items())
+
+
 def _columns(output: OutputPrediction) -> dict[str, FloatArray]:
     """Every column of one output in SI, by its kind; those that do not exist are absent."""
     columns: dict[str, FloatArray] = {"point": output.point}
@@ -84,6 +89,7 @@ def prediction_csv_rows(prediction: NewPrediction, ids: Sequence[str]) -> list[d
         "v_x1 [m/s]": impacts.v_x1.tolist(),
         "v_y1 [m/s]": impacts.v_y1.tolist(),
         "omega_1 [rad/s]": impacts.omega_1.tolist(),
+        **prediction.levels,
     }
     for output in prediction.outputs:
         scale = output_scale(output.name)
@@ -135,6 +141,11 @@ def prediction_json(
         state = {axis: float(getattr(prediction.impacts, axis)[k]) for axis in ("v_x1", "v_y1", "omega_1")}
         impacts.append(
             {"id": name}
+            | (
+                {"levels": {column: labels[k] for column, labels in prediction.levels.items()}}
+                if prediction.levels
+                else {}
+            )
             | state
             | {
                 "outputs": outputs,

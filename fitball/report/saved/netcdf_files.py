@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.columns import SD_SUFFIX
+from fitball.data.columns import BALL_TEMPERATURE, SD_SUFFIX
 from fitball.data.hdf5_arrays import array, finite, group, opened, texts
 from fitball.data.table import ImpactTable, Measurement
 from fitball.errors import ResultFolderError
@@ -119,6 +119,8 @@ def read_columns(source: Source, place: Path) -> dict[str, NDArray[Any]]:
         }
         columns |= {name: finite(file, name, (source.impacts,)) for name in exact}
         columns |= {name: finite(file, name, (source.impacts,), gaps=True) for name in (*source.measurements, *sds)}
+        if source.circumstances.ball_temperature is not None:
+            columns[BALL_TEMPERATURE] = finite(file, BALL_TEMPERATURE, (source.impacts,), gaps=True)
         if source.incident_sd:
             columns[COVARIANCE] = finite(file, COVARIANCE, (source.impacts, 3, 3))
         if source.force is not None:
@@ -160,6 +162,7 @@ def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | 
         notices=(),
         incident_covariance=columns.get(COVARIANCE),
         flipped=source.flipped,
+        ball_temperature=columns.get(BALL_TEMPERATURE),
     )
     if source.force is None:
         return table, None

@@ -53,7 +53,10 @@ SCENE_NUMBERS = (
     "force_start_sd",
     "ball_temperature_sd",
 )
-SCENE_TEXTS = ("model", "surface", "ball_type", "description", "citation")
+SCENE_TEXTS = (
+    "model", "surface", "court", "laboratory", "operator", "instrument", "date", "ball_type", "description",
+    "citation",
+)  # fmt: skip
 HEAD = """\
 # Everything this result depends on; SI units. `fitball repeat` runs it again.
 # The priors are those of all parameters; the prior of a fixed parameter is not used.

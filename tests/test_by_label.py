@@ -1,0 +1,85 @@
+"""Which parameters differ between groups, to first order: against a fit to each, and in tables of known truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import problem_of
+
+import fitball
+from fitball.data.read import load_table
+from fitball.inference.adequacy.by_label import differences
+from fitball.inference.point.point_fit import follow_maximum, maximum_posterior, starting_points
+
+NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope")
+TRUE = {"mu": 0.45, "e_x": 0.1, "offset": 0.0, "cor_10": 0.77, "cor_slope": -0.015}
+LABELS = tuple("ab"[k % 2] for k in range(21))
+
+
+def table(seed: int, biased: float = 0.0, **second: float):
+    """Wang's incidences with rebounds of grip-slip, other parameters or a bias of `v_x2` in the second group."""
+    chosen, base = fitball.model("grip-slip"), load_table("wang_all.csv")
+    rng, at = np.random.default_rng(seed), np.arange(21)
+    inside = np.array(LABELS) == "b"
+    rows = np.array([[second.get(name, TRUE[name]) if there else TRUE[name] for name in chosen.parameter_names]
+                     for there in inside])  # fmt: skip
+    made = chosen.evaluate(chosen.parameter_names, rows, base.impacts)
+    columns = {
+        "v_x2": made.v_x2[at, at] + 0.1 * rng.standard_normal(21) + biased * inside,
+        "v_y2": made.v_y2[at, at] + 0.1 * rng.standard_normal(21),
+        "omega_2": made.omega_2[at, at] + 4.0 * rng.standard_normal(21),
+    }
+    measured = tuple(replace(item, values=columns[item.name]) for item in base.measurements)
+    return replace(base, measurements=measured, redundant=(), labels={"group": LABELS}, notices=())
+
+
+def scored(made):
+    problem = problem_of(made, "grip-slip")
+    point = maximum_posterior(problem, starting_points(problem, np.random.default_rng(1), 6))
+    return problem, point, {item.parameter: item for item in differences(problem, point)}
+
+
+@pytest.fixture(scope="module")
+def bouncy():
+    return scored(table(3, cor_10=0.70))
+
+
+def test_the_parameter_that_differs_is_found_and_no_other(bouncy):
+    _problem, _point, found = bouncy
+    assert {name for name, item in found.items() if item.found} == {"cor_10"}
+    cor = found["cor_10"]
+    assert (cor.low, cor.high, cor.column, cor.fitted) == ("b", "a", "group", False)
+    assert cor.q025 < 0.07 < cor.q975 and cor.q025 > 0.0
+    assert cor.values["a"] - cor.values["b"] == pytest.approx(0.07, abs=0.03)
+
+
+def test_the_score_is_the_difference_that_a_fit_with_a_value_for_each_finds(bouncy):
+    """Oracle: the maximum with a parameter of its own for the second group, whose prior hardly holds it."""
+    problem, _point, found = bouncy
+    wide = {"cor_10_spread": "normal(1, 0.001)"}
+    each = problem_of(problem.table, "grip-slip", pool={"cor_10": "group"}, priors=wide)
+    best = follow_maximum(each, starting_points(each, np.random.default_rng(2), 8))
+    place = {label: best.values[f"cor_10_place[{label}]"] * best.values["cor_10_spread"] for label in "ab"}
+    assert found["cor_10"].size == pytest.approx(place["a"] - place["b"], rel=0.2)
+
+
+def test_a_table_without_differences_finds_none():
+    for seed in (4, 5):
+        assert not any(item.found for item in scored(table(seed))[2].values())
+
+
+def test_a_bias_of_one_column_is_no_parameter():
+    """What one column of a group shows alone is explained by no parameter as well as by a bias."""
+    _problem, _point, found = scored(table(6, biased=1.5))
+    assert not any(item.found for item in found.values())
+
+
+def test_what_is_fitted_to_each_level_is_not_scored_again(bouncy):
+    problem, _point, _found = bouncy
+    pooled = problem_of(problem.table, "grip-slip", pool={"cor_10": "group"})
+    point = maximum_posterior(pooled, starting_points(pooled, np.random.default_rng(1), 6))
+    found = {item.parameter: item for item in differences(pooled, point)}
+    assert "cor_10" not in found and not any(item.found for item in found.values())
+    assert differences(replace(problem, table=replace(problem.table, labels={})), point) == ()
