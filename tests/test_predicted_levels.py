@@ -175,8 +175,8 @@ def test_every_output_names_the_level_of_each_impact():
     assert content["levels"] == {"surface": "hard", "ball": "Dünn"}
     table = predict_document(found, ids).lead[2]
     assert [row[:3] for row in table.rows[1:]] == [
-        ["a", "clay", "old"], ["b", "hard", "Dünn"], ["c", "hard", "Dünn"], ["d", "clay", "old"], ["e", "hard", "new"],
-        ["f", "clay", "old"],
+        ["a", "clay", "old"], ["b", "hard", "Dünn"], ["c", "hard", "Dünn"], ["d", "clay", "old"],
+        ["e", "hard", "new"], ["f", "clay", "old"],
     ]  # fmt: skip
     alone = predict_new(with_levels(), fitball.impacts(15.0, 6.0, 0.0), levels={"surface": "hard", "ball": "old"})
     assert answer(alone, ["x"], (), 0)[0].startswith("Predicted rebound (surface hard, ball old): v_x2")
