@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         load_fit,
         plan,
         plot,
+        port,
         predict,
         simulate,
     )
@@ -39,8 +40,8 @@ if TYPE_CHECKING:
 
 # Where each name is when it is first asked for.
 _HOMES = {
-    "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan plot predict "
-    "simulate",
+    "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan plot port "
+    "predict simulate",
     "fitball.batch": "Batch calibrate_many load_batch",
     "fitball.data.read": "load_table",
     "fitball.data.scene": "Scene load_scene",
@@ -57,7 +58,7 @@ __all__ = [
     "Ball", "Batch", "Checked", "Comparison", "Course", "Estimate", "Fit", "FitballError", "ImpactTable", "Impacts",
     "Plan", "Posterior", "Rebound", "RunStatus", "Scene", "Verdict", "__version__", "calibrate", "calibrate_many",
     "check", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene", "load_table", "model", "plan",
-    "plot", "predict", "regime_name", "simulate",
+    "plot", "port", "predict", "regime_name", "simulate",
 ]  # fmt: skip
 
 

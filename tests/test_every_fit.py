@@ -18,8 +18,9 @@ from synthetic_drop import COR, write_case
 import fitball
 from fitball.api import Fit, begin, pose
 from fitball.cli.main import main
+from fitball.exports.bounces import bounces_of
 from fitball.exports.formats import FORMATS
-from fitball.exports.port.port import make_port, python_port
+from fitball.exports.port.port import port_of, python_port
 from fitball.exports.tables import golden_table
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
@@ -153,9 +154,9 @@ def test_predict_says_of_files_what_it_says_of_the_fit(made):
 
 def test_export_writes_of_files_what_it_writes_of_the_fit(made, tmp_path, capsys):
     saved = fitball.load_fit(made.folder)
-    ports = [make_port(item.fitted, item.golden, "here") for item in (saved, made.fit)]
-    assert python_port(ports[0]) == python_port(ports[1])
-    tables = [golden_table(item) for item in (saved, made.fit)]
+    bounces = [bounces_of(item) for item in (saved, made.fit)]
+    assert python_port(port_of(bounces[0])) == python_port(port_of(bounces[1]))
+    tables = [golden_table(item) for item in bounces]
     assert tables[0] == tables[1]
     for name in FORMATS.keys() - {"pdf"}:
         assert main(["export", str(made.folder), "--to", name, "--out", str(tmp_path / name)]) == 0, name

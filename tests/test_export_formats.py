@@ -81,29 +81,6 @@ def test_json_says_what_the_fit_says(small_fit, saved):
     assert content["golden"]["rebound"]["v_x2"] == fit["golden"]["rebound"]["v_x2"]
 
 
-def test_levels_of_a_pooled_parameter_come_along(small_fit, tmp_path, capsys):
-    """What answers impacts is at the common value and says so; the set holds each level's, whatever its name."""
-    content = json.loads((small_fit / "fit.json").read_text(encoding="utf-8"))
-    numbers = {"median": 0.5, "sd": 0.02, "q025": 0.46, "q16": 0.48, "q84": 0.52, "q975": 0.54}
-    content["levels"] = [
-        {"parameter": "mu", "column": "surface", "label": label, "unit": "", "impacts": 3, "point": value, **numbers}
-        for label, value in (('red "clay".1', 0.6), ("gras\u00e9", 0.4))
-    ]
-    (tmp_path / "fit.json").write_text(json.dumps(content), encoding="utf-8")
-    pooled = fitball.load_fit(tmp_path)
-    found = parameter_content(pooled)
-    jsonschema.validate(found, schema())
-    assert found["levels"]["mu"]["values"]['red "clay".1']["point"] == 0.6
-    assert main(["export", str(tmp_path), "--to", "c", "--out", "-"]) == 0
-    comment = " ".join(capsys.readouterr().out.split("*/")[0].replace("*", " ").split())
-    assert "mu at the value common to all levels" in comment
-    shutil.copy(small_fit / "posterior.nc", tmp_path)
-    fit, said = fitball.load_fit(tmp_path), "mu differs between surfaces"
-    assert said in fit.exported("c", {}).note and said in fit.exported("lookup", {"range": "v_y=5"}).note
-    assert said in fit.export("engine")[".md"] and said not in fit.exported("json", {}).note
-    assert any(said in note for note in fit.predict("v=17, theta=25").attrs["notes"])
-
-
 @pytest.mark.parametrize(
     ("value", "sd", "text"),
     [

@@ -164,7 +164,11 @@ def test_a_wrong_port_fails_its_own_test(language, tmp_path):
 
 
 def python_module(whole, place):
-    place.write_text(python_port(port_of(whole)))
+    return loaded(port_of(whole), place)
+
+
+def loaded(port, place):
+    place.write_text(python_port(port), encoding="utf-8")
     spec = importlib.util.spec_from_file_location(place.stem, place)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

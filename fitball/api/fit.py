@@ -17,7 +17,7 @@ from fitball.api.reading import PathLike, Wanted
 from fitball.api.simulating import Course, Subject, course_of
 from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, suggestion
-from fitball.exports.formats import Exported, exported
+from fitball.exports.formats import Exported, exported, exported_model
 from fitball.inference.design.make_plan import Asked
 from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
@@ -274,7 +274,8 @@ class Fit(results.Fit):
         Formats are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
         `latex`, `markdown`, `certificate`, and `pdf` and `netcdf` (files only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
-        JSON only). Raises ParameterError, ResultFolderError.
+        JSON only). If parameters differ between surfaces or balls, the first seven but `json` have all of them;
+        `levels`, such as `{"surface": "clay"}`, chooses one. Raises ParameterError, ResultFolderError.
 
         >>> print(fit.export("latex")[".tex"].splitlines()[0])
         %...
@@ -366,6 +367,31 @@ def _of_fit(method: Callable[Concatenate[Fit, P], T]) -> Callable[Concatenate[Fi
 predict = _of_fit(Fit.predict)
 plan = _of_fit(Fit.plan)
 export = _of_fit(Fit.export)
+
+
+@checked
+def port(
+    model: str,
+    to: str,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    values: Mapping[str, Any] | None = None,
+    surfaces: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+    **options: Any,
+) -> Mapping[str, str] | tuple[Path, ...]:
+    """A bounce without a table: a model at `values` as source code, a lookup table or engine settings, as the verb
+    `export` writes it without a fit. Formats, `out`, `options` and what it returns are those of `export`.
+
+    A value is a number in SI or a published one, such as `"literature:clay"`; parameters without one have default
+    values. `surfaces` change some of them by name: `{"clay": "literature:clay", "mine": {"mu": 0.6}}`. Several
+    surfaces are an argument of the bounce. Raises ParameterError, ModelError, ResultFolderError.
+
+    >>> print(fitball.port("two-mass", "c", values={"mu": 0.7})[".h"].splitlines()[1])
+     * Bounce of a ball: model two-mass.
+    """
+    made = exported_model(model, to, values or {}, surfaces or {}, options)
+    return made.texts if out is None else made.write(Path(out), overwrite)
 
 
 @checked

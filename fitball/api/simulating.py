@@ -324,6 +324,7 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
     """The page with sliders as HTML, starting at an impact (default: the middle of the calibrated range). Raises
     ModelError.
     """
+    from fitball.exports.bounces import origin_of
     from fitball.exports.interactive import interactive_page, round_impact
 
     if subject.saved is not None:

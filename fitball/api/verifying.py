@@ -5,7 +5,7 @@ plain data.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from fitball.api.fit import FitOrFolder, fit_of
 from fitball.api.reading import PathLike
 from fitball.data.read import PortFile, read_port
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
+from fitball.exports.bounces import bounces_of, joined
 from fitball.exports.tables import golden_ids
 from fitball.inference.prediction.outputs import PortCheck, check_port
 from fitball.inference.results.results import Golden
@@ -99,9 +100,14 @@ class Verified:
 
 
 @checked
-def verify(port: PathLike, fit: FitOrFolder | None = None, tolerance: float = DEFAULT_TOLERANCE) -> Verified:
+def verify(
+    port: PathLike,
+    fit: FitOrFolder | None = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    levels: Mapping[str, str] | None = None,
+) -> Verified:
     """Compare the rebounds that a port computed for the golden impacts, in a file, with its fit (default: the one
-    beside the file).
+    beside the file). `levels` (column -> label) are those with which the golden impacts were exported.
 
     Raises ParameterError, ResultFolderError, and TableError for a file of other impacts.
     """
@@ -113,16 +119,17 @@ def verify(port: PathLike, fit: FitOrFolder | None = None, tolerance: float = DE
         if not fit.exists():
             raise ResultFolderError(f"{port}: no fit.json beside it; name the fit with {option('fit', 'FIT')}")
     saved, given = fit_of(fit), read_port(place)
-    ids = golden_ids(saved.golden)
+    golden, _labels = joined(bounces_of(saved, levels))
+    ids = golden_ids(golden)
     order = _rows_of(given, ids)
-    _check_incident(given, order, saved.golden)
+    _check_incident(given, order, golden)
     timed = [OBSERVABLES[name] for name in given.outputs if OBSERVABLES[name].timed]
     if timed and not saved.fitted.model.has_time:
         message = f"model {saved.fitted.model_name} has no {timed[0].title}; delete the column"
         raise TableError(given.source, [Fault(message, column=timed[0].name)])
     outputs = {name: values[order] for name, values in given.outputs.items()}
     regimes = None if given.regimes is None else tuple(given.regimes[k] for k in order)
-    check = check_port(saved.fitted, saved.golden, outputs, regimes, tolerance)
+    check = check_port(saved.fitted, golden, outputs, regimes, tolerance)
     return Verified(check, ids, saved.fitted.model_name)
 
 

@@ -20,7 +20,9 @@ from fitball.cli.options import (
     Group,
     Verb,
     count,
+    either,
     file_place,
+    marked,
     one_of,
     option,
     pairs,
@@ -34,6 +36,7 @@ from fitball.cli.terminal import show
 from fitball.errors import ParameterError, suggestion
 from fitball.exports.formats import FORMATS as EXPORTS
 from fitball.exports.formats import KINDS
+from fitball.models.specs import RANKED
 from fitball.report.figures.registry import FIGURES
 
 if TYPE_CHECKING:
@@ -274,18 +277,30 @@ right.""",
 
 
 def run_export(args: argparse.Namespace) -> int:
-    """Write the fit in this format, or print it."""
+    """Write the fit, or the model at given parameters, in this format, or print it."""
     from fitball.api import load_fit
+    from fitball.exports.formats import exported_model
     from fitball.files import is_stream
 
-    fit = load_fit(args.fit)
-    made = fit.exported(args.to, {name: getattr(args, name) for name in KINDS})
+    options = {name: getattr(args, name) for name in KINDS}
+    own = [
+        flag
+        for flag, given in (("--model", args.model), ("--set", args.values), ("--surface", args.surfaces))
+        if given
+    ]
+    if args.fit is None and not own:
+        raise ParameterError("export needs a FIT; without one give a model, such as --model two-mass --set mu=0.7")
+    if args.fit is not None and own:
+        raise ParameterError(f"the fit {args.fit} has its own model and parameters: leave out {' and '.join(own)}")
+    if args.fit is None:
+        made, path = exported_model(args.model, args.to, args.values, args.surfaces, options), Path()
+    else:
+        made, path = load_fit(args.fit).exported(args.to, options), Path(args.fit)
     if args.out == "-":
         if not made.texts:
             raise ParameterError(f"--out -: {args.to} is not text; name a file")
         sys.stdout.write(next(iter(made.texts.values())))
     else:
-        path = Path(args.fit)
         beside = path if path.is_dir() else path.parent
         for place in made.write(beside if args.out is None else Path(args.out), args.overwrite):
             if not is_stream(place):
@@ -295,14 +310,36 @@ def run_export(args: argparse.Namespace) -> int:
     return 0
 
 
+def _number_or_published(text: str) -> float | str:
+    """A number, or `literature:KEY`."""
+    return text if text.lower().startswith("literature:") else float(text)
+
+
 EXPORT_LINES = "\n".join(f"  {name:11}  {form.help}" for name, form in EXPORTS.items())
 EXPORT = Verb(
     "export", "write a fit as source code, a table, or settings of a game engine",
     (
-        FIT,
+        option("fit", "FIT", FIT.help, nargs="?"),
         option("--to", "FORMAT", f"one of {', '.join(EXPORTS)}", required=True, type=one_of("format", EXPORTS)),
-        option("--out", "FILE", "file, or - for stdout (default: a file beside fit.json)", type=place),
+        option("--out", "FILE", "file, or - for stdout (default: a file beside fit.json, or here)", type=place),
         switch("--overwrite", "replace files that exist"),
+        LEVEL,
+        Group("a bounce without a table (instead of FIT)", (
+            option("--model", "NAME", f"{either(marked(RANKED))}; assumptions as +NAME=OPTION"),
+            pairs(
+                "--set", "NAME=VALUE",
+                "a parameter in SI units, or a published one, e.g. cor_10=literature:court (repeatable; the others "
+                "have default values)",
+                dest="values", convert=_number_or_published, number="a number in SI units, or literature:KEY",
+                form="NAME=VALUE, as in mu=0.6",
+            ),
+            pairs(
+                "--surface", "NAME=...",
+                "a surface with published parameters, e.g. clay=literature:clay, or with yours, e.g. "
+                '"hard=mu=0.6, cor_10=0.75"; list: fitball datasets priors (repeatable)',
+                dest="surfaces", form="NAME=literature:KEY, such as clay=literature:clay",
+            ),
+        )),
         Group("options of single formats", (
             option("--prefix", "TEXT", "c, javascript, csharp: beginning of all names (default of c: fitball_)"),
             switch("--json", "engine, lookup: write JSON only"),
@@ -323,9 +360,15 @@ examples:
   fitball export fits/wang_all/two-mass --to lookup --range "v=10..40:16, theta=10..60:16"
   fitball export fits/wang_all/two-mass --to engine --at "v=30 m/s, theta=16 deg"
   fitball export fits/wang_all/two-mass --to engine --json --out -
+  fitball export --model two-mass --set mu=0.7 --set cor_10=0.76 --to c
+  fitball export --surface clay=literature:clay --surface grass=literature:grass --to javascript
 
 To check a port, use fitball verify.""",
-    description="Write a fit in another format. Nothing is fitted or sampled again.",
+    description="""Write a fit in another format. Nothing is fitted or sampled again.
+
+If parameters differ between surfaces or balls, a port takes these as arguments; tables and engine settings have one
+part for each. --level chooses one. Without FIT the bounce is that of a model at parameters that you set or that are
+published: nothing is fitted.""",
 )  # fmt: skip
 
 
@@ -333,7 +376,8 @@ def run_verify(args: argparse.Namespace) -> int:
     """Compare the port and print deviations; 0 where it agrees, else 1."""
     from fitball.api.verifying import DEFAULT_TOLERANCE, verify
 
-    found = verify(args.port, args.fit, DEFAULT_TOLERANCE if args.tolerance is None else args.tolerance)
+    tolerance = DEFAULT_TOLERANCE if args.tolerance is None else args.tolerance
+    found = verify(args.port, args.fit, tolerance, args.levels)
     print_result(args, found, found.outcome)
     return found.exit_code
 
@@ -344,6 +388,7 @@ VERIFY = Verb(
         option("port", "PORT.csv", "rebounds that the port computed for the golden impacts"),
         option("--fit", "FIT", "result folder or fit.json (default: the folder of PORT.csv)"),
         option("--tolerance", "X", "largest relative difference (default: 1e-9)", type=float),
+        LEVEL,
         switch("--json", "print JSON (SI units, angles in radians)"),
         switch("--quiet", "print the outcome only"),
     ),

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from fitball.exports.bounces import bounces_of, joined
 from fitball.inference.problem.parameters import NOISE_SPECS
+from fitball.inference.problem.pooling import Levels
 from fitball.inference.results.evidence import Answer
 from fitball.inference.results.lab import CourtPace, DropTest
 from fitball.inference.results.quantiles import ESSENTIALS
@@ -37,7 +39,7 @@ from fitball.report.fit.itf_tests import (
 )
 from fitball.report.form.document import Row, markdown_table, render_template
 from fitball.report.form.files import json_text
-from fitball.report.form.numbers import parameter_row
+from fitball.report.form.numbers import handy, parameter_row, row_of
 from fitball.report.saved.structure import plain
 from fitball.version import __version__
 
@@ -54,7 +56,12 @@ _ESCAPES = {
 
 def parameter_content(saved: Fit) -> dict[str, Any]:
     """What `parameters.schema.json` describes: SI, no nulls, absent numbers left out."""
-    source, impacts, rebound = plain(saved.source), saved.golden.impacts, saved.golden.rebound
+    golden, labels = joined(bounces_of(saved))
+    source, impacts, rebound = plain(saved.source), golden.impacts, golden.rebound
+    # Values common to all levels are those of none: they are beside the levels.
+    levels = saved.fitted.levels
+    pooled = {item.parameter for item in levels} | {item.spread_name for item in levels}
+    pooled |= {item.place_name(label) for item in levels for label in item.labels}
     columns = {name: getattr(rebound, name) for name in (*OUTPUTS, "regime")}
     parameter_set: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
@@ -64,15 +71,16 @@ def parameter_content(saved: Fit) -> dict[str, Any]:
         "model": {"name": saved.fitted.model_name, "closures": dict(saved.fitted.options)},
         "ball": plain(saved.fitted.ball),
         "table": {key: source[key] for key in TABLE} | {"flipped": list(saved.source.flipped)},
-        "parameters": {name: _parameter(parameter) for name, parameter in saved.parameters.items()},
+        "parameters": {name: _parameter(item) for name, item in saved.parameters.items() if name not in pooled},
     }
-    if saved.levels:
-        parameter_set["levels"] = _levels(saved.levels)
+    if levels:
+        parameter_set["levels"] = {item.parameter: _levels(saved, item) for item in levels}
     if saved.correlation is not None:
         parameter_set["correlation"] = {"names": list(saved.free_names), "values": saved.correlation.tolist()}
     parameter_set["golden"] = {
         "impacts": {name: column for name, column in plain(impacts).items() if column is not None},
         "rebound": {name: column.tolist() for name, column in columns.items() if not np.isnan(column).any()},
+        **({"labels": {column: list(values) for column, values in labels.items()}} if labels else {}),
     }
     return parameter_set
 
@@ -82,13 +90,16 @@ def parameter_text(saved: Fit) -> str:
     return json_text(parameter_content(saved))
 
 
-def _levels(listed: Sequence[LevelEstimate]) -> dict[str, Any]:
-    """Values of the parameters that differ between surfaces, balls or tables: by parameter, then by label."""
-    levels: dict[str, Any] = {}
-    for item in listed:
-        one = levels.setdefault(item.parameter, {"column": item.column, "values": {}})
-        one["values"][item.label] = _known(item)
-    return levels
+def _levels(saved: Fit, levels: Levels) -> dict[str, Any]:
+    """Values of a parameter that differs between surfaces, balls or tables, by label, and what they follow from."""
+    known = saved.parameters
+    return {
+        "column": levels.column,
+        "values": {item.label: _known(item) for item in saved.levels if item.parameter == levels.parameter},
+        "common": _parameter(known[levels.parameter]),
+        "spread": _parameter(known[levels.spread_name]),
+        "places": {label: _parameter(known[levels.place_name(label)]) for label in levels.labels},
+    }
 
 
 def _known(item: Estimate | LevelEstimate) -> dict[str, float]:
@@ -144,9 +155,17 @@ MARKS = {
 
 
 def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
-    """Every parameter: median and standard deviation, or the point estimate to four digits."""
-    rows = []
+    """Every parameter: median and standard deviation, or the point estimate to four digits. One that differs between
+    levels has a row for each of them and one for their spread.
+    """
+    places = {item.place_name(label) for item in saved.fitted.levels for label in item.labels}
+    at_levels = [_at_level(saved, item) for item in saved.levels]
+    rows: list[PaperRow] = []
     for item in saved.parameters.values():
+        own = [row for name, row in at_levels if name == item.name]
+        if own or item.name in places:
+            rows += own
+            continue
         row, spec = parameter_row(item), parameter_spec(item.name) or NOISE_SPECS.get(item.name)
         known = (row.name, "" if spec is None else spec.label, item.meaning, row.unit)
         if row.median == "-" or item.verdict is Verdict.FIXED:
@@ -155,6 +174,17 @@ def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
             mark = MARKS[item.verdict][0] if item.verdict in MARKS else ""
             rows.append(PaperRow(*known, row.median, row.sd, row.interval_95, mark))
     return tuple(rows)
+
+
+def _at_level(saved: Fit, item: LevelEstimate) -> tuple[str, PaperRow]:
+    """The parameter that differs, and its row for a level."""
+    common, spec = saved.parameters[item.parameter], parameter_spec(item.parameter)
+    row = row_of(f"{item.parameter}[{item.label}]", vars(item), handy(item.parameter, item.unit))
+    symbol = "" if spec is None else f"{spec.label} {_escaped(item.label)}"
+    known = (row.name, symbol, f"{common.meaning}, {item.column} {item.label}", row.unit)
+    if row.median == "-":
+        return item.parameter, PaperRow(*known, row.point)
+    return item.parameter, PaperRow(*known, row.median, row.sd, row.interval_95)
 
 
 def _caption(saved: Fit) -> str:

@@ -6,11 +6,15 @@ JSON, and a page with instructions.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from fitball.data.lines import parse_grid, parse_impact
 from fitball.errors import ParameterError
+from fitball.exports.bounces import Bounces, Case, joined
 from fitball.inference.prediction.engine_fit import (
     SEED,
     EngineFit,
@@ -23,13 +27,15 @@ from fitball.inference.prediction.engine_fit import (
 )
 from fitball.inference.prediction.outputs import expected_outputs
 from fitball.inference.prediction.reach import calibrated_range
-from fitball.inference.results.results import Fit, Golden
+from fitball.inference.results.fitted_model import FittedModel
+from fitball.inference.results.results import Golden
 from fitball.models.kernels.contact import zero_force_release
 from fitball.models.types import OUTPUTS, regime_name
 from fitball.observables import COMPARED, INCIDENT_UNITS, SI_UNITS
 from fitball.report.form.document import Document, Part, Section, Table, Words, as_markdown
 from fitball.report.form.files import csv_text, json_text
 from fitball.report.form.numbers import output_scale
+from fitball.values import Impacts
 
 
 def golden_ids(golden: Golden) -> tuple[str, ...]:
@@ -37,17 +43,21 @@ def golden_ids(golden: Golden) -> tuple[str, ...]:
     return tuple(f"golden-{k}" for k in range(1, len(golden.impacts) + 1))
 
 
-def golden_table(saved: Fit, inputs_only: bool = False) -> str:
-    """CSV of the golden impacts to 17 digits, with the expected rebounds unless `inputs_only`."""
-    golden = saved.golden
-    expected = {} if inputs_only else expected_outputs(saved.fitted, golden)
+def golden_table(bounces: Bounces, inputs_only: bool = False) -> str:
+    """CSV of the golden impacts to 17 digits, with the expected rebounds unless `inputs_only`, and with the labels
+    where parameters differ between surfaces or balls.
+    """
+    golden, labels = joined(bounces)
+    fitted = bounces.cases[0].fitted
+    expected = {} if inputs_only else expected_outputs(fitted, golden)
     columns = {name: getattr(golden.impacts, name) for name in INCIDENT_UNITS}
     columns |= {name: expected[name] for name in OUTPUTS if name in expected}
     rows: list[dict[str, object]] = []
     for k, label in enumerate(golden_ids(golden)):
         row: dict[str, object] = {"id": label}
+        row |= {column: values[k] for column, values in labels.items()}
         row |= {f"{name} [{SI_UNITS[name]}]": repr(float(values[k])) for name, values in columns.items()}
-        if saved.fitted.model.needs_cor and golden.impacts.cor is not None:
+        if fitted.model.needs_cor and golden.impacts.cor is not None:
             row["cor"] = repr(float(golden.impacts.cor[k]))
         if not inputs_only:
             row["regime"] = regime_name(int(golden.rebound.regime[k]))
@@ -55,11 +65,32 @@ def golden_table(saved: Fit, inputs_only: bool = False) -> str:
     return csv_text(rows)
 
 
-def lookup_texts(saved: Fit, range: str | None = None) -> tuple[dict[str, str], str]:
-    """The table and its description, and a note. Raises ParameterError for a grid that is none."""
-    lookup = make_lookup(saved.fitted, default_axes(saved.fitted) if range is None else parse_grid(range))
-    return {".csv": csv_text(_lookup_rows(lookup)), ".json": json_text(_lookup_json(saved, lookup))}, _lookup_note(
-        lookup
+def lookup_texts(bounces: Bounces, range: str | None = None) -> tuple[dict[str, str], str]:
+    """The table and its description, and a note; the same grid for every surface and ball, with a column of each.
+
+    Raises ParameterError for a grid that is none.
+    """
+    axes = default_axes(_whole(bounces)) if range is None else parse_grid(range)
+    lookups = [make_lookup(case.fitted, axes) for case in bounces.cases]
+    rows = [
+        dict(case.labels if bounces.columns else {}) | row
+        for case, lookup in zip(bounces.cases, lookups, strict=True)
+        for row in _lookup_rows(lookup)
+    ]
+    notes = [
+        f"{case.words}: {_lookup_note(lookup)}" if bounces.columns else _lookup_note(lookup)
+        for case, lookup in zip(bounces.cases, lookups, strict=True)
+    ]
+    return {".csv": csv_text(rows), ".json": json_text(_lookup_json(bounces, lookups))}, "; ".join(notes)
+
+
+def _whole(bounces: Bounces) -> FittedModel:
+    """The model of the first case with the impacts of all."""
+    first, others = bounces.cases[0].fitted, [case.fitted.impacts for case in bounces.cases[1:]]
+    columns = ("v_x1", "v_y1", "omega_1")
+    parts = [first.impacts, *others]
+    return replace(
+        first, impacts=Impacts(*(np.concatenate([getattr(one, name) for one in parts]) for name in columns))
     )
 
 
@@ -95,20 +126,32 @@ def _lookup_rows(lookup: Lookup) -> list[dict[str, object]]:
     return rows
 
 
-def _lookup_json(saved: Fit, lookup: Lookup) -> dict[str, Any]:
-    units = {axis.name: axis.unit for axis in lookup.axes}
+def _lookup_json(bounces: Bounces, lookups: Sequence[Lookup]) -> dict[str, Any]:
+    first = lookups[0]
+    found = [_grid_json(case, lookup) for case, lookup in zip(bounces.cases, lookups, strict=True)]
+    parameters = found[0].pop("parameters") if len(found) == 1 else None
     return {
         "schema_version": 1,
         "kind": "fitball lookup table",
-        "model": saved.fitted.model_name,
-        "table": saved.source.file,
-        "parameters": dict(saved.golden.parameters),
+        "model": bounces.cases[0].fitted.model_name,
+        "table": bounces.table or None,
+        **({} if parameters is None else {"parameters": parameters}),
         "order": "the last axis varies fastest",
         "axes": [
             {"name": axis.name, "unit": axis.unit.symbol, "values": [*map(axis.unit.from_si, axis.values.tolist())]}
-            for axis in lookup.axes
+            for axis in first.axes
         ],
-        "outputs": {name: SI_UNITS[name] for name in lookup.outputs},
+        "outputs": {name: SI_UNITS[name] for name in first.outputs},
+        **(found[0] if len(found) == 1 else {"columns": list(bounces.columns), "levels": found}),
+    }
+
+
+def _grid_json(case: Case, lookup: Lookup) -> dict[str, Any]:
+    """What is known of the grid of one surface and ball."""
+    units = {axis.name: axis.unit for axis in lookup.axes}
+    return {
+        **({"labels": dict(case.labels)} if case.labels else {}),
+        "parameters": dict(case.golden.parameters),
         "points": len(lookup.points),
         "points_without_rebound": dict(lookup.failed),
         "points_extrapolated": int(lookup.extrapolated.sum()),
@@ -142,13 +185,15 @@ USUAL_CONTACT = 0.005
 STEPS = 20
 
 
-def engine_texts(saved: Fit, at: str | None = None, engine_inertia: float = 0.4) -> Mapping[str, str]:
-    """The page and the JSON. Raises ParameterError for an operating point that is no one impact."""
-    point = middle_impact(saved.fitted) if at is None else parse_impact(at)
-    if not saved.fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
+def engine_texts(bounces: Bounces, at: str | None = None, engine_inertia: float = 0.4) -> Mapping[str, str]:
+    """The page and the JSON, with settings for every surface and ball. Raises ParameterError for an operating point
+    that is no one impact.
+    """
+    point = middle_impact(_whole(bounces)) if at is None else parse_impact(at)
+    if not bounces.cases[0].fitted.tangential and (abs(point.v_x1[0]) > 0.0 or abs(point.omega_1[0]) > 0.0):
         raise ParameterError("this fit is of drop tests and has no friction: give v_y alone")
-    engine = fit_engine(saved.fitted, point, engine_inertia)
-    return {".md": _engine_page(saved, engine), ".json": json_text(_engine_json(saved, engine))}
+    engines = [fit_engine(case.fitted, point, engine_inertia) for case in bounces.cases]
+    return {".md": _engine_page(bounces, engines), ".json": json_text(_engine_json(bounces, engines))}
 
 
 def mujoco(engine: EngineFit) -> dict[str, Any]:
@@ -175,17 +220,25 @@ def _settings(item: EngineSettings) -> dict[str, Any]:
     }
 
 
-def _engine_json(saved: Fit, engine: EngineFit) -> dict[str, Any]:
-    ball = saved.fitted.ball
+def _engine_json(bounces: Bounces, engines: Sequence[EngineFit]) -> dict[str, Any]:
+    first, engine = bounces.cases[0].fitted, engines[0]
+    found = [_case_json(case, item) for case, item in zip(bounces.cases, engines, strict=True)]
     return {
         "schema_version": 1,
         "kind": "fitball engine settings",
-        "model": saved.fitted.model_name,
-        "table": saved.source.file,
+        "model": first.model_name,
+        "table": bounces.table or None,
         "units": {"speeds": "m/s", "spins": "rad/s", "angles": "rad", "times": "s"},
-        "ball": {"mass": ball.mass, "radius": ball.radius, "inertia_ratio": engine.inertia_ratio},
+        "ball": {"mass": first.ball.mass, "radius": first.ball.radius, "inertia_ratio": engine.inertia_ratio},
         "operating_point": {name: float(getattr(engine.point, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
-        "outside_calibrated_range": _outside(saved, engine),
+        **(found[0] if len(found) == 1 else {"columns": list(bounces.columns), "levels": found}),
+    }
+
+
+def _case_json(case: Case, engine: EngineFit) -> dict[str, Any]:
+    return {
+        **({"labels": dict(case.labels)} if case.labels else {}),
+        "outside_calibrated_range": _outside(case.fitted, engine),
         "outside_valid_range": engine.extrapolated,
         "valid_range": {"v_y1_low": engine.valid.low, "v_y1_high": engine.valid.high},
         "mixtures_left_out": engine.unsolved,
@@ -221,67 +274,108 @@ def _engines(engine: EngineFit) -> dict[str, Any]:
     }
 
 
-def _engine_page(saved: Fit, engine: EngineFit) -> str:
-    point = engine.point
+def _engine_page(bounces: Bounces, engines: Sequence[EngineFit]) -> str:
+    first, engine, words = bounces.cases[0], engines[0], _PageWords(bounces.measured)
+    fitted = first.fitted
+    point, inertia = engine.point, fitted.ball.inertia_ratio
     speed = math.hypot(point.v_x1[0], point.v_y1[0])
     angle = math.degrees(math.atan2(point.v_y1[0], point.v_x1[0]))
-    best, wide = engine.at_point, engine.over_range
-    inertia = saved.fitted.ball.inertia_ratio
     state = (
         f"Operating point: {speed:.4g} m/s at {angle:.4g} deg, spin {point.omega_1[0]:.4g} rad/s (topspin positive). "
-        f"Ball: mass {saved.fitted.ball.mass * 1e3:.4g} g, radius {saved.fitted.ball.radius * 1e3:.4g} mm, "
-        f"inertia {engine.inertia_ratio:.3g} M R^2 in the engine, {inertia:.3g} in the fit."
+        f"Ball: mass {fitted.ball.mass * 1e3:.4g} g, radius {fitted.ball.radius * 1e3:.4g} mm, "
+        f"inertia {engine.inertia_ratio:.3g} M R^2 in the engine, {inertia:.3g} in the {words.source}."
     )
+    limits = (
+        "Limits: the engine's ball has the same restitution at every speed and no tangential rebound: neither twist "
+        "of the cover nor shift of the normal force. It has the engine's moment of inertia. If your engine lets you "
+        f"set it, use that of the ball: `engine_inertia = {inertia:.3g}`."
+    )
+    ranged = f"Range: mixtures of {words.mixtures}. Best: smallest kinetic energy of the difference."
+    title = f"Engine settings for {fitted.model_name}" + (f" on {bounces.name}" if bounces.name else "")
+    if first.labels and not bounces.columns:
+        title += f", {first.words}"
+    about = [*([] if bounces.measured else ["**Nothing was fitted.**"]), *bounces.sources]
+    if not bounces.columns:
+        settings, notes, errors = _case_parts(engine, words)
+        lead: list[Part] = [
+            Words([state, *about, *_warning(fitted, engine, words)]), settings, Words([*notes, limits]), errors,
+            Words([ranged]),
+        ]  # fmt: skip
+        return as_markdown(Document(title, lead, [Section("set", "How to set them", [Words(_advice(engine))])]))
+    heads = [*bounces.columns, "e", "mu", f"e over {words.range}", f"mu over {words.range}"]
+    by_level = [heads] + [
+        [*case.labels.values(), f"{item.at_point.e:.4f}", _mu(item.at_point.mu), f"{item.over_range.e:.4f}",
+         _mu(item.over_range.mu)]
+        for case, item in zip(bounces.cases, engines, strict=True)
+    ]  # fmt: skip
+    sections = []
+    for k, (case, item) in enumerate(zip(bounces.cases, engines, strict=True)):
+        settings, notes, errors = _case_parts(item, words)
+        parts: list[Part] = [
+            settings,
+            Words([*_warning(case.fitted, item, words), *notes]),
+            errors,
+            Words(_advice(item)),
+        ]
+        sections.append(Section(f"level_{k}", case.words, parts))
+    whole: list[Part] = [Words([state, *about]), Table("Settings", by_level), Words([limits, ranged])]
+    return as_markdown(Document(title, whole, sections))
+
+
+class _PageWords:
+    """What a page says of a fit, or of a model that nothing was fitted to."""
+
+    def __init__(self, measured: bool) -> None:
+        self.source = "fit" if measured else "model"
+        self.ball, self.model = ("fitted ball", "fitted model") if measured else ("model", "model")
+        self.range = "the calibrated range" if measured else "the bounces of a rally"
+        self.mixtures = "the calibrated impacts" if measured else "the bounces of a rally"
+        self.outside = "outside the calibrated range" if measured else "unlike the bounces of a rally"
+
+
+def _case_parts(engine: EngineFit, words: _PageWords) -> tuple[Table, list[str], Table]:
+    """Settings, notes and errors of one surface and ball."""
+    best, wide = engine.at_point, engine.over_range
     settings = [
         ["", "restitution e", "friction mu"],
         ["best at the operating point", f"{best.e:.4f}", _mu(best.mu)],
-        ["best over the calibrated range", f"{wide.e:.4f}", _mu(wide.mu)],
+        [f"best over {words.range}", f"{wide.e:.4f}", _mu(wide.mu)],
     ]
     notes = []
     if best.mu_from is not None:
         notes.append(
             f"At the operating point the engine's ball grips: every mu above {best.mu_from:.4f} gives the same "
-            "rebound. The mu above is the one with the smallest error over the calibrated range."
+            f"rebound. The mu above is the one with the smallest error over {words.range}."
         )
     if best.mu is None:
         notes.append("The fit is of drop tests: friction is not determined.")
-    notes.append(
-        "Limits: the engine's ball has the same restitution at every speed and no tangential rebound: neither twist "
-        "of the cover nor shift of the normal force. It has the engine's moment of inertia. If your engine lets you "
-        f"set it, use that of the ball: `engine_inertia = {inertia:.3g}`."
-    )
     errors = [
-        ["output", "fitted ball", "engine", "error there", "RMS error over the range", "RMS, best over the range"]
-    ]
-    errors += [_row(name, engine) for name in COMPARED]
-    lead: list[Part] = [
-        Words([state, *_warning(saved, engine)]), Table("Settings", settings), Words(notes), Table("Errors", errors),
-        Words(["Range: mixtures of the calibrated impacts. Best: smallest kinetic energy of the difference."]),
+        ["output", words.ball, "engine", "error there",
+         "RMS error over the range", "RMS, best over the range"]
     ]  # fmt: skip
-    title = f"Engine settings for {saved.fitted.model_name} on {saved.source.name}"
-    return as_markdown(Document(title, lead, [Section("set", "How to set them", [Words(_advice(engine))])]))
+    errors += [_row(name, engine) for name in COMPARED]
+    return Table("Settings", settings), notes, Table("Errors", errors)
 
 
-def _outside(saved: Fit, engine: EngineFit) -> bool:
-    fitted = saved.fitted
+def _outside(fitted: FittedModel, engine: EngineFit) -> bool:
     known = calibrated_range(fitted.impacts, engine.point, fitted.ball.radius, fitted.tangential, ())
     return bool(known.outside[0])
 
 
-def _warning(saved: Fit, engine: EngineFit) -> list[str]:
-    notes = [f"**{saved.at_common}.**"] if saved.at_common else []
-    if _outside(saved, engine):
-        notes.append("**The operating point is outside the calibrated range.**")
+def _warning(fitted: FittedModel, engine: EngineFit, words: _PageWords) -> list[str]:
+    notes = []
+    if _outside(fitted, engine):
+        notes.append(f"**The operating point is {words.outside}.**")
     if engine.extrapolated:
         end, why = engine.valid.low, engine.valid.below
         if engine.point.v_y1[0] > engine.valid.high:
             end, why = engine.valid.high, engine.valid.above
         notes.append(
-            f"**It is beyond v_y1 = {end:.4g} m/s, where the fitted model ends ({why}): restitution and offset keep "
+            f"**It is beyond v_y1 = {end:.4g} m/s, where the {words.model} ends ({why}): restitution and offset keep "
             "their values there.**"
         )
     if engine.unsolved:
-        notes.append(f"{engine.unsolved} mixtures of calibrated impacts have no rebound and are not in the range.")
+        notes.append(f"{engine.unsolved} mixtures of {words.mixtures} have no rebound and are not in the range.")
     return notes
 
 

@@ -32,6 +32,13 @@ NUMBER = "Number"
 Constant = int | float | tuple["Constant", ...]
 
 
+@dataclass(frozen=True)
+class InRow:
+    """A number that is not a constant but an element of the parameter row, at this `place`."""
+
+    place: int
+
+
 class UnportableError(Exception):
     """A kernel uses something that ports cannot express: a fault of this program, found while generating."""
 
@@ -50,7 +57,8 @@ class KernelSource:
 def kernel_source(*entries: Callable[..., Any], given: Mapping[str, Any] = MappingProxyType({})) -> KernelSource:
     """Collect `entries` and whatever they call. Raises UnportableError for all but numbers and `math`.
 
-    `given` says what names stand for that the modules of the functions do not define: numbers, or functions.
+    `given` says what names stand for that the modules of the functions do not define: numbers, functions, or places
+    in the `row` that a function is given.
     """
     kernels: dict[str, ast.FunctionDef] = {}
     origin: dict[str, Any] = {}
@@ -95,6 +103,8 @@ def kernel_source(*entries: Callable[..., Any], given: Mapping[str, Any] = Mappi
                 if name in constants and repr(constants[name]) != repr(value):
                     raise UnportableError(f"{plain.__name__}: two kernels disagree about the constant {name}")
                 constants[name] = value
+            elif isinstance(value, InRow):
+                tree = ast.fix_missing_locations(_InRow(name, value.place).visit(tree))
             elif callable(value):
                 add(value)
                 _rename(tree, name, getattr(value, "py_func", value).__name__)
@@ -118,6 +128,18 @@ def _rename(tree: ast.FunctionDef, old: str, new: str) -> None:
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and node.id == old:
             node.id = new
+
+
+class _InRow(ast.NodeTransformer):
+    """Reads a name from the row."""
+
+    def __init__(self, name: str, place: int) -> None:
+        self.name, self.place = name, place
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        if node.id != self.name:
+            return node
+        return ast.Subscript(ast.Name("row", ast.Load()), ast.Constant(self.place), ast.Load())
 
 
 def _names(trees: Iterable[ast.AST]) -> set[str]:

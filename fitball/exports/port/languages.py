@@ -8,27 +8,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fitball.errors import ParameterError
+from fitball.exports.bounces import Bounces
 from fitball.exports.port.kernel_source import Constant
+from fitball.exports.port.names import TAKEN_CSHARP, TAKEN_JAVASCRIPT, camel_case
 from fitball.exports.port.port import Port, port_of, python_port, translated_port
 from fitball.exports.port.translate import Struct, Type, compound, fields_of, type_name
-from fitball.inference.results.results import Fit
 from fitball.wording import option
 
 # What names of a port begin with.
 PREFIX = "fitball_"
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "atan2")
-_TAKEN_CSHARP = """
-abstract as base bool break byte case catch char checked class const continue decimal default delegate do double
-else enum event explicit extern false finally fixed float for foreach goto if implicit in int interface internal
-is lock long namespace new null object operator out override params private protected public readonly ref return
-sbyte sealed short sizeof stackalloc static string struct switch this throw true try typeof uint ulong unchecked
-unsafe ushort using virtual void volatile while var
-"""
-_TAKEN_JAVASCRIPT = """
-arguments await break case catch class const continue debugger default delete do else enum eval export extends
-finally for function if implements import in instanceof interface let new null package private protected public
-return static super switch this throw try typeof undefined var void while with yield
-"""
 _BITS = {"|": "({} | {})", "&": "({} & {})", "<<": "({} << {})"}
 
 
@@ -205,7 +194,7 @@ CSHARP = Dialect(
         "v": "void",
     },
     helpers=("hypot", "log1p"),
-    taken=frozenset(_TAKEN_CSHARP.split()),
+    taken=frozenset(TAKEN_CSHARP.split()),
     integer="{}L", cast="(double)", whole="((long){})", bits={**_BITS, "<<": "({} << (int)({}))"}, real="{}.Real",
     imaginary="{}.Imaginary", counter="long", zero="default({})", built="new {type}({items})",
     struct="struct {type} {{ {fields} public {type}({taken}) {{ {stores} }} }}", member="public {};",
@@ -225,7 +214,7 @@ JAVASCRIPT = Dialect(
     },
     {"pi": "Math.PI", "nan": "NaN", "inf": "Infinity"},
     helpers=("hypot",),
-    taken=frozenset(_TAKEN_JAVASCRIPT.split()),
+    taken=frozenset(TAKEN_JAVASCRIPT.split()),
     # Its own operators see 32 bits.
     bits={sign: f"(BigInt({{}}) {sign} BigInt({{}}))" for sign in _BITS},
     complex_calls={"+": "zplus", "-": "zminus", "*": "ztimes", "/": "zover"},
@@ -234,32 +223,42 @@ JAVASCRIPT = Dialect(
     tuple_made="[{items}]", head="/** {comment} */\nfunction {declared}({taken}) {{", comment="\n * ",
 )  # fmt: skip
 
-# What a port in JavaScript offers.
-NAMES = (
-    "rebound", "solve", "selfTest", "regimeName", "MODEL", "ROW", "RADIUS", "V_Y1_LOW", "V_Y1_HIGH",
-    "CALIBRATED_V_Y1_LOW", "CALIBRATED_V_Y1_HIGH", "BEYOND_SPEEDS", "BEYOND_RESTITUTION", "WITHOUT_TWIST", "REASONS",
-    "COR_LOW", "COR_HIGH",
+# What a port in JavaScript offers; with several parameter sets, and with one.
+_NAMES = ("rebound", "solve", "selfTest", "regimeName", "MODEL")
+_SEVERAL = (
+    "LEVELS",
+    "rowOf",
+    "speedRange",
+    "RADIUS",
+    "BEYOND_SPEEDS",
+    "BEYOND_RESTITUTION",
+    "WITHOUT_TWIST",
+    "REASONS",
+)
+_ONE = (
+    "ROW", "RADIUS", "V_Y1_LOW", "V_Y1_HIGH", "CALIBRATED_V_Y1_LOW", "CALIBRATED_V_Y1_HIGH", "BEYOND_SPEEDS",
+    "BEYOND_RESTITUTION", "WITHOUT_TWIST", "REASONS", "COR_LOW", "COR_HIGH",
 )  # fmt: skip
 
 
-def python_text(saved: Fit) -> str:
-    """A fit as a module that needs `math` alone."""
-    return python_port(port_of(saved))
+def python_text(bounces: Bounces) -> str:
+    """Bounces as a module that needs `math` alone."""
+    return python_port(port_of(bounces))
 
 
-def c_text(saved: Fit, prefix: str = PREFIX) -> str:
-    """A fit as a header in which every name begins with `prefix`. Raises ParameterError for what begins none."""
-    return c_port(port_of(saved), _beginning(prefix))
+def c_text(bounces: Bounces, prefix: str = PREFIX) -> str:
+    """Bounces as a header in which every name begins with `prefix`. Raises ParameterError for what begins none."""
+    return c_port(port_of(bounces), _beginning(prefix))
 
 
-def csharp_text(saved: Fit, prefix: str = PREFIX) -> str:
-    """A fit as a class; see `c_text`."""
-    return csharp_port(port_of(saved), _beginning(prefix))
+def csharp_text(bounces: Bounces, prefix: str = PREFIX) -> str:
+    """Bounces as a class; see `c_text`."""
+    return csharp_port(port_of(bounces), _beginning(prefix))
 
 
-def javascript_texts(saved: Fit, prefix: str = PREFIX) -> dict[str, str]:
-    """A fit as a script, and as an ES module; see `c_text`."""
-    return javascript_port(port_of(saved), _beginning(prefix))
+def javascript_texts(bounces: Bounces, prefix: str = PREFIX) -> dict[str, str]:
+    """Bounces as a script, and as an ES module; see `c_text`."""
+    return javascript_port(port_of(bounces), _beginning(prefix))
 
 
 def _beginning(prefix: str) -> str:
@@ -283,7 +282,7 @@ def javascript_port(port: Port, prefix: str = PREFIX) -> dict[str, str]:
     """The script (a global called after `prefix`, or what `require` gives), the ES module. Raises UnportableError."""
     name = f"{camel_case(prefix)}Bounce"
     body = translated_port(port, JAVASCRIPT).replace("@@Bounce", name)
-    listed = ", ".join(NAMES)
+    listed = ", ".join(_offered(port))
     head, _, rest = body.partition("*/\n")
     inner = "\n".join(f"    {line}".rstrip() for line in rest.rstrip("\n").split("\n"))
     script = f"""{head}*/
@@ -306,12 +305,13 @@ if (typeof module !== "undefined" && module.exports) {{
     return {".js": script, ".mjs": f"{body}\nexport {{ {listed} }};\n"}
 
 
+def _offered(port: Port) -> tuple[str, ...]:
+    if port.arguments:
+        return (*_NAMES, *_SEVERAL)
+    return (*_NAMES, *(name for name in _ONE if port.measured or not name.startswith("CALIBRATED")))
+
+
 def javascript_script(port: Port, more: Sequence[str]) -> str:
     """The port as one expression that gives what it offers, and the functions called `more`."""
     body = translated_port(port, JAVASCRIPT).replace("@@Bounce", "FitballBounce")
-    return f'(function () {{\n"use strict";\n{body}\nreturn {{ {", ".join((*NAMES, *more))} }};\n}})()'
-
-
-def camel_case(prefix: str) -> str:
-    """`red_clay_` as `RedClay`."""
-    return "".join(word[0].upper() + word[1:] for word in prefix.split("_") if word)
+    return f'(function () {{\n"use strict";\n{body}\nreturn {{ {", ".join((*_offered(port), *more))} }};\n}})()'

@@ -7,20 +7,23 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from textwrap import wrap
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from fitball.exports.bounces import Bounces
 from fitball.exports.port import face
 from fitball.exports.port.face import (
     BAD_INPUT,
     BEYOND_RESTITUTION,
     BEYOND_SPEEDS,
+    GOLDEN_NUMBERS,
     WITHOUT_TWIST,
     fitted_impulse,
     fitted_thesis,
@@ -28,11 +31,12 @@ from fitball.exports.port.face import (
     golden_agreement,
     total_bounce,
 )
-from fitball.exports.port.kernel_source import Constant, KernelSource, kernel_source
+from fitball.exports.port.kernel_source import Constant, InRow, KernelSource, kernel_source
+from fitball.exports.port.names import Argument, arguments_of
 from fitball.exports.port.translate import STRIDE, Program, compound, fields_of, translated
 from fitball.inference.prediction.reach import GRAZING, TINY, ValidRange, restitution_range, valid_range
 from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Fit, Golden
+from fitball.inference.results.results import Golden
 from fitball.models.kernels.contact import ANCHOR_SPEED, TORSION, TORSION_RIGID
 from fitball.models.kernels.oscillator import MAX_DEPTH, SERIES_LENGTH, SIZE
 from fitball.models.model import Convention, KernelCall
@@ -60,6 +64,9 @@ FLAGS = {
     "WITHOUT_TWIST": WITHOUT_TWIST,
 }
 
+SPEED_ENDS, COR_ENDS = ("v_y1_low", "v_y1_high"), ("cor_low", "cor_high")
+CALIBRATED_ENDS = ("calibrated_v_y1_low", "calibrated_v_y1_high")
+
 
 @dataclass(frozen=True)
 class Port:
@@ -67,7 +74,11 @@ class Port:
 
     `valid` is the range of `v_y1` in which the port is the model as fitted, `calibrated` those of the impacts it was
     fitted to [m/s]; `cor_range` what a model that is given each impact's restitution solves, else (0, 1). `golden`
-    has a row for each golden impact, see `face.GOLDEN_NUMBERS`, and `regimes` its phases packed.
+    has a row for each golden impact, see `face.GOLDEN_NUMBERS`, and `regimes` its phases packed. Where nothing was
+    `measured`, `sources` are sentences on each parameter.
+
+    With `arguments` it has several parameter sets: `sets` has a port of each combination of their labels (`words`),
+    the last argument fastest, and what else is here is that of the first.
     """
 
     model: str
@@ -81,6 +92,11 @@ class Port:
     calibrated: tuple[float, float]
     cor_range: tuple[float, float]
     offset_jumps: bool
+    measured: bool = True
+    sources: tuple[str, ...] = ()
+    words: str = ""
+    arguments: tuple[Argument, ...] = ()
+    sets: tuple[Port, ...] = ()
 
     @property
     def rigid_codes(self) -> tuple[int, ...]:
@@ -96,8 +112,22 @@ class Port:
         return tuple(zip(self.call.columns, self.call.row, strict=True))
 
     @property
+    def ranges(self) -> Mapping[str, float]:
+        """What follows `row` where there are several: the ends of the ranges."""
+        known = dict(zip(SPEED_ENDS, (self.valid.low, self.valid.high), strict=True))
+        known |= dict(zip(CALIBRATED_ENDS, self.calibrated, strict=True)) if self.measured else {}
+        return known | (dict(zip(COR_ENDS, self.cor_range, strict=True)) if self.needs_cor else {})
+
+    @property
+    def whole_row(self) -> tuple[tuple[str, float], ...]:
+        """`row` with `ranges` behind it."""
+        return (*self.row, *self.ranges.items())
+
+    @property
     def constants(self) -> Mapping[str, Constant]:
         """What the port offers and its kernels use, by name."""
+        if self.arguments or not self.measured:
+            return {**FLAGS, **self.source.constants}
         ends = dict(zip(("CALIBRATED_V_Y1_LOW", "CALIBRATED_V_Y1_HIGH"), self.calibrated, strict=True))
         return {**FLAGS, **ends, **self.source.constants}
 
@@ -109,39 +139,75 @@ FITTED: Mapping[Convention, Callable[..., Any]] = {
 }
 
 
-def origin_of(saved: Fit) -> str:
-    """Which fit a port is of, in a line."""
-    table = saved.source
-    origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
-    pooled = sorted({item.parameter for item in saved.levels})
-    return f"{origin}, {', '.join(pooled)} at the value common to all levels" if pooled else origin
+def port_of(bounces: Bounces) -> Port:
+    """The port of a fit, or of a model at given parameters. Raises ModelError as `make_port` does."""
+    made = [
+        replace(make_port(case.fitted, case.golden, bounces.origin, measured=bounces.measured), words=case.words)
+        for case in bounces.cases
+    ]
+    first = replace(made[0], sources=bounces.sources)
+    if not bounces.columns:
+        return first
+    # The ends of the ranges differ, so that kernels read them from the row.
+    places = {name.upper(): InRow(len(first.row) + k) for k, name in enumerate(first.ranges)}
+    source = _source(first.call, first.needs_cor, first.valid, first.cor_range, places)
+    several = replace(first, source=source, sets=tuple(made))
+    taken = [*several.source.structs, *(function.name for function in several.source.functions)]
+    return replace(several, arguments=arguments_of(bounces.columns, taken, several.constants))
 
 
-def port_of(saved: Fit) -> Port:
-    """The port of a fit. Raises ModelError as `make_port` does."""
-    return make_port(saved.fitted, saved.golden, origin_of(saved))
+def make_port(
+    fitted: FittedModel,
+    golden: Golden,
+    origin: str,
+    more: Sequence[Callable[..., Any]] = (),
+    measured: bool = True,
+) -> Port:
+    """The port of a model without levels at its point estimate; `origin` says which fit it is, `more` are functions
+    that it has besides. If nothing was `measured`, its impacts are those at which it is tested.
 
-
-def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[Callable[..., Any]] = ()) -> Port:
-    """The port of a fitted model at its point estimate; `origin` says which fit it is, `more` are functions that it
-    has besides.
-
-    Raises ModelError when the model solves none of the impacts it was fitted to.
+    Raises ModelError when the model solves none of its impacts.
     """
     model = fitted.model
     kept = fitted.model_columns
     call = model.kernel_call([fitted.names[k] for k in kept], fitted.point[kept])
     closures = ", ".join(f"{name} = {value}" for name, value in fitted.options.items())
+    known = "Calibrated" if measured else "Not calibrated"
     titles = (
         f"Bounce of a ball: model {fitted.model_name}.",
         *([f"Model assumptions: {closures}."] if closures else []),
-        f"Calibrated: {origin}. Generated by fitball {__version__} from the source code of its kernel.",
+        f"{known}: {origin}. Generated by fitball {__version__} from the source code of its kernel.",
     )
     valid, cor_range = valid_range(fitted), restitution_range(fitted) if model.needs_cor else (0.0, 1.0)
-    given: dict[str, Constant | Callable[..., Any]] = {
+    return Port(
+        model=fitted.model_name,
+        titles=titles,
+        call=call,
+        source=_source(call, model.needs_cor, valid, cor_range, more=more),
+        needs_cor=model.needs_cor,
+        golden=_golden_rows(golden),
+        regimes=golden.rebound.regime.tolist(),
+        valid=valid,
+        calibrated=(float(fitted.impacts.v_y1.min()), float(fitted.impacts.v_y1.max())),
+        cor_range=cor_range,
+        offset_jumps=model.options.get("offset") == "grip",
+        measured=measured,
+    )
+
+
+def _source(
+    call: KernelCall,
+    needs_cor: bool,
+    valid: ValidRange,
+    cor_range: tuple[float, float],
+    places: Mapping[str, InRow] = MappingProxyType({}),
+    more: Sequence[Callable[..., Any]] = (),
+) -> KernelSource:
+    """The functions of a port; `places` are numbers that are read from the row."""
+    given: dict[str, Constant | Callable[..., Any] | InRow] = {
         "FITTED": FITTED[call.convention],
         "KERNEL": call.entry,
-        "TOLD_COR": int(model.needs_cor),
+        "TOLD_COR": int(needs_cor),
         "ANCHOR": ANCHOR_SPEED,
         "RADIUS": call.row[call.columns.index("ball_radius")],
         "V_Y1_LOW": valid.low,
@@ -150,39 +216,33 @@ def make_port(fitted: FittedModel, golden: Golden, origin: str, more: Sequence[C
         "COR_HIGH": cor_range[1],
         "GRAZING": GRAZING,
         "TINY": TINY,
+        **places,
     }
-    return Port(
-        model=fitted.model_name,
-        titles=titles,
-        call=call,
-        source=kernel_source(total_bounce, golden_agreement, *more, given=given),
-        needs_cor=model.needs_cor,
-        golden=_golden_rows(golden),
-        regimes=golden.rebound.regime.tolist(),
-        valid=valid,
-        calibrated=(float(fitted.impacts.v_y1.min()), float(fitted.impacts.v_y1.max())),
-        cor_range=cor_range,
-        offset_jumps=model.options.get("offset") == "grip",
-    )
+    return kernel_source(total_bounce, golden_agreement, *more, given=given)
 
 
 def range_sentences(port: Port) -> tuple[str, ...]:
-    """Sentences on the range of a port."""
-    valid, (low, high) = port.valid, port.calibrated
-    some = f"more kinetic energy than {100.0 * valid.gain:.2g} %, as some do within the calibrated range"
-    gained = some if valid.gain > 0.0 else "kinetic energy"
-    said = [
-        f"Valid range: v_y1 from {valid.low:.4g} to {valid.high:.4g} m/s. The model was fitted to impacts from "
-        f"{low:.4g} to {high:.4g} m/s. The valid range extends beyond as far as the model has a rebound, v_y2 grows "
-        f"with v_y1, and no bounce gains {gained}.",
-        f"Reason of the lower end: {valid.below}. Reason of the upper end: {valid.above}.",
+    """Sentences on the parameters of a port that nothing was fitted to, and on its ranges."""
+    said = [*port.sources]
+    for part in port.sets or (port,):
+        of, valid = f", {part.words}" if port.sets else "", part.valid
+        said += [
+            f"Valid range{of}: v_y1 from {valid.low:.4g} to {valid.high:.4g} m/s. {_fitted_range(part)}",
+            f"Reason of the lower end: {valid.below}. Reason of the upper end: {valid.above}.",
+        ]
+    said.append(
         "Outside of the valid range, restitution and offset of the normal force keep their values at its nearer end. "
-        "Every bounce there has a rebound, without a jump, and is marked as extrapolated.",
-    ]
-    # A range that ends with the calibrated one has that fault within it.
-    faults = {valid.below} if valid.low >= low else set()
-    faults |= {valid.above} if valid.high <= high else set()
-    said += [f"Within the calibrated range already: {fault}." for fault in sorted(faults)]
+        "Every bounce there has a rebound, without a jump, and is marked as extrapolated."
+    )
+    for part in (item for item in port.sets or (port,) if item.measured):
+        valid, (low, high) = part.valid, part.calibrated
+        # A range that ends with the calibrated one has that fault within it.
+        faults = {valid.below} if valid.low >= low else set()
+        faults |= {valid.above} if valid.high <= high else set()
+        before = f"{part.words}: " if port.sets else ""
+        said += [
+            f"{before}Within the calibrated range already: {fault}." for fault in sorted(faults) if part.measured
+        ]
     if port.offset_jumps:
         said.append("With offset = grip the model itself has jumps of some mm/s, where a hold just touches a grip.")
     if port.model == "thesis":
@@ -190,6 +250,18 @@ def range_sentences(port: Port) -> tuple[str, ...]:
             "This model repeats a printed computation: its bounces gain energy and jump at a change of phase."
         )
     return tuple(said)
+
+
+def _fitted_range(port: Port) -> str:
+    """How far the valid range reaches, in sentences."""
+    (low, high), gain = port.calibrated, port.valid.gain
+    known = "within the calibrated range" if port.measured else "at the speeds of a rally"
+    gained = f"more kinetic energy than {100.0 * gain:.2g} %, as some do {known}" if gain > 0.0 else "kinetic energy"
+    limits = f"as far as the model has a rebound, v_y2 grows with v_y1, and no bounce gains {gained}."
+    if not port.measured:
+        return f"It extends {limits}"
+    fitted = f"The model was fitted to impacts from {low:.4g} to {high:.4g} m/s."
+    return f"{fitted} The valid range extends beyond {limits}"
 
 
 def _golden_rows(golden: Golden) -> Sequence[Sequence[float]]:
@@ -200,10 +272,13 @@ def _golden_rows(golden: Golden) -> Sequence[Sequence[float]]:
     return list(map(tuple, np.stack(columns, axis=1).tolist()))
 
 
-def status_reasons(needs_cor: bool) -> dict[int, str]:
+def status_reasons(port: Port) -> dict[int, str]:
     """Why an impact cannot be evaluated, by status."""
-    numbers = "finite numbers, a finite cor" if needs_cor else "finite numbers"
+    numbers = "finite numbers, a finite cor" if port.needs_cor else "finite numbers"
     bad = {BAD_INPUT: f"expected {numbers}, and v_y1 >= 0 towards the court"}
+    if port.arguments:
+        levels = ", ".join(f"and as {item.name} one of {', '.join(item.names)}" for item in port.arguments)
+        bad = {BAD_INPUT: f"expected {numbers}, v_y1 >= 0 towards the court, {levels}"}
     return bad | {int(status): STATUS_REASON[status] for status in Status if status is not Status.OK}
 
 
@@ -213,13 +288,22 @@ def rendered(port: Port, template: str, **context: object) -> str:
         port=port,
         titles=wrapped(port.titles),
         sentences=wrapped(range_sentences(port)),
-        reasons=status_reasons(port.needs_cor),
+        reasons=status_reasons(port),
         flags=FLAGS,
         phases=[PHASE_SYMBOL.get(code, "") for code in range(len(PHASE_SYMBOL) + 1)],  # type: ignore[call-overload]
         tolerance=SELF_TEST_TOLERANCE,
         series_size=SERIES_SIZE,
         stack_size=STACK_SIZE,
         cor_argument=", cor" if port.needs_cor else "",
+        golden=[row for part in port.sets or (port,) for row in part.golden],
+        regimes=[regime for part in port.sets or (port,) for regime in part.regimes],
+        counts=[len(part.regimes) for part in port.sets],
+        golden_numbers=GOLDEN_NUMBERS,
+        width=len(port.whole_row),
+        speed_ends=[*SPEED_ENDS, *(CALIBRATED_ENDS if port.measured else ())],
+        used="it was fitted" if port.measured else "it was set",
+        bad_input=BAD_INPUT,
+        level_arguments="".join(f", {item.name}" for item in port.arguments),
         **context,
     )  # fmt: skip
 
@@ -285,7 +369,7 @@ def python_port(port: Port) -> str:
         "port.py.j2",
         number=lambda value: "math.nan" if value != value else repr(value),
         classes="\n\n\n".join(_class(name, fields) for name, fields in source.structs.items()),
-        functions="\n\n\n".join(map(_function, source.functions)),
+        functions="\n\n\n".join(_function(item, bool(port.arguments)) for item in source.functions),
     )
 
 
@@ -295,13 +379,19 @@ def _class(name: str, fields: Iterable[str]) -> str:
     return "\n".join([*lines, *(f"        self.{field} = {field}" for field in fields)])
 
 
-def _function(function: ast.FunctionDef) -> str:
-    """A kernel's text without annotations, which name types that a port does not have."""
+def _function(function: ast.FunctionDef, ranges_behind: bool) -> str:
+    """A kernel's text without annotations, which name types that a port does not have. With `ranges_behind` its row
+    is longer than what it takes apart.
+    """
     plain = ast.parse(ast.unparse(function)).body[0]
     assert isinstance(plain, ast.FunctionDef)
     plain.returns = None
     for argument in plain.args.args:
         argument.annotation = None
+    for node in ast.walk(plain) if ranges_behind else ():
+        match node:
+            case ast.Assign(targets=[ast.Tuple() as names], value=ast.Name(id="row")):
+                names.elts.append(ast.Starred(ast.Name("_ranges", ast.Store()), ast.Store()))
     return ast.unparse(plain)
 
 

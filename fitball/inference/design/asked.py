@@ -275,6 +275,7 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
             raise ParameterError(f"{asked_sensor(text)}: {SENSOR_FORMS}")
+        written = re.sub(r"(?<=[0-9])(?=[A-Za-z])(?!e[-+0-9])", " ", value)
         try:
             if key == CAMERA:
                 share = _number(key, value, None)
@@ -284,13 +285,13 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
                 height = _number(key, value, Dimension.LENGTH)
                 refuse_beyond("drop_height", np.array([height]))
                 drop = Impacts(np.zeros(1), np.array([sqrt(2.0 * GRAVITY * height)]), np.zeros(1))
-                words.append(f"a ball dropped from {value}")
+                words.append(f"a ball dropped from {written}")
             elif key == PLATE:
                 plate = _plate(problem, value)
-                words.append(f"force within {value} per sample")
+                words.append(f"force within {written} per sample")
             else:
                 columns[key] = _column(problem, key, value)
-                words.append(f"{OBSERVABLES[key].title} within {value}")
+                words.append(f"{OBSERVABLES[key].title} within {written}")
         except (ParameterError, UnitError) as error:
             raise ParameterError(f"{asked_sensor(text)}: {error}") from None
         names.append(key)
