@@ -158,7 +158,7 @@ def test_a_column_of_surfaces_is_followed_whatever_it_is_called(column):
 def test_of_two_other_columns_of_surfaces_none_is_followed():
     with pytest.raises(ParameterError, match="mu differs between the levels of surface"):
         levels_of_impacts(with_levels(), 2, {"ball": "old"}, {"court": ("clay",) * 2, "floor": ("hard",) * 2})
-    with pytest.raises(ParameterError, match="name one column twice"):
+    with pytest.raises(ParameterError, match="surface is named twice"):
         levels_of_impacts(with_levels(), 2, {"ball": "old", "Surface": "clay", "surface": "hard"}, {})
 
 
