@@ -327,9 +327,9 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
     from fitball.exports.interactive import interactive_page, round_impact
 
     if subject.saved is not None:
-        fitted, table, at = subject.fitted, subject.saved.source, subject.at
-        intro = f"As fitted to {table.name}, {table.impacts} impacts{at}."
-        origin = f"table {table.file} ({table.impacts} impacts){at}, point estimate, fit {subject.saved.status}"
+        fitted, table = subject.fitted, subject.saved.source
+        intro = f"As fitted to {table.name}, {table.impacts} impacts{subject.at}."
+        origin = origin_of(subject.saved, subject.levels)
     else:
         # The valid range is that of these impacts.
         fitted, origin = replace(subject.fitted, impacts=load_table("wang_all").impacts), "default values, no fit"

@@ -11,16 +11,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fitball.errors import ParameterError
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.reach import spanning_impacts
+from fitball.inference.problem.level_names import checked_label, columns_of
 from fitball.inference.problem.pooling import Pooling
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, Golden
 from fitball.models.types import Rebound
 from fitball.report.saved.fit_file import complete
 from fitball.values import Impacts
-from fitball.wording import spoken
 
 
 @dataclass(frozen=True)
@@ -112,15 +111,11 @@ def _remarks(cases: Sequence[Case]) -> tuple[str, ...]:
 
 
 def _checked(fitted: FittedModel, levels: Mapping[str, str]) -> dict[str, str]:
-    for column, label in levels.items():
-        if column not in fitted.labels:
-            known = f" (columns: {', '.join(fitted.labels)})" if fitted.labels else ""
-            asked = spoken(f"--level {column}={label}", f"levels={dict(levels)!r}")
-            raise ParameterError(
-                f"{asked}: no parameter of this fit differs between levels of {column}{known}: leave it out"
-            )
-    fitted.at({**{column: labels[0] for column, labels in fitted.labels.items()}, **levels})
-    return dict(levels)
+    """The labels by column as they were fitted. Raises ParameterError as `FittedModel.at` does."""
+    named = columns_of(fitted.levels, levels)
+    chosen = {column: checked_label(fitted.levels, column, label) for column, label in named.items()}
+    fitted.at({**{column: labels[0] for column, labels in fitted.labels.items()}, **chosen})
+    return chosen
 
 
 def _case(saved: Fit, labels: Mapping[str, str], pooling: Sequence[Pooling]) -> Case:
