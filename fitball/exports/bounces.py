@@ -7,20 +7,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from types import MappingProxyType
 
 import numpy as np
 
-from fitball.errors import ParameterError
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.reach import spanning_impacts
-from fitball.inference.problem.pooling import Pooling
+from fitball.inference.problem.level_names import checked_label, refuse_unknown
+from fitball.inference.problem.pooling import Levels, Pooling
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, Golden
 from fitball.models.types import Rebound
 from fitball.report.saved.fit_file import complete
 from fitball.values import Impacts
-from fitball.wording import spoken
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class Bounces:
     sources: tuple[str, ...] = ()
 
 
-def origin_of(saved: Fit, labels: Mapping[str, str] = MappingProxyType({})) -> str:
+def _origin(saved: Fit, labels: Mapping[str, str]) -> str:
     """Which fit an export is of, in a line; with `labels` by column, on which surface and with which ball."""
     table = saved.source
     origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
@@ -82,10 +80,12 @@ def origin_of(saved: Fit, labels: Mapping[str, str] = MappingProxyType({})) -> s
 def bounces_of(saved: Fit, levels: Mapping[str, str] | None = None) -> Bounces:
     """The cases of a fit; `levels` (column -> label) leaves those of one surface or ball.
 
-    Raises ParameterError for a column over which no parameter differs, and for a label that was not fitted.
+    Raises ParameterError for a column over which no parameter differs, for a label that was not fitted, and for a new
+    one of a point fit.
     """
     fitted = saved.fitted
-    chosen = _checked(fitted, levels or {})
+    refuse_unknown(fitted.levels, levels or {})
+    chosen = {column: checked_label(fitted.levels, column, label) for column, label in (levels or {}).items()}
     columns = {column: labels for column, labels in fitted.labels.items() if column not in chosen}
     if not fitted.levels:
         cases: tuple[Case, ...] = (Case({}, fitted, saved.golden),)
@@ -95,7 +95,7 @@ def bounces_of(saved: Fit, levels: Mapping[str, str] | None = None) -> Bounces:
         combinations = (dict(zip(columns, labels, strict=True)) for labels in product(*columns.values()))
         cases = tuple(_case(saved, {**chosen, **one}, pooling) for one in combinations)
     return Bounces(
-        origin_of(saved, chosen), columns, cases, name=saved.source.name, table=saved.source.file,
+        _origin(saved, chosen), columns, cases, name=saved.source.name, table=saved.source.file,
         sources=_remarks(cases) if fitted.levels else (),
     )  # fmt: skip
 
@@ -111,18 +111,6 @@ def _remarks(cases: Sequence[Case]) -> tuple[str, ...]:
     )
 
 
-def _checked(fitted: FittedModel, levels: Mapping[str, str]) -> dict[str, str]:
-    for column, label in levels.items():
-        if column not in fitted.labels:
-            known = f" (columns: {', '.join(fitted.labels)})" if fitted.labels else ""
-            asked = spoken(f"--level {column}={label}", f"levels={dict(levels)!r}")
-            raise ParameterError(
-                f"{asked}: no parameter of this fit differs between levels of {column}{known}: leave it out"
-            )
-    fitted.at({**{column: labels[0] for column, labels in fitted.labels.items()}, **levels})
-    return dict(levels)
-
-
 def _case(saved: Fit, labels: Mapping[str, str], pooling: Sequence[Pooling]) -> Case:
     """The model at `labels`, with the impacts that were measured there as far as `pooling` says which they are."""
     everything, fitted = saved.impacts if pooling else saved.fitted.impacts, saved.fitted
@@ -132,8 +120,22 @@ def _case(saved: Fit, labels: Mapping[str, str], pooling: Sequence[Pooling]) -> 
         rows = np.flatnonzero(np.logical_and.reduce(there))
         mine, measured = rows if rows.size else mine, int(rows.size)
     impacts = spanning_impacts(everything.take(mine), fitted.ball.radius)
-    own = replace(fitted.at(labels), impacts=impacts)
+    there_alone, others = fitted.at(labels), spread_names(fitted.levels)
+    kept = [k for k, name in enumerate(fitted.names) if name not in others]
+    own = replace(
+        there_alone,
+        names=tuple(fitted.names[k] for k in kept),
+        point=there_alone.point[kept],
+        draws=there_alone.draws[:, kept],
+        impacts=impacts,
+    )
     return Case(labels, own, golden(own, impacts), measured)
+
+
+def spread_names(levels: Sequence[Levels]) -> set[str]:
+    """Names of the parameters that say how far levels are apart, and where each is."""
+    places = {item.place_name(label) for item in levels for label in item.labels}
+    return places | {item.spread_name for item in levels}
 
 
 def place_of(labels: Sequence[str], label: str) -> int:

@@ -373,17 +373,6 @@ class Record:
         """The parameters that were fitted, in order."""
         return tuple(name for name, item in self.parameters.items() if item.verdict is not Verdict.FIXED)
 
-    @property
-    def at_common(self) -> str:
-        """A note on a bounce without a level, where parameters differ between levels; empty where none
-        does.
-        """
-        pooled = {item.parameter: item.column for item in self.levels}
-        return "; ".join(
-            f"{name} differs between {column}s: the value used is the common one, which belongs to none of them"
-            for name, column in pooled.items()
-        )
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fit(Record):
