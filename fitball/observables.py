@@ -134,7 +134,7 @@ _ALL = (
 )  # fmt: skip
 # The noise of a velocity component, which all columns of the velocity may share.
 SHARED_NOISE = ColumnNoise(
-    "velocity_sd", 1e-4, 10.0, "0.25", "each velocity component, where they share one", r"$\sigma_v$"
+    "velocity_sd", 1e-4, 10.0, "0.25", "velocity, of each component, where they share one", r"$\sigma_v$"
 )
 SHARED_SD = SHARED_NOISE.name
 OBSERVABLES: Mapping[str, ReboundColumn] = {item.name: item for item in _ALL}

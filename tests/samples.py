@@ -139,7 +139,7 @@ def drop_table(rng, count=9, noise=0.05):
 
 def linear_problem(table, **scene):
     flat = {"cor_10": "uniform(0, 1)", "cor_slope": "uniform(-0.1, 0.1)"}
-    return build_problem(table, Scene(**scene), Choices(model="brody", priors=flat))
+    return build_problem(table, Scene(**scene), Choices(model="brody", priors=flat, pool={"all": "none"}))
 
 
 def synthetic(problem, truth, seed=None):

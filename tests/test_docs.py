@@ -21,7 +21,7 @@ from validation.ranks import FAMILY_ERROR, RANKED
 from validation.trust import PINNED
 
 import fitball
-from fitball.data.columns import HEIGHTS, LABELS, MEASURED
+from fitball.data.columns import BALL_TEMPERATURE, HEIGHTS, LABELS, MEASURED
 from fitball.data.scene_keys import KINDS
 from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import calibrate
@@ -196,7 +196,7 @@ def test_numbers_that_decide_are_those_of_the_code():
 
 
 def test_columns_units_and_keys_of_a_scene():
-    assert column(FORMATS, "column", "meaning") == {*MEASURED, *HEIGHTS, *LABELS}
+    assert column(FORMATS, "column", "meaning") == {*MEASURED, *HEIGHTS, *LABELS, BALL_TEMPERATURE}
     units = {row[0]: tuple(re.findall(r"`([^`]+)`", row[1])) for row in
              table(FORMATS, "dimension", "units", "without a bracket")}  # fmt: skip
     assert units == {item.value: symbols(item) for item in Dimension}

@@ -140,3 +140,11 @@ def test_blocks_of_a_long_table_share_the_lines_of_a_first_screen():
     assert len(beside) == FIRST_LINES + 2 and beside[-1] == f"... and {60 - FIRST_LINES} more: long.csv"
     # Two blocks, each with a head, and a blank line between.
     assert len(below) == FIRST_LINES + 4 and below[-1] == f"... and {60 - FIRST_LINES // 2} more: long.csv"
+
+
+def test_a_narrow_screen_has_no_room_for_what_is_spare():
+    rows = [["name", "words", ""], ["mu", "w" * 30, "1" * 20]]
+    for spare, heads in (("words", ["name"]), ("", ["name", "words"])):
+        table = Table("Values", rows, ["words"], spare=spare)
+        text = on_terminal(Document("", [table], []), Screen(40))
+        assert text.splitlines()[0].split() == heads and ("w" * 30 in text) == (not spare) and "1" * 20 in text

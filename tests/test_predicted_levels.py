@@ -142,6 +142,20 @@ def test_the_option_fills_what_the_table_leaves_empty():
     assert found == {"surface": ("clay", "hard"), "ball": ("Dünn", "Dünn")}
 
 
+@pytest.mark.parametrize("column", ["Surface", "surface ", "court", "playing_surface"])
+def test_a_column_of_surfaces_is_followed_whatever_it_is_called(column):
+    cells = {column: ("hard", "clay"), "ball": ("old", "new")}
+    assert levels_of_impacts(with_levels(), 2, {}, cells)["surface"] == ("hard", "clay")
+    assert levels_of_impacts(with_levels(), 2, {"SURFACE": "clay", "ball": "old"}, {})["surface"] == ("clay",) * 2
+
+
+def test_of_two_other_columns_of_surfaces_none_is_followed():
+    with pytest.raises(ParameterError, match="mu differs between the levels of surface"):
+        levels_of_impacts(with_levels(), 2, {"ball": "old"}, {"court": ("clay",) * 2, "floor": ("hard",) * 2})
+    with pytest.raises(ParameterError, match="name one column twice"):
+        levels_of_impacts(with_levels(), 2, {"ball": "old", "Surface": "clay", "surface": "hard"}, {})
+
+
 def test_a_new_surface_needs_a_posterior():
     with pytest.raises(ParameterError, match="a point fit has none"):
         with_levels(draws=0).at({"surface": "new", "ball": "old"})

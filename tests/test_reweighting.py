@@ -347,22 +347,54 @@ def test_rows_and_draws_that_were_changed_are_not_believed(season, tmp_path):
 
 
 def test_a_batch_that_lies_there_tells_its_population(season, capsys):
-    """In Python and on the command line the same, without a fit; further quantities beside those that tables tell."""
-    (mu,) = fitball.load_batch(season).population("mu")
+    """In Python and on the command line the same, without a fit; files have those that tables determine besides."""
+    mu = fitball.load_batch(season).population("mu")["mu"]
     middle, low, high = mu.ends(mu.population.centre)
     assert low < mu.quantity.value(mu.own["a"].median) < high
     code = main(["population", str(season), "--parameters", "spin_sd/velocity_sd", "--json"])
     told = json.loads(capsys.readouterr().out)["quantities"]
     assert code == (1 if any(one["not_trusted"] for one in told.values()) else 0)
-    assert told == json.loads((season / "population.json").read_text("utf-8"))["quantities"]
-    assert told["mu"]["centre"]["median"] == middle
+    written = json.loads((season / "population.json").read_text("utf-8"))["quantities"]
+    assert told == {"spin_sd/velocity_sd": written["spin_sd/velocity_sd"]}
+    assert written["mu"]["centre"]["median"] == middle
     assert told["spin_sd/velocity_sd"]["unit"] == "(rad/s)/(m/s)"
     table = (season / "population.csv").read_text("utf-8").splitlines()
-    assert sum(line.startswith("mu,") for line in table) == 4
+    assert sum(line.startswith("mu,") for line in table) == 4 + 3
     page = (season / "batch.html").read_text("utf-8")
     assert "given all" in page and "spin_sd/velocity_sd" in page
     main(["population", str(season)])
     assert "spin_sd/velocity_sd" not in capsys.readouterr().out
+    main(["population", str(season), "--parameters", "mu"])
+    shown = capsys.readouterr().out
+    assert shown.startswith("mu over 4 tables\n") and "cor_10" not in shown
+
+
+def test_a_population_is_one_object_in_the_unit_of_its_parameter(season):
+    """Values, spread and levels by hand from the population in its logarithm."""
+    over = {"a": "clay", "b": "clay", "c": "hard", "d": "hard"}
+    found = fitball.load_batch(season).population("mu", over=over)
+    assert len(repr(found)) < 100 and repr(found).startswith("<Populations: mu 0.")
+    own = found["mu"].population
+    frame = found.to_frame()
+    values = frame.set_index(["kind", "level", "table"])[["median", "q025", "q975"]]
+    ends = np.exp([own.levels[1].known.median, own.levels[1].known.low, own.levels[1].known.high])
+    assert values.loc[("level", "hard", "")].to_numpy() == pytest.approx(ends)
+    s = own.spread.high
+    drawn = np.exp(own.centre.median + s * stats.norm.ppf((np.arange(200_000) + 0.5) / 200_000))
+    spread = frame[frame["kind"] == "spread"]["q975"].item()
+    assert spread == pytest.approx(drawn.std(), rel=0.01 * np.exp(s))
+    alone = frame[frame["table"] == "c"]
+    assert alone["alone_median"].item() == pytest.approx(np.exp(found["mu"].own["c"].median))
+    assert alone["level"].item() == "hard"
+    report = found.report()
+    assert "mu over 4 tables, by level" in report and "clay" in report and "cor_10" not in report
+    (panel,) = found.plot().axes
+    names = [text.get_text() for text in panel.get_yticklabels()]
+    assert names == ["a", "b", "c", "d", "level clay", "level hard", "mean", "new table"]
+    bars = [path.get_segments()[0] for path in panel.collections]
+    assert any(np.allclose(bar[:, 0], ends[1:]) for bar in bars)
+    with pytest.raises(KeyError, match="mi: known: mu"):
+        found["mi"]
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from fitball.errors import ParameterError, check_whole
 from fitball.inference.design import make_plan as plans
 from fitball.inference.design.make_plan import Asked
 from fitball.inference.prediction.impact_levels import Asked as AskedLevels
-from fitball.inference.prediction.impact_levels import levels_of_impacts, new_words
+from fitball.inference.prediction.impact_levels import levels_of_impacts, new_words, written_columns
 from fitball.inference.prediction.new_impacts import (
     NewPrediction,
     ObservableScore,
@@ -166,6 +166,8 @@ def foretell(
     prediction = with_assumptions(prediction, fitted, saved.assumptions)
     # What limits every prediction comes first: a terminal shows a few.
     point = saved.status is RunStatus.POINT_ONLY
+    elsewhere = {column: name for column, name in written_columns(fitted, cells).items() if name != column}
+    assumed += tuple(f"labels of {column} are read from the column {name}" for column, name in elsewhere.items())
     notes = [*[POINT_ONLY] * point, *[IGNORED if point or exact_incidence else DRAWN] * stated]
     notes += [*_cautions(saved, fitted, prediction), *assumed]
     notes += [*(() if table is None else (*table.remarks, *_other_flips(saved.source, table))), *unused]

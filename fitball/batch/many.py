@@ -25,7 +25,8 @@ from fitball.inference.results import results
 from fitball.inference.results.source import Digest
 from fitball.kinds import checked, spelled
 from fitball.report.batch.document import Results, render, write_results
-from fitball.report.batch.populations import Populated, default_names, populations
+from fitball.report.batch.found import Populations
+from fitball.report.batch.populations import default_names, populations
 from fitball.report.batch.rows import (
     CSV_NAME,
     DONE,
@@ -91,18 +92,19 @@ class Batch(Mapping[str, Fit]):
         quantities: Sequence[str] = (),
         command: str | None = None,
         over: Over = None,
-    ) -> tuple[Populated, ...]:
-        """Write the files of the batch anew with the populations of `quantities`, which are returned; see
-        `population`.
+    ) -> Populations:
+        """Write the files of the batch anew, with the populations of `quantities` besides those of `population()`.
+        Returns those of `quantities`, without any all of them.
         """
         with held(self.folder):
             self._shown = write_results(self.rows, self.folder, command, quantities, over)
-        return self._shown.populated
+        return Populations(self._shown.populated, self.folder).only(quantities)
 
     @checked
-    def population(self, *quantities: str, over: Over = None) -> tuple[Populated, ...]:
-        """Centre and spread of parameters, or ratios of two (`"k_theta/k_y"`), over the tables, and each table's
-        value given all others. They come from the saved draws: nothing is fitted.
+    def population(self, *quantities: str, over: Over = None) -> Populations:
+        """Mean and spread of parameters, or ratios of two (`"k_theta/k_y"`), over the tables, and each table's value
+        given all others; without names those of parameters that at least three tables determine. They come from the
+        saved draws: nothing is fitted. `to_frame()`, `report()` and `plot()` show them in the parameters' units.
 
         `over` groups tables into levels. It is a label that all rows of a table share (`"surface"`), or
         `"folder"`, or a mapping of tables to levels. There is then a spread between levels and one within them.
@@ -110,7 +112,7 @@ class Batch(Mapping[str, Fit]):
         Raises ParameterError for an unknown quantity, or one that too few tables have; ResultFolderError.
         """
         names = quantities or default_names(all_series(self.rows))
-        return populations(self.rows, self.folder, names, over)
+        return Populations(populations(self.rows, self.folder, names, over), self.folder)
 
     @checked
     def __getitem__(self, name: str) -> Fit:

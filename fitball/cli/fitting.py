@@ -294,10 +294,10 @@ def run_population(args: argparse.Namespace) -> int:
     asked = [name.strip() for name in args.parameters.split(",") if name.strip()]
     populated = batch.summarise(asked, args.command, args.over)
     if args.json:
-        print(json_text(content(populated)), end="")
+        print(json_text(content(tuple(populated.values()))), end="")
     else:
-        show(batch.report())
-    return 1 if any(one.population.doubtful for one in populated) else 0
+        show(populated.report())
+    return 1 if populated.doubtful else 0
 
 
 POPULATION = Verb(
@@ -306,7 +306,7 @@ POPULATION = Verb(
         option("folder", "FOLDER", "result folder of a batch (default: fits/batch)", nargs="?"),
         option(
             "--parameters", "A,B,...",
-            "further parameters, or ratios of two such as k_theta/k_y (default: those that at least three tables "
+            "parameters to show, or ratios of two such as k_theta/k_y (default: those that at least three tables "
             "determine)", old="--of", default="",
         ),
         option(

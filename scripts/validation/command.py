@@ -87,7 +87,7 @@ def make_parser() -> argparse.ArgumentParser:
         type=whole,
         metavar="N",
         help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50); "
-        "labs and tables of two surfaces (400)",
+        "labs, and tables of two surfaces (400)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")

@@ -211,7 +211,7 @@ def judge(records: Mapping[str, Sequence[Sequence[Row]]], seed: int) -> Verdict:
         if (some := [row for row in rows["labs"] if _key(row) == (kind, count, what)])
     ]
     controls = [
-        min(_chances(one)[0] for one in found if one["fit"] == CONTROL and one["quantity"] == name)
+        min((_chances(one)[0] for one in found if one["fit"] == CONTROL and one["quantity"] == name), default=1.0)
         for name in (*LABS, *POOL)
     ]
     apart = [row for row in rows["surfaces"] if (row["of"], row["what"]) == ("mu", DIFFERENT)]

@@ -20,7 +20,7 @@ from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.inference.prediction.posterior_predictive import by_level, levels_of
-from fitball.inference.problem.level_names import at_level, checked_label, labels_of, refuse_unknown
+from fitball.inference.problem.level_names import at_level, checked_label, columns_of, labels_of
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -148,8 +148,8 @@ def surfaces_of(problem: Problem, levels: Labels | None = None) -> tuple[tuple[s
 
 def checked_levels(problem: Problem, levels: Labels) -> dict[str, str]:
     """The labels of a plan as they were fitted. Raises ParameterError for others, `new` among them."""
-    refuse_unknown(problem.pooling, levels)
-    named = {column: checked_label(problem.pooling, column, label) for column, label in levels.items()}
+    asked = columns_of(problem.pooling, levels)
+    named = {column: checked_label(problem.pooling, column, label) for column, label in asked.items()}
     for column, label in named.items():
         if label not in labels_of(problem.pooling)[column]:
             raise ParameterError(
@@ -275,6 +275,7 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not key or not value:
             raise ParameterError(f"{asked_sensor(text)}: {SENSOR_FORMS}")
+        written = re.sub(r"(?<=[0-9])(?=[A-Za-z])(?!e[-+0-9])", " ", value)
         try:
             if key == CAMERA:
                 share = _number(key, value, None)
@@ -284,13 +285,13 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
                 height = _number(key, value, Dimension.LENGTH)
                 refuse_beyond("drop_height", np.array([height]))
                 drop = Impacts(np.zeros(1), np.array([sqrt(2.0 * GRAVITY * height)]), np.zeros(1))
-                words.append(f"a ball dropped from {value}")
+                words.append(f"a ball dropped from {written}")
             elif key == PLATE:
                 plate = _plate(problem, value)
-                words.append(f"force within {value} per sample")
+                words.append(f"force within {written} per sample")
             else:
                 columns[key] = _column(problem, key, value)
-                words.append(f"{OBSERVABLES[key].title} within {value}")
+                words.append(f"{OBSERVABLES[key].title} within {written}")
         except (ParameterError, UnitError) as error:
             raise ParameterError(f"{asked_sensor(text)}: {error}") from None
         names.append(key)

@@ -40,12 +40,14 @@ class Quantity:
     """A quantity that follows from the parameters called `parts`; `parameter` has its name, unit and coordinate.
 
     A `level` is known where spread and place, whose product it has, are not: to first order it is its own line.
+    `beyond` says that it is extrapolated.
     """
 
     parameter: Parameter
     parts: tuple[str, ...]
     rule: Rule
     level: bool = False
+    beyond: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,50 +80,83 @@ def extrapolated_words(problem: Problem) -> str:
 
 
 def quantities(problem: Problem) -> tuple[Quantity, ...]:
-    """Those that a problem has: of parameters that differ between levels their values there, and else those of
-    parameters that are the same for all impacts.
+    """Those that a problem has: values of parameters at levels, values at a measured speed, at each level where the
+    line differs between levels, and the ratio of the stiffnesses where it is one.
     """
-    pooled = {pooling.parameter for pooling in problem.pooling}
-    return (*_levels(problem), *(item for item in _all(problem) if not pooled & set(item.parts)))
+    return (*_levels(problem), *_at_measured_speed(problem), *_ratio(problem))
 
 
 def _levels(problem: Problem) -> Iterator[Quantity]:
+    extrapolating = extrapolated(problem)
     for pooling in problem.pooling:
         spec = problem.model.specs[pooling.parameter]
         prior = next(item.prior for item in problem.parameters if item.name == pooling.parameter)
         for label in pooling.labels:
             own = replace(spec, name=pooling.level_name(label), meaning=f"{spec.meaning}, {pooling.column} {label}")
-            parts = (pooling.parameter, pooling.place_name(label))
-
-            def rule(values: FloatArray, pooling: Pooling = pooling, label: str = label) -> FloatArray:
-                return pooling.value(problem.all_values(values), label)
-
-            yield Quantity(Parameter(own, prior, None), parts, rule, level=True)
+            parts, rule = (pooling.parameter, pooling.place_name(label)), _level(problem, pooling, label)
+            beyond = extrapolated_words(problem) if pooling.parameter in extrapolating else ""
+            yield Quantity(Parameter(own, prior, None), parts, rule, level=True, beyond=beyond)
 
 
-def _all(problem: Problem) -> Iterator[Quantity]:
+def _level(problem: Problem, pooling: Pooling, label: str) -> Rule:
+    return lambda values: pooling.value(problem.all_values(values), label)
+
+
+def _at_measured_speed(problem: Problem) -> Iterator[Quantity]:
     speed = float(f"{np.median(problem.impacts.v_y1):.3g}")
+    at, pooled = f"at {speed:g} m/s", {pooling.parameter: pooling for pooling in problem.pooling}
     for anchor in extrapolated(problem):
-        parts = (anchor, LINES[anchor])
-        at = f"at {speed:g} m/s"
-        if anchor == "cor_10":
-            spec = ParameterSpec(
-                f"COR {at}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"vertical restitution, {at}", r"$\mathrm{COR}$"
-            )
-            yield Quantity(_parameter(spec), parts, _restitution(problem, speed))
-        else:
-            spec = ParameterSpec(
-                f"offset {at}", "m", -0.033, 0.033, "normal(0, 0.005)",
-                f"normal-force offset, ahead of the centre, {at}", r"$\varepsilon$",
-            )  # fmt: skip
-            yield Quantity(_parameter(spec), parts, _line(problem, *parts, speed - ANCHOR_SPEED))
-    if {"k_theta", "k_y"} <= set(problem.free_names):
+        slope, pooling = LINES[anchor], pooled.get(anchor)
+        if slope in pooled:
+            continue
+        if pooling is None:
+            rule = _measured(problem, anchor, _free(problem, anchor), speed, None)
+            yield Quantity(_measured_spec(anchor, at, "", ""), (anchor, slope), rule)
+            continue
+        for k, label in enumerate(pooling.labels):
+            own = _measured_spec(anchor, at, f"[{label}]", f", {pooling.column} {label}")
+            parts = (anchor, slope, pooling.place_name(label))
+            like = int(np.argmax(pooling.index == k))
+            rule = _measured(problem, anchor, _level(problem, pooling, label), speed, like)
+            yield Quantity(own, parts, rule, level=True)
+
+
+def _measured_spec(anchor: str, at: str, where: str, words: str) -> Parameter:
+    if anchor == "cor_10":
+        spec = ParameterSpec(
+            f"COR {at}{where}", "", 0.0, 1.0, "normal(0.75, 0.15)", f"vertical restitution, {at}{words}",
+            r"$\mathrm{COR}$",
+        )  # fmt: skip
+    else:
+        spec = ParameterSpec(
+            f"offset {at}{where}", "m", -0.033, 0.033, "normal(0, 0.005)",
+            f"normal-force offset, ahead of the centre, {at}{words}", r"$\varepsilon$",
+        )  # fmt: skip
+    return _parameter(spec)
+
+
+def _measured(problem: Problem, anchor: str, value: Rule, speed: float, like: int | None) -> Rule:
+    """What a line is at a speed; of the restitution as the model has it, at the level of the table's row `like`."""
+    if anchor == "cor_10":
+        return _restitution(problem, speed, like)
+    slope, away = _free(problem, LINES[anchor]), speed - ANCHOR_SPEED
+    return lambda values: value(values) + away * slope(values)
+
+
+def _ratio(problem: Problem) -> Iterator[Quantity]:
+    pooled = {pooling.parameter for pooling in problem.pooling}
+    if {"k_theta", "k_y"} <= set(problem.free_names) - pooled:
         spec = ParameterSpec(
             "k_theta/k_y", "m^2/rad", 1e-12, 1e6, "lognormal(1.5e-3, 1.8)",
             "stiffness ratio, torsional over vertical: rebounds determine only this", r"$K_\theta/K_y$",
         )  # fmt: skip
-        above, below = (problem.free_names.index(name) for name in ("k_theta", "k_y"))
-        yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: values[:, above] / values[:, below])
+        above, below = _free(problem, "k_theta"), _free(problem, "k_y")
+        yield Quantity(_parameter(spec), ("k_theta", "k_y"), lambda values: above(values) / below(values))
+
+
+def _free(problem: Problem, name: str) -> Rule:
+    column = problem.free_names.index(name)
+    return lambda values: values[:, column]
 
 
 def _along(problem: Problem, item: Quantity, at: FloatArray, moves: FloatArray) -> FloatArray:
@@ -167,21 +202,16 @@ def _parameter(spec: ParameterSpec) -> Parameter:
     return Parameter(spec, parse_prior(spec.name, spec.prior, spec.lower, spec.upper, spec.unit), None)
 
 
-def _restitution(problem: Problem, speed: float) -> Rule:
+def _restitution(problem: Problem, speed: float, like: int | None) -> Rule:
     """By the law of the model, at the table's median motion along the court."""
     given = problem.impacts
     impact = Impacts(np.array([np.median(given.v_x1)]), np.array([speed]), np.array([np.median(given.omega_1)]))
 
     def rule(values: FloatArray) -> FloatArray:
-        rebound = problem.rebound(values, impact)
+        rebound = problem.rebound(values, impact, like)
         return np.where(rebound.status[:, 0] == 0, rebound.v_y2[:, 0] / speed, np.nan)
 
     return rule
-
-
-def _line(problem: Problem, anchor: str, slope: str, away: float) -> Rule:
-    at, by = (problem.free_names.index(name) for name in (anchor, slope))
-    return lambda values: values[:, at] + away * values[:, by]
 
 
 def derived(
@@ -208,6 +238,7 @@ def derived(
         # Where the model hardly has an answer there is nothing to report.
         if 2 * len(draws) < len(values) or 2 * len(known) < len(before):
             continue
-        numbers = Numbers(problem, item.parameter, NOTHING, marginal(item.parameter.prior, draws, known))
+        found_in = marginal(item.parameter.prior, draws, known)
+        numbers = Numbers(problem, item.parameter, NOTHING, found_in, beyond=item.beyond)
         found.append(Derived(item, float(item.rule(best)[0]), draws, judge(numbers)))
     return tuple(found)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.labels import role_of
 from fitball.errors import ParameterError
-from fitball.inference.problem.level_names import at_level, checked_label, refuse_unknown
+from fitball.inference.problem.level_names import at_level, checked_label, column_of, columns_of
 from fitball.inference.problem.pooling import FEW_LEVELS, NEW
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.visible import some
@@ -28,13 +29,27 @@ def levels_of_impacts(
     Raises ParameterError for impacts without a label, for labels that were not fitted, for those asked for where the
     table has labels, and for columns over which no parameter differs.
     """
-    refuse_unknown(fitted.levels, asked)
-    return {
-        column: _checked(
-            fitted, column, _labels(fitted, column, count, asked.get(column), cells.get(column), ids), ids
-        )
-        for column in fitted.labels
-    }
+    named, written = columns_of(fitted.levels, asked), written_columns(fitted, cells)
+    found = {}
+    for column in fitted.labels:
+        own = written.get(column)
+        labels = _labels(fitted, column, count, named.get(column), None if own is None else cells[own], ids)
+        found[column] = _checked(fitted, column, labels, ids)
+    return found
+
+
+def written_columns(fitted: FittedModel, cells: Collection[str]) -> dict[str, str]:
+    """For each column over which a parameter differs, the column of another table that names the same: the one of its
+    name, else the only one that names surfaces, balls or places as it does.
+    """
+    found = {}
+    for column in fitted.labels:
+        same = [name for name in cells if column_of(fitted.levels, name) == column]
+        role = role_of(column)
+        alike = [name for name in cells if role is not None and role_of(name) is role]
+        if same or len(alike) == 1:
+            found[column] = (same or alike)[0]
+    return found
 
 
 def _labels(

@@ -43,7 +43,9 @@ def curves(problem: Problem, values: FloatArray) -> tuple[Curve, ...]:
     A drop test has one, over its speed. Where a parameter differs between surfaces, balls or tables each curve is on
     one of them.
     """
-    found = {", ".join(labels): rows for labels, rows in sorted(by_level(problem).items())}
+    found = {
+        ", ".join(levels_of(problem, labels).values()): rows for labels, rows in sorted(by_level(problem).items())
+    }
     if problem.table.has_tangential:
         return tuple(_curve(problem, values, *crowd) for crowd in _crowds(problem, found))
     busiest = sorted(found.items(), key=lambda item: -item[1].size)[:MOST_CURVES]

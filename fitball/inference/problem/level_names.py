@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import TypeVar
 
-from fitball.data.labels import plain_label
+from fitball.data.labels import plain, plain_label
 from fitball.errors import ParameterError
 from fitball.inference.problem.pooling import NEW, Levels
 from fitball.visible import some
 from fitball.wording import spoken
+
+Value = TypeVar("Value")
 
 
 def labels_of(levels: Sequence[Levels]) -> Mapping[str, tuple[str, ...]]:
@@ -16,11 +19,27 @@ def labels_of(levels: Sequence[Levels]) -> Mapping[str, tuple[str, ...]]:
     return {item.column: item.labels for item in levels}
 
 
+def column_of(levels: Sequence[Levels], name: str) -> str | None:
+    """The column over which a parameter differs that is called `name`, whatever its case, blanks and underscores."""
+    return next((column for column in labels_of(levels) if plain(column) == plain(name)), None)
+
+
+def columns_of(levels: Sequence[Levels], asked: Mapping[str, Value]) -> dict[str, Value]:
+    """What is asked for by column, under the names that the columns have in the fit. Raises ParameterError for a
+    column over which no parameter differs, and for one that is named twice.
+    """
+    refuse_unknown(levels, asked)
+    named = {column_of(levels, name) or name: value for name, value in asked.items()}
+    if len(named) < len(asked):
+        raise ParameterError(f"levels: {', '.join(asked)} name one column twice; give each label once")
+    return named
+
+
 def refuse_unknown(levels: Sequence[Levels], columns: Collection[str]) -> None:
     """Raise ParameterError for a column over which no parameter differs."""
     known = labels_of(levels)
     for column in columns:
-        if column not in known:
+        if column_of(levels, column) is None:
             others = f" (columns: {', '.join(known)})" if known else ""
             raise ParameterError(
                 f"{at_level(column, '...')}: no parameter of this fit differs between levels of {column}{others}: "

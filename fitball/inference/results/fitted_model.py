@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fitball.errors import ParameterError
-from fitball.inference.problem.level_names import at_level, checked_label, labels_of, refuse_unknown
+from fitball.inference.problem.level_names import at_level, checked_label, columns_of, labels_of
 from fitball.inference.problem.noise import NoiseKind, noise_with
 from fitball.inference.problem.pooling import Levels
 from fitball.models.model import Model
@@ -119,8 +119,8 @@ def checked_labels(fitted: FittedModel, labels: Mapping[str, str]) -> dict[str, 
     """The labels of `labels` (column -> label) as they were fitted, one for each column over which a parameter
     differs, or `new`. Raises ParameterError as `FittedModel.at` does.
     """
-    refuse_unknown(fitted.levels, labels)
-    return {column: checked_label(fitted.levels, column, labels.get(column)) for column in fitted.labels}
+    named = columns_of(fitted.levels, labels)
+    return {column: checked_label(fitted.levels, column, named.get(column)) for column in fitted.labels}
 
 
 def at_values(chosen: Model, parameters: Mapping[str, float]) -> FittedModel:

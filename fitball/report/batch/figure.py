@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
+from fitball.inference.population.hyper import Known
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.models.registry import parameter_spec
 from fitball.report.batch.populations import Populated
@@ -29,6 +30,8 @@ MANY = 60
 CROWDED = 150
 # Distance of a pooled value from the table's own interval, in tables.
 BESIDE = 0.22
+# Inches of a row of a figure of populations.
+ROW = 0.26
 
 
 @own_style()
@@ -51,12 +54,49 @@ def batch_figure(
     return figure
 
 
+@own_style()
+def population_figure(populated: Sequence[Populated]) -> Figure:
+    """A panel a quantity: tables alone and given all others (unless they are many), levels, the mean of all and a new
+    table.
+    """
+    counts = [len(one.own) * (len(one.own) <= MANY) + len(one.population.levels) for one in populated]
+    most = max(counts) + 2
+    figure = new_figure(min(WIDTH, 4.5 * len(populated) + 1.0), 1.2 + ROW * most)
+    panels = figure.subplots(1, len(populated), squeeze=False)[0]
+    for panel, one in zip(panels, populated, strict=True):
+        found, shown = one.population, _own_axis(one.name, one.head)
+        rows: list[tuple[str, Known | None, Known]] = [
+            (table.name, one.own[table.name], table.known) for table in found.tables if len(one.own) <= MANY
+        ]
+        rows += [(f"{one.over} {level.name}", None, level.known) for level in found.levels]
+        rows += [("mean", None, found.centre), ("new table", None, found.new)]
+        for place, (_name, alone, known) in enumerate(rows):
+            if alone is not None:
+                _interval(panel, one, alone, place - BESIDE, shown, FAINT)
+            _interval(panel, one, known, place, shown, TREND if alone is not None else MODEL)
+        panel.set_yticks(range(len(rows)), [verbatim(name) for name, *_ in rows], fontsize=8)
+        panel.set_ylim(len(rows) - 0.4, -0.6)
+        panel.set_xlabel(shown.label)
+        panel.grid(axis="x")
+    return figure
+
+
+def _interval(
+    panel: Axes, populated: Populated, known: Known, place: float, shown: ParameterAxis, colour: str
+) -> None:
+    middle, low, high = (end * shown.factor for end in populated.ends(known))
+    panel.hlines(place, low, high, color=colour, linewidth=1.6)
+    panel.plot(middle, place, "o", color=colour, markersize=4.0)
+
+
 def quantity_axis(series: Series) -> ParameterAxis:
     """The axis of a quantity: as in every other figure for a parameter."""
-    spec = parameter_spec(series.quantity) or NOISE_SPECS.get(series.quantity)
-    if spec is not None:
-        return parameter_axis(spec)
-    return ParameterAxis(series.name, 1.0, False)
+    return _own_axis(series.quantity, series.name)
+
+
+def _own_axis(quantity: str, name: str = "") -> ParameterAxis:
+    spec = parameter_spec(quantity) or NOISE_SPECS.get(quantity)
+    return ParameterAxis(name or quantity, 1.0, False) if spec is None else parameter_axis(spec)
 
 
 def _draw(panel: Axes, series: Series, along: Along | None, populated: Populated | None) -> None:

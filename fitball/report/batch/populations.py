@@ -60,6 +60,18 @@ class Populated:
         value = self.quantity.value
         return value(known.median), value(known.low), value(known.high)
 
+    def sizes(self, spread: Known) -> tuple[float, float, float]:
+        """The same of a spread: standard deviations of the quantity itself, in SI, about the median of the centre."""
+        if not self.quantity.log:
+            return spread.median, spread.low, spread.high
+        middle = self.quantity.value(self.population.centre.median)
+        # The sd of a lognormal value.
+        median, low, high = (
+            middle * float(np.exp(0.5 * s * s) * np.sqrt(np.expm1(s * s)))
+            for s in (spread.median, spread.low, spread.high)
+        )
+        return median, low, high
+
 
 @dataclass
 class _Gathered:
@@ -173,24 +185,55 @@ def write_populations(populated: Sequence[Populated], folder: Path) -> None:
         for name in (POPULATION_JSON, POPULATION_CSV):
             remove(folder / name)
         return
-    write_csv(folder / POPULATION_CSV, (row for one in populated for row in table_rows(one)))
+    write_csv(folder / POPULATION_CSV, (row for one in populated for row in population_rows(one)))
     write_text(folder / POPULATION_JSON, json_text(content(populated)))
 
 
-def table_rows(populated: Populated) -> list[dict[str, object]]:
-    """Each table alone and given the others: medians with the ends of 95 % intervals in SI, effective draws, k."""
-    rows: list[dict[str, object]] = []
-    levels = {name: level.name for level in populated.population.levels for name in level.tables}
-    for table in populated.population.tables:
-        row: dict[str, object] = {
-            "quantity": populated.quantity.name, "unit": populated.quantity.unit, "table": table.name
+# Kinds of rows of a population.
+MEAN, SPREAD, WITHIN, LEVEL_ROW, TABLE_ROW = "mean", "spread", "spread within levels", "level", "table"
+NEW_LEVEL, NEW_TABLE = "new level", "new table"
+ALONE = ("median", "q025", "q975")
+
+
+def population_rows(populated: Populated) -> list[dict[str, object]]:
+    """A population in SI, a row each: mean, spread (over levels: between these, and within them), every level, a new
+    level and a new table, and every table alone and given the others, with effective draws and Pareto k.
+
+    Medians and ends of 95 % intervals are `pooled_`, those of a table alone are not. A spread is a standard deviation
+    of the quantity itself, also where the population is one of logarithms.
+    """
+    found = populated.population
+    rows = [
+        _row(populated, MEAN, populated.ends(found.centre)), _row(populated, SPREAD, populated.sizes(found.spread))
+    ]  # fmt: skip
+    if found.within is not None:
+        rows.append(_row(populated, WITHIN, populated.sizes(found.within)))
+    for level in found.levels:
+        rows.append(_row(populated, LEVEL_ROW, populated.ends(level.known), level=level.name))
+        if level.new is not None:
+            rows.append(_row(populated, NEW_TABLE, populated.ends(level.new), level=level.name))
+    if found.new_level is not None:
+        rows.append(_row(populated, NEW_LEVEL, populated.ends(found.new_level)))
+    rows.append(_row(populated, NEW_TABLE, populated.ends(found.new)))
+    levels = {name: level.name for level in found.levels for name in level.tables}
+    for table in found.tables:
+        own = dict(zip(ALONE, populated.ends(populated.own[table.name]), strict=True))
+        weights = {
+            "effective_draws": table.effective, "pareto_k": _finite(table.pareto_k), "trusted": table.trusted
         }  # fmt: skip
-        for head, value_of in (("", populated.own[table.name]), ("pooled_", table.known)):
-            row |= {f"{head}{end}": value for end, value in _ends(populated, value_of).items()}
-        row |= {"effective_draws": table.effective, "pareto_k": _finite(table.pareto_k), "trusted": table.trusted}
-        row |= {"level": levels.get(table.name)}
-        rows.append(row)
+        ends = populated.ends(table.known)
+        rows.append(_row(populated, TABLE_ROW, ends, table=table.name, level=levels.get(table.name)) | own | weights)
     return rows
+
+
+def _row(
+    populated: Populated, kind: str, ends: tuple[float, float, float], table: str = "", level: str | None = None
+) -> dict[str, object]:
+    return {
+        "quantity": populated.name, "unit": populated.quantity.unit, "kind": kind, "table": table,
+        **dict.fromkeys(ALONE), **{f"pooled_{name}": end for name, end in zip(ALONE, ends, strict=True)},
+        "effective_draws": None, "pareto_k": None, "trusted": None, "level": level,
+    }  # fmt: skip
 
 
 def content(populated: Sequence[Populated]) -> Mapping[str, object]:

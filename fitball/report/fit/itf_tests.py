@@ -227,6 +227,11 @@ def _ball_remarks(test: DropTest) -> list[str]:
         f"Sd of COR between balls: {valued(found.between)}; between drops of one ball: {valued(found.within)}. "
         f"Intervals take the {len(found.levels)} balls as a sample of their make."
     ]
+    if len(found.levels) < FEW_LEVELS:
+        lines.append(
+            f"{len(found.levels)} balls hardly determine the sd between balls. It depends on its prior, and so does "
+            "the probability of another ball."
+        )
     doubtful = [ball.label for ball in test.balls if ball.passes < SURE]
     if doubtful:
         lines.append(f"Balls that pass with a probability below {percent(SURE)}: {listed(doubtful, 8)}.")
@@ -331,7 +336,7 @@ def court_lines(pace: CourtPace, brief: bool = False, shares: bool = True) -> tu
 
 
 def _few_places(court: CourtMean) -> list[str]:
-    """That a place that was not tested is not predicted; nothing where it is, or where no places are told apart."""
+    """That a place that was not tested is not predicted; nothing where it is, or where no places are separated."""
     if court.elsewhere is not None or court.between is None:
         return []
     return [

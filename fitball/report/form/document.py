@@ -265,7 +265,7 @@ def _lines(part: Words | Table, labelled: bool) -> Iterable[str]:
     widths = _widths(rows)
     # Columns are closer where that alone makes room for all of them.
     room, gaps = screen().width - sum(widths), len(widths) - 1
-    if room < gaps and part.spare in part.rows[0]:
+    if part.spare and room < gaps:
         return _lines(replace(part, aside=(*part.aside, part.spare), spare=""), labelled)
     gap = 1 if gaps <= room < 2 * gaps else 2
     blocks = _side_by_side(widths, gap)
