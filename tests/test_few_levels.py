@@ -18,6 +18,7 @@ from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.problem.problem import Choices
 from fitball.inference.problem.spreads import kind_of, published_spread, spread_prior
 from fitball.models.specs import SPECS
+from fitball.report.fit.itf_tests import drop_remarks
 from fitball.scheduling.engine import engine
 
 # Rebounds [cm] from 254 cm of three balls by three drops, as a lab wrote them.
@@ -127,6 +128,8 @@ def test_the_prior_of_a_spread_is_chosen_also_where_no_parameter_has_it(tmp_path
         priors = {"cor_10_spread": text} if text else {}
         fit = fitball.calibrate(place, "brody", priors=priors, point_only=True, cores=1)
         between[text] = fit.drop_test.variation.between.median
+        said = next(line for line in drop_remarks(fit.drop_test) if "hardly determine" in line)
+        assert f"depends on its prior, {text or 'half-t(0.008, 4)'} (" in said
     assert between["half-normal(0.0005)"] < 0.5 * between[""]
     with pytest.raises(ParameterError, match="prior for unknown parameter 'rating_spread'"):
         pose(place, Choices(model="brody", priors={"rating_spread": "half-t(1, 4)"}))

@@ -92,6 +92,7 @@ def test_fewer_than_five_places_predict_no_other_one(court):
     said = court_lines(CourtPace((), "", measured=(found,)))
     assert "untested place" not in said[0] and "sd between places" in said[0]
     assert said[1] == "3 places are too few to predict a place that was not tested: at least 5 are needed."
+    assert said[2].startswith("The sd between places depends on its prior, half-t(2.5, 4) (")
     assert len(court_lines(CourtPace((), "", measured=(measured(table),)))) == 1
 
 

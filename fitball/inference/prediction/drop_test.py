@@ -274,7 +274,7 @@ def _balls(
         Level(name, int(np.sum(index == k)), float(cor[index == k].mean()), spread_of(found.levels[:, k]))
         for k, name in enumerate(names)
     )
-    return found, Variation(BALLS, spread_of(found.between), spread_of(found.within), levels, "")
+    return found, Variation(BALLS, spread_of(found.between), spread_of(found.within), levels, "", between.text)
 
 
 def _design(speeds: FloatArray, speed: float) -> FloatArray:

@@ -115,6 +115,7 @@ def _measured(
         within=spread_of(within),
         largest_difference=float(np.ptp(means)) if len(labels) > 1 else None,
         categories=pace_categories(mean + warm),
+        prior="" if between is None else prior.text,
     )
     places = tuple(
         PlaceRating(

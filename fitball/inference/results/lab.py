@@ -99,7 +99,8 @@ class CourtMean:
     `between` places and `within` one are standard deviations. `elsewhere` is the rating of a place that was not
     tested, None with fewer than five places. They are None where repeats do not separate them, and in a model, which
     has no repeats.
-    `largest_difference` is that between places; `categories` are probabilities.
+    `largest_difference` is that between places; `categories` are probabilities. `prior` is that of `between`, empty
+    in a model.
     """
 
     column: str
@@ -110,6 +111,7 @@ class CourtMean:
     within: Spread | None
     largest_difference: float | None
     categories: Mapping[str, float]
+    prior: str = ""
 
 
 @dataclass(frozen=True)
@@ -295,7 +297,8 @@ class Level:
 class Variation:
     """A quantity over the labels of a `column`: standard deviations `between` labels and `within` one, and `levels`.
 
-    Where repeats cannot separate the two, `missing` has the reason, and there are no levels.
+    Where repeats cannot separate the two, `missing` has the reason, and there are no levels. `prior` is that of
+    `between`.
     """
 
     column: str
@@ -303,6 +306,7 @@ class Variation:
     within: Spread | None
     levels: tuple[Level, ...]
     missing: str
+    prior: str = ""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.judged import conditional_words
 from fitball.report.form.document import Part, Row, Table, Words
 from fitball.report.form.numbers import INCIDENT, digits, inner, listed, percent, ranged, significant
+from fitball.wording import spoken
 
 CM = 100.0
 # Balls that a page lists.
@@ -229,8 +230,8 @@ def _ball_remarks(test: DropTest) -> list[str]:
     ]
     if len(found.levels) < FEW_LEVELS:
         lines.append(
-            f"{len(found.levels)} balls hardly determine the sd between balls. It depends on its prior, and so does "
-            "the probability of another ball."
+            f"{len(found.levels)} balls hardly determine the sd between balls. It depends on its prior, "
+            f"{_of_spread('cor_10', found.prior)}, and so does the probability of another ball."
         )
     doubtful = [ball.label for ball in test.balls if ball.passes < SURE]
     if doubtful:
@@ -340,8 +341,16 @@ def _few_places(court: CourtMean) -> list[str]:
     if court.elsewhere is not None or court.between is None:
         return []
     return [
-        f"{court.places} places are too few to predict a place that was not tested: at least {FEW_LEVELS} are needed."
+        f"{court.places} places are too few to predict a place that was not tested: "
+        f"at least {FEW_LEVELS} are needed.",
+        f"The sd between places depends on its prior, {_of_spread('rating', court.prior)}.",
     ]
+
+
+def _of_spread(quantity: str, prior: str) -> str:
+    """The prior of a spread, and how to choose another."""
+    name = f"{quantity}_spread"
+    return f"{prior} ({spoken(f'--prior {name}=...', f'priors={{{name!r}: ...}}')} replaces it)"
 
 
 def _court_words(court: CourtMean, brief: bool, shares: bool) -> str:
