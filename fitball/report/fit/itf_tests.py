@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fitball.data.heights import BALL_TYPES, DRAG_COEFFICIENT, DROP_HEIGHT, SOURCE, TEST_TEMPERATURE
-from fitball.data.labels import role_of
+from fitball.inference.problem.level_names import heads_of
 from fitball.inference.problem.pooling import FEW_LEVELS
 from fitball.inference.results.lab import (
     PACE_CONSTANT,
@@ -393,12 +393,8 @@ def place_rows(pace: CourtPace) -> list[Row]:
 
 
 def level_heads(pace: CourtPace) -> tuple[str, ...]:
-    """What the labels of a rating name: surface, place or ball by what the column is, else the column itself; of a
-    rating of all impacts the surface.
-    """
-    named = [str(role_of(column) or column) for column in pace.columns]
-    distinct = named if len({*named}) == len(named) else pace.columns
-    return tuple(distinct) or ("surface",)
+    """What the labels of a rating name; of a rating of all impacts the surface."""
+    return heads_of(pace.columns) or ("surface",)
 
 
 def surface_rows(pace: CourtPace) -> list[Row]:
