@@ -324,13 +324,13 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
     """The page with sliders as HTML, starting at an impact (default: the middle of the calibrated range). Raises
     ModelError.
     """
-    from fitball.exports.bounces import origin_of
+    from fitball.exports.bounces import bounces_of
     from fitball.exports.interactive import interactive_page, round_impact
 
     if subject.saved is not None:
-        fitted, table = subject.fitted, subject.saved.source
+        bounces, table = bounces_of(subject.saved, subject.levels), subject.saved.source
+        fitted, origin = bounces.cases[0].fitted, bounces.origin
         intro = f"As fitted to {table.name}, {table.impacts} impacts{subject.at}."
-        origin = origin_of(subject.saved, subject.levels)
     else:
         # The valid range is that of these impacts.
         fitted, origin = replace(subject.fitted, impacts=load_table("wang_all").impacts), "default values, no fit"

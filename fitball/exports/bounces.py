@@ -7,14 +7,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from types import MappingProxyType
 
 import numpy as np
 
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.reach import spanning_impacts
 from fitball.inference.problem.level_names import checked_label, columns_of
-from fitball.inference.problem.pooling import Pooling
+from fitball.inference.problem.pooling import Levels, Pooling
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, Golden
 from fitball.models.types import Rebound
@@ -60,7 +59,7 @@ class Bounces:
     sources: tuple[str, ...] = ()
 
 
-def origin_of(saved: Fit, labels: Mapping[str, str] = MappingProxyType({})) -> str:
+def _origin(saved: Fit, labels: Mapping[str, str]) -> str:
     """Which fit an export is of, in a line; with `labels` by column, on which surface and with which ball."""
     table = saved.source
     origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
@@ -81,7 +80,8 @@ def origin_of(saved: Fit, labels: Mapping[str, str] = MappingProxyType({})) -> s
 def bounces_of(saved: Fit, levels: Mapping[str, str] | None = None) -> Bounces:
     """The cases of a fit; `levels` (column -> label) leaves those of one surface or ball.
 
-    Raises ParameterError for a column over which no parameter differs, and for a label that was not fitted.
+    Raises ParameterError for a column over which no parameter differs, for a label that was not fitted, and for a new
+    one of a point fit.
     """
     fitted = saved.fitted
     chosen = _checked(fitted, levels or {})
@@ -94,7 +94,7 @@ def bounces_of(saved: Fit, levels: Mapping[str, str] | None = None) -> Bounces:
         combinations = (dict(zip(columns, labels, strict=True)) for labels in product(*columns.values()))
         cases = tuple(_case(saved, {**chosen, **one}, pooling) for one in combinations)
     return Bounces(
-        origin_of(saved, chosen), columns, cases, name=saved.source.name, table=saved.source.file,
+        _origin(saved, chosen), columns, cases, name=saved.source.name, table=saved.source.file,
         sources=_remarks(cases) if fitted.levels else (),
     )  # fmt: skip
 
@@ -127,8 +127,22 @@ def _case(saved: Fit, labels: Mapping[str, str], pooling: Sequence[Pooling]) -> 
         rows = np.flatnonzero(np.logical_and.reduce(there))
         mine, measured = rows if rows.size else mine, int(rows.size)
     impacts = spanning_impacts(everything.take(mine), fitted.ball.radius)
-    own = replace(fitted.at(labels), impacts=impacts)
+    there_alone, others = fitted.at(labels), spread_names(fitted.levels)
+    kept = [k for k, name in enumerate(fitted.names) if name not in others]
+    own = replace(
+        there_alone,
+        names=tuple(fitted.names[k] for k in kept),
+        point=there_alone.point[kept],
+        draws=there_alone.draws[:, kept],
+        impacts=impacts,
+    )
     return Case(labels, own, golden(own, impacts), measured)
+
+
+def spread_names(levels: Sequence[Levels]) -> set[str]:
+    """Names of the parameters that say how far levels are apart, and where each is."""
+    places = {item.place_name(label) for item in levels for label in item.labels}
+    return places | {item.spread_name for item in levels}
 
 
 def place_of(labels: Sequence[str], label: str) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.exports.bounces import bounces_of, joined
+from fitball.exports.bounces import bounces_of, joined, spread_names
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.pooling import Levels
 from fitball.inference.results.evidence import Answer
@@ -60,8 +60,7 @@ def parameter_content(saved: Fit) -> dict[str, Any]:
     source, impacts, rebound = plain(saved.source), golden.impacts, golden.rebound
     # Values common to all levels are those of none: they are beside the levels.
     levels = saved.fitted.levels
-    pooled = {item.parameter for item in levels} | {item.spread_name for item in levels}
-    pooled |= {item.place_name(label) for item in levels for label in item.labels}
+    pooled = {item.parameter for item in levels} | spread_names(levels)
     columns = {name: getattr(rebound, name) for name in (*OUTPUTS, "regime")}
     parameter_set: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
@@ -158,7 +157,8 @@ def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
     """Every parameter: median and standard deviation, or the point estimate to four digits. One that differs between
     levels has a row for each of them and one for their spread.
     """
-    places = {item.place_name(label) for item in saved.fitted.levels for label in item.labels}
+    spreads = {item.spread_name for item in saved.fitted.levels}
+    places = spread_names(saved.fitted.levels) - spreads
     at_levels = [_at_level(saved, item) for item in saved.levels]
     rows: list[PaperRow] = []
     for item in saved.parameters.values():

@@ -40,6 +40,8 @@ TAKEN = frozenset(
     for text in (TAKEN_CSHARP, TAKEN_JAVASCRIPT, _TAKEN_C, _TAKEN_TEMPLATES, " ".join(keyword.kwlist))
     for word in text.split()
 )
+# Characters of a name at most: C99 needs to distinguish 63 of an enumerator, which begins with a prefix and a column.
+LONGEST = 24
 # Constants of every header.
 TAKEN_CONSTANTS = ("PORT_H", "SELF_TEST")
 
@@ -62,11 +64,12 @@ class Argument:
 
 
 def plain_name(text: str) -> str:
-    """Small letters of ASCII, digits and single underscores of a text; empty where it has none: `Gras\u00e9 (wet)` is
-    `grase_wet`.
+    """Small letters of ASCII, digits and single underscores of a text, at most LONGEST; empty where it has none:
+    `Gras\u00e9 (wet)` is `grase_wet`.
     """
     apart = unicodedata.normalize("NFKD", text).casefold()
-    return re.sub("[^a-z0-9]+", "_", "".join(c for c in apart if not unicodedata.combining(c))).strip("_")
+    plain = re.sub("[^a-z0-9]+", "_", "".join(c for c in apart if not unicodedata.combining(c)))
+    return plain.strip("_")[:LONGEST].rstrip("_")
 
 
 def camel_case(text: str) -> str:
