@@ -18,9 +18,9 @@ from fitball.inference.design.targets import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
 from fitball.inference.results.lab import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
+from fitball.report.fit.court_words import pace_lines, pace_remarks
 from fitball.report.fit.document import page, render
 from fitball.report.fit.folder import render_json
-from fitball.report.fit.itf_tests import pace_lines, pace_remarks
 from fitball.report.saved.fit_file import fit_text
 
 # 30 m/s at 16 degrees, by a pocket calculator.

@@ -26,7 +26,7 @@ from fitball.inference.results.lab import (
     share_within,
 )
 from fitball.inference.results.results import PointFit, Posterior
-from fitball.report.fit.itf_tests import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
+from fitball.report.fit.drop_words import ball_rows, drop_lead, drop_remarks, speed_rows, type_rows
 from fitball.report.form.numbers import percent
 from fitball.values import Ball, Impacts
 

@@ -29,7 +29,8 @@ from fitball.inference.results.quantiles import Spread
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.inference.results.source import Circumstances
 from fitball.models.registry import parameter_spec
-from fitball.report.fit.itf_tests import court_lines, drop_class, place_rows, warmth_words
+from fitball.report.fit.court_words import court_lines, place_rows, warmth_words
+from fitball.report.fit.drop_words import drop_class
 
 MU = {"A": 0.60, "B": 0.66, "C": 0.54, "D": 0.62, "E": 0.58}
 

@@ -24,7 +24,8 @@ from fitball.inference.design.search import information_rows, nothing_measured, 
 from fitball.inference.design.targets import Part, parse_target
 from fitball.inference.likelihood.cells import shared_covariance
 from fitball.inference.problem.build import Choices, build_problem
-from fitball.report.plan.document import plan_rows
+from fitball.inference.problem.level_names import heads_of
+from fitball.report.plan.document import chosen_table, plan_rows
 from fitball.values import Impacts
 
 RNG = np.random.default_rng(11)
@@ -257,6 +258,9 @@ def test_a_plan_for_one_level_measures_there(known):
         for levels in ({}, {"group": labels[0].upper()})
     )
     assert both.settings.surfaces == labels and one.settings.surfaces == labels[:1]
+    assert "group" in chosen_table(one)[0]
+    assert heads_of(("Position", "court")) == ("place", "surface")
+    assert heads_of(("court", "floor")) == ("court", "floor")
     assert one.chosen[0].setting.surface == labels[0]
     assert [part.name for part in one.parts] == [f"mu {labels[0]}"]
     with pytest.raises(ParameterError, match="a plan needs a group that was fitted"):

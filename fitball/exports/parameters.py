@@ -21,22 +21,18 @@ from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunS
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
 from fitball.report.fit.circumstances import circumstance_rows
-from fitball.report.fit.itf_tests import (
-    ball_rows,
+from fitball.report.fit.court_words import (
     class_lines,
     court_lines,
-    drop_class,
-    drop_lead,
-    drop_remarks,
     level_heads,
     pace_remarks,
     place_rows,
     rating_value,
     rest_lines,
-    speed_rows,
     surface_rows,
     surface_words,
 )
+from fitball.report.fit.drop_words import ball_rows, drop_class, drop_lead, drop_remarks, speed_rows
 from fitball.report.form.document import Row, markdown_table, render_template
 from fitball.report.form.files import json_text
 from fitball.report.form.numbers import handy, parameter_row, row_of

@@ -20,7 +20,7 @@ from fitball.data.numbers import refuse_beyond
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, UnitError, suggestion
 from fitball.inference.prediction.posterior_predictive import by_level, levels_of
-from fitball.inference.problem.level_names import at_level, checked_label, columns_of, labels_of
+from fitball.inference.problem.level_names import at_level, checked_label, columns_of, heads_of, labels_of
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -54,7 +54,7 @@ class Setting:
 @dataclass(frozen=True)
 class Settings:
     """The grid: axes in SI, and the table's `rows` whose surface and ball are met, with their `surfaces`. `assumed`
-    are the ranges that are defaults.
+    are the ranges that are defaults. `named` is what the labels of surfaces name: surface, place, ball.
     """
 
     speeds: FloatArray
@@ -63,6 +63,7 @@ class Settings:
     rows: tuple[int, ...]
     surfaces: tuple[str, ...]
     assumed: tuple[str, ...]
+    named: str = ""
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
@@ -131,7 +132,8 @@ def build_settings(
     size = len(surfaces) * axes[0].size * axes[1].size * axes[2].size
     if size > MOST:
         raise ParameterError(f"{size:,} settings: expected {MOST:,} at most; use fewer steps")
-    return Settings(axes[0], axes[1], axes[2], first, surfaces, tuple(assumed))
+    heads = heads_of(tuple(labels_of(problem.pooling)))
+    return Settings(axes[0], axes[1], axes[2], first, surfaces, tuple(assumed), ", ".join(heads))
 
 
 def surfaces_of(problem: Problem, levels: Labels | None = None) -> tuple[tuple[str, ...], tuple[int, ...]]:

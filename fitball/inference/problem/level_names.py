@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
-from fitball.data.labels import plain, plain_label
+from fitball.data.labels import plain, plain_label, role_of
 from fitball.errors import ParameterError
 from fitball.inference.problem.pooling import NEW, Levels
 from fitball.visible import some
@@ -17,6 +17,12 @@ Value = TypeVar("Value")
 def labels_of(levels: Sequence[Levels]) -> Mapping[str, tuple[str, ...]]:
     """The labels of each column over which a parameter differs."""
     return {item.column: item.labels for item in levels}
+
+
+def heads_of(columns: Sequence[str]) -> tuple[str, ...]:
+    """What labels name: surface, place or ball by what a column is, where no two are the same, else the column."""
+    named = tuple(str(role_of(column) or column) for column in columns)
+    return named if len({*named}) == len(named) else tuple(columns)
 
 
 def column_of(levels: Sequence[Levels], name: str) -> str | None:

@@ -10,8 +10,9 @@ from fitball.inference.thesis.published_cases import PublishedCase, compare_case
 from fitball.observables import COMPARED, OBSERVABLES
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.circumstances import circumstance_line
+from fitball.report.fit.court_words import pace_lines, pace_parts
 from fitball.report.fit.differences import difference_lines, difference_rows, scatter_rows
-from fitball.report.fit.itf_tests import drop_parts, lead_lines, pace_lines, pace_parts
+from fitball.report.fit.drop_words import drop_parts, lead_lines
 from fitball.report.fit.judged import (
     adequacy_parts,
     assumption_line,

@@ -161,11 +161,16 @@ def plan_document(
     """
     sensors, parts, chosen = sensors_table(plan), parts_table(plan), chosen_table(plan)
     sds = [head for head in chosen[0] if head.startswith("sd of ")]
+    named = [plan.settings.named, "sensor", "contact"]
     first = [head for head in chosen[0] if head != "contact" and head not in sds[MOST_BRIEF:]]
     lead: list[Words | Picture | Table] = [
         Words(headline(plan), "lead", rank="first"),
         Table.from_rows(
-            "Impacts to measure, best first", chosen, ["surface", "sensor", "contact"], brief=first, rank="first"
+            "Impacts to measure, best first",
+            chosen,
+            named,
+            brief=first,
+            rank="first",
         ),
         *[Picture(name, CAPTION, f"{CAPTION} {headline(plan)[0]}", rank="first") for name in pictures],
         Words(points(plan), "list", rank="first"),
@@ -380,7 +385,7 @@ def chosen_table(plan: Plan) -> list[Row]:
         row |= (
             {"angle [deg]": f"{math.degrees(state.angle):.0f}", "spin [rad/s]": f"{state.spin:.0f}"} if along else {}
         )
-        row |= {"surface": state.surface} if surfaces else {}
+        row |= {plan.settings.named: state.surface} if surfaces else {}
         row |= {"times": str(plan.repeats)} if plan.repeats > 1 else {}
         row |= {"sensor": one.sensor} if plan.by_cost else {}
         row |= {"gain": nats(one.gain)} | sd_cells(one.sds)
