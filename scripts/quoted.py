@@ -213,6 +213,42 @@ def population() -> str:
     )
 
 
+def few() -> str:
+    """What the study of few levels counted: labs by the number of balls or places, and tables of two surfaces."""
+    found = json.loads((VALIDATION / "few" / "few.json").read_text(encoding="utf-8"))
+    whole = {(one["quantity"], one["what"], one["fit"]): one for one in found["coverages"]}
+
+    def held(one: dict[str, Any]) -> str:
+        ends = ", ".join(f"{100.0 * one[end]:.0f}" for end in ("low", "high"))
+        return f"{100.0 * one['holds'] / one['of']:.0f} % [{ends}] of {one['of']}"
+
+    labs = [one for one in found["coverages"] if one["quantity"] in ("balls", "places") and one["fit"] == "stated"]
+    rows = []
+    for one in labs:
+        widths = [row["width"] for row in found["by_labels"] if (row["quantity"], row["what"]) == _key(one)]
+        control = whole[(*_key(one), "control")]
+        rows.append((one["quantity"], one["what"], held(one), " ".join(f"{w:.2f}" for w in widths), held(control)))
+    surfaces = [
+        (f"`{name}`", what, held(whole[name, what, "stated"]),
+         held(whole[name, what, "control"]) if (name, what, "control") in whole else "-")
+        for name in ("mu", "cor_10") for what in ("surface", "equal ones' difference", "different ones' difference")
+    ]  # fmt: skip
+    heads = ("of", "95 % interval of", "contain the truth")
+    told = found["differences"]
+    return (
+        f"{table((*heads, 'width over Student t: 2, 3, 4, 6 labels', 'control'), rows)}\n\n"
+        "Median widths are multiples of Student's t on the means of balls or places. In the control the prior of the "
+        "spread is ten times too narrow.\n\n"
+        f"{table((*heads, 'control'), surfaces)}\n\n"
+        "In the control both surfaces have one value. Frictions that differ by at least "
+        f"{told['apart']:g} are found different in {told['found']} of {told['of']} tables."
+    )
+
+
+def _key(one: dict[str, Any]) -> tuple[str, str]:
+    return one["quantity"], one["what"]
+
+
 def thesis(numbers: dict[str, Any]) -> str:
     """Which claims of the thesis hold, and the ranking of its sets."""
     found, rankings = numbers["thesis"], numbers["rankings"]

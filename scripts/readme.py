@@ -24,7 +24,7 @@ def blocks() -> dict[str, str]:
     numbers = kept()
     quoting = (quoted.wang, quoted.wang_short, quoted.compared, quoted.together, quoted.stiffness, quoted.thesis)
     others = (
-        *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.priors),
+        *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.priors),
         *(quoted.speed, quoted.speed_line, quoted.densities, quoted.samplers, quoted.tables),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}

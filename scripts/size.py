@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # Growth is a decision: who raises one of these says in the commit what for, see CONTRIBUTING.
 CEILINGS: Mapping[str, int] = {
-    "lines of fitball": 57_500, "modules of fitball": 250, "lines of scripts": 4_700, "lines of tests": 32_200,
+    "lines of fitball": 58_900, "modules of fitball": 262, "lines of scripts": 4_700, "lines of tests": 33_000,
 }  # fmt: skip
 KINDS = ("code", "imports", "docstrings", "comments", "blank")
 

@@ -39,6 +39,8 @@ def foreign(folder, name, size=1.0, seed=5):
 
 
 def fitted(table, fitted_model="grip-slip", scene=NOTHING, **choices):
+    # One value for all surfaces, so that what differs is a fault.
+    choices = {"pool": {"all": "none"}, **choices}
     problem = build_problem(table, scene, Choices(model=fitted_model, **choices))
     return problem, maximum_posterior(problem, np.array([[START[name] for name in problem.free_names]]))
 

@@ -167,7 +167,7 @@ def test_levels_and_offsets_keep_to_their_impacts_on_a_kink():
     angles = np.linspace(14.0, 34.0, 8)
     table = simulated("grip-slip", angles, covariances(8, 0.3, 10.0), 5)
     table = replace(table, labels={"surface": ("clay", "grass") * 4, "group": ("a",) * 4 + ("b",) * 4})
-    problem = problem_of(table, "grip-slip", pool={"mu": "surface"}, offsets="group")
+    problem = problem_of(table, "grip-slip", pool={"mu": "surface", "cor_10": "none"}, offsets="group")
     rng = np.random.default_rng(3)
     named = {name: rng.normal(0.0, 0.4, 3) for name in problem.free_names}
     named |= {name: np.full(3, value) for name, value in VALUES.items() if name in named}

@@ -88,7 +88,7 @@ def test_density_integrates_to_one(text, lower, upper):
 
 def test_priors_hold_a_surface_by_their_own_density():
     priors = [parse_prior("x", *case) for case in CASES]
-    known = Pull.of(priors, [True] * len(priors))
+    known = Pull.from_priors(priors, [True] * len(priors))
     x = np.array([[prior.coordinate(prior.quantile(level)) for prior in priors] for level in (0.2, 0.6)])
     cost = known.cost(x)
     for k, prior in enumerate(priors):
@@ -100,7 +100,7 @@ def test_priors_hold_a_surface_by_their_own_density():
     far = x + np.linspace(-3.0, 3.0, 2)[:, None] * step * 1e6
     least = known.cost(x) + 0.5 * known.weight(x) * ((far - known.centre) ** 2 - (x - known.centre) ** 2)
     assert np.all(known.cost(far) <= least + 1e-9)
-    assert not np.any(Pull.of(priors, [False] * len(priors)).cost(x))
+    assert not np.any(Pull.from_priors(priors, [False] * len(priors)).cost(x))
 
 
 def test_draws_follow_the_density():

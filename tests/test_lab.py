@@ -115,6 +115,19 @@ def test_each_surface_is_rated_by_its_own_impacts(court):
     ]  # fmt: skip
 
 
+def test_the_prior_of_the_spread_between_places_is_chosen_as_any_other(court):
+    """A narrow one brings five places together that the default keeps apart, as by the option of a fit."""
+    spread = {}
+    for text in ("", "half-normal(0.1)"):
+        priors = {"rating_spread": text} if text else {}
+        problem = pose(court, Choices(model="grip-slip", fix={"mu": 0.6}, priors=priors))
+        best = {parameter.name: parameter.fixed or 0.1 for parameter in problem.parameters}
+        found = court_pace(problem, PointFit(best, 0, 0, {}, None, (), ()), None, np.random.default_rng(1))
+        (measured,) = found.measured
+        spread[text] = measured.court.between.median
+    assert spread["half-normal(0.1)"] < 1.0 < 3.0 < spread[""]
+
+
 def test_ball_temperature_brings_the_restitution_to_23_degrees(court):
     table = load_table(court)
     plain, warm = measured(table), measured(table, ball_temperature=31.0)

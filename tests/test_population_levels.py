@@ -19,7 +19,7 @@ from fitball.report.batch.series import grouped
 WIDE = (-np.inf, np.inf)
 CENTRE = stats.norm(0.0, 2.0)
 # Scale and degrees of freedom of the half-t priors of both spreads.
-BETWEEN, WITHIN = (0.6, 4.0), (0.5, 3.0)
+BETWEEN, WITHIN = (0.9, 4.0), (0.15, 3.0)
 BEFORE = Before(
     CENTRE.logpdf, *(parse_prior("spread", f"half-t{both}", 0.0, np.inf) for both in (BETWEEN, WITHIN)), WIDE
 )

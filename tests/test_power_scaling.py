@@ -55,7 +55,7 @@ def test_where_levels_lie_among_the_others_is_no_prior():
     """Of a pooled parameter the spread is prior; the places are the model's."""
     table = load_table("wang_all.csv")
     table = replace(table, labels={"surface": tuple("ab"[k % 2] for k in range(len(table)))}, redundant=())
-    problem = problem_of(table, "grip-slip", pool={"mu": "surface"})
+    problem = problem_of(table, "grip-slip", pool={"mu": "surface", "cor_10": "none"})
     truth = GRIP_SLIP | {"mu_spread": 0.1, "mu_place[a]": 0.2, "mu_place[b]": -0.2}
     rng = np.random.default_rng(2)
     at = coordinates_of(problem, {name: truth[name] for name in problem.free_names})

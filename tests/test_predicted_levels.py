@@ -49,8 +49,14 @@ def own(plain_draws, surface, ball):
     return values
 
 
-IMPACTS = fitball.impacts([15.0, 15.0, 12.0, 15.0], [6.0, 6.0, 9.0, 6.0], [0.0, 0.0, 20.0, 0.0])
-WHERE = {"surface": ("clay", "hard", "clay", "hard"), "ball": ("old", "Dünn", "new", "old")}
+# Combinations that come again, in an order that its inverse is not.
+IMPACTS = fitball.impacts(
+    [15.0, 15.0, 12.0, 14.0, 15.0, 13.0], [6.0, 6.0, 9.0, 7.0, 6.0, 8.0], [0.0, 0.0, 20.0, -30.0, 0.0, 10.0]
+)
+WHERE = {
+    "surface": ("clay", "hard", "hard", "clay", "hard", "clay"),
+    "ball": ("old", "Dünn", "Dünn", "old", "new", "old"),
+}
 
 
 def test_each_impact_has_the_parameters_of_its_own_surface_and_ball():
@@ -68,7 +74,7 @@ def test_each_impact_has_the_parameters_of_its_own_surface_and_ball():
 
 
 def test_the_order_of_rows_changes_nothing_but_their_order():
-    fitted, order = with_levels(), np.array([3, 1, 0, 2])
+    fitted, order = with_levels(), np.array([3, 1, 5, 0, 2, 4])
     found = predict_new(fitted, IMPACTS, levels=WHERE)
     turned = {column: [labels[k] for k in order] for column, labels in WHERE.items()}
     again = predict_new(fitted, IMPACTS.take(order), levels=turned)
@@ -79,7 +85,7 @@ def test_the_order_of_rows_changes_nothing_but_their_order():
 def test_the_alternatives_of_a_fit_are_taken_at_the_levels_of_each_impact():
     fitted = replace(with_levels(), draws=np.empty((0, len(with_levels().names))))
     made = _point_rebound(fitted, IMPACTS, WHERE)
-    assert made.v_y2[0] == pytest.approx(predict_new(fitted, IMPACTS, levels=WHERE).output("v_y2").point)
+    assert made.v_x2[0] == pytest.approx(predict_new(fitted, IMPACTS, levels=WHERE).output("v_x2").point)
 
 
 def test_a_surface_of_which_nothing_was_measured_is_drawn_from_the_population():
@@ -152,7 +158,7 @@ def test_a_column_of_surfaces_is_followed_whatever_it_is_called(column):
 def test_of_two_other_columns_of_surfaces_none_is_followed():
     with pytest.raises(ParameterError, match="mu differs between the levels of surface"):
         levels_of_impacts(with_levels(), 2, {"ball": "old"}, {"court": ("clay",) * 2, "floor": ("hard",) * 2})
-    with pytest.raises(ParameterError, match="name one column twice"):
+    with pytest.raises(ParameterError, match="surface is named twice"):
         levels_of_impacts(with_levels(), 2, {"ball": "old", "Surface": "clay", "surface": "hard"}, {})
 
 
@@ -163,13 +169,14 @@ def test_a_new_surface_needs_a_posterior():
 
 def test_every_output_names_the_level_of_each_impact():
     found = predict_new(with_levels(), IMPACTS, levels=WHERE)
-    ids = ["a", "b", "c", "d"]
+    ids = ["a", "b", "c", "d", "e", "f"]
     assert [row["surface"] for row in prediction_csv_rows(found, ids)] == list(WHERE["surface"])
     content = prediction_json(found, ids, (), ())["impacts"][1]
     assert content["levels"] == {"surface": "hard", "ball": "Dünn"}
     table = predict_document(found, ids).lead[2]
     assert [row[:3] for row in table.rows[1:]] == [
-        ["a", "clay", "old"], ["b", "hard", "Dünn"], ["c", "clay", "new"], ["d", "hard", "old"],
+        ["a", "clay", "old"], ["b", "hard", "Dünn"], ["c", "hard", "Dünn"], ["d", "clay", "old"],
+        ["e", "hard", "new"], ["f", "clay", "old"],
     ]  # fmt: skip
     alone = predict_new(with_levels(), fitball.impacts(15.0, 6.0, 0.0), levels={"surface": "hard", "ball": "old"})
     assert answer(alone, ["x"], (), 0)[0].startswith("Predicted rebound (surface hard, ball old): v_x2")

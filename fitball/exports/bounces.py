@@ -12,7 +12,7 @@ import numpy as np
 
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.reach import spanning_impacts
-from fitball.inference.problem.level_names import checked_label, refuse_unknown
+from fitball.inference.problem.level_names import checked_label, columns_of
 from fitball.inference.problem.pooling import Levels, Pooling
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Fit, Golden
@@ -84,8 +84,8 @@ def bounces_of(saved: Fit, levels: Mapping[str, str] | None = None) -> Bounces:
     one of a point fit.
     """
     fitted = saved.fitted
-    refuse_unknown(fitted.levels, levels or {})
-    chosen = {column: checked_label(fitted.levels, column, label) for column, label in (levels or {}).items()}
+    named = columns_of(fitted.levels, levels or {})
+    chosen = {column: checked_label(fitted.levels, column, label) for column, label in named.items()}
     columns = {column: labels for column, labels in fitted.labels.items() if column not in chosen}
     if not fitted.levels:
         cases: tuple[Case, ...] = (Case({}, fitted, saved.golden),)

@@ -21,6 +21,7 @@ from fitball.inference.results.results import PointFit, Posterior
 from fitball.models.kernels.contact import ANCHOR_SPEED
 from fitball.models.specs import ParameterSpec
 from fitball.values import FloatArray, Impacts
+from fitball.wording import in_formula
 
 # Values (draws, free) in SI -> the quantity (draws,), NaN where the model has no answer.
 Rule = Callable[[FloatArray], FloatArray]
@@ -92,7 +93,10 @@ def _levels(problem: Problem) -> Iterator[Quantity]:
         spec = problem.model.specs[pooling.parameter]
         prior = next(item.prior for item in problem.parameters if item.name == pooling.parameter)
         for label in pooling.labels:
-            own = replace(spec, name=pooling.level_name(label), meaning=f"{spec.meaning}, {pooling.column} {label}")
+            own = replace(
+                spec, name=pooling.level_name(label), meaning=f"{spec.meaning}, {pooling.column} {label}",
+                label=f"{spec.label} $({in_formula(label)})$",
+            )  # fmt: skip
             parts, rule = (pooling.parameter, pooling.place_name(label)), _level(problem, pooling, label)
             beyond = extrapolated_words(problem) if pooling.parameter in extrapolating else ""
             yield Quantity(Parameter(own, prior, None), parts, rule, level=True, beyond=beyond)

@@ -302,7 +302,7 @@ class Surface:
         return self._pull([item.name in self.problem.known_apart for item in self.parameters])
 
     def _pull(self, counted: Sequence[bool]) -> Pull:
-        return Pull.of([item.prior for item in self.parameters], counted)
+        return Pull.from_priors([item.prior for item in self.parameters], counted)
 
     def _held(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What holds columns beside the measurements: its cost (rows,), slopes and curvatures (rows, columns)."""

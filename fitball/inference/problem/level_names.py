@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 from fitball.data.labels import plain, plain_label
@@ -28,23 +28,20 @@ def columns_of(levels: Sequence[Levels], asked: Mapping[str, Value]) -> dict[str
     """What is asked for by column, under the names that the columns have in the fit. Raises ParameterError for a
     column over which no parameter differs, and for one that is named twice.
     """
-    refuse_unknown(levels, asked)
-    named = {column_of(levels, name) or name: value for name, value in asked.items()}
-    if len(named) < len(asked):
-        raise ParameterError(f"levels: {', '.join(asked)} name one column twice; give each label once")
-    return named
-
-
-def refuse_unknown(levels: Sequence[Levels], columns: Collection[str]) -> None:
-    """Raise ParameterError for a column over which no parameter differs."""
-    known = labels_of(levels)
-    for column in columns:
-        if column_of(levels, column) is None:
+    found = dict[str, Value]()
+    for name, value in asked.items():
+        column, label = column_of(levels, name), value if isinstance(value, str) else "..."
+        if column is None:
+            known = labels_of(levels)
             others = f" (columns: {', '.join(known)})" if known else ""
             raise ParameterError(
-                f"{at_level(column, '...')}: no parameter of this fit differs between levels of {column}{others}: "
+                f"{at_level(name, label)}: no parameter of this fit differs between levels of {name}{others}: "
                 "leave it out"
             )
+        if column in found:
+            raise ParameterError(f"{at_level(name, label)}: {column} is named twice; give each label once")
+        found[column] = value
+    return found
 
 
 def checked_label(levels: Sequence[Levels], column: str, label: str | None) -> str:

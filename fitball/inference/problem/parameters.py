@@ -261,7 +261,7 @@ class Pull:
     freedom: FloatArray
 
     @classmethod
-    def of(cls, priors: Sequence[Prior], counted: Sequence[bool]) -> Pull:
+    def from_priors(cls, priors: Sequence[Prior], counted: Sequence[bool]) -> Pull:
         """That of the bells among `priors` that are `counted`."""
         both = [prior.bell and own for prior, own in zip(priors, counted, strict=True)]
         return cls(

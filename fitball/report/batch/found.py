@@ -22,7 +22,8 @@ from fitball.report.form.document import Document, Part, Section, Table, Words, 
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from fitball.report.figures.canvas import Figure
 
 NONE = "No parameter is determined by the data of at least three tables. Name one, such as mu."
 

@@ -14,7 +14,9 @@ from matplotlib.path import Path
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from fitball.inference.identifiability.derived import quantities
 from fitball.inference.identifiability.profile import DROP_68, DROP_95
+from fitball.inference.problem.parameters import Parameter, Prior
 from fitball.inference.results.evidence import Profile
 from fitball.inference.results.results import TARGET_R_HAT, Fit
 from fitball.report.figures.canvas import (
@@ -192,17 +194,41 @@ def corner_data(fit: Fit) -> CornerData:
     along = tuple(zip(axes, edges, strict=True))
     bins = np.stack([_bins(axis, draws[:, k], edges[k]) for k, axis in enumerate(axes)])
     densities = tuple(_density(axis, bins[k], edges[k]) for k, axis in enumerate(axes))
-    prior = tuple(_prior_density(fit, name, *on) for name, on in zip(drawn(fit).names, along, strict=True))
+    prior = tuple(_prior_density(item.prior, *on) for item, on in zip(pictured(fit)[0], along, strict=True))
     return CornerData(axes, point, edges, bins, densities, prior)
 
 
 def in_units(fit: Fit) -> tuple[tuple[ParameterAxis, ...], FloatArray, FloatArray]:
-    """The axis of each free parameter, all draws (draws, parameters) and the point estimate in their units."""
-    posterior = drawn(fit)
-    axes = tuple(parameter_axis(parameter(fit, name).spec) for name in posterior.names)
+    """The axis of each parameter that is `pictured`, all draws (draws, parameters) and the point estimate in their
+    units.
+    """
+    shown, draws, point = pictured(fit)
+    axes = tuple(parameter_axis(item.spec) for item in shown)
     factors = np.array([axis.factor for axis in axes])
-    point = np.array([fit.point.values[name] for name in posterior.names])
-    return axes, posterior.draws * factors, point * factors
+    return axes, draws * factors, point * factors
+
+
+def pictured(fit: Fit) -> tuple[list[Parameter], FloatArray, FloatArray]:
+    """The free parameters, of those that differ between levels the values there instead of their scatter; their draws
+    (draws, parameters) and the point estimate, in SI.
+    """
+    posterior, problem = drawn(fit), fit.problem
+    draws, scatter = posterior.draws, {item.name for item in fit.scatter}
+    best = problem.free_rows([fit.point.values])
+    known = {item.parameter.name: item for item in quantities(problem)}
+    shown, columns, point = list[Parameter](), list[FloatArray](), list[float]()
+    for k, name in enumerate(posterior.names):
+        if name not in scatter:
+            shown.append(parameter(fit, name))
+            columns.append(draws[:, k])
+            point.append(fit.point.values[name])
+        for pooling in problem.pooling:
+            if name == (pooling.parameter if pooling.parameter in posterior.names else pooling.spread_name):
+                levels = [known[pooling.level_name(label)] for label in pooling.labels]
+                shown += [item.parameter for item in levels]
+                columns += [item.rule(draws) for item in levels]
+                point += [float(item.rule(best)[0]) for item in levels]
+    return shown, np.stack(columns, axis=1), np.array(point)
 
 
 def _bins(axis: ParameterAxis, draws: FloatArray, edges: FloatArray) -> NDArray[np.int64]:
@@ -217,9 +243,8 @@ def _density(axis: ParameterAxis, bins: NDArray[np.int64], edges: FloatArray) ->
     return np.asarray(counts / (bins.size * np.diff(axis.lengths(edges))))
 
 
-def _prior_density(fit: Fit, name: str, axis: ParameterAxis, edges: FloatArray) -> FloatArray:
+def _prior_density(prior: Prior, axis: ParameterAxis, edges: FloatArray) -> FloatArray:
     """Mean density of the prior itself between `edges`, (bins,)."""
-    prior = parameter(fit, name).prior
     low, high = prior.quantile(np.array([0.0, 1.0])) * axis.factor
     middle = axis.middles(edges)
     inside = (middle > low) & (middle < high)
@@ -334,10 +359,12 @@ NAMED = 3
 
 def corner_words(fit: Fit) -> str:
     """The figure in words and numbers."""
-    names, matrix = fit.problem.free_names, fit.correlation
+    shown, draws, _point = pictured(fit)
+    names = [item.name for item in shown]
+    matrix = np.atleast_2d(np.corrcoef(draws, rowvar=False)) if fit.correlation is not None else None
     medians = "; ".join(
         f"{row.name} {row.median} {row.interval_95} {row.unit}".rstrip()
-        for row in map(parameter_row, fit.estimates)
+        for row in map(parameter_row, fit.reported)
         if row.name in names
     )
     text = f"Posterior of {len(names)} parameters, median and 95 % interval: {medians}."

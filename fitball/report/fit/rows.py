@@ -369,15 +369,23 @@ def _statistics(fit: Fit) -> dict[str, str]:
 
 
 def summary_rows(fit: Fit) -> list[dict[str, Any]]:
-    """One row per parameter, SI at full precision; None where a point fit has no number."""
+    """One row per parameter, before it those of its levels, SI at full precision; None where a point fit has no
+    number.
+    """
     squares = fit.least_squares
+    own = {item.parameter: [item.level_name(label) for label in item.labels] for item in fit.fitted.levels}
+    listed = [
+        one
+        for it in fit.estimates
+        for one in (*(fit.derived[name] for name in own.get(it.name, ()) if name in fit.derived), it)
+    ]
     return [
         {"parameter": it.name}
         | {name: getattr(it, name) for name in ("unit", *SUMMARY, "point")}
-        | {"least_squares": squares.values[it.name], "least_squares_stderr": squares.stderr[it.name]}
+        | {"least_squares": squares.values.get(it.name), "least_squares_stderr": squares.stderr.get(it.name)}
         | {"prior": it.prior, "contraction": it.contraction, "verdict": it.verdict_words}
         | {name: getattr(it, name) for name in ("reason", "ess_bulk", "ess_tail", "r_hat")}
-        for it in fit.estimates
+        for it in listed
     ]
 
 
