@@ -65,7 +65,9 @@ def _origin(saved: Fit, labels: Mapping[str, str]) -> str:
     origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
     fitted = saved.fitted.labels
     named = [
-        f"{column} {label}" if label in fitted[column] else f"a {column} of which nothing was measured"
+        f"{column} {label}"
+        if label in fitted[column]
+        else f"a {column} of which nothing was measured (the median of such)"
         for column, label in labels.items()
     ]
     pooled = [item for item in saved.fitted.levels if item.column not in labels]
