@@ -45,7 +45,10 @@ DISTRIBUTIONS = {"uniform": False, "normal": True, "loguniform": False, "lognorm
 
 def log_prior(parameter, value):
     """From the words of the prior, with respect to its coordinate."""
-    family, a, b = re.match(r"(\w+)\((\S+), (\S+)\)", parameter.prior.text).groups()
+    family, a, b = re.match(r"([\w-]+)\((\S+), (\S+)\)", parameter.prior.text).groups()
+    if family == "half-t":
+        bell, high = stats.t(float(b), 0.0, float(a)), parameter.spec.upper
+        return bell.logpdf(value) - np.log(bell.cdf(high) - bell.cdf(0.0))
     low, high, a, b = parameter.spec.lower, parameter.spec.upper, float(a), float(b)
     if family.startswith("log"):
         value, low, high, a = np.log(value), np.log(low) if low > 0.0 else -np.inf, np.log(high), np.log(a)

@@ -422,6 +422,5 @@ def test_levels_that_were_not_fitted_are_refused(levels, words, fits):
 
 def test_a_fit_without_levels_refuses_one(small_fit, capsys):
     assert main(["export", str(small_fit), "--to", "c", "--out", "-", "--level", "surface=clay"]) == 2
-    assert (
-        "--level surface=clay: no parameter of this fit differs between levels of surface" in capsys.readouterr().err
-    )
+    told = capsys.readouterr().err
+    assert "--level surface=clay: no parameter of this fit differs between levels of surface" in told
