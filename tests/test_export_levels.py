@@ -33,6 +33,7 @@ from test_export_ports import (
 from test_hostile_text import HOSTILE, untouched
 
 import fitball
+from fitball.api.simulating import Subject, page_of
 from fitball.cli.main import main
 from fitball.errors import ParameterError
 from fitball.exports.bounces import Bounces, Case, bounces_of, joined
@@ -352,6 +353,14 @@ def test_tables_and_engine_settings_have_every_surface(fits, tmp_path, capsys):
     one = json.loads((tmp_path / "engine.json").read_text())
     assert one["labels"] == {"surface": "Hard"} and "at_point" in one
     assert "note: surface Clay (wet): largest error of interpolation" in capsys.readouterr().err
+
+
+def test_a_page_with_sliders_is_of_one_surface(fits):
+    fit, _folder = fits["grip-slip"]
+    page = page_of(Subject.from_fit(fit, None, {}, {"surface": "Hard"}), None)
+    assert "surface Hard" in page and "The model was fitted to impacts from 6 to 14 m/s." in page
+    assert repr(float(on(fit, "Hard").point[0])) in page
+    assert "The model was fitted" not in page_of(Subject.from_fit(None, "grip-slip", {}), None)
 
 
 def test_golden_impacts_of_every_surface_are_verified(fits, tmp_path, capsys):

@@ -274,7 +274,7 @@ class Fit(results.Fit):
         Formats are `python`, `c`, `javascript`, `csharp`, `golden`, `lookup`, `engine`, `json`,
         `latex`, `markdown`, `certificate`, and `pdf` and `netcdf` (files only). Options: `prefix` (c, javascript,
         csharp), `inputs_only` (golden), `range` (lookup), `at` and `engine_inertia` (engine), `json` (engine, lookup:
-        JSON only). If parameters differ between surfaces or balls, the first seven but `json` have all of them;
+        JSON only). If parameters differ between surfaces or balls, the first seven have all of them;
         `levels`, such as `{"surface": "clay"}`, chooses one. Raises ParameterError, ResultFolderError.
 
         >>> print(fit.export("latex")[".tex"].splitlines()[0])

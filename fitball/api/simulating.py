@@ -336,4 +336,5 @@ def page_of(subject: Subject, impact: Impacts | None) -> str:
         fitted, origin = replace(subject.fitted, impacts=load_table("wang_all").impacts), "default values, no fit"
         given = ", some of them set by the user" if subject.given else ""
         intro = f"Default parameters, near the fits to the balls of Wang (1989){given}. This is not a fit."
-    return interactive_page(fitted, round_impact(fitted) if impact is None else impact, intro, origin)
+    start = round_impact(fitted) if impact is None else impact
+    return interactive_page(fitted, start, intro, origin, measured=subject.saved is not None)

@@ -65,7 +65,9 @@ def _origin(saved: Fit, labels: Mapping[str, str]) -> str:
     origin = f"table {table.file} ({table.impacts} impacts), point estimate, fit {saved.status}"
     fitted = saved.fitted.labels
     named = [
-        f"{column} {label}" if label in fitted[column] else f"a {column} of which nothing was measured"
+        f"{column} {label}"
+        if label in fitted[column]
+        else f"a {column} of which nothing was measured (the median of such)"
         for column, label in labels.items()
     ]
     pooled = [item for item in saved.fitted.levels if item.column not in labels]
@@ -84,7 +86,8 @@ def bounces_of(saved: Fit, levels: Mapping[str, str] | None = None) -> Bounces:
     one of a point fit.
     """
     fitted = saved.fitted
-    chosen = _checked(fitted, levels or {})
+    named = columns_of(fitted.levels, levels or {})
+    chosen = {column: checked_label(fitted.levels, column, label) for column, label in named.items()}
     columns = {column: labels for column, labels in fitted.labels.items() if column not in chosen}
     if not fitted.levels:
         cases: tuple[Case, ...] = (Case({}, fitted, saved.golden),)
@@ -108,14 +111,6 @@ def _remarks(cases: Sequence[Case]) -> tuple[str, ...]:
         for case in cases
         if case.measured == 0
     )
-
-
-def _checked(fitted: FittedModel, levels: Mapping[str, str]) -> dict[str, str]:
-    """The labels by column as they were fitted. Raises ParameterError as `FittedModel.at` does."""
-    named = columns_of(fitted.levels, levels)
-    chosen = {column: checked_label(fitted.levels, column, label) for column, label in named.items()}
-    fitted.at({**{column: labels[0] for column, labels in fitted.labels.items()}, **chosen})
-    return chosen
 
 
 def _case(saved: Fit, labels: Mapping[str, str], pooling: Sequence[Pooling]) -> Case:

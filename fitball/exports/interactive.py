@@ -31,14 +31,16 @@ RPM = 30.0 / math.pi
 SHADES = dict(zip(("slide", "back", "grip", "hold", "free"), PHASES, strict=True))
 
 
-def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: str) -> str:
+def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: str, measured: bool = True) -> str:
     """The page, begun at `impact`; `intro` (a sentence) and `origin` (a phrase) say where the parameters are from.
+    Unless `measured`, they are those of no fit.
 
     Raises ModelError as `make_port` does.
     """
     followed = not fitted.model.no_history
-    port = make_port(fitted, golden(fitted, fitted.impacts), origin, (total_moment,) if followed else ())
-    more = ("total_moment", "newScratch", "CODES", "RIGID") if followed else ()
+    more = (total_moment,) if followed else ()
+    port = make_port(fitted, golden(fitted, fitted.impacts), origin, more, measured)
+    names = ("total_moment", "newScratch", "CODES", "RIGID") if followed else ()
     return render_template(
         "fitball.exports",
         "interactive.html.j2",
@@ -46,7 +48,7 @@ def interactive_page(fitted: FittedModel, impact: Impacts, intro: str, origin: s
         intro=intro,
         tangential=fitted.tangential,
         followed=followed,
-        script=_inline(javascript_script(port, more)),
+        script=_inline(javascript_script(port, names)),
         settings=_inline(json.dumps(_settings(port, fitted, impact, followed), indent=1)),
         sentences=range_sentences(port),
         shades=SHADES,
