@@ -307,7 +307,7 @@ def test_the_most_useful_next_measurement_is_named(two_mass):
 
 
 ADVICE = {
-    "outlier": "student-t", "tails": "student-t", "group": "offsets", "level": "pool", "uneven": "separate",
+    "outlier": "student-t", "tails": "student-t", "group": "offsets", "uneven": "separate",
     "linked": "incident",
 }  # fmt: skip
 

@@ -155,7 +155,7 @@ def choices_of(model: str | None, asked: Fitting) -> Choices:
     """
     given: dict[str, Any] = {item.name: asked.get(item.name) for item in fields(Choices) if item.name != "model"}
     given |= _noise_of(asked.get("noise"), asked.get("velocity_noise"))
-    if given["pool"] == NOT_POOLED:
+    if isinstance(given["pool"], str) and given["pool"] == NOT_POOLED:
         given["pool"] = {ALL: NOT_POOLED}
     for option in EXAMPLES:
         value = given[option]

@@ -49,7 +49,7 @@ def difference_lines(fit: Fit) -> list[str]:
         if same := [item.parameter for item in mine if item.fitted and not item.found]:
             lines.append(f"No difference in {listed(same)} is found between levels of {column}.")
         if wanted := [item.parameter for item in mine if item.found and not item.fitted]:
-            flags = " ".join(f"--pool {name}={column}" for name in wanted)
+            flags = " ".join(spoken(f"--pool {name}={column}", "") for name in wanted)
             asked = spoken(flags, f"pool={dict.fromkeys(wanted, column)}")
             lines.append(f"To fit {listed(wanted)} to each {column}: {asked}.")
     return lines
