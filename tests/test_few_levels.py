@@ -18,7 +18,7 @@ from fitball.inference.problem.parameters import parse_prior
 from fitball.inference.problem.problem import Choices
 from fitball.inference.problem.spreads import kind_of, published_spread, spread_prior
 from fitball.models.specs import SPECS
-from fitball.report.fit.itf_tests import drop_remarks
+from fitball.report.fit.drop_words import drop_remarks
 from fitball.scheduling.engine import engine
 
 # Rebounds [cm] from 254 cm of three balls by three drops, as a lab wrote them.
