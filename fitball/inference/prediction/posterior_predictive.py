@@ -47,7 +47,8 @@ def curves(problem: Problem, values: FloatArray) -> tuple[Curve, ...]:
         ", ".join(levels_of(problem, labels).values()): rows for labels, rows in sorted(by_level(problem).items())
     }
     if problem.table.has_tangential:
-        return tuple(_curve(problem, values, *crowd) for crowd in _crowds(problem, found))
+        surfaces = dict(zip(found, (next(iter(labels), "") for labels in sorted(by_level(problem))), strict=True))
+        return tuple(_curve(problem, values, *crowd) for crowd in _crowds(problem, found, surfaces))
     busiest = sorted(found.items(), key=lambda item: -item[1].size)[:MOST_CURVES]
     spin = problem.impacts.omega_1
     return tuple(
@@ -92,14 +93,19 @@ def _near(
 Crowd = tuple[str, float, float, NDArray[np.int64]]
 
 
-def _crowds(problem: Problem, levels: Mapping[str, NDArray[np.int64]]) -> list[Crowd]:
-    """Label, speed, spin and rows of the impacts near them, by label, spin and speed."""
+def _crowds(problem: Problem, levels: Mapping[str, NDArray[np.int64]], surfaces: Mapping[str, str]) -> list[Crowd]:
+    """Label, speed, spin and rows of the impacts near them, by label, spin and speed: with few impacts only of a
+    surface (the first label of a combination in `surfaces`) that has no other.
+    """
     left, chosen = dict(levels), list[Crowd]()
     while left and len(chosen) < MOST_CURVES:
-        best = max((_crowd(problem, label, rows) for label, rows in left.items()), key=lambda crowd: crowd[3].size)
+        seen = {surfaces[label] for label, *_rest in chosen}
+        crowds = [_crowd(problem, label, rows) for label, rows in left.items()]
+        best = max(crowds, key=lambda crowd: (surfaces[crowd[0]] not in seen, crowd[3].size))
         label, speed, spin, near = best
-        if chosen and near.size < FEWEST:
-            break
+        if near.size < FEWEST and surfaces[label] in seen:
+            del left[label]
+            continue
         chosen.append(best)
         # What lies a little further off would make another curve like this one.
         rows = left.pop(label)

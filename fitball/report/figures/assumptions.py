@@ -81,7 +81,7 @@ def _panel(fit: Fit, found: Assumptions, name: str, own: Summary, shift: float) 
         axis = parameter_axis(spec)
     else:
         scale = handy(name, fit.derived[name].unit if name in fit.derived else "")
-        axis = ParameterAxis(axis_label(verbatim(short(name, 30)), scale.unit), scale.factor, False)
+        axis = ParameterAxis(axis_label(verbatim(short(name, 22)), scale.unit), scale.factor, False)
 
     def row(values: Summary | None) -> Row:
         if values is None:

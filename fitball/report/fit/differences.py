@@ -72,7 +72,8 @@ def _difference_line(fit: Fit, item: Difference) -> str:
     values = [f"{label} {scale.fixed(known[label], places)}" for label in labels if label in known]
     size = f"{scale.fixed(item.size, places)} {scale.interval(item.q025, item.q975, places)} (95 %)"
     between = f"between {item.low} and {item.high} " if len(known) > NAMED_LEVELS else ""
+    what = f"difference {between}{size}" if item.fitted else f"a quick fit to each {item.column}"
     return (
         f"{item.parameter} differs by {item.column}: {', '.join(values)} {scale.unit}".rstrip()
-        + f" (difference {between}{size}, {item.sds:.1f} sd)."
+        + f" ({what}, {item.sds:.1f} sd)."
     )
