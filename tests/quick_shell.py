@@ -17,13 +17,13 @@ from fitball.inference.comparison import left_out
 from fitball.report.figures import canvas
 from fitball.report.history import film
 
-# What is added to a line of each verb; the road is the same, only shorter. Two fits are sampled: that of the table
-# which most pages share and of one whose posterior a page draws; pictures that a fit lacks for it are blank.
+# What is added to a line of each verb; the road is the same, only shorter. Three fits are sampled: that of the table
+# which most pages share and of two whose posteriors pages use; pictures that a fit lacks for it are blank.
 SHORTER = {
     "calibrate": ("--point-only", "--cores", "1"),
     "compare": ("--models", "brody,grip-slip", "--max-steps", "100", "--cores", "1"),
 }
-SAMPLED = {"wang_all.csv", "synthetic_court.csv"}
+SAMPLED = {"wang_all.csv", "synthetic_court.csv", "two_surfaces.csv"}
 NOT_DRAWN = ("corner.png", "trace.png", "profiles.png", "forest.png")
 STEPS = 100
 # One white pixel.

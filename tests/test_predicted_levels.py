@@ -204,6 +204,13 @@ def two_surfaces(tmp_path_factory):
     return folder
 
 
+def test_the_summary_has_the_value_of_each_surface(two_surfaces):
+    table = fitball.load_fit(two_surfaces / "fit").summary()
+    assert table.index.tolist()[:3] == ["mu[clay]", "mu[hard]", "mu"] and table.index.is_unique
+    assert table.loc["mu[clay]", "point"] == pytest.approx(0.7, rel=0.05)
+    assert table.loc["mu[hard]", "point"] == pytest.approx(0.5, rel=0.05)
+
+
 def test_the_rows_of_a_table_follow_its_own_column(two_surfaces, capsys):
     fit = fitball.load_fit(two_surfaces / "fit")
     frame = fit.predict(two_surfaces / "new.csv")

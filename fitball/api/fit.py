@@ -157,15 +157,15 @@ class Fit(results.Fit):
         return report_text(self)
 
     def summary(self) -> pd.DataFrame:
-        """One row for each parameter, in SI: unit, median, sd, quantiles, point estimate, prior, verdict, sampling.
+        """One row for each parameter, after those of its levels, in SI: unit, median, sd, quantiles, point estimate,
+        prior, verdict, sampling.
 
         >>> fit.summary().loc["mu", ["unit", "verdict"]].tolist()
         ['', 'identified']
         """
         import pandas as pd
 
-        columns = summary_columns(self)
-        return pd.DataFrame(columns, index=pd.Index(self.parameters, name="parameter"))
+        return pd.DataFrame(summary_columns(self)).set_index("parameter")
 
     def draws(self) -> pd.DataFrame:
         """All draws of the free parameters in SI, one row each. Raises ResultFolderError for a point fit."""

@@ -393,4 +393,4 @@ def summary_columns(fit: Fit) -> Mapping[str, list[object]]:
     """The same by column, without reasons and least squares."""
     names = ("unit", *SUMMARY, "point", "prior", "contraction", "verdict", "ess_bulk", "ess_tail", "r_hat")
     rows = summary_rows(fit)
-    return {name: [row[name] for row in rows] for name in names}
+    return {name: [row[name] for row in rows] for name in ("parameter", *names)}
