@@ -35,8 +35,8 @@ def table(seed: int, biased: float = 0.0, **second: float):
     return replace(base, measurements=measured, redundant=(), labels={"group": LABELS}, notices=())
 
 
-def scored(made):
-    problem = problem_of(made, "grip-slip")
+def scored(made, chosen="grip-slip"):
+    problem = problem_of(made, chosen)
     point = maximum_posterior(problem, starting_points(problem, np.random.default_rng(1), 6))
     return problem, point, {item.parameter: item for item in differences(problem, point)}
 
@@ -83,3 +83,16 @@ def test_what_is_fitted_to_each_level_is_not_scored_again(bouncy):
     found = {item.parameter: item for item in differences(pooled, point)}
     assert "cor_10" not in found and not any(item.found for item in found.values())
     assert differences(replace(problem, table=replace(problem.table, labels={})), point) == ()
+
+
+def test_balls_of_a_drop_test_at_one_speed_differ_in_restitution(tmp_path):
+    """Three balls by three drops, as a lab wrote them; the slope over speed would explain as much."""
+    path = tmp_path / "drops.csv"
+    drops = zip("111222333", (139.2, 140.0, 139.6, 141.5, 142.0, 141.1, 134.1, 134.8, 133.9), strict=True)
+    lines = ["ball,drop_height [cm],rebound_height [cm]", *(f"{ball},254,{rise}" for ball, rise in drops)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    problem = problem_of(load_table(path), "brody")
+    assert problem.pooling == ()
+    found = scored(problem.table, "brody")[2]
+    assert {name for name, item in found.items() if item.found} == {"cor_10"}
+    assert (found["cor_10"].low, found["cor_10"].high) == ("3", "2")

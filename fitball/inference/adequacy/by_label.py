@@ -23,13 +23,17 @@ from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
-from fitball.inference.results.evidence import FALSE_EXCEPT, Difference
+from fitball.inference.results.evidence import FALSE_FAILS, Difference
 from fitball.inference.results.results import PointFit
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.values import FloatArray
 
 # A direction of which a refit of the others leaves less of the square is not seen.
 LEFT = 1e-3
+# The probability below which a difference is found: residual tests have their own chance of a false alarm.
+SURE = FALSE_FAILS
+# A gain that another explanation exceeds by less is as good: in a drop test at one speed biases are restitutions.
+ROUNDING = 1e-6
 # Standard errors of a 95 % interval.
 TWO_SIDED = 1.959964
 # Parameters of one column that may be found to differ, one after the other.
@@ -120,7 +124,9 @@ def _probability(fit: Refit, gain: float, rank: int) -> float:
     freedom = float(fit.freedom.sum()) - rank
     if freedom < 1.0:
         return 1.0
-    left = max(float(fit.freedom.sum()) - gain, 0.01 * freedom)
+    # Of the residuals themselves: a prior may hold the noise above them.
+    whole = float(fit.measured @ fit.measured)
+    left = max(whole - gain, ROUNDING * whole)
     return float(fdtrc(rank, freedom, gain / rank / (left / freedom)))
 
 
@@ -161,7 +167,7 @@ def _chosen(
 ) -> list[Difference]:
     """The scores of a column, with those found that explain it: one after the other, each beside the others."""
     blocks = {block.name: block for block in _blocks(problem, fit, slopes, item)}
-    sure = {one.parameter: one for one in scored if one.p < FALSE_EXCEPT}
+    sure = {one.parameter: one for one in scored if one.p < SURE}
     taken: list[_Block] = []
     gains, ranks = 0.0, 0
     while sure.keys() - {block.name for block in taken} and len(taken) < MOST:
@@ -172,7 +178,10 @@ def _chosen(
             if (found := _score(fit, blocks[name], taken)) is not None
         }
         best = min(tried, key=lambda name: _probability(fit, tried[name][2], tried[name][3]), default="")
-        if not best or _probability(fit, tried[best][2], tried[best][3]) * len(scored) >= FALSE_EXCEPT:
+        # Of parameters that explain the same, as value and slope of a line do at one speed, the first.
+        alike = (name for name, item in tried.items() if item[2] >= (1.0 - ROUNDING) * tried[best][2])
+        best = next(alike, best)
+        if not best or _probability(fit, tried[best][2], tried[best][3]) * len(scored) >= SURE:
             break
         taken.append(blocks[best])
         gains, ranks = gains + tried[best][2], ranks + tried[best][3]
@@ -193,7 +202,7 @@ def _preferred(problem: Problem, fit: Refit, item: Labelled, gain: float, rank: 
     effect = np.concatenate([inside * columns[:, [k]] for k in range(len(fit.columns))], axis=1)
     biases = _score(fit, _Block("biases", effect))
     penalty = np.log(len(problem.impacts))
-    return biases is None or gain - rank * penalty >= biases[2] - biases[3] * penalty
+    return biases is None or gain - rank * penalty >= biases[2] * (1.0 - ROUNDING) - biases[3] * penalty
 
 
 def _quick_fit(

@@ -160,7 +160,7 @@ def default_pool(
     their own (see `prediction.drop_test`).
     """
     pool, notes = dict[str, str](), []
-    for role in OWNED:
+    for role in OWNED if chosen.tangential else ():
         for item in grouping(table):
             if item.role is not role or item.column == offsets:
                 continue
