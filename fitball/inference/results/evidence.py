@@ -178,8 +178,8 @@ class Identifiability:
     several: str = ""
 
 
-# Probabilities of a difference below this are not resolved by draws.
-RESOLVED = 1e-3
+# Probabilities of a difference below this are not resolved by draws, nor by doubles.
+RESOLVED, LEAST = 1e-3, 1e-300
 # Probabilities that simulated data are described only with exceptions, or not at all.
 FALSE_EXCEPT, FALSE_FAILS = 0.05, 0.01
 # A parameter that a misfit shifts by more than so many of its standard deviations is conditional.
@@ -286,7 +286,9 @@ class Difference:
         """The difference in its standard deviations: of a normal number with the same `p`, as far as draws resolve
         that.
         """
-        return -float(ndtri(0.5 * self.p)) if self.p >= RESOLVED else self.size / self.sd
+        if self.fitted and self.p < RESOLVED:
+            return self.size / self.sd
+        return -float(ndtri(0.5 * max(self.p, LEAST)))
 
 
 @dataclass(frozen=True)
