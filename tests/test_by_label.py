@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from samples import problem_of
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.adequacy.by_label import differences
+from fitball.inference.adequacy.by_label import _Block, _score, differences
+from fitball.inference.identifiability.derived import derived
+from fitball.inference.identifiability.derived import differences as fitted_differences
 from fitball.inference.point.point_fit import follow_maximum, maximum_posterior, starting_points
+from fitball.inference.point.surface import surface_of
 
 NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope")
 TRUE = {"mu": 0.45, "e_x": 0.1, "offset": 0.0, "cor_10": 0.77, "cor_slope": -0.015}
@@ -19,7 +23,7 @@ LABELS = tuple("ab"[k % 2] for k in range(21))
 
 
 def table(seed: int, biased: float = 0.0, **second: float):
-    """Wang's incidences with rebounds of grip-slip, other parameters or a bias of `v_x2` in the second group."""
+    """Wang's incidences with rebounds of grip-slip, other parameters or a bias of `v_y2` in the second group."""
     chosen, base = fitball.model("grip-slip"), load_table("wang_all.csv")
     rng, at = np.random.default_rng(seed), np.arange(21)
     inside = np.array(LABELS) == "b"
@@ -27,8 +31,8 @@ def table(seed: int, biased: float = 0.0, **second: float):
                      for there in inside])  # fmt: skip
     made = chosen.evaluate(chosen.parameter_names, rows, base.impacts)
     columns = {
-        "v_x2": made.v_x2[at, at] + 0.1 * rng.standard_normal(21) + biased * inside,
-        "v_y2": made.v_y2[at, at] + 0.1 * rng.standard_normal(21),
+        "v_x2": made.v_x2[at, at] + 0.1 * rng.standard_normal(21),
+        "v_y2": made.v_y2[at, at] + 0.1 * rng.standard_normal(21) + biased * inside,
         "omega_2": made.omega_2[at, at] + 4.0 * rng.standard_normal(21),
     }
     measured = tuple(replace(item, values=columns[item.name]) for item in base.measurements)
@@ -71,8 +75,9 @@ def test_a_table_without_differences_finds_none():
 
 
 def test_a_bias_of_one_column_is_no_parameter():
-    """What one column of a group shows alone is explained by no parameter as well as by a bias."""
-    _problem, _point, found = scored(table(6, biased=1.5))
+    """The same in all rows of a group, whatever their speed: a restitution that grows with speed fits worse."""
+    _problem, _point, found = scored(table(6, biased=0.5))
+    assert found["cor_10"].p < 0.01
     assert not any(item.found for item in found.values())
 
 
@@ -96,3 +101,49 @@ def test_balls_of_a_drop_test_at_one_speed_differ_in_restitution(tmp_path):
     found = scored(problem.table, "brody")[2]
     assert {name for name, item in found.items() if item.found} == {"cor_10"}
     assert (found["cor_10"].low, found["cor_10"].high) == ("3", "2")
+
+
+def test_the_score_beside_others_is_the_fall_of_chi_square():
+    """Oracle: least squares with the columns of all that is fitted, with and without those of one block."""
+    rng = np.random.default_rng(8)
+    fitted, taken, more = rng.standard_normal((40, 4)), rng.standard_normal((40, 2)), rng.standard_normal((40, 2))
+    own, y = np.linalg.qr(fitted)[0], rng.standard_normal(40) + more[:, 0] + taken[:, 1]
+
+    def chi_square(*columns):
+        matrix = np.concatenate(columns, axis=1)
+        return float(np.sum((y - matrix @ np.linalg.lstsq(matrix, y, rcond=None)[0]) ** 2))
+
+    fit = SimpleNamespace(own=own, measured=y - own @ (own.T @ y))
+    for others, without in (((), chi_square(fitted)), ((_Block("b", taken),), chi_square(fitted, taken))):
+        shifts, covariance, gain, rank = _score(fit, _Block("a", more), others)
+        whole = [fitted, *(item.effect for item in others), more]
+        assert gain == pytest.approx(without - chi_square(*whole), rel=1e-9) and rank == 2
+        matrix = np.concatenate(whole, axis=1)
+        np.testing.assert_allclose(shifts, np.linalg.lstsq(matrix, y, rcond=None)[0][-2:], rtol=1e-9)
+        np.testing.assert_allclose(covariance, np.linalg.inv(matrix.T @ matrix)[-2:, -2:], rtol=1e-9)
+
+
+def test_the_surest_difference_of_a_fit_to_each_level_goes_from_low_to_high(bouncy):
+    problem, _point, _found = bouncy
+    pooled = problem_of(problem.table, "grip-slip", pool={"cor_10": "group"})
+    point = maximum_posterior(pooled, starting_points(pooled, np.random.default_rng(1), 6))
+    (found,) = fitted_differences(pooled, derived(pooled, point, None, np.random.default_rng(2)))
+    assert (found.low, found.high, found.fitted, found.found) == ("b", "a", True, True)
+    assert 0.0 < found.q025 < 0.07 < found.q975 and found.sds > 3.0
+
+
+def test_a_step_of_a_search_is_straight_in_the_levels(bouncy):
+    """Value at a level, `q + tau z`, by its first order in all three; bounds are kept."""
+    problem, _point, _found = bouncy
+    surface = surface_of(problem_of(problem.table, "grip-slip", pool={"cor_10": "group"}), penalised=True)
+    names = [item.name for item in surface.parameters]
+    q, tau, z = (names.index(name) for name in ("cor_10", "cor_10_spread", "cor_10_place[b]"))
+    x, step = np.zeros((1, len(names))), np.zeros((1, len(names)))
+    x[0, [q, tau, z]], step[0, [q, tau, z]] = (0.75, 0.1, -0.5), (0.02, 0.05, 0.3)
+    there = surface.moved(x, step)[0]
+    straight = x[0, q] + x[0, tau] * x[0, z] + step[0, q] + x[0, tau] * step[0, z] + x[0, z] * step[0, tau]
+    assert there[q] + there[tau] * there[z] == pytest.approx(straight, rel=1e-12)
+    assert (there[q], there[tau]) == (0.77, pytest.approx(0.15))
+    # Where the spread all but vanishes places stay within their bounds.
+    step[0, tau] = -0.1 + 1e-9
+    assert abs(surface.moved(x, step)[0, z]) <= 8.0
