@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import pytest
 
 import fitball
 from fitball.api.calibrating import pose
+from fitball.data import labels
 from fitball.data.labels import Role, grouping, labelled, role_of
 from fitball.data.read import load_table
 from fitball.errors import TableError
@@ -24,9 +26,9 @@ def rows(count: int) -> list[str]:
     ]
 
 
-def table_with(folder: Path, **labels: str) -> Path:
+def table_with(folder: Path, **named: str) -> Path:
     """A table with these label columns, a letter or a word for each row, separated by blanks."""
-    cells = {name: text.split() for name, text in labels.items()}
+    cells = {name: text.split() for name, text in named.items()}
     lines = rows(len(next(iter(cells.values()))))
     body = [",".join([line, *(cells[name][k] for name in cells)]) for k, line in enumerate(lines)]
     path = folder / "table.csv"
@@ -117,3 +119,20 @@ def test_a_drop_test_is_offered_its_heights(tmp_path):
     path.write_text("Sample,Drop (cm),Rebound (cm)\n1,254,139\n1,254,140\n2,254,141\n", encoding="utf-8")
     with pytest.raises(TableError, match="'drop_height': 'Drop', 'rebound_height': 'Rebound'"):
         load_table(path)
+
+
+def test_a_long_table_whose_rows_all_have_a_name_is_read_in_linear_time(monkeypatch, tmp_path):
+    """Labels are compared in pairs only where they are few: counted, not timed."""
+    compared = []
+
+    class Counting(SequenceMatcher):
+        def __init__(self, *given):
+            compared.append(given)
+            super().__init__(*given)
+
+    monkeypatch.setattr(labels, "SequenceMatcher", Counting)
+    names = " ".join(f"ball_{k}" for k in range(300))
+    table = load_table(table_with(tmp_path, ball=names, remark=names))
+    assert compared == [] and grouping(table) == ()
+    load_table(table_with(tmp_path, ball="hard hard hard hardd hardd hardd"))
+    assert len(compared) == 1

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from fitball.data.cells import Findings, Texts, is_number
+from fitball.data.header import bare
 from fitball.visible import some
 from fitball.wording import spoken
 
@@ -44,18 +45,15 @@ _ROLES = {name: role for role, names in _NAMES.items() for name in names.split()
 GROUPS = ("group", "table")
 # Rows that a level must have to count, levels of which that must be so, and levels at most.
 LEAST_ROWS, LEAST_LEVELS, MOST_LEVELS = 3, 2, 12
+# Labels of a column that are compared with each other, at most.
+MOST_COMPARED = 40
 # Labels are near each other where so much of their letters agrees: one wrong letter in four.
 _NEAR, _LEAST_LETTERS = 0.75, 4
 
 
-def plain(name: str) -> str:
-    """The name of a column without case, blanks and underscores."""
-    return re.sub(r"[\s_.\-]+", "", name.casefold())
-
-
 def role_of(name: str) -> Role | None:
     """What the labels of a column of this name are names of; None where the name does not say."""
-    return _ROLES.get(plain(name))
+    return _ROLES.get(bare(name))
 
 
 @dataclass(frozen=True)
@@ -90,8 +88,8 @@ def labelled(labels: Mapping[str, Sequence[str]]) -> tuple[Labelled, ...]:
     """
     found = []
     for column, cells in labels.items():
-        role = role_of(column)
-        counts = dict(sorted(Counter(cells).items(), key=lambda pair: cells.index(pair[0])))
+        # A counter keeps the order in which labels first come.
+        role, counts = role_of(column), dict(Counter(cells))
         if len(counts) < LEAST_LEVELS:
             continue
         item = Labelled(column, role, counts)
@@ -117,15 +115,16 @@ def one_spelling(texts: Mapping[str, Texts], found: Findings) -> dict[str, Texts
     for column, cells in texts.items():
         if role_of(column) is None and column not in GROUPS:
             continue
+        as_plain = {cell: plain_label(cell) for cell in set(cells)}
         spellings: dict[str, Counter[str]] = {}
         for cell in cells:
-            spellings.setdefault(plain_label(cell), Counter())[cell.strip()] += 1
-        chosen = {plain: counts.most_common(1)[0][0] for plain, counts in spellings.items()}
-        made[column] = tuple(chosen[plain_label(cell)] for cell in cells)
-        for plain, counts in spellings.items():
-            others = [f"'{label}' ({count})" for label, count in counts.items() if label != chosen[plain]]
+            spellings.setdefault(as_plain[cell], Counter())[cell.strip()] += 1
+        chosen = {own: counts.most_common(1)[0][0] for own, counts in spellings.items()}
+        made[column] = tuple(chosen[as_plain[cell]] for cell in cells)
+        for own, counts in spellings.items():
+            others = [f"'{label}' ({count})" for label, count in counts.items() if label != chosen[own]]
             if others:
-                found.notice(f"{column}: {some(others)} read as '{chosen[plain]}'", column)
+                found.notice(f"{column}: {some(others)} read as '{chosen[own]}'", column)
     for item in labelled(made):
         _announce(item, made[item.column], found)
     return made
@@ -150,7 +149,8 @@ def _announce(item: Labelled, cells: Texts, found: Findings) -> None:
             f"each {column}. Fill these cells, or leave the rows out",
             column,
         )
-    for label, other in _near_labels(item):
+    # Of many labels each is compared with all others; those that name every row of a long table are no misspellings.
+    for label, other in _near_labels(item) if count <= MOST_COMPARED else ():
         row = next(number for number, cell in zip(found.rows.numbers, cells, strict=True) if cell == label)
         found.notice(
             f"{column} '{label}' (row {row}) is like '{other}', and is kept apart. If it is a misspelling, write "

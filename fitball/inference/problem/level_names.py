@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
-from fitball.data.labels import plain, plain_label, role_of
+from fitball.data.header import bare
+from fitball.data.labels import plain_label, role_of
 from fitball.errors import ParameterError
 from fitball.inference.problem.pooling import NEW, Levels
 from fitball.visible import some
@@ -27,7 +28,7 @@ def heads_of(columns: Sequence[str]) -> tuple[str, ...]:
 
 def column_of(levels: Sequence[Levels], name: str) -> str | None:
     """The column over which a parameter differs that is called `name`, whatever its case, blanks and underscores."""
-    return next((column for column in labels_of(levels) if plain(column) == plain(name)), None)
+    return next((column for column in labels_of(levels) if bare(column) == bare(name)), None)
 
 
 def columns_of(levels: Sequence[Levels], asked: Mapping[str, Value]) -> dict[str, Value]:

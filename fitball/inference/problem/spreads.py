@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitball.data.labels import Role, plain, role_of
+from fitball.data.header import bare
+from fitball.data.labels import Role, role_of
 from fitball.data.published import published_priors
 from fitball.inference.problem.parameters import Prior, parse_prior
 
@@ -58,7 +59,7 @@ def general_spread(log: bool, prior: Prior) -> float:
 
 def kind_of(column: str) -> str | None:
     """What the levels of a column are; None where that is unknown."""
-    return MAKE if plain(column) in _MAKES else role_of(column)
+    return MAKE if bare(column) in _MAKES else role_of(column)
 
 
 def published_spread(parameter: str, kind: str | None) -> SpreadPrior | None:
