@@ -72,28 +72,38 @@ def test_what_belongs_to_surfaces_balls_and_places_is_fitted_to_each(tmp_path):
         problem = pose(path, Choices(model=model, **choices))
         return {item.parameter: item.column for item in problem.pooling}
 
-    surfaces = table_with(tmp_path, Court="a a a b b b")
+    surfaces = table_with(tmp_path, Court="a a a a a b b b b b")
     assert pooled(surfaces) == {"mu": "Court", "cor_10": "Court"}
     assert pooled(surfaces, pool={"all": "none"}) == {}
     assert pooled(surfaces, pool={"mu": "none"}) == {"cor_10": "Court"}
     assert pooled(surfaces, fix={"cor_10": 0.75}) == {"mu": "Court"}
     assert pooled(surfaces, offsets="Court") == {}
-    assert pooled(table_with(tmp_path, ball="a a a b b b")) == {"cor_10": "ball", "offset": "ball"}
-    assert pooled(table_with(tmp_path, ball="a a a b b b"), "two-mass") == {"cor_10": "ball", "eps_10": "ball"}
-    assert pooled(table_with(tmp_path, place="a a a b b b")) == {"mu": "place"}
-    both = table_with(tmp_path, surface="a a a b b b", ball="x y x y x y")
+    assert pooled(table_with(tmp_path, ball="a a a a a b b b b b")) == {"cor_10": "ball", "offset": "ball"}
+    assert pooled(table_with(tmp_path, ball="a a a a a b b b b b"), "two-mass") == {
+        "cor_10": "ball",
+        "eps_10": "ball",
+    }
+    assert pooled(table_with(tmp_path, place="a a a a a b b b b b")) == {"mu": "place"}
+    both = table_with(tmp_path, surface="a a a a a b b b b b", ball="x y x y x y x y x y")
     assert pooled(both) == {"mu": "surface", "cor_10": "surface", "offset": "ball"}
     # What names nothing is scored and fitted to all.
-    assert pooled(table_with(tmp_path, group="a a a b b b", operator="x x x y y y")) == {}
+    two = "x x x x x y y y y y"
+    assert pooled(table_with(tmp_path, group=two, operator=two)) == {}
     assert {item.column for item in grouping(load_table(tmp_path / "table.csv"))} == {"group", "operator"}
     # Bundled tables have one surface each.
     assert pooled("wang_all.csv") == {}
+    # Four rows of each are too few for a fit to each, and are scored.
+    few = table_with(tmp_path, Court="a a a a b b b b")
+    assert pooled(few) == {} and len(grouping(load_table(few))) == 1
+    assert any("fewer than two have 5 rows" in note for note in pose(few, Choices(model="grip-slip")).notes)
 
 
 def test_the_notes_say_what_is_fitted_to_each(tmp_path):
-    problem = pose(table_with(tmp_path, surface="clay clay clay hard hard hard"), Choices(model="grip-slip"))
+    problem = pose(
+        table_with(tmp_path, surface="clay clay clay clay clay hard hard hard hard hard"), Choices(model="grip-slip")
+    )
     notes = [str(note) for note in (*problem.table.remarks, *problem.notes)]
-    assert any("clay (3 rows), hard (3)" in note for note in notes)
+    assert any("clay (5 rows), hard (5)" in note for note in notes)
     assert any("mu, cor_10 fitted to each" in note for note in notes)
     missing = load_table(table_with(tmp_path, surface='clay clay clay hard hard hard ""'))
     assert any("1 row without a surface (row 7)" in str(notice) for notice in missing.notices)

@@ -262,7 +262,7 @@ def test_a_plan_for_one_level_measures_there(known):
     assert heads_of(("Position", "court")) == ("place", "surface")
     assert heads_of(("court", "floor")) == ("court", "floor")
     assert one.chosen[0].setting.surface == labels[0]
-    assert [part.name for part in one.parts] == [f"mu {labels[0]}"]
+    assert [part.name for part in one.parts] == [f"mu[{labels[0]}]"]
     with pytest.raises(ParameterError, match="a plan needs a group that was fitted"):
         make_plan(levelled.problem, posterior, Asked("mu", *where, 1, levels={"group": "new"}))
 

@@ -307,7 +307,7 @@ MODEL = Group("model and priors", (
         "--pool", "NAME=COLUMN",
         "fit a parameter to each surface, ball, place or table that a column names, with partial pooling, e.g. "
         "mu=group; none: one value for all (repeatable; default: mu and cor_10 to each surface, mu to each place, "
-        "cor_10 and the offset to each ball, where the table names several with three rows each)",
+        "cor_10 and the offset to each ball, where the table names several with five rows each, or three of a place)",
         alone={"none": "all=none"}, form="NAME=COLUMN, or none",
     ),
 ))  # fmt: skip

@@ -70,6 +70,10 @@ class Labelled:
         enough = sum(count >= LEAST_ROWS for count in self.counts.values())
         return enough >= LEAST_LEVELS and len(self.counts) <= MOST_LEVELS and "" not in self.counts
 
+    def has(self, rows: int) -> bool:
+        """Whether so many levels have at least so many rows each as a fit to each takes."""
+        return self.divides and sum(count >= rows for count in self.counts.values()) >= LEAST_LEVELS
+
     @property
     def rows(self) -> str:
         """The levels with their numbers of rows, in words."""

@@ -95,9 +95,9 @@ def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "", lev
         raise ParameterError(f"{asked_for(','.join(names))}: a name is given twice")
     free, pooled = dict(zip(problem.free_names, problem.free, strict=True)), _pooled(problem, levels)
     parts = tuple(
-        Part(f"{name} {label}".strip(), free[name].spec.unit, free[name].prior.log)
+        Part(own, free[name].spec.unit, free[name].prior.log)
         for name in names
-        for label in (pooled[name][1] if name in pooled else ("",))
+        for own in (map(pooled[name][0].level_name, pooled[name][1]) if name in pooled else (name,))
     )  # fmt: skip
 
     def values(coordinates: NumberArray) -> NumberArray:

@@ -144,6 +144,12 @@ OWNED: Mapping[Role, tuple[str, ...]] = {
 TIMED = {Role.BALL: ("k_y",)}
 
 
+# Rows that two levels must have for a fit to each without being asked to. Places have one parameter each and belong to
+# a test of three impacts a place. Two surfaces and two balls with four rows each have about as many parameters as
+# measurements: such a table was not sampled within the default steps.
+ENOUGH_ROWS = {Role.SURFACE: 5, Role.PLACE: 3, Role.BALL: 5}
+
+
 def default_pool(
     table: ImpactTable,
     chosen: Model,
@@ -169,12 +175,18 @@ def default_pool(
                 for name in (*OWNED[role], *(TIMED.get(role, ()) if timed else ()))
                 if name in chosen.parameter_names and name not in {*fixed, *asked, *pool}
             ]
-            pool |= dict.fromkeys(names, item.column)
-            if names:
+            if not names:
+                continue
+            head = f"{len(item.counts)} {item.noun} in column {item.column}"
+            if item.has(ENOUGH_ROWS[role]):
+                pool |= dict.fromkeys(names, item.column)
                 none = spoken("--pool none", "pool='none'")
+                notes.append(f"{head}: {', '.join(names)} fitted to each ({none}: one value for all)")
+            else:
+                each = spoken(f"--pool {names[0]}={item.column}", f"pool={{{names[0]!r}: {item.column!r}}}")
                 notes.append(
-                    f"{len(item.counts)} {item.noun} in column {item.column}: {', '.join(names)} fitted to each "
-                    f"({none}: one value for all)"
+                    f"{head}: fewer than two have {ENOUGH_ROWS[role]} rows, so one value is fitted to all ({each} fits "
+                    f"{names[0]} to each)"
                 )
     return pool, notes
 

@@ -371,11 +371,16 @@ WORDS = {
 }  # fmt: skip
 
 
+# An option of the command line, whose hyphens are no place to break a line.
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
+
+
 def _typeset(text: str) -> Markup:
     """What terminals have in ASCII, as print has it; names of files and commands between backquotes."""
     if isinstance(text, Cell):
         return Markup(unbroken(text.html))
     plain = str(escape(unbroken(text.replace("+-", "\u00b1"))))
+    plain = OPTION.sub(r'<span class="option">\g<0></span>', plain)
     # What is copied from code has the spaces that people type.
     return Markup(re.sub(r"`([^`]*)`", lambda found: f"<code>{found[1].replace(HARD, ' ')}</code>", plain))
 
