@@ -144,8 +144,8 @@ OWNED: Mapping[Role, tuple[str, ...]] = {
 TIMED = {Role.BALL: ("k_y",)}
 
 
-# Rows that two levels must have for a fit to each without being asked to. Places have one parameter each and belong to
-# a test of three impacts a place. Two surfaces and two balls with four rows each have about as many parameters as
+# Rows that two levels must have for a fit to each without being asked to. Places have one parameter each and belong
+# to a test of three impacts a place. Two surfaces and two balls with four rows each have about as many parameters as
 # measurements: such a table was not sampled within the default steps.
 ENOUGH_ROWS = {Role.SURFACE: 5, Role.PLACE: 3, Role.BALL: 5}
 
@@ -185,8 +185,8 @@ def default_pool(
             else:
                 each = spoken(f"--pool {names[0]}={item.column}", f"pool={{{names[0]!r}: {item.column!r}}}")
                 notes.append(
-                    f"{head}: fewer than two have {ENOUGH_ROWS[role]} rows, so one value is fitted to all ({each} fits "
-                    f"{names[0]} to each)"
+                    f"{head}: fewer than two have {ENOUGH_ROWS[role]} rows, so one value is fitted to all "
+                    f"({each} fits {names[0]} to each)"
                 )
     return pool, notes
 
