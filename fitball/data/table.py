@@ -113,6 +113,16 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+@dataclass(frozen=True)
+class Covariance:
+    """The stated errors of each row, and how they belong together: `values` (impacts, columns, columns) in SI, zero
+    where nothing is stated or measured. The `columns` are v_x1, v_y1, omega_1, and those that were measured.
+    """
+
+    columns: tuple[str, ...]
+    values: FloatArray
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class ImpactTable:
     """A table of measured impacts; two are equal if their content is.
@@ -120,7 +130,8 @@ class ImpactTable:
     `measurements` are independent, and each enters a likelihood once. `redundant` ones repeat them in another form
     (speed and angle beside components) and are only checked. `impacts` has zeros for missing columns;
     `incident_columns` are those of the table. `incident_covariance` (impacts, 3, 3) is that of
-    `(v_x1, v_y1, omega_1)`, None if no uncertainty of them is given.
+    `(v_x1, v_y1, omega_1)`, None if no uncertainty of them is given; `covariance` that of whole rows, None if errors
+    of columns are stated one by one.
 
     `digest` is the SHA-256 of the file's bytes, `files` are the files with the SHA-256 of each. `flipped` are columns
     with the opposite convention, on request (`TABLE:COLUMN` in a table of several). `columns` maps fitball's names to
@@ -142,6 +153,7 @@ class ImpactTable:
     units: Mapping[str, str]
     notices: tuple[Notice, ...]
     incident_covariance: FloatArray | None = None
+    covariance: Covariance | None = None
     flipped: tuple[str, ...] = ()
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     ball_temperature: FloatArray | None = None
