@@ -46,7 +46,8 @@ class ReboundColumn:
     (mathtext) head figures. `positive` is the convention of a column that has no sign. `tangential` columns need
     motion along the court, `timed` ones a model with a time axis. Those with `restitution` are not predicted by a
     model that takes the measured one. `velocity`: a component, the speed or the angle, of which at most two count
-    (`data.kinematics`) and which may share one noise. `function` is None for what a model gives itself.
+    (`data.kinematics`) and which may share one noise. `gap`: of the flights before and after, over the contact.
+    `function` is None for what a model gives itself.
     """
 
     name: str
@@ -60,12 +61,13 @@ class ReboundColumn:
     timed: bool = False
     restitution: bool = False
     velocity: bool = False
+    gap: bool = False
     function: OfVelocity | None = None
 
     @property
     def angle(self) -> bool:
-        """Whether differences go by the short way round."""
-        return self.unit == "rad"
+        """Whether differences go by the short way round; a turn counts whole ones."""
+        return self.unit == "rad" and not self.gap
 
     @property
     def along(self) -> bool:
@@ -130,6 +132,22 @@ _ALL = (
         # The resolution of a film of 5,000 frames a second.
         ColumnNoise("contact_time_sd", 1e-6, 1e-2, "2e-4", "the contact time", r"$\sigma_t$"),
         handy=("ms", 1e3), positive="a positive time", timed=True,
+    ),
+    # By the gap that flights of 1 mm and 2 deg a frame leave, ten frames long.
+    ReboundColumn(
+        "gap_time", "s", "time between the flights", r"$T$",
+        ColumnNoise("gap_time_sd", 1e-6, 1e-2, "1e-4", "the time between the flights", r"$\sigma_T$"),
+        handy=("ms", 1e3), positive="a positive time", timed=True, gap=True,
+    ),
+    ReboundColumn(
+        "gap_path", "m", "path between the flights", r"$P$",
+        ColumnNoise("gap_path_sd", 1e-6, 0.2, "1e-3", "the path between the flights", r"$\sigma_P$"),
+        handy=("mm", 1e3), tangential=True, timed=True, gap=True,
+    ),
+    ReboundColumn(
+        "gap_turn", "rad", "turn between the flights", r"$Q$",
+        ColumnNoise("gap_turn_sd", 1e-5, 6.0, "0.04", "the turn between the flights", r"$\sigma_Q$"),
+        handy=("deg", 180.0 / np.pi), tangential=True, timed=True, gap=True,
     ),
 )  # fmt: skip
 # The noise of a velocity component, which all columns of the velocity may share.

@@ -50,7 +50,11 @@ def test_rebound_agrees_with_integration(name, closures, wang_impacts, draw_prio
         assert abs(fast.v_x2[0, 0] - slow.v_x2[0]) < 1e-11 * speed
         assert abs(fast.v_y2[0, 0] - slow.v_y2[0]) < 1e-14 * speed
         assert abs(fast.omega_2[0, 0] - slow.omega_2[0]) < 1e-11 * speed / chosen.ball.radius
-        assert abs(fast.contact_time[0, 0] - slow.contact_time[0]) < 1e-13 * slow.contact_time[0]
+        time, fastest = slow.contact_time[0], speed / chosen.ball.radius + abs(impact.omega_1[0])
+        assert abs(fast.contact_time[0, 0] - time) < 1e-13 * time
+        assert abs(fast.gap_time[0, 0] - slow.gap_time[0]) < 1e-13 * time
+        assert abs(fast.gap_path[0, 0] - slow.gap_path[0]) < 1e-12 * speed * time
+        assert abs(fast.gap_turn[0, 0] - slow.gap_turn[0]) < 1e-12 * fastest * time
     assert solved > 20
 
 

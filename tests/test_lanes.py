@@ -17,6 +17,7 @@ from fitball.models.kernels.dual import WIDTH, choose
 from fitball.models.kernels.lanes import number
 from fitball.models.kernels.lanes.number import any_of, lane_array, largest
 from fitball.models.two_mass import _each, _incident, _room
+from fitball.models.types import OUTPUTS
 from fitball.values import Impacts, OwnImpacts
 
 ULPS = 1.5
@@ -91,7 +92,7 @@ def alone(chosen, values, impacts):
 
 def solved(chosen, values, impacts):
     found = chosen.evaluate(chosen.parameter_names, values, impacts)
-    return np.array([found.v_x2, found.v_y2, found.omega_2, found.contact_time]), found.regime, found.status
+    return np.array([getattr(found, name) for name in OUTPUTS]), found.regime, found.status
 
 
 def left(chosen, values, impacts):
@@ -124,7 +125,8 @@ def test_lanes_give_what_the_scalar_kernel_gives(name, closures):
     np.testing.assert_array_equal(status, status_alone)
     np.testing.assert_array_equal(regime, regime_alone)
     speed = np.hypot(impacts.v_x1, impacts.v_y1) + chosen.ball.radius * np.abs(impacts.omega_1)
-    scales = speed, speed, speed / chosen.ball.radius, want[3]
+    time = want[3]
+    scales = speed, speed, speed / chosen.ball.radius, time, time, speed * time, speed / chosen.ball.radius * time
     for found, right, scale in zip(out, want, scales, strict=True):
         error = np.abs(found - right) / scale
         # An event time is as sharp as the slope of its function.

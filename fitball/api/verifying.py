@@ -123,10 +123,10 @@ def verify(
     ids = golden_ids(golden)
     order = _rows_of(given, ids)
     _check_incident(given, order, golden)
-    timed = [OBSERVABLES[name] for name in given.outputs if OBSERVABLES[name].timed]
-    if timed and not saved.fitted.model.has_time:
-        message = f"model {saved.fitted.model_name} has no {timed[0].title}; delete the column"
-        raise TableError(given.source, [Fault(message, column=timed[0].name)])
+    absent = [OBSERVABLES[name] for name in given.outputs if not saved.fitted.model.gives(OBSERVABLES[name])]
+    if absent:
+        message = f"model {saved.fitted.model_name} has no {absent[0].title}; delete the column"
+        raise TableError(given.source, [Fault(message, column=absent[0].name)])
     outputs = {name: values[order] for name, values in given.outputs.items()}
     regimes = None if given.regimes is None else tuple(given.regimes[k] for k in order)
     check = check_port(saved.fitted, golden, outputs, regimes, tolerance)

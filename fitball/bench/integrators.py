@@ -51,7 +51,7 @@ def set_up(ball: Ball, values: Mapping[str, float], v_x: float, v_y: float, omeg
     riding = m * ball.mass
     omega2 = values["k_y"] / riding
     cor = values["cor_10"] + values["cor_slope"] * (v_y - 10.0)
-    status, sigma, w2, _force, end = vertical_contact(cor, m, omega2, True)
+    status, sigma, w2, _force, end, _flight = vertical_contact(cor, m, omega2, True)
     core, shell = tied_inertia_split(m) * ball.inertia, tied_shell_share(m) * ball.inertia
     compliance = 1.0 / core + 1.0 / shell
     gap = values["k_theta"] * compliance - w2

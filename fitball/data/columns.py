@@ -47,6 +47,8 @@ _SD_LIMITS: Mapping[Dimension, Limit] = {
     Dimension.TIME: Limit(1.0e-12, 0.1, "1e-12 s to 100 ms"),
     Dimension.LENGTH: Limit(1.0e-9, 50.0, "1e-9 to 50 m"),
 }
+# Between its flights a ball goes and turns less than in a tenth of a second at the largest speeds.
+_BETWEEN = {"gap_path": Limit(0.0, 10.0, "at most 10 m"), "gap_turn": Limit(0.0, 1.0e3, "at most 1000 rad")}
 # A ball that does not come says nothing of a bounce.
 _COMING, _RISING = Limit(1.0e-3, 1000.0, "0.001 to 1000 m/s"), Limit(1.0e-4, inf, "at least 0.006 deg")
 
@@ -75,7 +77,7 @@ def _rebound() -> tuple[TableColumn, ...]:
         TableColumn(
             name, "2", UNITS[item.unit].dimension, item.positive,
             flip=FROM_NORMAL if item.angle else NEGATED if name == "v_y2" or not item.positive else "",
-            turned=item.angle or name == "v_y2",
+            turned=item.angle or name == "v_y2", own_limit=_BETWEEN.get(name),
         )
         for name, item in OBSERVABLES.items()
     )  # fmt: skip
@@ -95,7 +97,7 @@ _ALL = (
     TableColumn("rebound_height", "2", Dimension.LENGTH),
 )
 COLUMNS: Mapping[str, TableColumn] = {item.name: item for item in _ALL}
-HEIGHTS = tuple(name for name, item in COLUMNS.items() if item.dimension is Dimension.LENGTH)
+HEIGHTS = ("drop_height", "rebound_height")
 MEASURED = tuple(name for name in COLUMNS if name not in HEIGHTS)
 INCIDENT = tuple(name for name in MEASURED if COLUMNS[name].end == "1")
 REBOUND = tuple(name for name in MEASURED if COLUMNS[name].end == "2")
@@ -103,7 +105,7 @@ REBOUND = tuple(name for name in MEASURED if COLUMNS[name].end == "2")
 NUMBERS: Mapping[str, Dimension] = {
     name + suffix: item.dimension for suffix in ("", SD_SUFFIX) for name, item in COLUMNS.items()
 }
-ANGLES = tuple(name for name in MEASURED if COLUMNS[name].dimension is Dimension.ANGLE)
+ANGLES = tuple(name for name in MEASURED if COLUMNS[name].turned and COLUMNS[name].dimension is Dimension.ANGLE)
 # Angles last.
 FLIPPABLE = tuple(sorted((name for name in MEASURED if COLUMNS[name].flip), key=lambda name: name in ANGLES))
 

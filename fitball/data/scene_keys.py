@@ -101,6 +101,7 @@ _LIKELY_SDS: Mapping[str, tuple[tuple[float, float], Mapping[str, float], float]
     "rad": ((1e-6, 0.2), _ANGLES, 1e-9),
     "rad/s": ((1e-6, 300.0), _SPINS, 1e-9),
     "s": ((1e-9, 5e-3), _TIMES, 1e-12),
+    "m": ((1e-9, 0.05), _LENGTHS, 1e-12),
 }
 
 

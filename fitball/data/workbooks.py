@@ -63,8 +63,8 @@ def check_text(source: str, data: bytes) -> None:
         )
 
 
-# What a damaged archive raises: its directory, its members with their CRCs, what unpacks them, names that are no UTF-8.
-# An encrypted one is a RuntimeError to zipfile, and so is one that is packed by a method it does not know.
+# What a damaged archive raises: its directory, its members with their CRCs, what unpacks them, names not in UTF-8. An
+# encrypted one is a RuntimeError to zipfile, and so is one that is packed by a method it does not know.
 _ARCHIVE = (
     zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, struct.error, OSError, UnicodeDecodeError, RuntimeError
 )  # fmt: skip

@@ -295,7 +295,7 @@ def follow_pieces(
     coupling = coupling_of(contact, gyration, 1.0 / joint.core + 1.0 / joint.shell, 1.0 / joint.core + 1.0 / gyration)
     v_x, omega_2, _stuck = landed(contact)
     spin_sum = joint.core * contact.omega + joint.shell * omega_2
-    state = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum)
+    state = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum, 0.0, 0.0)
     for place in range(pieces):
         piece = logged_piece(phase_log, place)
         drive, load = drive_of(contact, coupling, piece.phase), load_of(vertical, state.y, state.y_rate)

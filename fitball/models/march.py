@@ -109,7 +109,10 @@ def digits_arithmetic(digits: int) -> Arithmetic:
                 z = z + term
         return z
 
-    one = np.array([[context.mpf(j == k) for j in range(6)] for k in range(6)], dtype=object)
+    def growth(a: FloatArray) -> FloatArray:
+        one = np.array([[context.mpf(j == k) for j in range(len(a))] for k in range(len(a))], dtype=object)
+        return np.asarray(carried(a, one, context.mpf(1)) - one)
+
     return Arithmetic(
         number=context.mpf,
         sqrt=context.sqrt,
@@ -121,7 +124,7 @@ def digits_arithmetic(digits: int) -> Arithmetic:
         rounding=context.mpf(10) ** (-digits),
         noise=100 * unit_roundoff,
         array=lambda rows: np.array(rows, dtype=object),
-        growth=lambda a: carried(a, one, context.mpf(1)) - one,
+        growth=growth,
         carried=carried,
         root=lambda function, end: context.findroot(
             function, (context.mpf(0), end), solver="anderson", tol=unit_roundoff * end, maxsteps=200, verify=False

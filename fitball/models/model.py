@@ -21,6 +21,7 @@ from fitball.models.kernels.contact import ANCHOR_SPEED
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.specs import BALL_PARAMETERS, BALL_SPECS, ParameterSpec
 from fitball.models.types import OUTPUTS, STATUS_REASON, Rebound, Status
+from fitball.observables import ReboundColumn
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts, numbers
 from fitball.wording import spoken
 
@@ -87,12 +88,12 @@ INPUTS = ("v_x1", "v_y1", "omega_1")
 class ReboundJacobian:
     """A rebound, (draws, impacts), and its derivatives, SI units; the outputs are in the order of `OUTPUTS`.
 
-    `inputs` (draws, impacts, 4, 3): with respect to `INPUTS`, including what the lines of `eps` and of the
-    restitution make of `v_y1`. `parameters` (draws, impacts, 4, names): with respect to `names`. `cor` (draws,
-    impacts, 4): with respect to the impact's own measured restitution, which the closure `cor = measured` makes an
-    input independent of the speeds; None without that closure. All are those of the regime the impact is in; on the
-    boundary of two regimes the rebound has a kink, and they are one-sided. Where the status is not OK they are NaN,
-    as is the contact time of models that have none.
+    `inputs` (draws, impacts, outputs, 3): with respect to `INPUTS`, including what the lines of `eps` and of the
+    restitution make of `v_y1`. `parameters` (draws, impacts, outputs, names): with respect to `names`. `cor` (draws,
+    impacts, outputs): with respect to the impact's own measured restitution, which the closure `cor = measured` makes
+    an input independent of the speeds; None without that closure. All are those of the regime the impact is in; on
+    the boundary of two regimes the rebound has a kink, and they are one-sided. Where the status is not OK they are
+    NaN, as is the contact time of models that have none.
     """
 
     rebound: Rebound
@@ -129,10 +130,11 @@ class Model(ABC):
     solved.
 
     Attributes state what a model can do besides `rebound`: `has_time` (a contact time), `has_force`
-    (`force_integrals`), `no_history` (why `history` gives no courses, if so), `linear_constraints`, `oracle`. With
-    `absent_is_zero`, parameters that it does not list are zero. `remark` is a note in every fit of it; `unranked` is
-    the reason why comparisons refuse it, if they do. `kernel` is that of one impact, called as `convention` says with
-    a row of `columns`, of which mass, radius and inertia of the ball are the last.
+    (`force_integrals`), `has_gaps` (what is between the flights), `no_history` (why `history` gives no courses,
+    if so), `linear_constraints`, `oracle`. With `absent_is_zero`, parameters that it does not list are zero.
+    `remark` is a note in every fit of it; `unranked` is the reason why comparisons refuse it, if they do.
+    `kernel` is that of one impact, called as `convention` says with a row of `columns`, of which mass, radius and
+    inertia of the ball are the last.
     """
 
     convention: ClassVar[Convention]
@@ -141,6 +143,7 @@ class Model(ABC):
 
     has_time: ClassVar[bool] = False
     has_force: ClassVar[bool] = False
+    has_gaps: ClassVar[bool] = False
     no_history: ClassVar[str] = "has no time axis: it computes a bounce as one impulse"
     absent_is_zero: ClassVar[bool] = False
     remark: ClassVar[str] = ""
@@ -162,6 +165,11 @@ class Model(ABC):
         """Its parameters and those of its ball, by name."""
         return {**{spec.name: spec for spec in self.parameters}, **BALL_SPECS}
 
+    @final
+    def gives(self, column: ReboundColumn) -> bool:
+        """Whether it predicts a column of a rebound at all."""
+        return (self.has_time or not column.timed) and (self.has_gaps or not column.gap)
+
     @property
     def needs_cor(self) -> bool:
         """Whether each impact must bring its own measured coefficient of restitution."""
@@ -179,8 +187,8 @@ class Model(ABC):
     def slopes(
         self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]
     ) -> FloatArray:
-        """Derivatives of what `evaluate` gives, (draws, impacts, 4, 4 + parameters): with respect to `INPUTS`, to the
-        measured restitution where there is one, and to the `parameters` among `names`. See `ReboundJacobian`.
+        """Derivatives of what `evaluate` gives, (draws, impacts, outputs, 4 + parameters): with respect to `INPUTS`,
+        to the measured restitution where there is one, and to the `parameters` among `names`. See `ReboundJacobian`.
         """
 
     @final
@@ -367,8 +375,8 @@ class SteppedModel(Model):
     def evaluate(self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts) -> Rebound:
         """See `Model.evaluate`."""
         out, regime, status = self.bounce(names, values, impacts.states())
-        contact_time = out[3] if self.has_time else np.full(regime.shape, np.nan)
-        return Rebound(out[0], out[1], out[2], contact_time, regime, status)
+        unknown = np.full((len(OUTPUTS) - len(out), *regime.shape), np.nan)
+        return Rebound(*(*out, *unknown, regime, status))
 
     def slopes(
         self, names: Sequence[str], values: FloatArray, impacts: Impacts | OwnImpacts, parameters: Sequence[str]

@@ -2,8 +2,9 @@
 
 No closed form of the driven torsional oscillator is used here. Each phase of the contact is one linear autonomous
 system `z' = A z`, carried on by matrix exponentials in double precision or at any number of digits; each event is a
-row `c` with `c z >= 0` for as long as the phase lasts. State: (y, y', u, omega_1, omega_2, theta) with the contact
-slip `u = v_x - omega_2`, which is in the state so that a contact point at rest is exactly at rest.
+row `c` with `c z >= 0` for as long as the phase lasts. State: (y, y', u, omega_1, omega_2, theta, x, phi_2) with the
+contact slip `u = v_x - omega_2`, which is in the state so that a contact point at rest is exactly at rest, and the
+path and the turn of the shell since landing.
 
 Units inside: the core's undamped vertical frequency sets the time, the approach speed the velocities, the ball's mass
 and radius the rest.
@@ -27,7 +28,7 @@ from fitball.models.march import (
     Row,
     digits_arithmetic,
 )
-from fitball.models.types import MAX_PACKED_PHASES, PHASE_BITS, Closures, Phase, Rebound, Status
+from fitball.models.types import MAX_PACKED_PHASES, OUTPUTS, PHASE_BITS, Closures, Phase, Rebound, Status
 from fitball.values import Ball, Impacts
 
 NEWTON_STEPS = 400
@@ -235,6 +236,7 @@ PHASE_LIMIT = 300
 SHORTEST_PHASE = 1e-13
 # A landing spin meant to cancel the speed exactly misses it by the rounding of the two.
 INCIDENT_ROUNDING = 2e-15
+SIZE = 8
 SLIDES = {1: Phase.SLIDE_FORWARD, -1: Phase.SLIDE_BACKWARD}
 
 
@@ -254,9 +256,9 @@ class Equations:
         p = self.problem = problem
         self.zero = p.mu * 0
         none = self.zero
-        self.force: Row = [p.riding, 2 * p.zeta * p.riding, none, none, none, none]
-        self.torque: Row = [none, none, none, p.damping, -p.damping, p.stiffness]
-        self.slip: Row = [none, none, none + 1, none, none, none]
+        self.force: Row = [p.riding, 2 * p.zeta * p.riding, none, none, none, none, none, none]
+        self.torque: Row = [none, none, none, p.damping, -p.damping, p.stiffness, none, none]
+        self.slip: Row = [none, none, none + 1, none, none, none, none, none]
         # Friction that keeps the contact point at rest: without the offset of the ground force, and with it.
         self.hold_friction = scaled(self.torque, 1 / (1 + p.shell))
         self.grip_friction = added(self.hold_friction, scaled(self.force, -p.eps / (1 + p.shell)))
@@ -270,7 +272,7 @@ class Equations:
     def matrix(self, phase: Phase) -> Matrix:
         """`A` of the phase."""
         p = self.problem
-        nothing = [self.zero] * 6
+        nothing = [self.zero] * SIZE
         if phase is Phase.FREE:
             return self._assemble(nothing, nothing, resting=False)
         offset = scaled(self.force, p.eps)
@@ -291,12 +293,14 @@ class Equations:
             shell = scaled(added(self.torque, ground), 1 / p.shell)
             core = scaled(self.torque, -1 / p.core)
         return [
-            [none, none + 1, none, none, none, none],
+            [none, none + 1, none, none, none, none, none, none],
             scaled(self.force, -1 / p.riding),
-            [none] * 6 if resting else added(friction, scaled(shell, -1)),
+            [none] * SIZE if resting else added(friction, scaled(shell, -1)),
             core,
             shell,
-            [none, none, none, none + 1, none - 1, none],
+            [none, none, none, none + 1, none - 1, none, none, none],
+            [none, none, none + 1, none, none + 1, none, none, none],
+            [none, none, none, none, none + 1, none, none, none],
         ]
 
     def guards(self, phase: Phase) -> list[Row]:
@@ -380,7 +384,7 @@ def land(problem: Problem, rounding: Number) -> tuple[Row, bool]:
             push(left, -p.mu if p.eps > 0 else p.mu, p.eps)
             at_rest = False
     core = shell if p.rigid else p.spin
-    return [none, none + 1, none if at_rest else travel - shell, core, shell, none], at_rest
+    return [none, none + 1, none if at_rest else travel - shell, core, shell, none, none, none], at_rest
 
 
 def decide(equations: Equations, state: Row, rounding: Number) -> Phase:
@@ -439,8 +443,7 @@ def oracle_rebound(
     march = ExpmMarch(kind)
     count = len(impacts)
     regime, status = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int8)
-    v_x2, v_y2, omega_2, contact_time = np.full((4, count), np.nan)
-    rebound = Rebound(v_x2, v_y2, omega_2, contact_time, regime, status)
+    rebound = Rebound(*(*np.full((len(OUTPUTS), count), np.nan), regime, status))
     for index in range(count):
         problem = arrange(kind, closures, ball, parameters, impacts, index)
         if isinstance(problem, Status):
@@ -450,14 +453,20 @@ def oracle_rebound(
         if outcome.endless:
             status[index] = Status.TOO_MANY_PHASES
             continue
-        _, _, slip, core, shell, _ = outcome.state
-        turn, speed = shell, float(impacts.v_y1[index])
+        y, _, slip, core, shell, twist, path, angle = outcome.state
+        spin, speed, whole = shell, float(impacts.v_y1[index]), problem.core + problem.shell
         if closures.spin == "mean":
-            turn = (problem.core * core + problem.shell * shell) / (problem.core + problem.shell)
+            spin = (problem.core * core + problem.shell * shell) / whole
         rebound.v_x2[index] = float((slip + shell) * speed)
         rebound.v_y2[index] = float(problem.cor * speed)
-        rebound.omega_2[index] = float(turn * speed / ball.radius)
+        rebound.omega_2[index] = float(spin * speed / ball.radius)
         rebound.contact_time[index] = float(problem.contact / problem.frequency)
+        # From release on the ball rises to the height at which it landed; its shell swings back by the twist's share.
+        late, length = y / problem.cor, speed / problem.frequency
+        angle = angle + problem.core / whole * twist + spin * late
+        rebound.gap_time[index] = float((problem.contact + late) / problem.frequency)
+        rebound.gap_path[index] = float((path + (slip + shell) * late) * length)
+        rebound.gap_turn[index] = float(angle * length / ball.radius)
         packed = enumerate(outcome.phases[:MAX_PACKED_PHASES])
         regime[index] = sum(int(phase) << (PHASE_BITS * place) for place, phase in packed)
     return rebound

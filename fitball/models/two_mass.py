@@ -61,6 +61,7 @@ class TwoMassModel(Model):
 
     has_time = True
     has_force = True
+    has_gaps = True
     no_history = ""
     convention = "two-mass"
     kernel = staticmethod(bounce.bounce)
@@ -92,7 +93,7 @@ class TwoMassModel(Model):
             places = np.arange(status.size) if left == status.size else np.flatnonzero(status == bounce.LEFT)
             for _part in _each(given, places, made):
                 pass
-        return Rebound(out[0], out[1], out[2], out[3], regime, status)
+        return Rebound(*(*out, regime, status))
 
     def linear_constraints(self, impacts: Impacts) -> tuple[LinearConstraint, ...]:
         """See `Model.linear_constraints`: under momentum balance the core cannot return faster than it came."""
@@ -147,7 +148,8 @@ class TwoMassModel(Model):
         """See `Model.slopes`; some 10 us an impact for all parameters."""
         gains, draws, count = seeds(self.rows, names, values, parameters), values.shape[0], len(impacts)
         given = self.rows(names, values), self.codes, *_incident(impacts)
-        slopes, made = np.empty((draws, count, 4, derivative.INPUTS + len(gains))), _room(draws, count)
+        slopes = np.empty((draws, count, derivative.OUTPUT_COUNT, derivative.INPUTS + len(gains)))
+        made = _room(draws, count)
         room = np.zeros(derivative.ROOM)
         for first, stop, log, ends in _each(given, np.arange(draws * count), made):
             derivative.jacobian_batch(given[0], gains, *given[1:], first, stop, made[2], log, ends, slopes, room)
@@ -172,7 +174,11 @@ LOGGED = 2 * MAX_PHASES
 def _room(draws: int, impacts: int) -> Made:
     """Outputs, regimes and statuses to be filled in."""
     shape = draws, impacts
-    return np.empty((4, *shape)), np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int8)
+    return (
+        np.empty((derivative.OUTPUT_COUNT, *shape)),
+        np.empty(shape, dtype=np.int64),
+        np.empty(shape, dtype=np.int8),
+    )
 
 
 def _each(
@@ -206,7 +212,7 @@ def compile_kernel(name: str) -> None:
     if name == "rebounds":
         bounce.bounce_batch(*given, *made, np.zeros(bounce.LANE_ROOM))
     elif name == "slopes":
-        log, slopes = np.zeros((1, PIECE_SIZE)), np.empty((1, 0, 4, derivative.INPUTS))
+        log, slopes = np.zeros((1, PIECE_SIZE)), np.empty((1, 0, derivative.OUTPUT_COUNT, derivative.INPUTS))
         gains, room = np.zeros((0, *row.shape)), np.zeros(derivative.ROOM)
         derivative.jacobian_batch(row, gains, *given[1:], 0, 0, made[2], log, none, slopes, room)
     else:

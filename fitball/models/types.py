@@ -185,14 +185,19 @@ class Rebound:
     """Rebound states, each array of shape (impacts,) or (draws, impacts).
 
     `v_x2`, `v_y2` [m/s] (`v_y2 > 0` away from the court), `omega_2` [rad/s], `contact_time` [s] (NaN
-    for models without a time axis). `regime`: packed phase sequences (see `regime_name`), `status`
-    values of `Status`.
+    for models without a time axis). `gap_time` [s], `gap_path` [m], `gap_turn` [rad]: by how much the flights before
+    and after, each followed to the height of contact, differ in time, place along the court, and angle of the shell
+    (NaN for models without `has_gaps`). `regime`: packed phase sequences (see `regime_name`), `status` values of
+    `Status`.
     """
 
     v_x2: FloatArray
     v_y2: FloatArray
     omega_2: FloatArray
     contact_time: FloatArray
+    gap_time: FloatArray
+    gap_path: FloatArray
+    gap_turn: FloatArray
     regime: NDArray[np.int64]
     status: NDArray[np.int8]
 

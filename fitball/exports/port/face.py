@@ -249,7 +249,7 @@ def cut_contact(contact: Contact[float], time: float, shell_spin: bool) -> Conta
     hold the two against each other.
     """
     whole = contact.vertical
-    vertical = VerticalMotion(whole.cor, whole.riding_mass, whole.spring, min(time, whole.t_force), time)
+    vertical = VerticalMotion(whole.cor, whole.riding_mass, whole.spring, min(time, whole.t_force), time, time)
     return Contact(
         contact.mass, contact.radius, contact.joint, contact.mu, contact.eps, contact.eps_in_slide, shell_spin,
         contact.landing, vertical, contact.v_x, contact.v_y, contact.omega,
@@ -315,8 +315,9 @@ def along_court(contact: Contact[float], rigid: bool, time: float, scratch: Scra
         if time > contact.vertical.t_force:
             phase = FREE
         return Moment(OK, time, 0.0, 0.0, v_x, turned, turned, 0.0, 0.0, phase)
-    status, v_x, shell, regime, _pieces = two_mass_contact(cut_contact(contact, time, True), scratch, None)
-    _status, _v_x, mean, _regime, _pieces = two_mass_contact(cut_contact(contact, time, False), scratch, None)
+    one, both = cut_contact(contact, time, True), cut_contact(contact, time, False)
+    status, v_x, shell, _path, _turn, regime, _pieces = two_mass_contact(one, scratch, None)
+    _status, _v_x, mean, _path, _turn, _regime, _pieces = two_mass_contact(both, scratch, None)
     joint = contact.joint
     core = ((joint.core + joint.shell) * mean - joint.shell * shell) / joint.core
     return Moment(status, time, 0.0, 0.0, v_x, core, shell, 0.0, 0.0, last_phase(regime))

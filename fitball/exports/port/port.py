@@ -267,7 +267,7 @@ def _fitted_range(port: Port) -> str:
 def _golden_rows(golden: Golden) -> Sequence[Sequence[float]]:
     given, made = golden.impacts, golden.rebound
     cor = np.full(len(given), np.nan) if given.cor is None else given.cor
-    rebound = (getattr(made, name) for name in OUTPUTS)
+    rebound = (getattr(made, name) for name in OUTPUTS[:4])
     columns = [given.v_x1, given.v_y1, given.omega_1, cor, *rebound, np.zeros(len(given))]
     return list(map(tuple, np.stack(columns, axis=1).tolist()))
 

@@ -312,8 +312,8 @@ def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
             f"unknown column '{name}': {suggestion(name, (*OBSERVABLES, CAMERA, PLATE, DROP))}; {SENSOR_FORMS}"
         )
     column = OBSERVABLES[name]
-    if column.timed and not problem.model.has_time:
-        raise ParameterError(f"model {problem.model.name} has no contact time")
+    if not problem.model.gives(column):
+        raise ParameterError(f"model {problem.model.name} has no {column.title}")
     if column.tangential and not problem.table.has_tangential:
         raise ParameterError("this fit is of a drop test, with vertical motion only")
     measured = [item.name for item in problem.observables]

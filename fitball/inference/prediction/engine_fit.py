@@ -277,7 +277,8 @@ def make_lookup(fitted: FittedModel, axes: tuple[Axis, ...]) -> Lookup:
     }
     if sum(failed.values()) == len(points):
         raise ParameterError("the model cannot be evaluated at any point of this grid, at the point estimate")
-    names = [name for name in OUTPUTS if fitted.model.has_time or not OBSERVABLES[name].timed]
+    known = (name for name in OUTPUTS if fitted.model.gives(OBSERVABLES[name]))
+    names = [name for name in known if not OBSERVABLES[name].gap]
     outputs = {name: np.asarray(getattr(rebound, name)[0]) for name in names}
     errors, checked = _errors(fitted, valid, axes, outputs)
     return Lookup(axes, points, outputs, rebound.regime[0], errors, checked, failed, valid, extrapolated)

@@ -227,13 +227,15 @@ def predict_new(
 
 
 def output_observables(fitted: FittedModel, count: int, observed: Sequence[Observable]) -> tuple[Observable, ...]:
-    """Every output the model has, measured or not."""
+    """Every output the model has, measured or not; what is between the flights only where it is measured, or was."""
     measured = {observable.name: observable for observable in observed}
     nothing, noise_of = np.full(count, np.nan), noise_in(fitted.names)
     return tuple(
         measured.get(name, derived(Observable(name, nothing, None, noise_of[name]), fitted.names))
         for name, column in OBSERVABLES.items()
-        if (fitted.tangential or not column.along) and (fitted.model.has_time or not column.timed)
+        if (fitted.tangential or not column.along)
+        and fitted.model.gives(column)
+        and (not column.gap or name in measured or noise_of[name] in fitted.names)
     )
 
 
@@ -290,9 +292,7 @@ def _failures(rebound: Rebound) -> _Shares:
 
 def observed_observables(fitted: FittedModel, table: ImpactTable) -> tuple[tuple[Observable, ...], tuple[str, ...]]:
     """The measured columns of a table that `fitted` can answer for, and a sentence for each that it cannot."""
-    observables, notes = build_observables(
-        table, fitted.tangential, fitted.model.has_time, fitted.model.needs_cor, noise_in(fitted.names)
-    )
+    observables, notes = build_observables(table, fitted.tangential, fitted.model, noise_in(fitted.names))
     whole = (observable.everywhere(len(table)) for observable in observables)
     return tuple(derived(observable, fitted.names) for observable in whole), tuple(notes)
 

@@ -93,7 +93,7 @@ def expected_outputs(fitted: FittedModel, golden: Golden) -> dict[str, FloatArra
     return {
         name: np.asarray(column.predict(golden.rebound), dtype=np.float64)
         for name, column in OBSERVABLES.items()
-        if fitted.model.has_time or not column.timed
+        if fitted.model.gives(column)
     }
 
 

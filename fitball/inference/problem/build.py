@@ -54,7 +54,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
     chosen, fixed, notes = _compose(table, scene, name, closures)
     noise_of = _noise_of(table, scene, choices, notes)
-    observables, unused = build_observables(table, table.has_tangential, chosen.has_time, chosen.needs_cor, noise_of)
+    observables, unused = build_observables(table, table.has_tangential, chosen, noise_of)
     notes += unused
     if not observables:
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")

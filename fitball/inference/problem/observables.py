@@ -24,6 +24,7 @@ from fitball.data.table import ImpactTable
 from fitball.errors import ParameterError, suggestion
 from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.parameters import SD_SPECS
+from fitball.models.model import Model
 from fitball.models.types import Rebound
 from fitball.observables import NOISE_OF, OBSERVABLES, SHARED_SD, VELOCITIES, ReboundColumn
 from fitball.values import FloatArray
@@ -109,7 +110,7 @@ class Observable:
 
 
 def build_observables(
-    table: ImpactTable, tangential: bool, has_time: bool, needs_cor: bool, noise_of: Mapping[str, str]
+    table: ImpactTable, tangential: bool, chosen: Model, noise_of: Mapping[str, str]
 ) -> tuple[tuple[Observable, ...], list[str]]:
     """Observables the model can answer for, and a sentence for each column it cannot.
 
@@ -120,9 +121,10 @@ def build_observables(
         column = OBSERVABLES[measurement.name]
         if column.tangential and not tangential:
             notes.append(f"{measurement.name} is not used: without v_x1 only the vertical motion is fitted")
-        elif column.timed and not has_time:
-            notes.append(f"{measurement.name} is not used: this model has no time axis")
-        elif column.restitution and needs_cor:
+        elif not chosen.gives(column):
+            why = "does not follow the ball between its flights" if chosen.has_time else "has no time axis"
+            notes.append(f"{measurement.name} is not used: this model {why}")
+        elif column.restitution and chosen.needs_cor:
             notes.append(f"{measurement.name} is not scored: the measured coefficient of restitution is an input")
         else:
             noise = noise_of[measurement.name] if measurement.sd is None else None

@@ -24,6 +24,9 @@ from fitball.models.kernels.dual import WIDTH
 from fitball.models.kernels.lanes.number import lane_array
 from fitball.models.kernels.lanes.phases import (
     CONTACT_TIME,
+    GAP_PATH,
+    GAP_TIME,
+    GAP_TURN,
     OMEGA_2,
     OUTPUTS,
     PLAIN,
@@ -40,6 +43,7 @@ from fitball.models.kernels.lanes.start import (
     INPUTS,
     OMEGA,
     T_CONTACT,
+    T_FLIGHT,
     T_FORCE,
     V_X,
     V_Y,
@@ -58,6 +62,9 @@ class Bounce(NamedTuple):
     v_y2: float
     omega_2: float
     contact_time: float
+    gap_time: float
+    gap_path: float
+    gap_turn: float
     regime: int
     pieces: int
 
@@ -65,7 +72,7 @@ class Bounce(NamedTuple):
 @inner
 def unsolved(status: int, regime: int) -> Bounce:
     """The bounce of an impact that cannot be evaluated."""
-    return Bounce(status, math.nan, math.nan, math.nan, math.nan, regime, 0)
+    return Bounce(status, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, regime, 0)
 
 
 @inner
@@ -83,19 +90,19 @@ def bounce(
     status, vertical = vertical_motion(row, codes, v_y, cor_measured)
     if status != OK:
         return unsolved(status, 0)
-    v_y2 = vertical.cor * v_y
+    v_y2, time, flight = vertical.cor * v_y, vertical.t_contact, vertical.t_flight
     if codes[TANGENTIAL] == 0:
-        return Bounce(OK, v_x, v_y2, omega, vertical.t_contact, 0, 0)
+        return Bounce(OK, v_x, v_y2, omega, time, flight, v_x * flight, omega * flight, 0, 0)
     status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
     if status != OK:
         return unsolved(status, 0)
     if codes[TORSION] == TORSION_RIGID:
-        v_x2, omega_2, regime = rigid_contact(contact)
-        return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, 0)
-    status, v_x2, omega_2, regime, pieces = two_mass_contact(contact, scratch, phase_log)
+        v_x2, omega_2, path, turn, regime = rigid_contact(contact)
+        return Bounce(OK, v_x2, v_y2, omega_2, time, flight, path, turn, regime, 0)
+    status, v_x2, omega_2, path, turn, regime, pieces = two_mass_contact(contact, scratch, phase_log)
     if status != OK:
         return unsolved(status, regime)
-    return Bounce(OK, v_x2, v_y2, omega_2, vertical.t_contact, regime, pieces)
+    return Bounce(OK, v_x2, v_y2, omega_2, time, flight, path, turn, regime, pieces)
 
 
 # Sizes of the scratch of one contact, and of the rows of lanes that eight take.
@@ -146,7 +153,8 @@ def bounce_each(
         own = i if v_x1.shape[0] > 1 else 0
         one = bounce(rows[i], codes, v_x1[own, j], v_y1[own, j], omega_1[own, j], cor[own, j], scratch, log[used:])
         out[0, i, j], out[1, i, j], out[2, i, j] = one.v_x2, one.v_y2, one.omega_2
-        out[3, i, j], regime[i, j], status[i, j] = one.contact_time, one.regime, one.status
+        out[3, i, j], out[4, i, j], out[5, i, j] = one.contact_time, one.gap_time, one.gap_path
+        out[6, i, j], regime[i, j], status[i, j] = one.gap_turn, one.regime, one.status
         used += one.pieces
         ends[place] = used
     return stop
@@ -160,6 +168,7 @@ def give_vertical(row: FloatArray, codes: NDArray[np.int64], lane: int, given: F
     given[DECAY, lane] = vertical.spring.decay
     given[DAMPED_SQUARED, lane] = vertical.spring.damped_squared
     given[T_FORCE, lane], given[T_CONTACT, lane] = vertical.t_force, vertical.t_contact
+    given[T_FLIGHT, lane] = vertical.t_flight
 
 
 # Of an impact that is not plain.
@@ -179,7 +188,7 @@ def bounce_batch(
     status: NDArray[np.int8],
     room: FloatArray,
 ) -> int:
-    """Fill `out` (4, draws, impacts) with v_x2, v_y2, omega_2, contact_time, and regimes and statuses, eight at once.
+    """Fill `out` (outputs of `Rebound`, draws, impacts), regimes and statuses, eight at once.
 
     The incident columns are (1, impacts), shared by all draws, or (draws, impacts). No impact's answer depends on
     which others there are. Those that are not plain have the status LEFT; returns how many. `room` is scratch of the
@@ -212,6 +221,8 @@ def bounce_batch(
             if solved[PLAIN, lane] > 0.5:
                 out[0, i, j], out[1, i, j] = solved[V_X2, lane], solved[V_Y2, lane]
                 out[2, i, j], out[3, i, j] = solved[OMEGA_2, lane], solved[CONTACT_TIME, lane]
+                out[4, i, j], out[5, i, j] = solved[GAP_TIME, lane], solved[GAP_PATH, lane]
+                out[6, i, j] = solved[GAP_TURN, lane]
                 regime[i, j], status[i, j] = int(solved[REGIME, lane]), OK
             else:
                 left += 1

@@ -66,13 +66,16 @@ def saturating_restitution(cor_10: Number, cor_slope: Number, cap: Number, v_y: 
 
 
 class VerticalMotion(NamedTuple, Generic[Number]):
-    """`cor` of the whole ball, mass on the spring [kg], the spring; end of compression and release [s]."""
+    """`cor` of the whole ball, mass on the spring [kg], the spring; end of compression and release [s], and when the
+    flight after it, followed back, is at the height of contact.
+    """
 
     cor: Number
     riding_mass: Number
     spring: Oscillator[Number]
     t_force: Number
     t_contact: Number
+    t_flight: Number
 
 
 OK = int(Status.OK)
@@ -195,24 +198,31 @@ def zero_displacement_release(e: Number) -> tuple[Number, Number, Number, Number
 @inner
 def vertical_contact(
     cor: Number, cor_over_e: Number, natural_squared: Number, zero_force: bool
-) -> tuple[int, Number, Number, Number, Number]:
+) -> tuple[int, Number, Number, Number, Number, Number]:
     """Vertical motion for a measured or modelled `cor`; `natural_squared = K_y/M_eff` [1/s^2].
 
     `cor_over_e` is the share of the core's restitution `e` that the whole ball keeps (`M1/M` under
-    momentum balance, 1 otherwise). Returns `(status, decay, damped_squared, t_force, t_contact)`: decay [1/s], damped
-    frequency squared [1/s^2, negative beyond critical damping], end of the compressive force, release [s].
+    momentum balance, 1 otherwise). Returns `(status, decay, damped_squared, t_force, t_contact, t_flight)`: decay
+    [1/s], damped frequency squared [1/s^2, negative beyond critical damping], end of the compressive force, release,
+    start of the flight [s].
+
+    A ball that leaves when its force has gone is still pressed in, by `y = 2 zeta e v_y1/omega_y`: its flight, of
+    speed `v_y2 = COR v_y1`, begins `y/v_y2` later.
     """
     if not 0.0 < cor.real <= 1.0:
-        return COR_OUT_OF_RANGE, math.nan, math.nan, math.nan, math.nan
+        return COR_OUT_OF_RANGE, math.nan, math.nan, math.nan, math.nan, math.nan
     e = cor / cor_over_e
     if e.real > 1.0:
-        return COR_EXCEEDS_MASS_RATIO, math.nan, math.nan, math.nan, math.nan
+        return COR_EXCEEDS_MASS_RATIO, math.nan, math.nan, math.nan, math.nan, math.nan
     omega_y = sqrt(natural_squared)
     if zero_force:
         zeta, share, angle = zero_force_release(e)
-        return OK, zeta * omega_y, share * natural_squared, angle / omega_y, angle / omega_y
+        release = angle / omega_y
+        late = 2.0 * zeta / (cor_over_e * omega_y)
+        return OK, zeta * omega_y, share * natural_squared, release, release, release + late
     zeta, share, angle_force, angle = zero_displacement_release(e)
-    return OK, zeta * omega_y, share * natural_squared, angle_force / omega_y, angle / omega_y
+    release = angle / omega_y
+    return OK, zeta * omega_y, share * natural_squared, angle_force / omega_y, release, release
 
 
 COLUMNS = (
@@ -249,7 +259,7 @@ def vertical_motion(
         cor = saturating_restitution(cor, row[COR_SLOPE], cap, v_y)
     riding_mass = row[BALL_MASS] if normal == NORMAL_TOTAL else mass_ratio * row[BALL_MASS]
     natural_squared = row[K_Y] / riding_mass
-    status, decay, damped_squared, t_force, t_contact = vertical_contact(
+    status, decay, damped_squared, t_force, t_contact, t_flight = vertical_contact(
         cor,
         cap,
         natural_squared,
@@ -258,7 +268,7 @@ def vertical_motion(
     if codes[RESTITUTION] == COR_SATURATING and ANCHOR_SPEED * row[COR_SLOPE].real <= -row[COR_10].real:
         status = REBOUND_FALLS
     spring = oscillator(decay, damped_squared, natural_squared)
-    return status, VerticalMotion(cor, riding_mass, spring, t_force, t_contact)
+    return status, VerticalMotion(cor, riding_mass, spring, t_force, t_contact, t_flight)
 
 
 @inner

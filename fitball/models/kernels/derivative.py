@@ -39,6 +39,7 @@ from fitball.models.kernels.equations import (
     coupling_of,
     drive_of,
     free_twist,
+    gaps_of,
     load_of,
     solve_twist,
     swung_to,
@@ -58,8 +59,11 @@ from fitball.values import FloatArray
 @inner
 def followed_again(
     contact: Contact[Number], phase_log: FloatArray, pieces: int, twist: NumberArray, force: NumberArray
-) -> tuple[Number, Number]:
-    """`(v_x2, omega_2)` of the contact whose `pieces` are in `phase_log`; `twist` and `force` are scratch."""
+) -> tuple[Number, Number, Number, Number]:
+    """`(v_x2, omega_2, gap_path, gap_turn)` of the contact whose `pieces` are in `phase_log`.
+
+    `twist` and `force` are scratch.
+    """
     joint, vertical, spring = contact.joint, contact.vertical, contact.vertical.spring
     core, shell = joint.core, joint.shell
     gyration = shell + contact.mass * contact.radius * contact.radius
@@ -68,8 +72,9 @@ def followed_again(
     v_x, omega_2, _stuck = landed(contact)
     nothing = 0.0 * contact.v_y
     state = State(
-        nothing, nothing, contact.v_y, nothing, contact.omega - omega_2, v_x, core * contact.omega + shell * omega_2
-    )
+        nothing, nothing, contact.v_y, nothing, contact.omega - omega_2, v_x, core * contact.omega + shell * omega_2,
+        nothing, nothing,
+    )  # fmt: skip
     for place in range(pieces):
         piece = logged_piece(phase_log, place)
         drive = drive_of(contact, coupling, piece.phase)
@@ -85,10 +90,12 @@ def followed_again(
         if piece.ending == EVENT or piece.ending == RESUMED:
             moved = on_time(contact, coupling, drive, state, load, moved, piece)
         state = advance(contact, coupling, drive, state, load, moved)
-    if not contact.shell_spin:
-        return state.v_x, state.spin_sum / coupling.inertia
-    _angle, rate = free_twist(coupling.slide, state.angle, state.rate, vertical.t_contact - vertical.t_force)
-    return state.v_x, (state.spin_sum - core * rate) / coupling.inertia
+    spin_2 = state.spin_sum / coupling.inertia
+    if contact.shell_spin:
+        _angle, rate = free_twist(coupling.slide, state.angle, state.rate, vertical.t_contact - vertical.t_force)
+        spin_2 = (state.spin_sum - core * rate) / coupling.inertia
+    path, turn = gaps_of(contact, coupling, state, spin_2)
+    return state.v_x, spin_2, path, turn
 
 
 @inlined
@@ -131,22 +138,26 @@ def on_time(
         moved.rate + late * accel,
         moved.v_x,
         moved.spin_sum,
+        moved.path,
+        moved.turn,
     )
 
 
 # Derivatives with respect to an impact's own speeds, spin, and measured restitution come first.
 V_X1, V_Y1, OMEGA_1, COR, INPUTS = range(5)
 TWIST = max(SERIES_LENGTH, 4)
+# Those of a bounce: velocity, spin, contact time, and gaps between the flights.
+OUTPUT_COUNT = 7
 # Rows of scratch that one thread needs: numbers and their slopes.
 IMPACT = len(COLUMNS)
 REBOUND = IMPACT + INPUTS
-SERIES = REBOUND + 4
+SERIES = REBOUND + OUTPUT_COUNT
 ROOM = (SERIES + TWIST + SERIES_LENGTH, WIDTH)
 
 
 class GradientScratch(NamedTuple):
-    """Numbers and their slopes, (..., WIDTH): kernel row, impact (INPUTS), rebound (4); and the coefficients of twist
-    and force.
+    """Numbers and their slopes, (..., WIDTH): kernel row, impact (INPUTS), rebound (OUTPUT_COUNT); and the
+    coefficients of twist and force.
     """
 
     row: FloatArray
@@ -170,21 +181,22 @@ def lay(row: FloatArray, seeds: FloatArray, draw: int, first: int, scratch: Grad
 
 @inlined
 def bounce_gradient(codes: NDArray[np.int64], phase_log: FloatArray, pieces: int, scratch: GradientScratch) -> None:
-    """Fill in the `rebound` (v_x2, v_y2, omega_2, contact_time) of a bounce that has been solved."""
+    """Fill in the `rebound`, in the order of `Rebound`, of a bounce that has been solved."""
     row, impact = gradient_array(scratch.row), gradient_array(scratch.impact)
     out: GradientArray = gradient_array(scratch.rebound)
     v_x, v_y, omega = impact[V_X1], impact[V_Y1], impact[OMEGA_1]
     _status, vertical = vertical_motion(row, codes, v_y, impact[COR])
-    out[1], out[3] = vertical.cor * v_y, vertical.t_contact
+    out[1], out[3], out[4] = vertical.cor * v_y, vertical.t_contact, vertical.t_flight
     if codes[TANGENTIAL] == 0:
         out[0], out[2] = v_x, omega
+        out[5], out[6] = v_x * vertical.t_flight, omega * vertical.t_flight
         return
     _status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
     if codes[TORSION] == TORSION_RIGID:
-        out[0], out[2], _regime = rigid_contact(contact)
+        out[0], out[2], out[5], out[6], _regime = rigid_contact(contact)
     else:
         twist, force = gradient_array(scratch.series[:TWIST]), gradient_array(scratch.series[TWIST:])
-        out[0], out[2] = followed_again(contact, phase_log, pieces, twist, force)
+        out[0], out[2], out[5], out[6] = followed_again(contact, phase_log, pieces, twist, force)
 
 
 @compiled
@@ -204,8 +216,8 @@ def jacobian_batch(
     slopes: FloatArray,
     room: FloatArray,
 ) -> None:
-    """Fill `slopes` (draws, impacts, 4, INPUTS + parameters): those of what `bounce_each` gave of the places from
-    `first` to `stop`, each draw's impacts in turn, with their `status`, `log` and `ends`.
+    """Fill `slopes` (draws, impacts, OUTPUT_COUNT, INPUTS + parameters): those of what `bounce_each` gave of the
+    places from `first` to `stop`, each draw's impacts in turn, with their `status`, `log` and `ends`.
 
     `seeds` (parameters, draws, columns): what each column of `rows` gains per unit of a parameter. Without a measured
     restitution among the inputs the slopes along it are zero; where the status is not OK all are NaN. `room` is
@@ -228,7 +240,7 @@ def jacobian_batch(
         for along in range(0, directions, SLOPES):
             lay(rows[i], seeds, i, along, carrying)
             bounce_gradient(codes, log[begin:], used - begin, carrying)
-            for output in range(4):
+            for output in range(OUTPUT_COUNT):
                 for k in range(along, directions if directions < along + SLOPES else along + SLOPES):
                     slopes[i, j, output, k] = carrying.rebound[output, 1 + k - along] / STEP
         if codes[RESTITUTION] != COR_MEASURED:

@@ -75,7 +75,8 @@ class Load(NamedTuple, Generic[Number]):
 
 class State(NamedTuple, Generic[Number]):
     """The ball `time` after landing: compression and its rate, twist angle `theta_1 - theta_2` and its rate, velocity
-    along the court, and the angular momentum `I1 omega_1 + I2 omega_2` of core and shell.
+    along the court, the angular momentum `I1 omega_1 + I2 omega_2` of core and shell, and the time integrals of these
+    two since landing: the path, and `I` times the mean angle by which the ball has turned.
     """
 
     time: Number
@@ -85,6 +86,8 @@ class State(NamedTuple, Generic[Number]):
     rate: Number
     v_x: Number
     spin_sum: Number
+    path: Number
+    turn: Number
 
 
 class Drive(NamedTuple, Generic[Number]):
@@ -205,18 +208,35 @@ def advance(
     moved: State[Number],
 ) -> State[Number]:
     """What follows from compression and twist, which are those of `moved` at its time: velocity and spins of a phase
-    that began at `start` with `load`.
+    that began at `start` with `load`, and their integrals.
     """
-    core = contact.joint.core
+    core, elapsed = contact.joint.core, moved.time - start.time
     impulse = load.momentum - contact.vertical.riding_mass * moved.y_rate
+    # The integral of the impulse over time.
+    drift = load.momentum * elapsed - contact.vertical.riding_mass * (moved.y - start.y)
     if drive.resting:
         # About the contact point, and with the momentum of `v_x`: slip of zero that carries something stops too.
-        total = start.spin_sum + contact.mass * contact.radius * start.v_x - drive.eps * impulse
-        omega_2 = (total - core * moved.rate) / (core + coupling.gyration)
+        total = start.spin_sum + contact.mass * contact.radius * start.v_x
+        omega_2 = (total - drive.eps * impulse - core * moved.rate) / (core + coupling.gyration)
         v_x, spin_sum = contact.radius * omega_2, coupling.inertia * omega_2 + core * moved.rate
+        twisted = core * (moved.angle - start.angle)
+        turned = (total * elapsed - drive.eps * drift - twisted) / (core + coupling.gyration)
+        path, turn = contact.radius * turned, coupling.inertia * turned + twisted
     else:
         v_x, spin_sum = start.v_x - drive.braking * impulse, start.spin_sum + drive.spinning_up * impulse
-    return State(moved.time, moved.y, moved.y_rate, moved.angle, moved.rate, v_x, spin_sum)
+        path = start.v_x * elapsed - drive.braking * drift
+        turn = start.spin_sum * elapsed + drive.spinning_up * drift
+    return State(
+        moved.time,
+        moved.y,
+        moved.y_rate,
+        moved.angle,
+        moved.rate,
+        v_x,
+        spin_sum,
+        start.path + path,
+        start.turn + turn,
+    )
 
 
 @inlined
@@ -238,7 +258,7 @@ def swung_to(
     angle, rate = start.angle, start.rate
     if twisting:
         angle, rate = twist_at(twist, oscillators, series, elapsed, basis)
-    return State(start.time + elapsed, y, y_rate, angle, rate, start.v_x, start.spin_sum)
+    return State(start.time + elapsed, y, y_rate, angle, rate, start.v_x, start.spin_sum, start.path, start.turn)
 
 
 @inner
@@ -346,3 +366,20 @@ def swung_freely(
     c, s = swing.cosine, swing.sine
     lead = rate + torsion.decay * angle
     return angle * c + lead * s, rate * c - (torsion.damped_squared * angle + torsion.decay * lead) * s
+
+
+@inlined
+def gaps_of(
+    contact: Contact[Number], coupling: Coupling[Number], end: State[Number], omega_2: Number
+) -> tuple[Number, Number]:
+    """Path [m] and turn [rad] between the flights before and after, for the state in which the force ended.
+
+    The shell turns with the ball, but for its share of the twist, which dies out in flight: the angle of the flight
+    is the mean angle of core and shell.
+    """
+    vertical = contact.vertical
+    turn = end.turn + end.spin_sum * (vertical.t_contact - vertical.t_force)
+    return (
+        end.path + end.v_x * (vertical.t_flight - vertical.t_force),
+        turn / coupling.inertia + omega_2 * (vertical.t_flight - vertical.t_contact),
+    )

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from fitball.models.kernels.compiled import inlined, inner
-from fitball.models.kernels.contact import OK, Contact, impulsive_friction, landed
+from fitball.models.kernels.contact import OK, Contact, impulsive_friction, landed, spring_integrals
 from fitball.models.kernels.dual import Number, exp
 from fitball.models.kernels.equations import (
     Coupling,
@@ -24,6 +24,7 @@ from fitball.models.kernels.equations import (
     coupling_of,
     drive_of,
     free_twist,
+    gaps_of,
     load_of,
     series_for,
     solve_twist,
@@ -297,7 +298,7 @@ def land(contact: Contact[float]) -> tuple[State[float], Mode]:
     # At zero slip, to the rounding of its two terms, the friction cone decides.
     at_rest = contact.mu > 0.0 and (stuck or abs(slip) <= SLIP_ROUNDING * (abs(v_x) + contact.radius * abs(omega_2)))
     spin_sum = contact.joint.core * contact.omega + contact.joint.shell * omega_2
-    state = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum)
+    state = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum, 0.0, 0.0)
     return state, Mode(UNDECIDED if at_rest else slide_phase(direction), direction, 0, False)
 
 
@@ -337,8 +338,8 @@ def decide(
 @inner
 def two_mass_contact(
     contact: Contact[float], scratch: Scratch, phase_log: FloatArray | None
-) -> tuple[int, float, float, int, int]:
-    """Follow one contact; returns `(status, v_x2, omega_2, regime, pieces)`.
+) -> tuple[int, float, float, float, float, int, int]:
+    """Follow one contact; returns `(status, v_x2, omega_2, gap_path, gap_turn, regime, pieces)`.
 
     The pieces of the contact are written into `phase_log` (MAX_PHASES, PIECE_SIZE), unless that is None, and counted.
     """
@@ -357,7 +358,7 @@ def two_mass_contact(
         drive = drive_of(contact, coupling, mode.phase)
         piece, basis = search(contact, coupling, drive, state, mode, load, careful, scratch)
         if piece.ending == LOST:
-            return TOO_RAPID, math.nan, math.nan, regime, 0
+            return TOO_RAPID, math.nan, math.nan, math.nan, math.nan, regime, 0
         careful = piece.ending == DOUBTFUL
         if careful:
             continue
@@ -369,7 +370,17 @@ def two_mass_contact(
             # What the search leaves of the slip is rounding.
             omega_2 = state.v_x / contact.radius
             rate = (state.spin_sum - joint.shell * omega_2) / joint.core - omega_2
-            state = State(state.time, state.y, state.y_rate, state.angle, rate, state.v_x, state.spin_sum)
+            state = State(
+                state.time,
+                state.y,
+                state.y_rate,
+                state.angle,
+                rate,
+                state.v_x,
+                state.spin_sum,
+                state.path,
+                state.turn,
+            )
         mode = following(contact, mode, piece)
         if phase_log is not None:
             log_piece(phase_log, pieces, piece)
@@ -384,11 +395,13 @@ def two_mass_contact(
             flight = contact.vertical.t_contact - contact.vertical.t_force
             if contact.vertical.t_contact > contact.vertical.t_force:
                 regime = append_phase(regime, count, FREE)
-            if not contact.shell_spin:
-                return OK, state.v_x, state.spin_sum / coupling.inertia, regime, pieces
-            _angle, rate = free_twist(coupling.slide, state.angle, state.rate, flight)
-            return OK, state.v_x, (state.spin_sum - joint.core * rate) / coupling.inertia, regime, pieces
-    return TOO_MANY_PHASES, math.nan, math.nan, regime, 0
+            omega_2 = state.spin_sum / coupling.inertia
+            if contact.shell_spin:
+                _angle, rate = free_twist(coupling.slide, state.angle, state.rate, flight)
+                omega_2 = (state.spin_sum - joint.core * rate) / coupling.inertia
+            path, turn = gaps_of(contact, coupling, state, omega_2)
+            return OK, state.v_x, omega_2, path, turn, regime, pieces
+    return TOO_MANY_PHASES, math.nan, math.nan, math.nan, math.nan, regime, 0
 
 
 @inner
@@ -414,12 +427,12 @@ def rigid_phase(contact: Contact[Number], impulse: Number) -> tuple[int, Number,
 
 
 @inner
-def rigid_contact(contact: Contact[Number]) -> tuple[Number, Number, int]:
-    """Return `(v_x2, omega_2, regime)`; the shell of `contact` is the whole ball.
+def rigid_contact(contact: Contact[Number]) -> tuple[Number, Number, Number, Number, int]:
+    """Return `(v_x2, omega_2, gap_path, gap_turn, regime)`; the shell of `contact` is the whole ball.
 
     Slip that ends within the landing impulse takes no time and is no phase of the contact.
     """
-    vertical = contact.vertical
+    vertical, inertia = contact.vertical, contact.joint.shell
     # What the core's momentum loses by the time the compressive force ends.
     impulse = vertical.riding_mass * contact.v_y * (1.0 + exp(-vertical.spring.decay * vertical.t_force))
     first, _friction, _acting = rigid_phase(contact, contact.landing)
@@ -429,5 +442,59 @@ def rigid_contact(contact: Contact[Number]) -> tuple[Number, Number, int]:
         regime, count = append_phase(first, 1, last), 2
     if vertical.t_contact.real > vertical.t_force.real:
         regime = append_phase(regime, count, FREE)
-    spin = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
-    return contact.v_x - friction / contact.mass, spin, regime
+    v_x2 = contact.v_x - friction / contact.mass
+    omega_2 = contact.omega + (contact.radius * friction - contact.eps * acting) / inertia
+    braked, pushed = rigid_integrals(contact, contact.landing + impulse)
+    after = vertical.t_flight - vertical.t_force
+    path = contact.v_x * vertical.t_force - braked / contact.mass + v_x2 * after
+    turn = contact.omega * vertical.t_force + (contact.radius * braked - contact.eps * pushed) / inertia
+    return v_x2, omega_2, path, turn + omega_2 * after, regime
+
+
+# Halvings of the contact in which the end of slip is looked for: what is integrated has no jump there, so that half
+# of the digits do.
+STOP_HALVINGS = 30
+
+
+@inlined
+def rigid_integrals(contact: Contact[Number], whole: Number) -> tuple[Number, Number]:
+    """Time integrals [N s^2], until the force ends, of the `friction` and the `acting` share of `rigid_phase`.
+
+    Both are two straight lines over the impulse, which meet where the slip has used up its share of the `whole`.
+    """
+    vertical, inertia, radius = contact.vertical, contact.joint.shell, contact.radius
+    nothing, t_force = 0.0 * whole, vertical.t_force
+    slip = contact.v_x - radius * contact.omega
+    direction = 1.0 if slip.real > 0.0 else -1.0
+    compliance = 1.0 / contact.mass + radius * radius / inertia
+    need = radius * contact.eps / (inertia * compliance)
+    rate = compliance * (contact.mu - direction * (need if contact.eps_in_slide else nothing))
+    lead = 1.0 if contact.eps_in_slide else 0.0
+    _impulse, passed = spring_integrals(vertical, contact.v_y, t_force)
+    total = contact.landing * t_force + passed
+    if not (contact.mu.real > 0.0 and rate.real * whole.real > abs(slip.real)):
+        return direction * contact.mu * total, lead * total
+    # Slip that is zero stops at once, and what it carries with it.
+    moving = abs(slip.real) > 0.0
+    stop = direction * slip / rate if moving else nothing
+    at_stop = direction * contact.mu * stop if moving else slip / compliance
+    left, right = 0.0, t_force.real
+    for _ in range(STOP_HALVINGS):
+        middle = 0.5 * (left + right)
+        impulse, _passed = spring_integrals(vertical, contact.v_y, middle + nothing)
+        if contact.landing.real + impulse.real < stop.real:
+            left = middle
+        else:
+            right = middle
+    t_stop = nothing + (right if stop.real > contact.landing.real else 0.0)
+    _impulse, passed = spring_integrals(vertical, contact.v_y, t_stop)
+    early = contact.landing * t_stop + passed
+    late = total - early - stop * (t_force - t_stop)
+    _friction, _slipped, held, onward = impulsive_friction(contact, whole)
+    steepness, share = need, 1.0
+    if abs(onward) > 0.5:
+        steepness, share = onward * contact.mu, lead
+    elif held.real > 0.0:
+        steepness, share = nothing, lead
+    braked = direction * contact.mu * early + at_stop * (t_force - t_stop) + steepness * late
+    return braked, lead * (early + stop * (t_force - t_stop)) + share * late

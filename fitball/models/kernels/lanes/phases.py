@@ -283,11 +283,18 @@ def piece_lanes(
     lost = lost | reached.lost
     # What either phase makes of the impulse.
     event, impulse, rate = reached.event, load.momentum - contact.vertical.riding_mass * reached.y_rate, reached.rate
-    total = state.spin_sum + contact.mass * radius * state.v_x - eps * impulse
-    omega_2 = (total - joint.core * rate) / (joint.core + coupling.gyration)
+    drift = load.momentum * reached.elapsed - contact.vertical.riding_mass * (reached.y - state.y)
+    total, twisted = state.spin_sum + contact.mass * radius * state.v_x, joint.core * (reached.angle - state.angle)
+    omega_2 = (total - eps * impulse - joint.core * rate) / (joint.core + coupling.gyration)
+    turned = (total * reached.elapsed - eps * drift - twisted) / (joint.core + coupling.gyration)
     v_x = choose(grips, radius * omega_2, state.v_x - mode.side * contact.mu / contact.mass * impulse)
     spin_sum = choose(grips, coupling.inertia * omega_2 + joint.core * rate, state.spin_sum + spinning_up * impulse)
-    moved = State(state.time + reached.elapsed, reached.y, reached.y_rate, reached.angle, rate, v_x, spin_sum)
+    path = choose(grips, radius * turned, state.v_x * reached.elapsed - mode.side * contact.mu / contact.mass * drift)
+    turn = choose(grips, coupling.inertia * turned + twisted, state.spin_sum * reached.elapsed + spinning_up * drift)
+    moved = State(
+        state.time + reached.elapsed, reached.y, reached.y_rate, reached.angle, rate, v_x, spin_sum,
+        state.path + path, state.turn + turn,
+    )  # fmt: skip
     stopped = event & ~grips
     broken = event & grips
     if contact.eps_in_slide:
@@ -300,7 +307,7 @@ def piece_lanes(
 # Pieces after which a lane is left to the scalar kernel.
 MAX_PIECES = 8
 # Rows of what is written for eight impacts; `PLAIN` is 1 where it is their answer.
-V_X2, V_Y2, OMEGA_2, CONTACT_TIME, REGIME, PLAIN, OUTPUTS = range(7)
+V_X2, V_Y2, OMEGA_2, CONTACT_TIME, GAP_TIME, GAP_PATH, GAP_TURN, REGIME, PLAIN, OUTPUTS = range(10)
 
 
 # Rows of scratch that one thread needs, and where its parts begin.
@@ -380,10 +387,11 @@ def bounce_lanes(given: LaneArray, codes: NDArray[np.int64], out: LaneArray, roo
     plain = plain & (stuck | (abs(slip) > ROUNDING * (abs(v_x) + abs(radius * omega_2))))
     zero = 0.0 * v_x
     spin_sum = joint.core * contact.omega + joint.shell * omega_2
-    state = State(zero, zero, contact.v_y, zero, contact.omega - omega_2, v_x, spin_sum)
+    state = State(zero, zero, contact.v_y, zero, contact.omega - omega_2, v_x, spin_sum, zero, zero)
     mode = LaneMode(stuck, none, none, none, none, choose(slip > 0.0, 1.0, -1.0))
     active = plain
     v_x2, spin, angle, rate, regime, place, done = zero, zero, zero, zero, zero, zero + 1.0, none
+    path, turn = zero, zero
     for _ in range(MAX_PIECES):
         if not any_of(active):
             break
@@ -400,13 +408,19 @@ def bounce_lanes(given: LaneArray, codes: NDArray[np.int64], out: LaneArray, roo
         if contact.shell_spin:
             angle = choose(finished, state.angle, angle)
             rate = choose(finished, state.rate, rate)
+        path, turn = choose(finished, state.path, path), choose(finished, state.turn, turn)
         done = done | finished
         active = active & ~finished & ~lost
     free = vertical.t_contact > vertical.t_force
     regime = choose(free, regime + place * FREE, regime)
+    path = path + v_x2 * (vertical.t_flight - vertical.t_force)
+    turn = (turn + spin * (vertical.t_contact - vertical.t_force)) / coupling.inertia
     if contact.shell_spin:
         swing = swing_of_any(coupling.slide, vertical.t_contact - vertical.t_force)
         _angle, rate = swung_freely(coupling.slide, swing, angle, rate)
         spin = spin - joint.core * rate
-    out[V_X2], out[V_Y2], out[OMEGA_2] = v_x2, vertical.cor * contact.v_y, spin / coupling.inertia
+    omega_2 = spin / coupling.inertia
+    out[V_X2], out[V_Y2], out[OMEGA_2] = v_x2, vertical.cor * contact.v_y, omega_2
+    out[GAP_TIME], out[GAP_PATH] = vertical.t_flight, path
+    out[GAP_TURN] = turn + omega_2 * (vertical.t_flight - vertical.t_contact)
     out[CONTACT_TIME], out[REGIME], out[PLAIN] = vertical.t_contact, regime, choose(done, 1.0, zero)

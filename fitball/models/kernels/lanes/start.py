@@ -58,8 +58,8 @@ from fitball.models.kernels.oscillator import oscillator
 
 # Rows of what the bounce of eight impacts takes: their parameters, the impacts themselves, and, for closures whose
 # vertical motion is found impact by impact, what that is.
-V_X, V_Y, OMEGA, COR, DECAY, DAMPED_SQUARED, T_FORCE, T_CONTACT = range(len(COLUMNS), len(COLUMNS) + 8)
-INPUTS = len(COLUMNS) + 8
+V_X, V_Y, OMEGA, COR, DECAY, DAMPED_SQUARED, T_FORCE, T_CONTACT, T_FLIGHT = range(len(COLUMNS), len(COLUMNS) + 9)
+INPUTS = len(COLUMNS) + 9
 # Share of two terms below which their difference is left to the scalar kernel: it may be their rounding.
 ROUNDING = 1e-13
 
@@ -96,20 +96,21 @@ def vertical_lanes(given: LaneArray, codes: NDArray[np.int64]) -> tuple[Mask, Ve
     riding_mass = given[BALL_MASS] if codes[NORMAL] == NORMAL_TOTAL else ratio * given[BALL_MASS]
     natural_squared = given[K_Y] / riding_mass
     cor, decay, damped_squared = given[COR], given[DECAY], given[DAMPED_SQUARED]
-    t_force, t_contact = given[T_FORCE], given[T_CONTACT]
+    t_force, t_contact, t_flight = given[T_FORCE], given[T_CONTACT], given[T_FLIGHT]
     plain = damped_squared > 0.0
     if vertical_in_lanes(codes):
         if codes[RESTITUTION] != COR_MEASURED:
             cor = given[COR_10] + given[COR_SLOPE] * (given[V_Y] - ANCHOR_SPEED)
-        e = cor / ratio if codes[NORMAL] == NORMAL_MOMENTUM else cor
+        share_kept = ratio if codes[NORMAL] == NORMAL_MOMENTUM else 1.0 + 0.0 * ratio
+        e = cor / share_kept
         plain = (natural_squared > 0.0) & (cor > 0.0) & (cor <= 1.0) & (e > 0.0) & (e <= 1.0)
         zeta, share, angle, under = zero_force_lanes(choose(plain, e, 0.5))
         plain = plain & under
         omega_y = math.sqrt(natural_squared)
         decay, damped_squared, t_force = zeta * omega_y, share * natural_squared, angle / omega_y
-        t_contact = t_force
+        t_contact, t_flight = t_force, t_force + 2.0 * zeta / (share_kept * omega_y)
     return plain, VerticalMotion(
-        cor, riding_mass, oscillator(decay, damped_squared, natural_squared), t_force, t_contact
+        cor, riding_mass, oscillator(decay, damped_squared, natural_squared), t_force, t_contact, t_flight
     )
 
 
