@@ -135,7 +135,7 @@ FAULTS = {
     "not an impact": ("d,v_x2,v_x2,0.01\n", "row 1", "read 'd', which is not an impact of"),
     "no such column": ("a,contact_time,v_x2,0.01\n", "row 1", "has no such column with numbers; it has v_1, theta_1"),
     "unknown column": ("a,v_x2,speeed,0.01\n", "row 1", "read 'speeed', which is not a column of"),
-    "an sd": ("a,v_x2_sd,v_x2_sd,0.01\n", "row 1", "the variance of it stands at (v_x2, v_x2)"),
+    "an sd": ("a,v_x2_sd,v_x2_sd,0.01\n", "row 1", "its variance is the entry (v_x2, v_x2)"),
     "another unit": ("a,v_x2 [mph],v_x2,0.01\n", "row 1", "v_x2 is in m/s"),
     "twice": ("a,v_1,v_1,0.25\na,v_1,v_1,0.25\n", "row 2", "'a', v_1: given twice"),
     "asymmetric": (
