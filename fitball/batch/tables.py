@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fitball.api.reading import PathLike, Table
+from fitball.data.bundled import COVARIANCE_ENDING
 from fitball.data.read import in_memory
 from fitball.errors import ParameterError
 from fitball.report.batch import document as files_of_all
@@ -157,7 +158,7 @@ def _files(text: str) -> list[str]:
     if Path(text).is_file():
         return [text]
     if Path(text).is_dir():
-        inside = sorted(str(place) for place in Path(text).iterdir() if place.suffix.lower() in TABLES)
+        inside = _tables_of(str(place) for place in Path(text).iterdir())
         if not inside:
             raise ParameterError(f"{text}: no table in this folder; names of tables end with {', '.join(TABLES)}")
         return inside
@@ -169,10 +170,17 @@ def _files(text: str) -> list[str]:
     inside = [place for place in matches if Path(place).is_file()]
     # `*` takes scenes beside their tables too; who writes an ending means it.
     if Path(text).suffix == "" or "*" in Path(text).suffix:
-        inside = [place for place in inside if Path(place).suffix.lower() in TABLES]
+        inside = _tables_of(inside)
     if not inside:
         raise ParameterError(f"{text}: no file matches this pattern")
     return inside
+
+
+def _tables_of(places: Iterable[str]) -> list[str]:
+    """Those of several files that are tables, sorted: neither scenes nor covariances of another one's rows."""
+    found = sorted(place for place in places if Path(place).suffix.lower() in TABLES)
+    stems = {str(Path(place).with_suffix("")) + COVARIANCE_ENDING for place in found}
+    return [place for place in found if str(Path(place).with_suffix("")) not in stems]
 
 
 def _text(name: object) -> str:
