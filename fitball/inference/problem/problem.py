@@ -35,7 +35,7 @@ class Choices:
 
     `noise` is one of `noise.KINDS`. `pool` maps parameters to the label column over whose levels they differ.
     `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state counts
-    as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
+    as exact even where its sd is stated. `velocity_noise` is "tied", "separate", "stated" or None, see
     `observables.noise_by_column`.
     """
 
