@@ -252,9 +252,7 @@ def _column(cell: str, layout: Layout) -> int | str | None:
         return layout.columns.index(ours)
     if ours is not None and ours.removesuffix(SD_SUFFIX) in layout.columns:
         base = ours.removesuffix(SD_SUFFIX)
-        return (
-            f"read '{cell}', a standard deviation; expected '{base}': its variance is the entry ({base}, {base})"
-        )
+        return f"read '{cell}', a standard deviation; expected '{base}': its variance is the entry ({base}, {base})"
     if ours in HEIGHTS:
         return f"read '{cell}'; speeds are computed from heights: state its error as {ours}_sd in {layout.source}"
     if ours in MEASURED:
