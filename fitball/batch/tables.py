@@ -158,7 +158,7 @@ def _files(text: str) -> list[str]:
     if Path(text).is_file():
         return [text]
     if Path(text).is_dir():
-        inside = _tables_of(str(place) for place in Path(text).iterdir())
+        inside = _alone(str(place) for place in Path(text).iterdir() if place.suffix.lower() in TABLES)
         if not inside:
             raise ParameterError(f"{text}: no table in this folder; names of tables end with {', '.join(TABLES)}")
         return inside
@@ -170,15 +170,15 @@ def _files(text: str) -> list[str]:
     inside = [place for place in matches if Path(place).is_file()]
     # `*` takes scenes beside their tables too; who writes an ending means it.
     if Path(text).suffix == "" or "*" in Path(text).suffix:
-        inside = _tables_of(inside)
+        inside = [place for place in inside if Path(place).suffix.lower() in TABLES]
     if not inside:
         raise ParameterError(f"{text}: no file matches this pattern")
-    return inside
+    return _alone(inside)
 
 
-def _tables_of(places: Iterable[str]) -> list[str]:
-    """Those of several files that are tables, sorted: neither scenes nor covariances of another one's rows."""
-    found = sorted(place for place in places if Path(place).suffix.lower() in TABLES)
+def _alone(places: Iterable[str]) -> list[str]:
+    """The files that are no covariances of another one's rows, sorted."""
+    found = sorted(places)
     stems = {str(Path(place).with_suffix("")) + COVARIANCE_ENDING for place in found}
     return [place for place in found if str(Path(place).with_suffix("")) not in stems]
 
