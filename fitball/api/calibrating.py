@@ -131,7 +131,8 @@ def calibrate(
 
     Noise. `noise` is a distribution, "normal" (default) or "student-t", or a structure, or both:
     `"student-t,separate"`. With "tied" all columns of the rebound velocity share one noise, with "separate" each has
-    its own (default: "separate" if the table has enough rows). `offsets` names the label column whose groups may have
+    its own (default: "separate" if the table has enough rows). Where the table states sds these are the scatter
+    beyond stated errors; with "stated" there is none. `offsets` names the label column whose groups may have
     a measurement bias. Without `incident_errors` the incident state is exact. `velocity_noise` is an older name for
     the second part of `noise`.
 

@@ -22,7 +22,7 @@ from fitball.data.tables import trusted_table
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError, suggestion
 from fitball.inference.effort import Effort
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.problem.observables import SEPARATE, TIED
+from fitball.inference.problem.observables import SEPARATE, STATED, TIED
 from fitball.inference.problem.parameters import FAMILIES
 from fitball.inference.problem.pooling import ALL, NOT_POOLED
 from fitball.inference.problem.problem import Choices
@@ -180,7 +180,7 @@ def _noise_of(noise: str | Sequence[str] | None, structure: str | None) -> dict[
     names += [] if structure is None else [structure]
     found: dict[str, str | None] = {"noise": None, "velocity_noise": None}
     for name in names:
-        if name not in (known := (*KINDS, TIED, SEPARATE)):
+        if name not in (known := (*KINDS, TIED, SEPARATE, STATED)):
             raise ParameterError(f"unknown noise '{name}': {suggestion(name, known)}")
         choice = "noise" if name in KINDS else "velocity_noise"
         if found[choice] not in (None, name):

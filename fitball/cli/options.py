@@ -325,7 +325,8 @@ NOISE = Group("noise", (
     option(
         "--noise", "A,B",
         "normal or student-t (allows for outliers; default: normal), and tied or separate: one noise for all columns "
-        "of the rebound velocity, or one for each column (default: separate if the table has enough rows)",
+        "of the rebound velocity, or one for each column (default: separate if the table has enough rows); where the "
+        "table states sds it is what measurements scatter by beyond these, and stated: not at all",
         old="--velocity-noise", type=_names, action="extend",
     ),
     option("--offsets", "COLUMN", "estimate a measurement bias for each group that a column names, e.g. group"),

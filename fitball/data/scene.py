@@ -104,9 +104,9 @@ class Scene:
 
     Noise. `velocity_sd` (of each component) and those in `observables.NOISE_OF` are known and not fitted; the nominal
     ones are orders of magnitude. With `velocity_noise` "tied" all velocity columns share one noise, with "separate"
-    each has its own (None: "separate" if the table has enough rows). `distribution` is that of the noise. `offsets`
-    is the label column whose groups may have a measurement bias. `ignore` are measured rebound columns that are left
-    out.
+    each has its own (None: "separate" if the table has enough rows). Where the table states sds these noises are the
+    scatter beyond stated errors; with "stated" there is none. `distribution` is that of the noise. `offsets` is the
+    label column whose groups may have a measurement bias. `ignore` are measured rebound columns that are left out.
 
     Model. `priors` are texts such as `normal(0.55, 0.05)` by parameter. `pool` maps parameters to the label column
     between whose groups they differ. `columns` maps fitball's names to those of the table.
