@@ -389,9 +389,10 @@ def next_line(fit: Fit) -> list[str]:
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         return []
     open_ended = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
-    # Nobody needs to know how much less than the stated errors a scatter is that was not found.
-    scatter = beyond_stated(fit.problem.observables)
-    unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in scatter]
+    # Nobody needs to know how much less than the stated errors a scatter is that was not found, nor more of a camera
+    # or a ball than was measured apart.
+    known = {*beyond_stated(fit.problem.observables), *fit.problem.known_apart}
+    unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in known]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
         return [f"Most useful next: the contact time, in the scene or from force records. It determines {stiff}."]
