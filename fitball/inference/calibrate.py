@@ -134,6 +134,8 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         content["errors"] = [problem.errors.columns, problem.errors.follows.tolist(), problem.errors.rest.tolist()]
     if problem.table.flipped:
         content["flipped"] = problem.table.flipped
+    if problem.table.ignored:
+        content["ignored"] = problem.table.ignored
     if problem.table.columns:
         content["columns"] = dict(problem.table.columns)
     if problem.force is not None:

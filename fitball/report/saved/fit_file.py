@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from fitball.data.balances import scene_balances
+from fitball.data.table import FrozenMapping
 from fitball.errors import FitballError, ParameterError, ResultFolderError
 from fitball.inference.assemble import rests_on
 from fitball.inference.likelihood.posterior import log_likelihood
@@ -39,6 +40,7 @@ from fitball.inference.results.results import (
 from fitball.models.registry import parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.models.types import regime_name
+from fitball.observables import OBSERVABLES
 from fitball.report.form.files import json_text
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, read_draws
 from fitball.report.saved.run_file import RUN_NAME, RunRecord, read_run
@@ -159,7 +161,17 @@ def _problem(fit: Fit, place: Path) -> Problem:
     record = read_run(place)
     table, force = read_data(fit.source, place.with_name(DATA_NAME))
     named, records = record.file.table.files, record.file.force
-    table = replace(table, files=tuple((str(record.place_of(file)), file.sha256) for file in named))
+    table = replace(
+        table,
+        files=tuple((str(record.place_of(file)), file.sha256) for file in named),
+        covariance_files=FrozenMapping(
+            {
+                str(record.place_of(file)): (str(record.place_of(own)) if own.file else "", own.sha256)
+                for file in named
+                if (own := file.covariance) is not None
+            }
+        ),
+    )
     if force is not None and records is not None:
         force = replace(force, source=str(record.place_of(records)))
     try:
@@ -371,12 +383,13 @@ def _given(fit: Record) -> Iterator[str]:
 
 def _golden(fit: Record) -> Iterator[str]:
     made, count = fit.golden.rebound, len(fit.golden.impacts)
+    timed = [name for name, column in OBSERVABLES.items() if column.timed]
     for item in fields(made):
         column = getattr(made, item.name)
         unknown = np.isnan(column)
         if column.shape != (count,):
             yield f"golden.impacts and golden.rebound.{item.name} differ in number: {count} and {column.size}"
-        elif unknown.any() and not (item.name == "contact_time" and unknown.all()):
+        elif unknown.any() and not (item.name in timed and unknown.all()):
             yield f"golden.rebound.{item.name}: a number is missing"
     for code in made.regime.tolist():
         try:
