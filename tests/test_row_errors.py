@@ -20,6 +20,7 @@ from fitball.errors import FitError
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.cells import cells_of
 from fitball.inference.likelihood.posterior import impact_terms, log_likelihood, pointwise
+from fitball.inference.prediction.new_impacts import observed_observables, predict_new
 from fitball.inference.prediction.posterior_predictive import replicated
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
@@ -291,3 +292,25 @@ def test_regressions_of_errors_are_those_of_their_definition():
     np.testing.assert_allclose(found.follows[1], 0.0, atol=1e-12)
     np.testing.assert_allclose(found.rest[1], values[1, 3:, 3:])
     assert problem_of("wang_all.csv").errors is None
+
+
+def test_scores_of_a_table_know_what_its_errors_have_in_common():
+    """Measured values and predictions share the error of the incident state: deviations are standard with the
+    covariance, and not without.
+    """
+    fit = fitball.calibrate(
+        table_of(covariances(30, 21, 0.1 * SDS), 21, states(30, 21)), scene=Scene(), model="grip-slip"
+    )
+    sds = np.array([0.02, 0.4, 2.0, 0.02, 0.4, 2.0])
+    one = np.diag(sds**2)
+    one[1, 4] = one[4, 1] = 0.9 * sds[1] * sds[4]
+    other = table_of(np.tile(one, (120, 1, 1)), 22, states(120, 22), scatter=(0.11, 0.17, 4.0))
+    measured, _ = observed_observables(fit.predicting, other)
+    found = {}
+    for given in (other.covariance, None):
+        prediction = predict_new(
+            fit.predicting, other.impacts, measured, incident_covariance=other.incident_covariance, covariance=given
+        )
+        found[given is None] = float(np.sqrt(np.mean(prediction.output("v_y2").z ** 2)))
+    assert found[False] == pytest.approx(1.0, abs=0.2)
+    assert found[True] < 0.75
