@@ -179,8 +179,9 @@ def predict_new(
     which has no draws, takes no notice of it.
 
     `observed` are measured columns of the same impacts: their own sds, where stated, are part of the noise of a new
-    measurement. Where their errors belong to those of the incident state `covariance` is that of their rows. Raises ModelError when the model needs each impact's own restitution and there is none,
-    ParameterError for a covariance of another shape, or a seed that is none, and as `levels_of_impacts` does.
+    measurement. Where their errors belong to those of the incident state `covariance` is that of their rows. Raises
+    ModelError when the model needs each impact's own restitution and there is none, ParameterError for a covariance
+    of another shape, or a seed that is none, and as `levels_of_impacts` does.
     """
     if fitted.model.needs_cor and impacts.cor is None:
         raise ModelError(
@@ -264,8 +265,8 @@ def _batch(
     rng: np.random.Generator,
     states: np.random.Generator,
 ) -> tuple[list[OutputPrediction], _Shares, _Shares]:
-    """Outputs, shares of regimes and of failures at some impacts; `covariance` is that of uncertain states, with whose
-    errors those of each output go by `follows` (impacts, outputs, 3) (see `RowErrors`).
+    """Outputs, shares of regimes and of failures at some impacts; `covariance` is that of uncertain states, with
+    whose errors those of each output go by `follows` (impacts, outputs, 3) (see `RowErrors`).
     """
     at_point = fitted.rebound(impacts)
     if fitted.draws.shape[0] == 0:
