@@ -125,7 +125,12 @@ def _scales(fitted: FittedModel, golden: Golden, expected: Mapping[str, FloatArr
     given, radius = golden.impacts, fitted.ball.radius
     speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (radius * given.omega_1) ** 2)
     by_unit = {"m/s": speed, "rad/s": speed / radius, "rad": np.ones_like(speed)}
-    return {name: by_unit.get(OBSERVABLES[name].unit, values) for name, values in expected.items()}
+    # Path and turn may be zero: what the ball goes, and its surface turns, between the flights.
+    between = golden.rebound.gap_time
+    by_name = {"gap_path": speed * between, "gap_turn": speed * between / radius}
+    return {
+        name: by_name.get(name, by_unit.get(OBSERVABLES[name].unit, values)) for name, values in expected.items()
+    }
 
 
 OUTPUTS = (*COMPARED, *(name for name in OBSERVABLES if name not in COMPARED))
