@@ -164,7 +164,14 @@ def test_the_other_way_in_which_a_column_is_counted() -> None:
     """Written out, not asked of the table of columns: speeds and times have none, angles another zero."""
     given = np.array([0.3])
     other = {"v_x1": -0.3, "v_y1": -0.3, "theta_1": np.pi / 2 - 0.3, "omega_1": -0.3}
-    other |= {"v_x2": -0.3, "v_y2": -0.3, "theta_2": np.pi / 2 - 0.3, "omega_2": -0.3}
+    other |= {
+        "v_x2": -0.3,
+        "v_y2": -0.3,
+        "theta_2": np.pi / 2 - 0.3,
+        "omega_2": -0.3,
+        "gap_path": -0.3,
+        "gap_turn": -0.3,
+    }
     assert set(FLIPPABLE) == set(other)
     for name, wanted in other.items():
         np.testing.assert_allclose(flipped(name, given), wanted)

@@ -23,7 +23,7 @@ SCALE = {
     "inertia_ratio": 0.5,
 }  # fmt: skip
 INCIDENT = ("v_x1", "v_y1", "omega_1")
-OUTPUT_SIZE = np.array([10.0, 10.0, 300.0, 5e-3, 5e-3, 0.05, 1.0])
+OUTPUT_SIZE = np.array([10.0, 10.0, 300.0, 5e-3, 5e-3, 0.05, 10.0])
 LINES = {"eps_slope": 1e-4, "cor_slope": -0.0145}
 
 OTHERS = [

@@ -39,6 +39,7 @@ from fitball.inference.results.results import (
 from fitball.models.registry import parameter_spec
 from fitball.models.specs import ParameterSpec
 from fitball.models.types import regime_name
+from fitball.observables import OBSERVABLES
 from fitball.report.form.files import json_text
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, read_draws
 from fitball.report.saved.run_file import RUN_NAME, RunRecord, read_run
@@ -371,12 +372,13 @@ def _given(fit: Record) -> Iterator[str]:
 
 def _golden(fit: Record) -> Iterator[str]:
     made, count = fit.golden.rebound, len(fit.golden.impacts)
+    timed = [name for name, column in OBSERVABLES.items() if column.timed]
     for item in fields(made):
         column = getattr(made, item.name)
         unknown = np.isnan(column)
         if column.shape != (count,):
             yield f"golden.impacts and golden.rebound.{item.name} differ in number: {count} and {column.size}"
-        elif unknown.any() and not (item.name == "contact_time" and unknown.all()):
+        elif unknown.any() and not (item.name in timed and unknown.all()):
             yield f"golden.rebound.{item.name}: a number is missing"
     for code in made.regime.tolist():
         try:
