@@ -163,6 +163,18 @@ def test_a_wrong_port_fails_its_own_test(language, tmp_path):
         assert done.returncode == 1 and "FAILED" in done.stdout
 
 
+@pytest.mark.parametrize("language", ALL)
+def test_a_wrong_gap_fails_a_ports_own_test(language, tmp_path):
+    """Time, path and turn between the flights: each is compared, in all languages."""
+    port = port_of(fitted("two-mass"))
+    assert self_tested(language, port, tmp_path).returncode == 0
+    for place in (8, 9, 10):
+        wrong = list(port.golden[0])
+        wrong[place] *= 1.0 + 1e-10
+        done = self_tested(language, replace(port, golden=[wrong, *port.golden[1:]]), tmp_path)
+        assert done.returncode == 1 and "FAILED" in done.stdout, place
+
+
 def python_module(whole, place):
     return loaded(port_of(whole), place)
 

@@ -47,8 +47,9 @@ if TYPE_CHECKING:
     from fitball.exports.port.languages import Dialect
 
 # Largest difference a self-test allows: of speeds and R*omega relative to the incident speed (of centre and surface
-# together), of times relative to themselves, of what lies between the flights to what that speed goes in this time. Other mathematical libraries differ by their last digit, 2e-16,
-# which the search for transitions amplifies a hundredfold or so.
+# together), of times relative to themselves, of path and turn between the flights to what that speed goes in between.
+# Other mathematical libraries differ by their last digit, 2e-16, which the search for transitions amplifies a
+# hundredfold or so.
 SELF_TEST_TOLERANCE = 1e-12
 
 # Length of the first three arrays of the two-mass kernel's scratch; see `bounce.scratch_in`.
