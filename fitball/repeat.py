@@ -38,7 +38,7 @@ from fitball.report.form.folders import held
 from fitball.report.form.numbers import significant
 from fitball.report.saved.fit_file import fit_text, read_fit, read_posterior
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_columns, write_data, write_netcdf
-from fitball.report.saved.run_file import find_records, find_tables, read_run, record_problem
+from fitball.report.saved.run_file import find_covariances, find_records, find_tables, read_run, record_problem
 from fitball.report.saved.structure import FIT_NAME, OlderFileError
 
 # A run as it lies in its folder, or as it was just made again: what a repetition compares.
@@ -525,10 +525,17 @@ class Repeated:
 
 
 def repeat(
-    fit: Path, tables: Sequence[str], force: str | None, out: Path | None, cores: int, report: Report
+    fit: Path,
+    tables: Sequence[str],
+    force: str | None,
+    covariances: Sequence[str],
+    out: Path | None,
+    cores: int,
+    report: Report,
 ) -> Repeated | None:
     """Make the fit of a folder or of a `run.toml` again and compare; None for one of an older fitball, which is only
-    made again. `tables` and `force` are the present places of its files; the new result is kept in the folder `out`.
+    made again. `tables`, `force` and `covariances` are the present places of its files; the new result is kept in
+    the folder `out`.
 
     Raises ResultFolderError, and as `calibrate` does; KeyboardInterrupt with nothing compared.
     """
@@ -540,7 +547,8 @@ def repeat(
         if out is None:
             raise
         original = None
-    problem = record_problem(record, find_tables(record, tables), find_records(record, force))
+    places = find_tables(record, tables)
+    problem = record_problem(record, places, find_records(record, force), find_covariances(record, covariances))
     if original is not None:
         check_rows(problem, original)
     if out is not None and (older := older_result(out)):

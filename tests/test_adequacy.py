@@ -267,7 +267,7 @@ def test_a_stated_noise_is_held_against_chi_square(told, answer):
         replace(item, sd=np.full(40, told if item.name == "v_y2" else NOISE[item.name]))
         for item in table.measurements
     )
-    _, found = described(replace(table, measurements=stated))
+    _, found = described(replace(table, measurements=stated), velocity_noise="stated")
     assert found.answer is answer
     check = next(item for item in found.noise if item.columns == ("v_y2",))
     assert check.stated

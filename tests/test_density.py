@@ -48,7 +48,7 @@ def log_prior(parameter, value):
     family, a, b = re.match(r"([\w-]+)\((\S+), (\S+)\)", parameter.prior.text).groups()
     if family == "half-t":
         bell, high = stats.t(float(b), 0.0, float(a)), parameter.spec.upper
-        return bell.logpdf(value) - np.log(bell.cdf(high) - bell.cdf(0.0))
+        return bell.logpdf(value) - np.log(bell.cdf(high) - bell.cdf(max(parameter.spec.lower, 0.0)))
     low, high, a, b = parameter.spec.lower, parameter.spec.upper, float(a), float(b)
     if family.startswith("log"):
         value, low, high, a = np.log(value), np.log(low) if low > 0.0 else -np.inf, np.log(high), np.log(a)
@@ -91,9 +91,11 @@ def oracle(problem, values):
             measured = problem.table.measurement(item.name)
             if np.isnan(measured.values[k]):
                 continue
-            sd = known[item.noise] if measured.sd is None else measured.sd[k]
+            sd = known[item.noise]
             if item.name == "theta_2" and item.noise == "velocity_sd":
                 sd = sd / said["v_2"]
+            if measured.sd is not None:
+                sd = np.hypot(sd, measured.sd[k])
             bias = 0.0
             if problem.group_bias is not None:
                 bias = known[f"{item.name}_offset[{problem.table.labels[problem.group_bias.column][k]}]"]

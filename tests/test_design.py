@@ -89,7 +89,9 @@ def drop_table(noise=SIGMA, **more):
 @pytest.fixture(scope="module")
 def linear():
     """What is known of a linear model after a normal posterior."""
-    problem = build_problem(load_table(drop_table(), name="drop"), Scene(), Choices(model="brody"))
+    problem = build_problem(
+        load_table(drop_table(), name="drop"), Scene(), Choices(model="brody", velocity_noise="stated")
+    )
     assert problem.free_names == ("cor_10", "cor_slope")
     draws = np.random.default_rng(3).multivariate_normal([0.75, -0.012], COVARIANCE, 4000)
     return Knowledge(problem, draws)
@@ -225,7 +227,9 @@ def test_a_fitted_noise_is_learned_too(linear):
 def sprung():
     """What is known of a drop of the two-mass ball whose stiffness nobody measured."""
     scene = Scene(priors={"k_y": "lognormal(2.6e4, 1.0)"})
-    problem = build_problem(load_table(drop_table(), name="drop"), scene, Choices(model="two-mass"))
+    problem = build_problem(
+        load_table(drop_table(), name="drop"), scene, Choices(model="two-mass", velocity_noise="stated")
+    )
     rng = np.random.default_rng(12)
     spread = {"k_y": (np.log(2.6e4), 0.3), "cor_10": (0.73, 2e-3), "cor_slope": (0.0, 5e-4)}
     draws = np.column_stack([rng.normal(*spread[name], 4000) for name in problem.free_names])

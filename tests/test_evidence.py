@@ -78,7 +78,7 @@ def test_information_is_the_covariance_of_the_score(tmp_path):
     for observable in problem.observables:
         predicted, spread = (
             observable.predict(rebound),
-            observable.spread(columns[observable.noise][:, None], rebound),
+            observable.sds(columns, rebound),
         )
         spread = np.broadcast_to(spread, predicted.shape)
         made = predicted[0] + spread[0] * rng.standard_normal((20000, predicted.shape[1]))

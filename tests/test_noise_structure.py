@@ -14,8 +14,10 @@ from scipy import stats
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.read import joined, load_table, load_tables
+from fitball.data.read import load_table
 from fitball.data.scene import load_scene
+from fitball.data.table import joined
+from fitball.data.tables import load_tables
 from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.calibrate import run
 from fitball.inference.comparison.left_out import GROUPS, IMPACTS, leave_out, make_folds

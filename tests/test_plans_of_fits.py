@@ -14,8 +14,9 @@ from test_design import first_order, posterior_from
 
 import fitball
 from fitball.data.lines import Range, parse_range
-from fitball.data.read import joined, load_table
+from fitball.data.read import load_table
 from fitball.data.scene import Scene
+from fitball.data.table import joined
 from fitball.errors import FitError, ParameterError
 from fitball.inference.design.asked import as_before, build_settings, parse_sensor, usual_sensors
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge

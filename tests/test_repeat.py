@@ -19,8 +19,8 @@ from samples import problem_of, search_briefly
 from fitball.api import begin, pose
 from fitball.cli.main import main
 from fitball.data.bundled import bundled_folder
-from fitball.data.read import load_tables
 from fitball.data.scene import load_scene
+from fitball.data.tables import load_tables
 from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort

@@ -13,8 +13,8 @@ import fitball
 from fitball.api import check
 from fitball.data.bundled import bundled_names
 from fitball.data.laws import repeats_of
-from fitball.data.read import trusted_table
 from fitball.data.scene import Scene
+from fitball.data.tables import trusted_table
 from fitball.errors import ReadingError
 
 

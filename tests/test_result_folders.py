@@ -16,8 +16,8 @@ from samples import problem_of, restored
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.read import load_tables
 from fitball.data.scene import Scene
+from fitball.data.tables import load_tables
 from fitball.errors import ParameterError, ResultFolderError
 from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort

@@ -10,7 +10,7 @@ from fitball.cli.main import main
 from fitball.errors import MemoryShortageError
 
 
-@pytest.mark.parametrize("place", ["fitball.inference.calibrate.point_fit", "fitball.data.read.load_table"])
+@pytest.mark.parametrize("place", ["fitball.inference.calibrate.point_fit", "fitball.data.tables.load_table"])
 def test_running_out_of_memory_is_said_in_words(place, tmp_path, monkeypatch, capsys):
     def full(*_arguments, **_named):
         raise MemoryError("Unable to allocate 2.9 GiB")

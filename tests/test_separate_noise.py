@@ -127,7 +127,7 @@ def test_one_column_has_nothing_to_share_with():
             replace(item, sd=np.full(21, 0.2)) if item.name == "v_x2" else item for item in WANG.measurements
         ),
     )
-    assert noises(stated)[0] == {"v_x2": None, "v_y2": "velocity_sd", "omega_2": "spin_sd"}
+    assert noises(stated)[0] == {"v_x2": "v_x_sd", "v_y2": "velocity_sd", "omega_2": "spin_sd"}
 
 
 SHORT = load_table("wang_zero_spin.csv")

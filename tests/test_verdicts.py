@@ -173,7 +173,7 @@ def test_two_fits_are_said_and_what_they_agree_on():
     rebound = [np.append(one, end) for one, end in zip(rebound, slid, strict=True)]
     sds = {"v_x2_sd": np.full(41, 0.6), "v_y2_sd": np.full(41, 0.6), "omega_2_sd": np.full(41, 25.0)}
     table = fitball.load_table({**frame(v_x, v_y, omega, rebound), **sds})
-    problem = build_problem(table, fitball.load_scene(None), Choices(model="grip-slip"))
+    problem = build_problem(table, fitball.load_scene(None), Choices(model="grip-slip", velocity_noise="stated"))
     truth = {"mu": 0.39, "e_x": 0.15, "offset": 0.002, "cor_10": 0.77, "cor_slope": -0.012}
     words, agree = several_fits(problem, [truth, {**truth, "mu": 2.0}])
     misfit = densities(

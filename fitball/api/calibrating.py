@@ -117,10 +117,12 @@ def calibrate(
     Table. Columns are named as in files (`v_1 [mph]`). Columns without a unit are in m/s, rad/s, degrees and s, or in
     the unit that `units` gives (`{"v_1": "mph"}`). `columns` maps fitball's names to those of the table (`{"v_1":
     "Vin [mph]"}`). `flip` lists columns with the opposite convention (`TABLE:COLUMN` for one of several tables). The
-    sign of spins and velocities is reversed; angles are taken from the normal. The scene is `scene`, or the file
-    `config`, or the TOML file beside the table. `force` is a file of force-time records (see `data.force`); default:
-    the one that the scene names, or the one beside the table; "none" for none. A table is refused if another reading
-    fits much better, or if the ball is unlike any game ball, unless `as_read`.
+    sign of spins and velocities is reversed; angles are taken from the normal. `ignore` lists rebound columns that
+    are left out. `covariance` are errors that belong together: a path, `{id: {(column, column): value}}` or an array
+    (see `load_table`); default: the file `NAME_covariance.csv` beside the table; "none" for none. The scene is
+    `scene`, or the file `config`, or the TOML file beside the table. `force` is a file of force-time records (see
+    `data.force`); default: the one that the scene names, or the one beside the table; "none" for none. A table is
+    refused if another reading fits much better, or if the ball is unlike any game ball, unless `as_read`.
 
     Model. `closures` replace model assumptions, `priors` are texts such as `normal(0.55, 0.05)`, `fix` holds
     parameters at values in SI. `pool` maps parameters to the label column to whose levels they are fitted, with
@@ -129,7 +131,8 @@ def calibrate(
 
     Noise. `noise` is a distribution, "normal" (default) or "student-t", or a structure, or both:
     `"student-t,separate"`. With "tied" all columns of the rebound velocity share one noise, with "separate" each has
-    its own (default: "separate" if the table has enough rows). `offsets` names the label column whose groups may have
+    its own (default: "separate" if the table has enough rows). Where the table states sds these are the scatter
+    beyond stated errors; with "stated" there is none. `offsets` names the label column whose groups may have
     a measurement bias. Without `incident_errors` the incident state is exact. `velocity_noise` is an older name for
     the second part of `noise`.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitball.api.reading import Wanted, flips, reporting
+from fitball.api.reading import Wanted, listed, reporting
 from fitball.data.header import naming, split_cell
 from fitball.data.lines import Range, checked_range, parse_range, parse_uncertain_impact
 from fitball.data.read import framed, in_memory, load_table, written_table
@@ -156,7 +156,7 @@ def foretell(
     """
     check_whole(seed=seed)
     columns, assumed = _named_as_before(data, columns, saved.source.columns)
-    new = new_impacts(data, fitted.ball, units, flips(flip), columns)
+    new = new_impacts(data, fitted.ball, units, listed(flip), columns)
     stated, table = new.covariance is not None, new.table
     covariance = None if exact_incidence else new.covariance
     observables, unused = observed_observables(fitted, table) if table is not None else ((), ())

@@ -13,14 +13,16 @@ from dataclasses import asdict, dataclass, fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack, cast
 
+from fitball.data.covariance_entries import Given
 from fitball.data.force import find_force
-from fitball.data.read import check_source, in_memory, load_table, trusted_table
+from fitball.data.read import check_source, in_memory, load_table
 from fitball.data.scene import Scene, likely_scene, load_scene
 from fitball.data.table import ImpactTable, Notice
+from fitball.data.tables import trusted_table
 from fitball.errors import Fault, FitballError, ParameterError, ReadingError, SceneError, TableError, suggestion
 from fitball.inference.effort import Effort
 from fitball.inference.problem.noise import KINDS
-from fitball.inference.problem.observables import SEPARATE, TIED
+from fitball.inference.problem.observables import SEPARATE, STATED, TIED
 from fitball.inference.problem.parameters import FAMILIES
 from fitball.inference.problem.pooling import ALL, NOT_POOLED
 from fitball.inference.problem.problem import Choices
@@ -111,6 +113,8 @@ class Reading(TypedDict, total=False):
     units: Mapping[str, str] | None
     flip: str | Sequence[str]
     columns: Mapping[str, str] | None
+    ignore: str | Sequence[str]
+    covariance: Given | None
     as_read: bool
 
 
@@ -133,7 +137,7 @@ class Fitting(Reading, total=False):
 
 # An option that is not given is None, or:
 DEFAULTS: Mapping[str, Any] = {
-    "flip": (), "as_read": False, "incident_errors": True, "seed": 1, "point_only": False,
+    "flip": (), "ignore": (), "as_read": False, "incident_errors": True, "seed": 1, "point_only": False,
 }  # fmt: skip
 # A mapping as it is written.
 EXAMPLES = {
@@ -176,7 +180,7 @@ def _noise_of(noise: str | Sequence[str] | None, structure: str | None) -> dict[
     names += [] if structure is None else [structure]
     found: dict[str, str | None] = {"noise": None, "velocity_noise": None}
     for name in names:
-        if name not in (known := (*KINDS, TIED, SEPARATE)):
+        if name not in (known := (*KINDS, TIED, SEPARATE, STATED)):
             raise ParameterError(f"unknown noise '{name}': {suggestion(name, known)}")
         choice = "noise" if name in KINDS else "velocity_noise"
         if found[choice] not in (None, name):
@@ -207,8 +211,11 @@ def read(
         known = load_scene(files[0] if files else None, config, as_read)
     else:
         known = likely_scene(scene, as_read)
-    flipped = flips(reading.get("flip", ()))
-    table, doubts = trusted_table(sources, known, flipped, as_read, reading.get("columns"), reading.get("units"))
+    flipped, ignored = listed(reading.get("flip", ())), listed(reading.get("ignore", ()))
+    table, doubts = trusted_table(
+        sources, known, flipped, as_read, reading.get("columns"), reading.get("units"), ignored,
+        reading.get("covariance"),
+    )  # fmt: skip
     if len(sources) > 1 and scene is None and known.source is not None:
         doubts = (*doubts, f"the scene of {config or (files[0] if files else 'no file')} is used for all tables")
     return table, known, doubts, files
@@ -230,9 +237,9 @@ def sources_of(data: Any) -> tuple[list[Any], tuple[str, ...]]:
     return sources, tuple(files)
 
 
-def flips(flip: str | Sequence[str]) -> tuple[str, ...]:
-    """Columns to flip; a single one needs no list."""
-    return (flip,) if isinstance(flip, str) else tuple(flip)
+def listed(columns: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of columns; a single one needs no list."""
+    return (columns,) if isinstance(columns, str) else tuple(columns)
 
 
 def _check_item(option: str, name: object, value: object) -> None:
@@ -323,8 +330,9 @@ def check(
                 errors.append(error)
         source = sources[0]
         table = source if isinstance(source, ImpactTable) else load_table(
-            source, scene=known or Scene(), flip=flips(reading.get("flip", ())), columns=reading.get("columns"),
-            units=reading.get("units"),
+            source, scene=known or Scene(), flip=listed(reading.get("flip", ())), columns=reading.get("columns"),
+            units=reading.get("units"), ignore=listed(reading.get("ignore", ())),
+            covariance=reading.get("covariance"),
         )  # fmt: skip
         if known is not None:
             extra = trusted_table([table], known, as_read=as_read)[1]

@@ -12,7 +12,7 @@ from typing import Any
 
 from fitball.api.fit import FitOrFolder, fit_of
 from fitball.api.reading import PathLike
-from fitball.data.read import PortFile, read_port
+from fitball.data.ports import PortFile, read_port
 from fitball.errors import Fault, ParameterError, ResultFolderError, TableError
 from fitball.exports.bounces import bounces_of, joined
 from fitball.exports.tables import golden_ids

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Unpack
 
 from fitball.api import Fit, load_fit
 from fitball.api.calibrating import Run, pose
-from fitball.api.reading import DEFAULTS, Fitting, PathLike, Table, choices_of, effort_of, flips
+from fitball.api.reading import DEFAULTS, Fitting, PathLike, Table, choices_of, effort_of, listed
 from fitball.batch.tables import RECORD_NAME, ROW_NAME, Task, fault_of, tasks_of
+from fitball.data.covariance_entries import LEFT_OUT, Given
 from fitball.errors import FitballError, ParameterError, ResultFolderError, suggestion
 from fitball.files import all_or_none
 from fitball.inference.calibrate import fingerprint
@@ -221,13 +222,22 @@ def plan_of(folder: Path, model: str | None, full: bool, overwrite: bool, **opti
         choices,
         effort_of(options, 1),
         None if config is None else os.fspath(config),
-        flips(options.get("flip", ())),
+        listed(options.get("flip", ())),
+        listed(options.get("ignore", ())),
+        _left_out(options.get("covariance")),
         options.get("columns") or {},
         options.get("units") or {},
         options.get("as_read", False),
         full,
         overwrite,
     )
+
+
+def _left_out(covariance: Given | None) -> str | None:
+    """The word "none" where covariances are left out. Raises ParameterError for those of one table."""
+    if covariance is None or (isinstance(covariance, str) and covariance == LEFT_OUT):
+        return covariance
+    raise ParameterError("covariance: a batch takes none only; expected files NAME_covariance.csv beside the tables")
 
 
 def batch_of(
@@ -260,6 +270,8 @@ class Plan:
     effort: Effort = field(default_factory=lambda: Effort(cores=1))
     config: str | None = None
     flip: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    covariance: str | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     as_read: bool = False
@@ -316,7 +328,7 @@ def _fitted(plan: Plan, task: Task) -> Done:
         )
     problem = pose(
         task.table, plan.choices, config=plan.config, flip=plan.flip, columns=plan.columns, as_read=plan.as_read,
-        units=plan.units,
+        units=plan.units, ignore=plan.ignore, covariance=plan.covariance,
     )  # fmt: skip
     folder, mark = plan.folder / task.name, plan.mark(problem)
     if (folder / ROW_NAME).exists():

@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fitball.api.reading import PathLike, Table
+from fitball.data.bundled import COVARIANCE_ENDING
 from fitball.data.read import in_memory
 from fitball.errors import ParameterError
 from fitball.report.batch import document as files_of_all
@@ -157,7 +158,7 @@ def _files(text: str) -> list[str]:
     if Path(text).is_file():
         return [text]
     if Path(text).is_dir():
-        inside = sorted(str(place) for place in Path(text).iterdir() if place.suffix.lower() in TABLES)
+        inside = _alone(str(place) for place in Path(text).iterdir() if place.suffix.lower() in TABLES)
         if not inside:
             raise ParameterError(f"{text}: no table in this folder; names of tables end with {', '.join(TABLES)}")
         return inside
@@ -172,7 +173,14 @@ def _files(text: str) -> list[str]:
         inside = [place for place in inside if Path(place).suffix.lower() in TABLES]
     if not inside:
         raise ParameterError(f"{text}: no file matches this pattern")
-    return inside
+    return _alone(inside)
+
+
+def _alone(places: Iterable[str]) -> list[str]:
+    """The files that are no covariances of another one's rows, sorted."""
+    found = sorted(places)
+    stems = {str(Path(place).with_suffix("")) + COVARIANCE_ENDING for place in found}
+    return [place for place in found if str(Path(place).with_suffix("")) not in stems]
 
 
 def _text(name: object) -> str:

@@ -338,7 +338,7 @@ def run_repeat(args: argparse.Namespace) -> int:
 
     out = None if args.out is None else Path(args.out)
     try:
-        found = repeat(Path(args.fit), args.data, args.force, out, args.cores, args.progress)
+        found = repeat(Path(args.fit), args.data, args.force, args.covariance, out, args.cores, args.progress)
     except KeyboardInterrupt:
         args.progress.finish()
         print("Interrupted: nothing was compared.", file=sys.stderr)
@@ -362,6 +362,10 @@ REPEAT = Verb(
             "--data", "FILE", "where the table is now (repeatable, for several tables)", action="append", default=[]
         ),
         option("--force-records", "FILE", "where the force records are now", old=FORCE.old, dest="force"),
+        option(
+            "--covariance", "FILE", "where the covariances are now (repeatable, for several tables)", action="append",
+            default=[],
+        ),
         CORES,
         option("--out", "DIR", "save the new result in this folder (default: not saved)", type=place),
         switch("--json", "print every comparison as JSON"),

@@ -265,8 +265,18 @@ AS_READ = switch(
     "accept table and scene as they are, even if another reading fits much better or the ball is unlike any game "
     "ball",
 )
+IGNORE = option(
+    "--ignore", "A,B,...",
+    "measured columns of the rebound to leave out, e.g. contact_time,omega_2. TABLE:COLUMN for one of several tables",
+    type=_names, action="extend", default=[],
+)  # fmt: skip
+COVARIANCE = option(
+    "--covariance", "FILE",
+    "errors that belong together, with columns id, column, column, value; none to ignore them (default: "
+    "<table>_covariance.csv beside DATA)",
+)  # fmt: skip
 # How a table is read.
-READING = (FLIP, COLUMNS, AS_READ)
+READING = (FLIP, COLUMNS, IGNORE, COVARIANCE, AS_READ)
 # Of figures.
 FORMATS = ("png", "svg", "pdf")
 PICTURE = option(
@@ -315,7 +325,8 @@ NOISE = Group("noise", (
     option(
         "--noise", "A,B",
         "normal or student-t (allows for outliers; default: normal), and tied or separate: one noise for all columns "
-        "of the rebound velocity, or one for each column (default: separate if the table has enough rows)",
+        "of the rebound velocity, or one for each column (default: separate if the table has enough rows); where the "
+        "table states sds it is what measurements scatter by beyond these, and stated: not at all",
         old="--velocity-noise", type=_names, action="extend",
     ),
     option("--offsets", "COLUMN", "estimate a measurement bias for each group that a column names, e.g. group"),

@@ -15,8 +15,9 @@ PARQUET_SUFFIXES = (".parquet", ".pq")
 WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 # What divides a workbook from the sheet that is meant: `book.xlsx#clay`.
 SHEET_MARK = "#"
-# Force records of `<table>.csv` lie beside it as `<table>_force.csv`.
-FORCE_ENDING = "_force"
+# Force records of `<table>.csv` lie beside it as `<table>_force.csv`, covariances of its rows as
+# `<table>_covariance.csv`.
+FORCE_ENDING, COVARIANCE_ENDING = "_force", "_covariance"
 _OF_BOOK = re.compile(
     rf"(?P<book>.+?({'|'.join(map(re.escape, WORKBOOKS))})){SHEET_MARK}(?P<sheet>.+)", re.DOTALL | re.IGNORECASE
 )
@@ -39,9 +40,10 @@ def bundled_folder() -> Path:
 
 
 def bundled_names() -> tuple[str, ...]:
-    """File names of the bundled tables, sorted; force records beside a table are none."""
+    """File names of the bundled tables, sorted; force records and covariances beside a table are none."""
     stems = {path.stem for path in bundled_folder().glob("*.csv")}
-    return tuple(f"{name}.csv" for name in sorted(stems - {name + FORCE_ENDING for name in stems}))
+    beside = {name + ending for name in stems for ending in (FORCE_ENDING, COVARIANCE_ENDING)}
+    return tuple(f"{name}.csv" for name in sorted(stems - beside))
 
 
 def bundled_tables() -> tuple[BundledTable, ...]:

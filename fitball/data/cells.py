@@ -293,7 +293,7 @@ def summaries(rows: Sequence[Sequence[str]]) -> dict[int, str]:
         return begun
     others = [cells for place, cells in enumerate(rows) if place not in begun]
     columns = [
-        [number for cells in others if k < len(cells) and (number := _number(cells[k])) is not None]
+        [number for cells in others if k < len(cells) and (number := printed_number(cells[k])) is not None]
         for k in range(max((len(rows[place]) for place in begun), default=0))
     ]
     values = {word.casefold(): [_value(word, column) for column in columns] for word in set(begun.values())}
@@ -320,12 +320,12 @@ def _value(word: str, column: Numbers) -> tuple[float, float]:
 
 
 def _agrees(cells: Sequence[str], values: Numbers) -> bool:
-    found = [(number, value) for cell, value in zip(cells, values, strict=False) if (number := _number(cell))]
+    found = [(number, value) for cell, value in zip(cells, values, strict=False) if (number := printed_number(cell))]
     agree = sum(abs(number[0] - value[0]) <= number[1] + value[1] for number, value in found)
     return 2 * agree > len(found)
 
 
-def _number(cell: str) -> tuple[float, float] | None:
+def printed_number(cell: str) -> tuple[float, float] | None:
     """A number with a decimal point or comma, and half a unit of its last digit; None for other text."""
     mantissa, _e, power = cell.replace(",", ".").replace("\u2212", "-").lower().partition("e")
     try:

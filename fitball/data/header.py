@@ -288,6 +288,15 @@ def _same(name: str) -> str | None:
     return "id" if plain in _IDS or name.strip() == "#" else _BY_BARE.get(plain)
 
 
+def our_column(cell: str, naming: Naming) -> tuple[str | None, str, str | None]:
+    """What a text that names a column of a table means: our name (None where it is none), its name, and the unit that
+    it states.
+    """
+    name, unit = split_cell(cell, naming)
+    ours = naming.ours(cell, name)
+    return _same(name) if ours is None else ours, name, unit
+
+
 def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None = None) -> Header:
     """Find out what each column is.
 

@@ -66,20 +66,20 @@ def flip_columns(
     return turned
 
 
-def flips_of(flip: Sequence[str], table: str) -> tuple[str, ...]:
-    """Which columns of the table called `table` to flip: those named without a table, and those named with it, as in
+def named_of(named: Sequence[str], table: str) -> tuple[str, ...]:
+    """Which columns of the table called `table` are named: those without a table, and those with it, as in
     `my_balls:omega_1`.
     """
-    named = [item.rpartition(":") for item in flip]
-    return tuple(column for place, _, column in named if place in ("", table))
+    parts = [item.rpartition(":") for item in named]
+    return tuple(column for place, _, column in parts if place in ("", table))
 
 
-def check_flips(flip: Sequence[str], tables: Sequence[str]) -> None:
-    """Raise ParameterError for a table that is not among `tables`."""
-    for item in flip:
+def check_named(what: str, named: Sequence[str], tables: Sequence[str]) -> None:
+    """Raise ParameterError for a table that is not among `tables`; `what` is the option."""
+    for item in named:
         place = item.rpartition(":")[0]
         if place and place not in tables:
-            raise ParameterError(f"flip {item}: there is no table '{place}': {suggestion(place, tables)}")
+            raise ParameterError(f"{what} {item}: there is no table '{place}': {suggestion(place, tables)}")
 
 
 # Units that people measure balls in; a table in others says so.

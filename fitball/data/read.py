@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -28,12 +27,13 @@ from fitball.data.checks import (
     surely_meant,
 )
 from fitball.data.columns import BALL_TEMPERATURE, INCIDENT, LABELS, MEASURED, NUMBERS, REBOUND, SD_SUFFIX
-from fitball.data.header import Naming, naming, read_header, vocabulary, with_units
+from fitball.data.covariance import Stated, errors_of, together, turned, whole_rows, with_sds
+from fitball.data.covariance_entries import LEFT_OUT, Given, Layout
+from fitball.data.header import Naming, naming, our_column, read_header, vocabulary, with_units
 from fitball.data.heights import speeds_of_heights
 from fitball.data.kinematics import Uncertain, covariance_matrix, independent, velocity
 from fitball.data.labels import labelled, one_spelling
-from fitball.data.laws import repeats_of
-from fitball.data.misreading import check_flips, doubt_of, doubt_of_table, flip_columns, flips_of, gaps_of_table
+from fitball.data.misreading import doubt_of, flip_columns, named_of
 from fitball.data.numbers import (
     Columns,
     plain_numbers,
@@ -45,13 +45,13 @@ from fitball.data.numbers import (
     without_gaps,
 )
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen, joined
+from fitball.data.table import FrozenMapping, ImpactTable, Measurement, frozen
 from fitball.data.temperatures import ball_temperatures
 from fitball.data.text import frame_table, read_raw
 from fitball.data.units import Unit
-from fitball.errors import Fault, ParameterError, ReadingError, TableError
+from fitball.errors import Fault, ParameterError, TableError, suggestion
 from fitball.kinds import checked
-from fitball.observables import OBSERVABLES, VELOCITIES
+from fitball.observables import INCIDENT_UNITS, OBSERVABLES, VELOCITIES
 from fitball.values import FloatArray, Impacts
 from fitball.visible import unguarded
 
@@ -185,6 +185,8 @@ def load_table(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     name: str | None = None,
+    covariance: Given | None = None,
+    ignore: Sequence[str] = (),
 ) -> ImpactTable:
     """Read an impact table: a file (CSV and its like, a workbook, Parquet), a bundled one by name, a DataFrame, or
     columns by name. It is called `name` (default: as the file).
@@ -194,7 +196,13 @@ def load_table(
     value is NaN in its `Measurement`. `scene` (default: the one beside the table) has the ball and the noise for
     checks of energy. Columns in `flip` are read with the opposite convention (see `misreading.flipped`). `columns`
     maps fitball's names to those of the table, `{"v_1": "Vin", "theta_1": "angle_in [deg]"}`, and is preferred to
-    the scene's. `units` has the units of columns by either name.
+    the scene's. `units` has the units of columns by either name. Rebound columns in `ignore`, and those that the
+    scene ignores, are left out.
+
+    `covariance` are errors that belong together, in the units of the table: a path, `{id: {(column, column):
+    value}}`, or an array (rows, columns, columns) with the measured columns in the order of the table's header (all
+    numbers but sds, heights and temperatures). The default is the file `NAME_covariance.csv` (or Parquet) beside the
+    table, "none" for none.
 
     Raises TableError with every fault of the file: row, line, column, what was read and what was expected. It names
     another reading if that has no fault. Raises SceneError for a scene beside it that cannot be used. Raises
@@ -204,11 +212,13 @@ def load_table(
     >>> fitball.load_table(given, units={"v_1": "mph"}, name="mine")
     <ImpactTable mine: 2 impacts, incident v_x1, v_y1, measured v_x2, v_y2>
     """
-    flip = (flip,) if isinstance(flip, str) else flip
+    flip, ignore = ((item,) if isinstance(item, str) else item for item in (flip, ignore))
     known = scene or load_scene(source if isinstance(source, PATHS) else None, as_read=True)
     asked = with_units({**known.columns, **(columns or {})}, units or {}, OURS)
-    text = written_table(framed(source), naming(asked, OURS))
-    text = text if name is None else replace(text, name=name)
+    written = written_table(framed(source), naming(asked, OURS))
+    text = written if name is None else replace(written, name=name)
+    ignored = _ignored(named_of((*known.ignore, *ignore), text.name), text, naming(asked, OURS))
+    text = _without(text, ignored)
     found, least = text.found, LEAST_IMPACTS if rebound else 1
     _check_count(found, least)
     numbers: Columns = {
@@ -219,16 +229,39 @@ def load_table(
     grouped = {item.column for item in labelled(text.texts)} - {BALL_TEMPERATURE}
     check_columns(numbers, [*text.units, *text.texts], text.extras, found, rebound, grouped)
     if found.faults and (meant := surely_meant(text.extras, numbers)):
-        under = _beneath(source, {**asked, **meant}, rebound=rebound, scene=known, flip=flip, name=name)
+        under = _beneath(
+            source,
+            {**asked, **meant},
+            rebound=rebound,
+            scene=known,
+            flip=flip,
+            name=name,
+            ignore=ignore,
+            covariance=LEFT_OUT,
+        )
         found.faults.extend(fault for fault in under if fault not in found.faults)
         found.refuse(text.source)
     numbers, kept = without_gaps(numbers, rebound, least, found)
-    texts = text.texts
+    texts, names = text.texts, text.texts.get("id", tuple(map(str, found.rows.numbers)))
     if len(kept) < len(found.rows):
         found, texts = found.among(kept), {name: tuple(cells[k] for k in kept) for name, cells in texts.items()}
     warmth = ball_temperatures(texts, text.warmth, found)
     texts = one_spelling({name: cells for name, cells in texts.items() if name != BALL_TEMPERATURE}, found)
-    numbers = one_sign(flip_columns(numbers, flips_of(flip, text.name), found), found)
+    ids = unique_ids(texts.get("id"), found)
+    before = flip_columns(numbers, named_of(flip, text.name), found)
+    numbers, stated = one_sign(before, found), None
+    if not found.faults:
+        columns_of_it = tuple(name for name in written.units if name in MEASURED)
+        places = dict(zip(kept.tolist(), range(len(kept)), strict=True))
+        layout = Layout(
+            text.source, columns_of_it, {name: unit for name, unit in written.units.items() if unit is not None},
+            frozenset(ignored), naming(asked, OURS), ids, names, tuple(map(places.get, range(len(names)))),
+        )  # fmt: skip
+        stated = errors_of(source, covariance, layout, numbers, written.name)
+    if stated is not None:
+        found.notices.extend(stated.notices)
+        stated = turned(stated, before, numbers, named_of(flip, text.name))
+        numbers = with_sds(numbers, stated)
     check_ranges(numbers, found)
     for end in ("1", "2"):
         check_redundant(numbers, end, found)
@@ -236,10 +269,45 @@ def load_table(
     check_bounds(numbers, known, found)
     check_directions(numbers, found)
     _check_labels(texts, found)
-    ids = unique_ids(texts.get("id"), found)
     found.refuse(text.source, _hints(numbers, known) if rebound and found.faults else ())
-    table = _assembled(replace(text, texts=texts, found=found), numbers, ids)
-    return replace(table, flipped=flips_of(flip, text.name), columns=FrozenMapping(asked), ball_temperature=warmth)
+    table = _assembled(replace(text, texts=texts, found=found), numbers, ids, stated)
+    return replace(
+        table,
+        flipped=named_of(flip, text.name),
+        ignored=ignored,
+        columns=FrozenMapping(asked),
+        ball_temperature=warmth,
+    )
+
+
+def _ignored(named: Sequence[str], text: Written, naming: Naming) -> tuple[str, ...]:
+    """The measured columns of the rebound that are to be left out, by our names. Raises ParameterError for others."""
+    having, ignored = [name for name in text.units if name in REBOUND], list[str]()
+    for name in named:
+        ours = our_column(name, naming)[0] or name
+        if ours in INCIDENT:
+            raise ParameterError(
+                f"ignore: {ours} is of the incident ball, which every fit needs; columns that can be left out: "
+                f"{', '.join(having)}"
+            )
+        if ours not in having:
+            raise ParameterError(
+                f"ignore: {text.source} has no rebound column '{name}' to leave out; {suggestion(name, having)}"
+            )
+        if ours not in ignored:
+            ignored.append(ours)
+    return tuple(ignored)
+
+
+def _without(text: Written, ignored: Sequence[str]) -> Written:
+    """A table without columns that are left out on request, and their sds; a notice for each."""
+    for name in ignored:
+        text.found.notice(f"{name} is left out, on request (ignore)", name)
+    gone = {*ignored, *(name + SD_SUFFIX for name in ignored)}
+    units, numbers = (
+        {name: item for name, item in items.items() if name not in gone} for items in (text.units, text.numbers)
+    )
+    return replace(text, units=units, numbers=numbers)  # type: ignore[arg-type]
 
 
 def _beneath(source: Source, columns: Mapping[str, str], **reading: Any) -> list[Fault]:
@@ -282,15 +350,24 @@ def _check_labels(texts: Mapping[str, Texts], found: Findings) -> None:
                 found.fault(message, name, place)
 
 
-def _assembled(text: Written, columns: Columns, ids: tuple[str, ...]) -> ImpactTable:
+def _assembled(text: Written, columns: Columns, ids: tuple[str, ...], stated: Stated | None) -> ImpactTable:
     _note_sds(columns, text.found)
     impacts, incident_columns, incident_sd, covariance = _incident(columns, len(text.found.rows))
     counted = {*independent(columns, "2"), *(OBSERVABLES.keys() - VELOCITIES)}
     rebound = [_measurement(columns, name) for name in REBOUND if name in columns]
+    whole = None if stated is None else whole_rows(columns, stated, [it.name for it in rebound if it.name in counted])
+    if whole is not None and incident_sd:
+        covariance = frozen(whole.values[:, : len(INCIDENT_UNITS), : len(INCIDENT_UNITS)])
+        variances = np.einsum("kii->ki", covariance)
+        incident_sd = {
+            name: frozen(np.sqrt(variances[:, place]))
+            for place, name in enumerate(INCIDENT_UNITS)
+            if name in incident_sd
+        }
     return ImpactTable(
         name=text.name,
         source=text.source,
-        digest=text.digest,
+        digest=text.digest if stated is None else sha256(f"{text.digest}{stated.digest}".encode()).hexdigest(),
         ids=ids,
         impacts=impacts,
         incident_columns=incident_columns,
@@ -301,7 +378,11 @@ def _assembled(text: Written, columns: Columns, ids: tuple[str, ...]) -> ImpactT
         units=FrozenMapping({name: column.unit.symbol for name, column in columns.items()}),
         notices=tuple(sorted(text.found.notices, key=lambda notice: notice.row or 0)),
         incident_covariance=covariance,
+        covariance=whole if whole is not None and together(whole) else None,
         files=text.files,
+        covariance_files=FrozenMapping(
+            {} if stated is None else {place: (stated.place, stated.digest) for place, _digest in text.files}
+        ),
         rows=text.found.rows.numbers,
         resolution=FrozenMapping({name: column.half_width for name, column in columns.items()}),
     )
@@ -354,116 +435,3 @@ def _note_sds(columns: Columns, found: Findings) -> None:
         for name in (f"v_x{end}", f"v_y{end}", f"v_{end}", f"theta_{end}"):
             if name not in counted and name + SD_SUFFIX in columns:
                 found.notice(f"{name}{SD_SUFFIX} is not used: {' and '.join(counted)} are", name + SD_SUFFIX)
-
-
-def load_tables(
-    sources: Sequence[ImpactTable | Source],
-    scene: Scene | None = None,
-    flip: Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-) -> ImpactTable:
-    """One table, or several joined; `flip` and `columns` as `load_table` has them, a column of one of several tables
-    is flipped as `TABLE:COLUMN`. Raises as `load_table` does for each, TableError for tables that differ,
-    ParameterError for a table that is not there.
-    """
-    return joined(_read_each(sources, scene, flip, columns, None))
-
-
-def trusted_table(
-    data: Sequence[ImpactTable | Source],
-    scene: Scene,
-    flip: Sequence[str] = (),
-    as_read: bool = False,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
-) -> tuple[ImpactTable, tuple[str, ...]]:
-    """A table, or the one joined from several, and notes on how it was read.
-
-    Each table is checked by itself, with the scene's ball. With `as_read` a table that another reading fits much
-    better is accepted, with a note; otherwise ReadingError is raised. Raises ParameterError for `flip` or `columns`
-    of a table that has been read already, and as `load_tables` does.
-    """
-    for what, given in (("flip", flip), ("columns", columns), ("units", units)):
-        if given and any(isinstance(item, ImpactTable) for item in data):
-            raise ParameterError(
-                f"{what}: this table has been read already; pass it to load_table(file, {what}=...) instead"
-            )
-    tables = _read_each(data, scene, flip, columns, units)
-    notes = []
-    for table in tables:
-        gaps = gaps_of_table(table, scene.ball)
-        notes += [] if gaps is None else [f"{table.name}: {gaps}"]
-        copies, near = repeats_of(table, scene.ball)
-        if copies is not None and not as_read:
-            raise ReadingError(table.source, (copies,), "rows are copies of others:")
-        notes += [f"{table.name}: all rows are used, on request (as_read), although {copies}"] if copies else []
-        notes += [f"{table.name}: {near}"] if near else []
-        doubt = doubt_of_table(table, scene.ball)
-        if doubt is not None and not as_read:
-            raise ReadingError(table.source, doubt.lines(scene))
-        if doubt is not None:
-            notes.append(
-                f"{table.name}: read as in its header, on request (as_read), although {doubt.lines(scene)[0]}"
-            )
-    return joined(tables), tuple(notes)
-
-
-def _read_each(
-    sources: Sequence[ImpactTable | Source],
-    scene: Scene | None,
-    flip: Sequence[str],
-    columns: Mapping[str, str] | None,
-    units: Mapping[str, str] | None,
-) -> list[ImpactTable]:
-    """The tables one by one, those that were read already as they are."""
-    check_flips(flip, [name_of(framed(source)) for source in sources if not isinstance(source, ImpactTable)])
-
-    def read(source: ImpactTable | Source) -> ImpactTable:
-        if isinstance(source, ImpactTable):
-            return source
-        return load_table(source, scene=scene, flip=flip, columns=columns, units=units)
-
-    return [read(source) for source in sources]
-
-
-# What a program writes for an output it does not have.
-_EMPTY = ("", "nan", "none", "null", "-", "na", "n/a")
-
-
-@dataclass(frozen=True)
-class PortFile:
-    """Columns in SI by name, each (rows,): incident ones repeated in the file, and outputs.
-
-    `ids` and `regimes` are the texts of columns `id` and `regime`, None where there are none.
-    """
-
-    source: str
-    count: int
-    incident: Mapping[str, FloatArray]
-    outputs: Mapping[str, FloatArray]
-    ids: tuple[str, ...] | None
-    regimes: tuple[str, ...] | None
-
-
-def read_port(path: Path) -> PortFile:
-    """Read the outputs of a port. Raises TableError with every fault: row, column, what was read and expected."""
-    raw = read_raw(path, vocabulary(Naming()))
-    found = Findings.from_raw(raw)
-    header = read_header(raw.header, found)
-    if not raw.rows and not found.faults:
-        found.fault("no rows after the header; expected one row for each golden impact")
-    cells = {name: raw.columns[place] for name, place in header.places.items()}
-    names = [name for name in (*INCIDENT, *REBOUND) if name in header.units]
-    present = [name for name in names if not all(cell.lower() in _EMPTY for cell in cells[name])]
-    if not any(name in REBOUND for name in present):
-        found.header_fault(f"no rebound column; expected at least one of {', '.join(REBOUND)}")
-    columns = {name: read_column(name, header.units[name], cells[name], found).values for name in present}
-    found.refuse(str(path))
-    return PortFile(
-        source=str(path),
-        count=len(raw.rows),
-        incident={name: values for name, values in columns.items() if name in INCIDENT},
-        outputs={name: values for name, values in columns.items() if name in REBOUND},
-        ids=unguarded(cells["id"]) if "id" in cells else None,
-        regimes=unguarded(cells["regime"]) if "regime" in cells else None,
-    )

@@ -88,8 +88,9 @@ class Scene:
 
     Noise. `velocity_sd` (of each component) and those in `observables.NOISE_OF` are known and not fitted; the nominal
     ones are orders of magnitude. With `velocity_noise` "tied" all velocity columns share one noise, with "separate"
-    each has its own (None: "separate" if the table has enough rows). `distribution` is that of the noise. `offsets`
-    is the label column whose groups may have a measurement bias.
+    each has its own (None: "separate" if the table has enough rows). Where the table states sds these noises are the
+    scatter beyond stated errors; with "stated" there is none. `distribution` is that of the noise. `offsets` is the
+    label column whose groups may have a measurement bias. `ignore` are measured rebound columns that are left out.
 
     Model. `priors` are texts such as `normal(0.55, 0.05)` by parameter. `pool` maps parameters to the label column
     between whose groups they differ. `columns` maps fitball's names to those of the table.
@@ -132,6 +133,7 @@ class Scene:
     pool: Mapping[str, str] = _said("pool", {})
     columns: Mapping[str, str] = _said("columns", {})
     offsets: str | None = _said("measurement.offsets")
+    ignore: tuple[str, ...] = _said("measurement.ignore", ())
     force_file: str | None = _said("force.file")
     force_sd: float | None = _said("force.sd")
     force_start_sd: float | None = _said("force.start_sd")
@@ -348,10 +350,13 @@ def _free(key: str, content: object, kind: Kind, faults: list[str]) -> FrozenMap
     return FrozenMapping(entries)
 
 
-def _checked(content: object, kind: Kind) -> str | float | Quantity | None:
+def _checked(content: object, kind: Kind) -> str | float | Quantity | tuple[str, ...] | None:
     """The value when it is of its kind, else None."""
     if kind is Kind.DATE:
         return _date(content)
+    if kind is Kind.LIST:
+        named = isinstance(content, list) and all(isinstance(item, str) and item.strip() for item in content)
+        return tuple(item.strip() for item in content) if named else None  # type: ignore[attr-defined]
     if kind is Kind.TEXT:
         return content if isinstance(content, str) and content.strip() else None
     number, sd = _number(content), None

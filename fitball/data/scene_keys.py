@@ -25,6 +25,7 @@ class Kind(Enum):
     """What a key may hold, in the words of a fault message; named as in the schema."""
 
     TEXT = "a text in quotes"
+    LIST = 'a list of texts, such as ["gap_time"]'
     DATE = 'a date such as 2026-05-31, or a period such as "2026-05-30 to 2026-05-31"'
     POSITIVE = "a positive number"
     QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"

@@ -133,8 +133,10 @@ class ImpactTable:
     `(v_x1, v_y1, omega_1)`, None if no uncertainty of them is given; `covariance` that of whole rows, None if errors
     of columns are stated one by one.
 
-    `digest` is the SHA-256 of the file's bytes, `files` are the files with the SHA-256 of each. `flipped` are columns
-    with the opposite convention, on request (`TABLE:COLUMN` in a table of several). `columns` maps fitball's names to
+    `digest` is the SHA-256 of the file's bytes (and of those of its covariances), `files` are the files with the
+    SHA-256 of each, `covariance_files` by these the file of their covariances ("" for those given in Python) with its
+    SHA-256. `flipped` are columns with the opposite convention and `ignored` those left out, on request
+    (`TABLE:COLUMN` in a table of several). `columns` maps fitball's names to
     those of the file. `ball_temperature` (impacts,) is in degrees Celsius, NaN in rows without one, and used by no
     fit; None if the table has no such column. After reading, `rows` (impacts,) are the rows of the file, from 1, and
     `resolution` is half a unit of each column's last printed digit [SI].
@@ -155,9 +157,11 @@ class ImpactTable:
     incident_covariance: FloatArray | None = None
     covariance: Covariance | None = None
     flipped: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     ball_temperature: FloatArray | None = None
     files: tuple[tuple[str, str], ...] = ()
+    covariance_files: Mapping[str, tuple[str, str]] = field(default_factory=FrozenMapping)
     rows: tuple[int, ...] = field(default=(), compare=False)
     resolution: Mapping[str, float] = field(default_factory=FrozenMapping, compare=False)
 
@@ -183,8 +187,8 @@ class ImpactTable:
     def to_frame(self) -> pd.DataFrame:
         """The table as a data frame, indexed by id, its columns as in files: `v_x1 [m/s]`, SI, angles in radians.
 
-        `load_table` reads it again; what was only checked (`redundant`) and correlations between stated sds of the
-        incident state are not in it.
+        `load_table` reads it again; what was only checked (`redundant`) and covariances (`covariance`,
+        `incident_covariance`) are not in it.
 
         >>> fitball.load_table("wang_zero_spin").to_frame().shape
         (7, 8)
@@ -269,10 +273,15 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
                 if (absent := ", ".join(table.name for table in tables if table.measurement(name) is None))
             ),
         ),
+        covariance=_stacked_covariance(tables, measured),
         flipped=tuple(f"{table.name}:{name}" for table in tables for name in table.flipped),
+        ignored=tuple(f"{table.name}:{name}" for table in tables for name in table.ignored),
         columns=first.columns,
         ball_temperature=_temperatures(tables),
         files=tuple(place for table in tables for place in table.files),
+        covariance_files=FrozenMapping(
+            {place: file for table in tables for place, file in table.covariance_files.items()}
+        ),
     )
 
 
@@ -289,6 +298,35 @@ def _stacked(columns: Sequence[FloatArray | None]) -> FloatArray | None:
     """Columns one below the other; None unless all tables have it."""
     present = [column for column in columns if column is not None]
     return frozen(np.concatenate(present)) if len(present) == len(columns) else None
+
+
+def _stacked_covariance(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Covariance | None:
+    """The covariances of all tables, zero for columns that one lacks; stated sds alone where a table has none. None
+    where no table has any.
+    """
+    if all(table.covariance is None for table in tables):
+        return None
+    columns = (*INCIDENT_UNITS, *measured)
+    blocks = []
+    for table in tables:
+        own = table.covariance or _of_sds(table)
+        places = [columns.index(name) for name in own.columns]
+        block = np.zeros((len(table), len(columns), len(columns)))
+        block[:, np.array(places)[:, None], places] = own.values
+        blocks.append(block)
+    return Covariance(columns, frozen(np.concatenate(blocks)))
+
+
+def _of_sds(table: ImpactTable) -> Covariance:
+    """The covariance of each row of a table whose errors are stated one by one."""
+    columns, own = (*INCIDENT_UNITS, *(item.name for item in table.measurements)), len(INCIDENT_UNITS)
+    values = np.zeros((len(table), len(columns), len(columns)))
+    if table.incident_covariance is not None:
+        values[:, :own, :own] = table.incident_covariance
+    for place, item in enumerate(table.measurements, start=own):
+        if item.sd is not None:
+            values[:, place, place] = np.where(item.measured, item.sd, 0.0) ** 2
+    return Covariance(columns, frozen(values))
 
 
 def _stacked_measurement(name: str, tables: Sequence[ImpactTable]) -> Measurement:

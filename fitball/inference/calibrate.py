@@ -132,6 +132,8 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
     }
     if problem.table.flipped:
         content["flipped"] = problem.table.flipped
+    if problem.table.ignored:
+        content["ignored"] = problem.table.ignored
     if problem.table.columns:
         content["columns"] = dict(problem.table.columns)
     if problem.force is not None:

@@ -24,7 +24,7 @@ from fitball.inference.adequacy.words import (
     sentence,
     strongest,
 )
-from fitball.inference.problem.observables import expected_prior
+from fitball.inference.problem.observables import beyond_stated, expected_prior
 from fitball.inference.problem.parameters import FORCE_NOISE, SD_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import sentences
@@ -52,19 +52,22 @@ def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) ->
     """Each noise beside its stated or expected size, adjusted for their number (Holm 1979) times `share` families."""
     known = {parameter.name: parameter for parameter in problem.parameters}
     scales = fit.scales(fit.measured[None, :])[0]
-    checks = []
+    checks, scatters = [], beyond_stated(problem.observables)
     for number, name in enumerate(fit.noises):
         columns = tuple(column for k, column in enumerate(fit.columns) if fit.noise_of(k) == number)
         freedom, scale, parameter = float(fit.freedom[number]), float(scales[number]), known.get(name)
         if freedom < 1.0:
             continue
         if parameter is None or parameter.fixed is not None:
-            size, unit = (1.0, "") if parameter is None else (point.values[name], parameter.spec.unit)
+            own = parameter is not None and name not in scatters
+            size, unit = (point.values[name], parameter.spec.unit) if own and parameter is not None else (1.0, "")
             p = float(chdtrc(freedom, freedom * scale**2))
             checks.append(NoiseCheck(name, columns, unit, True, scale * size, size, freedom, scale, p, p, False))
         else:
-            # The residuals of heavy tails are not in units of their scale, which the fit has found.
-            fitted = point.values[name] * (1.0 if problem.noise.parameters else scale)
+            # The residuals of heavy tails are not in units of their scale, which the fit has found; nor are those
+            # with stated errors in units of their scatter.
+            found = bool(problem.noise.parameters) or name in scatters
+            fitted = point.values[name] * (1.0 if found else scale)
             checks.append(_expected(parameter, columns, fitted, freedom, _is_assumed(problem, parameter)))
     if problem.force is not None:
         nodes = float(problem.force.nodes)
@@ -85,7 +88,8 @@ def noise_checks(problem: Problem, point: PointFit, fit: Refit, share: float) ->
 
 def _is_assumed(problem: Problem, parameter: Parameter) -> bool:
     """Whether the scene states no noise to expect, or a chosen prior does, so that its width counts."""
-    if parameter.prior.text != expected_prior(parameter.name, problem.scene, problem.table):
+    scatter = parameter.name in beyond_stated(problem.observables)
+    if parameter.prior.text != expected_prior(parameter.name, problem.scene, problem.table, scatter):
         return True
     unit = SD_SPECS[parameter.name].unit
     silence = {"rad/s": NO_SPIN_SD, "m/s": NO_VELOCITY_SD, "rad": NO_VELOCITY_SD}.get(unit)
@@ -104,6 +108,9 @@ def _expected(
     (low, high), ratio = prior.support, fitted / median
     if prior.bell:
         p = prior.below((prior.a - at) / math.hypot(prior.b, error))
+        if not prior.log and prior.ends[0] >= prior.a:
+            # Only the upper half of this one is there.
+            p = min(1.0, 2.0 * p)
     else:
         # A uniform density knows no size that would be improbable but by its ends.
         p = float(ndtr((high - at) / error)) if at > high else (high - max(at, low)) / (high - low)

@@ -178,8 +178,9 @@ SENSOR_FORMS = (
 
 @dataclass(frozen=True)
 class PlannedColumn(Observable):
-    """One column that is read, of which nothing is `observed` yet: its noise is `share` of the fitted parameter
-    `noise`, or of `sd` () where that is known.
+    """One column that is read, of which nothing is `observed` yet: with an error `sd` () that is known, beside which
+    it scatters by the fitted parameter `noise`, if that is the scatter beyond stated errors; or with the `share` of
+    that parameter where no error is known.
     """
 
     observed: FloatArray = field(default_factory=lambda: np.zeros(()), compare=False)
@@ -190,6 +191,12 @@ class PlannedColumn(Observable):
     def sds(self, sizes: Sizes, rebound: Rebound) -> FloatArray:
         """Standard deviation (draws, impacts) of a measurement, for parameters among `sizes` (draws,)."""
         return np.asarray(self.share * np.broadcast_to(super().sds(sizes, rebound), rebound.v_x2.shape))
+
+    def sharper(self, share: float) -> PlannedColumn:
+        """The column with this share of its error. Balls that scatter beyond stated errors go on to do so."""
+        if self.sd is not None:
+            return replace(self, sd=share * self.sd)
+        return replace(self, share=share * self.share)
 
 
 @dataclass(frozen=True)
@@ -209,7 +216,9 @@ class Sensor:
 
 
 def as_before(problem: Problem) -> Sensor:
-    """The columns of the fitted table, each as well as it was measured there (a stated sd: its median)."""
+    """The columns of the fitted table, each as well as it was measured there (a stated sd: its median), with the
+    scatter that was fitted.
+    """
     columns = tuple(
         PlannedColumn(item.name, sd=None if item.sd is None else np.asarray(np.nanmedian(item.sd)), noise=item.noise)
         for item in problem.observables
@@ -281,7 +290,7 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
         try:
             if key == CAMERA:
                 share = _number(key, value, None)
-                columns = {name: replace(column, share=share * column.share) for name, column in columns.items()}
+                columns = {name: column.sharper(share) for name, column in columns.items()}
                 words.append(f"noise {share:g} × as large")
             elif key == DROP:
                 height = _number(key, value, Dimension.LENGTH)
@@ -321,7 +330,8 @@ def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
         raise ParameterError(f"{name} follows from the measured velocities and adds nothing")
     sd = _number(name, value, NUMBERS[name])
     refuse_beyond(f"{name}_sd", np.array([sd]))
-    return PlannedColumn(name, sd=np.array(sd))
+    scatter = next((item.noise for item in problem.observables if item.name == name and item.scatters), None)
+    return PlannedColumn(name, sd=np.array(sd), noise=scatter)
 
 
 def _plate(problem: Problem, value: str) -> float:

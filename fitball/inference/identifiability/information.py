@@ -18,6 +18,7 @@ from fitball.errors import FitError
 from fitball.inference.likelihood.cells import cells
 from fitball.inference.likelihood.force import force_information
 from fitball.inference.likelihood.posterior import densities
+from fitball.inference.problem.observables import beyond_stated
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, spanning_part, thinned_problem
@@ -74,6 +75,7 @@ def informations(problem: Problem, coordinates: FloatArray) -> tuple[FloatArray,
     has no room to either side (LEAST_ROOM) are NaN.
     """
     whole, problem = problem, thinned_problem(problem, LOOKED_AT)
+    coordinates = _off_zero(problem, coordinates)
     share = len(whole.impacts) / len(problem.impacts)
     # Of columns with gaps other shares may be left.
     own = np.array([
@@ -112,6 +114,26 @@ def informations(problem: Problem, coordinates: FloatArray) -> tuple[FloatArray,
         scaled[ended], scaled[:, ended] = np.nan, np.nan
         found.append(scaled)
     return found[0], found[1]
+
+
+def _off_zero(problem: Problem, coordinates: FloatArray) -> FloatArray:
+    """The coordinates (free,) with no scatter beyond stated errors so small that its information, which is that about
+    its square, says nothing of how far it may go. With `n` stated sds `s` its square is known to
+    `sqrt(2/sum(s^-4))`; half of the root of that is large enough.
+    """
+    moved = coordinates.copy()
+    values = problem.to_values(coordinates[None, :])
+    for name in beyond_stated(problem.observables).keys() & set(problem.free_names):
+        k = problem.free_names.index(name)
+        if not problem.free[k].prior.log:
+            rebound = problem.rebound(values)
+            weights = [
+                np.sum((item.scatter(1.0, rebound) / np.asarray(item.sd)) ** 4)
+                for item in problem.observables
+                if item.noise == name
+            ]
+            moved[k] = max(moved[k], 0.5 * (2.0 / float(sum(weights))) ** 0.25)
+    return moved
 
 
 def _without_room(problem: Problem, coordinates: FloatArray) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from fitball.inference.identifiability.information import scene_words
 from fitball.inference.identifiability.profile import degrees_of_freedom, left_of, profile_contraction
+from fitball.inference.problem.observables import beyond_stated
 from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import sentences
@@ -46,6 +47,8 @@ DRIVEN, NAMED_IN_WORDS = 1.0 / 3.0, 20
 NEAR_BOUND = 1e-3
 # Degrees of freedom of a noise at and below which its variance, scaled inverse chi-square, has no mean.
 LEAST_FREEDOM = 2.0
+# Ratio of outer twentieths of a posterior that does not fall off towards zero.
+VANISHING = 0.1
 # The authors' threshold of power-scaling (see `evidence`), and their diagnosis of sensitivity to both.
 SENSITIVE, CONFLICT = 0.05, "prior-data conflict"
 # Ends of the central 95 % of a prior; levels of a posterior: outer twentieths and central 68 %.
@@ -211,6 +214,27 @@ class Numbers:
     def nothing(self) -> bool:
         """Whether it is about the same as the reference."""
         return all(self.sides) or self.contraction < NEGLIGIBLE
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether it is a scatter beyond stated errors that may be nothing at all. Of a half-normal posterior the
+        5 % quantile is 3 % of the 95 % one; of one that falls to half of its peak at zero, 9 %.
+        """
+        if self.parameter.name not in beyond_stated(self.problem.observables) or self.parameter.prior.log:
+            return False
+        if self.marginal is not None:
+            return self.marginal.levels[0] < VANISHING * self.marginal.levels[-1]
+        return self.sides[0] and not self.sides[1]
+
+    @property
+    def most(self) -> str:
+        """What it is below, with a probability of 95 %."""
+        if self.marginal is not None:
+            return plain(self.marginal.levels[-1], self.parameter.spec.unit)
+        assert self.profile is not None
+        high = self.profile.interval_95[1]
+        assert high is not None
+        return plain(high, self.parameter.spec.unit)
 
     @property
     def closed(self) -> bool:
@@ -381,6 +405,7 @@ RULES: tuple[tuple[Callable[[Numbers], bool], Verdict, str | Mapping[Source, str
     (lambda n: n.source is None and n.evidence.information is None, NOT_JUDGED, sentences.NO_EVIDENCE),
     (lambda n: n.source is None, NOT_JUDGED, sentences.NO_PROFILE),
     (lambda n: n.marginal is None and all(n.sides), DOMINATED, sentences.OPEN),
+    (lambda n: n.vanishes and n.contraction >= NEGLIGIBLE, ONE_SIDED, sentences.NO_SCATTER),
     (lambda n: n.nothing, DOMINATED, UNCHANGED),
     (lambda n: all(n.heeded), DOMINATED, sentences.NARROWED),
     (lambda n: n.freedom <= LEAST_FREEDOM, DOMINATED, sentences.NO_FREEDOM),

@@ -135,14 +135,17 @@ def _lay_growth(
     problem: Problem, item: Observable, columns: Columns, rebound: Rebound, moved: Columns, growth: FloatArray
 ) -> None:
     """Add to `growth` (draws, measurements, free) the derivatives of the logarithm of a column's own spread."""
+    if item.noise is None:
+        return
+    share = item.scattered(columns, rebound)
     if item.turned:
         # The spread of an angle falls with the rebound speed.
         speed = np.hypot(rebound.v_x2, rebound.v_y2)[..., None]
         turned = OBSERVABLES["v_2"].slopes(rebound, moved) / speed
-        growth -= turned if item.rows is None else turned[:, item.rows]
-    if item.sd is None and item.noise in problem.free_names:
+        growth -= share[..., None] * (turned if item.rows is None else turned[:, item.rows])
+    if item.noise in problem.free_names:
         k = problem.free_names.index(item.noise)
-        growth[..., k] += 1.0 if problem.free[k].prior.log else 1.0 / np.reshape(columns[item.noise], (-1, 1))
+        growth[..., k] += share if problem.free[k].prior.log else share / np.reshape(columns[item.noise], (-1, 1))
 
 
 def shared_covariance(

@@ -140,7 +140,7 @@ def mixtures(
     assert problem.incident is not None
     root = roots(problem.incident)
     towards = crossings(
-        lambda impacts, rows: problem.rebound_like(columns, impacts, rows), problem.impacts, root, rebound
+        lambda impacts, rows: problem.seen_like(columns, impacts, rows), problem.impacts, root, rebound
     )
     draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
     density = np.empty(draws.size)

@@ -45,7 +45,9 @@ def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = Fa
     """The surface of a problem's likelihood, or posterior; see `Surface` for `promised` and `penalised`."""
     # With records the noise of a likelihood is held, see `noise_held`; that of a posterior is not.
     recorded = penalised and problem.force is not None
-    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None and not recorded
+    # Nor has the best scatter beyond stated errors a closed form.
+    scatters = any(item.scatters and item.noise in problem.free_names for item in problem.observables)
+    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None and not (recorded or scatters)
     return Surface(problem, promised=promised, penalised=penalised, closed=closed)
 
 
@@ -276,19 +278,26 @@ class Surface:
         return values
 
     def _noise(self, columns: Columns, rebound: Rebound, given: Conditions) -> dict[str, FloatArray]:
-        """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain."""
+        """Every noise parameter (rows,): fixed, held, or the root mean square of what it has to explain; of a scatter
+        beyond stated errors, by the moments of that.
+        """
         sizes = {name: column for name, column in columns.items() if name in NOISE_SPECS}
         for position, k in enumerate([] if self.squares else self.noise_columns):
             parameter = self.problem.free[k]
             squares, count = np.zeros(given.noise.shape[0]), 0
             for observable in self.problem.observables:
                 if observable.noise == parameter.name:
-                    z = self.problem.deviation(columns, observable, rebound) / observable.spread(1.0, rebound)
+                    unit = observable.scatter(1.0, rebound)
+                    z = self.problem.deviation(columns, observable, rebound) / unit
                     squares, count = squares + np.sum(z * z, axis=1), count + observable.observed.size
+                    if observable.sd is not None:
+                        stated = np.broadcast_to(observable.sd / unit, z.shape)
+                        squares = squares - np.sum(stated * stated, axis=1)
             # A noise that nothing shows any more stays where it is.
             best = columns[parameter.name]
             if count:
-                best = np.clip(np.sqrt(squares / count), parameter.prior.lower, parameter.prior.upper)
+                size = np.sqrt(np.maximum(squares, 0.0) / count)
+                best = np.clip(size, parameter.prior.lower, parameter.prior.upper)
             held = given.noise[:, position]
             known = ~np.isnan(held)
             if known.any():

@@ -21,6 +21,7 @@ from fitball.inference.problem.observables import (
     named_noise,
     noise_by_column,
     noise_parameters,
+    scatter_specs,
 )
 from fitball.inference.problem.parameters import NOISE_SPECS, Prior, build_parameters, parse_prior
 from fitball.inference.problem.pooling import (
@@ -95,7 +96,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     spreads = _spreads(table, wanted, extra)
     wanted = {key: text for key, text in wanted.items() if key not in spreads}
     sources = {**known_spreads, **published}
-    parameters = build_parameters(names, chosen.specs, wanted, fixed, ball_names, extra, sources)
+    scatter = scatter_specs(observables)
+    parameters = build_parameters(names, {**chosen.specs, **scatter}, wanted, fixed, ball_names, extra, sources)
     if all(parameter.name in NOISE_SPECS for parameter in parameters if parameter.free):
         raise FitError(
             f"{table.source}: every parameter of model {name} is fixed: free at least one that is not a noise"

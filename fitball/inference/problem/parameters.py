@@ -428,9 +428,9 @@ def build_parameters(
 ) -> tuple[Parameter, ...]:
     """Parameters called `names`, with overridden `priors`, and `fixed` name -> (value, why).
 
-    `specs` are those of the model, `extra` are further parameters that only this problem has, by name; `sources` is
-    where priors were published. Raises ParameterError for a name that is not among them, a value outside its bounds,
-    or a bad prior.
+    `specs` are those of the model, and of noises that add to stated errors, which may be fixed at zero; `extra` are
+    further parameters that only this problem has, by name; `sources` is where priors were published. Raises
+    ParameterError for a name that is not among them, a value outside its bounds, or a bad prior.
     """
     others = extra or {}
     everything = (*names, *ball_names, *others)
@@ -440,14 +440,15 @@ def build_parameters(
                 raise ParameterError(f"{kind} for unknown parameter '{name}': {suggestion(name, everything)}")
     built = []
     for name in everything:
-        spec = others.get(name) or NOISE_SPECS.get(name) or specs[name]
+        spec = others.get(name) or specs.get(name) or NOISE_SPECS[name]
         prior = parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
         value, why = fixed.get(name, (None, ""))
-        if value is not None and not spec.lower <= value <= spec.upper:
+        lower = 0.0 if name in NOISE_SPECS and name in specs else spec.lower
+        if value is not None and not lower <= value <= spec.upper:
             raise ParameterError(
                 f"fixed value {name} = {value:g}"
                 + (f" {spec.unit}" if spec.unit else "")
-                + f" lies outside its bounds [{spec.lower:g}, {spec.upper:g}]"
+                + f" lies outside its bounds [{lower:g}, {spec.upper:g}]"
             )
         built.append(Parameter(spec, prior, value, why, "" if sources is None else sources.get(name, "")))
     return tuple(built)

@@ -10,6 +10,7 @@ hidden in the noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -273,10 +274,11 @@ class GroupBias:
 
 
 def _expected_noise(observable: Observable, nominal: Mapping[str, float]) -> float:
-    if observable.sd is not None:
-        return float(np.median(observable.sd))
-    size = nominal[str(observable.noise)]
-    return ANGLE_OF_SPEED * size if observable.turned else size
+    stated = 0.0 if observable.sd is None else float(np.median(observable.sd))
+    if observable.noise is None:
+        return stated
+    size = nominal[observable.noise]
+    return math.hypot(stated, ANGLE_OF_SPEED * size if observable.turned else size)
 
 
 def build_group_bias(table: ImpactTable, column: str) -> GroupBias:

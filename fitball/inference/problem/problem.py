@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.inference.problem.camera import Camera, incident_slopes, shown, truly
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
@@ -34,7 +35,7 @@ class Choices:
 
     `noise` is one of `noise.KINDS`. `pool` maps parameters to the label column over whose levels they differ.
     `offsets` names the label column whose groups may be biased. Without `incident_errors` the incident state counts
-    as exact even where its sd is stated. `velocity_noise` is "tied", "separate" or None, see
+    as exact even where its sd is stated. `velocity_noise` is "tied", "separate", "stated" or None, see
     `observables.noise_by_column`.
     """
 
@@ -53,13 +54,13 @@ class Choices:
 class Problem:
     """A table, a model and priors: all that defines a posterior.
 
-    `contact_time` is the scene's mean contact time of the table, (value, sd) [s], or None. `notes` are sentences on
-    what was left out or assumed, and why. `pooling` lists the parameters that differ between surfaces or balls,
-    `spreads` are chosen priors of spreads that are no parameter of the fit (of dropped balls, of places of a court),
-    `group_bias` the biases of whole groups. `incident` is the covariance (impacts, 3, 3) of `(v_x1, v_y1, omega_1)`
-    in SI where these have errors; their true values are marginalised with a flat prior. `force` are records of the
-    force on the court. `noise` is that of the table, `threads` share large batches, and `choices` are those of the
-    user.
+    `contact_time` is the scene's mean contact time of the table, (value, sd) [s], or None. `notes` are sentences
+    on what was left out or assumed, and why. `pooling` lists the parameters that differ between surfaces or
+    balls, `spreads` are chosen priors of spreads that are no parameter of the fit (of dropped balls, of places of
+    a court), `group_bias` the biases of whole groups. `incident` is the covariance (impacts, 3, 3) of `(v_x1,
+    v_y1, omega_1)` in SI where these have errors; their true values are marginalised with a flat prior. `camera`
+    is what the sessions of the table share. `force` are records of the force on the court. `noise` is that of the
+    table, `threads` share large batches, and `choices` are those of the user.
     """
 
     table: ImpactTable
@@ -74,6 +75,7 @@ class Problem:
     spreads: Mapping[str, Prior] = field(default_factory=dict)
     group_bias: GroupBias | None = None
     incident: FloatArray | None = None
+    camera: Camera | None = None
     force: ForceRecords | None = None
     noise: NoiseKind = NORMAL
     threads: int = 1
@@ -97,12 +99,13 @@ class Problem:
     @cached_property
     def known_apart(self) -> frozenset[str]:
         """Parameters of which something is known that is no prior belief: how levels and biases of groups scatter in
-        the model, and constants of the ball that the scene measured.
+        the model, and constants of the ball and of the camera that the scene measured.
         """
         names = set() if self.group_bias is None else self.group_bias.names(self.observables)
         for pooling in self.pooling:
             names |= {*pooling.hidden}
-        return frozenset({*names, *(item.name for item in self.free if item.name in BALL_PARAMETERS)})
+        seen = set() if self.camera is None else {*self.camera.names}
+        return frozenset({*names, *seen, *(item.name for item in self.free if item.name in BALL_PARAMETERS)})
 
     @property
     def dimension(self) -> int:
@@ -156,16 +159,26 @@ class Problem:
         return None if self.grouped_by is None else self.table.labels[self.grouped_by]
 
     def rebound(self, values: FloatArray, impacts: Impacts | None = None, like: int | None = None) -> Rebound:
-        """Rebounds (draws, impacts) for free values (draws, free), of the table's impacts by default.
+        """Rebounds (draws, impacts) for free values (draws, free), by default of the table's impacts, as the camera
+        shows them.
 
-        Other `impacts` have the surface and ball of the table's row `like`, by default a typical one.
+        Other `impacts` are true ones, and have the surface and ball of the table's row `like`, by default a typical
+        one.
         """
         columns = self.all_values(values)
         if impacts is None:
-            return self.rebound_like(columns, self.impacts, np.arange(len(self.impacts)))
+            return self.seen_like(columns, self.impacts, np.arange(len(self.impacts)))
         if like is None or not self.pooling:
             return self._evaluate(columns, impacts)
         return self.rebound_like(columns, impacts, np.full(len(impacts), like))
+
+    def seen_like(self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]) -> Rebound:
+        """As `rebound_like`, of measured impacts and as the camera of the session of each row shows them."""
+        if self.camera is None:
+            return self.rebound_like(columns, impacts, rows)
+        told = self.camera.told(columns, rows)
+        there, reaching = truly(told, impacts)
+        return shown(told, impacts, reaching, self.rebound_like(columns, there, rows))
 
     def rebound_like(
         self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
@@ -186,18 +199,22 @@ class Problem:
     def slopes_like(
         self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]
     ) -> Mapping[str, FloatArray]:
-        """Derivatives (draws, impacts, 3) of each output of such rebounds with respect to the incident state."""
+        """Derivatives (draws, impacts, 3) of each output of `seen_like` with respect to measured incident states."""
+        told = None if self.camera is None else self.camera.told(columns, rows)
+        there = impacts if told is None else truly(told, impacts)[0]
         (inputs,) = self._by_level(
             columns,
             rows,
-            lambda values, mine: (self.model.jacobian(self.model_names, values, impacts.take(mine), ()).inputs,),
+            lambda values, mine: (self.model.jacobian(self.model_names, values, there.take(mine), ()).inputs,),
         )
-        return by_output(inputs)
+        if told is None:
+            return by_output(inputs)
+        return incident_slopes(told, impacts.states()[:3], self.rebound_like(columns, there, rows), inputs)
 
     def differentiated(self, coordinates: FloatArray) -> tuple[Rebound, dict[str, FloatArray]]:
-        """Rebounds (draws, impacts) of the table's impacts at `coordinates` (draws, free), and of each output the
-        derivatives (draws, impacts, free) with respect to coordinates: exact, those of the regime an impact is in;
-        NaN where it cannot be evaluated, zero for noise parameters and offsets of groups.
+        """Rebounds (draws, impacts) of the table's impacts at `coordinates` (draws, free), as the camera shows them,
+        and of each output the derivatives (draws, impacts, free) with respect to coordinates: exact, those of the
+        regime an impact is in; NaN where it cannot be evaluated, zero for noise parameters and offsets of groups.
 
         The model differentiates itself; how the parameters of levels follow from coordinates is a complex step.
         """
@@ -214,10 +231,18 @@ class Problem:
         }
         rates = self.prior.rates(values)
         rebound = None
-        slopes = np.zeros((values.shape[0], len(self.impacts), len(OUTPUTS), self.dimension))
-        for mine, own in self._blocks(columns, np.arange(len(self.impacts))):
+        every = np.arange(len(self.impacts))
+        slopes = np.zeros((values.shape[0], every.size, len(OUTPUTS), self.dimension))
+        told, moves = None, None
+        there: Impacts | OwnImpacts = self.impacts
+        if self.camera is not None:
+            told = self.camera.told(columns, every)
+            there, reaching = truly(told, self.impacts)
+            moves = self.camera.moves(self.free_names, rates)
+            shifts = moves.of_true(told, self.impacts.states()[:3])
+        for mine, own in self._blocks(columns, every):
             rows = self._model_rows({**columns, **own})
-            impacts = self.impacts.take(mine) if self.pooling else self.impacts
+            impacts = there.take(mine) if self.pooling else there
             jacobian = self.model.jacobian(self.model_names, rows, impacts, acting)
             rebound = jacobian.rebound
             # Columns of a view: a table of many rows is not copied, nor one of few rows indexed row by row.
@@ -226,16 +251,21 @@ class Problem:
                 if name in alone:
                     k = alone[name]
                     np.multiply(rates[:, k, None, None], jacobian.parameters[..., place], out=part[..., k])
-            for k, there in moved.items():
-                _, levels = next(self._blocks(there, mine[:1]))
+            for k, stepped in moved.items():
+                _, levels = next(self._blocks(stepped, mine[:1]))
                 for name in levelled:
                     rate = levels[name].imag / STEP
                     if np.any(rate):
                         part[..., k] += rate[:, None, None] * jacobian.parameters[..., acting.index(name)]
+            if moves is not None:
+                part += np.matmul(jacobian.inputs, shifts[:, mine])
             if self.pooling:
                 slopes[:, mine] = part
-        whole = rebound if rebound is not None and not self.pooling else self.rebound(values)
-        return whole, by_output(slopes)
+        whole = rebound if rebound is not None and not self.pooling else self.rebound_like(columns, there, every)
+        if told is None or moves is None:
+            return whole, by_output(slopes)
+        made = moves.of_seen(told, self.impacts.states()[:3], whole, by_output(slopes))
+        return shown(told, self.impacts, reaching, whole), made
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
@@ -245,16 +275,23 @@ class Problem:
         for pooling in self.pooling:
             by_level = np.stack([pooling.value(columns, label) for label in pooling.labels])
             values[pooling.parameter] = by_level[pooling.index[rows], draws]
+        if self.camera is not None:
+            values |= self.camera.paired(columns, draws, rows)
         return values
 
     def linearised(
         self, columns: Mapping[str, FloatArray], impacts: OwnImpacts
     ) -> tuple[Rebound, Mapping[str, FloatArray]]:
-        """Rebounds (draws, impacts) for parameters as they are, with derivatives (draws, impacts, 3) of each output
-        with respect to the incident state.
+        """Rebounds (pairs, impacts) for `paired` parameters, as the camera shows them, with derivatives (pairs,
+        impacts, 3) of each output with respect to the measured incident state.
         """
-        jacobian = self.model.jacobian(self.model_names, self._model_rows(columns), impacts, ())
-        return jacobian.rebound, by_output(jacobian.inputs)
+        told = None if self.camera is None else self.camera.of_pairs(columns)
+        there, reaching = (impacts, np.ones(1, dtype=bool)) if told is None else truly(told, impacts)
+        jacobian = self.model.jacobian(self.model_names, self._model_rows(columns), there, ())
+        if told is None:
+            return jacobian.rebound, by_output(jacobian.inputs)
+        slopes = incident_slopes(told, impacts.states()[:3], jacobian.rebound, jacobian.inputs)
+        return shown(told, impacts, reaching, jacobian.rebound), slopes
 
     def force_integrals(
         self,

@@ -97,6 +97,7 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
         impacts=impacts,
         observables=observables,
         incident=None if problem.incident is None else problem.incident[kept],
+        camera=None if problem.camera is None else problem.camera.take(kept),
         force=None if problem.force is None else problem.force.take(kept),
         pooling=tuple(pooling.take(kept) for pooling in problem.pooling),
         group_bias=None if problem.group_bias is None else problem.group_bias.take(kept),

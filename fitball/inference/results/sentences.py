@@ -117,6 +117,7 @@ NO_EVIDENCE = "a point fit has no posterior, and there is neither a profile like
 NO_PROFILE = "a point fit has no posterior, and there is no profile likelihood"
 TOGETHER = "the data determine it only in combination with {together}{tied}"
 WITH_WHOM, OTHERS = "{others}: its own value comes from the priors of {whose}", "others"
+NO_SCATTER = "no scatter beyond the stated errors was found: it is below {most} (95 %){tied}"
 OPEN = "its profile likelihood is open on both sides: the data hardly change its prior"
 NARROWED = "its profile likelihood is open on both sides: priors, its own or others', narrow it, not the data"
 NO_FREEDOM = (

@@ -34,7 +34,8 @@ NUMBERS = ("first", "spacing", "begin", "length", "peak", "centroid")
 FORCE = "force_"
 # Label columns are numbered, because a user may have named one anything; `Source` holds their names.
 LABEL = "label_"
-COVARIANCE = "incident_covariance"
+# The covariance of the incident state, and that of whole rows.
+COVARIANCE, ROW_COVARIANCE = "incident_covariance", "covariance"
 Columns = Mapping[str, NDArray[Any]]
 
 
@@ -69,8 +70,9 @@ class Circumstances:
 class Source:
     """The table of a fit: its file with digest, names of incident and of measured columns, of those with a stated sd,
     of label columns, `contact_time` (value, sd) as known to the scene. `flipped` are columns that were counted the
-    other way round on request, `columns` those that were named, by our names; `digest` is the SHA-256 over all
-    measurements, force records among them.
+    other way round on request, `ignored` those that were left out, `columns` those that were named, by our names;
+    `covariance` says whether errors of a row belong together. `digest` is the SHA-256 over all measurements, force
+    records among them.
     """
 
     name: str
@@ -87,6 +89,8 @@ class Source:
     digest: Digest
     force: ForceSource | None = None
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
+    ignored: tuple[str, ...] = ()
+    covariance: bool = False
     circumstances: Circumstances = field(default_factory=Circumstances)
 
 
@@ -108,6 +112,8 @@ def source_of(problem: Problem) -> Source:
         digest=digest(data_columns(table, force)),
         force=None if force is None else ForceSource(Path(force.source).name, force.digest, force.start_sd),
         columns=dict(table.columns),
+        ignored=table.ignored,
+        covariance=table.covariance is not None,
         circumstances=_circumstances(table, problem.scene),
     )
 
@@ -133,6 +139,8 @@ def data_columns(table: ImpactTable, force: ForceRecords | None) -> dict[str, ND
     columns |= {name + SD_SUFFIX: sd for name, sd in table.incident_sd.items()}
     if table.incident_covariance is not None:
         columns[COVARIANCE] = table.incident_covariance
+    if table.covariance is not None:
+        columns[ROW_COVARIANCE] = table.covariance.values
     if table.ball_temperature is not None:
         columns[BALL_TEMPERATURE] = table.ball_temperature
     columns |= {f"{LABEL}{k}": np.array(column, dtype=object) for k, column in enumerate(table.labels.values())}

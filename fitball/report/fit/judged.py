@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
+from fitball.inference.problem.observables import beyond_stated
 from fitball.inference.results.assumptions import CONTACT_TIME, PACE, Alternative, Assumptions, Span
 from fitball.inference.results.assumptions import MOVED as MOVED_SDS
 from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
@@ -384,7 +385,10 @@ def next_line(fit: Fit) -> list[str]:
     """
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         return []
-    unknown = [item.name for item in fit.reported if item.verdict in (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)]
+    open_ended = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
+    # Nobody needs to know how much less than the stated errors a scatter is that was not found.
+    scatter = beyond_stated(fit.problem.observables)
+    unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in scatter]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
         return [f"Most useful next: the contact time, in the scene or from force records. It determines {stiff}."]

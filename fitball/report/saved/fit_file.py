@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from fitball.data.balances import scene_balances
+from fitball.data.table import FrozenMapping
 from fitball.errors import FitballError, ParameterError, ResultFolderError
 from fitball.inference.assemble import rests_on
 from fitball.inference.likelihood.posterior import log_likelihood
@@ -160,7 +161,17 @@ def _problem(fit: Fit, place: Path) -> Problem:
     record = read_run(place)
     table, force = read_data(fit.source, place.with_name(DATA_NAME))
     named, records = record.file.table.files, record.file.force
-    table = replace(table, files=tuple((str(record.place_of(file)), file.sha256) for file in named))
+    table = replace(
+        table,
+        files=tuple((str(record.place_of(file)), file.sha256) for file in named),
+        covariance_files=FrozenMapping(
+            {
+                str(record.place_of(file)): (str(record.place_of(own)) if own.file else "", own.sha256)
+                for file in named
+                if (own := file.covariance) is not None
+            }
+        ),
+    )
     if force is not None and records is not None:
         force = replace(force, source=str(record.place_of(records)))
     try:

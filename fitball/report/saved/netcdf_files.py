@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fitball.data.columns import BALL_TEMPERATURE, SD_SUFFIX
 from fitball.data.hdf5_arrays import array, finite, group, opened, texts
-from fitball.data.table import ImpactTable, Measurement
+from fitball.data.table import Covariance, ImpactTable, Measurement
 from fitball.errors import ResultFolderError
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.problem import Problem
@@ -32,6 +32,7 @@ from fitball.inference.results.source import (
     INCIDENT,
     LABEL,
     NUMBERS,
+    ROW_COVARIANCE,
     Source,
     data_columns,
     digest,
@@ -99,6 +100,7 @@ def write_data(problem: Problem, path: Path) -> None:
     variables = []
     for name, column in data_columns(problem.table, problem.force).items():
         dims = ("record", "node") if name.startswith(FORCE) else ("impact", "state", "other_state")
+        dims = ("impact", "column", "other_column") if name == ROW_COVARIANCE else dims
         told = {"units": SI_UNITS.get(name.removesuffix(SD_SUFFIX), ""), "long_name": names.get(name, "")}
         known = {key: word for key, word in told.items() if word}
         variables.append(Variable(name, dims[: column.ndim], column, known))
@@ -123,6 +125,9 @@ def read_columns(source: Source, place: Path) -> dict[str, NDArray[Any]]:
             columns[BALL_TEMPERATURE] = finite(file, BALL_TEMPERATURE, (source.impacts,), gaps=True)
         if source.incident_sd:
             columns[COVARIANCE] = finite(file, COVARIANCE, (source.impacts, 3, 3))
+        if source.covariance:
+            width = len(INCIDENT) + len(source.measurements)
+            columns[ROW_COVARIANCE] = finite(file, ROW_COVARIANCE, (source.impacts, width, width))
         if source.force is not None:
             means = array(file, FORCE + "means", (None, None))
             columns |= {FORCE + name: array(file, FORCE + name, means.shape[:1], "iu") for name in COUNTS}
@@ -161,7 +166,11 @@ def read_data(source: Source, place: Path) -> tuple[ImpactTable, ForceRecords | 
         units={},
         notices=(),
         incident_covariance=columns.get(COVARIANCE),
+        covariance=(
+            Covariance((*INCIDENT, *source.measurements), columns[ROW_COVARIANCE]) if source.covariance else None
+        ),
         flipped=source.flipped,
+        ignored=source.ignored,
         ball_temperature=columns.get(BALL_TEMPERATURE),
     )
     if source.force is None:

@@ -13,10 +13,11 @@ import msgspec
 import tomli_w
 
 from fitball.data.bundled import bundled_folder, split_sheet
+from fitball.data.covariance_entries import LEFT_OUT
 from fitball.data.force import load_force
-from fitball.data.read import load_tables
 from fitball.data.scene import Scene
 from fitball.data.table import FrozenMapping, ImpactTable
+from fitball.data.tables import load_tables
 from fitball.errors import ResultFolderError
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices, build_problem
@@ -71,25 +72,28 @@ class ModelPart(Part, frozen=True):
     closures: Mapping[str, str]
 
 
-class NamedTable(Part, frozen=True):
-    """A table, or its force records, as `run.toml` names it: `file` relative to the result folder, or the name of a
-    bundled one.
+class NamedTable(Part, frozen=True, omit_defaults=True):
+    """A table, its force records, or its covariances, as `run.toml` names it: `file` relative to the result folder,
+    the name of a bundled one, or "" for what was given in Python.
     """
 
     file: str
     bundled: bool
     sha256: Digest
+    covariance: NamedTable | None = None
 
 
 class TablesPart(Part, frozen=True, omit_defaults=True):
     """The table of a fit and the files it was joined from; none for a table made in Python. `flipped` are columns
-    that were counted the other way round, `columns` names in the files that are not fitball's, by fitball's name.
+    that were counted the other way round, `ignored` those that were left out, `columns` names in the files that are
+    not fitball's, by fitball's name.
     """
 
     name: str
     sha256: Digest
     files: tuple[NamedTable, ...] = ()
     flipped: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
     columns: Mapping[str, str] = {}
 
 
@@ -179,8 +183,9 @@ def run_text(fit: Fit, folder: Path) -> str:
         table=TablesPart(
             table.name,
             table.digest,
-            tuple(_named(*file, folder) for file in table.files),
+            tuple(_named_table(table, *file, folder) for file in table.files),
             table.flipped,
+            table.ignored,
             dict(table.columns),
         ),
         model=ModelPart(problem.model.name, problem.model.options),
@@ -208,6 +213,17 @@ def run_text(fit: Fit, folder: Path) -> str:
     )
     # A name that is no Unicode is written as the numbers that stand for its bytes.
     return (HEAD + tomli_w.dumps(plain(run))).encode("utf-8", "backslashreplace").decode()
+
+
+def _named_table(table: ImpactTable, source: str, digest: str, folder: Path) -> NamedTable:
+    """A table with its covariances."""
+    named, errors = _named(source, digest, folder), table.covariance_files.get(source)
+    if errors is None:
+        return named
+    place, own = errors
+    return msgspec.structs.replace(
+        named, covariance=_named(place, own, folder) if place else NamedTable("", False, own)
+    )
 
 
 def _named(source: str, digest: str, folder: Path) -> NamedTable:
@@ -335,6 +351,26 @@ def find_records(record: RunRecord, given: str | None = None) -> Path | None:
     return _found(Path(given) if given else record.place_of(force), force, "the force record", "force")
 
 
+def find_covariances(record: RunRecord, given: Sequence[str] = ()) -> tuple[Path | str, ...]:
+    """The files of covariances of a run's tables, "none" for a table without; as `find_tables`. Those `given` are
+    of the tables that have one.
+    """
+    named = [table.covariance for table in record.file.table.files]
+    having = [item for item in named if item is not None]
+    if given and len(given) != len(having):
+        raise ResultFolderError(
+            f"{record.place}: made with covariances of {len(having)} table{'s' if len(having) != 1 else ''}, but "
+            f"{len(given)} given; give one for each, in the order of the fit"
+        )
+    if any(not item.file for item in having):
+        raise ResultFolderError(
+            f"{record.place}: has no file of the covariances, which were given in Python; fit it there again"
+        )
+    places = iter(map(Path, given) if given else map(record.place_of, having))
+    what, name = "the covariance", "covariance"
+    return tuple(LEFT_OUT if item is None else _found(next(places), item, what, name) for item in named)
+
+
 def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
     """`place`, where it holds what `named` says; ResultFolderError otherwise."""
     file = Path(split_sheet(place)[0])
@@ -356,12 +392,14 @@ def _found(place: Path, named: NamedTable, what: str, name: str) -> Path:
     return place
 
 
-def record_problem(record: RunRecord, tables: Sequence[Path], records: Path | None = None) -> Problem:
-    """The problem of a run, from the files that `find_tables` and `find_records` found.
+def record_problem(
+    record: RunRecord, tables: Sequence[Path], records: Path | None = None, covariances: Sequence[Path | str] = ()
+) -> Problem:
+    """The problem of a run, from the files that `find_tables`, `find_records` and `find_covariances` found.
 
     Raises as reading and `build_problem` do.
     """
     named, scene = record.file.table, record.scene
-    table = load_tables(tables, scene, named.flipped, named.columns)
+    table = load_tables(tables, scene, named.flipped, named.columns, named.ignored, covariances or None)
     force = None if records is None else build_records(load_force(records, table), scene.force_start_sd)
     return record.problem(table, force)
