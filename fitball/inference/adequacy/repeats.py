@@ -1,7 +1,7 @@
 """What incidences that were measured again say: how far measurements repeat, apart from what the model does.
 
 Within rows of one incidence nothing but errors and balls differs. Their scatter, the pure error, is held against the
-stated errors, and against what is left of the residuals: the test of lack of fit (Draper and Smith 1998, section 2.1).
+stated errors, and against what is left of residuals: the test of lack of fit (Draper and Smith 1998, section 2.1).
 """
 
 from __future__ import annotations
