@@ -101,11 +101,16 @@ class Knowledge:
         problem, bias = self.problem, self.problem.group_bias
         if bias is not None:
             bias = replace(bias, index=np.full(len(impacts), len(bias.labels) - 1))
+        # Planned impacts are filmed as the last were.
+        camera = problem.camera
+        if camera is not None:
+            camera = replace(camera, index=np.full(len(impacts), len(camera.sessions) - 1))
         return replace(
             problem,
             impacts=impacts,
             pooling=tuple(pooling.take(rows) for pooling in problem.pooling),
             group_bias=bias,
+            camera=camera,
             errors=None if problem.errors is None else _alike(problem, impacts),
         )
 

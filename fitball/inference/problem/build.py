@@ -12,6 +12,7 @@ from fitball.data.published import with_published
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
+from fitball.inference.problem.camera import build_view
 from fitball.inference.problem.force_records import ForceRecords, force_noise, records_for
 from fitball.inference.problem.noise import NoiseKind, noise_kind
 from fitball.inference.problem.observables import (
@@ -75,7 +76,12 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         noise += force_noise(records, scene, priors, fixed)
     ball_names = tuple(name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd)
     names = (*chosen.parameter_names, *noise)
-    known = {*names, *ball_names}
+    asked = {**scene.priors, **scene.fix, **choices.priors, **choices.fix}
+    camera, remarks = build_view(table, scene, asked, chosen, observables)
+    notes += remarks
+    seen, held = camera.specs(scene) if camera is not None else ({}, {})
+    fixed |= held
+    known = {*names, *ball_names, *seen}
     fixed = {key: value for key, value in fixed.items() if key in known}
     priors = {key: value for key, value in priors.items() if key in known}
     priors |= {key: value for key, value in scene.priors.items() if name == scene.model or key in known}
@@ -94,6 +100,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         notes += remarks
     pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
     levels, offsets, extra, known_spreads = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
+    extra |= seen
     spreads = _spreads(table, wanted, extra)
     wanted = {key: text for key, text in wanted.items() if key not in spreads}
     sources = {**known_spreads, **published}
@@ -130,6 +137,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         spreads=spreads,
         group_bias=offsets,
         errors=errors,
+        camera=camera,
         force=records,
         noise=kind,
         choices=choices,

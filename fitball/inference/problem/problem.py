@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.problem.camera import Camera, incident_slopes, shown, truly
+from fitball.inference.problem.camera import View, incident_slopes, shown, truly
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
@@ -76,7 +76,7 @@ class Problem:
     spreads: Mapping[str, Prior] = field(default_factory=dict)
     group_bias: GroupBias | None = None
     errors: RowErrors | None = None
-    camera: Camera | None = None
+    camera: View | None = None
     force: ForceRecords | None = None
     noise: NoiseKind = NORMAL
     threads: int = 1
