@@ -38,6 +38,19 @@ WIDE = (
 WIDE_RATIO = "{columns} {ratio} ×"
 NO_NOISE = "The residuals' noise could not be estimated."
 
+# --- what do incidences that were measured again say?
+
+REPEATED = "{count} incidences were measured again ({freedom} degrees of freedom)."
+REPEATED_ONE = "One incidence was measured again ({freedom} degrees of freedom)."
+REPEATS = "{column} repeats to {pure}."
+REPEATS_STATED = "{column} repeats to {pure} (stated: {stated})."
+IMPACTS_SCATTER = "Impacts scatter beyond the stated errors of {columns}, whatever the model."
+LACK_OF_FIT = "But residuals of {column} are {left}: the rest is misfit of the model, not scatter."
+NO_REPEATS = (
+    "{columns} scatter far beyond their stated errors. Rows that repeat an incidence would show whether impacts "
+    "scatter or the model does not fit."
+)
+
 # --- how large is the noise?
 
 NOISE = "{what}: {size}, {ratio} × the {known} {reference}"
