@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from fitball.data.force import ForceFile, ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
+from fitball.inference.problem.camera import HEIGHT, Camera
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
+from fitball.inference.problem.pooling import GroupBias
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior, thinned
 from fitball.values import FloatArray, Impacts
@@ -21,7 +23,7 @@ from fitball.wording import option
 
 # Draws that stand for the posterior.
 DRAWS = 4000
-# The label of the group that planned impacts make where groups are biased: a new one.
+# The label of the group that planned impacts make where groups are biased, and of their session: a new one.
 NEXT = "planned impacts"
 # Directions that the posterior leaves this much narrower than the widest one are held to be known.
 NARROW = 1e-10
@@ -30,7 +32,7 @@ NARROW = 1e-10
 @dataclass(frozen=True)
 class Knowledge:
     """Draws `coordinates` (draws, free) of the posterior of `problem`, with a bias of the planned impacts, as one
-    more group, where groups have biases.
+    more group, where groups have biases, and with what their camera shares, as one more session, where sessions do.
     """
 
     problem: Problem
@@ -100,11 +102,15 @@ class Knowledge:
         problem, bias = self.problem, self.problem.group_bias
         if bias is not None:
             bias = replace(bias, index=np.full(len(impacts), len(bias.labels) - 1))
+        camera = problem.camera
+        if camera is not None:
+            camera = replace(camera, index=np.full(len(impacts), len(camera.sessions) - 1))
         return replace(
             problem,
             impacts=impacts,
             pooling=tuple(pooling.take(rows) for pooling in problem.pooling),
             group_bias=bias,
+            camera=camera,
             incident=None if problem.incident is None else _alike(problem.incident, problem.impacts, impacts),
         )
 
@@ -123,9 +129,13 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
     if problem.dimension == 0:
         raise FitError("no parameter of this fit is free: there is nothing to plan for")
     known = Knowledge(problem, problem.to_coordinates(thinned(posterior, DRAWS)))
-    bias = problem.group_bias
-    if bias is None:
-        return known
+    known = known if problem.group_bias is None else _with_group(known, problem.group_bias, rng)
+    return known if problem.camera is None else _with_session(known, problem.camera, rng)
+
+
+def _with_group(known: Knowledge, bias: GroupBias, rng: np.random.Generator) -> Knowledge:
+    """What is known with the biases of planned impacts."""
+    problem = known.problem
     # A further group, whose biases have the prior of all others.
     by_name = {parameter.name: parameter for parameter in problem.parameters}
     added = []
@@ -135,6 +145,32 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
         added.append(replace(like, spec=spec, fixed=None))
     wider = replace(problem, group_bias=replace(bias, labels=(*bias.labels, NEXT)))
     return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
+
+
+def _with_session(known: Knowledge, camera: Camera, rng: np.random.Generator) -> Knowledge:
+    """What is known with what the camera of planned impacts shares, of which nothing is known but the priors."""
+    by_name = {parameter.name: parameter for parameter in known.problem.parameters}
+    added = []
+    for key in camera.keys:
+        like = by_name[camera.name(key, camera.sessions[0])]
+        added.append(replace(like, spec=replace(like.spec, name=camera.name(key, NEXT))))
+    wider = replace(known.problem, camera=replace(camera, sessions=(*camera.sessions, NEXT)))
+    return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
+
+
+def with_height(known: Knowledge, rng: np.random.Generator) -> Knowledge:
+    """What is known where a camera sees the gaps of planned impacts: the height of the court has its prior, unless
+    the fit has cameras or gaps already.
+    """
+    problem = known.problem
+    if problem.camera is not None or any(item.column.gap for item in problem.observables):
+        return known
+    camera = Camera((HEIGHT,), (NEXT,), np.zeros(len(problem.impacts), dtype=np.int64))
+    added = [
+        Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), None)
+        for name, spec in camera.specs().items()
+    ]
+    return _with_parameters(Knowledge(replace(problem, camera=camera), known.coordinates), added, rng)
 
 
 def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.random.Generator) -> Knowledge:
