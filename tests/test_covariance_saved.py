@@ -119,3 +119,14 @@ def test_a_folder_of_tables_has_no_covariance_file_as_a_table(made: Path) -> Non
     (made / "broken.csv").unlink(missing_ok=True)
     assert [task.name for task in tasks_of(made)] == ["t"]
     assert [task.name for task in tasks_of(str(made / "*.csv"))] == ["t"]
+
+
+def test_a_saved_fit_keeps_the_camera_of_its_scene(made: Path, tmp_path: Path) -> None:
+    scene = tmp_path / "camera.toml"
+    scene.write_text("[camera]\nscale = { value = 1.0, sd = 0.01 }\ntilt = { value = 0, sd = 0.005 }\nfps = 240\n")
+    fit = fitball.calibrate(made / "t.csv", "grip-slip", config=scene, point_only=True)
+    fit.save(tmp_path / "fit")
+    camera = fitball.load_scene(None, scene).camera
+    assert camera is not None
+    assert read_run(tmp_path / "fit").scene.camera == camera
+    assert fitball.load_fit(tmp_path / "fit").problem.scene.camera == camera

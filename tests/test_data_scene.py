@@ -15,7 +15,7 @@ import pytest
 from fitball.data.bundled import bundled_names, bundled_tables
 from fitball.data.force import find_force
 from fitball.data.read import load_table
-from fitball.data.scene import Scene, load_scene
+from fitball.data.scene import Camera, Quantity, Scene, load_scene
 from fitball.data.scene_keys import KINDS, SIZES, Kind, range_fault
 from fitball.errors import SceneError, TableError
 from fitball.inference.problem.build import Choices, build_problem
@@ -130,7 +130,7 @@ IN_SCHEMA = [
     ("[bal]\nmass = 1", ("[bal]: unknown key", "'ball'")),
     ("[ball]\nmas = 1", ("ball.mas: unknown key", "'mass'")),
     ("[model]\nclosure = {}", ("model.closure: unknown key", "'closures'")),
-    ("speed = 3", ("[speed]: unknown key", "known: ball, columns, contact_time")),
+    ("speed = 3", ("[speed]: unknown key", "known: ball, camera, columns, contact_time")),
     ("ball = 3", ("ball = 3: expected a section [ball]",)),
     ("[ball]\nmass = -1", ("ball.mass = -1: expected a positive number",)),
     ("[ball]\nmass = true", ("ball.mass = true",)),
@@ -154,6 +154,13 @@ IN_SCHEMA = [
     ("[model]\nname = 3", ("model.name = 3: expected a text",)),
     ("[model]\nclosures = { normal = 3 }", ("model.closures.normal = 3",)),
     ("priors = 3", ("priors = 3: expected a section of names",)),
+    ("[camera]\nscal = 1", ("camera.scal: unknown key", "'scale'")),
+    ("[camera]\nscale = 0", ("camera.scale = 0: expected a positive number",)),
+    ("[camera]\ntilt = { value = 0 }", ("camera.tilt", "expected a number, or { value = ..., sd = ... }")),
+    ("[camera]\ntilt = { value = 0, sd = 0 }", ("camera.tilt", "with a positive sd")),
+    ("[camera]\nfps = -240", ("camera.fps = -240: expected a positive number",)),
+    ("[measurement]\nignore = 'omega_2'", ("expected a list of texts",)),
+    ("[measurement]\nignore = [3]", ("expected a list of texts",)),
 ]
 # Faults beyond a schema: no TOML, no finite number, what no ball, court or instrument has.
 BEYOND_SCHEMA = [
@@ -196,6 +203,16 @@ BEYOND_SCHEMA = [
     ("[ball]\ninertia = 350", ("did you mean 350 g cm^2 (3.5e-05)?",)),
     ("[contact_time]\nvalue = 5\nsd = 0.5", ("did you mean 5 ms (0.005)?", "did you mean 0.5 ms (0.0005)?")),
     ("[measurement]\nvelocity_sd = 20", ("did you mean 20 cm/s (0.2)?",)),
+    ("[camera]\nscale = 6", ("camera.scale = 6: expected a factor of 0.2 to 5",)),
+    ("[camera]\nclock = 98", ("did you mean 98 % (0.98)?",)),
+    ("[camera]\ntilt = -2", ("camera.tilt = -2: expected -10 to 10 deg, in rad; did you mean -2 deg (-0.03491)?",)),
+    (
+        "[camera]\ntilt = { value = 0, sd = 0.3 }",
+        ("sd = 0.3: expected at most 0.17; did you mean 0.3 deg (0.005236)?",),
+    ),
+    ("[camera]\ncourt_height = { value = 0, sd = 3 }", ("did you mean 3 mm (0.003)?",)),
+    ("[camera]\ncourt_height = -2", ("camera.court_height = -2: expected -0.2 to 0.2 m", "-2 mm (-0.002)?")),
+    ("[camera]\nrow_time = 15", ("camera.row_time = 15", "did you mean 15 us (1.5e-05)?")),
     ("[measurement]\nspin_sd = 2000", ("did you mean 2000 rpm (209.4)?",)),
 ]
 
@@ -248,7 +265,7 @@ def test_the_schema_is_one_and_a_field_or_the_reader_takes_each_key() -> None:
     assert SCHEMA["additionalProperties"] is False
     assert all(node.get("additionalProperties") is not None for node in SCHEMA["properties"].values())
     made = {"ball.mass", "ball.radius", "ball.inertia", "ball.inertia_ratio", "ball.temperature", "surface.mu"}
-    made |= {"contact_time.value", "contact_time.sd"}
+    made |= {"contact_time.value", "contact_time.sd", *(f"camera.{item.name}" for item in dataclasses.fields(Camera))}
     named = {item.metadata["key"] for item in dataclasses.fields(Scene) if item.metadata}
     assert named | made == set(KINDS) and not named & made and set(SIZES) <= set(KINDS)
     assert (KINDS["surface.mu"], KINDS["fix"], KINDS["pool"]) == (Kind.QUANTITY, Kind.NUMBERS, Kind.TEXTS)
@@ -353,3 +370,38 @@ def test_balls_of_games_and_laboratories_are_welcome_and_fitted_within_their_sds
         prior = parameters[key].prior
         assert parameters[key].free and prior.lower < 0.9 * value and prior.upper > 1.1 * value
         assert prior.quantile(np.array([0.5]))[0] == pytest.approx(value, rel=1e-6)
+
+
+def test_what_a_session_of_filming_shares(tmp_path: Path) -> None:
+    """Quantities about zero too, in SI."""
+    place = tmp_path / "t.toml"
+    place.write_text(
+        "[camera]\nscale = { value = 1.0, sd = 0.01 }\nclock = 0.999\ntilt = { value = 0, sd = 0.005 }\n"
+        "court_height = { value = -0.002, sd = 0.003 }\nfps = 240\nmm_per_px = 0.8\nrow_time = 1.5e-5\n"
+    )
+    camera = load_scene(None, place).camera
+    assert camera == Camera(
+        Quantity(1.0, 0.01), Quantity(0.999), Quantity(0.0, 0.005), Quantity(-0.002, 0.003), 240.0, 0.8, 1.5e-5
+    )
+    place.write_text("[surface]\nname = 'clay'\n")
+    assert load_scene(None, place).camera is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("scale = 1.5", "camera.scale = 1.5 is unlikely: 0.8 to 1.25 are usual"),
+        ("scale = { value = 1, sd = 1 }", "camera.scale: sd = 1 is unlikely: up to 0.2 is usual; did you mean 1 %"),
+        (
+            "tilt = 0.1",
+            "camera.tilt = 0.1 is unlikely: -0.0524 to 0.0524 are usual; did you mean 0.1 deg (0.001745)?",
+        ),
+        ("tilt = { value = 0, sd = 0.1 }", "camera.tilt: sd = 0.1 is unlikely"),
+        ("court_height = 0.1", "camera.court_height = 0.1 is unlikely: -0.03 to 0.03 are usual; did you mean 0.1 cm"),
+        ("court_height = { value = 0, sd = 0.05 }", "camera.court_height: sd = 0.05 is unlikely"),
+        ("fps = 0.5e8", "camera.fps"),
+        ("mm_per_px = 0.0008", "camera.mm_per_px = 0.0008 is unlikely: 0.001 to 20 are usual; did you mean 0.0008 m"),
+    ],
+)
+def test_an_unlikely_camera_is_asked_about(text: str, words: str, tmp_path: Path) -> None:
+    assert words in refused(tmp_path, f"[camera]\n{text}")

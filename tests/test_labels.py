@@ -39,7 +39,7 @@ def table_with(folder: Path, **named: str) -> Path:
 @pytest.mark.parametrize(
     ("name", "role"),
     [("surface", Role.SURFACE), ("Court", Role.SURFACE), ("Ball type", Role.BALL), ("Position", Role.PLACE),
-     ("location", Role.PLACE), ("group", None), ("Remarks", None)],
+     ("location", Role.PLACE), ("Session", Role.SESSION), ("group", None), ("Remarks", None)],
 )  # fmt: skip
 def test_names_say_what_labels_name(name, role):
     assert role_of(name) is role
@@ -56,6 +56,15 @@ def test_spellings_of_a_label_are_one_and_near_ones_stay_apart(tmp_path):
     # Numbers in a label name what differs.
     numbered = load_table(table_with(tmp_path, court="court1 court1 court1 court2 court2 court2"))
     assert "is like" not in " ".join(map(str, numbered.notices))
+
+
+def test_sessions_are_labels_of_their_own(tmp_path):
+    """They have one spelling each, and nothing is fitted to them by default."""
+    path = table_with(tmp_path, Session="May May may May June June June June June June June June")
+    table = load_table(path)
+    assert table.labels["session"] == ("May",) * 4 + ("June",) * 8
+    assert any("column session: 2 sessions: May (4 rows), June (8)" in remark for remark in table.remarks)
+    assert not pose(path, Choices(model="grip-slip")).pooling
 
 
 def test_levels_divide_where_two_have_three_rows_and_all_rows_have_one(tmp_path):

@@ -13,7 +13,7 @@ from math import inf, pi
 from fitball.data.units import UNITS, Dimension
 from fitball.observables import OBSERVABLES
 
-LABELS = ("id", "surface", "ball", "group", "location")
+LABELS = ("id", "surface", "ball", "group", "location", "session")
 # Printed in certificates, in no fit.
 BALL_TEMPERATURE = "ball_temperature"
 SD_SUFFIX = "_sd"

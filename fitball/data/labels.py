@@ -1,4 +1,4 @@
-"""Label columns: which name surfaces, balls or places, how their labels are spelled, and how many rows each has."""
+"""Label columns: which name surfaces, balls, places or sessions, how labels are spelled, how many rows each has."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ class Role(StrEnum):
     SURFACE = "surface"
     BALL = "ball"
     PLACE = "place"
+    SESSION = "session"
 
 
 # Names of such columns in some languages, without case, blanks and underscores.
@@ -39,6 +40,7 @@ _NAMES: Mapping[Role, str] = {
         "location locations place places position positions pos spot testlocation testposition ort stelle "
         "ubicacion posicion emplacement"
     ),
+    Role.SESSION: "session sessions filmsession sitzung aufnahme sesion seance",
 }
 _ROLES = {name: role for role, names in _NAMES.items() for name in names.split()}
 # Names of labels of which it is not known what they name, which are looked at like those of surfaces.

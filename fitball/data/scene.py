@@ -71,6 +71,22 @@ class Quantity:
     sd: float | None = None
 
 
+@dataclass(frozen=True)
+class Camera:
+    """What a session of filming shares. `scale` and `clock` are true lengths and times over those in the table,
+    factors about 1. `tilt` [rad] is the angle by which the court rises along the ball's travel, `court_height` [m]
+    the height of the court above that which was taken for it. Of the others (frames/s, mm, s) a fit makes no use.
+    """
+
+    scale: Quantity | None = None
+    clock: Quantity | None = None
+    tilt: Quantity | None = None
+    court_height: Quantity | None = None
+    fps: float | None = None
+    mm_per_px: float | None = None
+    row_time: float | None = None
+
+
 def _said(key: str, default: object = None) -> Any:
     """The field of a key of the schema."""
     if isinstance(default, Mapping):
@@ -97,7 +113,7 @@ class Scene:
 
     Force records. `force_file` is relative to the scene file. `force_sd` [N] is the known noise of a sample.
     `force_start_sd` [s] is the uncertainty of t = 0 as the start of contact (None: the start is found from the
-    record). `assumed` are sentences on assumptions for missing values.
+    record). `camera` is what a session of filming shares. `assumed` are sentences on assumptions for missing values.
 
     Certificates carry `surface`, `court`, `laboratory`, `operator`, `instrument` and `date`, as they are written.
     """
@@ -137,6 +153,7 @@ class Scene:
     force_file: str | None = _said("force.file")
     force_sd: float | None = _said("force.sd")
     force_start_sd: float | None = _said("force.start_sd")
+    camera: Camera | None = None
     assumed: tuple[str, ...] = ()
     laboratory: str | None = _said("laboratory.name")
     operator: str | None = _said("laboratory.operator")
@@ -216,7 +233,12 @@ def _doubts(scene: Scene) -> list[str]:
         "surface.mu": scene.mu[0] if scene.mu else None, "contact_time.value": time, "contact_time.sd": time_sd,
         **{key: getattr(scene, name) for key, name in _FIELDS.items() if key in SIZES},
     }  # fmt: skip
-    doubts = [unlikely(key, value) for key, value in stated.items() if value is not None]
+    filmed = {} if scene.camera is None else {f"camera.{name}": value for name, value in vars(scene.camera).items()}
+    pairs = {
+        **{key: (value, None) for key, value in stated.items()},
+        **{key: (it.value, it.sd) if isinstance(it, Quantity) else (it, None) for key, it in filmed.items()},
+    }
+    doubts = [unlikely(key, value, sd) for key, (value, sd) in pairs.items() if value is not None]
     return [doubt for doubt in (*doubts, unlikely_density(ball)) if doubt is not None]
 
 
@@ -231,6 +253,7 @@ def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
     kind = known.get("ball.type")
     if kind is not None and kind not in BALL_TYPES:
         raise SceneError(f'{source}: ball.type = "{kind}": {suggestion(kind, BALL_TYPES)}')
+    filmed = {item.name: known[key] for item in fields(Camera) if (key := f"camera.{item.name}") in known}
     silences = {
         _NO_FILE: source is None,
         **{f"assumed {words}": f"ball.{name}" not in given for name, words in _BALL_WORDS.items()},
@@ -247,6 +270,7 @@ def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
         ball_temperature_sd=None if warmth is None else warmth.sd,
         mu=None if mu is None else (mu.value, mu.sd),
         contact_time=None if time is None else (time, known["contact_time.sd"]),
+        camera=Camera(**filmed) if filmed else None,
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
         **{_FIELDS[key]: value for key, value in known.items() if key in _FIELDS},
     )
@@ -364,7 +388,7 @@ def _checked(content: object, kind: Kind) -> str | float | Quantity | tuple[str,
         number, sd = _number(content["value"]), _number(content["sd"])
         if sd is None or sd <= 0.0:
             return None
-    if number is None or (number <= 0.0 and kind is not Kind.DEGREES):
+    if number is None or (number <= 0.0 and kind not in (Kind.DEGREES, Kind.SIGNED)):
         return None
     return number if kind is Kind.POSITIVE else Quantity(number, sd)
 

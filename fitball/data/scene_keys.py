@@ -30,6 +30,7 @@ class Kind(Enum):
     POSITIVE = "a positive number"
     QUANTITY = "a positive number, or { value = ..., sd = ... } with both positive"
     DEGREES = "a number of degrees Celsius, or { value = ..., sd = ... } with a positive sd"
+    SIGNED = "a number, or { value = ..., sd = ... } with a positive sd"
     TEXTS = "a section of names and texts"
     NUMBERS = "a section of names and numbers"
     PRIORS = 'a section of names and priors such as "normal(0.55, 0.05)"'
@@ -64,6 +65,7 @@ _INERTIAS = {"g cm^2": 1e-7, "g mm^2": 1e-9, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "
 _TIMES = {"ms": 1e-3, "us": 1e-6}
 _SPEEDS = {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6}
 _SPINS = {"rpm": pi / 30.0}
+_RATES = {"1/ms": 1e3}
 _ANGLES = {"deg": pi / 180.0, "mrad": 1e-3}
 
 
@@ -92,7 +94,7 @@ def _question(value: float, units: Mapping[str, float], typical: float) -> str:
     """Whether the unit was meant that brings `value` nearest to what is typical; "" without any."""
     if not units:
         return ""
-    symbol, factor = min(units.items(), key=lambda item: abs(log(value * item[1] / typical)))
+    symbol, factor = min(units.items(), key=lambda item: abs(log(abs(value) * item[1] / typical)))
     return f"; did you mean {value:g} {symbol} ({value * factor:.4g})?"
 
 
@@ -129,7 +131,26 @@ SIZES: Mapping[str, Range] = {
     **dict([_noise(OBSERVABLES["omega_2"].noise, "rad/s", "nominal_spin_sd")]),
     "force.sd": Range(1e-9, 1e6, "1e-9 to 1e6 N", (1e-6, 1e4), 10.0, {"mN": 1e-3}),
     "force.start_sd": Range(1e-12, 0.1, "1e-12 to 0.1 s, in s", (1e-9, 0.01), 1e-4, _TIMES),
+    "camera.scale": Range(0.2, 5.0, "a factor of 0.2 to 5", (0.8, 1.25), 1.0, {"%": 1e-2}),
+    "camera.clock": Range(0.2, 5.0, "a factor of 0.2 to 5", (0.8, 1.25), 1.0, {"%": 1e-2}),
+    "camera.tilt": Range(
+        -pi / 18.0, pi / 18.0, "-10 to 10 deg, in rad", (-pi / 60.0, pi / 60.0), 5e-3, {"deg": pi / 180.0}
+    ),
+    "camera.court_height": Range(-0.2, 0.2, "-0.2 to 0.2 m, in m", (-0.03, 0.03), 3e-3, {"mm": 1e-3, "cm": 1e-2}),
+    "camera.fps": Range(1.0, 1e7, "1 to 1e7 frames/s", (20.0, 1e6), 1e3, _RATES),
+    "camera.mm_per_px": Range(1e-4, 1e3, "1e-4 to 1000 mm", (1e-3, 20.0), 1.0, {"um": 1e-3, "m": 1e3}),
+    "camera.row_time": Range(1e-10, 0.01, "1e-10 to 0.01 s, in s", (1e-9, 1e-3), 1e-5, _TIMES),
 }
+# Standard deviations that nobody is asked about, at most, and what is typical. Of quantities about zero that is all
+# there is to be held against.
+_LIKELY_SPREADS: Mapping[str, tuple[float, float]] = {
+    "camera.scale": (0.2, 0.01),
+    "camera.clock": (0.2, 0.01),
+    "camera.tilt": (pi / 60.0, 5e-3),
+    "camera.court_height": (0.03, 3e-3),
+}
+# Quantities that may be zero or negative.
+SIGNED = tuple(key for key, kind in KINDS.items() if kind is Kind.SIGNED)
 
 
 # A standard deviation this many times smaller than its quantity is no measurement.
@@ -146,6 +167,10 @@ def range_fault(key: str, value: float, sd: float | None) -> str | None:
         return None
     if not allowed.least <= value <= allowed.most:
         return f"{key} = {value:g}: expected {allowed.words}{allowed.meant(value)}"
+    if sd is not None and key in SIGNED:
+        if sd <= allowed.most:
+            return None
+        return f"{key}: sd = {sd:g}: expected at most {allowed.most:.2g}{_meant_spread(key, sd)}"
     if sd is not None and not LEAST_SHARE * abs(value) <= sd <= allowed.most:
         return f"{key}: sd = {sd:g}: expected 1e-9 times the value to {allowed.most:g}"
     if sd is not None and key not in ("surface.mu", "ball.temperature") and sd > value:
@@ -159,13 +184,23 @@ def _meant_sd(allowed: Range, sd: float, value: float) -> str:
     return _question(sd, {s: f for s, f in allowed.units.items() if sd * f <= 0.2 * value}, 0.02 * value)
 
 
-def unlikely(key: str, value: float) -> str | None:
-    """What to ask about a number that can be but that no ball, court or instrument of a bounce has, or None."""
+def _meant_spread(key: str, sd: float) -> str:
+    most, typical = _LIKELY_SPREADS[key]
+    return _question(sd, {s: f for s, f in SIZES[key].units.items() if sd * f <= most}, typical)
+
+
+def unlikely(key: str, value: float, sd: float | None = None) -> str | None:
+    """What to ask about a number that can be but that no ball, court or instrument of a bounce has, or about its
+    standard deviation; None for nothing.
+    """
     allowed = SIZES[key]
     low, high = allowed.likely
-    if low <= value <= high:
-        return None
-    return f"{key} = {value:g} is unlikely: {low:g} to {high:g} are usual{allowed.meant(value)}"
+    if not low <= value <= high:
+        return f"{key} = {value:g} is unlikely: {low:.3g} to {high:.3g} are usual{allowed.meant(value)}"
+    if sd is not None and key in _LIKELY_SPREADS and sd > _LIKELY_SPREADS[key][0]:
+        most = _LIKELY_SPREADS[key][0]
+        return f"{key}: sd = {sd:g} is unlikely: up to {most:.3g} is usual{_meant_spread(key, sd)}"
+    return None
 
 
 def density_fault(ball: Ball) -> str | None:

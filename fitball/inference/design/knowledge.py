@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 from fitball.data.force import ForceFile, ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
-from fitball.inference.problem.camera import HEIGHT, Camera
+from fitball.inference.problem.camera import HEIGHT, View
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
 from fitball.inference.problem.pooling import GroupBias
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.row_errors import RowErrors
 from fitball.inference.results.results import Posterior, thinned
 from fitball.values import FloatArray, Impacts
 from fitball.wording import option
 
 # Draws that stand for the posterior.
 DRAWS = 4000
-# The label of the group that planned impacts make where groups are biased, and of their session: a new one.
+# The label of the group that planned impacts make where groups are biased: a new one.
 NEXT = "planned impacts"
 # Directions that the posterior leaves this much narrower than the widest one are held to be known.
 NARROW = 1e-10
@@ -32,7 +33,7 @@ NARROW = 1e-10
 @dataclass(frozen=True)
 class Knowledge:
     """Draws `coordinates` (draws, free) of the posterior of `problem`, with a bias of the planned impacts, as one
-    more group, where groups have biases, and with what their camera shares, as one more session, where sessions do.
+    more group, where groups have biases.
     """
 
     problem: Problem
@@ -102,6 +103,7 @@ class Knowledge:
         problem, bias = self.problem, self.problem.group_bias
         if bias is not None:
             bias = replace(bias, index=np.full(len(impacts), len(bias.labels) - 1))
+        # Planned impacts are filmed as the last were.
         camera = problem.camera
         if camera is not None:
             camera = replace(camera, index=np.full(len(impacts), len(camera.sessions) - 1))
@@ -111,7 +113,7 @@ class Knowledge:
             pooling=tuple(pooling.take(rows) for pooling in problem.pooling),
             group_bias=bias,
             camera=camera,
-            incident=None if problem.incident is None else _alike(problem.incident, problem.impacts, impacts),
+            errors=None if problem.errors is None else _alike(problem, impacts),
         )
 
 
@@ -129,8 +131,7 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
     if problem.dimension == 0:
         raise FitError("no parameter of this fit is free: there is nothing to plan for")
     known = Knowledge(problem, problem.to_coordinates(thinned(posterior, DRAWS)))
-    known = known if problem.group_bias is None else _with_group(known, problem.group_bias, rng)
-    return known if problem.camera is None else _with_session(known, problem.camera, rng)
+    return known if problem.group_bias is None else _with_group(known, problem.group_bias, rng)
 
 
 def _with_group(known: Knowledge, bias: GroupBias, rng: np.random.Generator) -> Knowledge:
@@ -147,30 +148,22 @@ def _with_group(known: Knowledge, bias: GroupBias, rng: np.random.Generator) -> 
     return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
 
 
-def _with_session(known: Knowledge, camera: Camera, rng: np.random.Generator) -> Knowledge:
-    """What is known with what the camera of planned impacts shares, of which nothing is known but the priors."""
-    by_name = {parameter.name: parameter for parameter in known.problem.parameters}
-    added = []
-    for key in camera.keys:
-        like = by_name[camera.name(key, camera.sessions[0])]
-        added.append(replace(like, spec=replace(like.spec, name=camera.name(key, NEXT))))
-    wider = replace(known.problem, camera=replace(camera, sessions=(*camera.sessions, NEXT)))
-    return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
-
-
 def with_height(known: Knowledge, rng: np.random.Generator) -> Knowledge:
-    """What is known where a camera sees the gaps of planned impacts: the height of the court has its prior, unless
-    the fit has cameras or gaps already.
+    """What is known where a camera sees the gaps of planned impacts: of the height of the court what the scene states
+    or else its prior, unless the fit has it, or used gaps and took it as known.
     """
     problem = known.problem
-    if problem.camera is not None or any(item.column.gap for item in problem.observables):
+    view = problem.camera or View((), ("",), np.zeros(len(problem.impacts), dtype=np.int64))
+    if HEIGHT in view.keys or any(item.column.gap for item in problem.observables):
         return known
-    camera = Camera((HEIGHT,), (NEXT,), np.zeros(len(problem.impacts), dtype=np.int64))
+    specs, held = replace(view, keys=(HEIGHT,)).specs(problem.scene)
+    fixed = {name: value for name, (value, _why) in held.items()}
     added = [
-        Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), None)
-        for name, spec in camera.specs().items()
+        Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), fixed.get(name))
+        for name, spec in specs.items()
     ]
-    return _with_parameters(Knowledge(replace(problem, camera=camera), known.coordinates), added, rng)
+    seen = replace(problem, camera=replace(view, keys=(*view.keys, HEIGHT)))
+    return _with_parameters(Knowledge(seen, known.coordinates), added, rng)
 
 
 def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.random.Generator) -> Knowledge:
@@ -181,15 +174,20 @@ def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.rando
     return Knowledge(problem, np.column_stack([known.coordinates, *drawn]))
 
 
-def _alike(known: FloatArray, measured: Impacts, planned: Impacts) -> FloatArray:
-    """Errors of planned incident states: median sds of speed, direction and spin of those that were measured."""
+def _alike(problem: Problem, planned: Impacts) -> RowErrors:
+    """Errors of planned rows: of the incident states the median sds of speed, direction and spin of those that were
+    measured. Those of the rebound, which a sensor states, are taken to be independent of them.
+    """
+    assert problem.errors is not None
+    known, measured = problem.errors.incident, problem.impacts
     turned = _turn(measured)
     sds = np.sqrt(np.diagonal(turned @ known @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
     sds[:, 1] /= measured.speed
     typical = np.tile(np.median(sds, axis=0), (len(planned), 1))
     typical[:, 1] *= planned.speed
-    back = _turn(planned).transpose(0, 2, 1)
-    return np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1))
+    back, count = _turn(planned).transpose(0, 2, 1), len(planned)
+    incident = (back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1)
+    return RowErrors(np.asarray(incident), (), np.zeros((count, 0, 3)), np.zeros((count, 0, 0)))
 
 
 def _turn(impacts: Impacts) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from fitball.data.lines import Range
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.design.asked import Setting, Settings, build_sensors, build_settings, checked_levels
-from fitball.inference.design.knowledge import NEXT, knowledge, with_height, with_plate
+from fitball.inference.design.knowledge import knowledge, with_height, with_plate
 from fitball.inference.design.search import Left, Pick, Search, greedy, look, searched, with_plates
 from fitball.inference.design.targets import Part, parse_target
 from fitball.inference.prediction.posterior_predictive import regime_shares
@@ -211,7 +211,7 @@ def _height(search: Search, pick: Pick) -> Height | None:
     """What a plan takes as known of the height of the court, None where that is no free parameter."""
     known, looked = search.known, search.looks[pick.sensor]
     camera, free = known.problem.camera, known.problem.free_names
-    if camera is None or (name := camera.name(HEIGHT, NEXT)) not in free:
+    if camera is None or (name := camera.name(HEIGHT, camera.sessions[-1])) not in free:
         return None
     one = np.array([pick.place])
     at = known.at(looked.impacts.take(one), looked.like[one])

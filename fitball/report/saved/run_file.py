@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import tomli_w
@@ -15,7 +15,7 @@ import tomli_w
 from fitball.data.bundled import bundled_folder, split_sheet
 from fitball.data.covariance_entries import LEFT_OUT
 from fitball.data.force import load_force
-from fitball.data.scene import Scene
+from fitball.data.scene import Camera, Quantity, Scene
 from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.data.tables import load_tables
 from fitball.errors import ResultFolderError
@@ -130,6 +130,25 @@ class SamplerPart(Part, frozen=True):
     target_ess: Positive
 
 
+class SpreadPart(Part, frozen=True, omit_defaults=True):
+    """A number with its standard deviation, when one was stated."""
+
+    value: float
+    sd: Positive | None = None
+
+
+class CameraPart(Part, frozen=True, omit_defaults=True):
+    """What a session of filming shares, see `data.scene.Camera`."""
+
+    scale: SpreadPart | None = None
+    clock: SpreadPart | None = None
+    tilt: SpreadPart | None = None
+    court_height: SpreadPart | None = None
+    fps: Positive | None = None
+    mm_per_px: Positive | None = None
+    row_time: Positive | None = None
+
+
 # What the scene knew besides that which stands in the other sections.
 ScenePart = msgspec.defstruct(
     "ScenePart",
@@ -163,6 +182,7 @@ class RunFile(Part, frozen=True, omit_defaults=True):
     measurement: MeasurementPart
     scene: ScenePart  # type: ignore[valid-type]
     contact_time: TimePart | None = None
+    camera: CameraPart | None = None
     force: NamedTable | None = None
     prior_sources: Mapping[str, str] = {}
     sampler: SamplerPart | None = None
@@ -203,16 +223,32 @@ def run_text(fit: Fit, folder: Path) -> str:
         },
         measurement=MeasurementPart(
             distribution=problem.noise.name,
-            incident_errors=problem.incident is not None,
+            incident_errors=problem.uncertain,
             offsets=None if problem.group_bias is None else problem.group_bias.column,
         ),
         scene=part(ScenePart, problem.scene),
         contact_time=None if problem.contact_time is None else TimePart(*problem.contact_time),
+        camera=None if problem.scene.camera is None else _camera_part(problem.scene.camera),
         force=None if force is None else _named(force.source, force.digest, folder),
         sampler=None if fit.diagnostics is None else part(SamplerPart, fit.diagnostics),
     )
     # A name that is no Unicode is written as the numbers that stand for its bytes.
     return (HEAD + tomli_w.dumps(plain(run))).encode("utf-8", "backslashreplace").decode()
+
+
+def _camera_part(camera: Camera) -> CameraPart:
+    known: dict[str, Any] = {
+        name: SpreadPart(it.value, it.sd) if isinstance(it, Quantity) else it for name, it in vars(camera).items()
+    }
+    return CameraPart(**known)
+
+
+def _camera(part: CameraPart) -> Camera:
+    known: dict[str, Any] = {
+        name: Quantity(it.value, it.sd) if isinstance(it, SpreadPart) else it
+        for name, it in msgspec.structs.asdict(part).items()
+    }
+    return Camera(**known)
 
 
 def _named_table(table: ImpactTable, source: str, digest: str, folder: Path) -> NamedTable:
@@ -252,6 +288,8 @@ class RunRecord:
         known = {name: value for name, value in msgspec.structs.asdict(self.file.scene).items() if value is not None}
         time = self.file.contact_time
         known["contact_time"] = None if time is None else (time.value, time.sd)
+        camera = self.file.camera
+        known["camera"] = None if camera is None else _camera(camera)
         return Scene(ball=self.file.ball, ball_sd=FrozenMapping(known.pop("ball_sd")), **known)
 
     @property
