@@ -15,13 +15,16 @@ from fitball.data.lines import Range
 from fitball.data.read import load_table
 from fitball.data.scene import Camera, Quantity, Scene
 from fitball.inference.design.asked import PlannedColumn, Sensor, as_before
-from fitball.inference.design.knowledge import Knowledge, plate_rows, with_plate
+from fitball.inference.design.knowledge import Knowledge, plate_rows, with_height, with_plate
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
 from fitball.inference.design.targets import of_parameters
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.camera import View
 from fitball.inference.problem.noise import StudentNoise
+from fitball.inference.problem.observables import Observable
 from fitball.inference.results.results import Posterior
+from fitball.report.plan.document import render as plan_text
 from fitball.values import Impacts
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -335,6 +338,24 @@ def test_gaps_tell_stiffness_as_far_as_the_height_of_the_court_is_known(filmed, 
     place = problem.free_names.index("k_y")
     after = np.linalg.inv(np.linalg.inv(prior) + slopes.T @ slopes)
     assert plan.worths[1].sds[0] == pytest.approx(np.sqrt(after[place, place]), rel=0.03)
+    words = f"an error of 1 mm changes gap_time by {plan.height.gap_time:.2f} ms"
+    assert words in " ".join(plan_text(plan, problem).split())
     assert plan.height.gap_time == pytest.approx(-rows[-1][3], rel=0.01)
     sure = np.linalg.inv(np.linalg.inv(prior[:8, :8]) + slopes[:, :8].T @ slopes[:, :8])
     assert np.sqrt(sure[place, place] / after[place, place]) < 0.9
+
+
+def test_a_height_that_was_fitted_counts_as_the_fit_knows_it(filmed):
+    """A fit with gaps took it as known, or has it as a parameter: nothing is added to either."""
+    gap = Observable("gap_time", np.full(3, 5e-3), np.full(3, 1e-4), None)
+    measured = replace(filmed.problem, observables=(*filmed.problem.observables, gap))
+    for problem in (measured, replace(filmed.problem, camera=View(("court_height",), ("",), np.zeros(3, np.int64)))):
+        known = replace(filmed, problem=problem)
+        assert with_height(known, np.random.default_rng(1)) is known
+    open_height = with_height(filmed, np.random.default_rng(1))
+    assert open_height.problem.free_names == (*filmed.problem.free_names, "court_height")
+    assert open_height.coordinates[:, -1].std() == pytest.approx(3e-3, rel=0.05)
+    # Rebound velocities do not depend on it.
+    rebound, slopes = dropped(open_height, 8.0).differentiated(open_height.some(3))
+    assert not np.any(slopes["v_y2"][..., -1]) and np.all(slopes["gap_time"][..., -1] < -0.2)
+    assert not np.any(rebound.status)

@@ -106,7 +106,7 @@ class Plan:
     `again_sds` are the gain of repeating as many impacts of the fitted table, to first order, and the sds after it.
     `worths` begin with measuring as before. `failed` maps reasons why draws cannot be evaluated to the number of
     settings withheld for it. `draws` were averaged over, `lost` of them without the target. `height` is None where no
-    sensor sees gaps, or where it is as certain as in the fit.
+    sensor sees gaps, and where it is known from the fit or fixed.
     """
 
     target: str
@@ -153,8 +153,8 @@ def make_plan(
     plate = next((sensor.plate for sensor in sensors.values() if sensor.plate is not None), None)
     if plate is not None:
         known = with_plate(known, plate, chance)
-    seen = any(column.column.gap for sensor in sensors.values() for column in sensor.columns)
-    if seen:
+    fitted = known
+    if any(column.column.gap for sensor in sensors.values() for column in sensor.columns):
         known = with_height(known, chance)
     target = parse_target(asked.target, known, levels)
     report("gains of all settings, to first order")
@@ -183,7 +183,7 @@ def make_plan(
         lost=search.lost,
         seed=asked.seed,
         notes=cautions,
-        height=_height(search, picks[0]) if seen else None,
+        height=None if known is fitted else _height(search, picks[0]),
     )
 
 
@@ -208,10 +208,12 @@ def _chosen(search: Search, pick: Pick, now: FloatArray) -> Chosen:
 
 
 def _height(search: Search, pick: Pick) -> Height | None:
-    """What a plan takes as known of the height of the court, None where that is no free parameter."""
+    """What a plan takes as known of the height of the court, None where the scene fixes it."""
     known, looked = search.known, search.looks[pick.sensor]
     camera, free = known.problem.camera, known.problem.free_names
-    if camera is None or (name := camera.name(HEIGHT, camera.sessions[-1])) not in free:
+    assert camera is not None
+    name = camera.name(HEIGHT, camera.sessions[-1])
+    if name not in free:
         return None
     one = np.array([pick.place])
     at = known.at(looked.impacts.take(one), looked.like[one])
