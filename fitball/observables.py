@@ -136,17 +136,17 @@ _ALL = (
     # By the gap that flights of 1 mm and 2 deg a frame leave, ten frames long.
     ReboundColumn(
         "gap_time", "s", "time between the flights", r"$T$",
-        ColumnNoise("gap_time_sd", 1e-6, 1e-2, "1e-4", "the time between the flights", r"$\sigma_T$"),
+        ColumnNoise("gap_time_sd", 1e-6, 1e-2, "1e-4", "gap_time", r"$\sigma_T$"),
         handy=("ms", 1e3), positive="a positive time", timed=True, gap=True,
     ),
     ReboundColumn(
         "gap_path", "m", "path between the flights", r"$P$",
-        ColumnNoise("gap_path_sd", 1e-6, 0.2, "1e-3", "the path between the flights", r"$\sigma_P$"),
+        ColumnNoise("gap_path_sd", 1e-6, 0.2, "1e-3", "gap_path", r"$\sigma_P$"),
         handy=("mm", 1e3), tangential=True, timed=True, gap=True,
     ),
     ReboundColumn(
         "gap_turn", "rad", "turn between the flights", r"$Q$",
-        ColumnNoise("gap_turn_sd", 1e-5, 6.0, "0.04", "the turn between the flights", r"$\sigma_Q$"),
+        ColumnNoise("gap_turn_sd", 1e-5, 6.0, "0.04", "gap_turn", r"$\sigma_Q$"),
         handy=("deg", 180.0 / np.pi), tangential=True, timed=True, gap=True,
     ),
 )  # fmt: skip

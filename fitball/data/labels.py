@@ -1,6 +1,4 @@
-"""Label columns: which of them name surfaces, balls, places or sessions, how their labels are spelled, and how many
-rows each has.
-"""
+"""Label columns: which name surfaces, balls, places or sessions, how labels are spelled, how many rows each has."""
 
 from __future__ import annotations
 

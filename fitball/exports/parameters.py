@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fitball.exports.bounces import bounces_of, joined, spread_names
+from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.problem.pooling import Levels
 from fitball.inference.results.evidence import Answer
@@ -102,7 +103,11 @@ def _known(item: Estimate | LevelEstimate) -> dict[str, float]:
 
 
 def role(name: str) -> str:
-    """Whether a parameter belongs to the bounce, to the noise of a measurement, or to a group of impacts."""
+    """Whether a parameter belongs to the bounce, to the noise of a measurement, to the camera of a session, or to a
+    group of impacts.
+    """
+    if name.partition("[")[0] in CAMERA_SPECS:
+        return "camera"
     return "noise" if name in NOISE_SPECS else "model" if parameter_spec(name) is not None else "group"
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fitball.errors import enough_memory
 from fitball.inference.assemble import assemble
-from fitball.inference.assumptions.ball_constants import ball_constants
+from fitball.inference.assumptions.constants import constants
 from fitball.inference.assumptions.look import assumptions_generator, look
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.examine import profile_all
@@ -127,9 +127,11 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "offsets": None
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],
-        "incident": None if problem.incident is None else problem.incident.tolist(),
+        "incident": problem.errors.incident.tolist() if problem.errors is not None and problem.uncertain else None,
         "sampler": [settings.walkers, settings.ensembles, settings.seed, settings.schedule.warm_up],
     }
+    if problem.errors is not None and problem.errors.columns:
+        content["errors"] = [problem.errors.columns, problem.errors.follows.tolist(), problem.errors.rest.tolist()]
     if problem.table.flipped:
         content["flipped"] = problem.table.flipped
     if problem.table.ignored:
@@ -174,8 +176,8 @@ def run(
         report("assumptions", None)
         with watch.stage("assumptions"):
             found = look(shared, point, posterior, assumptions_generator(effort.seed))
-            constants = ball_constants(shared, point, posterior, _generator(effort, 2))
-            found = replace(found, constants=constants)
+            moving, tilt = constants(shared, point, posterior, _generator(effort, 2))
+            found = replace(found, constants=moving, tilt=tilt)
     return assemble(problem, effort, squares, point, profiled, sampled, posterior, watch, remarks, found)
 
 

@@ -15,18 +15,24 @@ is a tenth of a millimetre.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+from fitball.errors import FitError
+from fitball.inference.problem.observables import Observable
+from fitball.inference.problem.pooling import levels_of
 from fitball.models.kernels.dual import STEP, NumberArray
-from fitball.models.model import by_output
+from fitball.models.model import Model, by_output
 from fitball.models.specs import EVERYTHING, POSITIVE, ParameterSpec
 from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
+from fitball.wording import in_formula
 
 # By name: `scale`, `clock`, `tilt`, `court_height`.
 CAMERA_SPECS: Mapping[str, ParameterSpec] = {
@@ -54,6 +60,9 @@ CAMERA_SPECS: Mapping[str, ParameterSpec] = {
 SCALE, CLOCK, TILT, HEIGHT = CAMERA_SPECS
 # What nobody states.
 LEVEL: Mapping[str, float] = {SCALE: 1.0, CLOCK: 1.0, TILT: 0.0, HEIGHT: 0.0}
+
+# The label column that tells sessions apart.
+SESSION = "session"
 
 # By name, each broadcastable to (draws, impacts).
 Told: TypeAlias = Mapping[str, NumberArray]
@@ -117,7 +126,7 @@ class Moves:
 
 
 @dataclass(frozen=True)
-class Camera:
+class View:
     """Which of `CAMERA_SPECS` are parameters of a problem: the `keys`, for each of the `sessions` ("" where the
     table has but one); `index` (impacts,) says which session an impact is of.
     """
@@ -135,11 +144,26 @@ class Camera:
         """The keys of all parameters, by name."""
         return {self.name(key, session): key for session in self.sessions for key in self.keys}
 
-    def specs(self) -> dict[str, ParameterSpec]:
-        """What the parameters are, by name."""
-        return {name: replace(CAMERA_SPECS[key], name=name) for name, key in self.names.items()}
+    def specs(self, scene: Scene) -> tuple[dict[str, ParameterSpec], dict[str, tuple[float, str]]]:
+        """What the parameters are, by name, with the priors that the scene states; and those that it states without
+        an sd, with their value and why it is fixed.
+        """
+        made, held = {}, {}
+        for session in self.sessions:
+            for key in self.keys:
+                spec, name = CAMERA_SPECS[key], self.name(key, session)
+                words = spec.meaning.replace(",", f" in session {session},", 1) if session else spec.meaning
+                label = spec.label if not session else rf"{spec.label[:-1]}_{{{in_formula(session)}}}$"
+                told = None if scene.camera is None else getattr(scene.camera, key)
+                prior = (
+                    spec.prior if told is None or told.sd is None else f"normal({told.value:.10g}, {told.sd:.10g})"
+                )
+                made[name] = replace(spec, name=name, prior=prior, meaning=words, label=label)
+                if told is not None and told.sd is None:
+                    held[name] = (told.value, "stated in the scene")
+        return made, held
 
-    def take(self, rows: NDArray[np.int64]) -> Camera:
+    def take(self, rows: NDArray[np.int64]) -> View:
         """That of some of the impacts."""
         return replace(self, index=self.index[rows])
 
@@ -177,6 +201,35 @@ class Camera:
         """What holds for pairs of a draw and an impact, (pairs, 1), from `columns` (pairs,) by key."""
         level = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
         return level | {key: columns[key][:, None] for key in self.keys}
+
+
+def build_view(
+    table: ImpactTable, scene: Scene, asked: Collection[str], model: Model, observables: Sequence[Observable]
+) -> tuple[View | None, list[str]]:
+    """The view of a table whose scene states something of its camera, or of which a prior or a value is `asked`; and
+    a sentence for each thing that acts on nothing. Raises FitError for a tilt where the restitution is an input.
+    """
+    stated = {key for key in CAMERA_SPECS if scene.camera is not None and getattr(scene.camera, key) is not None}
+    keys = stated | {key for key in CAMERA_SPECS if any(name.partition("[")[0] == key for name in asked)}
+    idle = {
+        HEIGHT: "no column shows what is between the flights"
+        if not any(item.column.gap for item in observables)
+        else "",
+        TILT: "no motion along the court was measured" if not table.has_tangential else "",
+    }
+    notes = [f"{key} of the camera is not used: {why}" for key, why in idle.items() if why and key in keys]
+    keys -= {key for key, why in idle.items() if why}
+    if TILT in keys and model.needs_cor:
+        raise FitError(
+            f"{table.source}: cor = measured takes the restitution as it was measured, and a tilt of the camera "
+            "changes it: fit the restitution (cor = line or mean), or leave out tilt"
+        )
+    if not keys:
+        return None, notes
+    wanted = tuple(key for key in CAMERA_SPECS if key in keys)
+    if len(set(table.labels.get(SESSION, ()))) < 2:
+        return View(wanted, ("",), np.zeros(len(table), dtype=np.int64)), notes
+    return View(wanted, *levels_of(table, SESSION, "[camera]")), notes
 
 
 def truly(told: Told, impacts: Impacts | OwnImpacts) -> tuple[OwnImpacts, NDArray[np.bool_]]:

@@ -127,9 +127,9 @@ class Span:
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of the ball, `held` at its `value` or free under a prior that the scene states, with its range `low`
-    to `high`. Of each parameter, and of the rating of each surface, that depends on it: the median at both ends, to
-    first order.
+    """A constant of the ball or of a camera, `held` at its `value` or free under a prior that the scene states, with
+    its range `low` to `high`. Of each parameter, and of the rating of each surface, that depends on it: the median at
+    both ends, to first order.
     """
 
     name: str
@@ -149,7 +149,8 @@ class Constant:
 @dataclass(frozen=True)
 class Assumptions:
     """Alternatives to each choice, and each quantity over those that fit equally well; or `missing`: why there are
-    none. `constants` are those of the ball on which something depends.
+    none. `constants` are those of ball and camera on which something depends; `tilt` is what a tilt of the camera
+    would move, of which nothing is stated.
     """
 
     alternatives: tuple[Alternative, ...]
@@ -157,6 +158,7 @@ class Assumptions:
     court_pace: Mapping[str, Span]
     missing: str = ""
     constants: tuple[Constant, ...] = field(default_factory=tuple)
+    tilt: Constant | None = None
 
     @property
     def as_good(self) -> tuple[Alternative, ...]:

@@ -4,16 +4,19 @@ how do results depend on model assumptions.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
+from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.observables import beyond_stated
 from fitball.inference.results.assumptions import CONTACT_TIME, PACE, Alternative, Assumptions, Span
 from fitball.inference.results.assumptions import MOVED as MOVED_SDS
 from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.inference.results.sentences import HINTS, RESIDUALS, capital
+from fitball.models.specs import ParameterSpec
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Part, Row, Table, Words, judged
 from fitball.report.form.numbers import (
@@ -148,7 +151,7 @@ def remarks(fit: Fit) -> list[str]:
         lines.append(f"To fit a separate noise for each column, use {option('noise', 'separate')}.")
     if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append(f"To give outliers less weight, use {option('noise', 'student-t')}.")
-    if "linked" in seen and fit.problem.incident is None and not fails:
+    if "linked" in seen and not fit.problem.uncertain and not fails:
         lines.append(
             "Correlated residuals may come from errors of the incident state. State these in columns such as v_1_sd."
         )
@@ -260,11 +263,11 @@ def assumption_parts(fit: Fit, pictures: Sequence[Part]) -> list[Part]:
     if found is None:
         return []
     moved = Table.from_rows(
-        "Shifts with constants of the ball",
+        "Shifts with constants of ball and camera",
         _moved_by_constants(fit, found),
         ["quantity", "unit", "over", "in this fit"],
     )
-    constants: list[Part] = [moved, Words([CONSTANTS] * bool(moved), "quiet", "page")]
+    constants: list[Part] = [moved, Words([CONSTANTS] * bool(moved), "quiet", "page"), Words(tilt_line(fit), "quiet")]
     if found.missing:
         return [Words([f"Not examined: {found.missing}."]), *constants]
     changes = [
@@ -386,9 +389,10 @@ def next_line(fit: Fit) -> list[str]:
     if fit.adequacy is not None and fit.adequacy.answer is Answer.FAILS:
         return []
     open_ended = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
-    # Nobody needs to know how much less than the stated errors a scatter is that was not found.
-    scatter = beyond_stated(fit.problem.observables)
-    unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in scatter]
+    # Nobody needs to know how much less than the stated errors a scatter is that was not found, nor more of a camera
+    # or a ball than was measured apart.
+    known = {*beyond_stated(fit.problem.observables), *fit.problem.known_apart}
+    unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in known]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
         return [f"Most useful next: the contact time, in the scene or from force records. It determines {stiff}."]
@@ -405,11 +409,40 @@ def next_line(fit: Fit) -> list[str]:
     return [f"Most useful next: data that decide between {instead} and {widest.by}."]
 
 
+def _spec_of(name: str, fit: Fit) -> ParameterSpec:
+    """What a constant of the ball or of a camera is."""
+    return CAMERA_SPECS.get(name.partition("[")[0]) or fit.problem.model.specs[name]
+
+
+# Values that a tilt moves which are named.
+TILTED = 3
+TILT_ADVICE = "if balls were filmed, state tilt in [camera] of the scene"
+
+
+def tilt_line(fit: Fit) -> list[str]:
+    """What a tilt of the camera would move of which nothing is stated."""
+    found = fit.assumptions
+    if found is None or found.tilt is None:
+        return []
+    ends = found.tilt.parameters
+    moves = {
+        name: max(abs(end - item.own.median) for end in ends[name]) / item.own.sd
+        for name, item in found.parameters.items()
+        if name in ends and item.own.sd > 0.0
+    }
+    what = f"A camera tilted by {math.degrees(found.tilt.high):.2g} deg would move"
+    if not moves:
+        return [f"{what} no value by more than 1 sd."]
+    strongest = sorted(moves, key=lambda name: -moves[name])[:TILTED]
+    more = f" and {len(moves) - TILTED} more" if len(moves) > TILTED else ""
+    return [f"{what} {listed([f'{name} by {moves[name]:.1f} sd' for name in strongest])}{more}: {TILT_ADVICE}."]
+
+
 def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
     """Each constant with the quantities that depend on it."""
     rows = []
     for constant in found.constants:
-        own = handy(constant.name, fit.problem.model.specs[constant.name].unit)
+        own = handy(constant.name, _spec_of(constant.name, fit).unit)
         digits = decimals(0.1 * (own.factor * constant.high - own.factor * constant.low))
         low, high, value = (own.fixed(at, digits) for at in (constant.low, constant.high, constant.value))
         for name, scale, ends in quantities(fit, constant.parameters, constant.court_pace):

@@ -17,6 +17,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from uncertainties.formatting import PDG_precision
 
+from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.parameters import NOISE_SPECS
 from fitball.inference.results.evidence import Profile
 from fitball.inference.results.quantiles import Spread
@@ -143,7 +144,7 @@ class Scale:
 # Other units than SI in which people read parameters and columns of a rebound, by name.
 HANDY: Mapping[str, Scale] = {
     item.name: Scale(*item.handy)
-    for registry in (SPECS, NOISE_SPECS, OBSERVABLES)
+    for registry in (SPECS, NOISE_SPECS, OBSERVABLES, CAMERA_SPECS)
     for item in registry.values()
     if item.handy is not None
 } | {"k_theta/k_y": Scale("cm^2/rad", 1e4)}

@@ -20,6 +20,7 @@ from fitball.errors import FitballError, ParameterError, ResultFolderError
 from fitball.inference.assemble import rests_on
 from fitball.inference.likelihood.posterior import log_likelihood
 from fitball.inference.prediction.posterior_predictive import predictive, predictive_generator
+from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.parameters import NOISE_SPECS, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.assumptions import CONTACT_TIME, own_prior
@@ -253,8 +254,8 @@ def _contradiction(fit: Record) -> str | None:
 
 
 def spec_of(name: str) -> ParameterSpec | None:
-    """Bounds and prior of a parameter of a model or of its noise; None for one that only this fit has."""
-    return NOISE_SPECS.get(name) or parameter_spec(name)
+    """Bounds and prior of a parameter of a model, its noise or a camera; None for one that only this fit has."""
+    return NOISE_SPECS.get(name) or CAMERA_SPECS.get(name.partition("[")[0]) or parameter_spec(name)
 
 
 def beyond(spec: ParameterSpec | None, values: FloatArray) -> bool:

@@ -1,4 +1,5 @@
-"""What depends on a constant of the ball that the data hardly determine: its mass, its radius, its moment of inertia.
+"""What depends on a constant that the data hardly determine: mass, radius and moment of inertia of the ball, and
+what a camera was held to.
 
 To first order, from the draws of the fit itself. Of a constant that is held, the posterior mean of a quantity moves
 by its covariance with the slope of the log density over that constant (Gustafson 1996, *Ann. Statist.* 24, 174); of
@@ -7,6 +8,7 @@ one that is free under a normal prior, by its covariance with the constant over 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -17,6 +19,8 @@ from fitball.inference.identifiability.derived import quantities
 from fitball.inference.identifiability.information import first_order_draws
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.prediction.court_pace import pace_by_surface
+from fitball.inference.problem.camera import CAMERA_SPECS, CLOCK, HEIGHT, SCALE, TILT, View
+from fitball.inference.problem.parameters import Parameter, parse_prior
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.assumptions import Constant
@@ -42,22 +46,39 @@ STEP = 0.01
 MOVED = 1.0
 
 
-def ball_constants(
+# By how much a camera may be off that nobody looked at: half a degree of tilt, a ruler read to 1 %, a clock to 0.1 %,
+# a court whose height was clicked to 3 mm.
+CAMERA_REACH: Mapping[str, float] = {TILT: math.radians(0.5), SCALE: 0.01, CLOCK: 0.001, HEIGHT: 0.003}
+
+
+def constants(
     problem: Problem, point: PointFit, posterior: Posterior | None, rng: np.random.Generator
-) -> tuple[Constant, ...]:
-    """The constants of the ball that move something, and what over which range."""
+) -> tuple[tuple[Constant, ...], Constant | None]:
+    """The constants of ball and camera that move something, and what over which range; and what a tilt of the camera
+    would move, None where something is known of that, or there is no motion along the court.
+    """
     count = DRAWS if problem.force is None else RECORDED
     values = first_order_draws(problem, point, count, rng) if posterior is None else thinned(posterior, count)
+    seen = () if problem.camera is None else tuple(problem.camera.names)
     found = (
-        *(_free(problem, values, name) for name in BALL_PARAMETERS if name in problem.free_names),
+        *(_free(problem, values, name) for name in (*BALL_PARAMETERS, *seen) if name in problem.free_names),
         *(_held(problem, values, *constant) for constant in _ranges(problem)),
     )
-    return tuple(constant for constant in found if constant.parameters or constant.court_pace)
+    tilt = None
+    if problem.table.has_tangential and not problem.model.needs_cor and TILT not in map(_key, seen):
+        reach = CAMERA_REACH[TILT]
+        tilt = _held(problem, values, TILT, 0.0, (-reach, reach))
+    return tuple(constant for constant in found if constant.parameters or constant.court_pace), tilt
+
+
+def _key(name: str) -> str:
+    """What a parameter of a session is."""
+    return name.partition("[")[0]
 
 
 def _ranges(problem: Problem) -> Iterator[tuple[str, float, tuple[float, float]]]:
     """Name, value, and range of each constant that is held: two of its sds where the scene states them, else the
-    ITF's tolerance, or what shells allow.
+    ITF's tolerance, or what shells allow; of a camera `CAMERA_REACH`.
     """
     scene = problem.scene
     held = {item.name: item.fixed for item in problem.parameters if item.fixed is not None}
@@ -73,18 +94,34 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, tuple[float, float]]
         # Of a ball of another kind nothing is known but what the scene states.
         elif low <= value <= high:
             yield name, value, (low, high)
+    for name, value in held.items():
+        if (reach := CAMERA_REACH.get(_key(name))) is not None:
+            yield name, value, (value - reach, value + reach)
 
 
 def _with(problem: Problem, name: str, value: float) -> Problem:
-    """The problem of a ball whose constant `name` is another."""
+    """The problem of a ball or a camera whose constant `name` is another."""
     if any(item.name == name for item in problem.parameters):
         changed = tuple(replace(item, fixed=value) if item.name == name else item for item in problem.parameters)
         return replace(problem, parameters=changed)
+    if name in CAMERA_SPECS:
+        return with_tilt(problem, value)
     given, ball = problem.model, problem.model.ball
     known = {"ball_mass": ball.mass, "ball_radius": ball.radius, "inertia_ratio": ball.inertia_ratio, name: value}
     mass, radius, ratio = known.values()
     other = Ball(mass, radius, ratio * mass * radius**2)
     return replace(problem, model=model(given.name, ball=other, tangential=given.tangential, **given.options))
+
+
+def with_tilt(problem: Problem, tilt: float) -> Problem:
+    """The problem as if its camera, of whose tilt nothing is stated, were tilted."""
+    known = problem.camera or View((), ("",), np.zeros(len(problem.impacts), dtype=np.int64))
+    wider = replace(known, keys=(*known.keys, TILT))
+    spec = CAMERA_SPECS[TILT]
+    prior = parse_prior(TILT, spec.prior, spec.lower, spec.upper, spec.unit)
+    names = (wider.name(TILT, session) for session in wider.sessions)
+    added = tuple(Parameter(replace(spec, name=name), prior, tilt, "supposed") for name in names)
+    return replace(problem, camera=wider, parameters=(*problem.parameters, *added))
 
 
 def _held(problem: Problem, values: FloatArray, name: str, value: float, ends: tuple[float, float]) -> Constant:
