@@ -195,7 +195,8 @@ def test_contradictions_name_what_to_write(tmp_path, monkeypatch, capsys):
 
 def test_the_scene_says_what_is_known_of_each(tmp_path):
     # No contact is known to 60 ms.
-    sizes = {name: 0.01 * (k + 1) for k, name in enumerate(NOISE_OF.values())} | {"contact_time_sd": 0.001}
+    sizes = {name: 0.01 * (k + 1) for k, name in enumerate(NOISE_OF.values())}
+    sizes |= {"contact_time_sd": 0.001, "gap_time_sd": 0.001}
     known = "\n".join(f"{name} = {size}" for name, size in sizes.items())
     place = tmp_path / "scene.toml"
     place.write_text(f'[measurement]\nvelocity_noise = "separate"\n{known}\n', encoding="utf-8")
@@ -316,7 +317,7 @@ def test_the_noise_of_what_was_not_measured_follows(of, back):
     """Against errors drawn and carried through: what is predicted beside the columns that were calibrated on."""
     v_x, v_y = np.array([9.0, 4.0]), np.array([3.0, 7.0])
     zero = np.zeros((1, 2))
-    rebound = Rebound(v_x[None], v_y[None], zero, zero, zero.astype(int), zero.astype(int))
+    rebound = Rebound(v_x[None], v_y[None], *[zero] * 5, zero.astype(int), zero.astype(int))
     sizes = {NOISE_OF[name]: size for name, size in zip(of, (4e-3, 1e-3), strict=True)}
     rng = np.random.default_rng(4)
     first, second = (
