@@ -19,7 +19,7 @@ def compare(problem: Problem, steps: int, seed: int) -> pd.DataFrame:
     `shift` is the difference of the medians in units of the latent sd, `width` the ratio of the sds. The first half
     of `steps` is warm-up. Raises FitError for a problem without incident errors. Some minutes for seven impacts.
     """
-    if problem.incident is None:
+    if problem.errors is None:
         raise FitError("this table states no error of the incident state: there is nothing to compare")
     rng = np.random.default_rng(seed)
     start = _start(problem, rng)
@@ -64,7 +64,7 @@ def _sampled(density: object, start: FloatArray, steps: int, rng: np.random.Gene
 
 def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     """Log density of parameters and of the incident states, these in principal axes and standard deviations."""
-    assert problem.incident is not None
+    assert problem.errors is not None
     count = len(problem.impacts)
     total = problem.prior.log_density(at[:, : problem.dimension])
     z = at[:, problem.dimension :].reshape(-1, count, 3)
@@ -72,7 +72,7 @@ def _log_latent(problem: Problem, at: FloatArray) -> FloatArray:
     inside = np.flatnonzero(np.isfinite(total))
     values = problem.to_values(at[inside, : problem.dimension])
     columns = problem.all_values(values)
-    root = roots(problem.incident)
+    root = roots(problem.errors.incident)
     states, possible = displaced(problem.impacts.states(), np.einsum("pij,dpj->dpi", root, z[inside]))
     rebound = problem.rebound_like(columns, states, np.arange(count))
     found = np.zeros(len(inside))

@@ -38,6 +38,7 @@ def test_one_impact_to_files_and_json(tmp_path, capsys):
     assert told["rebound"]["omega_2"] == pytest.approx(rebound.omega_2[0], rel=1e-12)
     assert told["regime"] == fitball.regime_name(rebound.regime[0]) == "slide"
     assert told["phases"][-1]["end"] == told["contact_time"] == rebound.contact_time[0]
+    assert told["gaps"] == {name: getattr(rebound, name)[0] for name in ("gap_time", "gap_path", "gap_turn")}
     assert {item.name for item in out.iterdir()} == {"history.png", "history.csv", "simulate.json"}
     assert json.loads((out / "simulate.json").read_text()) == json.loads(said.out)
     assert table.read_bytes() == (out / "history.csv").read_bytes()
@@ -78,6 +79,11 @@ def test_the_table_says_when_and_what(tmp_path, monkeypatch, capsys):
         assert f"{1e3 * span.end:.4f}" in said and f"{span.end_share:.4f}" in said
     assert f"{found.peak_force.value:.1f} N" in said and f"{1e3 * found.peak_compression.value:.2f} mm" in said
     assert "stops the shell at once" in said
+    between = fitball.model().rebound(chosen_parameters(fitball.model(), {}), fitball.impacts(12.0, 10.0, 50.0))
+    lines = [" ".join(line.split()) for line in said.splitlines()]
+    assert f"time between the flights {1e3 * between.gap_time[0]:.3f} ms" in lines
+    assert f"path between the flights {1e3 * between.gap_path[0]:.2f} mm" in lines
+    assert f"turn between the flights {np.degrees(between.gap_turn[0]):.2f} deg" in lines
 
 
 MISUSE = [
@@ -99,6 +105,7 @@ MISUSE = [
     (["--impact", "v=17, theta=18", "--format", "jpg"], "unknown format 'jpg'"),
     (["--impact", "v=17, theta=18", "--fit", "nowhere", "--set", "mu=1"], "leave out --model and --set"),
     (["--impact", "v=17, theta=18", "--fit", "nowhere"], "no such file"),
+    (["--map", "v=17", "--model", "brody", "--contours", "gap_turn"], "model brody does not compute it"),
     (["--example", "fig7"], "unknown example 'fig7'"),
     (["--example", "fig8", "--impact", "v=17, theta=18"], "leave out --impact"),
     ([], "simulate needs an impact"),
@@ -133,16 +140,21 @@ def test_bands_are_the_quantiles_of_the_draws():
     found = simulate_fit(made, impact, draws=60)
     assert (found.band.draws, found.band.failed) == (59, 1)
     share = found.shares[123]
-    spins, contacts = [], []
+    spins, contacts, paths = [], [], []
     for row in made.draws[1:]:
         values = dict(zip(made.model.parameter_names, row, strict=False))
-        contact = float(made.model.rebound(values, impact).contact_time[0])
+        rebound = made.model.rebound(values, impact)
+        contact = float(rebound.contact_time[0])
+        paths.append(float(rebound.gap_path[0]))
         spins.append(float(made.model.history(values, impact, share * contact).omega_2[0]))
         contacts.append(contact)
     np.testing.assert_allclose(
         found.band.quantiles["omega_2"][:, 123], np.quantile(spins, (0.025, 0.16, 0.5, 0.84, 0.975))
     )
     np.testing.assert_allclose(found.band.contact_time, np.quantile(contacts, (0.025, 0.16, 0.5, 0.84, 0.975)))
+    np.testing.assert_allclose(found.band.gaps["gap_path"], np.quantile(paths, (0.025, 0.16, 0.5, 0.84, 0.975)))
+    low, high = 1e3 * found.band.gaps["gap_path"][[0, -1]]
+    assert f"95 %: {low:.2f} to {high:.2f} mm" in render([found])
     assert sum(found.band.regimes.values()) == pytest.approx(1.0)
     assert simulate_fit(made, impact, draws=10).band.draws <= 10
     assert simulate_fit(fitted(0), impact).band is None

@@ -27,7 +27,7 @@ from fitball.data.units import DEFAULT_UNIT, Dimension, symbols
 from fitball.inference import calibrate
 from fitball.inference.adequacy import describe, looks, refit
 from fitball.inference.adequacy import words as adequacy_words
-from fitball.inference.assumptions import constants
+from fitball.inference.assumptions import constants as constant_ranges
 from fitball.inference.assumptions import look as assumptions_look
 from fitball.inference.comparison import left_out
 from fitball.inference.identifiability import examine, profile, verdict
@@ -95,8 +95,8 @@ DECIDING = {
     "impacts up to which alternatives are drawn": assumptions_look.ROWS,
     "free parameters up to which alternatives are drawn": assumptions_look.DIMENSIONS,
     "sds by which a value depends on a choice": assumption_values.MOVED,
-    "sds by which a value depends on a constant": constants.MOVED,
-    "sds of a constant to each side": constants.REACH,
+    "sds by which a value depends on a constant": constant_ranges.MOVED,
+    "sds of a constant to each side": constant_ranges.REACH,
     "share of information kept without priors of others": examine.VANISHED,
     "degrees of freedom of an undetermined noise": verdict.LEAST_FREEDOM,
     "standard errors between several fits": examine.APART,

@@ -163,6 +163,18 @@ def test_a_wrong_port_fails_its_own_test(language, tmp_path):
         assert done.returncode == 1 and "FAILED" in done.stdout
 
 
+@pytest.mark.parametrize("language", ALL)
+def test_a_wrong_gap_fails_a_ports_own_test(language, tmp_path):
+    """Time, path and turn between the flights: each is compared, in all languages."""
+    port = port_of(fitted("two-mass"))
+    assert self_tested(language, port, tmp_path).returncode == 0
+    for place in (8, 9, 10):
+        wrong = list(port.golden[0])
+        wrong[place] *= 1.0 + 1e-10
+        done = self_tested(language, replace(port, golden=[wrong, *port.golden[1:]]), tmp_path)
+        assert done.returncode == 1 and "FAILED" in done.stdout, place
+
+
 def python_module(whole, place):
     return loaded(port_of(whole), place)
 
@@ -177,7 +189,7 @@ def loaded(port, place):
 
 def test_faces_refuse_what_is_no_impact(tmp_path):
     module = python_module(fitted("grip-slip"), tmp_path / "port.py")
-    assert module.rebound(12.0, 9.0, 20.0)[3:] == (None, "grip", 0)
+    assert module.rebound(12.0, 9.0, 20.0)[3:] == (None, "grip", 0, None, None, None)
     assert module.rebound(20.0, 3.0, 0.0)[4] == "slide"
     for bad in ((math.nan, 9.0, 0.0), (10.0, -1.0, 0.0), (10.0, 5.0, math.inf)):
         with pytest.raises(ValueError, match="v_y1 >= 0 towards the court"):
@@ -195,9 +207,10 @@ def test_a_drop_test_ports_its_vertical_motion(tmp_path):
 def test_python_results_have_names_and_are_tuples_still(tmp_path):
     module = python_module(fitted("two-mass"), tmp_path / "port.py")
     found = module.rebound(12.0, 9.0, 20.0)
-    v_x2, v_y2, omega_2, contact_time, regime, extrapolated = found
+    v_x2, v_y2, omega_2, contact_time, regime, extrapolated, gap_time, gap_path, gap_turn = found
     assert (found.v_x2, found.v_y2, found.omega_2) == (v_x2, v_y2, omega_2)
     assert (found.contact_time, found.regime, found.extrapolated) == (contact_time, regime, extrapolated)
+    assert (found.gap_time, found.gap_path, found.gap_turn) == (gap_time, gap_path, gap_turn)
     assert found._asdict()["regime"] == regime == "slide-grip-slide back"
     assert repr(found).startswith(f"Rebound(v_x2={v_x2!r}, ")
 
@@ -212,8 +225,9 @@ def test_javascript_by_name_as_script_and_as_module(tmp_path):
     script += "console.log(JSON.stringify([selfTest().passed, rebound(12, 9, 20), V_Y1_HIGH, said]));"
     passed, found, high, said = json.loads(run([NODE, "--input-type=module", "-e", script], tmp_path))
     assert passed and high == port.valid.high and "v_y1 >= 0 towards the court" in said
-    assert list(found) == ["v_x2", "v_y2", "omega_2", "contact_time", "regime", "extrapolated"]
-    assert (found["contact_time"], found["regime"], found["extrapolated"]) == (None, "grip", 0)
+    assert list(found) == [*OUTPUTS, "regime", "extrapolated"]
+    assert {found[name] for name in OUTPUTS[3:]} == {None}
+    assert (found["regime"], found["extrapolated"]) == ("grip", 0)
     plain = (
         "new Function(require('fs').readFileSync('bounce.js') + '; return RedClayBounce')().rebound(12, 9, 20).v_y2"
     )

@@ -69,7 +69,7 @@ def by_quadrature(problem, values, k):
     weight = -0.5 * np.sum(mesh * mesh, axis=1)
     weight -= logsumexp(weight)
     kept = weight > -25.0
-    moves = mesh[kept] @ regime_mixture.roots(problem.incident)[k].T
+    moves = mesh[kept] @ regime_mixture.roots(problem.errors.incident)[k].T
     rows = np.full(kept.sum(), k)
     made = problem.rebound_like(
         problem.all_values(values), regime_mixture.shifted(problem.impacts, moves, rows), rows
@@ -119,7 +119,7 @@ def test_first_order_away_from_a_kink_and_a_mixture_near_it(model):
         np.abs(
             regime_mixture.crossings(
                 lambda given, rows: problem.rebound_like(columns, given, rows), problem.impacts,
-                regime_mixture.roots(problem.incident), problem.rebound(values),
+                regime_mixture.roots(problem.errors.incident), problem.rebound(values),
             )[0]
         ) > 0.0, axis=1,
     )  # fmt: skip
@@ -203,7 +203,7 @@ def test_exact_incidence_is_the_limit_of_small_errors():
     problem = problem_of(table, "two-mass")
     exact = problem_of(table, "two-mass", incident_errors=False)
     values = at_truth(problem)
-    assert exact.incident is None
+    assert exact.errors is None
     assert total(problem, values) == pytest.approx(total(exact, values), rel=1e-9)
 
 
@@ -227,7 +227,7 @@ def gaussian_information(problem, coordinates):
     (Kay 1993, 3.31), no whitening.
     """
     rows, step = np.arange(len(problem.impacts)), 1e-5
-    covariance = problem.incident
+    covariance = problem.errors.incident
 
     def law(x):
         values = problem.to_values(x[None, :])
@@ -275,7 +275,7 @@ def test_information_is_the_scatter_of_the_slope_of_the_likelihood_over_simulate
     x, steps = problem.to_coordinates(at)[0], 1e-4 * np.diag(problem.prior.width)
     around = problem.to_values(np.concatenate([x + steps, x - steps]))
     rebounds, columns = problem.rebound(around), problem.all_values(at)
-    root, slopes = regime_mixture.roots(problem.incident), []
+    root, slopes = regime_mixture.roots(problem.errors.incident), []
     for _ in range(250):
         moves = np.einsum("pij,pj->pi", root, rng.standard_normal((12, 3)))
         made = problem.rebound_like(columns, regime_mixture.shifted(problem.impacts, moves, rows), rows)
@@ -303,7 +303,7 @@ def test_new_measurements_of_an_impact_share_the_errors_of_its_incidence():
     problem = problem_of(table, "grip-slip")
     draws, rng = 4000, np.random.default_rng(3)
     drawn = replicated(problem, np.repeat(at_truth(problem), draws, axis=0), rng).measurements
-    columns, root = problem.all_values(at_truth(problem)), regime_mixture.roots(problem.incident)
+    columns, root = problem.all_values(at_truth(problem)), regime_mixture.roots(problem.errors.incident)
     for row in range(2):
         moves = rng.standard_normal((draws, 3)) @ root[row].T
         rows = np.full(draws, row)

@@ -24,7 +24,7 @@ from fitball.exports.port.languages import javascript_script
 from fitball.exports.port.port import make_port
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.reach import total_rebound, valid_range
-from fitball.models.types import regime_name
+from fitball.models.types import OUTPUTS, regime_name
 from fitball.report.form.palette import PHASES
 from fitball.values import Impacts
 
@@ -133,8 +133,11 @@ def test_the_pages_numbers_are_those_of_the_kernel(browser, pages, models, name)
         assert int(found["extrapolated"]) == int(outside[0])
         for output in ("v_x2", "v_y2", "omega_2") if model.tangential else ("v_y2",):
             assert found[output] == pytest.approx(getattr(rebound, output)[0, 0], rel=1e-10, abs=1e-9), (own, output)
-        if model.model.has_time:
-            assert found["contact_time"] == pytest.approx(rebound.contact_time[0, 0], rel=1e-10)
+        timed = ["contact_time"] * model.model.has_time + ["gap_time"] * model.model.has_gaps
+        timed += ["gap_path", "gap_turn"] * (model.model.has_gaps and model.tangential)
+        assert [name for name in found if name in OUTPUTS[3:]] == timed
+        for output in timed:
+            assert found[output] == pytest.approx(getattr(rebound, output)[0, 0], rel=1e-10, abs=1e-12)
     browser.call("Page.close", session)
 
 

@@ -107,10 +107,10 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     (made,) = read(planned, draws, [sensor])
     found = shared_covariance(planned, made.columns, made.rebound, sensor.columns)[0, 0]
     # Errors of this size are those of a typical impact: its speed, direction and spin.
-    assert planned.incident is not None
+    assert planned.errors is not None
     # They are as large in speed and direction for every impact, whatever its speed.
     along = np.array([28.8, 8.3]) / np.hypot(28.8, 8.3)
-    turned = planned.incident[0][:2, :2]
+    turned = planned.errors.incident[0][:2, :2]
     known_sds = []
     for v_x, v_y in zip(problem.impacts.v_x1, problem.impacts.v_y1, strict=True):
         ahead = np.array([v_x, v_y]) / np.hypot(v_x, v_y)
@@ -121,7 +121,7 @@ def test_an_uncertain_incident_state_adds_its_scatter(known, briefly):
     assert along @ turned @ along == pytest.approx(typical[0] ** 2)
     aside = np.array([-along[1], along[0]])
     assert aside @ turned @ aside == pytest.approx((typical[1] * np.hypot(28.8, 8.3)) ** 2)
-    states = np.random.default_rng(8).multivariate_normal([28.8, 8.3, 0.0], planned.incident[0], 4000)
+    states = np.random.default_rng(8).multivariate_normal([28.8, 8.3, 0.0], planned.errors.incident[0], 4000)
     rebound = problem.rebound(problem.to_values(draws), Impacts(*states.T))
     columns = np.stack([column.column.predict(rebound)[0] for column in sensor.columns])
     assert np.sqrt(np.diag(found)) == pytest.approx(columns.std(axis=1), rel=0.06)

@@ -85,7 +85,7 @@ def test_uncertain_incidence_is_profiled_with_the_spread_it_gives():
     covariance = np.zeros((12, 3, 3))
     covariance[:, 1, 1] = 0.2**2
     problem = line(replace(table, incident_covariance=covariance, incident_sd={"v_y1": np.full(12, 0.2)}))
-    assert problem.incident is not None
+    assert problem.errors is not None
     found = profiles(problem, [LINE])
     v, y = table.impacts.v_y1, table.measurements[0].values
 

@@ -286,7 +286,9 @@ def test_a_course_through_time(folder, point_fit):
     assert rebound["v_x2"] == pytest.approx(told.v_x2[0, 0], rel=1e-9)
     assert "contact time" in course.report() and len(course.plot().axes) >= 4 and plt.get_fignums() == []
     levels = np.arange(5.0)
-    band = Band({name: np.tile(levels[:, None], 401) for name in COURSES}, levels, {"slide": 1.0}, draws=9, failed=0)
+    band = Band(
+        {name: np.tile(levels[:, None], 401) for name in COURSES}, levels, {}, {"slide": 1.0}, draws=9, failed=0
+    )
     told = replace(course, simulations=(replace(course.simulations[0], band=band),))
     # As all files name them.
     names = ["q025", "q16", "median", "q84", "q975"]

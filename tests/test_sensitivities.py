@@ -139,5 +139,5 @@ def test_errors_of_the_incident_state_and_force_records_keep_differences():
     problem = problem_of("wang_all.csv")
     assert differentiable(problem)
     assert not differentiable(replace(problem, force=object())) and not differentiable(
-        replace(problem, incident=object())
+        replace(problem, errors=object())
     )

@@ -316,7 +316,7 @@ def test_the_noise_of_what_was_not_measured_follows(of, back):
     """Against errors drawn and carried through: what is predicted beside the columns that were calibrated on."""
     v_x, v_y = np.array([9.0, 4.0]), np.array([3.0, 7.0])
     zero = np.zeros((1, 2))
-    rebound = Rebound(v_x[None], v_y[None], zero, zero, zero.astype(int), zero.astype(int))
+    rebound = Rebound(v_x[None], v_y[None], *[zero] * 5, zero.astype(int), zero.astype(int))
     sizes = {NOISE_OF[name]: size for name, size in zip(of, (4e-3, 1e-3), strict=True)}
     rng = np.random.default_rng(4)
     first, second = (

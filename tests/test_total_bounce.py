@@ -83,6 +83,32 @@ def _call(function, states, cor):
     return found
 
 
+@pytest.mark.parametrize("normal", ["momentum", "total"])
+def test_beyond_the_range_gaps_scale_as_the_motion_does(normal):
+    """Beyond its range a bounce is that of a ball whose restitution and offset are those of the end at all speeds.
+    This ball bounces by the kernel itself; time, path and turn between the flights are its own there.
+    """
+    line, states = (
+        fitted("two-mass", normal=normal),
+        np.array([[21.0, 15.0, 40.0], [8.0, 3.0, -200.0], [30.0, 1.0, 300.0]]),
+    )
+    values, valid = dict(zip(line.names, line.point, strict=True)), valid_range(line)
+    for end, factor, flat in ((valid.high, 3.0, 1.0), (valid.low, 0.2, 1e-13)):
+        held = {"eps_10": values["eps_10"] + values["eps_slope"] * (end - 10.0), "eps_slope": 0.0, "cor_slope": 0.0,
+                "cor_10": values["cor_10"] + values["cor_slope"] * (end - 10.0)}  # fmt: skip
+        other = replace(line, point=np.array([held.get(name, values[name]) for name in line.names]))
+        there = states / states[:, 1:2] * factor * end
+        # At the lower end so flat that it grazes.
+        there[-1, 1] *= flat
+        given = Impacts(*there.T)
+        found, outside = total_rebound(line, valid, given)
+        meant = other.rebound(given)
+        assert outside.all() and np.all(meant.status == 0)
+        for name in ("gap_time", "gap_path", "gap_turn"):
+            np.testing.assert_allclose(getattr(found, name)[0], getattr(meant, name)[0], rtol=1e-9)
+        assert np.ptp(found.gap_time) < 1e-9 * found.gap_time.max()
+
+
 def states_of_play(count=5_000):
     """Speeds from 0 to 100 m/s in all directions with all spins: edges, a grid, and random ones."""
     rng = np.random.default_rng(12)

@@ -9,9 +9,12 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
+from test_export_ports import fitted
 
 import fitball
 from fitball.cli.main import main
+from fitball.inference.prediction.outputs import check_port, expected_outputs
+from fitball.inference.prediction.outputs import golden as golden_of
 
 OUTPUTS = ["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]
 
@@ -108,6 +111,23 @@ def test_a_wrong_sign_unit_or_precision_fails_in_its_column_alone(golden, verify
     assert code == 1 and wrong == {column.partition(" ")[0]}
 
 
+def test_gaps_are_compared_by_what_the_ball_goes_between_its_flights():
+    """A path or a turn may be zero; a model without gaps expects none."""
+    ball = fitted("two-mass")
+    exact = golden_of(ball, ball.impacts)
+    expected = expected_outputs(ball, exact)
+    assert {"gap_time", "gap_path", "gap_turn"} <= set(expected)
+    assert check_port(ball, exact, expected, None, 1e-15).passed
+    given, between = exact.impacts, exact.rebound.gap_time
+    speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (ball.ball.radius * given.omega_1) ** 2)
+    for name, scale in (("gap_time", between), ("gap_path", speed * between),
+                        ("gap_turn", speed * between / ball.ball.radius)):  # fmt: skip
+        check = check_port(ball, exact, {name: expected[name] + 1e-6 * scale}, None, 1e-7)
+        np.testing.assert_allclose(check.relative, 1e-6, rtol=1e-6)
+    rigid = fitted("grip-slip")
+    assert not any(name.startswith("gap") for name in expected_outputs(rigid, golden_of(rigid, rigid.impacts)))
+
+
 def test_bad_files_are_explained(golden, verify):
     cases = [
         (golden.drop(columns=[*OUTPUTS, "regime"]), "no rebound column"),
@@ -115,6 +135,7 @@ def test_bad_files_are_explained(golden, verify):
         (golden.iloc[:5], "no row 'golden-6'"),
         (golden.assign(id=["golden-1"] * 12), "repeated"),
         (golden.assign(contact_time=0.005), "has no contact time"),
+        (golden.assign(gap_path=0.05), "has no path between the flights"),
         (
             golden.assign(**{"v_x2 [m/s]": ["fast"] * 12}),
             "12 rows (first: row 1, line 2), column 'v_x2': read 'fast'",

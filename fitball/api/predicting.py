@@ -162,7 +162,8 @@ def foretell(
     observables, unused = observed_observables(fitted, table) if table is not None else ((), ())
     cells = {} if table is None else table.labels
     at = levels_of_impacts(fitted, len(new.impacts), levels or {}, cells, new.ids)
-    prediction = predict_new(fitted, new.impacts, observables, seed, covariance, at)
+    together = None if table is None else table.covariance
+    prediction = predict_new(fitted, new.impacts, observables, seed, covariance, at, together)
     prediction = with_assumptions(prediction, fitted, saved.assumptions)
     # What limits every prediction comes first: a terminal shows a few.
     point = saved.status is RunStatus.POINT_ONLY

@@ -36,6 +36,7 @@ from fitball.inference.results.results import Fit, RunStatus, Verdict
 from fitball.kinds import checked
 from fitball.models.registry import model
 from fitball.models.specs import DEFAULT_MODEL
+from fitball.observables import OBSERVABLES
 from fitball.report.form.files import csv_text, json_text, refuse_existing, write_text
 from fitball.report.form.folders import clear_folder, held
 from fitball.report.history import document
@@ -309,7 +310,7 @@ def regimes_of(subject: Subject, asked: str, contours: str | None) -> Regimes:
     if chosen not in contour_names():
         raise ParameterError(f"unknown quantity '{chosen}': {suggestion(chosen, contour_names())}")
     window, (speed, angle, spin) = parse_window(asked), (SPEED, ANGLE, SPIN)
-    if chosen == "contact_time" and not subject.fitted.model.has_time:
+    if not subject.fitted.model.gives(OBSERVABLES[chosen]):
         raise ParameterError(f"{option('contours', chosen)}: model {subject.fitted.model.name} does not compute it")
     if subject.saved is not None:
         impacts = subject.saved.impacts

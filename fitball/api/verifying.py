@@ -29,7 +29,8 @@ DEFAULT_TOLERANCE = 1e-9
 REPEATED = 1e-6
 EXPLANATION = (
     "Relative: differences of speeds, and of spins times the radius, are divided by the incident speed of centre\n"
-    "and surface, contact times by their own value. Angles are in radians. Double precision reaches 1e-12."
+    "and surface, times by their own value, path and turn between the flights by what that speed goes in between.\n"
+    "Angles are in radians. Double precision reaches 1e-12."
 )
 
 

@@ -167,8 +167,8 @@ SIMULATE = Verb(
         Group("output", (
             option(
                 "--contours", "NAME",
-                "output drawn as contours in --map: v_x2, v_y2, v_2, theta_2, omega_2 or contact_time (default: "
-                "theta_2)",
+                "output drawn as contours in --map: v_x2, v_y2, v_2, theta_2, omega_2, contact_time, gap_time, "
+                "gap_path or gap_turn (default: theta_2)",
             ),
             option(
                 "--out", "DIR",

@@ -394,12 +394,12 @@ VERIFY = Verb(
     ),
     run_verify,
     """PORT.csv has one row for each golden impact, and any of the columns v_x2, v_y2, omega_2, contact_time,
-v_2, theta_2, regime. Units are written as in impact tables; without a unit they are m/s, rad/s, s and deg. Rows are
-matched by a column id, or else by their order.
+gap_time, gap_path, gap_turn, v_2, theta_2, regime. Units are written as in impact tables; without a unit they are
+m/s, rad/s, s, m and deg. Rows are matched by a column id, or else by their order.
 
 The tolerance is relative. Differences of speeds are divided by the incident speed, of spins by the incident speed
-over the radius, and of contact times by their own value. Two double-precision programs agree to 1e-12; 1e-9 allows
-for ten printed digits.
+over the radius, of times by their own value, and of gap_path and gap_turn by what the incident speed goes in
+gap_time. Two double-precision programs agree to 1e-12; 1e-9 allows for ten printed digits.
 
 examples:
   fitball export fits/wang_all/two-mass --to golden --inputs-only --out impacts.csv

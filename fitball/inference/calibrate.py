@@ -127,9 +127,11 @@ def fingerprint(problem: Problem, effort: Effort) -> str:
         "offsets": None
         if problem.group_bias is None
         else [problem.group_bias.column, problem.group_bias.index.tolist()],
-        "incident": None if problem.incident is None else problem.incident.tolist(),
+        "incident": problem.errors.incident.tolist() if problem.errors is not None and problem.uncertain else None,
         "sampler": [settings.walkers, settings.ensembles, settings.seed, settings.schedule.warm_up],
     }
+    if problem.errors is not None and problem.errors.columns:
+        content["errors"] = [problem.errors.columns, problem.errors.follows.tolist(), problem.errors.rest.tolist()]
     if problem.table.flipped:
         content["flipped"] = problem.table.flipped
     if problem.table.ignored:

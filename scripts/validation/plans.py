@@ -113,7 +113,7 @@ def planned_from(name: str, case: Case, fit: Fit, seed: int) -> Ready:
     """Plan from a fit, with what plan and table promise. Raises FitError for a fit whose table cannot be extended."""
     problem, asked = fit.problem, case.asked(seed)
     known = knowledge(problem, fit.posterior, np.random.default_rng(seed))
-    if known.problem is not problem or problem.pooling or problem.incident is not None or problem.force is not None:
+    if known.problem is not problem or problem.pooling or problem.errors is not None or problem.force is not None:
         raise FitError(f"{case.words}: the study extends tables without groups, levels and uncertain incidence only")
     plan = make_plan(problem, fit.posterior, asked)
     sensor = as_before(problem) if case.sensor is None else parse_sensor(problem, case.sensor)

@@ -60,12 +60,17 @@ BEYOND_SPEEDS, BEYOND_RESTITUTION, WITHOUT_TWIST = 1, 2, 4
 
 
 class Solved(NamedTuple):
-    """One impact as a port answers it: `status` is 0 or says why the rest is NaN; `regime` packed phases."""
+    """One impact as a port answers it: `status` is 0 or says why the rest is NaN; `regime` packed phases. The times
+    are NaN for models without them, and so are path and turn between the flights.
+    """
 
     v_x2: float
     v_y2: float
     omega_2: float
     contact_time: float
+    gap_time: float
+    gap_path: float
+    gap_turn: float
     regime: int
     extrapolated: int
     status: int
@@ -76,7 +81,7 @@ def fitted_impulse(
 ) -> Solved:
     """The fitted model as it is."""
     status, v_x2, v_y2, omega_2, regime = KERNEL(row, v_x1, v_y1, omega_1)
-    return Solved(v_x2, v_y2, omega_2, math.nan, regime, 0, status)
+    return Solved(v_x2, v_y2, omega_2, math.nan, math.nan, math.nan, math.nan, regime, 0, status)
 
 
 def fitted_two_mass(
@@ -89,8 +94,9 @@ def fitted_two_mass(
         solved = bounce(row, rigid, v_x1, v_y1, omega_1, cor, scratch, None)
         extrapolated = WITHOUT_TWIST
     return Solved(
-        solved.v_x2, solved.v_y2, solved.omega_2, solved.contact_time, solved.regime, extrapolated, solved.status
-    )
+        solved.v_x2, solved.v_y2, solved.omega_2, solved.contact_time, solved.gap_time, solved.gap_path,
+        solved.gap_turn, solved.regime, extrapolated, solved.status,
+    )  # fmt: skip
 
 
 def fitted_thesis(
@@ -102,7 +108,7 @@ def fitted_thesis(
         told = row[COR_10] + row[COR_SLOPE] * (v_y1 - ANCHOR)
     status, v_x2, v_y2, omega_2, contact_time, regime = thesis_bounce(row, codes[0], told, v_x1, v_y1, omega_1)
     if status == OK:
-        return Solved(v_x2, v_y2, omega_2, contact_time, regime, 0, status)
+        return Solved(v_x2, v_y2, omega_2, contact_time, math.nan, math.nan, math.nan, regime, 0, status)
     push = (1.0 + told) * v_y1
     inertia = row[BALL_INERTIA] / (row[BALL_MASS] * row[BALL_RADIUS] * row[BALL_RADIUS])
     stop = (v_x1 - row[BALL_RADIUS] * omega_1) * inertia / (1.0 + inertia)
@@ -114,14 +120,16 @@ def fitted_thesis(
     elif stop < -limit:
         phase = SLIDE_BACKWARD
     turned = omega_1 + lost / (inertia * row[BALL_RADIUS])
-    return Solved(v_x1 - lost, told * v_y1, turned, math.nan, phase, WITHOUT_TWIST, OK)
+    return Solved(
+        v_x1 - lost, told * v_y1, turned, math.nan, math.nan, math.nan, math.nan, phase, WITHOUT_TWIST, OK
+    )  # fmt: skip
 
 
 def total_bounce(
     row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
 ) -> Solved:
     """The rebound of any impact with finite numbers and `v_y1 >= 0`, see `prediction.reach.total_rebound`."""
-    bad = Solved(math.nan, math.nan, math.nan, math.nan, 0, 0, BAD_INPUT)
+    bad = Solved(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, 0, BAD_INPUT)
     if not (math.isfinite(v_x1) and math.isfinite(v_y1) and math.isfinite(omega_1) and v_y1 >= 0.0):
         return bad
     extrapolated = 0
@@ -139,19 +147,27 @@ def total_bounce(
     # So slow towards the court that friction changes nothing else.
     if v_y1 <= max(GRAZING * (abs(v_x1) + RADIUS * abs(omega_1)), TINY):
         grazed = FITTED(row, codes, rigid, 0.0, at_end, 0.0, told, scratch)
-        return Solved(v_x1, grazed.v_y2 * scale, omega_1, grazed.contact_time, 0, extrapolated, grazed.status)
+        time = grazed.gap_time
+        return Solved(
+            v_x1, grazed.v_y2 * scale, omega_1, grazed.contact_time, time, v_x1 * time, omega_1 * time, 0,
+            extrapolated, grazed.status,
+        )  # fmt: skip
     found = FITTED(row, codes, rigid, v_x1 / scale, at_end, omega_1 / scale, told, scratch)
     v_x2, v_y2, omega_2 = found.v_x2 * scale, found.v_y2 * scale, found.omega_2 * scale
     # Numbers too large to be squared or scaled.
     if found.status == OK and not (math.isfinite(v_x2) and math.isfinite(v_y2) and math.isfinite(omega_2)):
         return bad
     extrapolated += found.extrapolated
-    return Solved(v_x2, v_y2, omega_2, found.contact_time, found.regime, extrapolated, found.status)
+    # Times stay, so that paths and turns go with the speeds.
+    return Solved(
+        v_x2, v_y2, omega_2, found.contact_time, found.gap_time, found.gap_path * scale, found.gap_turn * scale,
+        found.regime, extrapolated, found.status,
+    )  # fmt: skip
 
 
 # Numbers of a golden impact: `(v_x1, v_y1, omega_1, cor)`, `models.types.OUTPUTS` of its rebound, and in what it is
 # extrapolated.
-GOLDEN_NUMBERS = 9
+GOLDEN_NUMBERS = 12
 
 
 class Agreement(NamedTuple):
@@ -167,13 +183,13 @@ def golden_agreement(
     golden: FloatArray, regimes: Ints, count: int, row: FloatArray, codes: Ints, rigid: Ints, scratch: Scratch
 ) -> Agreement:
     """The port on its golden impacts: speeds and R*omega relative to the incident speed of the ball and its surface,
-    the time to itself.
+    times to themselves, path and R*turn between the flights to what that speed goes in the time between them.
     """
     worst = 0.0
     same = True
     for k in range(count):
         at = GOLDEN_NUMBERS * k
-        v_x, v_y, omega, time = golden[at], golden[at + 1], golden[at + 2], golden[at + 7]
+        v_x, v_y, omega, time, gap = golden[at], golden[at + 1], golden[at + 2], golden[at + 7], golden[at + 8]
         found = total_bounce(row, codes, rigid, v_x, v_y, omega, golden[at + 3], scratch)
         speed = math.sqrt(v_x * v_x + v_y * v_y + RADIUS * omega * RADIUS * omega)
         along, away = abs(found.v_x2 - golden[at + 4]) / speed, abs(found.v_y2 - golden[at + 5]) / speed
@@ -181,12 +197,18 @@ def golden_agreement(
         late = 0.0
         if not math.isnan(time):
             late = abs(found.contact_time - time) / time
-        if found.status != OK or found.extrapolated != golden[at + 8] or math.isnan(along + away + turned + late):
+        between = 0.0
+        if not math.isnan(gap):
+            path, turn = abs(found.gap_path - golden[at + 9]), RADIUS * abs(found.gap_turn - golden[at + 10])
+            between = max(abs(found.gap_time - gap), max(path, turn) / speed) / gap
+        if found.status != OK or found.extrapolated != golden[at + 11]:
+            same = False
+        if math.isnan(along + away + turned + late + between):
             same = False
         # Joined with nothing, so that both sides are of one kind in every language.
         if (found.regime | 0) != (regimes[k] | 0):
             same = False
-        worst = max(max(worst, along), max(max(away, turned), late))
+        worst = max(max(worst, along), max(max(away, turned), max(late, between)))
     return Agreement(worst, same)
 
 

@@ -47,8 +47,9 @@ if TYPE_CHECKING:
     from fitball.exports.port.languages import Dialect
 
 # Largest difference a self-test allows: of speeds and R*omega relative to the incident speed (of centre and surface
-# together), of the contact time relative to itself. Other mathematical libraries differ by their last digit, 2e-16,
-# which the search for transitions amplifies a hundredfold or so.
+# together), of times relative to themselves, of path and turn between the flights to what that speed goes in between.
+# Other mathematical libraries differ by their last digit, 2e-16, which the search for transitions amplifies a
+# hundredfold or so.
 SELF_TEST_TOLERANCE = 1e-12
 
 # Length of the first three arrays of the two-mass kernel's scratch; see `bounce.scratch_in`.
@@ -267,7 +268,7 @@ def _fitted_range(port: Port) -> str:
 def _golden_rows(golden: Golden) -> Sequence[Sequence[float]]:
     given, made = golden.impacts, golden.rebound
     cor = np.full(len(given), np.nan) if given.cor is None else given.cor
-    rebound = (getattr(made, name) for name in OUTPUTS[:4])
+    rebound = (getattr(made, name) for name in OUTPUTS)
     columns = [given.v_x1, given.v_y1, given.omega_1, cor, *rebound, np.zeros(len(given))]
     return list(map(tuple, np.stack(columns, axis=1).tolist()))
 

@@ -179,8 +179,12 @@ function table(before, after) {
         add(name, [label, number(first, digits), number(second, digits), number(second - first, digits)], second);
     }
     add("restitution", ["restitution, v_y2/v_y1", "", number(after.v_y2 / before[1], 4), ""], after.v_y2 / before[1]);
-    if (!Number.isNaN(after.contact_time)) {
-        add("contact_time", ["contact time [ms]", "", number(1e3 * after.contact_time, 3), ""], after.contact_time);
+    const times = [["contact_time", "contact time [ms]", 1e3, 3], ["gap_time", "time between the flights [ms]", 1e3, 3]];
+    if (settings.tangential) {
+        times.push(["gap_path", "path between the flights [mm]", 1e3, 1], ["gap_turn", "turn between the flights [deg]", 180 / Math.PI, 1]);
+    }
+    for (const [name, label, factor, digits] of times) {
+        if (!Number.isNaN(after[name])) add(name, [label, "", number(factor * after[name], digits), ""], after[name]);
     }
 }
 

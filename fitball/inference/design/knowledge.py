@@ -15,6 +15,7 @@ from fitball.inference.likelihood.force import force_information_rows, mean_forc
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.row_errors import RowErrors
 from fitball.inference.results.results import Posterior, thinned
 from fitball.values import FloatArray, Impacts
 from fitball.wording import option
@@ -110,7 +111,7 @@ class Knowledge:
             pooling=tuple(pooling.take(rows) for pooling in problem.pooling),
             group_bias=bias,
             camera=camera,
-            incident=None if problem.incident is None else _alike(problem.incident, problem.impacts, impacts),
+            errors=None if problem.errors is None else _alike(problem, impacts),
         )
 
 
@@ -150,15 +151,20 @@ def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.rando
     return Knowledge(problem, np.column_stack([known.coordinates, *drawn]))
 
 
-def _alike(known: FloatArray, measured: Impacts, planned: Impacts) -> FloatArray:
-    """Errors of planned incident states: median sds of speed, direction and spin of those that were measured."""
+def _alike(problem: Problem, planned: Impacts) -> RowErrors:
+    """Errors of planned rows: of the incident states the median sds of speed, direction and spin of those that were
+    measured. Those of the rebound, which a sensor states, are taken to be independent of them.
+    """
+    assert problem.errors is not None
+    known, measured = problem.errors.incident, problem.impacts
     turned = _turn(measured)
     sds = np.sqrt(np.diagonal(turned @ known @ turned.transpose(0, 2, 1), axis1=1, axis2=2).clip(0.0))
     sds[:, 1] /= measured.speed
     typical = np.tile(np.median(sds, axis=0), (len(planned), 1))
     typical[:, 1] *= planned.speed
-    back = _turn(planned).transpose(0, 2, 1)
-    return np.asarray((back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1))
+    back, count = _turn(planned).transpose(0, 2, 1), len(planned)
+    incident = (back * typical[:, None, :] ** 2) @ back.transpose(0, 2, 1)
+    return RowErrors(np.asarray(incident), (), np.zeros((count, 0, 3)), np.zeros((count, 0, 0)))
 
 
 def _turn(impacts: Impacts) -> FloatArray:

@@ -120,7 +120,7 @@ def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> Float
     worth = np.sqrt(planned.noise.information(cells.columns))[..., None, None]
     scale = np.sqrt(planned.noise.scale_information(cells.columns))[..., None, None]
     parts = [worth[..., None] * cells.spread_out(cells.slope), scale[..., None] * cells.spread_out(cells.growth)]
-    if planned.incident is not None:
+    if planned.errors is not None:
         parts.append(scale[..., None] * cells.turn)
     return in_directions(np.concatenate(parts, axis=2), cells.rebound.status == 0, roots)
 

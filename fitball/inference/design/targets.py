@@ -153,7 +153,7 @@ def _on_each_surface(known: Knowledge, impact: Impacts, levels: Labels | None) -
     """The surfaces of a fit in words, and the problem at one impact on each of them, without errors."""
     surfaces, first = surfaces_of(known.problem, levels)
     impacts = impact.take(np.zeros(len(surfaces), dtype=np.int64))
-    return surfaces, replace(known.at(impacts, np.array(first)), group_bias=None, incident=None, camera=None)
+    return surfaces, replace(known.at(impacts, np.array(first)), group_bias=None, errors=None, camera=None)
 
 
 def of_court_pace(known: Knowledge, levels: Labels | None = None) -> Target:

@@ -96,7 +96,7 @@ def informations(problem: Problem, coordinates: FloatArray) -> tuple[FloatArray,
             by_cell[:, row, k] = sizes[name] if problem.free[k].prior.log else 1.0
     by_cell *= weight[:, None, None] * width
     information = rows.T @ rows + np.einsum("cki,kl,clj->ij", by_cell, told, by_cell, optimize=True)
-    if problem.incident is not None:
+    if problem.errors is not None:
         below, above = np.tril_indices(own.size, -1)
         turn = (made.turn[0] * (own[below] * own[above])[:, None] ** 0.25 * width).reshape(-1, width.size)
         information += told[0, 0] * (turn.T @ turn)

@@ -9,7 +9,7 @@ scores by column keep their meaning.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,24 +100,25 @@ def cells_of(
     count, (draws, _) = len(problem.impacts), rebound.v_x2.shape
     ends = np.cumsum([0, *(item.count(count) for item in seen)]).tolist()
     free = problem.dimension if moved is not None else 0
-    z, log_sd = np.empty((2, draws, ends[-1]))
+    z, spread = np.empty((2, draws, ends[-1]))
     slope, growth = np.zeros((2, draws, ends[-1], free))
     shared = shared_covariance(problem, columns, rebound, seen)
     for item, begin, end in zip(seen, ends[:-1], ends[1:], strict=True):
         mine = (slice(None), slice(begin, end))
         # Cells that scatter together are in units of their spread only when they are whitened.
-        sd = item.sds(columns, rebound)
+        own = item if problem.errors is None else problem.errors.own(item)
+        sd = own.sds(columns, rebound)
         unit = sd if shared is None else np.ones(())
         z[mine] = problem.deviation(columns, item, rebound) / unit
-        log_sd[mine] = np.log(sd)
+        spread[mine] = sd
         if moved is not None:
             slope[mine] = _slopes(problem, item, rebound, moved) / unit[..., None]
-            _lay_growth(problem, item, columns, rebound, moved, growth[mine])
+            _lay_growth(problem, own, columns, rebound, moved, growth[mine])
     pace = moved["contact_time"].mean(axis=1) if moved is not None else np.empty((draws, 0))
     made = Cells(
-        count, seen, columns, rebound, z, log_sd, slope, growth, np.empty((draws, count, 0, free)), pace
+        count, seen, columns, rebound, z, spread, slope, growth, np.empty((draws, count, 0, free)), pace
     )  # fmt: skip
-    return made if shared is None else _whitened(made, shared)
+    return replace(made, log_sd=np.log(spread)) if shared is None else _whitened(made, shared)
 
 
 def _slopes(problem: Problem, item: Observable, rebound: Rebound, moved: Columns) -> FloatArray:
@@ -153,14 +154,18 @@ def shared_covariance(
 ) -> FloatArray | None:
     """Covariance (draws, impacts, columns, columns) that the columns of an impact have beside the own spread of each;
     None where they have none. It is that of errors of the incident state, to first order: with `J` the exact Jacobian
-    of the bounce and `S` their covariance, `J S J^T` (Fuller 1987, section 3.1).
+    of the bounce and `S` their covariance, `J S J^T` (Fuller 1987, section 3.1); where stated errors of the rebound
+    belong to them, or to each other, `(J - B) S (J - B)^T + R` with `B` and `R` of `RowErrors`.
     """
-    if problem.incident is None:
+    if problem.errors is None:
         return None
-    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
     seen = problem.observables if measured is None else measured
+    errors = problem.errors.of([item.name for item in seen])
+    if not errors.uncertain:
+        return np.broadcast_to(errors.rest, (len(rebound.v_x2), *errors.rest.shape))
+    slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))
     by_input = np.stack([item.column.slopes(rebound, slopes) for item in seen], axis=2)
-    return spread_by_input(by_input, problem.incident)
+    return spread_by_input(by_input - errors.follows, errors.incident) + errors.rest
 
 
 def spread_by_input(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -198,7 +203,8 @@ def solved(lower: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def _whitened(made: Cells, shared: FloatArray) -> Cells:
-    """The cells, of which `z` and `slope` are in units of the columns yet, each given those of its impact before it.
+    """The cells, of which `z` and `slope` are in units of the columns yet and `log_sd` is the own spread itself, each
+    given those of its impact before it.
 
     Of a normal distribution whose covariance C changes by dC, the information is tr(C^-1 dC C^-1 dC)/2. With L the
     lower factor of C this is twice the sum of squares of L^-1 dC L^-T/2: its diagonal is the growth of the
@@ -206,7 +212,7 @@ def _whitened(made: Cells, shared: FloatArray) -> Cells:
     """
     impact, column, count = made.impact, made.column, len(made.measured)
     spreads = np.full(shared.shape[:-1], UNKNOWN)
-    spreads[:, impact, column] = np.exp(made.log_sd)
+    spreads[:, impact, column] = made.log_sd
     root = joint_root(shared, spreads)
     z = solved(root, made.spread_out(made.z)[..., None])[..., 0]
     log_sd = np.log(np.diagonal(root, axis1=2, axis2=3))

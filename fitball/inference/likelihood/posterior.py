@@ -62,12 +62,12 @@ def impact_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapp
     """Log density of each measurement at free values (draws, free), column -> (draws, impacts): zero where a column
     was not measured.
 
-    With incident errors the measurements of an impact depend on each other: each is given those before it, and near a
-    change of regime only their sum is meaningful, which is in the first.
+    Where their errors belong together the measurements of an impact depend on each other: each is given those before
+    it, and near a change of regime only their sum is meaningful, which is in the first.
     """
     made = cells_of(problem, problem.all_values(values), rebound)
     terms = made.spread_out(problem.noise.log_density(made.z, made.columns) - made.log_sd)
-    if problem.incident is not None:
+    if problem.uncertain:
         draws, rows, density = mixtures(problem, made.columns, rebound)
         terms[draws, rows] = 0.0
         terms[draws, rows, 0] = density
@@ -81,8 +81,8 @@ def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> t
     rebound = problem.rebound(values)
     terms = impact_terms(problem, values, rebound)
     whole = np.sum(list(terms.values()), axis=0)
-    if problem.incident is not None and terms.keys() - set(columns):
-        # Errors of the incident state are common to the columns, of which each term is given those before it.
+    if problem.errors is not None and terms.keys() - set(columns):
+        # Errors are common to the columns, of which each term is given those before it.
         kept = tuple(item for item in problem.observables if item.name in columns)
         terms = impact_terms(replace(problem, observables=kept), values, rebound)
     return whole, np.sum([terms[name] for name in columns], axis=0)
@@ -91,7 +91,7 @@ def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> t
 def log_likelihood(problem: Problem, values: FloatArray, rebound: Rebound) -> FloatArray:
     """Log likelihood (draws,) of free values (draws, free); NaN where the model cannot be evaluated."""
     columns = problem.all_values(values)
-    if problem.incident is None:
+    if problem.errors is None:
         made = cells_of(problem, columns, rebound)
         total: FloatArray = (problem.noise.log_density(made.z, columns) - made.log_sd).sum(axis=1)
     else:

@@ -21,6 +21,7 @@ from scipy.special import logsumexp
 from fitball.inference.likelihood.cells import UNKNOWN, Columns, joint_root, solved, spread_by_input
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
+from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, OwnImpacts
 
@@ -121,13 +122,14 @@ class Pairs:
     """Pairs of a draw and an impact of the table near a change of regime.
 
     `columns` parameters (pairs,), `measured` what was seen, (pairs, 1) or, where nothing was, NaN, with the `bias` of
-    its group; `states` incident states (pairs, 1); `root` (pairs, 3, 3) as in `roots`, `towards` (pairs, 3) a
-    direction, in principal axes, in which the regime changes.
+    its group; `errors` those of each impact's row, and `states` its incident states (pairs, 1); `root` (pairs, 3, 3)
+    as in `roots`, `towards` (pairs, 3) a direction, in principal axes, in which the regime changes.
     """
 
     columns: Columns
     measured: Sequence[Observable]
     bias: Sequence[FloatArray | float]
+    errors: RowErrors
     states: States
     root: FloatArray
     towards: FloatArray
@@ -137,8 +139,8 @@ def mixtures(
     problem: Problem, columns: Columns, rebound: Rebound
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     """Draws and rows whose impact is near a change of regime, and the log density of all its measurements there."""
-    assert problem.incident is not None
-    root = roots(problem.incident)
+    assert problem.errors is not None
+    root = roots(problem.errors.incident)
     towards = crossings(
         lambda impacts, rows: problem.seen_like(columns, impacts, rows), problem.impacts, root, rebound
     )
@@ -158,6 +160,8 @@ def _pairs(
     root: FloatArray,
     towards: FloatArray,
 ) -> Pairs:
+    assert problem.errors is not None
+    errors = problem.errors.of([item.name for item in problem.observables])
     whole, bias = [item.everywhere(len(problem.impacts)) for item in problem.observables], problem.group_bias
     v_x1, v_y1, omega_1, cor = problem.impacts.take(rows).states()
     return Pairs(
@@ -169,6 +173,7 @@ def _pairs(
             for item in whole
         ],
         [0.0 if bias is None else bias.offset(columns, item.name)[draws, rows][:, None] for item in whole],
+        errors.take(rows),
         (v_x1.T, v_y1.T, omega_1.T, None if cor is None else cor.T),
         root[rows],
         towards[draws, rows],
@@ -179,17 +184,23 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     """Log density (pairs,) of all measurements of each impact, its incident errors split."""
     across = _across(problem, pairs)
     along = np.einsum("pij,pj->pi", pairs.root, across)
-    states, possible = displaced(pairs.states, parts()[0][:, None] * along[:, None, :])
+    moves = parts()[0][:, None] * along[:, None, :]
+    states, possible = displaced(pairs.states, moves)
     rebound, slopes = problem.linearised(pairs.columns, states)
+    # A true state that far from the one that was read is an error of that, with which those of the rebound go.
+    followed = -np.einsum("pci,pmi->pmc", pairs.errors.follows, moves)
     gaps, sds, by_input = [], [], []
-    for item, bias in zip(pairs.measured, pairs.bias, strict=True):
-        gap = item.observed - item.predict(rebound) - bias
+    for place, (item, bias) in enumerate(zip(pairs.measured, pairs.bias, strict=True)):
+        gap = item.observed - item.predict(rebound) - bias - followed[..., place]
         missing = np.broadcast_to(np.isnan(item.observed), gap.shape)
         gaps.append(np.where(missing, 0.0, gap))
-        sds.append(np.where(missing, UNKNOWN, np.broadcast_to(item.sds(pairs.columns, rebound), gap.shape)))
+        spread = pairs.errors.own(item).sds(pairs.columns, rebound)
+        sds.append(np.where(missing, UNKNOWN, np.broadcast_to(spread, gap.shape)))
         by_input.append(item.column.slopes(rebound, slopes))
     own = np.stack(sds, axis=2)
-    root = joint_root(spread_by_input(np.stack(by_input, axis=2), narrowed(pairs.root, across)[:, None]), own)
+    apart = np.stack(by_input, axis=2) - pairs.errors.follows[:, None]
+    shared = spread_by_input(apart, narrowed(pairs.root, across)[:, None]) + pairs.errors.rest[:, None]
+    root = joint_root(shared, own)
     z = solved(root, np.stack(gaps, axis=2)[..., None])[..., 0]
     flat = problem.noise.log_density(z.reshape(len(z), -1), pairs.columns).reshape(z.shape)
     terms = np.where(own < UNKNOWN, flat - np.log(np.diagonal(root, axis1=2, axis2=3)), 0.0)

@@ -107,4 +107,4 @@ def differentiable(problem: Problem) -> bool:
     """Whether `residual_slopes` has an exact derivative of every residual. It has none of those with errors of the
     incident state, which hold derivatives themselves, nor of force records, whose start of contact is searched for.
     """
-    return problem.incident is None and problem.force is None
+    return problem.errors is None and problem.force is None

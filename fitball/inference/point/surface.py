@@ -47,7 +47,7 @@ def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = Fa
     recorded = penalised and problem.force is not None
     # Nor has the best scatter beyond stated errors a closed form.
     scatters = any(item.scatters and item.noise in problem.free_names for item in problem.observables)
-    closed = isinstance(problem.noise, NormalNoise) and problem.incident is None and not (recorded or scatters)
+    closed = isinstance(problem.noise, NormalNoise) and problem.errors is None and not (recorded or scatters)
     return Surface(problem, promised=promised, penalised=penalised, closed=closed)
 
 
@@ -345,7 +345,7 @@ class Surface:
     def _log_likelihood(self, values: FloatArray, rebound: Rebound, given: Conditions) -> FloatArray:
         """That (rows,) of the impacts that count, each start of contact at its best where the surface is `closed`."""
         problem = self.problem
-        if problem.incident is not None and not self.closed:
+        if problem.errors is not None and not self.closed:
             # Mixtures at changes of regime too.
             terms = np.sum(list(impact_terms(problem, values, rebound).values()), axis=0)
             total = given.counting(terms, np.arange(len(problem.impacts))).sum(axis=1)
@@ -452,7 +452,7 @@ class Surface:
                 turn.reshape(rows, -1, problem.dimension)[..., self.columns] * chain[:, None]
             )
         searched = problem.force is not None and not self.closed
-        if searched or (problem.incident is not None and (self.squares or not self.closed)):
+        if searched or (problem.errors is not None and (self.squares or not self.closed)):
             gradient = self._by_differences(x, replace(given, scene=False))
         pace = made.pace[:, self.columns] * chain
         return Linear(gradient, curvature, rebound.contact_time.mean(axis=1), pace)

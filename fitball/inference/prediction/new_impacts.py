@@ -9,13 +9,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.data.table import ImpactTable
+from fitball.data.table import Covariance, ImpactTable
 from fitball.errors import ModelError, ParameterError, check_whole
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.prediction.impact_levels import Asked, ImpactLevels, by_levels, is_new, levels_of_impacts
 from fitball.inference.prediction.posterior_predictive import in_order, joined, regime_shares, with_noise
 from fitball.inference.prediction.reach import CalibratedRange, calibrated_range, lines_of
 from fitball.inference.problem.observables import Observable, build_observables, derived, noise_in
+from fitball.inference.problem.row_errors import errors_from
 from fitball.inference.results.assumptions import Alternative, Assumptions
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.quantiles import MOST_UNSOLVED, bands
@@ -42,8 +43,11 @@ class Shares:
     measurement: FloatArray | None
 
 
-def drawn_rebound(fitted: FittedModel, impacts: Impacts, covariance: FloatArray, rng: np.random.Generator) -> Rebound:
-    """Rebounds (draws, impacts), each draw of the parameters with incident states of its own.
+def drawn_rebound(
+    fitted: FittedModel, impacts: Impacts, covariance: FloatArray, rng: np.random.Generator
+) -> tuple[Rebound, FloatArray]:
+    """Rebounds (draws, impacts), each draw of the parameters with incident states of its own, and how far these are
+    from those that were read (draws, impacts, 3).
 
     `covariance` (impacts, 3, 3) is that of `(v_x1, v_y1, omega_1)` in SI. A drawn state that does not move towards
     the court is no impact: it is NaN and marked.
@@ -63,7 +67,7 @@ def drawn_rebound(fitted: FittedModel, impacts: Impacts, covariance: FloatArray,
     for name in OUTPUTS:
         getattr(rebound, name)[~possible] = np.nan
     rebound.status[~possible] = Status.NO_IMPACT
-    return rebound
+    return rebound, moves
 
 
 def shares(fixed: FloatArray, one: FloatArray, other: FloatArray, noise: FloatArray | None) -> Shares:
@@ -166,6 +170,7 @@ def predict_new(
     seed: int = 1,
     incident_covariance: FloatArray | None = None,
     levels: Asked | None = None,
+    covariance: Covariance | None = None,
 ) -> NewPrediction:
     """Predict the rebounds of new impacts from every draw of `fitted`. `levels` are the surface and ball of each, by
     column, see `levels_of_impacts`; needed where parameters differ between these.
@@ -173,9 +178,10 @@ def predict_new(
     `incident_covariance` (impacts, 3, 3) is that of `(v_x1, v_y1, omega_1)` in SI; None: they are exact. A point fit,
     which has no draws, takes no notice of it.
 
-    `observed` are measured columns of the same impacts: their own sds, where stated, are the noise of a new
-    measurement. Raises ModelError when the model needs each impact's own restitution and there is none,
-    ParameterError for a covariance of another shape, or a seed that is none, and as `levels_of_impacts` does.
+    `observed` are measured columns of the same impacts: their own sds, where stated, are part of the noise of a new
+    measurement. Where their errors belong to those of the incident state `covariance` is that of their rows. Raises
+    ModelError when the model needs each impact's own restitution and there is none, ParameterError for a covariance
+    of another shape, or a seed that is none, and as `levels_of_impacts` does.
     """
     if fitted.model.needs_cor and impacts.cor is None:
         raise ModelError(
@@ -188,6 +194,13 @@ def predict_new(
             f"incident_covariance has shape {incident_covariance.shape}: expected ({len(impacts)}, 3, 3)"
         )
     observables = output_observables(fitted, len(impacts), observed)
+    errors = None
+    if covariance is not None and incident_covariance is not None:
+        errors = errors_from(covariance, [item.name for item in observed]).of([item.name for item in observables])
+        observables = tuple(
+            replace(item, sd=np.sqrt(np.maximum(errors.rest[:, k, k], 0.0))) if item.name in errors.columns else item
+            for k, item in enumerate(observables)
+        )
     rng = np.random.default_rng(seed)
     # A stream of its own: the noise is the same with and without uncertainty of the incident state. The second one is
     # for levels of which nothing was measured.
@@ -199,8 +212,9 @@ def predict_new(
         for k in range(0, rows.size, BATCH):
             batch = rows[k : k + BATCH]
             cut = [replace(observable.at(batch), rows=None) for observable in observables]
-            covariance = None if incident_covariance is None else incident_covariance[batch]
-            parts.append(_batch(one, impacts.take(batch), cut, covariance, rng, states))
+            uncertain = None if incident_covariance is None else incident_covariance[batch]
+            follows = None if errors is None else errors.follows[batch]
+            parts.append(_batch(one, impacts.take(batch), cut, uncertain, follows, rng, states))
         order.append(rows)
     back = np.argsort(np.concatenate(order), kind="stable")
     regimes, failures = ([share for part in parts for share in part[k]] for k in (1, 2))
@@ -247,29 +261,36 @@ def _batch(
     impacts: Impacts,
     observables: Sequence[Observable],
     covariance: FloatArray | None,
+    follows: FloatArray | None,
     rng: np.random.Generator,
     states: np.random.Generator,
 ) -> tuple[list[OutputPrediction], _Shares, _Shares]:
-    """Outputs, shares of regimes and of failures at some impacts; `covariance` is that of uncertain states."""
+    """Outputs, shares of regimes and of failures at some impacts; `covariance` is that of uncertain states, with
+    whose errors those of each output go by `follows` (impacts, outputs, 3) (see `RowErrors`).
+    """
     at_point = fitted.rebound(impacts)
     if fitted.draws.shape[0] == 0:
         alone = [OutputPrediction(observable.name, observable.predict(at_point)[0]) for observable in observables]
         return alone, regime_shares(at_point), _failures(at_point)
     fixed = fitted.rebound(impacts, fitted.draws)
-    drawn = [fixed]
+    drawn, moves = [fixed], [np.zeros(())]
     if covariance is not None:
-        drawn = [drawn_rebound(fitted, impacts, covariance, states) for _ in range(2)]
+        drawn, moves = map(
+            list, zip(*(drawn_rebound(fitted, impacts, covariance, states) for _ in range(2)), strict=True)
+        )
     withheld = np.mean(drawn[0].status != 0, axis=0) > MOST_UNSOLVED
     for rebound in (fixed, *drawn):
         for name in OUTPUTS:
             getattr(rebound, name)[:, withheld] = np.nan
     columns = dict(zip(fitted.names, fitted.draws.T, strict=True))
     outputs = []
-    for observable in observables:
+    for place, observable in enumerate(observables):
         predicted, known = observable.predict(drawn[0]), observable.known(columns.keys())
+        # What is measured is as wrong as the incident state that was read.
+        off = [0.0 if follows is None else np.sum(follows[:, place] * move, axis=-1) for move in moves]
         made = OutputPrediction(observable.name, observable.predict(at_point)[0], bands(predicted))
         if known:
-            data = with_noise(fitted.noise, observable, columns, drawn[0], rng)[2]
+            data = with_noise(fitted.noise, observable, columns, drawn[0], rng)[2] - off[0]
             mean, sd = over_draws(np.nanmean, data), over_draws(np.nanstd, data)
             made = replace(made, measured=bands(data), mean=mean, sd=sd)
         if covariance is not None:
@@ -277,7 +298,8 @@ def _batch(
             stated, noise = observable.predict(fixed), None
             if known:
                 noise = with_noise(fitted.noise, observable, columns, fixed, states)[2] - stated
-            made = replace(made, shares=shares(stated, predicted, observable.predict(drawn[1]), noise))
+            one, other = predicted - off[0], observable.predict(drawn[1]) - off[-1]
+            made = replace(made, shares=shares(stated, one, other, noise))
         outputs.append(made)
     return outputs, regime_shares(drawn[0]), _failures(drawn[0])
 

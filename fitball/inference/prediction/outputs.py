@@ -53,7 +53,7 @@ class OutputCheck:
     """One output: largest absolute difference [SI], largest relative one, and its impact.
 
     Relative: speeds to the incident speed `sqrt(v_x1^2 + v_y1^2 + (R omega_1)^2)`, spins times `R` likewise, times to
-    themselves, angles [rad] as they are.
+    themselves, angles [rad] as they are; path and turn between the flights to that speed times the time between them.
     """
 
     name: str
@@ -89,7 +89,7 @@ class PortCheck:
 
 
 def expected_outputs(fitted: FittedModel, golden: Golden) -> dict[str, FloatArray]:
-    """Every output of the golden impacts, (impacts,), in SI; no contact time for a model without."""
+    """Every output that the model gives of the golden impacts, (impacts,), in SI."""
     return {
         name: np.asarray(column.predict(golden.rebound), dtype=np.float64)
         for name, column in OBSERVABLES.items()
@@ -125,7 +125,10 @@ def _scales(fitted: FittedModel, golden: Golden, expected: Mapping[str, FloatArr
     given, radius = golden.impacts, fitted.ball.radius
     speed = np.sqrt(given.v_x1**2 + given.v_y1**2 + (radius * given.omega_1) ** 2)
     by_unit = {"m/s": speed, "rad/s": speed / radius, "rad": np.ones_like(speed)}
-    return {name: by_unit.get(OBSERVABLES[name].unit, values) for name, values in expected.items()}
+    # Path and turn may be zero: what the ball goes, and its surface turns, between the flights.
+    between = golden.rebound.gap_time
+    by_name = {"gap_path": speed * between, "gap_turn": speed * between / radius}
+    return {name: by_name.get(name, by_unit.get(OBSERVABLES[name].unit, values)) for name, values in expected.items()}
 
 
 OUTPUTS = (*COMPARED, *(name for name in OBSERVABLES if name not in COMPARED))

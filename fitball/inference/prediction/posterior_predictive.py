@@ -249,7 +249,7 @@ def measurements(
     state and biases of groups included.
     """
     everywhere = [item.everywhere(len(problem.impacts)) for item in problem.observables]
-    if problem.incident is None:
+    if problem.errors is None:
         drawn = iter([with_noise(problem.noise, item, columns, rebound, rng, even=even) for item in everywhere])
     else:
         drawn = _together(problem, everywhere, columns, rebound, rng, even=even)
@@ -268,9 +268,13 @@ def _together(
     *,
     even: bool,
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """As `with_noise`, of all columns: the errors of its incident state are common to the columns of an impact."""
-    own = np.stack([np.broadcast_to(item.sds(columns, rebound), rebound.v_x2.shape) for item in observables], axis=2)
-    stated = ~np.isnan(own)
+    """As `with_noise`, of all columns: those of an impact have errors in common."""
+    assert problem.errors is not None
+    whole, own = (
+        np.stack([np.broadcast_to(item.sds(columns, rebound), rebound.v_x2.shape) for item in some], axis=2)
+        for some in (observables, [problem.errors.own(item) for item in observables])
+    )
+    stated = ~np.isnan(whole)
     shared = shared_covariance(problem, columns, rebound, observables)
     assert shared is not None
     root = joint_root(shared, np.where(stated, own, UNKNOWN))

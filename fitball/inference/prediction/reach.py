@@ -117,6 +117,8 @@ def total_rebound(fitted: FittedModel, valid: ValidRange, impacts: Impacts) -> t
         v_x2=np.where(grazes, impacts.v_x1, made.v_x2 * scale),
         v_y2=np.where(grazes, made.v_y2 * (impacts.v_y1 / inside), made.v_y2 * scale),
         omega_2=np.where(grazes, impacts.omega_1, made.omega_2 * scale),
+        gap_path=np.where(grazes, impacts.v_x1 * made.gap_time, made.gap_path * scale),
+        gap_turn=np.where(grazes, impacts.omega_1 * made.gap_time, made.gap_turn * scale),
         regime=np.where(grazes, 0, made.regime),
     )
     return scaled, valid.outside(impacts.v_y1)

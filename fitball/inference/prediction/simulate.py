@@ -149,13 +149,14 @@ COURSES = (
 class Band:
     """The courses by posterior draws, at equal shares of each draw's own contact time.
 
-    `quantiles` maps `COURSES` to arrays (5, POINTS) of the levels `quantiles.BAND`; `contact_time` [s] has the same
-    levels, (5,). `regimes` maps phase sequences to their probability among the `draws` that can be evaluated;
-    `failed` is the number that cannot.
+    `quantiles` maps `COURSES` to arrays (5, POINTS) of the levels `quantiles.BAND`; `contact_time` [s] and `gaps`
+    have the same levels, (5,). `regimes` maps phase sequences to their probability among the `draws` that can be
+    evaluated; `failed` is the number that cannot.
     """
 
     quantiles: Mapping[str, FloatArray]
     contact_time: FloatArray
+    gaps: Mapping[str, FloatArray]
     regimes: Mapping[str, float]
     draws: int
     failed: int
@@ -165,8 +166,9 @@ class Band:
 class Simulation:
     """One impact through time: `history` at POINTS equal shares of the contact, a band where there is a posterior.
 
-    `parameters` are those of the model in SI; `label` names it in a picture of several. `unsolved` is the
-    share of the draws without a solution; above a half there is no band.
+    `parameters` are those of the model in SI; `gaps` what lies between the flights before and after, by column of a
+    rebound in SI, as far as the model gives it; `label` names it in a picture of several. `unsolved` is the share of
+    the draws without a solution; above a half there is no band.
     """
 
     label: str
@@ -174,6 +176,7 @@ class Simulation:
     parameters: Mapping[str, float]
     impact: Impacts
     history: History
+    gaps: Mapping[str, float]
     band: Band | None = None
     unsolved: float = 0.0
 
@@ -185,7 +188,7 @@ class Simulation:
 
 def simulate(model: Model, parameters: Mapping[str, float], impact: Impacts, label: str = "") -> Simulation:
     """Follow one impact at these parameters. Raises what `Model.history` raises."""
-    return Simulation(label, model, dict(parameters), impact, _history(model, parameters, impact))
+    return Simulation(label, model, dict(parameters), impact, *_followed(model, parameters, impact))
 
 
 def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Simulation:
@@ -204,7 +207,8 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
     if count == 0:
         return point
     rows = fitted.draws[np.linspace(0, count - 1, min(draws, count)).astype(int)]
-    histories = [history for history in (_drawn(model, values(row), impact) for row in rows) if history is not None]
+    drawn = [found for found in (_drawn(model, values(row), impact) for row in rows) if found is not None]
+    histories, gaps = [history for history, _gaps in drawn], [gaps for _history, gaps in drawn]
     failed = len(rows) - len(histories)
     if failed > MOST_UNSOLVED * len(rows):
         return replace(point, unsolved=failed / len(rows))
@@ -215,6 +219,7 @@ def simulate_fit(fitted: FittedModel, impact: Impacts, draws: int = DRAWS) -> Si
     band = Band(
         quantiles=quantiles,
         contact_time=np.quantile([history.contact_time for history in histories], BAND_LEVELS),
+        gaps={name: np.quantile([one[name] for one in gaps], BAND_LEVELS) for name in point.gaps},
         regimes={regime_name(code): number / len(histories) for code, number in counts},
         draws=len(histories),
         failed=failed,
@@ -240,16 +245,21 @@ def chosen_parameters(model: Model, changed: Mapping[str, float]) -> dict[str, f
     return {**typical, **changed}
 
 
-def _drawn(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History | None:
+def _drawn(
+    model: Model, parameters: Mapping[str, float], impact: Impacts
+) -> tuple[History, Mapping[str, float]] | None:
     """None where the draw has no solution at this impact, as with a restitution beyond its mass ratio."""
     try:
-        return _history(model, parameters, impact)
+        return _followed(model, parameters, impact)
     except ParameterError:
         return None
 
 
-def _history(model: Model, parameters: Mapping[str, float], impact: Impacts) -> History:
+def _followed(model: Model, parameters: Mapping[str, float], impact: Impacts) -> tuple[History, Mapping[str, float]]:
+    """The courses, and what lies between the flights."""
     if model.no_history:
         raise ModelError(f"model {model.name} {model.no_history}; models with a history: {', '.join(FOLLOWED)}")
-    contact_time = float(model.rebound(parameters, impact).contact_time[0])
-    return model.history(parameters, impact, np.linspace(0.0, 1.0, POINTS) * contact_time)
+    rebound = model.rebound(parameters, impact)
+    history = model.history(parameters, impact, np.linspace(0.0, 1.0, POINTS) * float(rebound.contact_time[0]))
+    known = (column for column in OBSERVABLES.values() if column.gap and model.gives(column))
+    return history, {column.name: float(column.predict(rebound)[0]) for column in known}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -35,12 +35,13 @@ from fitball.inference.problem.pooling import (
     default_pool,
 )
 from fitball.inference.problem.problem import Choices, Problem
+from fitball.inference.problem.row_errors import RowErrors, refuse_singular, row_errors
 from fitball.inference.problem.spreads import LAB_SPREADS, kind_of
 from fitball.models.model import Model
 from fitball.models.registry import Reduced, entry, model
 from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
-from fitball.values import FloatArray, Impacts
+from fitball.values import Impacts
 
 __all__ = ["Choices", "build_problem", "impacts_with_cor", "reduction"]
 
@@ -60,8 +61,8 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     notes += unused
     if not observables:
         raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
-    incident = _incident(table, choices, notes)
-    if incident is not None and force is not None:
+    errors = _errors(table, observables, choices, notes)
+    if errors is not None and errors.uncertain and force is not None:
         notes.append("force records are compared at the stated incident speed, assumed exact")
     contact_time = scene.contact_time if chosen.has_time else None
     records = records_for(chosen, scene, force, notes)
@@ -105,6 +106,10 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
     sources = {**known_spreads, **published}
     scatter = scatter_specs(observables)
     parameters = build_parameters(names, {**chosen.specs, **scatter}, wanted, fixed, ball_names, extra, sources)
+    if errors is not None and errors.columns:
+        still = {item.name for item in parameters if item.fixed is not None and not item.fixed > 0.0}
+        noises = {item.name: item.noise for item in observables}
+        refuse_singular(table, errors, [noises[name] not in {None, *still} for name in errors.columns])
     if all(parameter.name in NOISE_SPECS for parameter in parameters if parameter.free):
         raise FitError(
             f"{table.source}: every parameter of model {name} is fixed: free at least one that is not a noise"
@@ -131,7 +136,7 @@ def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: For
         pooling=levels,
         spreads=spreads,
         group_bias=offsets,
-        incident=incident,
+        errors=errors,
         camera=camera,
         force=records,
         noise=kind,
@@ -154,15 +159,20 @@ def _idle(parameters: Set[str], fixed: Set[str], timed: bool) -> set[str]:
     return {text for text, names in about.items() if not names & parameters} | ({NO_CONTACT_TIME} if timed else set())
 
 
-def _incident(table: ImpactTable, choices: Choices, notes: list[str]) -> FloatArray | None:
-    if table.incident_covariance is None:
-        return None
-    stated = ", ".join(f"{column}_sd" for column in table.incident_sd)
-    if not choices.incident_errors:
-        notes.append(f"{stated}: uncertainty of incident columns ignored on request")
-        return None
-    notes.append(f"{stated}: the incident state is uncertain: marginalised to first order, more finely near a kink")
-    return table.incident_covariance
+def _errors(
+    table: ImpactTable, observables: Sequence[Observable], choices: Choices, notes: list[str]
+) -> RowErrors | None:
+    errors = row_errors(table, observables, choices.incident_errors)
+    if errors is not None and errors.columns:
+        notes.append("stated errors of a row belong together, as in the table's covariance")
+    if table.incident_covariance is not None:
+        stated = ", ".join(f"{column}_sd" for column in table.incident_sd) or "covariance"
+        notes.append(
+            f"{stated}: the incident state is uncertain: marginalised to first order, more finely near a kink"
+            if choices.incident_errors
+            else f"{stated}: uncertainty of incident columns ignored on request"
+        )
+    return errors
 
 
 def _structure(

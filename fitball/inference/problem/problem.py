@@ -22,6 +22,7 @@ from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.parameters import JointPrior, Parameter, Prior
 from fitball.inference.problem.pooling import GroupBias, Pooling
+from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.kernels.dual import STEP, NumberArray
 from fitball.models.model import LinearConstraint, Model, by_output
 from fitball.models.specs import BALL_PARAMETERS
@@ -57,10 +58,10 @@ class Problem:
     `contact_time` is the scene's mean contact time of the table, (value, sd) [s], or None. `notes` are sentences
     on what was left out or assumed, and why. `pooling` lists the parameters that differ between surfaces or
     balls, `spreads` are chosen priors of spreads that are no parameter of the fit (of dropped balls, of places of
-    a court), `group_bias` the biases of whole groups. `incident` is the covariance (impacts, 3, 3) of `(v_x1,
-    v_y1, omega_1)` in SI where these have errors; their true values are marginalised with a flat prior. `camera`
-    is what the sessions of the table share. `force` are records of the force on the court. `noise` is that of the
-    table, `threads` share large batches, and `choices` are those of the user.
+    a court), `group_bias` the biases of whole groups. `errors` are those of rows whose incident state is uncertain,
+    or whose errors belong together; true incident states are marginalised with a flat prior. `camera` is what the
+    sessions of the table share. `force` are records of the force on the court. `noise` is that of the table,
+    `threads` share large batches, and `choices` are those of the user.
     """
 
     table: ImpactTable
@@ -74,7 +75,7 @@ class Problem:
     pooling: tuple[Pooling, ...] = ()
     spreads: Mapping[str, Prior] = field(default_factory=dict)
     group_bias: GroupBias | None = None
-    incident: FloatArray | None = None
+    errors: RowErrors | None = None
     camera: View | None = None
     force: ForceRecords | None = None
     noise: NoiseKind = NORMAL
@@ -106,6 +107,11 @@ class Problem:
             names |= {*pooling.hidden}
         seen = set() if self.camera is None else {*self.camera.names}
         return frozenset({*names, *seen, *(item.name for item in self.free if item.name in BALL_PARAMETERS)})
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether incident states have errors."""
+        return self.errors is not None and self.errors.uncertain
 
     @property
     def dimension(self) -> int:

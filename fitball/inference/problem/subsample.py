@@ -71,6 +71,7 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
     """The same problem on the impacts `kept` (sorted) alone."""
     impacts = problem.impacts.take(kept)
     observables = tuple(_renumbered(observable, kept) for observable in problem.observables)
+    covariance = problem.table.covariance
     table = replace(
         problem.table,
         impacts=problem.table.impacts.take(kept),
@@ -90,13 +91,14 @@ def part_of(problem: Problem, kept: NDArray[np.int64]) -> Problem:
         incident_covariance=(
             None if problem.table.incident_covariance is None else problem.table.incident_covariance[kept]
         ),
+        covariance=None if covariance is None else replace(covariance, values=covariance.values[kept]),
     )
     return replace(
         problem,
         table=table,
         impacts=impacts,
         observables=observables,
-        incident=None if problem.incident is None else problem.incident[kept],
+        errors=None if problem.errors is None else problem.errors.take(kept),
         camera=None if problem.camera is None else problem.camera.take(kept),
         force=None if problem.force is None else problem.force.take(kept),
         pooling=tuple(pooling.take(kept) for pooling in problem.pooling),
@@ -161,7 +163,7 @@ def whole_of_parts(problem: Problem, compute: Callable[[Problem], FloatArray]) -
 
 def cells(problem: Problem) -> int:
     """Draws times impacts of a problem that are evaluated at once."""
-    cost = 1 if problem.incident is None else INCIDENT_COST
+    cost = INCIDENT_COST if problem.uncertain else 1
     return CELLS // (cost if problem.force is None else cost * problem.force.nodes)
 
 

@@ -151,7 +151,7 @@ def remarks(fit: Fit) -> list[str]:
         lines.append(f"To fit a separate noise for each column, use {option('noise', 'separate')}.")
     if seen.keys() & {"outlier", "tails"} and not fit.problem.noise.parameters:
         lines.append(f"To give outliers less weight, use {option('noise', 'student-t')}.")
-    if "linked" in seen and fit.problem.incident is None and not fails:
+    if "linked" in seen and not fit.problem.uncertain and not fails:
         lines.append(
             "Correlated residuals may come from errors of the incident state. State these in columns such as v_1_sd."
         )

@@ -14,9 +14,10 @@ from fitball.inference.prediction.simulate import COURSES, Band, Simulation
 from fitball.inference.results.quantiles import BAND
 from fitball.models.history import History, Motion
 from fitball.models.types import PHASE_SYMBOL, Phase
+from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Document, Rank, Section, Table, Words, on_terminal
 from fitball.report.form.files import json_text, write_text
-from fitball.report.form.numbers import percent
+from fitball.report.form.numbers import output_scale, percent
 
 if TYPE_CHECKING:
     from fitball.report.figures.canvas import Figure
@@ -60,12 +61,16 @@ def _section(place: int, simulation: Simulation, rank: Rank) -> Section:
     facts = [
         ["", "value", "where"],
         ["contact time", f"{1e3 * history.contact_time:.3f} ms", _contact_band(simulation)],
+        *([OBSERVABLES[name].title, *_gap(simulation, name)] for name in simulation.gaps),
         ["greatest compression", f"{1e3 * deep.value:.2f} mm", f"at {_ms(deep.time)} ms"],
         ["greatest normal force", f"{force.value:.1f} N", f"at {_ms(force.time)} ms"],
     ]
     if landing.normal_impulse > 0.0:
         impulse = f"{landing.normal_impulse:.4f} N s up, {landing.friction_impulse:+.4f} N s along"
         facts.append(["landing impulse", impulse, "stops the shell at once"])
+    between = (
+        ["(between the flights: each is followed to the height of the centre at landing)"] if simulation.gaps else []
+    )
     states = [
         ["", "v_x [m/s]", "v_y of the core [m/s]", "core spin [rad/s]", "shell spin [rad/s]"],
         _state("before landing", landing.before),
@@ -76,7 +81,8 @@ def _section(place: int, simulation: Simulation, rank: Rank) -> Section:
     shares = ["(last two columns: shares of the contact time)"] if history.spans else []
     return Section(f"simulation-{place}", f"{simulation.label}: {head}" if simulation.label else head, [
         Words([_rebound(history), *([f"phases: {history.regime_name}"] * bool(history.spans))], "lead", rank="first"),
-        Table("Peaks", facts, ["where"], rank=rank), Table("Phases", phases, rank=rank), Words(shares, rank=rank),
+        Table("Peaks", facts, ["where"], rank=rank), Words(between, rank=rank),
+        Table("Phases", phases, rank=rank), Words(shares, rank=rank),
         Words(_draws(simulation), rank=rank), Table("States", states),
         Words(["(v_y is positive towards the court; topspin is positive)"]),
     ])  # fmt: skip
@@ -115,6 +121,16 @@ def _contact_band(simulation: Simulation) -> str:
     return f"95 %: {1e3 * low:.2f} to {1e3 * high:.2f} ms"
 
 
+def _gap(simulation: Simulation, name: str) -> tuple[str, str]:
+    """A time, path or turn between the flights, and its band."""
+    scale = output_scale(name)
+    value = f"{scale.factor * simulation.gaps[name]:.{3 if OBSERVABLES[name].unit == 's' else 2}f} {scale.unit}"
+    if simulation.band is None:
+        return value, ""
+    low, *_middle, high = scale.factor * simulation.band.gaps[name]
+    return value, f"95 %: {low:.2f} to {high:.2f} {scale.unit}"
+
+
 def _state(name: str, motion: Motion) -> list[str]:
     return [name, f"{motion.v_x:.3f}", f"{motion.v_y:.3f}", f"{motion.omega_1:.2f}", f"{motion.omega_2:.2f}"]
 
@@ -150,6 +166,7 @@ def simulation_json(simulation: Simulation) -> dict[str, Any]:
         "impact": {name: float(getattr(impact, name)[0]) for name in ("v_x1", "v_y1", "omega_1")},
         "regime": history.regime_name,
         "contact_time": history.contact_time,
+        "gaps": dict(simulation.gaps),
         "phases": [asdict(span) | {"phase": PHASE_SYMBOL[span.phase]} for span in history.spans],
         "peak_compression": asdict(history.peak_compression),
         "peak_normal_force": asdict(history.peak_force),
@@ -166,6 +183,7 @@ def _band(band: Band) -> dict[str, object]:
         "draws": band.draws,
         "failed": band.failed,
         "contact_time": dict(zip(BAND, band.contact_time.tolist(), strict=True)),
+        "gaps": {name: dict(zip(BAND, levels.tolist(), strict=True)) for name, levels in band.gaps.items()},
         "regimes": dict(band.regimes),
     }
 

@@ -223,7 +223,7 @@ def run_text(fit: Fit, folder: Path) -> str:
         },
         measurement=MeasurementPart(
             distribution=problem.noise.name,
-            incident_errors=problem.incident is not None,
+            incident_errors=problem.uncertain,
             offsets=None if problem.group_bias is None else problem.group_bias.column,
         ),
         scene=part(ScenePart, problem.scene),
