@@ -65,63 +65,66 @@ LEVEL: Mapping[str, float] = {SCALE: 1.0, CLOCK: 1.0, TILT: 0.0, HEIGHT: 0.0}
 SESSION = "session"
 
 # By name, each broadcastable to (draws, impacts).
-Told: TypeAlias = Mapping[str, NumberArray]
+Settings: TypeAlias = Mapping[str, NumberArray]
 Incident: TypeAlias = tuple[NumberArray, NumberArray, NumberArray]
 
 
-def true(told: Told, measured: Incident) -> Incident:
+def true(settings: Settings, measured: Incident) -> Incident:
     """The true `(v_x1, v_y1, omega_1)` of measured ones, in any kind of number."""
     v_x, v_y, omega = measured
-    speed, cosine, sine = told[SCALE] / told[CLOCK], np.cos(told[TILT]), np.sin(told[TILT])
+    speed, cosine, sine = settings[SCALE] / settings[CLOCK], np.cos(settings[TILT]), np.sin(settings[TILT])
     # v_y1 is downwards.
-    return speed * (v_x * cosine - v_y * sine), speed * (v_x * sine + v_y * cosine), omega / told[CLOCK]
+    return speed * (v_x * cosine - v_y * sine), speed * (v_x * sine + v_y * cosine), omega / settings[CLOCK]
 
 
-def seen(told: Told, measured: Incident, rebound: Mapping[str, NumberArray]) -> dict[str, NumberArray]:
+def seen(settings: Settings, measured: Incident, rebound: Mapping[str, NumberArray]) -> dict[str, NumberArray]:
     """What the camera shows of true rebounds, by output, where it measured these incident states."""
-    slow, cosine, sine = told[CLOCK] / told[SCALE], np.cos(told[TILT]), np.sin(told[TILT])
+    slow, cosine, sine = settings[CLOCK] / settings[SCALE], np.cos(settings[TILT]), np.sin(settings[TILT])
     v_x1, v_y1, omega_1 = measured
     v_x2 = slow * (rebound["v_x2"] * cosine - rebound["v_y2"] * sine)
     v_y2 = slow * (rebound["v_x2"] * sine + rebound["v_y2"] * cosine)
-    omega_2, height = rebound["omega_2"] * told[CLOCK], told[HEIGHT]
-    return {
-        **rebound,
-        "v_x2": v_x2,
-        "v_y2": v_y2,
-        "omega_2": omega_2,
-        "gap_time": rebound["gap_time"] / told[CLOCK] - height * (1.0 / v_y1 + 1.0 / v_y2),
-        "gap_path": rebound["gap_path"] / told[SCALE] - height * (v_x1 / v_y1 + v_x2 / v_y2),
-        "gap_turn": rebound["gap_turn"] - height * (omega_1 / v_y1 + omega_2 / v_y2),
-    }
+    omega_2, height = rebound["omega_2"] * settings[CLOCK], settings[HEIGHT]
+    # Where there is no rebound there is none to be shown.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        late, early = 1.0 / v_y2, 1.0 / v_y1
+        return {
+            **rebound,
+            "v_x2": v_x2,
+            "v_y2": v_y2,
+            "omega_2": omega_2,
+            "gap_time": rebound["gap_time"] / settings[CLOCK] - height * (early + late),
+            "gap_path": rebound["gap_path"] / settings[SCALE] - height * (v_x1 * early + v_x2 * late),
+            "gap_turn": rebound["gap_turn"] - height * (omega_1 * early + omega_2 * late),
+        }
 
 
 @dataclass(frozen=True)
 class Moves:
-    """How fast what is `told` and the `measured` incident states change along some directions, each (draws, impacts,
-    directions) or broadcastable to it; what does not change is not in `told`.
+    """How fast `settings` and `measured` incident states change along some directions, each (draws, impacts,
+    directions) or broadcastable to it; what does not change is not in `settings`.
     """
 
-    told: Mapping[str, FloatArray]
+    settings: Mapping[str, FloatArray]
     measured: tuple[FloatArray | float, FloatArray | float, FloatArray | float] = (0.0, 0.0, 0.0)
 
-    def stepped(self, told: Told, measured: Incident) -> tuple[Told, Incident]:
+    def stepped(self, settings: Settings, measured: Incident) -> tuple[Settings, Incident]:
         """Both with a complex step along each direction."""
-        moved = {key: value[..., None] + 1j * STEP * self.told.get(key, 0.0) for key, value in told.items()}
+        moved = {key: value[..., None] + 1j * STEP * self.settings.get(key, 0.0) for key, value in settings.items()}
         v_x, v_y, omega = (
             column[..., None] + 1j * STEP * rate for column, rate in zip(measured, self.measured, strict=True)
         )
         return moved, (v_x, v_y, omega)
 
-    def of_true(self, told: Told, measured: Incident) -> FloatArray:
+    def of_true(self, settings: Settings, measured: Incident) -> FloatArray:
         """Derivatives of the true incident states, (draws, impacts, 3, directions)."""
-        return np.stack(np.broadcast_arrays(*true(*self.stepped(told, measured))), axis=-2).imag / STEP
+        return np.stack(np.broadcast_arrays(*true(*self.stepped(settings, measured))), axis=-2).imag / STEP
 
     def of_seen(
-        self, told: Told, measured: Incident, rebound: Rebound, slopes: Mapping[str, FloatArray]
+        self, settings: Settings, measured: Incident, rebound: Rebound, slopes: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Derivatives (draws, impacts, directions) of what the camera shows of true rebounds with these `slopes`."""
         outputs = {name: getattr(rebound, name)[..., None] + 1j * STEP * slopes[name] for name in OUTPUTS}
-        moved, states = self.stepped(told, measured)
+        moved, states = self.stepped(settings, measured)
         return {name: np.asarray(column.imag / STEP) for name, column in seen(moved, states, outputs).items()}
 
 
@@ -154,39 +157,39 @@ class View:
                 spec, name = CAMERA_SPECS[key], self.name(key, session)
                 words = spec.meaning.replace(",", f" in session {session},", 1) if session else spec.meaning
                 label = spec.label if not session else rf"{spec.label[:-1]}_{{{in_formula(session)}}}$"
-                told = None if scene.camera is None else getattr(scene.camera, key)
-                prior = (
-                    spec.prior if told is None or told.sd is None else f"normal({told.value:.10g}, {told.sd:.10g})"
-                )
+                stated = None if scene.camera is None else getattr(scene.camera, key)
+                prior = spec.prior
+                if stated is not None and stated.sd is not None:
+                    prior = f"normal({stated.value:.10g}, {stated.sd:.10g})"
                 made[name] = replace(spec, name=name, prior=prior, meaning=words, label=label)
-                if told is not None and told.sd is None:
-                    held[name] = (told.value, "stated in the scene")
+                if stated is not None and stated.sd is None:
+                    held[name] = (stated.value, "stated in the scene")
         return made, held
 
     def take(self, rows: NDArray[np.int64]) -> View:
         """That of some of the impacts."""
         return replace(self, index=self.index[rows])
 
-    def told(self, columns: Mapping[str, NumberArray], rows: NDArray[np.int64]) -> Told:
+    def settings(self, columns: Mapping[str, NumberArray], rows: NDArray[np.int64]) -> Settings:
         """What holds at each of `rows`, (draws, rows), of the parameters of all sessions in `columns` (draws,)."""
         by_session = {
             key: np.stack([columns[self.name(key, session)] for session in self.sessions], axis=-1)
             for key in self.keys
         }
-        told: dict[str, NumberArray] = {key: np.full((1, len(rows)), value) for key, value in LEVEL.items()}
-        return told | {key: values[:, self.index[rows]] for key, values in by_session.items()}
+        settings: dict[str, NumberArray] = {key: np.full((1, len(rows)), value) for key, value in LEVEL.items()}
+        return settings | {key: values[:, self.index[rows]] for key, values in by_session.items()}
 
     def moves(self, free: Sequence[str], rates: FloatArray) -> Moves:
         """What changes along each coordinate of the `free` parameters, whose values do at `rates` (draws, free)."""
-        told = {}
+        settings = {}
         for key in self.keys:
             rate = np.zeros((rates.shape[0], self.index.size, len(free)))
             for place, session in enumerate(self.sessions):
                 if (name := self.name(key, session)) in free:
                     k = free.index(name)
                     rate[:, self.index == place, k] = rates[:, [k]]
-            told[key] = rate
-        return Moves(told)
+            settings[key] = rate
+        return Moves(settings)
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
@@ -197,7 +200,7 @@ class View:
         }
         return {key: values[self.index[rows], draws] for key, values in by_session.items()}
 
-    def of_pairs(self, columns: Mapping[str, FloatArray]) -> Told:
+    def of_pairs(self, columns: Mapping[str, FloatArray]) -> Settings:
         """What holds for pairs of a draw and an impact, (pairs, 1), from `columns` (pairs,) by key."""
         level = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
         return level | {key: columns[key][:, None] for key in self.keys}
@@ -232,19 +235,21 @@ def build_view(
     return View(wanted, *levels_of(table, SESSION, "[camera]")), notes
 
 
-def truly(told: Told, impacts: Impacts | OwnImpacts) -> tuple[OwnImpacts, NDArray[np.bool_]]:
+def truly(settings: Settings, impacts: Impacts | OwnImpacts) -> tuple[OwnImpacts, NDArray[np.bool_]]:
     """The true impacts (draws, impacts), and which of them reach the court; those that do not stand as measured."""
     v_x, v_y, omega, cor = impacts.states()
-    found = np.broadcast_arrays(*true(told, (v_x, v_y, omega)))
+    found = np.broadcast_arrays(*true(settings, (v_x, v_y, omega)))
     reaching = found[1] > 0.0
     v_x, v_y, omega = (np.where(reaching, new, old) for new, old in zip(found, (v_x, v_y, omega), strict=True))
     return OwnImpacts(v_x, v_y, omega, None if cor is None else np.broadcast_to(cor, reaching.shape)), reaching
 
 
-def shown(told: Told, impacts: Impacts | OwnImpacts, reaching: NDArray[np.bool_], rebound: Rebound) -> Rebound:
+def as_seen(
+    settings: Settings, impacts: Impacts | OwnImpacts, reaching: NDArray[np.bool_], rebound: Rebound
+) -> Rebound:
     """True rebounds (draws, impacts) as the camera shows them; what does not reach the court has none."""
     outputs = {name: getattr(rebound, name) for name in OUTPUTS}
-    made = seen(told, impacts.states()[:3], outputs)
+    made = seen(settings, impacts.states()[:3], outputs)
     status = np.where(reaching, rebound.status, np.int8(Status.NO_IMPACT))
     return replace(
         rebound,
@@ -253,10 +258,12 @@ def shown(told: Told, impacts: Impacts | OwnImpacts, reaching: NDArray[np.bool_]
     )
 
 
-def incident_slopes(told: Told, measured: Incident, rebound: Rebound, inputs: FloatArray) -> dict[str, FloatArray]:
+def incident_slopes(
+    settings: Settings, measured: Incident, rebound: Rebound, inputs: FloatArray
+) -> dict[str, FloatArray]:
     """Derivatives (draws, impacts, 3) of what the camera shows with respect to measured incident states, from those
     of the model with respect to true ones, (draws, impacts, outputs, 3).
     """
     moves = Moves({}, (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
-    slopes = np.matmul(inputs, moves.of_true(told, measured))
-    return moves.of_seen(told, measured, rebound, by_output(slopes))
+    slopes = np.matmul(inputs, moves.of_true(settings, measured))
+    return moves.of_seen(settings, measured, rebound, by_output(slopes))

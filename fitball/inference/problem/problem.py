@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.problem.camera import View, incident_slopes, shown, truly
+from fitball.inference.problem.camera import View, as_seen, incident_slopes, truly
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
@@ -182,9 +182,9 @@ class Problem:
         """As `rebound_like`, of measured impacts and as the camera of the session of each row shows them."""
         if self.camera is None:
             return self.rebound_like(columns, impacts, rows)
-        told = self.camera.told(columns, rows)
-        there, reaching = truly(told, impacts)
-        return shown(told, impacts, reaching, self.rebound_like(columns, there, rows))
+        settings = self.camera.settings(columns, rows)
+        there, reaching = truly(settings, impacts)
+        return as_seen(settings, impacts, reaching, self.rebound_like(columns, there, rows))
 
     def rebound_like(
         self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
@@ -206,16 +206,16 @@ class Problem:
         self, columns: Mapping[str, FloatArray], impacts: Impacts, rows: NDArray[np.int64]
     ) -> Mapping[str, FloatArray]:
         """Derivatives (draws, impacts, 3) of each output of `seen_like` with respect to measured incident states."""
-        told = None if self.camera is None else self.camera.told(columns, rows)
-        there = impacts if told is None else truly(told, impacts)[0]
+        settings = None if self.camera is None else self.camera.settings(columns, rows)
+        there = impacts if settings is None else truly(settings, impacts)[0]
         (inputs,) = self._by_level(
             columns,
             rows,
             lambda values, mine: (self.model.jacobian(self.model_names, values, there.take(mine), ()).inputs,),
         )
-        if told is None:
+        if settings is None:
             return by_output(inputs)
-        return incident_slopes(told, impacts.states()[:3], self.rebound_like(columns, there, rows), inputs)
+        return incident_slopes(settings, impacts.states()[:3], self.rebound_like(columns, there, rows), inputs)
 
     def differentiated(self, coordinates: FloatArray) -> tuple[Rebound, dict[str, FloatArray]]:
         """Rebounds (draws, impacts) of the table's impacts at `coordinates` (draws, free), as the camera shows them,
@@ -239,13 +239,13 @@ class Problem:
         rebound = None
         every = np.arange(len(self.impacts))
         slopes = np.zeros((values.shape[0], every.size, len(OUTPUTS), self.dimension))
-        told, moves = None, None
+        settings, moves = None, None
         there: Impacts | OwnImpacts = self.impacts
         if self.camera is not None:
-            told = self.camera.told(columns, every)
-            there, reaching = truly(told, self.impacts)
+            settings = self.camera.settings(columns, every)
+            there, reaching = truly(settings, self.impacts)
             moves = self.camera.moves(self.free_names, rates)
-            shifts = moves.of_true(told, self.impacts.states()[:3])
+            shifts = moves.of_true(settings, self.impacts.states()[:3])
         for mine, own in self._blocks(columns, every):
             rows = self._model_rows({**columns, **own})
             impacts = there.take(mine) if self.pooling else there
@@ -268,10 +268,10 @@ class Problem:
             if self.pooling:
                 slopes[:, mine] = part
         whole = rebound if rebound is not None and not self.pooling else self.rebound_like(columns, there, every)
-        if told is None or moves is None:
+        if settings is None or moves is None:
             return whole, by_output(slopes)
-        made = moves.of_seen(told, self.impacts.states()[:3], whole, by_output(slopes))
-        return shown(told, self.impacts, reaching, whole), made
+        made = moves.of_seen(settings, self.impacts.states()[:3], whole, by_output(slopes))
+        return as_seen(settings, self.impacts, reaching, whole), made
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
@@ -291,13 +291,13 @@ class Problem:
         """Rebounds (pairs, impacts) for `paired` parameters, as the camera shows them, with derivatives (pairs,
         impacts, 3) of each output with respect to the measured incident state.
         """
-        told = None if self.camera is None else self.camera.of_pairs(columns)
-        there, reaching = (impacts, np.ones(1, dtype=bool)) if told is None else truly(told, impacts)
+        settings = None if self.camera is None else self.camera.of_pairs(columns)
+        there, reaching = (impacts, np.ones(1, dtype=bool)) if settings is None else truly(settings, impacts)
         jacobian = self.model.jacobian(self.model_names, self._model_rows(columns), there, ())
-        if told is None:
+        if settings is None:
             return jacobian.rebound, by_output(jacobian.inputs)
-        slopes = incident_slopes(told, impacts.states()[:3], jacobian.rebound, jacobian.inputs)
-        return shown(told, impacts, reaching, jacobian.rebound), slopes
+        slopes = incident_slopes(settings, impacts.states()[:3], jacobian.rebound, jacobian.inputs)
+        return as_seen(settings, impacts, reaching, jacobian.rebound), slopes
 
     def force_integrals(
         self,

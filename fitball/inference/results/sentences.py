@@ -188,3 +188,10 @@ def counted(count: int) -> str:
 def capital(text: str) -> str:
     """A text that begins a sentence."""
     return text[:1].upper() + text[1:]
+
+
+CAMERA_EXPLAINS = (
+    "{key} = {value} (sd {sd}) of the camera would explain {share:.0f} % of the residual variance: state {key} in "
+    "[camera] of the scene, and it is fitted."
+)
+HEIGHT_OR_TIME = "A contact time that depends on the speed, which no model here has, looks much the same."
