@@ -113,8 +113,8 @@ class TimePart(Part, frozen=True):
 
 
 class MeasurementPart(Part, frozen=True, omit_defaults=True):
-    """What is taken of the measurement's errors. `velocity_noise` is written where stated errors are all of the noise:
-    which columns share one follows from the parameters.
+    """What is taken of the measurement's errors. `velocity_noise` is written where stated errors are all of the
+    noise: which columns share one follows from the parameters.
     """
 
     distribution: str
