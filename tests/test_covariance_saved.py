@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from test_covariance_file import PAIRS, TABLE, rows_of, written
@@ -12,11 +14,12 @@ import fitball
 from fitball.api.calibrating import pose
 from fitball.cli.main import main
 from fitball.data.read import load_table
+from fitball.data.scene import Camera, Quantity
 from fitball.errors import ResultFolderError
 from fitball.inference.calibrate import fingerprint
 from fitball.inference.effort import Effort
 from fitball.inference.problem.build import Choices
-from fitball.report.saved.run_file import find_covariances, find_tables, read_run, record_problem
+from fitball.report.saved.run_file import camera_part, find_covariances, find_tables, read_run, record_problem
 
 
 @pytest.fixture(scope="module")
@@ -123,10 +126,16 @@ def test_a_folder_of_tables_has_no_covariance_file_as_a_table(made: Path) -> Non
 
 def test_a_saved_fit_keeps_the_camera_of_its_scene(made: Path, tmp_path: Path) -> None:
     scene = tmp_path / "camera.toml"
-    scene.write_text("[camera]\nscale = { value = 1.0, sd = 0.01 }\ntilt = { value = 0, sd = 0.005 }\nfps = 240\n")
+    scene.write_text("[camera]\nfps = 240\nrow_time = 1e-5\n")
     fit = fitball.calibrate(made / "t.csv", "grip-slip", config=scene, point_only=True)
     fit.save(tmp_path / "fit")
     camera = fitball.load_scene(None, scene).camera
     assert camera is not None
     assert read_run(tmp_path / "fit").scene.camera == camera
     assert fitball.load_fit(tmp_path / "fit").problem.scene.camera == camera
+    whole = Camera(
+        Quantity(1.0, 0.01), Quantity(0.999), Quantity(0.0, 0.005), Quantity(-0.002, 0.003), 240.0, 0.8, 1e-5
+    )
+    record = read_run(tmp_path / "fit")
+    again = replace(record, file=msgspec.structs.replace(record.file, camera=camera_part(whole)))
+    assert again.scene.camera == whole

@@ -5,6 +5,7 @@ mapping or an array in Python; each as entries for a row and two columns of the 
 from __future__ import annotations
 
 import os
+import sys
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -38,6 +39,8 @@ _NAMES: Mapping[str, str] = {
     **dict.fromkeys(("column2", "columnb", "col2"), "second"),
     **dict.fromkeys(("value", "covariance", "cov"), "value"),
 }
+# The largest number, which a whole number of Python may exceed.
+MOST = sys.float_info.max
 # Values are products of numbers of any two columns.
 _PRODUCT = Unit("", Dimension.SPEED, 1.0)
 
@@ -281,7 +284,7 @@ def _of_mapping(given: Mapping[Any, Any], layout: Layout) -> Written:
         for pair, value in pairs.items():
             if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(item, str) for item in pair)):
                 raise ParameterError(f"covariance: '{name}': read the key {pair!r}, expected (column, column)")
-            if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(float(value)):
+            if isinstance(value, bool) or not isinstance(value, Real) or not abs(value) <= MOST:  # type: ignore[operator]
                 found.fault(f"'{name}', {pair[0]} and {pair[1]}: read {value!r}; expected a finite number")
                 continue
             places = [_column(item, layout) for item in pair]
@@ -297,7 +300,7 @@ def _of_mapping(given: Mapping[Any, Any], layout: Layout) -> Written:
 def _of_array(given: Any, layout: Layout) -> Written:
     try:
         values = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ParameterError(
             f"covariance: read {type(given).__name__}, expected a path, {{id: {{(column, column): value}}}}, or an "
             "array of numbers (rows, columns, columns)"

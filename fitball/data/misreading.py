@@ -35,6 +35,7 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.data.units import UNITS, Dimension
 from fitball.errors import ParameterError, suggestion
+from fitball.observables import OBSERVABLES
 from fitball.values import Ball, FloatArray, quotient
 from fitball.wording import option
 
@@ -381,8 +382,10 @@ def _better(columns: Columns, as_read: Misfit, tried: Iterable[Hypothesis], ball
 
 
 def _moving(columns: Columns) -> Columns:
-    """The columns that say how the ball moves: a time does not."""
-    return {name: values for name, values in columns.items() if COLUMNS[name].dimension is not Dimension.TIME}
+    """The columns that say how the ball moves: a time does not, nor what lies between the flights."""
+    return {
+        name: values for name, values in columns.items() if name not in OBSERVABLES or not OBSERVABLES[name].timed
+    }
 
 
 def gaps_of_table(table: ImpactTable, ball: Ball) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fitball.data.between_flights import doubt_of_gaps
 from fitball.data.covariance_entries import LEFT_OUT, Given
 from fitball.data.laws import repeats_of
 from fitball.data.misreading import check_named, doubt_of_table, gaps_of_table, named_of
@@ -81,6 +82,12 @@ def trusted_table(
             notes.append(
                 f"{table.name}: read as in its header, on request (as_read), although {doubt.lines(scene)[0]}"
             )
+        asked_of = doubt_of_gaps(table, scene)
+        if asked_of and not as_read:
+            raise ReadingError(
+                table.source, asked_of, "gaps between the flights disagree with speeds, spins or times:"
+            )
+        notes += [f"{table.name}: read as in its header, on request (as_read), although {item}" for item in asked_of]
     return joined(tables), tuple(notes)
 
 

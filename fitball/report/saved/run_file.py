@@ -228,7 +228,7 @@ def run_text(fit: Fit, folder: Path) -> str:
         ),
         scene=part(ScenePart, problem.scene),
         contact_time=None if problem.contact_time is None else TimePart(*problem.contact_time),
-        camera=None if problem.scene.camera is None else _camera_part(problem.scene.camera),
+        camera=None if problem.scene.camera is None else camera_part(problem.scene.camera),
         force=None if force is None else _named(force.source, force.digest, folder),
         sampler=None if fit.diagnostics is None else part(SamplerPart, fit.diagnostics),
     )
@@ -236,7 +236,8 @@ def run_text(fit: Fit, folder: Path) -> str:
     return (HEAD + tomli_w.dumps(plain(run))).encode("utf-8", "backslashreplace").decode()
 
 
-def _camera_part(camera: Camera) -> CameraPart:
+def camera_part(camera: Camera) -> CameraPart:
+    """What a session of filming shares, as `run.toml` has it."""
     known: dict[str, Any] = {
         name: SpreadPart(it.value, it.sd) if isinstance(it, Quantity) else it for name, it in vars(camera).items()
     }
