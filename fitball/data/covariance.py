@@ -232,7 +232,6 @@ def _definite(
         root = np.sqrt(np.diagonal(near))
         correlation[k] = near / (root[:, None] * root[None, :])
     covariance = np.where(known[:, :, None] & known[:, None, :], correlation * scale, 0.0)
-    covariance[:, unit] = np.where(known, variances, 0.0)
     near_by = [layout.ids[k] for k in np.flatnonzero(bent & ~wrong & (lowest < -EXACT)).tolist()]
     if not near_by:
         return covariance, ()
