@@ -196,7 +196,7 @@ def test_contradictions_name_what_to_write(tmp_path, monkeypatch, capsys):
 def test_the_scene_says_what_is_known_of_each(tmp_path):
     # No contact is known to 60 ms.
     sizes = {name: 0.01 * (k + 1) for k, name in enumerate(NOISE_OF.values())}
-    sizes |= {"contact_time_sd": 0.001, "gap_time_sd": 0.001}
+    sizes |= {"contact_time_sd": 0.001, "gap_time_sd": 0.001, "gap_path_sd": 0.01}
     known = "\n".join(f"{name} = {size}" for name, size in sizes.items())
     place = tmp_path / "scene.toml"
     place.write_text(f'[measurement]\nvelocity_noise = "separate"\n{known}\n', encoding="utf-8")

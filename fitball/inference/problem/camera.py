@@ -244,7 +244,7 @@ def truly(settings: Settings, impacts: Impacts | OwnImpacts) -> tuple[OwnImpacts
     return OwnImpacts(v_x, v_y, omega, None if cor is None else np.broadcast_to(cor, reaching.shape)), reaching
 
 
-def shown(
+def as_seen(
     settings: Settings, impacts: Impacts | OwnImpacts, reaching: NDArray[np.bool_], rebound: Rebound
 ) -> Rebound:
     """True rebounds (draws, impacts) as the camera shows them; what does not reach the court has none."""

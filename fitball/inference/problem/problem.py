@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.problem.camera import View, incident_slopes, shown, truly
+from fitball.inference.problem.camera import View, as_seen, incident_slopes, truly
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
 from fitball.inference.problem.observables import Observable
@@ -184,7 +184,7 @@ class Problem:
             return self.rebound_like(columns, impacts, rows)
         settings = self.camera.settings(columns, rows)
         there, reaching = truly(settings, impacts)
-        return shown(settings, impacts, reaching, self.rebound_like(columns, there, rows))
+        return as_seen(settings, impacts, reaching, self.rebound_like(columns, there, rows))
 
     def rebound_like(
         self, columns: Mapping[str, FloatArray], impacts: Impacts | OwnImpacts, rows: NDArray[np.int64]
@@ -271,7 +271,7 @@ class Problem:
         if settings is None or moves is None:
             return whole, by_output(slopes)
         made = moves.of_seen(settings, self.impacts.states()[:3], whole, by_output(slopes))
-        return shown(settings, self.impacts, reaching, whole), made
+        return as_seen(settings, self.impacts, reaching, whole), made
 
     def paired(
         self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
@@ -297,7 +297,7 @@ class Problem:
         if settings is None:
             return jacobian.rebound, by_output(jacobian.inputs)
         slopes = incident_slopes(settings, impacts.states()[:3], jacobian.rebound, jacobian.inputs)
-        return shown(settings, impacts, reaching, jacobian.rebound), slopes
+        return as_seen(settings, impacts, reaching, jacobian.rebound), slopes
 
     def force_integrals(
         self,
