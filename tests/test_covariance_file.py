@@ -76,7 +76,7 @@ def test_a_covariance_file_is_read_in_the_units_of_the_table(tmp_path: Path) -> 
     assert table.incident_sd["v_y1"] ** 2 == pytest.approx(found.values[:, 1, 1])
     item = table.measurement("omega_2")
     assert item is not None and item.sd == pytest.approx(30.0 * RPM)
-    assert "covariances of 3 of 3 rows are read from" in table.remarks[0]
+    assert table.remarks[0] == "covariances of 3 of 3 rows are read from t_covariance.csv"
 
 
 def test_in_python_it_is_a_mapping_an_array_or_a_path(tmp_path: Path) -> None:
