@@ -13,15 +13,18 @@ from nested_monte_carlo import Planned, nested_gain
 
 from fitball.data.lines import Range
 from fitball.data.read import load_table
-from fitball.data.scene import Scene
+from fitball.data.scene import Camera, Quantity, Scene
 from fitball.inference.design.asked import PlannedColumn, Sensor, as_before
-from fitball.inference.design.knowledge import Knowledge, plate_rows, with_plate
+from fitball.inference.design.knowledge import Knowledge, plate_rows, with_height, with_plate
 from fitball.inference.design.make_plan import Asked, make_plan
 from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
 from fitball.inference.design.targets import of_parameters
 from fitball.inference.problem.build import Choices, build_problem
+from fitball.inference.problem.camera import View
 from fitball.inference.problem.noise import StudentNoise
+from fitball.inference.problem.observables import Observable
 from fitball.inference.results.results import Posterior
+from fitball.report.plan.document import render as plan_text
 from fitball.values import Impacts
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -265,3 +268,94 @@ def test_a_plan_chooses_a_plate_that_tells_more(sprung):
     assert plan.chosen[0].sensor == "force"
     assert plan.chosen[-1].sds[0] < 0.05 < plan.worths[0].sds[0]
     assert plan.worths[1].batch == pytest.approx(plan.gain, rel=1e-6)
+
+
+# --- a camera that sees the gaps
+
+TRUTH = {"mass_ratio": (0.87, 0.01), "k_y": (2e4, 0.1), "k_theta": (20.0, 0.1), "mu": (0.56, 0.02),
+         "eps_10": (2.4e-3, 2e-4), "eps_slope": (0.0, 5e-5), "cor_10": (0.776, 5e-3),
+         "cor_slope": (-0.016, 5e-4)}  # fmt: skip
+STATED = {"v_x2": 0.2, "v_y2": 0.2, "omega_2": 8.0}
+SEEN = {"gap_time": 1e-4, "gap_path": 1e-3, "gap_turn": 0.04}
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    """What is known of a two-mass ball, `k_y` and `k_theta` to 1 %, by a table with stated errors."""
+    columns = {name: [1.0, 2.0, 3.0] for name in ("v_x1", "v_y1", "v_x2", "v_y2", "omega_2")}
+    columns |= {"v_x1": [16.0, 14.0, 12.0], "v_y1": [6.0, 9.0, 12.0], "v_x2": [12.0, 10.0, 8.0],
+                "v_y2": [5.0, 7.0, 9.0], "omega_2": [250.0, 270.0, 260.0]}  # fmt: skip
+    frame = columns | {f"{name}_sd": [sd] * 3 for name, sd in STATED.items()}
+    problem = build_problem(
+        load_table(frame, name="filmed"), Scene(), Choices(model="two-mass", velocity_noise="stated")
+    )
+    rng, logs = np.random.default_rng(21), [item.prior.log for item in problem.free]
+    centre = problem.to_coordinates(np.array([[TRUTH[name][0] for name in problem.free_names]]))[0]
+    spread = np.array([TRUTH[name][1] for name in problem.free_names])
+    assert problem.free_names == tuple(TRUTH) and logs[1] and logs[2]
+    # So narrow that the model is linear over the draws.
+    return Knowledge(problem, centre + 0.1 * spread * rng.standard_normal((4000, spread.size)))
+
+
+def seen_by(problem, impact, height):
+    """Rebound and gaps of one impact by the model itself, (columns,), at coordinates and the height of the court."""
+
+    def at(coordinates):
+        values = dict(zip(problem.free_names, problem.to_values(coordinates[None])[0], strict=True))
+        made = problem.model.rebound(values, impact)
+        v_y1, v_x1, omega_1 = impact.v_y1[0], impact.v_x1[0], impact.omega_1[0]
+        v_x2, v_y2, omega_2 = made.v_x2[0], made.v_y2[0], made.omega_2[0]
+        # A court that is higher is reached earlier and left later.
+        return np.array([
+            v_x2, v_y2, omega_2, made.gap_time[0] - height * (1.0 / v_y1 + 1.0 / v_y2),
+            made.gap_path[0] - height * (v_x1 / v_y1 + v_x2 / v_y2),
+            made.gap_turn[0] - height * (omega_1 / v_y1 + omega_2 / v_y2),
+        ])  # fmt: skip
+
+    return at
+
+
+@pytest.mark.parametrize(("stated", "known_to"), [(None, 3e-3), (Camera(court_height=Quantity(0.0, 3e-4)), 3e-4)])
+def test_gaps_tell_stiffness_as_far_as_the_height_of_the_court_is_known(filmed, stated, known_to):
+    """By differences of the model itself, with the height as one more unknown."""
+    share, problem = 0.1, replace(filmed.problem, scene=replace(filmed.problem.scene, camera=stated))
+    asked = Asked("k_y", Range(18.0, 18.0), Range(0.5, 0.5), Range(50.0, 50.0), impacts=1, sensors=[f"gaps={share}"])
+    plan = make_plan(problem, posterior_of(filmed), asked)
+    assert plan.height is not None and plan.height.sd == pytest.approx(known_to, rel=0.05)
+    impact = Impacts([18.0 * np.cos(0.5)], [18.0 * np.sin(0.5)], [50.0])
+    centre = filmed.coordinates.mean(axis=0)
+    rows = []
+    for k, size in enumerate(filmed.coordinates.std(axis=0)):
+        step = 1e-3 * size * np.eye(centre.size)[k]
+        at = seen_by(problem, impact, 0.0)
+        rows.append((at(centre + step) - at(centre - step)) / (2e-3 * size))
+    rows.append((seen_by(problem, impact, 1e-3)(centre) - seen_by(problem, impact, -1e-3)(centre)) / 2e-3)
+    sds = np.array([*STATED.values(), *(share * sd for sd in SEEN.values())])
+    slopes = np.stack(rows, axis=1) / sds[:, None]
+    prior = np.zeros((9, 9))
+    prior[:8, :8] = np.cov(filmed.coordinates, rowvar=False)
+    prior[8, 8] = plan.height.sd**2
+    place = problem.free_names.index("k_y")
+    after = np.linalg.inv(np.linalg.inv(prior) + slopes.T @ slopes)
+    assert plan.worths[1].sds[0] == pytest.approx(np.sqrt(after[place, place]), rel=0.03)
+    words = f"an error of 1 mm changes gap_time by {plan.height.gap_time:.2f} ms"
+    assert words in " ".join(plan_text(plan, problem).split())
+    assert plan.height.gap_time == pytest.approx(-rows[-1][3], rel=0.01)
+    sure = np.linalg.inv(np.linalg.inv(prior[:8, :8]) + slopes[:, :8].T @ slopes[:, :8])
+    assert np.sqrt(sure[place, place] / after[place, place]) < 0.9
+
+
+def test_a_height_that_was_fitted_counts_as_the_fit_knows_it(filmed):
+    """A fit with gaps took it as known, or has it as a parameter: nothing is added to either."""
+    gap = Observable("gap_time", np.full(3, 5e-3), np.full(3, 1e-4), None)
+    measured = replace(filmed.problem, observables=(*filmed.problem.observables, gap))
+    for problem in (measured, replace(filmed.problem, camera=View(("court_height",), ("",), np.zeros(3, np.int64)))):
+        known = replace(filmed, problem=problem)
+        assert with_height(known, np.random.default_rng(1)) is known
+    open_height = with_height(filmed, np.random.default_rng(1))
+    assert open_height.problem.free_names == (*filmed.problem.free_names, "court_height")
+    assert open_height.coordinates[:, -1].std() == pytest.approx(3e-3, rel=0.05)
+    # Rebound velocities do not depend on it.
+    rebound, slopes = dropped(open_height, 8.0).differentiated(open_height.some(3))
+    assert not np.any(slopes["v_y2"][..., -1]) and np.all(slopes["gap_time"][..., -1] < -0.2)
+    assert not np.any(rebound.status)

@@ -18,7 +18,7 @@ from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.data.table import joined
 from fitball.errors import FitError, ParameterError
-from fitball.inference.design.asked import as_before, build_settings, parse_sensor, usual_sensors
+from fitball.inference.design.asked import as_before, build_settings, columns_read, parse_sensor, usual_sensors
 from fitball.inference.design.knowledge import NEXT, Knowledge, knowledge
 from fitball.inference.design.make_plan import Asked, Chosen, make_plan
 from fitball.inference.design.search import information_rows, nothing_measured, over_draws, read
@@ -338,7 +338,10 @@ def test_fits_that_cannot_be_planned_from_say_why(drop_page, grip_slip_fit):
     ("text", "said"),
     [
         ("camera", "expected COLUMN=SD"), ("camera=0", "positive number"), ("camera=2m", "without a unit"),
-        ("contact_time=0.2ms", "grip-slip has no contact time"), ("v_2=0.1", "follows from the measured velocities"),
+        ("contact_time=0.2ms", "grip-slip has no contact time: it has no time axis"),
+        ("gaps=1", "grip-slip has no time between the flights: it has no time axis"), ("gaps=1mm", "without a unit"),
+        ("gap_path=1mm", "grip-slip has no path between the flights"),
+        ("v_2=0.1", "follows from the measured velocities"),
         ("omega_2=5 m/s", "measures speed"), ("drop=254 kg", "unknown"), ("omega=3", "unknown column 'omega'"),
         ("drop=1000 m", "drop_height"), ("force=5N", "no force-time course"),
     ],
@@ -368,8 +371,31 @@ def test_what_no_plan_can_be_asked_is_refused(grip_slip_fit, asked, said):
 def test_sensors_that_nobody_asked_for_are_as_good_as_they_usually_are():
     table = load_table("wang_zero_spin.csv")
     asked = usual_sensors(build_problem(table, Scene(), Choices()))
-    assert asked[:3] == ("contact_time=0.2ms", "force=20N", "camera=0.5")
+    assert asked[:4] == ("contact_time=0.2ms", "force=20N", "camera=0.5", "gaps=1")
+    # Models without them cannot use gaps.
+    for name in ("brody", "thesis"):
+        assert "gaps=1" not in usual_sensors(build_problem(table, Scene(), Choices(model=name)))
     assert usual_sensors(build_problem(table, Scene(), Choices(model="brody")))[0] == "camera=0.5"
+
+
+def test_a_camera_that_sees_the_gaps_reads_three_columns_and_of_a_drop_one():
+    table = load_table("wang_zero_spin.csv")
+    problem = build_problem(table, Scene(), Choices())
+    found = parse_sensor(problem, "gaps=0.5")
+    sds = {column.name: float(column.sd) for column in found.columns if column.column.gap}
+    assert sds == pytest.approx({"gap_time": 5e-5, "gap_path": 5e-4, "gap_turn": 0.02})
+    assert found.words == "gaps within 0.05 ms, 0.5 mm, 1.1 deg"
+    assert columns_read(problem, "contact_time+gaps") == ("contact_time", *sds)
+    # One of them is finer than usual.
+    finer = {column.name: column for column in parse_sensor(problem, "gaps=1,gap_turn=1deg").columns}
+    assert float(finer["gap_turn"].sd) == pytest.approx(np.radians(1.0)) and float(finer["gap_time"].sd) == 1e-4
+    # Gaps that were measured are measured as before.
+    frame = table.to_frame().assign(**{"gap_time [ms]": 5.0})
+    gappy = build_problem(load_table(frame, name="gappy"), Scene(), Choices())
+    assert "gaps=1" not in usual_sensors(gappy) and "gap_time" in [c.name for c in as_before(gappy).columns]
+    dropped = load_table({"v_y1": [4.0, 6.0, 8.0, 10.0], "v_y2": [3.2, 4.7, 6.1, 7.5]}, name="drop")
+    drop = build_problem(dropped, Scene(), Choices(model="two-mass"))
+    assert [column.name for column in parse_sensor(drop, "gaps=1").columns] == ["v_y2", "gap_time"]
 
 
 @pytest.mark.parametrize(

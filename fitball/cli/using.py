@@ -261,12 +261,14 @@ PLAN = Verb(
 sensors (several are joined by commas):
   COLUMN=SD      this column of a table, measured with this sd
   camera=SHARE   all columns, with this share of their fitted noise
+  gaps=SHARE     gap_time, gap_path and gap_turn, with this share of 0.1 ms, 1 mm and 2.3 deg
   force=SD       a force plate with this noise, at 20,000 samples a second
   drop=HEIGHT    a drop test from this height
   none           none but those of the table
 
-Default sensors are a contact timer, a force plate, a camera with half the noise, and the ITF's drop test, as far as
-the model describes them. All are compared with measuring as before.""",
+Default sensors are a contact timer, a force plate, a camera with half the noise, one that sees the gaps, and the
+ITF's drop test, as far as the model describes them. All are compared with measuring as before. For gaps the height of
+the court counts as known within what the scene states, or 3 mm.""",
     description="""Plan the next measurements from the posterior of a fit.
 
 For every incident state within the reach of your machine, the expected information gain of one more impact is

@@ -14,6 +14,7 @@ import numpy as np
 
 from fitball.data.balances import scene_balances
 from fitball.inference.adequacy import by_label
+from fitball.inference.adequacy.by_camera import camera_notes
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.effort import Effort, Stopwatch
 from fitball.inference.identifiability.derived import Quantity, derived, differences
@@ -218,6 +219,7 @@ def assemble(
     with watch.stage("adequacy"):
         described = adequacy(problem, point, posterior, effort.seed, assumptions)
         unfitted = by_label.differences(problem, point)
+        filmed = camera_notes(problem, point)
     with watch.stage("verdicts and prediction"):
         if posterior is not None and sampled is not None:
             covariance = np.atleast_2d(np.cov(posterior.draws, rowvar=False))
@@ -263,7 +265,7 @@ def assemble(
     return Fit(
         problem=problem,
         source=source_of(problem),
-        notes=(*problem.table.remarks, *problem.notes, *remarks, *force_notes(problem, point)),
+        notes=(*problem.table.remarks, *problem.notes, *remarks, *force_notes(problem, point), *filmed),
         balances=scene_balances(problem.table, problem.scene),
         least_squares=squares,
         point=point,

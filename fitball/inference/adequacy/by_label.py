@@ -41,8 +41,8 @@ MOST = 3
 
 
 @dataclass(frozen=True)
-class _Block:
-    """What one parameter, or all biases, would change: derivatives (measurements, numbers)."""
+class Block:
+    """What one parameter, or all biases, would change: derivatives (measurements, numbers) of weighted residuals."""
 
     name: str
     effect: FloatArray
@@ -86,14 +86,14 @@ def _levels(problem: Problem, fit: Refit, item: Labelled) -> FloatArray:
     return np.stack([labels == label for label in list(item.counts)[1:]], axis=1).astype(np.float64)
 
 
-def _blocks(problem: Problem, fit: Refit, slopes: FloatArray, item: Labelled) -> list[_Block]:
+def _blocks(problem: Problem, fit: Refit, slopes: FloatArray, item: Labelled) -> list[Block]:
     inside = _levels(problem, fit, item)
     free = problem.free_names
-    return [_Block(name, slopes[:, [free.index(name)]] * inside) for name in _names(problem, item.column)]
+    return [Block(name, slopes[:, [free.index(name)]] * inside) for name in _names(problem, item.column)]
 
 
-def _score(
-    fit: Refit, block: _Block, taken: Sequence[_Block] = ()
+def score_of(
+    fit: Refit, block: Block, taken: Sequence[Block] = ()
 ) -> tuple[FloatArray, FloatArray, float, int] | None:
     """Shifts of the levels against the first, their covariance, by how much chi-square falls, and the number of
     directions; beside those that are `taken`. None where a refit leaves nothing of it.
@@ -119,7 +119,7 @@ def _score(
     return shifts, covariance, float(score @ shifts), int(kept.sum())
 
 
-def _probability(fit: Refit, gain: float, rank: int) -> float:
+def probability(fit: Refit, gain: float, rank: int) -> float:
     """That of as large a fall of chi-square without any difference: Fisher's F, with the noise of the residuals."""
     freedom = float(fit.freedom.sum()) - rank
     if freedom < 1.0:
@@ -134,9 +134,9 @@ def _scored(
     problem: Problem, fit: Refit, slopes: FloatArray, point: PointFit, item: Labelled
 ) -> Iterator[Difference]:
     for block in _blocks(problem, fit, slopes, item):
-        if (found := _score(fit, block)) is not None:
+        if (found := score_of(fit, block)) is not None:
             shifts, covariance, gain, rank = found
-            yield _difference(problem, point, item, block.name, shifts, covariance, _probability(fit, gain, rank))
+            yield _difference(problem, point, item, block.name, shifts, covariance, probability(fit, gain, rank))
 
 
 def _difference(
@@ -168,27 +168,27 @@ def _chosen(
     """The scores of a column, with those found that explain it: one after the other, each beside the others."""
     blocks = {block.name: block for block in _blocks(problem, fit, slopes, item)}
     sure = {one.parameter: one for one in scored if one.p < SURE}
-    taken: list[_Block] = []
+    taken: list[Block] = []
     gains, ranks = 0.0, 0
     while sure.keys() - {block.name for block in taken} and len(taken) < MOST:
         tried = {
             name: found
             for name in sure
             if name not in {block.name for block in taken}
-            if (found := _score(fit, blocks[name], taken)) is not None
+            if (found := score_of(fit, blocks[name], taken)) is not None
         }
-        best = min(tried, key=lambda name: _probability(fit, tried[name][2], tried[name][3]), default="")
+        best = min(tried, key=lambda name: probability(fit, tried[name][2], tried[name][3]), default="")
         # Of parameters that explain the same, as value and slope of a line do at one speed, the first.
         alike = (name for name, item in tried.items() if item[2] >= (1.0 - ROUNDING) * tried[best][2])
         best = next(alike, best)
-        if not best or _probability(fit, tried[best][2], tried[best][3]) * len(scored) >= SURE:
+        if not best or probability(fit, tried[best][2], tried[best][3]) * len(scored) >= SURE:
             break
         taken.append(blocks[best])
         gains, ranks = gains + tried[best][2], ranks + tried[best][3]
     if not taken or not _preferred(problem, fit, item, gains, ranks):
         return list(scored)
     names = [block.name for block in taken]
-    values = _quick_fit(problem, point, item, names, {name: _score(fit, blocks[name]) for name in names})
+    values = _quick_fit(problem, point, item, names, {name: score_of(fit, blocks[name]) for name in names})
     return [
         replace(one, found=True, values=values.get(one.parameter, {})) if one.parameter in names else one
         for one in scored
@@ -200,7 +200,7 @@ def _preferred(problem: Problem, fit: Refit, item: Labelled, gain: float, rank: 
     inside = _levels(problem, fit, item)
     columns = np.repeat(np.eye(len(fit.columns)), [places.size for places in fit.places], axis=0)
     effect = np.concatenate([inside * columns[:, [k]] for k in range(len(fit.columns))], axis=1)
-    biases = _score(fit, _Block("biases", effect))
+    biases = score_of(fit, Block("biases", effect))
     penalty = np.log(len(problem.impacts))
     return biases is None or gain - rank * penalty >= biases[2] * (1.0 - ROUNDING) - biases[3] * penalty
 

@@ -14,6 +14,7 @@ from fitball.data.scene import NO_SPIN_SD, NO_VELOCITY_SD
 from fitball.inference.adequacy.looks import KINDS, Look, Tables, family, farthest
 from fitball.inference.adequacy.made_tables import LEFT_OUT, look_at
 from fitball.inference.adequacy.refit import EVERY, Pattern, Refit, patterns, refit
+from fitball.inference.adequacy.repeats import far_beyond, repeats_words
 from fitball.inference.adequacy.words import (
     ALL,
     based_on,
@@ -189,6 +190,8 @@ def adequacy(
         if left_out is None or fit.impacts > LEFT_OUT
         else {name: tuple(left_out[k][fit.places[k]].tolist()) for k, name in enumerate(fit.columns)},
         replicates=looked.tables,
+        repeats=repeats_words(problem, point, fit),
+        scattering=tuple(far_beyond(problem, point)),
     )
 
 

@@ -169,6 +169,12 @@ def noise_words(check: NoiseCheck) -> str:
     )
 
 
+def size_words(column: str, size: float) -> str:
+    """A size of a column in the unit of reports."""
+    unit, scale = OBSERVABLES[column].handy or (OBSERVABLES[column].unit, 1.0)
+    return f"{_number(size * scale)} {unit}"
+
+
 def based_on(
     problem: Problem,
     noise: Sequence[NoiseCheck],

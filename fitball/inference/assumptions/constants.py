@@ -19,8 +19,8 @@ from fitball.inference.identifiability.derived import quantities
 from fitball.inference.identifiability.information import first_order_draws
 from fitball.inference.likelihood.posterior import densities
 from fitball.inference.prediction.court_pace import pace_by_surface
-from fitball.inference.problem.camera import CAMERA_SPECS, CLOCK, HEIGHT, SCALE, TILT, View
-from fitball.inference.problem.parameters import Parameter, parse_prior
+from fitball.inference.problem.build import as_if_filmed
+from fitball.inference.problem.camera import CAMERA_SPECS, CLOCK, HEIGHT, SCALE, TILT
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.subsample import LOOKED_AT, thinned_problem
 from fitball.inference.results.assumptions import Constant
@@ -105,23 +105,12 @@ def _with(problem: Problem, name: str, value: float) -> Problem:
         changed = tuple(replace(item, fixed=value) if item.name == name else item for item in problem.parameters)
         return replace(problem, parameters=changed)
     if name in CAMERA_SPECS:
-        return with_tilt(problem, value)
+        return as_if_filmed(problem, name, value)
     given, ball = problem.model, problem.model.ball
     known = {"ball_mass": ball.mass, "ball_radius": ball.radius, "inertia_ratio": ball.inertia_ratio, name: value}
     mass, radius, ratio = known.values()
     other = Ball(mass, radius, ratio * mass * radius**2)
     return replace(problem, model=model(given.name, ball=other, tangential=given.tangential, **given.options))
-
-
-def with_tilt(problem: Problem, tilt: float) -> Problem:
-    """The problem as if its camera, of whose tilt nothing is stated, were tilted."""
-    known = problem.camera or View((), ("",), np.zeros(len(problem.impacts), dtype=np.int64))
-    wider = replace(known, keys=(*known.keys, TILT))
-    spec = CAMERA_SPECS[TILT]
-    prior = parse_prior(TILT, spec.prior, spec.lower, spec.upper, spec.unit)
-    names = (wider.name(TILT, session) for session in wider.sessions)
-    added = tuple(Parameter(replace(spec, name=name), prior, tilt, "supposed") for name in names)
-    return replace(problem, camera=wider, parameters=(*problem.parameters, *added))
 
 
 def _held(problem: Problem, values: FloatArray, name: str, value: float, ends: tuple[float, float]) -> Constant:

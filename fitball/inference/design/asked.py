@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from math import isfinite, sqrt
 from numbers import Real
 from typing import Any
@@ -25,7 +26,7 @@ from fitball.inference.problem.noise import Sizes
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
-from fitball.observables import OBSERVABLES
+from fitball.observables import OBSERVABLES, ReboundColumn
 from fitball.values import FloatArray, Impacts
 from fitball.visible import some
 from fitball.wording import option, spoken
@@ -167,12 +168,13 @@ def checked_levels(problem: Problem, levels: Labels) -> dict[str, str]:
 # The name of measuring as the fitted table was measured.
 AS_BEFORE = "as before"
 _VALUE = re.compile(r"^\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*$")
-CAMERA, DROP, PLATE, NONE = "camera", "drop", "force", "none"
-# A camera twice as good, a plate of some per cent of the peak, and the height of the ITF's drop test (100 in).
-BETTER, GOOD_PLATE, ITF_DROP = "0.5", "20N", "254cm"
+CAMERA, GAPS, DROP, PLATE, NONE = "camera", "gaps", "drop", "force", "none"
+# A camera twice as good, one that sees both flights as well as is usual, a plate of some per cent of the peak, and
+# the height of the ITF's drop test (100 in).
+BETTER, USUAL, GOOD_PLATE, ITF_DROP = "0.5", "1", "20N", "254cm"
 SENSOR_FORMS = (
-    "expected COLUMN=SD such as contact_time=0.2ms, camera=SHARE of the noise, force=SD of a sample, or drop=HEIGHT; "
-    "several joined by commas are one sensor"
+    "expected COLUMN=SD such as contact_time=0.2ms, camera=SHARE of the noise, gaps=SHARE of the usual errors, "
+    "force=SD of a sample, or drop=HEIGHT; several joined by commas are one sensor"
 )
 
 
@@ -238,6 +240,8 @@ def usual_sensors(problem: Problem) -> tuple[str, ...]:
         if problem.model.has_force:
             usual.insert(0, f"{PLATE}={GOOD_PLATE}")
         usual.insert(0, f"{timed.name}={float(timed.noise.typical) * 1e3:g}ms")
+    if gap_columns(problem) and not any(item.column.gap for item in problem.observables):
+        usual.append(f"{GAPS}={USUAL}")
     if problem.table.has_tangential and any(item.column.restitution for item in problem.observables):
         usual.append(f"{DROP}={ITF_DROP}")
     return tuple(usual)
@@ -292,6 +296,10 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
                 share = _number(key, value, None)
                 columns = {name: column.sharper(share) for name, column in columns.items()}
                 words.append(f"noise {share:g} × as large")
+            elif key == GAPS:
+                share = _number(key, value, None)
+                columns |= {column.name: column for column in _gaps(problem, share)}
+                words.append(_gap_words(problem, share))
             elif key == DROP:
                 height = _number(key, value, Dimension.LENGTH)
                 refuse_beyond("drop_height", np.array([height]))
@@ -318,20 +326,64 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
 def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
     if name not in OBSERVABLES:
         raise ParameterError(
-            f"unknown column '{name}': {suggestion(name, (*OBSERVABLES, CAMERA, PLATE, DROP))}; {SENSOR_FORMS}"
+            f"unknown column '{name}': {suggestion(name, (*OBSERVABLES, CAMERA, GAPS, PLATE, DROP))}; {SENSOR_FORMS}"
         )
     column = OBSERVABLES[name]
-    if not problem.model.gives(column):
-        raise ParameterError(f"model {problem.model.name} has no {column.title}")
+    _refuse_unpredicted(problem, column)
     if column.tangential and not problem.table.has_tangential:
         raise ParameterError("this fit is of a drop test, with vertical motion only")
     measured = [item.name for item in problem.observables]
     if column.velocity and name not in measured and sum(OBSERVABLES[item].velocity for item in measured) >= 2:
         raise ParameterError(f"{name} follows from the measured velocities and adds nothing")
-    sd = _number(name, value, NUMBERS[name])
+    return _read_within(problem, name, _number(name, value, NUMBERS[name]))
+
+
+def _refuse_unpredicted(problem: Problem, column: ReboundColumn) -> None:
+    """Raise ParameterError for a column that the model does not give."""
+    if not problem.model.gives(column):
+        why = "" if problem.model.has_time else ": it has no time axis"
+        raise ParameterError(f"model {problem.model.name} has no {column.title}{why}")
+
+
+def _read_within(problem: Problem, name: str, sd: float) -> PlannedColumn:
+    """A column with the error `sd`, and the scatter that was fitted, if any. Raises ParameterError for no such sd."""
     refuse_beyond(f"{name}_sd", np.array([sd]))
     scatter = next((item.noise for item in problem.observables if item.name == name and item.scatters), None)
     return PlannedColumn(name, sd=np.array(sd), noise=scatter)
+
+
+def gap_columns(problem: Problem) -> tuple[ReboundColumn, ...]:
+    """What a camera that sees both flights measures of the contact, as far as the model gives it."""
+    return tuple(
+        column
+        for column in OBSERVABLES.values()
+        if column.gap and problem.model.gives(column) and (problem.table.has_tangential or not column.tangential)
+    )
+
+
+def _gaps(problem: Problem, share: float) -> tuple[PlannedColumn, ...]:
+    """Columns of the gaps, each with this share of its usual error. Raises ParameterError for models without them."""
+    for column in OBSERVABLES.values():
+        if column.gap:
+            _refuse_unpredicted(problem, column)
+    known = gap_columns(problem)
+    return tuple(_read_within(problem, column.name, share * float(column.noise.typical)) for column in known)
+
+
+def _gap_words(problem: Problem, share: float) -> str:
+    handy = [(column, *(column.handy or (column.unit, 1.0))) for column in gap_columns(problem)]
+    sds = [f"{share * float(column.noise.typical) * factor:.2g} {unit}" for column, unit, factor in handy]
+    return f"gaps within {', '.join(sds)}"
+
+
+def columns_read(problem: Problem, sensor: str) -> tuple[str, ...]:
+    """The columns that a sensor of this name adds to those of the fitted table."""
+    added = (
+        [column.name for column in gap_columns(problem)] if part == GAPS else [part]
+        for part in sensor.split("+")
+        if part == GAPS or part in OBSERVABLES
+    )
+    return tuple(dict.fromkeys(chain.from_iterable(added)))
 
 
 def _plate(problem: Problem, value: str) -> float:

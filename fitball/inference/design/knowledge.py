@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from fitball.data.force import ForceFile, ForceRecord
 from fitball.errors import FitError
 from fitball.inference.likelihood.force import force_information_rows, mean_forces
+from fitball.inference.problem.camera import HEIGHT, View
 from fitball.inference.problem.force_records import ForceRecords, build_records
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS, Parameter, parse_prior
+from fitball.inference.problem.pooling import GroupBias
 from fitball.inference.problem.problem import Problem
 from fitball.inference.problem.row_errors import RowErrors
 from fitball.inference.results.results import Posterior, thinned
@@ -129,9 +131,12 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
     if problem.dimension == 0:
         raise FitError("no parameter of this fit is free: there is nothing to plan for")
     known = Knowledge(problem, problem.to_coordinates(thinned(posterior, DRAWS)))
-    bias = problem.group_bias
-    if bias is None:
-        return known
+    return known if problem.group_bias is None else _with_group(known, problem.group_bias, rng)
+
+
+def _with_group(known: Knowledge, bias: GroupBias, rng: np.random.Generator) -> Knowledge:
+    """What is known with the biases of planned impacts."""
+    problem = known.problem
     # A further group, whose biases have the prior of all others.
     by_name = {parameter.name: parameter for parameter in problem.parameters}
     added = []
@@ -141,6 +146,24 @@ def knowledge(problem: Problem, posterior: Posterior | None, rng: np.random.Gene
         added.append(replace(like, spec=spec, fixed=None))
     wider = replace(problem, group_bias=replace(bias, labels=(*bias.labels, NEXT)))
     return _with_parameters(Knowledge(wider, known.coordinates), added, rng)
+
+
+def with_height(known: Knowledge, rng: np.random.Generator) -> Knowledge:
+    """What is known where a camera sees the gaps of planned impacts: of the height of the court what the scene states
+    or else its prior, unless the fit has it, or used gaps and took it as known.
+    """
+    problem = known.problem
+    view = problem.camera or View((), ("",), np.zeros(len(problem.impacts), dtype=np.int64))
+    if HEIGHT in view.keys or any(item.column.gap for item in problem.observables):
+        return known
+    specs, held = replace(view, keys=(HEIGHT,)).specs(problem.scene)
+    fixed = {name: value for name, (value, _why) in held.items()}
+    added = [
+        Parameter(spec, parse_prior(name, spec.prior, spec.lower, spec.upper, spec.unit), fixed.get(name))
+        for name, spec in specs.items()
+    ]
+    seen = replace(problem, camera=replace(view, keys=(*view.keys, HEIGHT)))
+    return _with_parameters(Knowledge(seen, known.coordinates), added, rng)
 
 
 def _with_parameters(known: Knowledge, added: Sequence[Parameter], rng: np.random.Generator) -> Knowledge:

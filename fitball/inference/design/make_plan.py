@@ -14,10 +14,11 @@ import numpy as np
 from fitball.data.lines import Range
 from fitball.errors import ParameterError, check_whole
 from fitball.inference.design.asked import Setting, Settings, build_sensors, build_settings, checked_levels
-from fitball.inference.design.knowledge import knowledge, with_plate
+from fitball.inference.design.knowledge import knowledge, with_height, with_plate
 from fitball.inference.design.search import Left, Pick, Search, greedy, look, searched, with_plates
 from fitball.inference.design.targets import Part, parse_target
 from fitball.inference.prediction.posterior_predictive import regime_shares
+from fitball.inference.problem.camera import HEIGHT
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import Posterior
 from fitball.values import FloatArray, Impacts
@@ -86,6 +87,16 @@ class Worth:
 
 
 @dataclass(frozen=True)
+class Height:
+    """What is known of the height of the court where a camera sees gaps: its `sd` [m], and by how much `gap_time`
+    changes with it at the first chosen impact [s/m].
+    """
+
+    sd: float
+    gap_time: float
+
+
+@dataclass(frozen=True)
 class Plan:
     """What to measure next.
 
@@ -94,7 +105,8 @@ class Plan:
     many draws cannot be evaluated. `chosen` are in the order of choice, each made `repeats` times. `again` and
     `again_sds` are the gain of repeating as many impacts of the fitted table, to first order, and the sds after it.
     `worths` begin with measuring as before. `failed` maps reasons why draws cannot be evaluated to the number of
-    settings withheld for it. `draws` were averaged over, `lost` of them without the target.
+    settings withheld for it. `draws` were averaged over, `lost` of them without the target. `height` is None where no
+    sensor sees gaps, and where it is known from the fit or fixed.
     """
 
     target: str
@@ -114,6 +126,7 @@ class Plan:
     lost: float
     seed: int
     notes: tuple[str, ...]
+    height: Height | None = None
 
     @property
     def gain(self) -> float:
@@ -140,6 +153,9 @@ def make_plan(
     plate = next((sensor.plate for sensor in sensors.values() if sensor.plate is not None), None)
     if plate is not None:
         known = with_plate(known, plate, chance)
+    fitted = known
+    if any(column.column.gap for sensor in sensors.values() for column in sensor.columns):
+        known = with_height(known, chance)
     target = parse_target(asked.target, known, levels)
     report("gains of all settings, to first order")
     search = searched(known, target, settings, sensors)
@@ -167,6 +183,7 @@ def make_plan(
         lost=search.lost,
         seed=asked.seed,
         notes=cautions,
+        height=None if known is fitted else _height(search, picks[0]),
     )
 
 
@@ -188,6 +205,21 @@ def _chosen(search: Search, pick: Pick, now: FloatArray) -> Chosen:
         float(1.0 - looked.solved[:, pick.place].mean()),
         regime_shares(at.rebound(at.to_values(search.draws)))[0] if search.known.problem.table.has_tangential else {},
     )  # fmt: skip
+
+
+def _height(search: Search, pick: Pick) -> Height | None:
+    """What a plan takes as known of the height of the court, None where the scene fixes it."""
+    known, looked = search.known, search.looks[pick.sensor]
+    camera, free = known.problem.camera, known.problem.free_names
+    assert camera is not None
+    name = camera.name(HEIGHT, camera.sessions[-1])
+    if name not in free:
+        return None
+    one = np.array([pick.place])
+    at = known.at(looked.impacts.take(one), looked.like[one])
+    upwards = np.nanmedian(at.rebound(at.to_values(search.draws)).v_y2)
+    heights = known.problem.to_values(known.coordinates)[:, free.index(name)]
+    return Height(float(np.std(heights)), float(1.0 / at.impacts.v_y1[0] + 1.0 / upwards))
 
 
 def _worth(search: Search, name: str, picks: Sequence[Pick], repeats: int, now: FloatArray) -> Worth:

@@ -214,8 +214,8 @@ class Search:
 
 def searched(known: Knowledge, target: Target, settings: Settings, sensors: Mapping[str, Sensor]) -> Search:
     """Everything to first order, but for sensors with a plate."""
-    rows = max(2 * len(sensor.columns) for sensor in sensors.values())
-    count = int(HELD / (len(settings.impacts) * rows * known.root.shape[1] * len(sensors)))
+    rows = sum(2 * len(sensor.columns) for sensor in sensors.values())
+    count = int(HELD / (len(settings.impacts) * rows * known.root.shape[1]))
     draws = known.some(min(DIFFERENTIATED, max(LEAST_DRAWS, count)))
     gradients = target.gradients(draws)
     told = np.isfinite(gradients).all(axis=(1, 2))

@@ -12,7 +12,7 @@ from fitball.data.published import with_published
 from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
 from fitball.data.table import ImpactTable
 from fitball.errors import FitError
-from fitball.inference.problem.camera import build_view
+from fitball.inference.problem.camera import CAMERA_SPECS, View, build_view
 from fitball.inference.problem.force_records import ForceRecords, force_noise, records_for
 from fitball.inference.problem.noise import NoiseKind, noise_kind
 from fitball.inference.problem.observables import (
@@ -24,7 +24,7 @@ from fitball.inference.problem.observables import (
     noise_parameters,
     scatter_specs,
 )
-from fitball.inference.problem.parameters import NOISE_SPECS, Prior, build_parameters, parse_prior
+from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Prior, build_parameters, parse_prior
 from fitball.inference.problem.pooling import (
     ALL,
     NOT_POOLED,
@@ -43,7 +43,7 @@ from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
 from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
 from fitball.values import Impacts
 
-__all__ = ["Choices", "build_problem", "impacts_with_cor", "reduction"]
+__all__ = ["Choices", "as_if_filmed", "build_problem", "impacts_with_cor", "reduction"]
 
 
 def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceRecords | None = None) -> Problem:
@@ -265,6 +265,20 @@ def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str
         name = key if key == "inertia_ratio" else f"ball_{key}"
         priors[name] = f"normal({balls[key]:.10g}, {sd:.10g})"
     return priors
+
+
+def as_if_filmed(problem: Problem, key: str, value: float, free: bool = False) -> Problem:
+    """The problem as if its camera, of which nothing is stated by this key, had this `value`, or it were fitted."""
+    known = problem.camera or View((), ("",), np.zeros(len(problem.impacts), dtype=np.int64))
+    camera = replace(known, keys=(*known.keys, key))
+    spec = CAMERA_SPECS[key]
+    prior = parse_prior(key, spec.prior, spec.lower, spec.upper, spec.unit)
+    names = (camera.name(key, session) for session in camera.sessions)
+    added = tuple(
+        Parameter(replace(spec, name=name), prior, None if free else value, "" if free else "supposed")
+        for name in names
+    )
+    return replace(problem, camera=camera, parameters=(*problem.parameters, *added))
 
 
 def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:

@@ -289,7 +289,10 @@ def expected_prior(name: str, scene: Scene, table: ImpactTable, scatter: bool) -
 def scatter_specs(observables: Sequence[Observable]) -> dict[str, ParameterSpec]:
     """What noise parameters that add to stated sds are, by name. One fixed at zero adds nothing."""
     return {
-        name: replace(SD_SPECS[name], meaning=f"scatter of {' and '.join(columns)}, beyond stated errors")
+        name: replace(
+            SD_SPECS[name],
+            meaning=f"scatter of {columns[0] if len(columns) == 1 else 'velocity'}, beyond stated errors",
+        )
         for name, columns in beyond_stated(observables).items()
     }
 

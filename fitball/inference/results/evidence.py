@@ -300,7 +300,8 @@ class Adequacy:
     enlarge it. `unseen` is, by column, the share of the residual variance that a pattern must explain to be found.
     `loo_pit` are the probabilities that a measurement exceeds its prediction by all other impacts, by column. They
     are empty where impacts are too few, or so many that none matters. `replicates` is the number of simulated data
-    sets.
+    sets. `repeats` says what incidences that were measured again show, `scattering` names columns that scatter far
+    beyond their stated errors.
     """
 
     answer: Answer
@@ -315,6 +316,8 @@ class Adequacy:
     loo_pit: Mapping[str, tuple[float, ...]]
     replicates: int
     given: Mapping[str, tuple[str, ...]] = field(default_factory=FrozenMapping)
+    repeats: tuple[str, ...] = ()
+    scattering: tuple[str, ...] = ()
 
     def qualified(self, name: str, reason: str) -> str:
         """The `reason` of the verdict on a conditional parameter, with what it depends on."""

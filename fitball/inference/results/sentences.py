@@ -38,6 +38,19 @@ WIDE = (
 WIDE_RATIO = "{columns} {ratio} ×"
 NO_NOISE = "The residuals' noise could not be estimated."
 
+# --- what do incidences that were measured again say?
+
+REPEATED = "{count} incidences were measured again ({freedom} degrees of freedom)."
+REPEATED_ONE = "One incidence was measured again ({freedom} degrees of freedom)."
+REPEATS = "{column} repeats to {pure}."
+REPEATS_STATED = "{column} repeats to {pure} (stated: {stated})."
+IMPACTS_SCATTER = "Impacts scatter beyond the stated errors of {columns}, whatever the model."
+LACK_OF_FIT = "But residuals of {column} are {left}: the rest is misfit of the model, not scatter."
+NO_REPEATS = (
+    "{columns} scatter far beyond their stated errors. Rows that repeat an incidence would show whether impacts "
+    "scatter or the model does not fit."
+)
+
 # --- how large is the noise?
 
 NOISE = "{what}: {size}, {ratio} × the {known} {reference}"
@@ -175,3 +188,10 @@ def counted(count: int) -> str:
 def capital(text: str) -> str:
     """A text that begins a sentence."""
     return text[:1].upper() + text[1:]
+
+
+CAMERA_EXPLAINS = (
+    "{key} = {value} (sd {sd}) of the camera would explain {share:.0f} % of the residual variance: state {key} in "
+    "[camera] of the scene, and it is fitted."
+)
+HEIGHT_OR_TIME = "A contact time that depends on the speed, which no model here has, looks much the same."

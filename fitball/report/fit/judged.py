@@ -107,7 +107,7 @@ def adequacy_parts(fit: Fit) -> list[Part]:
         for it in sorted(surest.values(), key=lambda it: (KINDS.index(it.kind), it.column))
     ]
     return [
-        Words([found.sentence, *remarks(fit)]),
+        Words([found.sentence, *remarks(fit), *([] if _repeats_matter(found) else found.repeats)]),
         Table.from_rows("Largest misfits", misfits, ["column"]),
         Words([NOISE], only="page"),
         Table.from_rows("Fitted noise, and noise stated or expected", _noises(found), ["columns", ""], only="page"),
@@ -155,6 +155,8 @@ def remarks(fit: Fit) -> list[str]:
         lines.append(
             "Correlated residuals may come from errors of the incident state. State these in columns such as v_1_sd."
         )
+    if found.repeats and _repeats_matter(found):
+        lines.append(" ".join(found.repeats))
     if fails:
         lines.append(
             "Check for a wrong sign, unit or column "
@@ -163,6 +165,11 @@ def remarks(fit: Fit) -> list[str]:
             + spoken("(fitball compare).", "(fitball.compare).")
         )
     return lines
+
+
+def _repeats_matter(found: Adequacy) -> bool:
+    """Whether it matters for the answer how far measurements repeat."""
+    return found.answer in (Answer.FAILS, Answer.EXCEPT) or bool(found.scattering)
 
 
 def conditional_words(parameters: Mapping[str, Estimate], adequacy: Adequacy | None) -> str:

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from fitball.files import all_or_none
-from fitball.inference.design.asked import AS_BEFORE, Setting
+from fitball.inference.design.asked import AS_BEFORE, Setting, columns_read
 from fitball.inference.design.make_plan import Plan, Worth
 from fitball.inference.design.targets import Part
 from fitball.inference.problem.problem import Problem
-from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Document, Picture, Row, Section, Table, Words, as_page, on_terminal
 from fitball.report.form.files import csv_text, json_text, write_text
 from fitball.report.form.numbers import digits, handy, listed, output_scale, percent
@@ -37,7 +36,7 @@ def plan_rows(plan: Plan, problem: Problem) -> list[PlanRow]:
     expected sds, which a later fit does not read.
     """
     table, found = problem.table, plan.settings
-    empty = [name for one in plan.chosen for name in one.sensor.split("+") if name in OBSERVABLES]
+    empty = [name for one in plan.chosen for name in columns_read(problem, one.sensor)]
     empty = list(dict.fromkeys([*(item.name for item in problem.observables), *empty]))
     stated = [f"{item.name}_sd" for item in problem.observables if item.sd is not None]
     incident = [
@@ -101,6 +100,9 @@ def plan_json(plan: Plan) -> PlanRow:
         },
         "draws": plan.draws,
         "lost": plan.lost,
+        "court_height": None if plan.height is None else {
+            "sd": _number(plan.height.sd), "gap_time": _number(plan.height.gap_time),
+        },
         "seed": plan.seed,
         "notes": list(plan.notes),
     }  # fmt: skip
@@ -182,6 +184,7 @@ def plan_document(
                 brief=["what it reads", "cost", "same impacts", "largest effect"],
                 only="" if len(sensors) > 1 else "page", rank="first",
             ),
+            Words(_height_words(plan), "list", rank="first"),
             Words([SENSORS_LEGEND], "quiet", "page"),
         ]),
         Section("sds", "Expected standard deviations", [
@@ -287,9 +290,11 @@ def points(plan: Plan) -> tuple[str, ...]:
     sentences = []
     best = max(plan.worths, key=lambda worth: worth.batch if math.isfinite(worth.batch) else -1.0)
     if best.batch - plan.worths[0].batch >= LEAST_GAIN:
+        k = _narrowed_most(plan, best)
+        effect = "" if k is None else f" Expected sd of {plan.parts[k].name}: {_beside(plan, k, best)}."
         sentences.append(
             f"The best way of measuring these impacts is {best.sensor} ({best.words}): {nats(best.batch)} nats "
-            f"instead of {nats(plan.worths[0].batch)}."
+            f"instead of {nats(plan.worths[0].batch)}.{effect}"
         )
     for reason, number in plan.failed.items():
         sentences.append(
@@ -312,6 +317,17 @@ def points(plan: Plan) -> tuple[str, ...]:
             f"give its range with {wider}."
         )
     return (*sentences, *plan.notes)
+
+
+def _height_words(plan: Plan) -> list[str]:
+    """What gaps are, and what is assumed of the court's height."""
+    if plan.height is None:
+        return []
+    return [
+        "gaps: time, path and turn between the flights before and after a bounce, seen by a camera. "
+        f"The height of the court is assumed to be known within {digits(1e3 * plan.height.sd, 2)} mm. At the first "
+        f"impact an error of 1 mm changes gap_time by {digits(plan.height.gap_time, 2)} ms."
+    ]
 
 
 def ranges_text(plan: Plan) -> str:
@@ -362,11 +378,19 @@ def effect_text(plan: Plan, worth: Worth) -> str:
         return "most draws cannot be evaluated"
     if worth.batch - base.batch < LEAST_GAIN:
         return "nothing more"
-    ratios = _ratios(worth.sds, base.sds)
+    k = _narrowed_most(plan, worth)
+    return "no sd falls by a tenth" if k is None else f"{plan.parts[k].name}: {_beside(plan, k, worth)}"
+
+
+def _narrowed_most(plan: Plan, worth: Worth) -> int | None:
+    """The part whose sd a sensor reduces most, if by a tenth."""
+    ratios = _ratios(worth.sds, plan.worths[0].sds)
     k = int(np.argmin(ratios))
-    if ratios[k] > NARROWER:
-        return "no sd falls by a tenth"
-    return f"{plan.parts[k].name}: {_change(plan, k, worth.sds, base.sds, 'without')}"
+    return k if ratios[k] <= NARROWER else None
+
+
+def _beside(plan: Plan, k: int, worth: Worth) -> str:
+    return _change(plan, k, worth.sds, plan.worths[0].sds, "without")
 
 
 def chosen_table(plan: Plan) -> list[Row]:
