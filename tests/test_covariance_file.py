@@ -76,7 +76,7 @@ def test_a_covariance_file_is_read_in_the_units_of_the_table(tmp_path: Path) -> 
     assert table.incident_sd["v_y1"] ** 2 == pytest.approx(found.values[:, 1, 1])
     item = table.measurement("omega_2")
     assert item is not None and item.sd == pytest.approx(30.0 * RPM)
-    assert "covariances of 3 of 3 rows are read from" in table.remarks[0]
+    assert table.remarks[0] == "covariances of 3 of 3 rows are read from t_covariance.csv"
 
 
 def test_in_python_it_is_a_mapping_an_array_or_a_path(tmp_path: Path) -> None:
@@ -161,6 +161,30 @@ def test_a_fault_says_where_and_what(name: str, tmp_path: Path) -> None:
     said = fault_of(written(tmp_path, rows))
     assert message in said
     assert row in said
+
+
+def test_the_tables_sd_may_be_rounded(tmp_path: Path) -> None:
+    """A deviation of 0.52 printed as 0.5; the variance counts."""
+    table = load_table(written(tmp_path, rows_of({**PAIRS, ("v_1", "v_1"): 0.27})))
+    assert table.covariance is not None
+    slope = np.cos(18 * DEG) * MPH
+    assert table.covariance.values[0, 0, 3] == pytest.approx(0.03 * slope)
+    assert table.covariance.values[0, 0, 0] > 0.27 * slope**2 - 1e-3
+
+
+def test_a_speed_needs_the_error_of_its_angle(tmp_path: Path) -> None:
+    bare = "\n".join(line.rpartition(",")[0].rpartition(",")[0] for line in TABLE.splitlines()) + "\n"
+    said = fault_of(written(tmp_path, rows_of({("v_1", "v_1"): 0.25}), bare))
+    assert "no variance of theta_1; the incident components need the errors of both" in said
+    whole = load_table(written(tmp_path, rows_of({**PAIRS, ("theta_1", "theta_1"): 0.09}), bare))
+    assert whole.covariance is not None
+    assert whole.covariance.values[0] == pytest.approx(by_hand(38, 18), rel=1e-12, abs=1e-15)
+
+
+def test_rounding_excuses_little(tmp_path: Path) -> None:
+    """Of variances of one digit the digits would excuse a correlation of 1.25."""
+    pairs = {("v_x2", "v_x2"): 4, ("v_y2", "v_y2"): 4, ("v_x2", "v_y2"): 5}
+    assert "positive semidefinite" in fault_of(written(tmp_path, rows_of(pairs)))
 
 
 def test_three_correlations_that_exclude_each_other_are_refused(tmp_path: Path) -> None:

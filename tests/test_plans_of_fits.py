@@ -167,6 +167,22 @@ def test_a_new_group_brings_its_own_bias(known):
     assert plan.gain == pytest.approx(checked.nats, abs=0.08 + 3.0 * checked.se)
 
 
+def test_a_column_that_was_not_measured_has_no_bias(known):
+    """A sensor beside the biased columns reads its own as the model gives it."""
+    problem = build_problem(known.problem.table, known.problem.scene, Choices(model="two-mass", offsets="group"))
+    medians = [float(item.prior.quantile(np.array(0.5))) for item in problem.free]
+    typical = [item.spec.typical for item in problem.free]
+    middle = np.array([[one if other is None else other for one, other in zip(medians, typical, strict=True)]])
+    grouped = knowledge(problem, posterior_from(problem, np.repeat(middle, 50, axis=0)), np.random.default_rng(1))
+    at, draws = grouped.at(ITF, np.zeros(1, dtype=np.int64)), grouped.some(3)
+    (cells,) = read(at, draws, [parse_sensor(problem, "gaps=1")])
+    assert np.all(cells.rebound.status == 0)
+    for place, name in enumerate(grouped.problem.free_names):
+        if "_offset[" in name:
+            reads = np.abs(cells.spread_out(cells.slope)[..., place]).max(axis=(0, 1))
+            assert np.count_nonzero(reads) == (NEXT in name), name
+
+
 def column_of(known, name, rng):
     """Values of a parameter: those of the fit without offsets, and nothing for what that has not."""
     if name in known.problem.free_names:

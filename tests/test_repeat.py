@@ -327,6 +327,9 @@ KINDS = {
     "one component known": (["scene.csv"], Choices(model="grip-slip", fix={"v_y_sd": 0.1})),
     "incident": (["incident.csv"], Choices(model="grip-slip")),
     "incident taken as exact": (["incident.csv"], Choices(model="grip-slip", incident_errors=False)),
+    "stated errors": (["stated.csv"], Choices(model="grip-slip")),
+    "stated errors alone": (["stated.csv"], Choices(model="grip-slip", velocity_noise="stated")),
+    "no scatter of one": (["stated.csv"], Choices(model="grip-slip", fix={"v_x_sd": 0.0})),
     "measured COR": (["balls.csv"], Choices(model="thesis-exact", closures={"cor": "measured"})),
     "drop": (["drop.csv"], Choices()),
     "no spin": (["nospin.csv"], Choices()),
@@ -342,6 +345,9 @@ def test_run_toml_holds_all_that_defines_the_problem(tmp_path, kind):
     sds = ["v_x1_sd,omega_1_sd [rpm]", *["0.2,50"] * 5]
     lines = [",".join([*row, sd]) for row, sd in zip(rows, sds, strict=True)]
     (tmp_path / "incident.csv").write_text("\n".join(lines), encoding="utf-8")
+    sds = ["v_x2_sd,omega_2_sd [rpm]", *["0.02,10"] * 5]
+    lines = [",".join([*row, sd]) for row, sd in zip(rows, sds, strict=True)]
+    (tmp_path / "stated.csv").write_text("\n".join(lines), encoding="utf-8")
     (tmp_path / "drop.csv").write_text("v_y1,v_y2\n3,2.5\n7,5.4\n", encoding="utf-8")
     (tmp_path / "nospin.csv").write_text("\n".join(",".join([*r[1:3], *r[4:6]]) for r in rows), encoding="utf-8")
     names, choices = KINDS[kind]

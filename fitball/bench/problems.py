@@ -4,7 +4,7 @@ answers; and tables of different kinds on which densities and samplers are timed
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import sha256
@@ -22,6 +22,7 @@ from fitball.models.kernels.contact import tied_inertia_split
 from fitball.models.model import Model, Oracle
 from fitball.models.registry import model
 from fitball.models.specs import DEFAULT_MODEL
+from fitball.observables import INCIDENT_UNITS, OBSERVABLES, SI_UNITS
 from fitball.scheduling.engine import Engine, in_order
 from fitball.values import Ball, FloatArray, Impacts, impacts
 
@@ -226,7 +227,6 @@ def _extremes() -> Iterator[HardCase]:
 # The hard set holds joints that take minutes at fifty digits; there the double-precision oracle answers, which agrees
 # with fifty digits to 1e-15 wherever both have been run.
 HARD = "hard"
-COLUMNS = ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]")
 # Noise at which densities are timed [m/s, rad/s]: as large as in Wang's tables.
 VELOCITY, SPIN = 0.4, 14.0
 # Slow impacts that are simulated, and the degrees of freedom of errors with outliers.
@@ -314,20 +314,21 @@ def posed(name: str, rows: int | None = None) -> Problem:
 
 
 def simulated_frame(
-    name: str, values: Mapping[str, float], given: Impacts, sds: Sequence[float], rng: np.random.Generator
+    name: str, values: Mapping[str, float], given: Impacts, sds: Mapping[str, float], rng: np.random.Generator
 ) -> pd.DataFrame:
-    """The table that a model makes at incident states, normal noise of `sds` [m/s, m/s, rad/s] added."""
+    """The table that a model makes at incident states: columns of `OBSERVABLES` with normal noise of these `sds`."""
     made = model(name).rebound(values, given)
-    exact = zip((made.v_x2, made.v_y2, made.omega_2), sds, strict=True)
-    noisy = [column + sd * rng.standard_normal(len(given)) for column, sd in exact]
-    return pd.DataFrame(dict(zip(COLUMNS, (given.v_x1, given.v_y1, given.omega_1, *noisy), strict=True)))
+    columns = {column: getattr(given, column) for column in INCIDENT_UNITS}
+    for column, sd in sds.items():
+        columns[column] = OBSERVABLES[column].predict(made) + sd * rng.standard_normal(len(given))
+    return pd.DataFrame({f"{column} [{SI_UNITS[column]}]": numbers for column, numbers in columns.items()})
 
 
 def _slow() -> pd.DataFrame:
     """Impacts as of a ball thrown by hand, spins of both signs."""
     rng = np.random.default_rng(14)
     given = impacts(rng.uniform(1.0, 7.0, SLOW), rng.uniform(2.0, 6.0, SLOW), rng.uniform(-150.0, 150.0, SLOW))
-    return simulated_frame(DEFAULT_MODEL, base_values(), given, (0.1, 0.1, 4.0), rng)
+    return simulated_frame(DEFAULT_MODEL, base_values(), given, {"v_x2": 0.1, "v_y2": 0.1, "omega_2": 4.0}, rng)
 
 
 def _gappy() -> pd.DataFrame:

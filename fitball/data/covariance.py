@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,10 +82,12 @@ def stated_covariance(given: Given, layout: Layout, numbers: Columns) -> Stated:
     written.found.refuse(written.source)
     own = np.unique([entry.row for entry in written.entries]).size
     total = len(layout.ids)
-    kept = f"covariances of {own} of {total} rows are read from {written.source}"
+    # Without the folder, which is another where a fit is made again.
+    name = Path(written.source).name if written.place else "Python"
+    kept = f"covariances of {own} of {total} rows are read from {name}"
     if own < total:
         kept += "; the errors of the others are independent, with the standard deviations of the table"
-    notes = tuple(Notice(f"{written.source}: {note}") for note in written.notes)
+    notes = tuple(Notice(f"{name}: {note}") for note in written.notes)
     return Stated(layout.columns, values, written.place, written.digest, (Notice(kept), *notes, *notices))
 
 
@@ -232,7 +235,6 @@ def _definite(
         root = np.sqrt(np.diagonal(near))
         correlation[k] = near / (root[:, None] * root[None, :])
     covariance = np.where(known[:, :, None] & known[:, None, :], correlation * scale, 0.0)
-    covariance[:, unit] = np.where(known, variances, 0.0)
     near_by = [layout.ids[k] for k in np.flatnonzero(bent & ~wrong & (lowest < -EXACT)).tolist()]
     if not near_by:
         return covariance, ()

@@ -106,7 +106,7 @@ def write_simulated(place: Path, rows: int) -> None:
     rng = np.random.default_rng(rows)
     speed, angle = rng.uniform(8.0, 35.0, rows), np.radians(rng.uniform(15.0, 70.0, rows))
     given = impacts(speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-200.0, 300.0, rows))
-    frame = simulated_frame("grip-slip", SIMULATED, given, (0.3, 0.3, 10.0), rng)
+    frame = simulated_frame("grip-slip", SIMULATED, given, {"v_x2": 0.3, "v_y2": 0.3, "omega_2": 10.0}, rng)
     frame[frame["v_y2 [m/s]"] > 0.0].to_csv(place, index=False, float_format="%.6g")
 
 
@@ -117,7 +117,7 @@ COLUMNS = ("cores", "rows", "tables", "wall [s]", "CPU seconds a table", "parent
 # How much balls and courts differ, as shares of the values of the catalogue of hard cases.
 DIFFERENT = {"mu": 0.1, "k_theta": 0.1, "k_y": 0.05, "cor_10": 0.03}
 # Noise of the speeds [m/s] and of the spin [rad/s].
-NOISE = (0.2, 0.2, 6.0)
+NOISE = {"v_x2": 0.2, "v_y2": 0.2, "omega_2": 6.0}
 # Started afresh: memory and threads of the bench itself are not those of a batch.
 BATCH = """
 import fitball

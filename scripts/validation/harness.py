@@ -23,7 +23,7 @@ from fitball.errors import FitError, ResultFolderError
 from fitball.files import refusal
 from fitball.inference.identifiability.information import prior_draws
 from fitball.inference.point.point_fit import STARTS, maximum_posterior, starting_points
-from fitball.inference.prediction.posterior_predictive import with_noise
+from fitball.inference.prediction.posterior_predictive import measurements, with_noise
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import PointFit
 from fitball.inference.sampling.ensembles import ENSEMBLES, Sampled, Schedule, Settings, default_walkers, sample
@@ -180,6 +180,10 @@ def simulated_columns(
     `rebound` replaces the model.
     """
     rebound, columns = known.rebound(row) if rebound is None else rebound, known.all_values(row)
+    if known.errors is not None:
+        # Errors of a row that belong together, those of its incident state to first order.
+        drawn = measurements(known, columns, rebound, rng)
+        return {item.name: np.where(np.isnan(item.observed), np.nan, data[0]) for item, _, _, data in drawn}
     return {
         observable.name: observable.spread_out(
             with_noise(known.noise, observable, columns, rebound, rng)[2][0], len(known.impacts), np.nan

@@ -216,6 +216,11 @@ class Sensor:
     drop: Impacts | None = None
     plate: float | None = None
 
+    @property
+    def sees_gaps(self) -> bool:
+        """Whether it reads what is between the flights."""
+        return any(item.column.gap for item in self.columns)
+
 
 def as_before(problem: Problem) -> Sensor:
     """The columns of the fitted table, each as well as it was measured there (a stated sd: its median), with the

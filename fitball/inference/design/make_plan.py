@@ -88,12 +88,13 @@ class Worth:
 
 @dataclass(frozen=True)
 class Height:
-    """What is known of the height of the court where a camera sees gaps: its `sd` [m], and by how much `gap_time`
-    changes with it at the first chosen impact [s/m].
+    """What is known of the height of the court, which gaps depend on: its `sd` [m], by how much `gap_time` changes
+    with it at the first chosen impact [s/m], and the names of the `sensors` that see gaps.
     """
 
     sd: float
     gap_time: float
+    sensors: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ def make_plan(
     if plate is not None:
         known = with_plate(known, plate, chance)
     fitted = known
-    if any(column.column.gap for sensor in sensors.values() for column in sensor.columns):
+    if any(sensor.sees_gaps for sensor in sensors.values()):
         known = with_height(known, chance)
     target = parse_target(asked.target, known, levels)
     report("gains of all settings, to first order")
@@ -219,7 +220,8 @@ def _height(search: Search, pick: Pick) -> Height | None:
     at = known.at(looked.impacts.take(one), looked.like[one])
     upwards = np.nanmedian(at.rebound(at.to_values(search.draws)).v_y2)
     heights = known.problem.to_values(known.coordinates)[:, free.index(name)]
-    return Height(float(np.std(heights)), float(1.0 / at.impacts.v_y1[0] + 1.0 / upwards))
+    seeing = tuple(name for name, sensor in search.sensors.items() if sensor.sees_gaps)
+    return Height(float(np.std(heights)), float(1.0 / at.impacts.v_y1[0] + 1.0 / upwards), seeing)
 
 
 def _worth(search: Search, name: str, picks: Sequence[Pick], repeats: int, now: FloatArray) -> Worth:

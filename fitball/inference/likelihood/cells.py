@@ -160,7 +160,7 @@ def shared_covariance(
     if problem.errors is None:
         return None
     seen = problem.observables if measured is None else measured
-    errors = problem.errors.of([item.name for item in seen])
+    errors = problem.errors.chosen([item.name for item in seen])
     if not errors.uncertain:
         return np.broadcast_to(errors.rest, (len(rebound.v_x2), *errors.rest.shape))
     slopes = problem.slopes_like(columns, problem.impacts, np.arange(len(problem.impacts)))

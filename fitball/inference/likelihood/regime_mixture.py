@@ -161,7 +161,7 @@ def _pairs(
     towards: FloatArray,
 ) -> Pairs:
     assert problem.errors is not None
-    errors = problem.errors.of([item.name for item in problem.observables])
+    errors = problem.errors.chosen([item.name for item in problem.observables])
     whole, bias = [item.everywhere(len(problem.impacts)) for item in problem.observables], problem.group_bias
     v_x1, v_y1, omega_1, cor = problem.impacts.take(rows).states()
     return Pairs(

@@ -196,7 +196,7 @@ def predict_new(
     observables = output_observables(fitted, len(impacts), observed)
     errors = None
     if covariance is not None and incident_covariance is not None:
-        errors = errors_from(covariance, [item.name for item in observed]).of([item.name for item in observables])
+        errors = errors_from(covariance, [item.name for item in observed]).chosen([item.name for item in observables])
         observables = tuple(
             replace(item, sd=np.sqrt(np.maximum(errors.rest[:, k, k], 0.0))) if item.name in errors.columns else item
             for k, item in enumerate(observables)

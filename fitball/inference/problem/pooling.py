@@ -249,7 +249,9 @@ class GroupBias:
         return {self.name(observable.name, label) for observable in observables for label in self.labels}
 
     def offset(self, columns: Mapping[str, FloatArray], observable: str) -> FloatArray:
-        """Offset (draws, impacts) of an observable."""
+        """Offset (draws, impacts) of an observable; none of a column that the fit did not measure."""
+        if self.name(observable, self.labels[0]) not in columns:
+            return np.zeros((1, self.index.size))
         by_label = np.stack([columns[self.name(observable, label)] for label in self.labels], axis=1)
         return by_label[:, self.index]
 

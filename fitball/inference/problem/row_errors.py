@@ -49,7 +49,7 @@ class RowErrors:
         """Those of some of the rows."""
         return RowErrors(self.incident[rows], self.columns, self.follows[rows], self.rest[rows])
 
-    def of(self, names: Sequence[str]) -> RowErrors:
+    def chosen(self, names: Sequence[str]) -> RowErrors:
         """Those of other rebound columns `names`, in this order; what is not among `columns` has none here."""
         places = [self.columns.index(name) if name in self.columns else len(self.columns) for name in names]
         follows = np.concatenate([self.follows, np.zeros((len(self.follows), 1, 3))], axis=1)
@@ -57,9 +57,9 @@ class RowErrors:
         known = tuple(name for name in names if name in self.columns)
         return RowErrors(self.incident, known, follows[:, places], rest[:, places][:, :, places])
 
-    def own(self, item: Observable) -> Observable:
+    def own(self, observable: Observable) -> Observable:
         """A column as it scatters by itself: without a stated sd where that is part of `rest`."""
-        return replace(item, sd=None) if item.name in self.columns else item
+        return replace(observable, sd=None) if observable.name in self.columns else observable
 
 
 def row_errors(table: ImpactTable, observables: Sequence[Observable], incident_errors: bool) -> RowErrors | None:

@@ -320,8 +320,11 @@ def points(plan: Plan) -> tuple[str, ...]:
 
 
 def _height_words(plan: Plan) -> list[str]:
-    """What gaps are, and what is assumed of the court's height."""
-    if plan.height is None:
+    """What gaps are, and what is assumed of the court's height, where a sensor that sees them adds something."""
+    least = plan.worths[0].batch + LEAST_GAIN
+    if plan.height is None or not any(
+        worth.batch >= least for worth in plan.worths if worth.sensor in plan.height.sensors
+    ):
         return []
     return [
         "gaps: time, path and turn between the flights before and after a bounce, seen by a camera. "

@@ -113,11 +113,14 @@ class TimePart(Part, frozen=True):
 
 
 class MeasurementPart(Part, frozen=True, omit_defaults=True):
-    """What is taken of the measurement's errors."""
+    """What is taken of the measurement's errors. `velocity_noise` is written where stated errors are all of the
+    noise: which columns share one follows from the parameters.
+    """
 
     distribution: str
     incident_errors: bool
     offsets: str | None = None
+    velocity_noise: Literal["stated"] | None = None
 
 
 class SamplerPart(Part, frozen=True):
@@ -225,6 +228,9 @@ def run_text(fit: Fit, folder: Path) -> str:
             distribution=problem.noise.name,
             incident_errors=problem.uncertain,
             offsets=None if problem.group_bias is None else problem.group_bias.column,
+            velocity_noise="stated"
+            if any(item.sd is not None and not item.scatters for item in problem.observables)
+            else None,
         ),
         scene=part(ScenePart, problem.scene),
         contact_time=None if problem.contact_time is None else TimePart(*problem.contact_time),
@@ -306,6 +312,7 @@ class RunRecord:
             pool=file.pool,
             offsets=file.measurement.offsets,
             incident_errors=file.measurement.incident_errors,
+            velocity_noise=file.measurement.velocity_noise,
         )
 
     @property
