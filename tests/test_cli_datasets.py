@@ -24,12 +24,13 @@ def test_list_names_every_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == [
         "synthetic_court.csv",
         "synthetic_drop.csv",
+        "synthetic_gaps.csv",
         "wang_all.csv",
         "wang_backspin.csv",
         "wang_topspin.csv",
         "wang_zero_spin.csv",
     ]
-    assert "topspin" in lines[4]
+    assert "topspin" in lines[5]
 
 
 def test_list_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
