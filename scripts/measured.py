@@ -27,6 +27,17 @@ CALIBRATED = {
     "zero": ("wang_zero_spin.csv",),
     "drop": ("synthetic_drop.csv",),
     "bare": ("synthetic_drop.csv", "--force-records", "none", "--prior", FREE_K_Y),
+    "film": ("synthetic_gaps.csv",),
+    "gapless": ("synthetic_gaps.csv", "--ignore", "gap_time,gap_path,gap_turn"),
+}
+# What is quoted of the size of stiffnesses: the fit and the parameter.
+STIFFNESS = {
+    "drop": ("drop", "k_y"),
+    "bare": ("bare", "k_y"),
+    "film": ("film", "k_y"),
+    "gapless": ("gapless", "k_y"),
+    "film twist": ("film", "k_theta"),
+    "gapless twist": ("gapless", "k_theta"),
 }
 
 
@@ -62,7 +73,7 @@ def measure() -> None:
         "ratio": _parameter(fits["zero"]["derived"]["k_theta/k_y"]),
         "compared": [_score(item) for item in compared["models"] if item["name"] in LADDER],
         "duel": _duel(compared, "two-mass", "grip-slip"),
-        "stiffness": {name: _parameter(fits[name]["parameters"]["k_y"]) for name in ("drop", "bare")},
+        "stiffness": {key: _parameter(fits[fit]["parameters"][name]) for key, (fit, name) in STIFFNESS.items()},
         "published": {item["name"]: item["rms"] for item in compared["published"]},
         "rankings": derived["rankings"],
         "thesis": {item["name"]: item["finding"] for item in derived["checks"]} | derived["verdicts"],

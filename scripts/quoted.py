@@ -105,19 +105,34 @@ def together(numbers: dict[str, Any]) -> str:
 
 def stiffness(numbers: dict[str, Any]) -> str:
     """`k_y` with force records and without."""
-
-    def words(name: str) -> str:
-        item = numbers["stiffness"][name]
-        low, median, high = (item[key] / 1e3 for key in ("q16", "median", "q84"))
-        places = decimals(0.5 * (high - low))
-        ends = f"{fixed(low, places)} to {fixed(high, places)}"
-        return f"{fixed(median, places)} kN/m, 68 % interval {ends}, {item['verdict']}"
-
     return (
         "Example: `fitball calibrate synthetic_drop.csv`, five simulated drops with a true `k_y` of 26 kN/m. Their "
         "records deviate from the model by 4 % of the peak.\n\n"
-        f"- With the records: {words('drop')}.\n- Without: {words('bare')}."
+        f"- With the records: {_stiffness(numbers, 'drop')}.\n- Without: {_stiffness(numbers, 'bare')}."
     )
+
+
+def film(numbers: dict[str, Any]) -> str:
+    """Both stiffnesses with gaps between the flights and without."""
+
+    def words(name: str) -> str:
+        twist = _stiffness(numbers, f"{name} twist", 1.0, "N m/rad")
+        return f"`k_y` {_stiffness(numbers, name)}; `k_theta` {twist}"
+
+    return (
+        "Example: `fitball calibrate synthetic_gaps.csv`, 24 simulated impacts on film with a true `k_y` of 20 kN/m "
+        "and a true `k_theta` of 19 N m/rad.\n\n"
+        f"- With the gaps: {words('film')}.\n"
+        f"- With `--ignore gap_time,gap_path,gap_turn`: {words('gapless')}."
+    )
+
+
+def _stiffness(numbers: dict[str, Any], name: str, factor: float = 1e3, unit: str = "kN/m") -> str:
+    item = numbers["stiffness"][name]
+    low, median, high = (item[key] / factor for key in ("q16", "median", "q84"))
+    places = decimals(0.5 * (high - low))
+    ends = f"{fixed(low, places)} to {fixed(high, places)}"
+    return f"{fixed(median, places)} {unit}, 68 % interval {ends}, {item['verdict']}"
 
 
 def validation() -> str:
@@ -247,6 +262,52 @@ def few() -> str:
 
 def _key(one: dict[str, Any]) -> tuple[str, str]:
     return one["quantity"], one["what"]
+
+
+def gaps() -> str:
+    """What the study of gaps between the flights counted: intervals, verdicts, and controls."""
+    found = json.loads((VALIDATION / "gaps" / "gaps.json").read_text(encoding="utf-8"))
+
+    def held(one: dict[str, Any]) -> str:
+        return f"{100.0 * one['holds'] / one['of']:.0f} % [{100.0 * one['low']:.0f}, {100.0 * one['high']:.0f}]"
+
+    by = {(one["case"], one["parameter"], one["level"]): one for one in found["coverages"]}
+    cases = [*dict.fromkeys(case for case, *_ in by if case != "all")]
+    rows = [
+        (f"`{name}`", held(by["all", name, 0.5]), held(by["all", name, 0.95]),
+         *(f"{by[case, name, 0.95]['sd']:.2g}" for case in cases))
+        for name in dict.fromkeys(name for _case, name, _level in by)
+    ]  # fmt: skip
+    wrong = [
+        (one["control"], f"`{one['parameter']}`", f"{held(one)} of {one['of']}", f"{100.0 * one['predicted']:.0f} %",
+         f"{one['shift']:.2f}", f"{one['predicted_shift']:.2f}",
+         "-" if one["slope"] is None else f"{one['slope']:.2f} ± {one['slope_se']:.2f}")
+        for one in found["controls"]
+    ]  # fmt: skip
+    said = [f"{found['verdicts'][name].get('identified', 0)} (`{name}`)" for name in ("k_y", "k_theta")]
+    heads = (
+        "parameter",
+        "50 % intervals that contain the truth",
+        "95 % intervals",
+        *(f"sd, {case}" for case in cases),
+    )
+    return (
+        f"{table(heads, rows)}\n\n"
+        f"The shares are of {by['all', 'k_y', 0.95]['of']} films, with their 95 % intervals (Clopper and Pearson). "
+        "Sds are medians, in SI; those of `k_y`, `k_theta` and `mu` are shares of the value. "
+        f"Of {found['judged']} films with verdicts the data determine the stiffness in {' and '.join(said)}.\n\n"
+        + table(
+            (
+                "control",
+                "parameter",
+                "95 % intervals that contain the truth",
+                "predicted",
+                "bias in sds",
+                "predicted",
+            ),
+            wrong,
+        )
+    )
 
 
 def thesis(numbers: dict[str, Any]) -> str:

@@ -22,10 +22,13 @@ MARKED = re.compile(
 def blocks() -> dict[str, str]:
     """Every block by the name in its marks."""
     numbers = kept()
-    quoting = (quoted.wang, quoted.wang_short, quoted.compared, quoted.together, quoted.stiffness, quoted.thesis)
+    quoting = (
+        *(quoted.wang, quoted.wang_short, quoted.compared, quoted.together, quoted.stiffness, quoted.film),
+        quoted.thesis,
+    )
     others = (
-        *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.priors),
-        *(quoted.speed, quoted.speed_line, quoted.densities, quoted.samplers, quoted.tables),
+        *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.gaps),
+        *(quoted.priors, quoted.speed, quoted.speed_line, quoted.densities, quoted.samplers, quoted.tables),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}
     return {name.replace("_", "-"): text for name, text in written.items()}

@@ -1,6 +1,7 @@
 """`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
 with `--trust`, whether what fits say of themselves is true; with `--population`, whether populations over many tables
-are found; with `--few`, whether intervals from few levels hold and stay narrow.
+are found; with `--few`, whether intervals from few levels hold and stay narrow; with `--gaps`, whether the gaps
+between two flights determine the stiffnesses.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -81,13 +82,19 @@ def make_parser() -> argparse.ArgumentParser:
         help="instead: labs with two to six balls or places, and tables of two surfaces: how often do intervals hold "
         "the truth, and how wide are they",
     )
+    parser.add_argument(
+        "--gaps",
+        action="store_true",
+        help="instead: films with gaps between the flights, whose errors belong together: how often do intervals "
+        "hold the truth, and do fits of wrong films miss it by as much as predicted",
+    )
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument(
         "--replicates",
         type=whole,
         metavar="N",
         help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50); "
-        "labs, and tables of two surfaces (400)",
+        "labs, and tables of two surfaces (400); films (400)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -116,6 +123,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 return _population(args)
             if args.few:
                 return _few(args)
+            if args.gaps:
+                return _gaps(args)
             return _plan(args) if args.plan else _trust(args) if args.trust else _ranks(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
@@ -194,6 +203,18 @@ def _few(args: argparse.Namespace) -> int:
     found = judge(made, args.seed)
     write_text(folder / "few.md", f"```text\n{found.text}```\n")
     return _end(args, folder / "few.json", found)
+
+
+def _gaps(args: argparse.Namespace) -> int:
+    """Film impacts with gaps, fit, and count; 1 where intervals do not hold, or where a control does."""
+    _checked(args, 400)
+    from fitball.report.form.files import write_text
+    from validation.gaps import judge, study
+
+    folder, workers = _place_and_workers(args, "gaps")
+    found = judge(_made(args, study(), folder, workers), args.seed)
+    write_text(folder / "gaps.md", f"```text\n{found.text}```\n")
+    return _end(args, folder / "gaps.json", found)
 
 
 def _made(
