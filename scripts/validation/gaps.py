@@ -23,7 +23,7 @@ from scipy.stats import binom, norm
 
 from fitball.api.calibrating import pose
 from fitball.data.scene import Camera, Quantity, Scene
-from fitball.errors import FitError, ParameterError
+from fitball.errors import FitError, ParameterError, TableError
 from fitball.inference.identifiability.examine import examine, profile_all
 from fitball.inference.identifiability.information import about, prior_draws
 from fitball.inference.likelihood.posterior import log_posterior
@@ -106,7 +106,8 @@ class Film:
 
 def made_film(rows: int, worse: float, rng: np.random.Generator) -> Film:
     """A film of `rows` impacts with a truth from the priors; its errors of gaps are so many times `worse`. A truth
-    with which the model ends before some of the true impacts is drawn again.
+    with which the model ends before some of the true impacts is drawn again, and so is a film that cannot be read,
+    as where the court is so much higher that one flight ends where the other begins.
     """
     impacts = films.incidence(rows, rng)
     plain = films.film(impacts, films.TRUTH, {}, films.SCATTER, np.random.default_rng(0))
@@ -114,13 +115,15 @@ def made_film(rows: int, worse: float, rng: np.random.Generator) -> Film:
     while True:
         truth = dict(zip(known.free_names, drawn_truth(known, rng, "gaps").tolist(), strict=True))
         mine = Film(impacts, truth, *plain)
+        scatter = {name: truth[NOISE_OF[name]] for name in films.SCATTER}
         try:
             FirstOrder.of(mine, mine.errors)
-        except ParameterError:
+            values, errors = films.film(impacts, mine.own, mine.camera, scatter, rng, worse)
+            made = replace(mine, values=values, errors=errors)
+            made.problem()
+        except (ParameterError, TableError):
             continue
-        scatter = {name: truth[NOISE_OF[name]] for name in films.SCATTER}
-        values, errors = films.film(impacts, mine.own, mine.camera, scatter, rng, worse)
-        return replace(mine, values=values, errors=errors)
+        return made
 
 
 def spoiled(film: Film) -> dict[str, Film]:
@@ -310,7 +313,7 @@ def replicate(seed: int, number: int) -> list[Row]:
         held = ("court_height",) if name == HEIGHT else ()
         try:
             problem, point, draws = fitted(other, rng, held)
-        except FitError as error:
+        except (FitError, TableError) as error:
             made.append({**about_it, "failed": str(error)})
             continue
         sds = FirstOrder.of(film, other.errors, held).sds
