@@ -142,7 +142,7 @@ def test_missing_damaged_and_older_files(small_fit, tmp_path, capsys):
         (lambda: (here / "data.nc").write_bytes((here / "data.nc").read_bytes()[:-100]), "data.nc: not the meas"),
         ((here / "data.nc").unlink, "data.nc: no such file"),
         ((here / "run.toml").unlink, "run.toml: no such file"),
-        (lambda: (here / "fit.json").write_text(old, "utf-8"), "reads version 7: run calibrate again"),
+        (lambda: (here / "fit.json").write_text(old, "utf-8"), "reads version 8: run calibrate again"),
     ):
         spoil()
         assert main(["plot", str(here), "corner"]) == 2

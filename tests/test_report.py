@@ -86,8 +86,8 @@ def test_golden_impacts_hold_to_the_last_digit(two_mass, two_mass_folder):
         ("[]", "read kind None, expected 'fitball fit'"),
         ('{"kind": "fitball fit", "schema_version": 99}', "schema_version 99"),
         ('{"kind": "fitball fit", "schema_version": 1}', "run calibrate again"),
-        ('{"kind": "fitball fit", "schema_version": 7}', "damaged"),
-        ('{"kind": "fitball fit", "schema_version": 6}', "reads version 7: run calibrate again, or use"),
+        ('{"kind": "fitball fit", "schema_version": 8}', "damaged"),
+        ('{"kind": "fitball fit", "schema_version": 7}', "reads version 8: run calibrate again, or use"),
     ],
 )
 def test_a_file_that_is_no_fit_is_refused(tmp_path, content, said):

@@ -24,7 +24,7 @@ from fitball.models.types import Rebound
 from fitball.values import FloatArray, Impacts, same
 
 # Versions 1 to 4 were laid out by hand; 5 is these types as they are.
-SCHEMA_VERSION: Literal[7] = 7
+SCHEMA_VERSION: Literal[8] = 8
 KIND: Literal["fitball fit"] = "fitball fit"
 TARGET_ESS = 1000.0
 TARGET_R_HAT = 1.01
@@ -321,7 +321,7 @@ class Record:
     found, best first.
     """
 
-    schema_version: Literal[7] = SCHEMA_VERSION
+    schema_version: Literal[8] = SCHEMA_VERSION
     kind: Literal["fitball fit"] = KIND
     status: RunStatus
     verdict: str
