@@ -54,32 +54,32 @@ def test_without_covariances_less_is_promised_than_is_kept(made):
 def test_first_order_has_the_derivatives_of_the_camera_and_of_the_bounce():
     film = study.made_film(21, 1.0, np.random.default_rng(3))
     own = len(films.INCIDENT)
-    moved = study.shown(film, court_height=1e-3) - study.shown(film)
+    moved = study.pictured(film, court_height=1e-3) - study.pictured(film)
     lower = study._higher(film, 1e-3)
     for place, name in enumerate(films.SCATTER):
         np.testing.assert_allclose(moved[:, own + place], -lower.get(name, 0.0), atol=1e-12)
     # A scale that is too small by a thousandth shows lengths and speeds that are larger.
-    clear = study.shown(film, scale=1e-3) / study.shown(film)
+    clear = study.pictured(film, scale=1e-3) / study.pictured(film)
     assert np.all(clear[:, :own] == 1.0) and np.median(clear[:, own + 4]) < 1.0
-    right = study.FirstOrder.of(film, film.errors)
-    worse = study.FirstOrder.of(film, 9.0 * film.errors)
+    right = study.FirstOrder.from_film(film, film.errors)
+    worse = study.FirstOrder.from_film(film, 9.0 * film.errors)
     assert all(worse.sds[name] > right.sds[name] for name in right.names)
     assert right.width(right) == pytest.approx(dict.fromkeys(right.names, 1.0))
-    held = study.FirstOrder.of(film, film.errors, ("court_height",))
+    held = study.FirstOrder.from_film(film, film.errors, ("court_height",))
     assert "court_height" not in held.names and held.sds["k_y"] < right.sds["k_y"]
 
 
 def test_residuals_scatter_as_first_order_says():
     """Three hundred films of the same impacts: what is measured less what the bounce gives for measured incidence."""
     film = study.made_film(21, 1.0, np.random.default_rng(3))
-    rng, exact, own = np.random.default_rng(4), study.shown(film), len(films.INCIDENT)
+    rng, exact, own = np.random.default_rng(4), study.pictured(film), len(films.INCIDENT)
     scatter = {name: film.truth[study.NOISE_OF[name]] for name in films.SCATTER}
-    white = np.linalg.inv(np.linalg.cholesky(study.FirstOrder.of(film, film.errors).rest))
+    white = np.linalg.inv(np.linalg.cholesky(study.FirstOrder.from_film(film, film.errors).rest))
     found = []
     for _ in range(300):
         values, _errors = films.film(film.impacts, film.own, film.camera, scatter, rng)
         off = dict(zip(films.INCIDENT, (values - exact)[:, :own].T, strict=True))
-        found.append(np.einsum("kij,kj->ki", white, (values - study.shown(film, **off))[:, own:]))
+        found.append(np.einsum("kij,kj->ki", white, (values - study.pictured(film, **off))[:, own:]))
     squares = np.concatenate(found).T @ np.concatenate(found) / (300 * 21)
     assert np.abs(squares - np.eye(6)).max() < 5.0 * np.sqrt(2.0 / (300 * 21))
 

@@ -117,7 +117,7 @@ def made_film(rows: int, worse: float, rng: np.random.Generator) -> Film:
         mine = Film(impacts, truth, *plain)
         scatter = {name: truth[NOISE_OF[name]] for name in films.SCATTER}
         try:
-            FirstOrder.of(mine, mine.errors)
+            FirstOrder.from_film(mine, mine.errors)
             values, errors = films.film(impacts, mine.own, mine.camera, scatter, rng, worse)
             made = replace(mine, values=values, errors=errors)
             made.problem()
@@ -156,7 +156,7 @@ def spoiled(film: Film) -> dict[str, Film]:
 
 def _higher(film: Film, height: float) -> dict[str, FloatArray]:
     """By how much the gaps shrink where the court is higher by `height`: both flights are cut off there."""
-    v_x1, v_y1, omega_1, v_x2, v_y2, omega_2 = shown(film).T[:6]
+    v_x1, v_y1, omega_1, v_x2, v_y2, omega_2 = pictured(film).T[:6]
     return {
         "gap_time": height * (1.0 / v_y1 + 1.0 / v_y2),
         "gap_path": height * (v_x1 / v_y1 + v_x2 / v_y2),
@@ -164,7 +164,7 @@ def _higher(film: Film, height: float) -> dict[str, FloatArray]:
     }
 
 
-def shown(film: Film, **moved: float) -> FloatArray:
+def pictured(film: Film, **moved: float) -> FloatArray:
     """What the camera shows of the film without errors (impacts, 9), with parameters or incident columns `moved`."""
     truth = {**film.truth, **{name: film.truth[name] + step for name, step in moved.items() if name in film.truth}}
     camera = {name: np.array(value) for name, value in {**LEVEL, **{key: truth[key] for key in SEEN}}.items()}
@@ -191,7 +191,7 @@ class FirstOrder:
     rest: FloatArray
 
     @classmethod
-    def of(cls, film: Film, errors: FloatArray, held: Sequence[str] = ()) -> FirstOrder:
+    def from_film(cls, film: Film, errors: FloatArray, held: Sequence[str] = ()) -> FirstOrder:
         """That of a fit which takes these errors (impacts, 9, 9) for true."""
         known = {**{name: _moments(text) for name, text in PRIORS.items() if name in film.own}, **SEEN}
         names = tuple(name for name in known if name not in held)
@@ -240,7 +240,7 @@ def _is_log(name: str) -> bool:
 
 
 def _slope(film: Film, name: str, step: float) -> FloatArray:
-    return (shown(film, **{name: step}) - shown(film, **{name: -step})) / (2.0 * step)
+    return (pictured(film, **{name: step}) - pictured(film, **{name: -step})) / (2.0 * step)
 
 
 def held_share(bias: float, width: float = 1.0) -> float:
@@ -253,10 +253,10 @@ def held_share(bias: float, width: float = 1.0) -> float:
 
 def predicted(film: Film, faulty: Mapping[str, Film]) -> dict[str, dict[str, tuple[float, float]]]:
     """Bias in sds, and coverage, of each control and parameter to first order."""
-    right, own = FirstOrder.of(film, film.errors), len(films.INCIDENT)
+    right, own = FirstOrder.from_film(film, film.errors), len(films.INCIDENT)
     made = {}
     for name, other in faulty.items():
-        order = FirstOrder.of(film, other.errors, ("court_height",) if name == HEIGHT else ())
+        order = FirstOrder.from_film(film, other.errors, ("court_height",) if name == HEIGHT else ())
         difference = (other.values - film.values)[:, own:]
         if name == HEIGHT:
             # It is held where the film has its own truth: only what is wrong counts.
@@ -316,7 +316,7 @@ def replicate(seed: int, number: int) -> list[Row]:
         except (FitError, TableError) as error:
             made.append({**about_it, "failed": str(error)})
             continue
-        sds = FirstOrder.of(film, other.errors, held).sds
+        sds = FirstOrder.from_film(film, other.errors, held).sds
         found = {
             key: _found(draws[:, problem.free_names.index(key)], key, film.truth[key], sds[key])
             for key in COUNTED

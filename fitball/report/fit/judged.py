@@ -402,7 +402,7 @@ def next_line(fit: Fit) -> list[str]:
     unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in known]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
-        return [f"Most useful next: the contact time, in the scene or from force records. It determines {stiff}."]
+        return [f"Most useful next: the contact time (scene, force records), or gap_time from film. It determines {stiff}."]
     if unknown:
         plan = spoken("`fitball plan`", "`fit.plan`")
         return [f"Most useful next: impacts that determine {listed(unknown)}; {plan} proposes them."]
