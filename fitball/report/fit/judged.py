@@ -402,7 +402,8 @@ def next_line(fit: Fit) -> list[str]:
     unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in known]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
-        return [f"Most useful next: the contact time (scene, force records), or gap_time from film. It determines {stiff}."]
+        source = "the contact time (scene, force records), or gap_time from a film"
+        return [f"Most useful next: {source}. It determines {stiff}."]
     if unknown:
         plan = spoken("`fitball plan`", "`fit.plan`")
         return [f"Most useful next: impacts that determine {listed(unknown)}; {plan} proposes them."]
