@@ -15,6 +15,7 @@ import fitball
 from fitball.data.read import load_table
 from fitball.data.scene import load_scene
 from fitball.errors import FitError
+from fitball.inference.prediction.posterior_predictive import _curve
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.problem.camera import LEVEL, seen, true
 from fitball.inference.problem.problem import Problem
@@ -232,3 +233,16 @@ def test_what_a_tilt_would_move_is_said_where_nothing_is_stated(scene: Path) -> 
     assert line.startswith("A camera tilted by 0.5 deg would move cor_10 by 1")
     known = fitball.calibrate(filmed(3), config=scene, point_only=True)
     assert known.assumptions is not None and known.assumptions.tilt is None
+
+
+def test_curves_beside_measurements_are_what_the_camera_shows(scene: Path) -> None:
+    problem = problem_of(filmed(1), scene)
+    middle = np.array([[item.prior.quantile(np.array([0.5]))[0] for item in problem.free]])
+    for name, value in VALUES.items():
+        middle[0, problem.free_names.index(name)] = value
+    high = middle.copy()
+    high[0, problem.free_names.index("court_height")] = 2e-3
+    level, raised = (_curve(problem, values, "", 15.0, 0.0, np.array([0])) for values in (middle, high))
+    early, late = (np.asarray(item).ravel() for item in (1.0 / level.impacts.v_y1, 1.0 / level.outputs["v_y2"][2]))
+    fall = level.outputs["gap_time"][2] - raised.outputs["gap_time"][2]
+    np.testing.assert_allclose(np.ravel(fall), 2e-3 * (early + late), rtol=1e-9)

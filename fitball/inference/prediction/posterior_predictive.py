@@ -146,7 +146,11 @@ def _curve(
         impacts = Impacts(np.zeros_like(along), along, np.full_like(along, spin), cor)
     else:
         impacts = Impacts.polar(speed, along, np.full_like(along, spin), cor)
-    rebound = problem.rebound(values, impacts, int(near[0]) if near.size else None)
+    if near.size and problem.camera is not None:
+        # What is drawn beside measurements is what the camera of their session would show.
+        rebound = problem.seen_like(problem.all_values(values), impacts, np.full(len(impacts), near[0]))
+    else:
+        rebound = problem.rebound(values, impacts, int(near[0]) if near.size else None)
     shown = {name: bands(column.predict(rebound)) for name, column in OBSERVABLES.items()}
     return Curve(label, speed, spin, near, along, impacts, shown)
 
