@@ -11,7 +11,7 @@ from samples import problem_of
 
 import fitball
 from fitball.data.read import load_table
-from fitball.inference.adequacy.by_label import _Block, _score, differences
+from fitball.inference.adequacy.by_label import Block, differences, score_of
 from fitball.inference.identifiability.derived import derived
 from fitball.inference.identifiability.derived import differences as fitted_differences
 from fitball.inference.point.point_fit import follow_maximum, maximum_posterior, starting_points
@@ -114,8 +114,8 @@ def test_the_score_beside_others_is_the_fall_of_chi_square():
         return float(np.sum((y - matrix @ np.linalg.lstsq(matrix, y, rcond=None)[0]) ** 2))
 
     fit = SimpleNamespace(own=own, measured=y - own @ (own.T @ y))
-    for others, without in (((), chi_square(fitted)), ((_Block("b", taken),), chi_square(fitted, taken))):
-        shifts, covariance, gain, rank = _score(fit, _Block("a", more), others)
+    for others, without in (((), chi_square(fitted)), ((Block("b", taken),), chi_square(fitted, taken))):
+        shifts, covariance, gain, rank = score_of(fit, Block("a", more), others)
         whole = [fitted, *(item.effect for item in others), more]
         assert gain == pytest.approx(without - chi_square(*whole), rel=1e-9) and rank == 2
         matrix = np.concatenate(whole, axis=1)
