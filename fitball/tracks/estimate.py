@@ -80,12 +80,13 @@ class Batch:
 
 @dataclass
 class Priors:
-    """Of coefficients, by impact: `drag` and its sd (impacts,), sd of the `lift` offset (impacts,) and whether its
-    spin is known (`marked`); offsets are independent on both sides where it is not.
+    """Of coefficients, by impact: `drag` and its sd (impacts,), mean (impacts, 2) and sd (impacts,) of the offset of
+    `lift` on both sides, and whether its spin is known (`marked`); offsets are independent where it is not.
     """
 
     drag: FloatArray
     drag_sd: FloatArray
+    lift: FloatArray
     lift_sd: FloatArray
     marked: NDArray[np.bool_]
 
@@ -107,6 +108,7 @@ class Priors:
         """(impacts, COUNT)."""
         made = np.zeros((self.drag.size, COUNT))
         made[:, DRAG] = self.drag
+        made[:, C], made[:, WIDTH + C] = self.lift.T
         return made
 
 
