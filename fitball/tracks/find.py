@@ -16,7 +16,7 @@ from fitball.tracks.frames import Filmed, Refused, Track
 from fitball.values import FloatArray
 
 # How far [s] frames are used from an impact, and over how long [s] heights are smoothed by medians to find it.
-REACH, SMOOTH = 0.4, 4e-3
+REACH, SMOOTH = 0.15, 4e-3
 # A ball that bounces falls and rises again by this many radii at least. It comes within so many radii, and so many
 # steps between frames, of the lowest place.
 DEEP, NEAR, NEAR_STEPS = 0.3, 0.5, 2.5

@@ -98,8 +98,10 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         session = _fit_session(own, filmed, height or 0.0)
         good = []
         for k, piece in enumerate(own):
-            made = _impact(session, k, piece)
-            reason = session.sides.failed[k] or refusal(made, filmed)
+            reason = session.sides.failed[k]
+            if not reason:
+                made = _impact(session, k, piece)
+                reason = refusal(made, filmed)
             if reason:
                 refused.append(Refused(piece.id, piece.track.source, reason))
             else:
