@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.errors import ParameterError
 from fitball.models.types import Rebound
@@ -123,13 +124,13 @@ def simulated_tracks(
     for nine, end, ahead, name in zip(values, ends, twists, names, strict=True):
         spread = film.air.drag_shot_sd * rng.standard_normal()
         extra = film.lift_sd * rng.standard_normal(2)
-        course = _Course(nine, float(end), float(ahead), film.air.drag + spread, extra, ball, film.air.density)
+        course = Course(nine, float(end), float(ahead), film.air.drag + spread, extra, ball, film.air.density)
         tracks.append(_filmed(course, film, rng, name, session))
     return tuple(tracks)
 
 
 @dataclass(frozen=True)
-class _Course:
+class Course:
     """A ball from its landing at time 0, at place 0, a radius above the court: its `nine`, the `end` of the contact
     [s], by how much the shell is `ahead` then [rad], `drag`, and what lift has beyond that of spin (2,).
     """
@@ -179,27 +180,20 @@ class _Course:
         return fly(start, self.drag, lift, resistance(self.ball, self.density), times)[:, :2]
 
 
-def _filmed(course: _Course, film: Film, rng: np.random.Generator, name: str, session: str) -> Track:
+def _filmed(course: Course, film: Film, rng: np.random.Generator, name: str, session: str) -> Track:
     """What the film shows of a ball."""
+    numbers = frame_numbers(film)
     # The camera's clock counts `time / clock`, so that it takes its frames at these true times.
-    step = film.clock / film.fps
-    count = int(LONGEST / step)
-    if count > MOST_FRAMES:
-        raise ParameterError(f"film: fps = {film.fps:g}: expected at most {MOST_FRAMES / LONGEST:g} frames/s")
-    numbers = np.arange(-count, count + 1)
-    frames = np.asarray((numbers + rng.uniform()) * step, dtype=np.float64)
+    frames = np.asarray((numbers + rng.uniform()) * film.clock / film.fps, dtype=np.float64)
     times = frames
-    places = _shown(course.at(times), film)
+    places = shown(course.at(times), film)
     rows = _rows(places, film)
     for _sweep in range(SHUTTER_SWEEPS if film.row_time > 0.0 else 0):
         times = frames + film.row_time * rows
-        places = _shown(course.at(times), film)
+        places = shown(course.at(times), film)
         rows = _rows(places, film)
-    near = int(np.argmin(np.abs(times)))
-    away = np.flatnonzero((np.abs(places[:, 0]) > 0.5 * film.width) | (places[:, 1] > film.height))
-    first = int(max(away[away < near], default=-1)) + 1
-    last = int(min(away[away > near], default=times.size))
-    kept = np.arange(first, last)
+    kept = in_view(times, places, film)
+    first = kept[0]
     kept = kept[rng.uniform(size=kept.size) >= film.lost]
     measured = places[kept, :2] + film.noise * rng.standard_normal((kept.size, 2))
     if film.slow > 0.0:
@@ -210,7 +204,7 @@ def _filmed(course: _Course, film: Film, rng: np.random.Generator, name: str, se
     angle = _angles(places[kept, 2], film, rng)
     again = rng.uniform(size=kept.size) < film.repeated
     again[:1] = False
-    shown = np.maximum.accumulate(np.where(again, 0, np.arange(kept.size)))
+    latest = np.maximum.accumulate(np.where(again, 0, np.arange(kept.size)))
     radius = None
     if film.radius_noise is not None:
         radius = course.ball.radius / film.scale + film.radius_noise * rng.standard_normal(kept.size)
@@ -222,18 +216,35 @@ def _filmed(course: _Course, film: Film, rng: np.random.Generator, name: str, se
         source="simulated",
         frame=frame,
         time=frame / film.fps + film.jitter * rng.standard_normal(kept.size),
-        x=(-1.0 if film.leftward else 1.0) * measured[shown, 0],
-        y=measured[shown, 1],
-        angle=None if angle is None else angle[shown],
+        x=(-1.0 if film.leftward else 1.0) * measured[latest, 0],
+        y=measured[latest, 1],
+        angle=None if angle is None else angle[latest],
         fold=film.fold or 1,
-        radius=None if radius is None else radius[shown],
+        radius=None if radius is None else radius[latest],
         row=rows[kept] if film.row_time > 0.0 else None,
         metres_per_px=film.metres_per_px if film.row_time > 0.0 else None,
         session=session,
     )
 
 
-def _shown(course: FloatArray, film: Film) -> FloatArray:
+def frame_numbers(film: Film) -> NDArray[np.int64]:
+    """Numbers of the frames about a contact, which is after that of number 0. Raises ParameterError for too many."""
+    count = int(LONGEST * film.fps / film.clock)
+    if count > MOST_FRAMES:
+        raise ParameterError(f"film: fps = {film.fps:g}: expected at most {MOST_FRAMES / LONGEST:g} frames/s")
+    return np.arange(-count, count + 1)
+
+
+def in_view(times: FloatArray, places: FloatArray, film: Film) -> NDArray[np.int64]:
+    """Frames about the contact between which the ball does not leave the view, by number."""
+    near = int(np.argmin(np.abs(times)))
+    away = np.flatnonzero((np.abs(places[:, 0]) > 0.5 * film.width) | (places[:, 1] > film.height))
+    first = int(max(away[away < near], default=-1)) + 1
+    last = int(min(away[away > near], default=times.size))
+    return np.arange(first, last)
+
+
+def shown(course: FloatArray, film: Film) -> FloatArray:
     """Places (times, 3) as the camera has them, flying to the right."""
     cosine, sine = math.cos(film.tilt), math.sin(film.tilt)
     x, y = course[:, 0] / film.scale, course[:, 1] / film.scale
