@@ -80,12 +80,13 @@ class Batch:
 
 @dataclass
 class Priors:
-    """Of coefficients, by impact: `drag` and its sd (impacts,), sd of the `lift` offset (impacts,) and whether its
-    spin is known (`marked`); offsets are independent on both sides where it is not.
+    """Of coefficients, by impact: `drag` and its sd (impacts,), mean (impacts, 2) and sd (impacts,) of the offset of
+    `lift` on both sides, and whether its spin is known (`marked`); offsets are independent where it is not.
     """
 
     drag: FloatArray
     drag_sd: FloatArray
+    lift: FloatArray
     lift_sd: FloatArray
     marked: NDArray[np.bool_]
 
@@ -107,6 +108,7 @@ class Priors:
         """(impacts, COUNT)."""
         made = np.zeros((self.drag.size, COUNT))
         made[:, DRAG] = self.drag
+        made[:, C], made[:, WIDTH + C] = self.lift.T
         return made
 
 
@@ -286,7 +288,8 @@ def evaluate(batch: Batch, sides: Sides, marked: NDArray[np.bool_], wider: float
 def lifts(batch: Batch, sides: Sides, marked: NDArray[np.bool_], side: int) -> FloatArray:
     """Lift coefficients (impacts,) of one side, 0 or 1."""
     state = sides.state[:, side * WIDTH : (side + 1) * WIDTH]
-    spin = lift_of(state[:, OMEGA], np.hypot(state[:, V_X], state[:, V_Y]), batch.radius)
+    speed = np.maximum(np.hypot(state[:, V_X], state[:, V_Y]), 1e-3)
+    spin = lift_of(state[:, OMEGA], speed, batch.radius)
     return np.where(marked, spin, 0.0) + state[:, C]
 
 
@@ -297,12 +300,14 @@ def sort_frames(batch: Batch, sides: Sides, margin: float = GUARD) -> None:
         after = batch.t > sides.times[:, [1]] + margin
     sides.role[:] = np.where(before, BEFORE, np.where(after, AFTER, CONTACT))
     sides.role[np.isnan(batch.x) | np.isnan(batch.y) | np.isnan(batch.t)] = UNUSED
-    for i in range(len(sides.failed)):
+    for i, reason in enumerate(sides.failed):
         counts = [int(np.sum(sides.role[i] == one)) for one in (BEFORE, AFTER)]
-        if min(counts) < FEWEST and not sides.failed[i]:
+        if min(counts) < FEWEST and not reason:
             sides.failed[i] = (
                 f"{counts[0]} frames before and {counts[1]} after the contact; {FEWEST} on a side are needed"
             )
+    # What has failed takes part in nothing.
+    sides.role[~sides.good] = UNUSED
 
 
 def start(batch: Batch, sides: Sides, drag: float) -> None:

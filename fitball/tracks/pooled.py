@@ -21,6 +21,7 @@ from fitball.tracks.estimate import (
     PHI,
     WIDTH,
     Batch,
+    C,
     Priors,
     Sides,
     shares,
@@ -178,12 +179,15 @@ def slow_errors(batch: Batch, sides: Sides) -> tuple[float, int]:
     return float(np.sqrt(1.0 + max(0.0, excess * sure))), pairs
 
 
-def gravity(batch: Batch, sides: Sides, usual: float, slow: float) -> Check | None:
+def gravity(batch: Batch, sides: Sides, priors: Priors, usual: float, slow: float) -> Check | None:
     """Gravity [m/s^2] as the flights show it, with its sd; None without impacts.
 
-    One step of Gauss and Newton by gravity from the fits with the `usual` one, over all impacts together.
+    One step of Gauss and Newton by gravity from the fits with the `usual` one, over all impacts together. What is
+    unknown of lift and drag may be common to all of them, and counts as such.
     """
     score = information = 0.0
+    common = np.zeros(3)
+    precision = priors.precision()
     for i in np.flatnonzero(sides.good).tolist():
         pull, gain = np.zeros(COUNT), 0.0
         for side, role in enumerate((BEFORE, AFTER)):
@@ -195,6 +199,13 @@ def gravity(batch: Batch, sides: Sides, usual: float, slow: float) -> Check | No
             score += float(np.sum(weight * falls * sides.r_y[i, use]))
             pull += (weight * falls) @ _rows(sides, i, use, side, 1)
         information += gain - float(pull @ sides.covariance[i] @ pull)
+        moved = precision[i] @ sides.covariance[i] @ pull
+        common += [moved[place] * sd for place, sd in _shared(priors, i)]
     if not information > 0.0:
         return None
-    return Check(usual + score / information, slow / float(np.sqrt(information)))
+    variance = slow**2 / information + float(np.sum((common / information) ** 2))
+    return Check(usual + score / information, float(np.sqrt(variance)))
+
+
+def _shared(priors: Priors, i: int) -> list[tuple[int, float]]:
+    return [(C, priors.lift_sd[i]), (WIDTH + C, priors.lift_sd[i]), (DRAG, priors.drag_sd[i])]

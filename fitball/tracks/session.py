@@ -32,7 +32,7 @@ from fitball.tracks.estimate import (
     start,
 )
 from fitball.tracks.find import Piece, pieces_of
-from fitball.tracks.flight import GRAVITY, resistance
+from fitball.tracks.flight import GRAVITY, lift_of, resistance
 from fitball.tracks.frames import (
     NINE,
     UNUSED,
@@ -53,6 +53,8 @@ from fitball.values import FloatArray
 ANGLE_NOISE, PRESSED = np.radians(3.0), 0.01
 # What a film that states nothing of these is taken to have: scale, clock, tilt [rad] and height of the court [m].
 CAMERA_SDS = {"scale": 0.01, "clock": 1e-3, "tilt": float(np.radians(0.3)), "court_height": 3e-3}
+# Spin of a ball of unknown spin that leaves a court, over that of a ball that rolls.
+ROLLING = 1.0
 # The quantities whose sign a mirrored picture changes.
 MIRRORED = np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0])
 # The part of the `NINE` that marks determine.
@@ -156,7 +158,7 @@ def _unmarked(count: int, filmed: Filmed) -> Priors:
     air = filmed.air
     return Priors(
         np.full(count, air.drag), np.full(count, np.hypot(air.drag_sd, air.drag_shot_sd)),
-        np.full(count, air.lift_unmarked_sd), np.zeros(count, dtype=bool),
+        np.zeros((count, 2)), np.full(count, air.lift_unmarked_sd), np.zeros(count, dtype=bool),
     )  # fmt: skip
 
 
@@ -169,8 +171,16 @@ def _positions(pieces: Sequence[Piece], filmed: Filmed, height: float) -> tuple[
     refine(batch, sides, priors, first=True)
     for _ in range(2):
         pooled.pool_noise(batch, sides)
+        priors.lift[:, 1] = _lift_after(sides, filmed)
         refine(batch, sides, priors, first=False, sweeps=3)
     return batch, sides, priors
+
+
+def _lift_after(sides: Sides, filmed: Filmed) -> FloatArray:
+    """Lift coefficients (impacts,) of balls of unknown spin that leave a court, nearly rolling."""
+    v_x, v_y = sides.state[:, WIDTH + V_X], sides.state[:, WIDTH + V_Y]
+    radius = filmed.ball.radius
+    return np.asarray(lift_of(ROLLING * v_x / radius, np.maximum(np.hypot(v_x, v_y), 0.1), radius))
 
 
 def _height(pieces: Sequence[Piece], filmed: Filmed) -> tuple[float, float, str]:
@@ -212,7 +222,7 @@ def _fit_session(pieces: list[Piece], filmed: Filmed, height: float) -> _Session
         pooled.session_drag(sides, priors, filmed.air)
         refine(batch, sides, priors, first=False, sweeps=4)
     slow, halves = pooled.slow_errors(batch, sides)
-    gravity = pooled.gravity(batch, sides, GRAVITY, slow)
+    gravity = pooled.gravity(batch, sides, priors, GRAVITY, slow)
     refine(batch, sides, priors, first=False, sweeps=1, inflate=slow)
     angle = float(batch.sigma[0, 2]) if priors.marked.any() else float("nan")
     noise = SessionNoise(noise_x, noise_y, angle, float(batch.outliers[0]), slow, halves)
@@ -254,9 +264,14 @@ def _spins(filmed: Filmed, batch: Batch, sides: Sides, marked: NDArray[np.bool_]
 
 def _take_spins(sides: Sides, priors: Priors, pairs: list[tuple[SpinPair, ...]], filmed: Filmed) -> None:
     """Let spins that are sure act in the fits; lift is unknown where none are."""
+    lift_after = _lift_after(sides, filmed)
     for i, own in enumerate(pairs):
         sure = bool(own) and own[0].probability > spins.SURE
         priors.marked[i] = sure
+        if sure:
+            priors.lift[i] = 0.0
+        else:
+            priors.lift[i] = 0.0, lift_after[i]
         priors.lift_sd[i] = filmed.air.lift_sd if sure else filmed.air.lift_unmarked_sd
         if sure:
             one, state = own[0], sides.state[i]
