@@ -43,6 +43,7 @@ def nine_covariance(impacts: Impacts, rebound: Rebound, film: Film, ball: Ball) 
     priors = Priors(
         air.drag * ones,
         np.hypot(air.drag_sd, air.drag_shot_sd) * ones,
+        np.zeros((len(impacts), 2)),
         np.where(marked, air.lift_sd, air.lift_unmarked_sd),
         marked,
     )
