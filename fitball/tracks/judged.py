@@ -14,6 +14,8 @@ from fitball.tracks.frames import CONTACT, Check, Filmed, SessionNoise, TrackedI
 MANY, FLAT = 0.25, 6.0
 # A check differs from what it should be by this many sds; the share that is said of scale and clock.
 DIFFERENT = 3.0
+# Outlines of balls are this good.
+RADIUS_OFF = 0.02
 # Ratio of measured gravity to the usual one from which a playback rate was taken for the capture rate.
 PLAYBACK = 2.5
 
@@ -94,13 +96,20 @@ def height_notes(height: float, sd: float, usual: float, between: tuple[float, f
 
 
 def session_notes(
-    name: str, impacts: Sequence[TrackedImpact], noise: SessionNoise, gravity: Check | None, filmed: Filmed
+    name: str,
+    impacts: Sequence[TrackedImpact],
+    noise: SessionNoise,
+    gravity: Check | None,
+    scale: Check | None,
+    filmed: Filmed,
 ) -> list[str]:
     """Sentences on a session."""
     of = f" of session {name}" if name else ""
     notes = []
     if gravity is not None and abs(gravity.value - GRAVITY) > DIFFERENT * gravity.sd:
         notes.append(gravity_words(gravity, of))
+    if scale is not None and abs(scale.value - 1.0) > max(DIFFERENT * scale.sd, RADIUS_OFF):
+        notes.append(scale_words(scale, of))
     unsure = [made.id for made in impacts if made.pairs and not made.sure]
     if unsure:
         notes.append(
@@ -112,6 +121,16 @@ def session_notes(
     if filmed.row_time is not None and any(made.track.row is None for made in impacts):
         notes.append(f"Rows of frames{of} are not known: row_time of the rolling shutter was not used")
     return notes
+
+
+def scale_words(scale: Check, where: str = "") -> str:
+    """That the radius in the picture is not that of the ball."""
+    off = 100.0 * (1.0 / scale.value - 1.0)
+    kind = "large" if off > 0.0 else "small"
+    return (
+        f"The radius of the ball in the picture gives a scale of {scale.value:.4g} ± {scale.sd:.2g}{where}: "
+        f"lengths are {abs(off):.2g} % too {kind}, or its outline is"
+    )
 
 
 def gravity_words(gravity: Check, where: str = "") -> str:
