@@ -52,8 +52,9 @@ def test_errors_of_a_line_cover_its_truth():
     d, z = np.arange(2, 25) * 1e-3, []
     for seed in range(200):
         one = candidates(d, angles(150.0, d, 1, seed), 1, 0.035, 0.05)[0]
-        z.append((one.omega - 150.0) / np.sqrt(one.covariance[1, 1]))
-    assert 0.87 < np.std(z) < 1.13 and abs(np.mean(z)) < 0.25
+        error = np.array([np.angle(np.exp(1j * (one.phi - 0.7))), one.omega - 150.0])
+        z.append(np.linalg.solve(np.linalg.cholesky(one.covariance), error))
+    assert np.allclose(np.std(z, axis=0), 1.0, atol=0.13) and np.all(np.abs(np.mean(z, axis=0)) < 0.25)
 
 
 def likely(omega_1: float, omega_2: float, turn: float | None = None, bounce: Bounce = BOUNCE) -> float:
