@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_films import errors, estimated, film, filmed_bounces
+from simulated_films import dropped_balls, errors, estimated, film, filmed_bounces
 
 from fitball.tracks import estimate as fits
 from fitball.tracks import pooled, session
@@ -255,6 +255,24 @@ def test_flights_to_the_left_are_mirrored():
     assert all(made.mirrored for made in found.impacts)
     assert np.nanmax(np.abs(errors(true, found))) < 4.5
     assert not any(made.mirrored for made in estimated(3, film_right)[1].impacts)
+
+
+def test_balls_that_drop_straight_down_have_a_direction():
+    """Where the sign of `v_x1` is noise the impact is turned round as a whole."""
+    _true, tracks = dropped_balls(40, film(240, outliers=0.0))
+    found = estimate(tracks, Filmed())
+    assert len(found.impacts) == 40
+    for made in found.impacts:
+        assert made.values[0] >= 0.0
+        assert np.isclose(made.before.v_x, made.values[0]) and np.isclose(made.after.v_x, made.values[3])
+        assert np.isclose(made.after.x - made.before.x, made.values[7], atol=1e-12)
+        # In the picture mirrored as stated, both flights go through the frames.
+        used = np.isin(made.role, (BEFORE, AFTER)) & (made.weight > 0.5)
+        x = -made.track.x if made.mirrored else made.track.x
+        for role, side in ((BEFORE, made.before), (AFTER, made.after)):
+            own = used & (made.role == role)
+            line = side.x + side.v_x * (made.track.time[own] - side.time)
+            assert np.max(np.abs(x[own] - line - made.residual[own, 0])) < 2e-2
 
 
 def test_rows_of_a_rolling_shutter_correct_the_times():
