@@ -31,8 +31,10 @@ def measured(impact: TrackedImpact) -> list[str]:
 
 
 def columns_of(tracks: Tracks) -> list[str]:
-    """Those of the `NINE` that any impact has."""
+    """Those of the `NINE` that any impact has; spins too where there are marks, lest a fit takes them for zero."""
     having = {name for impact in tracks.impacts for name in measured(impact)}
+    if any(impact.pairs for impact in tracks.impacts):
+        having |= {"omega_1", "omega_2", "gap_turn"}
     return [name for name in NINE if name in having]
 
 

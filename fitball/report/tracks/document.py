@@ -153,6 +153,8 @@ def _error_rows(tracks: Tracks) -> list[Row]:
     for name in columns_of(tracks):
         scale = _scale(name)
         sds = scale.factor * np.array([it.sd(name) for it in tracks.impacts if name in measured(it)])
+        if not sds.size:
+            continue
         row = {
             "quantity": name, "impacts": f"{sds.size:,}",
             "standard error": f"{digits(float(np.median(sds)), 2)} {scale.unit}",
@@ -199,6 +201,11 @@ def _spin_words(tracks: Tracks) -> list[str]:
     open_ = [impact for impact in marked if not impact.sure]
     if not open_:
         return [f"Spins of all {len(marked)} impacts with marks are sure."]
+    if len(open_) == len(marked):
+        return [
+            "The spins of no impact are sure: they are empty in impacts.csv, and a fit cannot use these rows. A higher "
+            "frame rate or a single dot as mark determines them; spins.csv has the candidates."
+        ]
     return [
         f"Spins of {len(marked) - len(open_)} of {len(marked)} impacts with marks are sure. The others are empty in "
         "impacts.csv, and a fit leaves these rows out; spins.csv has the candidates."
