@@ -296,8 +296,9 @@ def lifts(batch: Batch, sides: Sides, marked: NDArray[np.bool_], side: int) -> F
 def sort_frames(batch: Batch, sides: Sides, margin: float = GUARD) -> None:
     """Say of each frame to which flight it belongs, `margin` [s] away from the contact; impacts with too few fail."""
     with np.errstate(invalid="ignore"):
-        before = batch.t < sides.times[:, [0]] - margin
-        after = batch.t > sides.times[:, [1]] + margin
+        # Where the height of the court is wrong, release may seem to come before landing.
+        before = batch.t < sides.times.min(axis=1, keepdims=True) - margin
+        after = batch.t > sides.times.max(axis=1, keepdims=True) + margin
     sides.role[:] = np.where(before, BEFORE, np.where(after, AFTER, CONTACT))
     sides.role[np.isnan(batch.x) | np.isnan(batch.y) | np.isnan(batch.t)] = UNUSED
     for i, reason in enumerate(sides.failed):
@@ -389,8 +390,6 @@ def refine(batch: Batch, sides: Sides, priors: Priors, first: bool, sweeps: int 
             steps = np.linalg.solve(hessian, (sides.gradient + pull)[..., None])[..., 0]
             sides.state += np.where(sides.good[:, None] & np.isfinite(steps), steps, 0.0)
         moved = to_contact(batch, sides, priors.marked)
-        late = sides.times[:, 1] < sides.times[:, 0] + 2e-4
-        sides.times[late, 1] = sides.times[late, 0] + 2e-4
         if sweep >= len(widths) and np.abs(moved[sides.good]).max(initial=0.0) < 1e-8:
             break
     evaluate(batch, sides, priors.marked)

@@ -5,6 +5,7 @@ A track may hold many impacts. The frames of one reach to `REACH` before and aft
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,17 +13,20 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
-from fitball.tracks.frames import Filmed, Refused, Track
+from fitball.tracks.flight import GRAVITY, resistance
+from fitball.tracks.frames import Check, Filmed, Refused, Track
 from fitball.values import FloatArray
 
 # How far [s] frames are used from an impact, and over how long [s] heights are smoothed by medians to find it.
-REACH, SMOOTH = 0.4, 4e-3
+REACH, SMOOTH = 0.15, 4e-3
 # A ball that bounces falls and rises again by this many radii at least. It comes within so many radii, and so many
 # steps between frames, of the lowest place.
 DEEP, NEAR, NEAR_STEPS = 0.3, 0.5, 2.5
 # Another object, or a wrong outline: the radius in the picture is off by this factor.
 RADIUS_JUMP = 1.5
 FEWEST_FRAMES = 7
+# A maximum is sharp where the slope changes by so many times what free fall makes of it.
+SHARP = 4.0
 
 
 @dataclass(frozen=True)
@@ -98,10 +102,9 @@ def pieces_of(track: Track, filmed: Filmed) -> tuple[list[Piece], list[Refused]]
     if not lows.size:
         tops, _ = find_peaks(smooth, prominence=DEEP * radius)
         if tops.size:
-            return refused(
-                f"no bounce: the height has a maximum at {frames_in_words(track, whole[tops[:1]])} and no minimum. "
-                "If y grows downwards in the file, say so"
-            )
+            top = int(tops[0])
+            said = f"no bounce: the height has a maximum at {frames_in_words(track, whole[[top]])} and no minimum"
+            return refused(f"{said}. If y grows downwards in the file, say so" if _sharp(t, y, top) else said)
         moves = "falls" if smooth[-1] < smooth[0] else "rises"
         return refused(f"no bounce: the ball only {moves} from {_ends(track, whole)}")
     found = []
@@ -126,6 +129,50 @@ def pieces_of(track: Track, filmed: Filmed) -> tuple[list[Piece], list[Refused]]
             )
         )  # fmt: skip
     return found, []
+
+
+def _sharp(t: FloatArray, y: FloatArray, top: int) -> bool:
+    """Whether the slope changes at a maximum by more than free fall could over the frames beside it."""
+    before, after = slice(max(0, top - 4), top + 1), slice(top, top + 5)
+    if min(t[before].size, t[after].size) < 3:
+        return False
+    change = np.polyfit(t[after], y[after], 1)[0] - np.polyfit(t[before], y[before], 1)[0]
+    return bool(-change > SHARP * GRAVITY * (t[after][-1] - t[before][0]))
+
+
+def falling(pieces: Sequence[Piece], filmed: Filmed) -> Check | None:
+    """Gravity [m/s^2] by parabolas through all heights of a track well away from the contact, with its sd.
+
+    It finds wrong rates of frames, and so takes nothing for granted that depends on time: drag is that of the
+    speeds as they seem to be, lift unknown. None where flights are too short.
+    """
+    weights = values = 0.0
+    k = resistance(filmed.ball, filmed.air.density)
+    for piece in pieces:
+        time = frame_times(piece.track, filmed) - piece.origin
+        away = max(filmed.contact_time[2], 3.5 * float(np.median(np.diff(piece.t))))
+        whole = np.isfinite(time) & np.isfinite(piece.track.x) & np.isfinite(piece.track.y)
+        alone = piece.id == piece.track.id
+        whole &= alone | ((time >= piece.t[0]) & (time <= piece.t[-1]))
+        for side in (whole & (time < -away), whole & (time > away)):
+            t, x, y = time[side], piece.track.x[side], piece.track.y[side]
+            if t.size < 6:
+                continue
+            residual = np.abs(y - np.polyval(np.polyfit(t, y, 2), t))
+            kept = residual <= 4.0 * np.median(residual) + 1e-12
+            if kept.sum() < 6:
+                continue
+            t, x, y = t[kept] - np.mean(t[kept]), x[kept], y[kept]
+            curve, rest = np.polyfit(t, y, 2), np.polyval(np.polyfit(t, y, 2), t) - y
+            bend = t * t - np.mean(t * t)
+            error = 2.0 * float(np.sqrt(np.sum(rest**2) / (t.size - 3) / np.sum(bend**2)))
+            v_x, v_y = float(np.polyfit(t, x, 1)[0]), float(curve[1])
+            speed = float(np.hypot(v_x, v_y))
+            value = -2.0 * float(curve[0]) - k * speed * filmed.air.drag * v_y
+            variance = error**2 + (k * speed * (0.3 * abs(v_x) + 0.2 * abs(v_y))) ** 2 + 1e-12
+            values += value / variance
+            weights += 1.0 / variance
+    return Check(values / weights, float(weights**-0.5)) if weights else None
 
 
 def _apart(lows: NDArray[np.int64], t: FloatArray, y: FloatArray, least: float) -> NDArray[np.int64]:

@@ -15,7 +15,15 @@ MANY, FLAT = 0.25, 6.0
 # A check differs from what it should be by this many sds; the share that is said of scale and clock.
 DIFFERENT = 3.0
 # Ratio of measured gravity to the usual one from which a playback rate was taken for the capture rate.
-PLAYBACK = 3.5
+PLAYBACK = 2.5
+
+
+def wrong_rate(falls: Check | None) -> str:
+    """Why no impact of a session can be: its gravity is far from that of the earth; "" where it is not."""
+    if falls is None or abs(falls.value - GRAVITY) < 2.0 * DIFFERENT * falls.sd:
+        return ""
+    ratio = falls.value / GRAVITY
+    return "" if 1.0 / PLAYBACK < ratio < PLAYBACK else gravity_words(falls)
 
 
 def refusal(made: TrackedImpact, filmed: Filmed) -> str:
@@ -44,7 +52,7 @@ def _height_error(made: TrackedImpact, filmed: Filmed) -> str:
     """By how much the height of the court would be off if it alone were the reason."""
     time, usual = made.values[6], filmed.contact_time[0]
     wrong = 1e3 * (time - usual) / (1.0 / made.values[1] + 1.0 / made.values[4])
-    return f"the court would be taken {abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}"
+    return f"the court would be taken {abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}, or times are off"
 
 
 def impact_notes(made: TrackedImpact, filmed: Filmed) -> list[str]:
@@ -70,7 +78,7 @@ def impact_notes(made: TrackedImpact, filmed: Filmed) -> list[str]:
             for pair in made.pairs[:2]
         )
         notes.append(f"spins are ambiguous: {shown} before and after; spins and turn are left empty")
-    elif made.track.angle is not None and not made.pairs:
+    elif made.track.angle is not None and np.isfinite(made.track.angle).any() and not made.pairs:
         notes.append("too few angles on one side to determine spins: spins and turn are left empty")
     return notes
 

@@ -31,7 +31,7 @@ from fitball.tracks.estimate import (
     refine,
     start,
 )
-from fitball.tracks.find import Piece, pieces_of
+from fitball.tracks.find import Piece, falling, pieces_of
 from fitball.tracks.flight import GRAVITY, lift_of, resistance
 from fitball.tracks.frames import (
     NINE,
@@ -46,7 +46,7 @@ from fitball.tracks.frames import (
     TrackedImpact,
     Tracks,
 )
-from fitball.tracks.judged import height_notes, impact_notes, refusal, session_notes
+from fitball.tracks.judged import height_notes, impact_notes, refusal, session_notes, wrong_rate
 from fitball.values import FloatArray
 
 # Noise of an angle [rad] before it is known, and what the height of the court begins with below the lowest frames.
@@ -86,6 +86,7 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         pieces, none = pieces_of(track, filmed)
         found += pieces
         refused += none
+    found = _of_right_rate(found, filmed, refused)
     height, height_sd, notes = filmed.court, None, []
     if height is None and found:
         height, height_sd, words = _height(found, filmed)
@@ -98,8 +99,10 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         session = _fit_session(own, filmed, height or 0.0)
         good = []
         for k, piece in enumerate(own):
-            made = _impact(session, k, piece)
-            reason = session.sides.failed[k] or refusal(made, filmed)
+            reason = session.sides.failed[k]
+            if not reason:
+                made = _impact(session, k, piece)
+                reason = refusal(made, filmed)
             if reason:
                 refused.append(Refused(piece.id, piece.track.source, reason))
             else:
@@ -117,6 +120,19 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         filmed, tuple(impacts), tuple(refused), FrozenMapping(noise), FrozenMapping(gravity), FrozenMapping(),
         _camera(filmed, height_sd), tuple(notes),
     )  # fmt: skip
+
+
+def _of_right_rate(found: list[Piece], filmed: Filmed, refused: list[Refused]) -> list[Piece]:
+    """Pieces of sessions whose balls fall about as they do on earth; all others are `refused`."""
+    kept: list[Piece] = []
+    for name in dict.fromkeys(piece.track.session for piece in found):
+        own = [piece for piece in found if piece.track.session == name]
+        reason = wrong_rate(falling(own, filmed))
+        if reason:
+            refused += [Refused(piece.id, piece.track.source, reason) for piece in own]
+        else:
+            kept += own
+    return kept
 
 
 def _camera(filmed: Filmed, height_sd: float | None) -> Camera:
