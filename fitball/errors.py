@@ -75,6 +75,10 @@ def enough_memory() -> Iterator[None]:
         ) from None
 
 
+class TrackError(FitballError):
+    """Positions of a ball in which there is no impact."""
+
+
 class FitError(FitballError):
     """A fit that is impossible with this input."""
 

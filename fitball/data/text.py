@@ -208,6 +208,14 @@ def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> Ra
     Raises TableError when the file cannot be opened or taken apart at all; faults that leave the rest
     readable are returned in `faults`.
     """
+    records, data, notes = read_records(path, vocabulary, sheet)
+    return laid_out(str(path), records, vocabulary, data, notes)
+
+
+def read_records(
+    path: Path, vocabulary: Vocabulary, sheet: str | None = None
+) -> tuple[list[Record], bytes, tuple[str, ...]]:
+    """The records of a file with all that is above its header, its bytes, and notes. Raises as `read_raw` does."""
     source, suffix = str(path), path.suffix.lower()
     if any("\ud800" <= letter <= "\udfff" for letter in str(path.resolve())):
         raise refusal(
@@ -221,31 +229,34 @@ def read_raw(path: Path, vocabulary: Vocabulary, sheet: str | None = None) -> Ra
     if not data.strip():
         raise refusal(source, "the file is empty; expected a header line and at least two rows")
     if suffix in PARQUET_SUFFIXES:
-        return frame_table(source, parquet_frame(path, data), vocabulary, data)
+        return checked_records(source, parquet_frame(path, data)), data, ()
     if suffix in WORKBOOKS:
         records, notes = workbook_records(source, data, suffix, vocabulary, sheet)
-        return laid_out(source, [record for record in records if any(record[1])], vocabulary, data, notes)
+        return [record for record in records if any(record[1])], data, notes
     check_text(source, data)
     text, notes = decode(source, data)
     # Ends of lines are kept: a quoted cell may go over several.
-    return _text_table(source, list(io.StringIO(text, newline="")), vocabulary, data, notes)
+    records, told = _text_records(source, list(io.StringIO(text, newline="")), vocabulary)
+    return records, data, (*notes, *told)
 
 
-def frame_table(source: str, frame: pandas.DataFrame, vocabulary: Vocabulary, data: bytes) -> RawTable:
-    """The cells of a DataFrame, of which `data` are the bytes. Raises TableError where it has no columns or is
-    too large.
-    """
+def checked_records(source: str, frame: pandas.DataFrame) -> list[Record]:
+    """Header and rows of a DataFrame. Raises TableError where it has no columns or is too large."""
     check_shape(source, *frame.shape)
     records = frame_records(frame)
     if not records[0][1]:
         raise refusal(source, "the table has no columns; expected a header and at least two rows")
-    return laid_out(source, records, vocabulary, data)
+    return records
 
 
-def _text_table(
-    source: str, lines: Sequence[str], vocabulary: Vocabulary, data: bytes, notes: tuple[str, ...]
-) -> RawTable:
+def frame_table(source: str, frame: pandas.DataFrame, vocabulary: Vocabulary, data: bytes) -> RawTable:
+    """The cells of a DataFrame, of which `data` are the bytes. Raises TableError as `checked_records` does."""
+    return laid_out(source, checked_records(source, frame), vocabulary, data)
+
+
+def _text_records(source: str, lines: Sequence[str], vocabulary: Vocabulary) -> tuple[list[Record], tuple[str, ...]]:
     delimiter, commented = _delimiter(lines, vocabulary), None
+    notes: tuple[str, ...] = ()
     if delimiter is None:
         delimiter, commented = _commented_header(lines, vocabulary) or (_most_cells(lines), None)
     records = _all_records(source, delimiter, lines)
@@ -265,7 +276,7 @@ def _text_table(
     if commented is not None:
         records = [commented, *records]
         notes = (*notes, f"the header was read from the comment in line {commented[0]}")
-    return laid_out(source, records, vocabulary, data, notes)
+    return records, notes
 
 
 def _delimiter(lines: Sequence[str], vocabulary: Vocabulary) -> Delimiter | None:

@@ -63,6 +63,8 @@ class Air:
     drag_sd: float = 0.05
     drag_shot_sd: float = 0.024
     lift_sd: float = 0.05
+    # Offset of the lift coefficient from its law, that of a session.
+    lift: float = 0.0
     # Of balls without marks, whose spin is not measured.
     lift_unmarked_sd: float = 0.2
 
@@ -106,7 +108,8 @@ class Flight:
 @dataclass(frozen=True)
 class SpinPair:
     """Spins of both sides that the marks allow, with the turn over the contact and their probability; `covariance`
-    (3, 3) is that of (omega_1, omega_2, gap_turn) by the marks alone.
+    (3, 3) is that of (omega_1, omega_2, gap_turn) by the marks alone. `phi_1` [rad] is the angle of the mark at
+    landing, topspin positive; at release it is `phi_1 + turn`.
     """
 
     omega_1: float
@@ -114,6 +117,7 @@ class SpinPair:
     turn: float
     probability: float
     covariance: FloatArray
+    phi_1: float = float("nan")
 
 
 @dataclass(frozen=True)
