@@ -130,7 +130,7 @@ IN_SCHEMA = [
     ("[bal]\nmass = 1", ("[bal]: unknown key", "'ball'")),
     ("[ball]\nmas = 1", ("ball.mas: unknown key", "'mass'")),
     ("[model]\nclosure = {}", ("model.closure: unknown key", "'closures'")),
-    ("speed = 3", ("[speed]: unknown key", "known: ball, camera, columns, contact_time")),
+    ("speed = 3", ("[speed]: unknown key", "known: air, ball, camera, columns")),
     ("ball = 3", ("ball = 3: expected a section [ball]",)),
     ("[ball]\nmass = -1", ("ball.mass = -1: expected a positive number",)),
     ("[ball]\nmass = true", ("ball.mass = true",)),
@@ -213,6 +213,9 @@ BEYOND_SCHEMA = [
     ("[camera]\ncourt_height = { value = 0, sd = 3 }", ("did you mean 3 mm (0.003)?",)),
     ("[camera]\ncourt_height = -2", ("camera.court_height = -2: expected -0.2 to 0.2 m", "-2 mm (-0.002)?")),
     ("[camera]\nrow_time = 15", ("camera.row_time = 15", "did you mean 15 us (1.5e-05)?")),
+    ("[air]\npressure = 1013", ("air.pressure = 1013: expected 30 to 120 kPa", "did you mean 1013 hPa (1.013e+05)?")),
+    ("[flight]\nlift = { value = 0, sd = 3 }", ("flight.lift: sd = 3: expected at most 2",)),
+    ('[camera]\ny = "left"', ('camera.y = "left": expected "up" or "down"',)),
     ("[measurement]\nspin_sd = 2000", ("did you mean 2000 rpm (209.4)?",)),
 ]
 
@@ -265,7 +268,14 @@ def test_the_schema_is_one_and_a_field_or_the_reader_takes_each_key() -> None:
     assert SCHEMA["additionalProperties"] is False
     assert all(node.get("additionalProperties") is not None for node in SCHEMA["properties"].values())
     made = {"ball.mass", "ball.radius", "ball.inertia", "ball.inertia_ratio", "ball.temperature", "surface.mu"}
-    made |= {"contact_time.value", "contact_time.sd", *(f"camera.{item.name}" for item in dataclasses.fields(Camera))}
+    made |= {
+        "air.temperature",
+        "flight.drag",
+        "flight.lift",
+        "contact_time.value",
+        "contact_time.sd",
+        *(f"camera.{item.name}" for item in dataclasses.fields(Camera)),
+    }
     named = {item.metadata["key"] for item in dataclasses.fields(Scene) if item.metadata}
     assert named | made == set(KINDS) and not named & made and set(SIZES) <= set(KINDS)
     assert (KINDS["surface.mu"], KINDS["fix"], KINDS["pool"]) == (Kind.QUANTITY, Kind.NUMBERS, Kind.TEXTS)

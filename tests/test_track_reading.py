@@ -8,8 +8,11 @@ import numpy as np
 import pandas
 import pytest
 
+from fitball.data.bundled import bundled_tracks, resolve_tracks
+from fitball.data.scene import Scene, load_scene
 from fitball.errors import TableError, TrackError
 from fitball.tracks.clips import Reading
+from fitball.tracks.filmed import assumptions_of, density_of, filmed_from, like_table_tennis, reading_from
 from fitball.tracks.read import read_tracks
 from fitball.tracks.split import bounces_of, split_bounces
 from fitball.values import Ball
@@ -330,3 +333,72 @@ def test_what_is_tracked_after_the_ball_was_lost_is_left_out_with_its_frames():
     (track,) = read_tracks([pandas.DataFrame({"t": time, "x [m]": x, "y [m]": y})], Reading(up="y"))
     (kept,) = split_bounces(track)
     assert len(kept.time) == len(time) - 6 and any("frames 44 to 49 left out" in note for note in kept.notes)
+
+
+# Bundled positions, and what a scene says of a film.
+
+
+def test_the_bundled_film_is_read_by_its_name():
+    """Launches were repeated by a robot; the court is a table 76 cm high, its ball has a radius of 2 cm."""
+    assert bundled_tracks() == ("table_tennis_topspin",)
+    place = resolve_tracks("table_tennis_topspin")
+    scene = load_scene(place)
+    assert like_table_tennis(scene.ball) and "BSD 3-Clause" in scene.citation
+    assert "BSD 3-Clause" in place.with_suffix(".LICENSE").read_text(encoding="utf-8")
+    tracks = read_tracks(["table_tennis_topspin"], reading_from(scene))
+    assert [track.id for track in tracks] == [str(k) for k in range(15)]
+    assert all(any("constant spacing" in note for note in track.notes) for track in tracks)
+    found, refused = bounces_of(tracks)
+    assert [one.id for one in refused] == ["9", "10", "14"]
+    for track in found:
+        assert 0.755 < track.y.min() < 0.80 and track.x[-1] > track.x[0]
+    with pytest.raises(TableError, match=r"no bundled positions of this name \(bundled: table_tennis_topspin\)"):
+        read_tracks(["table_tennis_backspin"])
+
+
+def scene_of(tmp_path, text):
+    place = tmp_path / "film.toml"
+    place.write_text(text, encoding="utf-8")
+    return load_scene(None, place)
+
+
+def test_a_scene_says_how_its_files_are_read(tmp_path):
+    scene = scene_of(
+        tmp_path, '[ball]\nradius = 0.0331\n[camera]\nfps = 240\nmm_per_px = 0.8\ny = "down"\nrow_time = 1e-5'
+    )
+    how = reading_from(scene)
+    assert (how.fps, how.metres_per_px, how.y_down, how.states_ball) == (240.0, pytest.approx(8e-4), True, True)
+    # What the user states goes before.
+    assert reading_from(scene, Reading(fps=120.0, y_down=False)).fps == 120.0
+    assert reading_from(scene, Reading(fps=120.0, y_down=False)).y_down is False
+    assert filmed_from(scene).row_time == 1e-5 and filmed_from(scene).camera.fps == 240.0
+    assert reading_from(Scene()).y_down is None and not reading_from(Scene()).states_ball
+
+
+def test_what_is_known_of_a_ball_is_that_of_its_kind(tmp_path):
+    tennis = filmed_from(Scene())
+    assert tennis.contact_time == (4.7e-3, 2e-3, 9e-3) and tennis.spin_sd == 250.0 and tennis.court is None
+    assert assumptions_of(Scene()) == ()
+    scene = scene_of(tmp_path, "[ball]\nmass = 0.0027\nradius = 0.02\ninertia_ratio = 0.667")
+    small = filmed_from(scene, court=0.76)
+    # A shell of 0.4 mm of celluloid, 2.2 GPa, as a spring.
+    stiffness = 4.0 * 2.2e9 * (4e-4) ** 2 / (0.02 * np.sqrt(3.0 * (1.0 - 0.35**2)))
+    assert small.contact_time[0] == pytest.approx(np.pi * np.sqrt(0.0027 / stiffness), rel=0.2)
+    assert small.contact_time[1] < 1e-3 < small.contact_time[2] and small.court == 0.76
+    assert small.spin_sd * 0.02 == pytest.approx(250.0 * 0.03302) and small.air.drag_sd > tennis.air.drag_sd
+    assert any("of table tennis" in words for words in assumptions_of(scene))
+    text = "[ball]\nmass = 0.43\nradius = 0.11\n[contact_time]\nvalue = 0.008\nsd = 0.001\n[flight]\nspin_sd = 60\n"
+    stated = scene_of(tmp_path, text + "drag = { value = 0.25, sd = 0.02 }\nlift = { value = 0.1, sd = 0.03 }")
+    ball = filmed_from(stated)
+    assert ball.contact_time == pytest.approx((8e-3, 4e-3, 12e-3)) and ball.spin_sd == 60.0
+    assert (ball.air.drag, ball.air.drag_sd, ball.air.lift, ball.air.lift_sd) == (0.25, 0.02, 0.1, 0.03)
+    assert assumptions_of(stated) == ()
+
+
+def test_air_is_that_of_its_temperature_and_pressure(tmp_path):
+    assert density_of(Scene()) == pytest.approx(1.204)
+    assert density_of(scene_of(tmp_path, "[air]\ndensity = 1.1")) == 1.1
+    # Dry air of the standard atmosphere at 2,000 m (ISO 2533): 2 degrees Celsius, 795 hPa, 1.0066 kg/m^3.
+    high = scene_of(tmp_path, "[air]\ntemperature = 2.0\npressure = 79501.4")
+    assert density_of(high) == pytest.approx(1.0066, rel=1e-3)
+    assert filmed_from(high).air.density == density_of(high)

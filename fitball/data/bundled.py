@@ -1,4 +1,4 @@
-"""The tables that come with the package, and how a name becomes a file."""
+"""The tables and films that come with the package, and how a name becomes a file."""
 
 from __future__ import annotations
 
@@ -54,6 +54,27 @@ def bundled_tables() -> tuple[BundledTable, ...]:
         scene = tomllib.loads((folder / name).with_suffix(".toml").read_text(encoding="utf-8"))
         tables.append(BundledTable(name, folder / name, scene["source"]["description"]))
     return tuple(tables)
+
+
+def bundled_tracks() -> tuple[str, ...]:
+    """Names of the bundled files of positions, sorted; each has a scene and the licence of its source beside it."""
+    return tuple(sorted(path.stem for path in (bundled_folder() / "tracks").glob("*.hdf5")))
+
+
+def resolve_tracks(source: str | os.PathLike[str]) -> Path:
+    """The file of positions that `source` means: a path, or the name of a bundled one (its ending may be left out).
+
+    A path that exists wins. Raises TableError when there is neither.
+    """
+    path, names = Path(split_sheet(source)[0]), bundled_tracks()
+    if os.path.isfile(path):  # noqa: PTH113
+        return path
+    if path.parent == Path() and path.name.removesuffix(".hdf5") in names:
+        return bundled_folder() / "tracks" / f"{path.name.removesuffix('.hdf5')}.hdf5"
+    if os.path.isdir(path):  # noqa: PTH112
+        raise TableError(str(path), [Fault("is a folder; expected files of positions")])
+    words = f"no such file, and no bundled positions of this name (bundled: {', '.join(names)})"
+    raise TableError(str(path), [Fault(words)])
 
 
 def split_sheet(source: str | os.PathLike[str]) -> tuple[str, str | None]:

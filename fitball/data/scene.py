@@ -115,6 +115,9 @@ class Scene:
     `force_start_sd` [s] is the uncertainty of t = 0 as the start of contact (None: the start is found from the
     record). `camera` is what a session of filming shares. `assumed` are sentences on assumptions for missing values.
 
+    Positions on film. `y_axis` is "up" or "down". `air_density` [kg/m^3], or `air_temperature` in degrees Celsius and
+    `air_pressure` [Pa], `drag` and `lift` coefficients, and `incident_spin_sd` [rad/s] are used by no fit.
+
     Certificates carry `surface`, `court`, `laboratory`, `operator`, `instrument` and `date`, as they are written.
     """
 
@@ -154,6 +157,13 @@ class Scene:
     force_sd: float | None = _said("force.sd")
     force_start_sd: float | None = _said("force.start_sd")
     camera: Camera | None = None
+    y_axis: str | None = _said("camera.y")
+    air_density: float | None = _said("air.density")
+    air_temperature: Quantity | None = None
+    air_pressure: float | None = _said("air.pressure")
+    drag: Quantity | None = None
+    lift: Quantity | None = None
+    incident_spin_sd: float | None = _said("flight.spin_sd")
     assumed: tuple[str, ...] = ()
     laboratory: str | None = _said("laboratory.name")
     operator: str | None = _said("laboratory.operator")
@@ -228,15 +238,15 @@ def likely_scene(scene: Scene, as_read: bool = False) -> Scene:
 def _doubts(scene: Scene) -> list[str]:
     ball = scene.ball
     time, time_sd = scene.contact_time or (None, None)
-    stated = {
+    stated: dict[str, Any] = {
         "ball.mass": ball.mass, "ball.radius": ball.radius, "ball.inertia_ratio": ball.inertia_ratio,
+        "air.temperature": scene.air_temperature, "flight.drag": scene.drag, "flight.lift": scene.lift,
         "surface.mu": scene.mu[0] if scene.mu else None, "contact_time.value": time, "contact_time.sd": time_sd,
         **{key: getattr(scene, name) for key, name in _FIELDS.items() if key in SIZES},
     }  # fmt: skip
     filmed = {} if scene.camera is None else {f"camera.{name}": value for name, value in vars(scene.camera).items()}
     pairs = {
-        **{key: (value, None) for key, value in stated.items()},
-        **{key: (it.value, it.sd) if isinstance(it, Quantity) else (it, None) for key, it in filmed.items()},
+        key: (it.value, it.sd) if isinstance(it, Quantity) else (it, None) for key, it in (stated | filmed).items()
     }
     doubts = [unlikely(key, value, sd) for key, (value, sd) in pairs.items() if value is not None]
     return [doubt for doubt in (*doubts, unlikely_density(ball)) if doubt is not None]
@@ -253,6 +263,8 @@ def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
     kind = known.get("ball.type")
     if kind is not None and kind not in BALL_TYPES:
         raise SceneError(f'{source}: ball.type = "{kind}": {suggestion(kind, BALL_TYPES)}')
+    if known.get("camera.y", "up") not in ("up", "down"):
+        raise SceneError(f'{source}: camera.y = "{known["camera.y"]}": expected "up" or "down"')
     filmed = {item.name: known[key] for item in fields(Camera) if (key := f"camera.{item.name}") in known}
     silences = {
         _NO_FILE: source is None,
@@ -271,6 +283,9 @@ def _make_scene(source: str | None, known: Mapping[str, Any]) -> Scene:
         mu=None if mu is None else (mu.value, mu.sd),
         contact_time=None if time is None else (time, known["contact_time.sd"]),
         camera=Camera(**filmed) if filmed else None,
+        air_temperature=known.get("air.temperature"),
+        drag=known.get("flight.drag"),
+        lift=known.get("flight.lift"),
         assumed=tuple(sentence for sentence, silent in silences.items() if silent),
         **{_FIELDS[key]: value for key, value in known.items() if key in _FIELDS},
     )

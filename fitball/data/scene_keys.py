@@ -56,6 +56,8 @@ EXCLUSIVE = (
     ("ball.inertia", "ball.inertia_ratio"),
     ("measurement.velocity_sd", "measurement.nominal_velocity_sd"),
     ("measurement.spin_sd", "measurement.nominal_spin_sd"),
+    ("air.density", "air.temperature"),
+    ("air.density", "air.pressure"),
 )
 
 # What people write where SI is meant: units by their factors, most usual first.
@@ -140,6 +142,14 @@ SIZES: Mapping[str, Range] = {
     "camera.fps": Range(1.0, 1e7, "1 to 1e7 frames/s", (20.0, 1e6), 1e3, _RATES),
     "camera.mm_per_px": Range(1e-4, 1e3, "1e-4 to 1000 mm", (1e-3, 20.0), 1.0, {"um": 1e-3, "m": 1e3}),
     "camera.row_time": Range(1e-10, 0.01, "1e-10 to 0.01 s, in s", (1e-9, 1e-3), 1e-5, _TIMES),
+    "air.density": Range(0.3, 2.0, "0.3 to 2 kg/m^3", (0.7, 1.5), 1.2, {"g/cm^3": 1e3}),
+    "air.temperature": Range(-40.0, 60.0, "-40 to 60 degrees Celsius", (-40.0, 60.0), 20.0, {}),
+    "air.pressure": Range(
+        3e4, 1.2e5, "30 to 120 kPa, in Pa", (5e4, 1.1e5), 1e5, {"hPa": 1e2, "kPa": 1e3, "bar": 1e5}
+    ),
+    "flight.drag": Range(0.01, 3.0, "0.01 to 3", (0.1, 1.0), 0.5, {}),
+    "flight.lift": Range(-2.0, 2.0, "-2 to 2", (-0.5, 0.5), 0.05, {}),
+    "flight.spin_sd": Range(0.1, 1e4, "0.1 to 1e4 rad/s", (5.0, 2000.0), 250.0, _SPINS),
 }
 # Standard deviations that nobody is asked about, at most, and what is typical. Of quantities about zero that is all
 # there is to be held against.
@@ -148,6 +158,7 @@ _LIKELY_SPREADS: Mapping[str, tuple[float, float]] = {
     "camera.clock": (0.2, 0.01),
     "camera.tilt": (pi / 60.0, 5e-3),
     "camera.court_height": (0.03, 3e-3),
+    "flight.lift": (0.5, 0.05),
 }
 # Quantities that may be zero or negative.
 SIGNED = tuple(key for key, kind in KINDS.items() if kind is Kind.SIGNED)
@@ -173,7 +184,7 @@ def range_fault(key: str, value: float, sd: float | None) -> str | None:
         return f"{key}: sd = {sd:g}: expected at most {allowed.most:.2g}{_meant_spread(key, sd)}"
     if sd is not None and not LEAST_SHARE * abs(value) <= sd <= allowed.most:
         return f"{key}: sd = {sd:g}: expected 1e-9 times the value to {allowed.most:g}"
-    if sd is not None and key not in ("surface.mu", "ball.temperature") and sd > value:
+    if sd is not None and key not in ("surface.mu", "ball.temperature", "air.temperature") and sd > value:
         return (
             f"{key}: sd = {sd:g}: expected less than the value, {value:g}, in its unit{_meant_sd(allowed, sd, value)}"
         )

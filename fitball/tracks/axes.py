@@ -93,7 +93,7 @@ def _found(clips: Sequence[Clip]) -> tuple[int, float, str] | None:
             # The ball turns round along the normal.
             if bend.before[axis] * bend.after[axis] < 0.0:
                 jumps.append(bend.jump)
-        values = [gravity(clip.time, column, None if bend is None else bend.time) for column in clip.position.T]
+        values = [gravity(clip.time, column, [] if bend is None else [bend.time]) for column in clip.position.T]
         pulls.append([value / sd for value, sd in values])
     if jumps:
         jump = np.median(jumps, axis=0)

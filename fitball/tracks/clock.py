@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fitball.data.cells import refusal
 from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named
-from fitball.tracks.motion import SURE, Kink, gravity, kink, noise
+from fitball.tracks.motion import SURE, bounces, gravity, kink, noise
 from fitball.values import FloatArray
 from fitball.wording import option, spoken
 
@@ -21,15 +21,20 @@ from fitball.wording import option, spoken
 LOWER = 0.9
 # A frame that moved less than this [px], or share of a usual step where there are no pixels, repeats the one before.
 _STILL, _STILL_SHARE = 1e-3, 1e-3
+# Steps of fewer rounding units than this may be zero; multiples of that unit are whole within this.
+_COARSE, _WHOLE = 3.0, 0.01
 MOST_REPEATED = 1.0 / 3.0
 # Rates that agree within this are the same.
 _SAME_RATE = 0.02
 GRAVITY = 9.80665
 # Gravity off by more than this factor is no air and no scale that a camera has.
 _FACTOR = 2.5
-# Lift coefficients of balls reach this (Cross and Lindsey 2014: 1 / 2.022 at large spin), drag coefficients and
-# speeds [m/s] that.
-_LIFT, _DRAG, _HIGHEST = 0.5, 0.7, 80.0
+# Lift coefficients of balls reach this (Cross and Lindsey 2014, S up to 0.7); drag coefficients are that or near.
+_LIFT, _DRAG, _DRAG_OFF = 0.35, 0.5, 0.25
+# Frames that a clip needs for a count, and for gravity; stamps this near to even ones [periods] are even.
+_FEW, _LONG, _EVEN = 7, 10, 1e-6
+# Share of a stamp's deviation by which a clock follows it.
+_FOLLOWING = 0.3
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 180.0, 200.0, 240.0, 250.0, 480.0, 500.0, 960.0, 1000.0, 2000.0)
 
 
@@ -38,7 +43,7 @@ def timed(clips: Sequence[Clip], how: Reading) -> list[Clip]:
 
     Raises TableError for frames without time or rate, and where a third of the frames repeat the one before.
     """
-    return _spaced(_without_repeats([_with_time(clip, how) for clip in clips]))
+    return _spaced(_without_repeats([_with_time(clip, how) for clip in clips]), how)
 
 
 def _rate(time: FloatArray) -> float:
@@ -91,72 +96,104 @@ def _repeats(clip: Clip) -> NDArray[np.bool_]:
         return np.zeros(len(clip), dtype=np.bool_)
     usual = float(np.median(moved))
     still = min(_STILL, _STILL_SHARE * usual) if clip.unit is PIXELS else _STILL_SHARE * usual
-    levels = np.diff(np.unique(clip.position[:, 0]))
-    quantum = float(levels[levels > 1e-9 * usual].min(initial=np.inf))
-    if usual < 3.0 * quantum < np.inf:
+    if usual < _COARSE * _quantum(clip.position):
         return np.zeros(len(clip), dtype=np.bool_)
     return np.concatenate([[False], steps <= still])
 
 
-def _spaced(clips: Sequence[Clip]) -> list[Clip]:
+def _quantum(position: FloatArray) -> float:
+    """The step to which coordinates are rounded, as whole pixels are; 0 where they are not."""
+    levels = np.diff(np.unique(position))
+    levels = levels[levels > 1e-9 * np.abs(position).max()]
+    smallest = float(levels.min(initial=np.inf))
+    whole = np.abs(levels / smallest - np.round(levels / smallest)) < _WHOLE
+    return smallest if len(levels) and whole.all() else 0.0
+
+
+def _spaced(clips: Sequence[Clip], how: Reading) -> list[Clip]:
     """The clips with constant spacing, if that lowers their noise by a tenth together."""
-    even = [_constant(clip.time) for clip in clips if clip.time is not None]
-    pairs = [
-        (noise(clip.time, clip.position) ** 2, noise(time, clip.position) ** 2)
-        for clip, time in zip(clips, even, strict=True)
-        if clip.time is not None and time is not None
-    ]
-    both = np.array([pair for pair in pairs if np.isfinite(pair).all()])
-    if not both.size:
+    counts = [None if clip.time is None else _counted(clip.time) for clip in clips]
+    known = [(count, clip.time) for clip, count in zip(clips, counts, strict=True) if count is not None]
+    if not known:
         return [*clips]
-    written, constant = np.sqrt(np.mean(both, axis=0))
+    # One camera has one rate.
+    periods = [np.polyfit(count, time, 1)[0] for count, time in known if time is not None]
+    period = float(np.average(periods, weights=[count[-1] for count, _ in known]))
+    if how.fps is not None and abs(how.fps * period - 1.0) < _SAME_RATE:
+        period = 1.0 / how.fps
+    even = [None if count is None else _even(clip, count, period) for clip, count in zip(clips, counts, strict=True)]
+    pairs = [(clip, clip.time, time) for clip, time in zip(clips, even, strict=True) if clip.time is not None]
+    uneven = [
+        (clip, time, other) for clip, time, other in pairs if other is not None and _differ(time, other, period)
+    ]
+    noises = np.array([[noise(time, clip.position), noise(other, clip.position)] for clip, time, other in uneven])
+    noises = noises[np.isfinite(noises).all(axis=1)] if uneven else noises
+    if not noises.size:
+        return [*clips]
+    written, constant = np.sqrt(np.mean(noises**2, axis=0))
     if constant > LOWER * written:
         return [*clips]
-    spaced = []
-    for clip, time in zip(clips, even, strict=True):
-        if time is None:
-            spaced.append(clip)
-            continue
-        factor, unit = (1.0, "px") if clip.unit is PIXELS else (1e3, "mm")
-        spaced.append(
-            replace(clip, time=time).noted(
-                f"time stamps were replaced by constant spacing, {_rate(time):.5g} frames/s: the noise of all clips "
-                f"together falls from {factor * written:.2g} to {factor * constant:.2g} {unit}"
-            )
-        )
-    return spaced
+    factor, unit = (1.0, "px") if clips[0].unit is PIXELS else (1e3, "mm")
+    note = (
+        f"time stamps were replaced by constant spacing, {1.0 / period:.5g} frames/s: the noise of all clips "
+        f"together falls from {factor * written:.2g} to {factor * constant:.2g} {unit}"
+    )
+    return [
+        clip if time is None else replace(clip, time=time).noted(note) for clip, time in zip(clips, even, strict=True)
+    ]
 
 
-def _constant(time: FloatArray) -> FloatArray | None:
-    """Constantly spaced times nearest to stamps (frames,), with gaps where frames are missing; None where stamps are
-    constant already, or are not those of frames.
+def _counted(time: FloatArray) -> FloatArray | None:
+    """Counts (frames,) of the frames to which stamps belong, those that are missing among them; None where stamps are
+    not those of frames.
     """
-    if len(time) < 7:
+    if len(time) < _FEW:
         return None
     period = float(np.median(np.diff(time)))
-    for _ in range(4):
-        count = np.round((time - time[0]) / period)
+    # From frame to frame first, as a clock that follows the stamps slowly: a period that is off by a hundredth is off
+    # by a frame after fifty.
+    count, now = np.zeros(len(time)), float(time[0])
+    for k, stamp in enumerate(time[1:].tolist(), start=1):
+        steps = max(round((stamp - now) / period), 1)
+        count[k], now = count[k - 1] + steps, now + steps * period
+        now += _FOLLOWING * (stamp - now)
+    for _ in range(3):
+        period, start = np.polyfit(count, time, 1)
+        count = np.round((time - start) / period)
+        count -= count[0]
         if np.any(np.diff(count) < 1.0):
             return None
-        period, start = np.polyfit(count, time, 1)
-    even = start + period * count
-    off = float(np.abs(even - time).max())
-    return None if off < 1e-6 * period or off > 0.6 * period else np.asarray(even, dtype=np.float64)
+    return np.asarray(count, dtype=np.float64)
+
+
+def _differ(time: FloatArray, even: FloatArray, period: float) -> bool:
+    return bool(np.abs(time - even).max() > _EVEN * period)
+
+
+def _even(clip: Clip, count: FloatArray, period: float) -> FloatArray:
+    assert clip.time is not None
+    return np.asarray(float(np.mean(clip.time - period * count)) + period * count, dtype=np.float64)
 
 
 def check_rate(clips: Sequence[Clip], how: Reading) -> None:
     """Raise TableError where gravity of the clips (metres, y upwards) is off by more than any air or scale explains:
     the playback rate in place of the capture rate.
     """
-    drag = how.air_density * pi * how.ball.radius**2 / (2.0 * how.ball.mass)
+    air = how.air_density * pi * how.ball.radius**2 / (2.0 * how.ball.mass)
     lows, highs, values = list[float](), list[float](), list[float]()
     for clip in clips:
-        if clip.time is None or len(clip) < 10:
+        assert clip.time is not None
+        if len(clip) < _LONG:
             continue
-        bend = kink(clip.time, clip.position)
-        found, sd = gravity(clip.time, clip.position[:, 1], None if bend is None else bend.time)
-        reach = SURE * sd + drag * (_LIFT + _DRAG) * _fastest(bend) ** 2
-        lows, highs, values = [*lows, -found - reach], [*highs, -found + reach], [*values, -found]
+        height, bend = clip.position[:, 1], kink(clip.time, clip.position)
+        found, sd = gravity(clip.time, height, [float(clip.time[k]) for k in bounces(clip.time, height)])
+        sides = [] if bend is None else [bend.before, bend.after]
+        # Drag of both sides, which nearly cancels, is known; lift may have either sign.
+        drags = [air * _norm(velocity) * float(velocity[1]) for velocity in sides]
+        value = -found - _DRAG * float(np.mean(drags or [0.0]))
+        reach = SURE * sd + _LIFT * air * max([_norm(velocity) ** 2 for velocity in sides], default=0.0)
+        reach += _DRAG_OFF * float(np.max(np.abs(drags), initial=0.0))
+        lows, highs, values = [*lows, value - reach], [*highs, value + reach], [*values, value]
     if not values or not np.isfinite(values).any():
         return
     low, high, value = (float(np.nanmedian(numbers)) for numbers in (lows, highs, values))
@@ -177,11 +214,6 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
         f"camera, not that of playback ({spoken('--fps N', 'fps=N')}), or the scale; if all is right, pass "
         + option("as_read"),
     )
-
-
-def _fastest(bend: Kink | None) -> float:
-    """The highest speed of a clip [m/s], no more than balls of games have: a wrong clock makes any."""
-    return 0.0 if bend is None else min(_HIGHEST, *map(_norm, (bend.before, bend.after)))
 
 
 def _norm(velocity: FloatArray) -> float:

@@ -189,7 +189,7 @@ def _deeplabcut(header: Texts, above: Sequence[Texts]) -> list[_Part]:
 
 
 def _tracker(ours: Sequence[str | None], names: Texts, stem: str) -> list[_Part]:
-    """Blocks of columns side by side: each `x` begins a mass, the time is that before it, the name stands above."""
+    """Blocks of columns side by side: each `x` begins a mass, the time is that before it, the name is above."""
     parts, times, name = list[_Part](), dict[str, int](), ""
     starts = [k for k, column in enumerate(ours) if column == "x"]
     for k, column in enumerate(ours):

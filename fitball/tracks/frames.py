@@ -63,6 +63,8 @@ class Air:
     drag_sd: float = 0.05
     drag_shot_sd: float = 0.024
     lift_sd: float = 0.05
+    # Offset of the lift coefficient from its law, that of a session.
+    lift: float = 0.0
     # Of balls without marks, whose spin is not measured.
     lift_unmarked_sd: float = 0.2
 

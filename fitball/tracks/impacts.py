@@ -1,8 +1,8 @@
 """What goes into files: impacts with their errors, as tables are read; frames, and spins that the marks allow.
 
 `impacts.csv` has a row for each impact, in SI. Spins are empty where the marks do not say which of several they are;
-columns that no row has are left out. The covariance of a row is without what the session shares: scale, clock, tilt
-and height of the court are in `[camera]` of `impacts.toml`, where a fit takes them from.
+of balls without marks there are no such columns. The covariance of a row is without what the session shares: scale,
+clock, tilt and height of the court are in `[camera]` of `impacts.toml`, where a fit takes them from.
 """
 
 from __future__ import annotations
@@ -31,8 +31,10 @@ def measured(impact: TrackedImpact) -> list[str]:
 
 
 def columns_of(tracks: Tracks) -> list[str]:
-    """Those of the `NINE` that any impact has."""
+    """Those of the `NINE` that any impact has; spins too where there are marks that do not determine them."""
     having = {name for impact in tracks.impacts for name in measured(impact)}
+    if any(impact.pairs for impact in tracks.impacts):
+        having |= {"omega_1", "omega_2", "gap_turn"}
     return [name for name in NINE if name in having]
 
 

@@ -6,19 +6,28 @@ up, whether the clock is right, and where a ball bounces.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
+from itertools import pairwise
+from math import ceil, isfinite
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.signal import find_peaks
 
 from fitball.values import FloatArray
 
 # Frames are averaged in blocks of about this time [s], and this long around a bounce left out on either side.
 _BLOCK, _CONTACT = 1.4e-3, 3.0e-3
+# Frames on either side of a bounce that may show it: a film that is played slowly shows long contacts.
+_GAP = 2.5
 _WINDOW = 6
 # Frames over which noise is estimated, and how many windows of a clip are.
 _SPAN, _WINDOWS = 7, 400
+# A bounce is deeper than so many standard deviations of the noise, and than this share of the heights of a clip.
+_DEEP, _SHARE = 8.0, 0.01
 # Velocities this many standard errors from zero are known in sign.
 SURE = 4.0
 
@@ -87,33 +96,40 @@ def _slopes(t: FloatArray, r: FloatArray, width: int) -> tuple[FloatArray, Float
     return slope, np.sqrt(variance + floor**2)
 
 
-def gravity(time: FloatArray, height: FloatArray, bounce: float | None) -> tuple[float, float]:
-    """Acceleration [m/s^2] along `height` and its standard error, by parabolas before and after `bounce` [s]; NaN and
-    infinite where neither side has five frames.
+def bounces(time: FloatArray, height: FloatArray) -> NDArray[np.int64]:
+    """Frames at which a ball is lowest between falling and rising, outliers of a frame aside."""
+    if len(time) < 3:
+        return np.array([], dtype=np.int64)
+    t, y = thinned(time, height[:, None])
+    spread = noise(t, y)
+    smooth = median_filter(y[:, 0], size=3, mode="nearest")
+    deep = max(_DEEP * spread if isfinite(spread) else 0.0, _SHARE * float(np.ptp(smooth)))
+    peaks, _ = find_peaks(-smooth, prominence=max(deep, 1e-9))
+    return np.array([int(np.argmin(np.abs(time - t[peak]))) for peak in peaks], dtype=np.int64)
+
+
+def gravity(time: FloatArray, height: FloatArray, breaks: Sequence[float]) -> tuple[float, float]:
+    """Acceleration [m/s^2] along `height` and its standard error, by parabolas through the flights between `breaks`
+    [s]; NaN and infinite where no flight has five frames. Times and heights are (frames,).
     """
-    sides = [time >= -np.inf] if bounce is None else [time < bounce - _CONTACT, time > bounce + _CONTACT]
+    gap = max(_CONTACT, _GAP * float(np.median(np.diff(time)))) if len(time) > 1 else _CONTACT
     values, weights = list[float](), list[float]()
-    for side in sides:
-        t = time[side]
-        if len(t) < 5:
+    for first, last in pairwise([-np.inf, *breaks, np.inf]):
+        flight = (time > first + gap) & (time < last - gap)
+        if flight.sum() < 5:
             continue
-        # The flight nearest to the bounce: further away a clip may hold another.
-        near = np.abs(t - (t[0] if bounce is None else bounce)) < 0.3
-        if near.sum() < 5:
-            continue
-        d = t[near] - t[near].mean()
+        d = time[flight] - time[flight].mean()
         matrix = np.stack([np.ones_like(d), d, 0.5 * d**2], axis=1)
-        found, _rest, rank, _ = np.linalg.lstsq(matrix, height[side][near], rcond=None)
+        found, _rest, rank, _ = np.linalg.lstsq(matrix, height[flight], rcond=None)
         if rank < 3:
             continue
-        rest = height[side][near] - matrix @ found
+        rest = height[flight] - matrix @ found
         variance = max(float(rest @ rest) / max(len(d) - 3, 1), 1e-14) * np.linalg.inv(matrix.T @ matrix)[2, 2]
         values.append(float(found[2]))
         weights.append(1.0 / float(variance))
     if not values:
         return float("nan"), float("inf")
-    total = sum(weights)
-    return float(np.average(values, weights=weights)), total**-0.5
+    return float(np.average(values, weights=weights)), sum(weights) ** -0.5
 
 
 def noise(time: FloatArray, position: FloatArray) -> float:

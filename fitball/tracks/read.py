@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from fitball.data.bundled import split_sheet
+from fitball.data.bundled import resolve_tracks, split_sheet
 from fitball.data.read import FRAME, PATHS
 from fitball.data.text import checked_records, read_records
 from fitball.errors import ParameterError, TrackError
@@ -56,8 +56,7 @@ def _clips(source: Source, how: Reading) -> list[Clip]:
     if not isinstance(source, PATHS):
         name = str(source.attrs.get("name", FRAME))
         return clips_of(checked_records(name, source), b"", (), name, how)
-    wanted, sheet = split_sheet(source)
-    path = Path(wanted)
+    path, sheet = resolve_tracks(source), split_sheet(source)[1]
     if path.suffix.lower() in SUFFIXES:
         return hdf5_clips(path, how)
     records, data, notes = read_records(path, vocabulary, sheet)

@@ -10,13 +10,14 @@ and `court_height` how much higher the court is there than at zero. The picture 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.errors import ParameterError
+from fitball.models.model import Model
 from fitball.models.types import Rebound
 from fitball.tracks.flight import fly, lift_of, resistance
 from fitball.tracks.frames import NINE, Air, Track
@@ -26,6 +27,8 @@ from fitball.values import Ball, FloatArray, Impacts
 OUTLIER_SIZES = (5e-3, 50e-3)
 # A shell that twists at release swings back within this time [s].
 TWIST_DECAY = 1.5e-3
+# Times at which the spin of the shell is taken over a contact.
+TURN_NODES = 40
 # Slow errors are sums of this many waves.
 WAVES = 24
 # Sweeps that find when a row of a rolling shutter sees the ball.
@@ -127,6 +130,20 @@ def simulated_tracks(
         course = Course(nine, float(end), float(ahead), film.air.drag + spread, extra, ball, film.air.density)
         tracks.append(_filmed(course, film, rng, name, session))
     return tuple(tracks)
+
+
+def ahead_at_release(model: Model, parameters: Mapping[str, float], impacts: Impacts, rebound: Rebound) -> FloatArray:
+    """By how much the shell is ahead of its line when it leaves (impacts,) [rad]: its own turn over the contact less
+    that of the line through the turns of the flight after it. Raises as `Model.history` does.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(TURN_NODES)
+    found = []
+    for k, end in enumerate(rebound.contact_time):
+        history = model.history(parameters, impacts.take(np.array([k])), 0.5 * end * (nodes + 1.0))
+        turned = 0.5 * end * float(weights @ history.omega_2)
+        line = rebound.gap_turn[k] - rebound.omega_2[k] * (rebound.gap_time[k] - end)
+        found.append(turned - float(line))
+    return np.array(found)
 
 
 @dataclass(frozen=True)

@@ -5,24 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
 
 from fitball.errors import TrackError
 from fitball.tracks.clips import frames_named
 from fitball.tracks.frames import Refused, Track
-from fitball.tracks.motion import noise, thinned
+from fitball.tracks.motion import bounces
 from fitball.values import FloatArray
 
 # Frames that a flight needs on either side of a bounce.
 LEAST = 3
-# A bounce is deeper than so many standard deviations of the noise, and than this share of the heights of a clip.
-_DEEP, _SHARE = 8.0, 0.01
 # A ball is where it was, give or take its usual speed times this; what is elsewhere for so many frames is no outlier.
 _REACH, _ELSEWHERE = 4.0, 5
 # Frames of a piece that the next is compared with, so that an outlier ends none; the share that may be left out.
@@ -73,18 +68,6 @@ def stretches(time: FloatArray, height: FloatArray) -> list[tuple[int, int]]:
     halves = np.searchsorted(time, 0.5 * (time[lowest[1:]] + time[lowest[:-1]]))
     ends = [0, *halves.tolist(), len(time)]
     return [*pairwise(ends)]
-
-
-def bounces(time: FloatArray, height: FloatArray) -> NDArray[np.int64]:
-    """Frames at which a ball is lowest between falling and rising, outliers of a frame aside."""
-    if len(time) < 3:
-        return np.array([], dtype=np.int64)
-    t, y = thinned(time, height[:, None])
-    spread = noise(t, y)
-    smooth = median_filter(y[:, 0], size=3, mode="nearest")
-    deep = max(_DEEP * spread if isfinite(spread) else 0.0, _SHARE * float(np.ptp(smooth)))
-    peaks, _ = find_peaks(-smooth, prominence=max(deep, 1e-9))
-    return np.array([int(np.argmin(np.abs(time - t[peak]))) for peak in peaks], dtype=np.int64)
 
 
 def _part(track: Track, first: int, last: int, name: str) -> Track:

@@ -153,6 +153,8 @@ def _error_rows(tracks: Tracks) -> list[Row]:
     for name in columns_of(tracks):
         scale = _scale(name)
         sds = scale.factor * np.array([it.sd(name) for it in tracks.impacts if name in measured(it)])
+        if not sds.size:
+            continue
         row = {
             "quantity": name, "impacts": f"{sds.size:,}",
             "standard error": f"{digits(float(np.median(sds)), 2)} {scale.unit}",
@@ -199,6 +201,11 @@ def _spin_words(tracks: Tracks) -> list[str]:
     open_ = [impact for impact in marked if not impact.sure]
     if not open_:
         return [f"Spins of all {len(marked)} impacts with marks are sure."]
+    if len(open_) == len(marked):
+        return [
+            "The spins of no impact are sure: they are empty in impacts.csv, and a fit takes incident spins as zero. "
+            "A higher frame rate or a single dot as mark determines them; spins.csv has the candidates."
+        ]
     return [
         f"Spins of {len(marked) - len(open_)} of {len(marked)} impacts with marks are sure. The others are empty in "
         "impacts.csv, and a fit leaves these rows out; spins.csv has the candidates."
@@ -278,9 +285,10 @@ def _gravity_words(tracks: Tracks, name: str) -> list[str]:
     off = found.value / GRAVITY - 1.0
     where = f" in session {one_line(name)}" if name else ""
     way = ("large", "fast") if off > 0.0 else ("small", "slow")
+    by_scale, by_clock = percent(abs(off)), percent(abs(float(np.sqrt(1.0 + off)) - 1.0))
     return [
-        f"Gravity comes out as {plus_minus(found.value, found.sd)} m/s^2{where}: the scale is {abs(off):.0%} too "
-        f"{way[0]}, or the clock {abs(np.sqrt(1.0 + off) - 1.0):.0%} too {way[1]}."
+        f"Gravity comes out as {plus_minus(found.value, found.sd)} m/s^2{where}: the scale is {by_scale} too "
+        f"{way[0]}, or the clock {by_clock} too {way[1]}."
     ]
 
 
