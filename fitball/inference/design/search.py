@@ -11,7 +11,7 @@ what is left of `B` where the target is known: a determinant of a few columns in
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fitball.errors import FitError
 from fitball.inference.design.asked import Sensor, Setting, Settings
+from fitball.inference.design.films import as_filmed
 from fitball.inference.design.knowledge import Knowledge, in_directions, plate_rows
 from fitball.inference.design.targets import Target
 from fitball.inference.likelihood.cells import Cells, cells_of
@@ -105,11 +106,17 @@ def over_draws(gains: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
     return np.where(counts > 0, total / np.maximum(counts, 1), np.nan)
 
 
-def read(planned: Problem, draws: FloatArray, sensors: Iterable[Sensor]) -> list[Cells]:
-    """What each sensor reads of planned impacts (see `Knowledge.at`) at draws (draws, free), with derivatives."""
+def read(planned: Problem, draws: FloatArray, sensors: Collection[Sensor]) -> list[tuple[Problem, Cells]]:
+    """What each sensor reads of planned impacts (see `Knowledge.at`) at draws (draws, free), with derivatives, beside
+    the problem with its errors of rows.
+    """
     rebound, slopes = planned.differentiated(draws)
     columns = planned.all_values(planned.to_values(draws))
-    return [cells_of(planned, columns, rebound, sensor.columns, slopes) for sensor in sensors]
+    posed = [planned if it.film is None else as_filmed(planned, it.film, rebound) for it in sensors]
+    return [
+        (own, cells_of(own, columns, rebound, sensor.columns, slopes))
+        for own, sensor in zip(posed, sensors, strict=True)
+    ]
 
 
 def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> FloatArray:
@@ -177,9 +184,9 @@ def look(
         part = np.arange(k, min(k + TOGETHER, len(impacts)))
         planned = known.at(impacts.take(part), like[part])
         every = read(planned, draws, sensors.values())
-        status.append(every[0].rebound.status)
-        for name, cells in zip(sensors, every, strict=True):
-            rows[name].append(information_rows(planned, cells, roots))
+        status.append(every[0][1].rebound.status)
+        for name, (own, cells) in zip(sensors, every, strict=True):
+            rows[name].append(information_rows(own, cells, roots))
     whole = np.concatenate(status, axis=1)
     return {name: Looked(impacts, like, np.concatenate(parts, axis=1), whole) for name, parts in rows.items()}
 
