@@ -11,7 +11,7 @@ what is left of `B` where the target is known: a determinant of a few columns in
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -106,17 +106,15 @@ def over_draws(gains: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
     return np.where(counts > 0, total / np.maximum(counts, 1), np.nan)
 
 
-def read(planned: Problem, draws: FloatArray, sensors: Collection[Sensor]) -> list[tuple[Problem, Cells]]:
-    """What each sensor reads of planned impacts (see `Knowledge.at`) at draws (draws, free), with derivatives, beside
-    the problem with its errors of rows.
-    """
+def read(planned: Problem, draws: FloatArray, sensors: Iterable[Sensor]) -> list[Cells]:
+    """What each sensor reads of planned impacts (see `Knowledge.at`) at draws (draws, free), with derivatives."""
     rebound, slopes = planned.differentiated(draws)
     columns = planned.all_values(planned.to_values(draws))
-    posed = [planned if it.film is None else as_filmed(planned, it.film, rebound) for it in sensors]
-    return [
-        (own, cells_of(own, columns, rebound, sensor.columns, slopes))
-        for own, sensor in zip(posed, sensors, strict=True)
-    ]
+    made = []
+    for sensor in sensors:
+        own = planned if sensor.film is None else as_filmed(planned, sensor.film, rebound)
+        made.append(cells_of(own, columns, rebound, sensor.columns, slopes))
+    return made
 
 
 def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> FloatArray:
@@ -127,8 +125,8 @@ def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> Float
     worth = np.sqrt(planned.noise.information(cells.columns))[..., None, None]
     scale = np.sqrt(planned.noise.scale_information(cells.columns))[..., None, None]
     parts = [worth[..., None] * cells.spread_out(cells.slope), scale[..., None] * cells.spread_out(cells.growth)]
-    if planned.errors is not None:
-        parts.append(scale[..., None] * cells.turn)
+    # Of whitened cells alone.
+    parts.append(scale[..., None] * cells.turn)
     return in_directions(np.concatenate(parts, axis=2), cells.rebound.status == 0, roots)
 
 
@@ -184,9 +182,9 @@ def look(
         part = np.arange(k, min(k + TOGETHER, len(impacts)))
         planned = known.at(impacts.take(part), like[part])
         every = read(planned, draws, sensors.values())
-        status.append(every[0][1].rebound.status)
-        for name, (own, cells) in zip(sensors, every, strict=True):
-            rows[name].append(information_rows(own, cells, roots))
+        status.append(every[0].rebound.status)
+        for name, cells in zip(sensors, every, strict=True):
+            rows[name].append(information_rows(planned, cells, roots))
     whole = np.concatenate(status, axis=1)
     return {name: Looked(impacts, like, np.concatenate(parts, axis=1), whole) for name, parts in rows.items()}
 
