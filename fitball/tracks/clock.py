@@ -186,7 +186,11 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
         if len(clip) < _LONG:
             continue
         height, bend = clip.position[:, 1], kink(clip.time, clip.position)
-        found, sd = gravity(clip.time, height, [float(clip.time[k]) for k in bounces(clip.time, height)])
+        lowest = bounces(clip.time, height)
+        if not len(lowest) and bend is not None and bend.score > SURE:
+            # Some bounce there is, whose place is not known.
+            continue
+        found, sd = gravity(clip.time, height, clip.time[lowest].tolist())
         sides = [] if bend is None else [bend.before, bend.after]
         # Drag of both sides, which nearly cancels, is known; lift may have either sign.
         drags = [air * _norm(velocity) * float(velocity[1]) for velocity in sides]
