@@ -14,7 +14,7 @@ from math import degrees
 import numpy as np
 
 from fitball.data.cells import refusal
-from fitball.tracks.clips import Clip, Reading
+from fitball.tracks.clips import Clip, Reading, some_of
 from fitball.tracks.motion import SURE, gravity, kink
 from fitball.values import FloatArray
 from fitball.wording import spoken
@@ -85,7 +85,7 @@ def _stated(flat: bool, how: Reading) -> tuple[int, float] | None:
 def _found(clips: Sequence[Clip]) -> tuple[int, float, str] | None:
     """Axis and direction upwards by bounces, else by gravity, and the reason in words; None where neither shows."""
     jumps, pulls, flat = [], [], clips[0].position.shape[1] == 2
-    for clip in clips:
+    for clip in some_of(clips):
         assert clip.time is not None
         bend = kink(clip.time, clip.position)
         if bend is not None and bend.score > 2.0 * SURE:
@@ -95,6 +95,7 @@ def _found(clips: Sequence[Clip]) -> tuple[int, float, str] | None:
             # The ball turns round along the normal.
             if bend.before[axis] * bend.after[axis] < 0.0:
                 jumps.append(bend.jump)
+                continue
         breaks = [] if bend is None else [bend.time]
         values = [gravity(clip.time, column, breaks) for column in clip.position.T]
         pulls.append([0.0 if flat and k == 0 else value / sd for k, (value, sd) in enumerate(values)])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.cells import refusal
-from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named
+from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named, some_of
 from fitball.tracks.motion import SURE, bounces, gravity, kink, noise
 from fitball.values import FloatArray
 from fitball.wording import option, spoken
@@ -181,7 +181,7 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
     """
     air = how.air_density * pi * how.ball.radius**2 / (2.0 * how.ball.mass)
     lows, highs, values = list[float](), list[float](), list[float]()
-    for clip in clips:
+    for clip in some_of(clips):
         assert clip.time is not None
         if len(clip) < _LONG:
             continue

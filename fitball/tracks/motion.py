@@ -69,7 +69,7 @@ def regular(time: FloatArray, position: FloatArray) -> NDArray[np.bool_]:
         a, b = inside + one, inside + other
         share = (time[inside] - time[a]) / (time[b] - time[a])
         guess[inside] = position[a] + share[:, None] * (position[b] - position[a])
-    usual = 1.4826 * np.median(np.abs(position - np.nanmedian(guesses, axis=0)), axis=0)
+    usual = 1.4826 * np.median(np.abs(position - guesses[0])[1:-1], axis=0)
     step = float(np.median(np.linalg.norm(np.diff(position, axis=0), axis=1)))
     off = np.abs(position - guesses) / np.maximum(_OUTLYING * usual, max(_BENT * step, 1e-9))
     # At the ends there is one line, and that may cross a bounce.

@@ -23,6 +23,7 @@ from fitball.tracks.clips import Clip, Reading
 from fitball.tracks.clock import check_rate, timed
 from fitball.tracks.dialects import clips_of, positions_vocabulary
 from fitball.tracks.frames import Track
+from fitball.tracks.motion import bounces
 from fitball.tracks.scale import in_metres
 from fitball.tracks.split import one_object, stretches
 
@@ -97,7 +98,7 @@ def _settled(clips: Sequence[Clip], how: Reading) -> list[Clip]:
 def _planes(clip: Clip) -> list[Clip]:
     """The bounces of a clip in three dimensions, each in the plane of its incident flight."""
     assert clip.time is not None
-    parts = stretches(clip.time, clip.position[:, 2])
+    parts = stretches(clip.time, bounces(clip.time, clip.position[:, 2]))
     if len(parts) < 2:
         return [in_plane(clip)]
     return [in_plane(replace(clip.take(np.arange(*part)), id=f"{clip.id}-{k}")) for k, part in enumerate(parts, 1)]

@@ -49,12 +49,12 @@ def bounces_of(tracks: Iterable[Track]) -> tuple[tuple[Track, ...], tuple[Refuse
         except TrackError as error:
             refused.append(Refused(track.id, track.source, str(error)))
             continue
-        parts = stretches(track.time, track.y)
-        if not parts:
+        lowest = bounces(track.time, track.y)
+        if not lowest.size:
             refused.append(Refused(track.id, track.source, _no_bounce(track)))
-        for k, (first, last) in enumerate(parts, start=1):
-            one = _part(track, first, last, f"{track.id}-{k}" if len(parts) > 1 else track.id)
-            few = _too_few(one)
+        for k, (first, last) in enumerate(stretches(track.time, lowest)):
+            one = _part(track, first, last, f"{track.id}-{k + 1}" if len(lowest) > 1 else track.id)
+            few = _too_few(one, int(lowest[k]) - first)
             if few is None:
                 found.append(one)
             else:
@@ -62,14 +62,12 @@ def bounces_of(tracks: Iterable[Track]) -> tuple[tuple[Track, ...], tuple[Refuse
     return tuple(found), tuple(refused)
 
 
-def stretches(time: FloatArray, height: FloatArray) -> list[tuple[int, int]]:
-    """First frame and the one after the last of each bounce; empty without any. Times and heights are (frames,)."""
-    lowest = bounces(time, height)
-    if not lowest.size:
-        return []
-    halves = np.searchsorted(time, 0.5 * (time[lowest[1:]] + time[lowest[:-1]]))
-    ends = [0, *halves.tolist(), len(time)]
-    return [*pairwise(ends)]
+def stretches(time: FloatArray, lowest: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First frame of each bounce and the one after its last, from the frames in which the ball is lowest: as far as
+    halfway. Times are (frames,) [s].
+    """
+    halves = np.searchsorted(time, 0.5 * (time[lowest[1:]] + time[lowest[:-1]])).tolist()
+    return [*pairwise([0, *halves, len(time)])] if lowest.size else []
 
 
 def _part(track: Track, first: int, last: int, name: str) -> Track:
@@ -80,8 +78,7 @@ def _part(track: Track, first: int, last: int, name: str) -> Track:
     return replace(track, id=name, **arrays)
 
 
-def _too_few(track: Track) -> str | None:
-    lowest = int(bounces(track.time, track.y)[0]) if len(bounces(track.time, track.y)) else int(np.argmin(track.y))
+def _too_few(track: Track, lowest: int) -> str | None:
     before, after = lowest, len(track.time) - lowest - 1
     if min(before, after) >= LEAST:
         return None
