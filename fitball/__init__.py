@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         Course,
         Fit,
         Plan,
+        TrackResult,
         calibrate,
         check,
         compare,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
         port,
         predict,
         simulate,
+        track,
     )
     from fitball.batch import Batch, calibrate_many, load_batch
     from fitball.data.read import load_table
@@ -40,8 +42,8 @@ if TYPE_CHECKING:
 
 # Where each name is when it is first asked for.
 _HOMES = {
-    "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan plot port "
-    "predict simulate",
+    "fitball.api": "Checked Comparison Course Fit Plan TrackResult calibrate check compare export load_fit plan "
+    "plot port predict simulate track",
     "fitball.batch": "Batch calibrate_many load_batch",
     "fitball.data.read": "load_table",
     "fitball.data.scene": "Scene load_scene",
@@ -56,9 +58,9 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split
 
 __all__ = [
     "Ball", "Batch", "Checked", "Comparison", "Course", "Estimate", "Fit", "FitballError", "ImpactTable", "Impacts",
-    "Plan", "Posterior", "Rebound", "RunStatus", "Scene", "Verdict", "__version__", "calibrate", "calibrate_many",
-    "check", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene", "load_table", "model", "plan",
-    "plot", "port", "predict", "regime_name", "simulate",
+    "Plan", "Posterior", "Rebound", "RunStatus", "Scene", "TrackResult", "Verdict", "__version__", "calibrate",
+    "calibrate_many", "check", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene", "load_table",
+    "model", "plan", "plot", "port", "predict", "regime_name", "simulate", "track",
 ]  # fmt: skip
 
 

@@ -196,6 +196,13 @@ class OwnImpacts:
         cor = None if self.cor is None else self.cor[:, rows]
         return OwnImpacts(self.v_x1[:, rows], self.v_y1[:, rows], self.omega_1[:, rows], cor)
 
+    def among(self, draws: NDArray[np.int64], rows: NDArray[np.int64]) -> OwnImpacts:
+        """Single impacts (pairs, 1): of each of `draws` that with the row number beside it."""
+        cor = None if self.cor is None else self.cor[draws, rows, None]
+        return OwnImpacts(
+            self.v_x1[draws, rows, None], self.v_y1[draws, rows, None], self.omega_1[draws, rows, None], cor
+        )
+
     def of_draws(self, draws: NDArray[np.int64]) -> OwnImpacts:
         """The impacts of some of the draws."""
         cor = None if self.cor is None else self.cor[draws]

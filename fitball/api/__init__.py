@@ -1,8 +1,8 @@
 """The Python interface; the verbs of the command line call the same functions.
 
 Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `plan`, `Plan`,
-`export`, `port`, `plot`, `check`.
-May import: exports, report, inference, models, data, scheduling.
+`export`, `port`, `plot`, `check`, `track`, `TrackResult`.
+May import: exports, report, inference, tracks, models, data, scheduling.
 """
 
 from fitball.api.calibrating import Comparison, Run, begin, calibrate, compare, pose
@@ -10,8 +10,9 @@ from fitball.api.fit import Fit, export, load_fit, plan, plot, port, predict, si
 from fitball.api.predicting import Plan
 from fitball.api.reading import Checked, check
 from fitball.api.simulating import Course
+from fitball.api.tracking import TrackResult, track
 
 __all__ = [
-    "Checked", "Comparison", "Course", "Fit", "Plan", "Run", "begin", "calibrate", "check", "compare", "export",
-    "load_fit", "plan", "plot", "port", "pose", "predict", "simulate",
+    "Checked", "Comparison", "Course", "Fit", "Plan", "Run", "TrackResult", "begin", "calibrate", "check", "compare",
+    "export", "load_fit", "plan", "plot", "port", "pose", "predict", "simulate", "track",
 ]  # fmt: skip

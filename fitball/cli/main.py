@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from fitball.cli.datasets import DATASETS
+from fitball.cli.filming import TRACK
 from fitball.cli.fitting import BATCH, CALIBRATE, COMPARE, POPULATION, REPEAT
 from fitball.cli.options import Help, Verb, either, one_of, option
 from fitball.cli.studies import BENCH, REDERIVE, SIMULATE
@@ -143,7 +144,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 VERBS = (
-    CALIBRATE, COMPARE, PREDICT, PLAN, PLOT, SIMULATE, BATCH, POPULATION, EXPORT, VERIFY, REPEAT, DATASETS,
+    CALIBRATE, COMPARE, PREDICT, PLAN, PLOT, SIMULATE, TRACK, BATCH, POPULATION, EXPORT, VERIFY, REPEAT, DATASETS,
     COMPLETION, REDERIVE, BENCH,
 )  # fmt: skip
 

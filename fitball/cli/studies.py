@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from fitball.bench.clock import Pace
 
 DEFAULT_FOLDER = Path("fits") / "simulations"
+# Impacts of simulated tracks: as many as Wang measured.
+TRACKED = 21
 
 
 def run_simulate(args: argparse.Namespace) -> int:
@@ -52,6 +54,8 @@ def run_simulate(args: argparse.Namespace) -> int:
         return 0
     if args.html:
         return _write_page(args)
+    if args.tracks is not None:
+        return _write_tracks(args)
     from fitball.api.simulating import course_of, regimes_of
     from fitball.report.form.files import json_text
 
@@ -90,6 +94,13 @@ def _check_together(args: argparse.Namespace) -> None:
     idle = [f"--{name}" for name in ("impact", "example", "csv", "animate") if getattr(args, name) is not None]
     if args.map is not None and idle:
         raise ParameterError(f"--map covers many impacts: leave out {', '.join(idle)}")
+    if args.tracks is not None:
+        others = ("impact", "example", "map", "csv", "animate", "contours")
+        mixed = [f"--{name}" for name in others if getattr(args, name) is not None] + ["--html"] * args.html
+        if mixed:
+            raise ParameterError(f"--tracks draws its own impacts: leave out {', '.join(mixed)}")
+    elif args.camera is not None or args.impacts is not None:
+        raise ParameterError(f"--{'impacts' if args.camera is None else 'camera'} needs --tracks")
     if args.map is None and args.contours is not None:
         raise ParameterError("--contours needs --map")
     if args.html:
@@ -97,9 +108,9 @@ def _check_together(args: argparse.Namespace) -> None:
         mixed = [f"--{name}" for name in names if getattr(args, name) is not None] + ["--json"] * args.json
         if mixed:
             raise ParameterError(f"--html writes a page only: leave out {', '.join(mixed)}")
-    elif args.example is None and args.impact is None and args.map is None:
+    elif all(given is None for given in (args.example, args.impact, args.map, args.tracks)):
         raise ParameterError(
-            'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", --map, or --example NAME'
+            'simulate needs an impact, such as --impact "v=17, theta=18, spin=100", --map, --tracks or --example NAME'
         )
     if args.fit is not None and (args.model is not None or args.values):
         raise ParameterError("--fit has its own model and parameters: leave out --model and --set")
@@ -117,6 +128,20 @@ def _example(name: str) -> Course:
         solved, example.name, f"{example.name}, solved exactly: {example.title}", panels=example.panels,
         heading=example_text(example, results), more={"example": example_json(example, results)},
     )  # fmt: skip
+
+
+def _write_tracks(args: argparse.Namespace) -> int:
+    """Write tracks with their truth, and print the errors that such a film leaves."""
+    from fitball.api.filmed import filmed_impacts
+    from fitball.report.form.files import json_text
+
+    made = filmed_impacts(_subject(args), args.tracks, args.camera or "", args.impacts or TRACKED, args.seed)
+    if not args.quiet:
+        print_notes(made.notes)
+    folder = Path(args.out) if args.out else DEFAULT_FOLDER / made.name
+    places = made.save(folder, overwrite=args.overwrite)
+    print_files(args, json_text(made.json()), made.report(), places)
+    return 0
 
 
 def _write_page(args: argparse.Namespace) -> int:
@@ -151,6 +176,11 @@ SIMULATE = Verb(
                 'a map of contact regimes over angle and spin, e.g. "v=30, theta=10..80, spin=-300..300" (default: '
                 "the range of the impacts of --fit)", nargs="?", const="",
             ),
+            option(
+                "--tracks", "TEXT",
+                "tracks of several impacts as a camera shows them, with their truth, for impacts drawn from e.g. "
+                '"v=12..25, theta=16..60, spin=-300..400" (these are the defaults)', nargs="?", const="",
+            ),
             switch("--html", "a page with sliders that computes bounces in the browser, starting at --impact"),
             option("--example", "NAME", "a figure of Jafri (2004), fig8 to fig28, or list"),
         )),
@@ -163,6 +193,14 @@ SIMULATE = Verb(
                 dest="values", form="NAME=VALUE, as in mu=0.6",
             ),
             option("--draws", "N", "posterior draws of --fit for bands (default: 200)", type=count, default=200),
+        )),
+        Group("camera of --tracks", (
+            option(
+                "--camera", "TEXT",
+                'e.g. "fps=1000, noise=1mm, view=0.8m, mark=2", see below (default: fps=1000, noise=1mm)',
+            ),
+            option("--impacts", "N", f"number of impacts (default: {TRACKED})", type=count),
+            SEED,
         )),
         Group("output", (
             option(
@@ -194,7 +232,18 @@ SIMULATE = Verb(
   fitball simulate --map "v=30" --set mu=0.7
   fitball simulate --map --fit fits/wang_all/two-mass --contours omega_2
   fitball simulate --html --fit fits/wang_all/two-mass --out lecture.html
-  fitball simulate --example fig27""",
+  fitball simulate --tracks --camera "fps=240, noise=1mm, mark=2" --impacts 40
+  fitball simulate --example fig27
+
+camera of --tracks (names not given have defaults):
+  fps=N          frames per second (1000)
+  noise=LENGTH   standard deviation of each coordinate of a centre (1mm)
+  view=LENGTH    width of the view, centred on the landing (0.8m); height=LENGTH above the court (0.5m)
+  mark=N         the mark looks the same after 1/N turn: 1 a dot, 2 a stripe, none (1); angle=ANGLE its noise (2deg)
+  outliers, lost, repeated=SHARE   of all frames (0.02, 0.05, 0)
+  slow=FACTOR    standard deviation of errors that last over frames, over noise (0)
+  radius=LENGTH  adds a column radius with this noise; jitter=TIME of time stamps
+  scale=FACTOR, clock=FACTOR, tilt=ANGLE, court=LENGTH   errors of the session, as in [camera] of a scene""",
     description="""Compute the bounce of a fitted or chosen model: compression, velocities, spins, forces, slip and
 grip.
 

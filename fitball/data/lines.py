@@ -231,6 +231,23 @@ def parse_window(text: str) -> dict[str, tuple[float, float]]:
     return window
 
 
+def parse_spread(text: str) -> dict[str, tuple[float, float]]:
+    """Low and high of the speed, angle and spin of impacts that are drawn, by the tables' name in SI, from
+    `v=12..25, theta=16..60, spin=-300..400`; a single value is both. Raises ParameterError that quotes the text.
+    """
+    spread: dict[str, tuple[float, float]] = {}
+    with _quoted(f"'{text}'"):
+        for name, (key, written) in _items(text, _GRID_FORM).items():
+            with _quoted(key):
+                value = _value(name, written, _GRID_FORM)
+            high = value.low if value.high is None else value.high
+            if name not in ("v_1", "theta_1", "omega_1") or value.sd is not None or value.count or high < value.low:
+                raise ParameterError(f"{key}={written}: expected v, theta or spin, an increasing range or a value")
+            spread[name] = value.low, high
+        _check_state({"v_1": (1.0, 1.0), "theta_1": (0.1, 0.2)} | spread)
+    return spread
+
+
 _QUANTITIES = {"speed": "v_1", "angle": "theta_1", "spin": "omega_1"}
 
 

@@ -247,10 +247,11 @@ def draw(
 
 
 def weighs(problem: Problem, effort: Effort) -> bool:
-    """Whether the posterior is drawn by importance sampling, as for long tables. For shorter ones ensembles take
-    seconds and also find what no mode shows. A given number of `walkers` asks for ensembles.
+    """Whether the posterior is drawn by importance sampling: where a density costs much, as for long tables and
+    uncertain incident states. Elsewhere ensembles take seconds and also find what no mode shows. A given number of
+    `walkers` asks for ensembles.
     """
-    return len(problem.impacts) > LOOKED_AT and effort.walkers is None
+    return (len(problem.impacts) > LOOKED_AT or problem.uncertain) and effort.walkers is None
 
 
 def weigh(
@@ -260,8 +261,9 @@ def weigh(
     rows and dealt out to as many chains as there are ensembles; in words what came of it. None where no Student
     distribution comes near the posterior.
 
-    With many rows a posterior becomes normal and its density expensive: walkers cost a hundred times more than
-    importance sampling. Pareto's k measures how heavy the tail of the weights is (Vehtari et al. 2024, JMLR 25, 72).
+    With many rows a posterior becomes normal and its density expensive, as with mixtures at changes of regime:
+    walkers cost a hundred times more than importance sampling. Pareto's k measures how heavy the tail of the weights
+    is (Vehtari et al. 2024, JMLR 25, 72).
     """
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(11,)))
     rows, plan = f"{len(problem.impacts):,} rows", settings.schedule

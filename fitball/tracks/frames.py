@@ -108,7 +108,8 @@ class Flight:
 @dataclass(frozen=True)
 class SpinPair:
     """Spins of both sides that the marks allow, with the turn over the contact and their probability; `covariance`
-    (3, 3) is that of (omega_1, omega_2, gap_turn) by the marks alone.
+    (3, 3) is that of (omega_1, omega_2, gap_turn) by the marks alone. `phi_1` [rad] is the angle of the mark at
+    landing, topspin positive; at release it is `phi_1 + turn`.
     """
 
     omega_1: float
@@ -116,6 +117,7 @@ class SpinPair:
     turn: float
     probability: float
     covariance: FloatArray
+    phi_1: float = float("nan")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ is written as a mixture of narrower ones along the direction of the change,
     N(t; 0, 1) = int N(m; 0, 1 - a^2) N(t; m, a^2) dm ,
 
 and first order only has to hold over each narrow part (a Gaussian sum: Sorenson and Alspach 1971). Its cost is that
-of a Jacobian for every part.
+of a rebound for every part, and of three Jacobians for every regime among them.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     along = np.einsum("pij,pj->pi", pairs.root, across)
     moves = parts()[0][:, None] * along[:, None, :]
     states, possible = displaced(pairs.states, moves)
-    rebound, slopes = problem.linearised(pairs.columns, states)
+    rebound, slopes = problem.linearised(pairs.columns, states, possible)
     # A true state that far from the one that was read is an error of that, with which those of the rebound go.
     followed = -np.einsum("pci,pmi->pmc", pairs.errors.follows, moves)
     gaps, sds, by_input = [], [], []
@@ -214,7 +214,7 @@ def _across(problem: Problem, pairs: Pairs) -> FloatArray:
     """
     moves = REACH * np.einsum("pij,pj->pi", pairs.root, pairs.towards)
     states, possible = displaced(pairs.states, np.stack([np.zeros_like(moves), moves], axis=1))
-    rebound, slopes = problem.linearised(pairs.columns, states)
+    rebound, slopes = problem.linearised(pairs.columns, states, possible)
     # In units of any noise: only the direction of the jump is wanted.
     by_observable = np.stack(
         [

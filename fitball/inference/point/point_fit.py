@@ -93,7 +93,7 @@ def maxima(problem: Problem, starts: FloatArray, promised: float = SETTLED) -> l
     before, after = (log_posterior(problem, at) for at in (begun, ended))
     # A start at the very edge of the model is searched from a place inside.
     higher = after >= before
-    settled = reached.settled & (after > before - promised)
+    settled = reached.settled & (after > before - surface.promised)
     return [
         Candidate(*found)
         for found in zip(

@@ -39,6 +39,10 @@ Columns = Mapping[str, FloatArray]
 PRIOR_REACH = 8.0
 # Step of differences in widths of the priors: it moves a minimum by half of itself, far less than any error.
 STEP = 1e-6
+# Mixtures make the density jump by some 1e-4 where a part of one, or an impact, changes sides of a boundary. No slope
+# is known better than over this many standard deviations, and no promise than to this.
+SPAN = 0.1
+JUMPS = 1e-3
 
 
 def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = False) -> Surface:
@@ -48,7 +52,8 @@ def surface_of(problem: Problem, promised: float = 1e-3, *, penalised: bool = Fa
     # Nor has the best scatter beyond stated errors a closed form.
     scatters = any(item.scatters and item.noise in problem.free_names for item in problem.observables)
     closed = isinstance(problem.noise, NormalNoise) and problem.errors is None and not (recorded or scatters)
-    return Surface(problem, promised=promised, penalised=penalised, closed=closed)
+    least = JUMPS if problem.uncertain and not closed else 0.0
+    return Surface(problem, promised=max(promised, least), penalised=penalised, closed=closed)
 
 
 @dataclass(frozen=True)
@@ -453,24 +458,40 @@ class Surface:
             )
         searched = problem.force is not None and not self.closed
         if searched or (problem.errors is not None and (self.squares or not self.closed)):
-            gradient = self._by_differences(x, replace(given, scene=False))
+            gradient = self._by_differences(x, replace(given, scene=False), curvature)
         pace = made.pace[:, self.columns] * chain
         return Linear(gradient, curvature, rebound.contact_time.mean(axis=1), pace)
 
-    def _by_differences(self, x: FloatArray, given: Conditions) -> FloatArray:
-        """The gradient of what has no exact one: whitening that moves, starts of contact that are searched for."""
-        (rows, count), (_low, high), (a, b) = x.shape, self.limits, self.walls
+    def _by_differences(self, x: FloatArray, given: Conditions, curvature: FloatArray) -> FloatArray:
+        """The gradient of what has no exact one: whitening that moves, starts of contact that are searched for. With
+        mixtures it is that between points on either side, `SPAN` apart by the `curvature` (rows, columns, columns).
+        """
+        rows, count = x.shape
+        wide = self.problem.uncertain and not self.squares
         step = np.broadcast_to(STEP * self.width, x.shape)
-        # Away from bounds and walls that are near.
-        outside = x + step > high
+        if wide:
+            step = SPAN / np.sqrt(np.einsum("bkk->bk", curvature) + self.width**-2.0)
+        ahead, behind = self._outside(x, step), self._outside(x, -step)
+        # Away from bounds and walls that are near: to one side only.
+        first = np.where(ahead, -step, step)
+        second = np.where(wide & ~ahead & ~behind, -step, 0.0)
+        moves = first[:, None] if not wide else np.stack([first, second], axis=1)
+        around = x[:, None, None] + moves[..., None] * np.eye(count)
+        there = given.take(np.repeat(np.arange(rows), 1 + moves[0].size))
+        points = np.concatenate([x[:, None], around.reshape(rows, -1, count)], axis=1)
+        cost = self._measured_cost(points.reshape(-1, count), there).reshape(rows, -1)
+        with np.errstate(invalid="ignore"):
+            if not wide:
+                return np.asarray((cost[:, 1:] - cost[:, :1]) / first)
+            return np.asarray((cost[:, 1 : count + 1] - cost[:, count + 1 :]) / (first - second))
+
+    def _outside(self, x: FloatArray, step: FloatArray) -> NDArray[np.bool_]:
+        """Whether a step (rows, columns) along a column leads beyond bounds or walls."""
+        (low, high), (a, b) = self.limits, self.walls
+        outside: NDArray[np.bool_] = (x + step > high) | (x + step < low)
         if b.size:
             outside |= np.any((x @ a.T)[:, :, None] + a * step[:, None] > b[:, None], axis=1)
-        step = np.where(outside, -step, step)
-        around = np.concatenate([x[:, None], x[:, None] + step[:, :, None] * np.eye(count)], axis=1)
-        there = given.take(np.repeat(np.arange(rows), count + 1))
-        cost = self._measured_cost(around.reshape(-1, count), there).reshape(rows, count + 1)
-        with np.errstate(invalid="ignore"):
-            return np.asarray((cost[:, 1:] - cost[:, :1]) / step)
+        return outside
 
 
 def _squares(rows: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
+from fitball.inference.problem.along import APART, runs
 from fitball.inference.problem.camera import View, as_seen, incident_slopes, truly
 from fitball.inference.problem.force_records import ForceRecords
 from fitball.inference.problem.noise import NORMAL, NoiseKind
@@ -24,7 +25,7 @@ from fitball.inference.problem.parameters import JointPrior, Parameter, Prior
 from fitball.inference.problem.pooling import GroupBias, Pooling
 from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.kernels.dual import STEP, NumberArray
-from fitball.models.model import LinearConstraint, Model, by_output
+from fitball.models.model import COR, LinearConstraint, Model, by_output
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.models.types import OUTPUTS, Rebound, Status
 from fitball.values import FloatArray, Impacts, OwnImpacts
@@ -211,7 +212,7 @@ class Problem:
         (inputs,) = self._by_level(
             columns,
             rows,
-            lambda values, mine: (self.model.jacobian(self.model_names, values, there.take(mine), ()).inputs,),
+            lambda values, mine: (self.model.slopes(self.model_names, values, there.take(mine), ())[..., :COR],),
         )
         if settings is None:
             return by_output(inputs)
@@ -286,18 +287,27 @@ class Problem:
         return values
 
     def linearised(
-        self, columns: Mapping[str, FloatArray], impacts: OwnImpacts
+        self, columns: Mapping[str, FloatArray], impacts: OwnImpacts, possible: NDArray[np.bool_]
     ) -> tuple[Rebound, Mapping[str, FloatArray]]:
         """Rebounds (pairs, impacts) for `paired` parameters, as the camera shows them, with derivatives (pairs,
-        impacts, 3) of each output with respect to the measured incident state.
+        impacts, 3) of each output with respect to the measured incident state. The `impacts` of a pair are evenly
+        spaced on a line, but for those that are not `possible`.
         """
         settings = None if self.camera is None else self.camera.of_pairs(columns)
-        there, reaching = (impacts, np.ones(1, dtype=bool)) if settings is None else truly(settings, impacts)
-        jacobian = self.model.jacobian(self.model_names, self._model_rows(columns), there, ())
+        there, reaching = (impacts, possible) if settings is None else truly(settings, impacts)
+        rows = self._model_rows(columns)
+        rebound = self.model.evaluate(self.model_names, rows, there)
+        known = possible & reaching & (rebound.status == 0)
+
+        def inputs(pairs: NDArray[np.int64], places: NDArray[np.int64]) -> FloatArray:
+            some = there.among(pairs, places)
+            return self.model.slopes(self.model_names, rows[pairs], some, ())[:, 0, :, :COR]
+
+        slopes = runs(np.where(known, rebound.regime, APART)).interpolated(inputs)
         if settings is None:
-            return jacobian.rebound, by_output(jacobian.inputs)
-        slopes = incident_slopes(settings, impacts.states()[:3], jacobian.rebound, jacobian.inputs)
-        return as_seen(settings, impacts, reaching, jacobian.rebound), slopes
+            return rebound, by_output(slopes)
+        moved = incident_slopes(settings, impacts.states()[:3], rebound, slopes)
+        return as_seen(settings, impacts, reaching, rebound), moved
 
     def force_integrals(
         self,
