@@ -95,6 +95,8 @@ def _no_bounce(track: Track) -> str:
         return (
             f"no bounce: {len(track.time)} frames ({frames}); expected {LEAST} before and {LEAST} after the contact"
         )
+    if 0 < lowest < len(track.time) - 1 and (few := _too_few(track, lowest)) is not None:
+        return few
     if lowest in (0, len(track.time) - 1):
         way = "rises from the first frame on" if lowest == 0 else "falls until the last frame"
         return f"no bounce: the ball {way} ({frames}); expected frames before and after the contact"
