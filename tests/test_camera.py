@@ -65,11 +65,12 @@ def test_flights_of_a_camera_against_the_gaps(height, tilt):
     back = true(told(tilt=tilt), measured)
     np.testing.assert_allclose([back[0][0], back[1][0], back[2][0]], [v_x1, v_y1, omega_1], rtol=1e-14)
     np.testing.assert_allclose([found["v_x2"][0], found["v_y2"][0]], after, rtol=1e-14)
-    # Landing at (0, height) at time 0, release at (path, height): where do the flights pass the height 0?
+    # Landing at (0, height) at time 0, release a path up the court: where do the flights pass the height 0?
+    along, above = turned @ [path, 0.0]
     landing = height / measured[1][0]
-    release = time - height / found["v_y2"][0]
+    release = time - (height + above) / found["v_y2"][0]
     assert found["gap_time"][0] == pytest.approx(release - landing, rel=1e-12)
-    ends = path + (release - time) * found["v_x2"][0], landing * measured[0][0]
+    ends = along + (release - time) * found["v_x2"][0], landing * measured[0][0]
     assert found["gap_path"][0] == pytest.approx(ends[0] - ends[1], rel=1e-12)
     angles = turn + (release - time) * omega_2, landing * omega_1
     assert found["gap_turn"][0] == pytest.approx(angles[0] - angles[1], rel=1e-12)

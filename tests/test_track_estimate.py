@@ -335,3 +335,15 @@ def test_the_camera_states_what_the_session_shares():
     assert (stated.scale.sd, stated.clock.sd, stated.court_height.sd) == (0.01, 1e-3, 3e-3)
     assert np.isclose(stated.tilt.sd, np.radians(0.3))
     assert session.CAMERA_SDS["court_height"] == 3e-3
+
+
+def test_the_radius_in_the_picture_gives_the_scale():
+    _true, tracks = filmed_bounces(8, film(1000, radius_noise=3e-4))
+    plain = estimate(tracks, Filmed())
+    assert np.isclose(plain.scale[""].value, 1.0, atol=4 * plain.scale[""].sd) and plain.scale[""].sd < 3e-3
+    assert not any("radius of the ball" in words for words in plain.notes)
+    small = [replace(t, x=0.95 * t.x, y=0.95 * t.y, radius=0.95 * t.radius) for t in tracks]
+    found = estimate(small, Filmed())
+    assert np.isclose(found.scale[""].value, plain.scale[""].value / 0.95)
+    assert any("too small, or its outline is" in words for words in found.notes)
+    assert estimate(filmed_bounces(2, film(1000))[1], Filmed()).scale == {}

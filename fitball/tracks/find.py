@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
 
 from fitball.tracks.flight import GRAVITY, resistance
 from fitball.tracks.frames import Check, Filmed, Refused, Track
@@ -63,6 +61,9 @@ def frame_times(track: Track, filmed: Filmed) -> FloatArray:
 
 def pieces_of(track: Track, filmed: Filmed) -> tuple[list[Piece], list[Refused]]:
     """The impacts of a track, in order of time, and what has none, with the reason."""
+    # Half a second, which only tracks need.
+    from scipy.ndimage import median_filter
+    from scipy.signal import find_peaks
 
     def refused(reason: str) -> tuple[list[Piece], list[Refused]]:
         return [], [Refused(track.id, track.source, reason)]

@@ -14,6 +14,8 @@ from fitball.tracks.frames import CONTACT, Check, Filmed, SessionNoise, TrackedI
 MANY, FLAT = 0.25, 6.0
 # A check differs from what it should be by this many sds; the share that is said of scale and clock.
 DIFFERENT = 3.0
+# Outlines of balls are this good.
+RADIUS_OFF = 0.02
 # Ratio of measured gravity to the usual one from which a playback rate was taken for the capture rate.
 PLAYBACK = 2.5
 
@@ -26,13 +28,13 @@ def wrong_rate(falls: Check | None) -> str:
     return "" if 1.0 / PLAYBACK < ratio < PLAYBACK else gravity_words(falls)
 
 
-def refusal(made: TrackedImpact, filmed: Filmed) -> str:
+def refusal(impact: TrackedImpact, filmed: Filmed) -> str:
     """Why this is no impact that a table could have; "" where it is."""
-    v_y1, v_y2, time = made.values[1], made.values[4], made.values[6]
+    v_y1, v_y2, time = impact.values[1], impact.values[4], impact.values[6]
     low, high = filmed.contact_time[1:]
-    if v_y2 > v_y1 + 2.0 * float(np.hypot(made.sd("v_y1"), made.sd("v_y2"))):
-        contact = np.flatnonzero(made.role == CONTACT)
-        where = f" about {frames_in_words(made.track, contact)}" if contact.size else ""
+    if v_y2 > v_y1 + 2.0 * float(np.hypot(impact.sd("v_y1"), impact.sd("v_y2"))):
+        contact = np.flatnonzero(impact.role == CONTACT)
+        where = f" about {frames_in_words(impact.track, contact)}" if contact.size else ""
         return (
             f"the ball rebounds at {v_y2:.3g} m/s after {v_y1:.3g} m/s (coefficient of restitution {v_y2 / v_y1:.2f})"
             f"{where}: it was hit, or frames are not in order of time"
@@ -41,44 +43,44 @@ def refusal(made: TrackedImpact, filmed: Filmed) -> str:
     if not low - wide < time < high + wide:
         return (
             f"gap_time is {1e3 * time:.3g} ms, but {1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible; "
-            f"{_height_error(made, filmed)}"
+            f"{_height_error(impact, filmed)}"
         )
-    if not np.isfinite(np.delete(made.values, [2, 5, 8])).all() or not np.isfinite(made.covariance).all():
+    if not np.isfinite(np.delete(impact.values, [2, 5, 8])).all() or not np.isfinite(impact.covariance).all():
         return "no flight fits the positions before and after the contact"
     return ""
 
 
-def _height_error(made: TrackedImpact, filmed: Filmed) -> str:
+def _height_error(impact: TrackedImpact, filmed: Filmed) -> str:
     """By how much the height of the court would be off if it alone were the reason."""
-    time, usual = made.values[6], filmed.contact_time[0]
-    wrong = 1e3 * (time - usual) / (1.0 / made.values[1] + 1.0 / made.values[4])
+    time, usual = impact.values[6], filmed.contact_time[0]
+    wrong = 1e3 * (time - usual) / (1.0 / impact.values[1] + 1.0 / impact.values[4])
     return f"the court would be taken {abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}, or times are off"
 
 
-def impact_notes(made: TrackedImpact, filmed: Filmed) -> list[str]:
+def impact_notes(impact: TrackedImpact, filmed: Filmed) -> list[str]:
     """Sentences on one impact."""
     notes = []
-    v_x1, v_y1, time = made.values[0], made.values[1], made.values[6]
+    v_x1, v_y1, time = impact.values[0], impact.values[1], impact.values[6]
     low, high = filmed.contact_time[1:]
     if not low < time < high:
         notes.append(
             f"gap_time is {1e3 * time:.3g} ms, but {1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible: "
-            f"{_height_error(made, filmed)}"
+            f"{_height_error(impact, filmed)}"
         )
     angle = float(np.degrees(np.arctan2(v_y1, v_x1)))
     if angle < FLAT:
         notes.append(f"incidence is grazing ({angle:.2g} deg): height and tilt of the court change the result most")
-    outliers = np.flatnonzero(made.weight < 0.5)
-    used = int(np.isfinite(made.weight).sum())
+    outliers = np.flatnonzero(impact.weight < 0.5)
+    used = int(np.isfinite(impact.weight).sum())
     if used and outliers.size > MANY * used:
-        notes.append(f"{outliers.size} of {used} frames are outliers ({frames_in_words(made.track, outliers)})")
-    if made.pairs and not made.sure:
+        notes.append(f"{outliers.size} of {used} frames are outliers ({frames_in_words(impact.track, outliers)})")
+    if impact.pairs and not impact.sure:
         shown = " or ".join(
             f"{pair.omega_1:.0f} and {pair.omega_2:.0f} rad/s ({100.0 * pair.probability:.3g} %)"
-            for pair in made.pairs[:2]
+            for pair in impact.pairs[:2]
         )
         notes.append(f"spins are ambiguous: {shown} before and after; spins and turn are left empty")
-    elif made.track.angle is not None and np.isfinite(made.track.angle).any() and not made.pairs:
+    elif impact.track.angle is not None and np.isfinite(impact.track.angle).any() and not impact.pairs:
         notes.append("too few angles on one side to determine spins: spins and turn are left empty")
     return notes
 
@@ -94,13 +96,20 @@ def height_notes(height: float, sd: float, usual: float, between: tuple[float, f
 
 
 def session_notes(
-    name: str, impacts: Sequence[TrackedImpact], noise: SessionNoise, gravity: Check | None, filmed: Filmed
+    name: str,
+    impacts: Sequence[TrackedImpact],
+    noise: SessionNoise,
+    gravity: Check | None,
+    scale: Check | None,
+    filmed: Filmed,
 ) -> list[str]:
     """Sentences on a session."""
     of = f" of session {name}" if name else ""
     notes = []
     if gravity is not None and abs(gravity.value - GRAVITY) > DIFFERENT * gravity.sd:
         notes.append(gravity_words(gravity, of))
+    if scale is not None and abs(scale.value - 1.0) > max(DIFFERENT * scale.sd, RADIUS_OFF):
+        notes.append(scale_words(scale, of))
     unsure = [made.id for made in impacts if made.pairs and not made.sure]
     if unsure:
         notes.append(
@@ -114,10 +123,20 @@ def session_notes(
     return notes
 
 
-def gravity_words(gravity: Check, of: str = "") -> str:
+def scale_words(scale: Check, where: str = "") -> str:
+    """That the radius in the picture is not that of the ball."""
+    off = 100.0 * (1.0 / scale.value - 1.0)
+    kind = "large" if off > 0.0 else "small"
+    return (
+        f"The radius of the ball in the picture gives a scale of {scale.value:.4g} ± {scale.sd:.2g}{where}: "
+        f"lengths are {abs(off):.2g} % too {kind}, or its outline is"
+    )
+
+
+def gravity_words(gravity: Check, where: str = "") -> str:
     """That gravity is off, and what that says of scale and clock."""
     ratio = gravity.value / GRAVITY
-    said = f"g comes out as {gravity.value:.3g} ± {gravity.sd:.2g} m/s2{of}"
+    said = f"g comes out as {gravity.value:.3g} ± {gravity.sd:.2g} m/s2{where}"
     if ratio > PLAYBACK or ratio < 1.0 / PLAYBACK:
         if ratio > 0.0:
             faster = ratio**0.5

@@ -6,6 +6,7 @@ covariance `C` of these and the noise `S` of frames, residuals have the covarian
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from fitball.tracks.estimate import (
     Sides,
     shares,
 )
-from fitball.tracks.frames import AFTER, BEFORE, Air, Check
+from fitball.tracks.frames import AFTER, BEFORE, Air, Check, Track
 from fitball.values import FloatArray
 
 # A track's own noise counts as this many frames of the session's noise, where tracks are too few to show how much
@@ -209,3 +210,19 @@ def gravity(batch: Batch, sides: Sides, priors: Priors, usual: float, slow: floa
 
 def _shared(priors: Priors, i: int) -> list[tuple[int, float]]:
     return [(C, priors.lift_sd[i]), (WIDTH + C, priors.lift_sd[i]), (DRAG, priors.drag_sd[i])]
+
+
+def scale_by_radius(tracks: Sequence[Track], radius: float) -> Check | None:
+    """True lengths over those of the tracks, by the radius of the ball in the picture; None where tracks have none.
+
+    The sd is that of the mean of tracks, or of frames where there is one track: outlines err in common in a track.
+    """
+    found = [track.radius[np.isfinite(track.radius)] for track in tracks if track.radius is not None]
+    found = [radii for radii in found if radii.size > 2]
+    if not found:
+        return None
+    middles = np.array([float(np.median(radii)) for radii in found])
+    values = middles if middles.size > 1 else found[0]
+    spread = float(np.std(values, ddof=1)) / float(np.sqrt(values.size))
+    mean = float(np.mean(middles))
+    return Check(radius / mean, radius * spread / mean**2)

@@ -94,6 +94,7 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
     impacts: list[TrackedImpact] = []
     noise: dict[str, SessionNoise] = {}
     gravity: dict[str, Check] = {}
+    scale: dict[str, Check] = {}
     for name in dict.fromkeys(piece.track.session for piece in found):
         own = [piece for piece in found if piece.track.session == name]
         session = _fit_session(own, filmed, height or 0.0)
@@ -113,11 +114,14 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         noise[name] = session.noise
         if session.gravity is not None:
             gravity[name] = session.gravity
-        notes += session_notes(name, good, session.noise, session.gravity, filmed)
+        by_radius = pooled.scale_by_radius([piece.track for piece in own], filmed.ball.radius)
+        if by_radius is not None:
+            scale[name] = by_radius
+        notes += session_notes(name, good, session.noise, session.gravity, by_radius, filmed)
     order = {piece.id: place for place, piece in enumerate(found)}
     impacts.sort(key=lambda made: order[made.id])
     return Tracks(
-        filmed, tuple(impacts), tuple(refused), FrozenMapping(noise), FrozenMapping(gravity), FrozenMapping(),
+        filmed, tuple(impacts), tuple(refused), FrozenMapping(noise), FrozenMapping(gravity), FrozenMapping(scale),
         _camera(filmed, height_sd), tuple(notes),
     )  # fmt: skip
 

@@ -151,10 +151,13 @@ def degrees_of_freedom(problem: Problem, noises: Collection[str | None]) -> floa
 
 
 def _noise_at_bound(objective: Surface, top: Top) -> str:
-    """In words, that the likelihood has no maximum because a noise shrinks to nothing; empty when it does not."""
+    """In words, that the likelihood has no maximum because a noise shrinks to nothing; empty when it does not.
+    Scatter beyond stated errors may.
+    """
+    alone = {item.noise for item in objective.problem.observables if not item.scatters}
     for k, parameter in enumerate(objective.problem.free):
         # A noise within a thousandth of its bound, on its own scale, is there.
-        if parameter.name in SD_SPECS and top.at[k] <= objective.ends(k)[0] + 1e-3:
+        if parameter.name in SD_SPECS and parameter.name in alone and top.at[k] <= objective.ends(k)[0] + 1e-3:
             return (
                 "the likelihood has no maximum: the model can reproduce the measurements exactly, so "
                 f"{parameter.name} "

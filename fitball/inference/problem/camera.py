@@ -6,11 +6,11 @@ scale `s` and clock `c` true lengths and times over measured ones, `tau` the ang
 flight in the picture, and `h` how much higher it is than was assumed:
 
     v = (s/c) rot(tau) v',     omega = omega'/c,
-    T = c T' + h (1/v_y1 + 1/v_y2),  P = s P' + h (v_x1/v_y1 + v_x2/v_y2),  Q = Q' + h (omega_1/v_y1 + omega_2/v_y2)
+    T/c = T' + h/v_y1 + r/v_y2,   (P/s) cos(tau) = P' + h v_x1/v_y1 + r v_x2/v_y2,
+    Q = Q' + h omega_1/v_y1 + r omega_2/v_y2,   r = h + (P/s) sin(tau)
 
-where `'` is measured, and `h` and the speeds beside it are measured ones. A court that is higher is reached earlier
-and left later. That a tilted camera also sees landing and release at different heights, by `tau P`, is left out:
-it is up to 0.35 mm at 0.3 deg, and then moves `k_y` by 1 %.
+where `'` is measured, and the heights and the speeds beside them are measured ones. A court that is higher is reached
+earlier and left later; a tilted one has the height `h` at landing and `r` at release.
 """
 
 from __future__ import annotations
@@ -83,7 +83,9 @@ def seen(settings: Settings, measured: Incident, rebound: Mapping[str, NumberArr
     v_x1, v_y1, omega_1 = measured
     v_x2 = slow * (rebound["v_x2"] * cosine - rebound["v_y2"] * sine)
     v_y2 = slow * (rebound["v_x2"] * sine + rebound["v_y2"] * cosine)
-    omega_2, height = rebound["omega_2"] * settings[CLOCK], settings[HEIGHT]
+    omega_2, path = rebound["omega_2"] * settings[CLOCK], rebound["gap_path"] / settings[SCALE]
+    landing = settings[HEIGHT]
+    release = landing + path * sine
     # Where there is no rebound there is none to be shown.
     with np.errstate(divide="ignore", invalid="ignore"):
         late, early = 1.0 / v_y2, 1.0 / v_y1
@@ -92,9 +94,9 @@ def seen(settings: Settings, measured: Incident, rebound: Mapping[str, NumberArr
             "v_x2": v_x2,
             "v_y2": v_y2,
             "omega_2": omega_2,
-            "gap_time": rebound["gap_time"] / settings[CLOCK] - height * (early + late),
-            "gap_path": rebound["gap_path"] / settings[SCALE] - height * (v_x1 * early + v_x2 * late),
-            "gap_turn": rebound["gap_turn"] - height * (omega_1 * early + omega_2 * late),
+            "gap_time": rebound["gap_time"] / settings[CLOCK] - landing * early - release * late,
+            "gap_path": path * cosine - landing * v_x1 * early - release * v_x2 * late,
+            "gap_turn": rebound["gap_turn"] - landing * omega_1 * early - release * omega_2 * late,
         }
 
 
