@@ -14,7 +14,7 @@ from math import degrees
 import numpy as np
 
 from fitball.data.cells import refusal
-from fitball.tracks.clips import Clip, Reading
+from fitball.tracks.clips import Clip, Reading, some_of
 from fitball.tracks.motion import SURE, gravity, kink
 from fitball.values import FloatArray
 from fitball.wording import spoken
@@ -84,28 +84,32 @@ def _stated(flat: bool, how: Reading) -> tuple[int, float] | None:
 
 def _found(clips: Sequence[Clip]) -> tuple[int, float, str] | None:
     """Axis and direction upwards by bounces, else by gravity, and the reason in words; None where neither shows."""
-    jumps, pulls = [], []
-    for clip in clips:
+    jumps, pulls, flat = [], [], clips[0].position.shape[1] == 2
+    for clip in some_of(clips):
         assert clip.time is not None
         bend = kink(clip.time, clip.position)
         if bend is not None and bend.score > 2.0 * SURE:
-            axis = int(np.argmax(np.abs(bend.jump)))
+            turned = bend.before * bend.after < 0.0
+            # A picture stands upright, if the ball turns round along y.
+            axis = 1 if flat and turned[1] else int(np.argmax(np.abs(bend.jump)))
             # The ball turns round along the normal.
             if bend.before[axis] * bend.after[axis] < 0.0:
                 jumps.append(bend.jump)
-        values = [gravity(clip.time, column, [] if bend is None else [bend.time]) for column in clip.position.T]
-        pulls.append([value / sd for value, sd in values])
+                continue
+        breaks = [] if bend is None else [bend.time]
+        values = [gravity(clip.time, column, breaks) for column in clip.position.T]
+        pulls.append([0.0 if flat and k == 0 else value / sd for k, (value, sd) in enumerate(values)])
     if jumps:
         jump = np.median(jumps, axis=0)
-        axis = int(np.argmax(np.abs(jump)))
+        axis = 1 if flat and abs(jump[0]) < _CLEAR * abs(jump[1]) else int(np.argmax(np.abs(jump)))
         rest = np.delete(np.abs(jump), axis)
-        if np.abs(jump[axis]) > _CLEAR * rest.max():
+        if flat or np.abs(jump[axis]) > _CLEAR * rest.max():
             words = (
                 f"the bounce changes the velocity along it by {abs(jump[axis]):.3g} and across by {rest.max():.3g}"
             )
             return axis, float(np.sign(jump[axis])), words + " units a second"
-    pull = np.nanmedian(pulls, axis=0) if pulls else np.zeros(1)
-    axis = int(np.argmax(np.nan_to_num(np.abs(pull))))
+    pull = np.median(np.nan_to_num(pulls), axis=0)
+    axis = int(np.argmax(np.abs(pull)))
     if np.abs(pull[axis]) > SURE:
         return (
             axis,

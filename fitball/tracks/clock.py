@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.cells import refusal
-from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named
+from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named, some_of
 from fitball.tracks.motion import SURE, bounces, gravity, kink, noise
 from fitball.values import FloatArray
 from fitball.wording import option, spoken
@@ -181,12 +181,16 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
     """
     air = how.air_density * pi * how.ball.radius**2 / (2.0 * how.ball.mass)
     lows, highs, values = list[float](), list[float](), list[float]()
-    for clip in clips:
+    for clip in some_of(clips):
         assert clip.time is not None
         if len(clip) < _LONG:
             continue
         height, bend = clip.position[:, 1], kink(clip.time, clip.position)
-        found, sd = gravity(clip.time, height, [float(clip.time[k]) for k in bounces(clip.time, height)])
+        lowest = bounces(clip.time, height)
+        if not len(lowest) and bend is not None and bend.score > SURE:
+            # Some bounce there is, whose place is not known.
+            continue
+        found, sd = gravity(clip.time, height, clip.time[lowest].tolist())
         sides = [] if bend is None else [bend.before, bend.after]
         # Drag of both sides, which nearly cancels, is known; lift may have either sign.
         drags = [air * _norm(velocity) * float(velocity[1]) for velocity in sides]

@@ -39,7 +39,7 @@ INFO_X, INFO_Y, INFO_ANGLE, INFO_OUTLIERS = range(4)
 STEP_V, STEP_C, STEP_OMEGA = 1e-3, 1e-3, 1e-2
 # Frames nearer to the contact than this [s] are of neither flight. Angles after it wait longer, until the twist of
 # the shell against the core, whose time constant is about a millisecond, has died out.
-GUARD, TWISTED = 1e-4, 1.5e-3
+GUARD, TWISTED = 1e-4, 2.5e-3
 # Fewest frames on a side, and slowest vertical speed [m/s] at which a flight has a time of contact.
 FEWEST, SLOWEST = 3, 0.3
 # The offsets of the lift of both sides of one ball are correlated: by seams and fluff, less by orientation.
