@@ -34,6 +34,14 @@ def filmed_bounces(count: int, of: Film, seed: int = 11, bounces: int = 7) -> tu
     return truth(impacts, rebound), tracks
 
 
+def dropped_balls(count: int, of: Film, seed: int = 3) -> tuple[FloatArray, tuple[Track, ...]]:
+    """As `filmed_bounces`, of balls that fall nearly straight down."""
+    rng = np.random.default_rng(seed)
+    impacts = fitball.impacts(rng.uniform(0.0, 0.02, count), rng.uniform(4.0, 8.0, count), np.zeros(count))
+    rebound = fitball.model("two-mass").rebound(VALUES, impacts).each(np.ravel)
+    return truth(impacts, rebound), simulated_tracks(impacts, rebound, of, rng)
+
+
 def errors(true: FloatArray, found: Tracks) -> FloatArray:
     """Errors over their sds, (impacts, 9), of what was found; NaN where it is not known."""
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -139,11 +139,23 @@ def _rows(sides: Sides, i: int, use: NDArray[Any], side: int, axis: int) -> Floa
 
 
 def slow_errors(batch: Batch, sides: Sides) -> tuple[float, int]:
-    """Factor by which errors that last widen all sds of positions, and the number of pairs of halves behind it.
+    """Factor by which errors that last widen all sds of positions, and the number of differences behind it.
 
-    Lines through the residuals of the near and of the far half of a flight differ in place and slope at the contact
-    by more than the noise of frames explains. The mean square of their differences, in units of their covariance, is
-    the factor's square. It is drawn to one as far as the pairs are few, and not taken below.
+    Its square is the mean square of what near and far frames differ by (`near_and_far`). It is drawn to one as far as
+    there are few, and not taken below.
+    """
+    total, pairs = near_and_far(batch, sides)
+    if not pairs:
+        return 1.0, 0
+    sure = SLOW_SPREAD**2 / (SLOW_SPREAD**2 + 2.0 / pairs)
+    return float(np.sqrt(1.0 + max(0.0, (total / pairs - 1.0) * sure))), pairs
+
+
+def near_and_far(batch: Batch, sides: Sides) -> tuple[float, int]:
+    """Sum of squares of differences between near and far frames, in units of their sds, and their number.
+
+    Lines through the residuals of the near and of the far half of a flight differ in place and slope at the contact.
+    With noise of frames alone the mean square is one.
     """
     total, pairs = 0.0, 0
     for i in np.flatnonzero(sides.good).tolist():
@@ -173,11 +185,7 @@ def slow_errors(batch: Batch, sides: Sides) -> tuple[float, int]:
                 parts = (vectors.T @ difference)[shown] ** 2 / values[shown]
                 total += float(parts.sum())
                 pairs += int(shown.sum())
-    if not pairs:
-        return 1.0, 0
-    excess = total / pairs - 1.0
-    sure = SLOW_SPREAD**2 / (SLOW_SPREAD**2 + 2.0 / pairs)
-    return float(np.sqrt(1.0 + max(0.0, excess * sure))), pairs
+    return total, pairs
 
 
 def gravity(batch: Batch, sides: Sides, priors: Priors, usual: float, slow: float) -> Check | None:
