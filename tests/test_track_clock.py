@@ -119,6 +119,12 @@ def test_a_slow_ball_whose_rounded_positions_repeat_is_none():
     assert len(track.time) == len(shot.time) and not any("repeat" in note for note in track.notes)
 
 
+def test_times_of_no_frames_and_another_rate_are_refused():
+    time = np.sort(np.random.default_rng(9).uniform(0.0, 0.3, len(SHOT.time)))
+    with pytest.raises(TableError, match=r"times of clip 'DataFrame' are not those of frames: .*or frame numbers"):
+        read_one(table(time, SHOT.place), fps=1000.0)
+
+
 @pytest.mark.parametrize("played", [30.0, 60.0])
 def test_playback_for_capture_rate_is_refused_with_the_rate_that_gravity_shows(played):
     shot = filmed.film(fps=240.0, seconds=0.25, v_1=(6.0, -4.0), v_2=(4.0, 3.2), noise=1e-3)

@@ -70,6 +70,13 @@ def _with_time(clip: Clip, how: Reading) -> Clip:
         return clip
     counted = _counted(clip.time)
     count = np.round((clip.time - clip.time[0]) * rate) if counted is None else counted
+    if np.any(np.diff(count) < 1.0):
+        k = int(np.argmax(np.diff(count) < 1.0))
+        raise refusal(
+            clip.source,
+            f"times of clip '{clip.id}' are not those of frames: {clip.time[k + 1]:g} s follows {clip.time[k]:g} s, "
+            f"at about {rate:.4g} frames/s; expected even steps, or frame numbers, where another rate is stated",
+        )
     return replace(clip, time=count / how.fps).noted(
         f"times were replaced: {how.fps:g} frames/s as stated, in place of {rate:.4g} frames/s in the file"
     )
