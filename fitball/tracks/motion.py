@@ -138,7 +138,7 @@ def bounces(time: FloatArray, height: FloatArray) -> NDArray[np.int64]:
     deep = min(max(_DEEP * spread if isfinite(spread) else 0.0, _SHARE * reach), _SHARE_ENOUGH * reach)
     peaks, _ = find_peaks(-smooth, prominence=max(deep, 1e-9))
     lands = [_crossing(t, y[:, 0], int(peak)) for peak in peaks]
-    return np.array([int(np.argmin(np.abs(time - land))) for land in lands], dtype=np.int64)
+    return np.unique(np.array([int(np.argmin(np.abs(time - land))) for land in lands], dtype=np.int64))
 
 
 def _crossing(t: FloatArray, y: FloatArray, lowest: int) -> float:
