@@ -149,9 +149,11 @@ def test_errors_of_the_camera_act_as_a_fit_has_them(errors):
     expected = seen(settings, tuple(wrong[:, :3].T), outputs)
     for k, name in enumerate(NINE[3:6], start=3):
         np.testing.assert_allclose(wrong[:, k], expected[name][0], rtol=loose, atol=1e-6)
-    # A fit leaves out that a tilted camera has release higher than landing, by tilt times path.
-    higher = settings["tilt"] * truths[:, 7] / truths[:, 4]
-    np.testing.assert_allclose(wrong[:, 6] + higher, expected["gap_time"][0], atol=2e-5 * (loose > 1e-3) + 4e-6)
+    for name, small in (("gap_time", 4e-6), ("gap_path", 4e-5), ("gap_turn", 1e-3)):
+        off = wrong[:, NINE.index(name)] - expected[name][0]
+        if name == "gap_turn":
+            off = (off + np.pi) % (2.0 * np.pi) - np.pi
+        np.testing.assert_allclose(off, 0.0, atol=small * (6.0 if loose > 1e-3 else 1.0), err_msg=name)
     if errors:
         moved = np.abs(wrong - truths).max()
         assert moved > 1e-4
