@@ -312,9 +312,7 @@ def sort_frames(batch: Batch, sides: Sides, margin: float = GUARD) -> None:
 
 
 def start(batch: Batch, sides: Sides, drag: float) -> None:
-    """Robust first states, at the middle of the contact: medians of slopes over half a flight, about the path of the
-    flight found so far.
-    """
+    """Robust first states: medians of slopes about the path of the flight found so far."""
     half = 0.5 * batch.contact_time
     sides.times[:] = [-half, half]
     sort_frames(batch, sides, 1e-3)
@@ -324,19 +322,37 @@ def start(batch: Batch, sides: Sides, drag: float) -> None:
             own = sides.role[i] == role
             state = sides.state[i, side * WIDTH : (side + 1) * WIDTH]
             t, x, y = batch.t[i, own] - sides.times[i, side], batch.x[i, own], batch.y[i, own]
-            lag = t.size // 2
             for repeat in range(4):
                 if repeat == 0:
                     dx, dy = x - np.median(x), y + 4.9 * t * t
                 else:
                     path = series(state[V_X], state[V_Y], drag, 0.0, batch.k, t)
                     dx, dy = x - state[X] - path[0], y - state[Y] - path[1]
-                slope_x, slope_y = (float(np.median((u[-lag:] - u[:lag]) / (t[-lag:] - t[:lag]))) for u in (dx, dy))
+                slope_x, slope_y = (_slope(t, u) for u in (dx, dy))
                 base = (np.median(x), 0.0) if repeat == 0 else (state[X], state[Y])
                 state[V_X] += slope_x
                 state[V_Y] += slope_y
                 state[X] = base[0] + np.median(dx - slope_x * t)
                 state[Y] = base[1] + np.median(dy - slope_y * t)
+
+
+def _slope(t: FloatArray, values: FloatArray) -> float:
+    """Repeated median of slopes (Siegel 1982), which a minority of outliers does not move."""
+    apart = t[:, None] - t
+    np.fill_diagonal(apart, np.nan)
+    return float(np.median(np.nanmedian((values[:, None] - values) / apart, axis=1)))
+
+
+def leave_out_thin(sides: Sides) -> None:
+    """Let impacts fail of which fewer than `FEWEST` frames on a side fit their flight."""
+    for i in np.flatnonzero(sides.good).tolist():
+        for role, where in ((BEFORE, "before"), (AFTER, "after")):
+            own = sides.role[i] == role
+            fit = int(np.sum(sides.weight[i, own] > 0.5))
+            if fit < FEWEST:
+                sides.failed[i] = (
+                    f"{fit} of {int(own.sum())} frames {where} the contact fit a flight; {FEWEST} are needed"
+                )
 
 
 def to_contact(batch: Batch, sides: Sides, marked: NDArray[np.bool_]) -> FloatArray:

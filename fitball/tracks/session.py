@@ -26,6 +26,7 @@ from fitball.tracks.estimate import (
     Sides,
     X,
     Y,
+    leave_out_thin,
     lifts,
     nine,
     refine,
@@ -241,6 +242,7 @@ def _fit_session(pieces: list[Piece], filmed: Filmed, height: float) -> _Session
         pooled.pool_angle_noise(batch, sides, priors.marked)
         pooled.session_drag(sides, priors, filmed.air)
         refine(batch, sides, priors, first=False, sweeps=4)
+    leave_out_thin(sides)
     slow, halves = pooled.slow_errors(batch, sides)
     gravity = pooled.gravity(batch, sides, priors, GRAVITY, slow)
     refine(batch, sides, priors, first=False, sweeps=1, inflate=slow)

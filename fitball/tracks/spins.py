@@ -16,9 +16,9 @@ from fitball.tracks.kernels import compiled
 from fitball.values import Ball, FloatArray
 
 # Largest spin [rad/s] that is looked for, and how far below the best a candidate's log likelihood may be.
-LARGEST, WITHIN = 900.0, 6.0
+LARGEST, WITHIN = 900.0, 10.0
 # Most optima of a periodogram that are refined, and least probability of a pair that is kept.
-MOST, LEAST = 16, 1e-6
+MOST, LEAST = 24, 1e-6
 # A pair of spins above this probability is sure.
 SURE = 0.999
 # What bounces of balls on courts have: offset of the normal force [m], tangential restitution, friction along the
@@ -117,10 +117,17 @@ def candidates(d: FloatArray, phi: FloatArray, fold: int, sigma: float, share: f
     edge = np.concatenate([[-1.0], power, [-1.0]])
     peaks = np.flatnonzero((power >= edge[:-2]) & (power > edge[2:]))
     peaks = peaks[np.argsort(-power[peaks], kind="stable")][:MOST]
+    starts = [
+        (float(np.arctan2(imaginary[peak], real[peak]) / fold), float(-LARGEST + peak * step)) for peak in peaks
+    ]
+    # What one optimum is refined to, its aliases have to be as well.
+    alias = 2.0 * np.pi / (fold * float(np.median(np.diff(np.sort(d)))))
     found: list[Candidate] = []
-    for peak in peaks:
-        out = np.zeros(6)
-        out[:2] = np.arctan2(imaginary[peak], real[peak]) / fold, -LARGEST + peak * step
+    while starts:
+        phase, spin = starts.pop(0)
+        if any(abs(spin - one.omega) < 0.02 * step for one in found):
+            continue
+        out = np.array([phase, spin, 0.0, 0.0, 0.0, 0.0])
         _line(d - middle, phi, np.array([float(fold), sigma, share]), out)
         information = np.array([[out[3], out[4]], [out[4], out[5]]])
         if not np.linalg.det(information) > 1e-9 * out[3] * out[5] or abs(out[1]) > 1.02 * LARGEST:
@@ -131,6 +138,10 @@ def candidates(d: FloatArray, phi: FloatArray, fold: int, sigma: float, share: f
         shift = np.array([[1.0, -middle], [0.0, 1.0]])
         covariance = shift @ np.linalg.inv(information) @ shift.T
         found.append(Candidate(float(out[0] - out[1] * middle), float(out[1]), covariance, float(out[2])))
+        if out[2] > max(one.log_likelihood for one in found) - WITHIN:
+            turns = range(int(np.ceil((-LARGEST - out[1]) / alias)), int(np.floor((LARGEST - out[1]) / alias)) + 1)
+            first = float(d[0] - middle)
+            starts += [(float(out[0] - n * alias * first), float(out[1] + n * alias)) for n in turns if n]
     found.sort(key=lambda one: -one.log_likelihood)
     return [one for one in found if one.log_likelihood > found[0].log_likelihood - WITHIN]
 
