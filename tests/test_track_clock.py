@@ -48,6 +48,16 @@ def test_stamps_rounded_to_a_millisecond():
     assert replaced(read_one(table(np.round(SHOT.time, 3), SHOT.place)))
 
 
+def test_hundredths_of_a_second_at_thirty_frames():
+    """Steps of 30 and 40 ms are frames of 33 ms, also where another rate replaces them."""
+    shot = filmed.film(fps=30.0, seconds=1.0, v_1=(2.0, -7.0), v_2=(1.6, 6.0), noise=1e-3)
+    stamps = table(np.floor(100.0 * (shot.time - shot.time[0])) / 100.0, shot.place)
+    track = read_one(stamps)
+    assert replaced(track)
+    np.testing.assert_allclose(np.diff(track.time), 1.0 / 30.0, rtol=2e-3)
+    np.testing.assert_allclose(np.diff(read_one(stamps, fps=60.0, as_read=True).time), 1.0 / 60.0, rtol=1e-9)
+
+
 def test_true_stamps_of_an_uneven_camera_are_kept():
     """A camera that jitters and writes down when: constant spacing makes it worse."""
     generator = np.random.default_rng(6)

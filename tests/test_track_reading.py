@@ -13,6 +13,7 @@ from fitball.data.scene import Scene, load_scene
 from fitball.errors import TableError, TrackError
 from fitball.tracks.clips import Reading
 from fitball.tracks.filmed import assumptions_of, density_of, filmed_from, like_table_tennis, reading_from
+from fitball.tracks.motion import bounces
 from fitball.tracks.read import read_tracks
 from fitball.tracks.split import bounces_of, split_bounces
 from fitball.values import Ball
@@ -298,6 +299,27 @@ def test_one_bounce_is_found_at_every_rate_and_noise(fps, spread):
     np.testing.assert_array_equal(track.y, shot.place[:, 1])
 
 
+def outlying(shot, share, seed):
+    """The film with a share of its frames 5 to 50 mm off, as wrong clicks are."""
+    generator, place = np.random.default_rng(seed), shot.place.copy()
+    bad = generator.random(len(place)) < share
+    place[bad] += generator.choice([-1.0, 1.0], (bad.sum(), 2)) * generator.uniform(0.005, 0.05, (bad.sum(), 2))
+    return place
+
+
+def test_outliers_and_noise_are_no_bounces_and_turn_no_axes():
+    """40 clips with a tenth of outliers, or noise of 4 mm."""
+    right = 0
+    for seed in range(40):
+        shot = filmed.film(fps=500.0, noise=2e-3 if seed % 2 else 4e-3, seed=seed, phase=0.02 * seed)
+        place = outlying(shot, 0.1 if seed % 2 else 0.0, seed)
+        (track,) = read_tracks([pandas.DataFrame({"t": shot.time, "x [m]": place[:, 0], "y [m]": -place[:, 1]})])
+        found, refused = bounces_of([track])
+        lowest = [abs(part.time[bounces(part.time, part.y)]).min() for part in found]
+        right += not refused and len(lowest) == 1 and lowest[0] < 8e-3 and np.array_equal(track.y, place[:, 1])
+    assert right >= 38
+
+
 def refusal_of(time, x, y, **more):
     (track,) = read_tracks([pandas.DataFrame({"t": time, "x [m]": x, "y [m]": y, **more})], Reading(up="y"))
     found, (refused,) = bounces_of([track])
@@ -323,6 +345,9 @@ def test_another_object_and_two_balls_are_refused_with_frames():
     swapped = np.arange(len(time)) % 2 == 1
     reason = refusal_of(time, np.where(swapped, -x + 3.0, x), np.where(swapped, y + 1.0, y))
     assert "two objects: frames" in reason and "give each ball its own id" in reason
+    middle = (np.arange(len(time)) > 9) & (np.arange(len(time)) < 16)
+    reason = refusal_of(time, np.where(middle, 5.0 + 0.01 * np.arange(len(time)), x), y)
+    assert "two objects: frames 1 to 10 are" in reason
 
 
 def test_what_is_tracked_after_the_ball_was_lost_is_left_out_with_its_frames():

@@ -89,7 +89,7 @@ def _settled(clips: Sequence[Clip], how: Reading) -> list[Clip]:
             mixed.add(clip.id)
             kept, note = np.ones(len(clip), dtype=np.bool_), None
         measured.append(clip if note is None else clip.take(kept).noted(note))
-    placed = upright(measured, how)
+    placed = upright(measured, mixed, how)
     flat = [part for clip in placed for part in ([clip] if clip.position.shape[1] == 2 else _planes(clip))]
     check_rate([clip for clip in flat if clip.id not in mixed], how)
     return flat

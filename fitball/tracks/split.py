@@ -22,7 +22,7 @@ LEAST = 3
 # no outlier.
 _REACH, _AWAY, _ELSEWHERE = 4.0, 0.1, 5
 # Frames of a piece that the next is compared with, so that an outlier ends none; the share that may be left out.
-_BACK, _MOST_LEFT = 3, 0.4
+_BACK, _MOST_LEFT = 3, 0.25
 # A radius larger or smaller by this factor, in so many frames running, is that of another object.
 _RADIUS, _RUNNING = 2.0, 3
 
@@ -112,10 +112,10 @@ def one_object(frame: NDArray[np.int64], time: FloatArray, place: FloatArray) ->
     pieces = _pieces(time, place)
     main = np.array(max(pieces, key=len))
     others = [np.array(piece) for piece in pieces if piece[0] != main[0] and len(piece) >= _ELSEWHERE]
-    kept = np.ones(len(time), dtype=np.bool_)
+    kept, left = np.ones(len(time), dtype=np.bool_), sum(map(len, others))
     for other in others:
         mixed = main[0] < other[-1] and other[0] < main[-1]
-        if mixed or len(other) > _MOST_LEFT * len(time):
+        if mixed or left > _MOST_LEFT * len(time):
             near = main[[int(np.argmin(np.abs(main - k))) for k in other]]
             far = float(np.median(np.linalg.norm(place[other] - place[near], axis=1)))
             raise TrackError(
