@@ -264,6 +264,6 @@ def test_the_shell_leaves_with_its_own_turn_and_swings_back_to_the_line_of_the_m
         history = model.history(VALUES, IMPACTS.take(np.array([k])), times)
         turned = np.trapezoid(history.omega_2, times)
         course = Course(one, end, float(ahead[k]), 0.5, np.zeros(2), fitball.Ball(), 1.2)
-        assert course.at(np.array([end]))[0, 2] == pytest.approx(turned, abs=2e-5)
+        assert course.at(np.array([end]))[0, 2] == pytest.approx(turned, abs=5e-4)
         late = np.array([0.03, 0.04])
         np.testing.assert_allclose(course.at(late)[:, 2], one[8] + one[5] * (late - one[6]), atol=1e-6)
