@@ -242,6 +242,13 @@ def test_a_flight_without_bounce_is_turned_by_gravity():
     assert any("gravity" in note for note in track.notes)
 
 
+def test_rows_in_no_order_are_sorted_by_time():
+    rows = np.random.default_rng(3).permutation(len(SHOT.time))
+    table = pandas.DataFrame({"t": SHOT.time[rows], "x [m]": SHOT.place[rows, 0], "y [m]": SHOT.place[rows, 1]})
+    (track,) = read_tracks([table])
+    np.testing.assert_array_equal(track.x, SHOT.place[:, 0])
+
+
 def test_many_clips_of_one_table_and_of_files_with_the_same_ids(tmp_path):
     text = filmed.long_table(SHOT)
     one = written(tmp_path, text + text.partition("\n")[2].replace("a,", "b,"), "one.csv")
@@ -255,6 +262,11 @@ def mistaken(tmp_path, old, new, count=1):
 
 def test_mistakes_are_named_with_row_and_column(tmp_path):
     line = filmed.long_table(SHOT).splitlines()[7]
+    folds = filmed.long_table(SHOT, angle=SHOT.angle, fold=np.where(np.arange(len(SHOT.time)) == 8, 2.0, 1.0))
+    with pytest.raises(TableError, match=r"column 'angle_fold': clip 'a' has several folds"):
+        read_tracks([written(tmp_path, folds)])
+    with pytest.raises(TableError, match=r"row 9 .*: read 0.5; expected 1 for a dot, 2 for a stripe"):
+        read_tracks([written(tmp_path, folds.replace("2.00000", "0.5"))])
     with pytest.raises(TableError, match=r"row 7 \(line 8\), column 't': read 'soon'"):
         read_tracks([mistaken(tmp_path, line, "a,soon,1,1")])
     with pytest.raises(TableError, match=r"\[furlong\].*unknown"):
