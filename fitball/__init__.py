@@ -17,7 +17,6 @@ if TYPE_CHECKING:
         Course,
         Fit,
         Plan,
-        TrackResult,
         calibrate,
         check,
         compare,
@@ -28,8 +27,8 @@ if TYPE_CHECKING:
         port,
         predict,
         simulate,
-        track,
     )
+    from fitball.api.tracking import TrackResult, track
     from fitball.batch import Batch, calibrate_many, load_batch
     from fitball.data.read import load_table
     from fitball.data.scene import Scene, load_scene
@@ -42,8 +41,9 @@ if TYPE_CHECKING:
 
 # Where each name is when it is first asked for.
 _HOMES = {
-    "fitball.api": "Checked Comparison Course Fit Plan TrackResult calibrate check compare export load_fit plan "
-    "plot port predict simulate track",
+    "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan "
+    "plot port predict simulate",
+    "fitball.api.tracking": "TrackResult track",
     "fitball.batch": "Batch calibrate_many load_batch",
     "fitball.data.read": "load_table",
     "fitball.data.scene": "Scene load_scene",

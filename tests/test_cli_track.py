@@ -8,10 +8,10 @@ import pytest
 from tracked import VALUES, incident
 
 import fitball
-from fitball.api.tracking import filmed_of
 from fitball.cli.main import main
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError, TrackError
+from fitball.tracks.filmed import filmed_from
 from fitball.tracks.frames import NINE
 from fitball.tracks.simulate import Film, simulated_tracks, truth
 
@@ -140,10 +140,10 @@ def test_a_scene_beside_the_file_has_ball_and_frame_rate(tmp_path):
 
 
 def test_other_balls_have_wider_priors():
-    assert filmed_of(Scene()).contact_time == (4.7e-3, 2e-3, 9e-3)
-    small = filmed_of(Scene(ball=fitball.Ball(0.0027, 0.02, 0.0027 * 0.02**2 * 0.6)))
+    assert filmed_from(Scene()).contact_time == (4.7e-3, 2e-3, 9e-3)
+    small = filmed_from(Scene(ball=fitball.Ball(0.0027, 0.02, 0.0027 * 0.02**2 * 0.6)))
     assert small.contact_time[1] < 1e-3 and small.air.drag_sd > 0.05 and small.spin_sd > 400.0
-    stated = filmed_of(Scene(contact_time=(1e-3, 1e-4)))
+    stated = filmed_from(Scene(contact_time=(1e-3, 1e-4)))
     assert stated.contact_time == pytest.approx((1e-3, 5e-4, 1.5e-3))
 
 

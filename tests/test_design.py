@@ -14,6 +14,7 @@ from nested_monte_carlo import Planned, nested_gain
 from fitball.data.lines import Range
 from fitball.data.read import load_table
 from fitball.data.scene import Camera, Quantity, Scene
+from fitball.errors import ParameterError
 from fitball.inference.design.asked import PlannedColumn, Sensor, as_before
 from fitball.inference.design.knowledge import Knowledge, plate_rows, with_height, with_plate
 from fitball.inference.design.make_plan import Asked, make_plan
@@ -25,6 +26,8 @@ from fitball.inference.problem.noise import StudentNoise
 from fitball.inference.problem.observables import Observable
 from fitball.inference.results.results import Posterior
 from fitball.report.plan.document import render as plan_text
+from fitball.tracks.film_text import parse_film
+from fitball.tracks.precision import nine_covariance
 from fitball.values import Impacts
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -313,6 +316,60 @@ def seen_by(problem, impact, height):
         ])  # fmt: skip
 
     return at
+
+
+@pytest.mark.parametrize("fps", [240, 1000])
+def test_a_film_is_worth_what_its_frames_determine_errors_of_the_incident_state_included(filmed, fps):
+    """By differences of the model itself, and by the whole covariance of the nine."""
+    text = f"fps={fps}, noise=1mm"
+    asked = Asked("k_y", Range(18.0, 18.0), Range(0.5, 0.5), Range(50.0, 50.0), impacts=1, sensors=[text])
+    plan = make_plan(filmed.problem, posterior_of(filmed), asked)
+    state = np.array([18.0 * np.cos(0.5), 18.0 * np.sin(0.5), 50.0])
+    impact, centre = Impacts(*state[:, None]), filmed.coordinates.mean(axis=0)
+    rows, seen = [], seen_by(filmed.problem, impact, 0.0)
+    for k, size in enumerate(filmed.coordinates.std(axis=0)):
+        step = 1e-3 * size * np.eye(centre.size)[k]
+        rows.append((seen(centre + step) - seen(centre - step)) / (2e-3 * size))
+    rows.append(
+        (seen_by(filmed.problem, impact, 1e-3)(centre) - seen_by(filmed.problem, impact, -1e-3)(centre)) / 2e-3
+    )
+    slopes, moved = np.stack(rows, axis=1), []
+    for k, step in enumerate((1e-3, 1e-3, 1e-2)):
+        ends = [Impacts(*(state + sign * step * np.eye(3)[k])[:, None]) for sign in (1.0, -1.0)]
+        more, less = (seen_by(filmed.problem, one, 0.0)(centre) for one in ends)
+        moved.append((more - less) / (2.0 * step))
+    values = dict(zip(filmed.problem.free_names, filmed.problem.to_values(centre[None])[0], strict=True))
+    nine = nine_covariance(impact, filmed.problem.model.rebound(values, impact), parse_film(text), Scene().ball)[0]
+    # What is measured less what the model makes of the measured incident state.
+    residual = np.hstack([-np.stack(moved, axis=1), np.eye(6)])
+    spread = residual @ nine @ residual.T
+    prior = np.zeros((9, 9))
+    prior[:8, :8], prior[8, 8] = np.cov(filmed.coordinates, rowvar=False), plan.height.sd**2
+    after = np.linalg.inv(np.linalg.inv(prior) + slopes.T @ np.linalg.solve(spread, slopes))
+    place = filmed.problem.free_names.index("k_y")
+    assert plan.worths[1].sds[0] == pytest.approx(np.sqrt(after[place, place]), rel=2e-3)
+    # Negative control: errors of landing and release belong together, and with those of the incident state.
+    apart = np.linalg.inv(np.linalg.inv(prior) + slopes.T @ np.linalg.solve(np.diag(np.diag(spread)), slopes))
+    assert apart[place, place] != pytest.approx(after[place, place], rel=2e-2)
+
+
+def test_more_frames_and_a_mark_tell_more_and_too_few_tell_nothing(filmed):
+    texts = ["fps=100,noise=1mm", "fps=240,noise=1mm", "fps=1000,noise=1mm", "fps=1000,noise=1mm,mark=none", "fps=15"]
+    asked = Asked("k_theta", Range(18.0, 18.0), Range(0.5, 0.5), Range(50.0, 50.0), impacts=1, sensors=texts)
+    slow, middle, fast, unmarked, none = make_plan(filmed.problem, posterior_of(filmed), asked).worths[1:]
+    assert slow.gain < middle.gain < fast.gain
+    assert unmarked.gain < 0.9 * fast.gain
+    assert none.gain == pytest.approx(0.0, abs=1e-6)
+    assert "1000 frames/s, noise 1 mm, view 0.8 m, no mark" in unmarked.words
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("fps=240,noise=3", "expected a unit of length"), ("fps=ten", "expected a number"), ("fps=240,drop=1m", "drop")],
+)
+def test_a_film_that_is_none_is_refused(filmed, text, words):
+    with pytest.raises(ParameterError, match=words):
+        make_plan(filmed.problem, posterior_of(filmed), Asked("k_y", sensors=[text]))
 
 
 @pytest.mark.parametrize(("stated", "known_to"), [(None, 3e-3), (Camera(court_height=Quantity(0.0, 3e-4)), 3e-4)])

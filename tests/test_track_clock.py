@@ -48,6 +48,16 @@ def test_stamps_rounded_to_a_millisecond():
     assert replaced(read_one(table(np.round(SHOT.time, 3), SHOT.place)))
 
 
+def test_hundredths_of_a_second_at_thirty_frames():
+    """Steps of 30 and 40 ms are frames of 33 ms, also where another rate replaces them."""
+    shot = filmed.film(fps=30.0, seconds=1.0, v_1=(2.0, -7.0), v_2=(1.6, 6.0), noise=1e-3)
+    stamps = table(np.floor(100.0 * (shot.time - shot.time[0])) / 100.0, shot.place)
+    track = read_one(stamps)
+    assert replaced(track)
+    np.testing.assert_allclose(np.diff(track.time), 1.0 / 30.0, rtol=2e-3)
+    np.testing.assert_allclose(np.diff(read_one(stamps, fps=60.0, as_read=True).time), 1.0 / 60.0, rtol=1e-9)
+
+
 def test_true_stamps_of_an_uneven_camera_are_kept():
     """A camera that jitters and writes down when: constant spacing makes it worse."""
     generator = np.random.default_rng(6)
@@ -107,6 +117,12 @@ def test_a_slow_ball_whose_rounded_positions_repeat_is_none():
     pixels = pandas.DataFrame({"t": shot.time, "x [px]": place[:, 0], "y [px]": place[:, 1]})
     track = read_one(pixels, metres_per_px=0.8e-3)
     assert len(track.time) == len(shot.time) and not any("repeat" in note for note in track.notes)
+
+
+def test_times_of_no_frames_and_another_rate_are_refused():
+    time = np.sort(np.random.default_rng(9).uniform(0.0, 0.3, len(SHOT.time)))
+    with pytest.raises(TableError, match=r"times of clip 'DataFrame' are not those of frames: .*or frame numbers"):
+        read_one(table(time, SHOT.place), fps=1000.0)
 
 
 @pytest.mark.parametrize("played", [30.0, 60.0])

@@ -1,7 +1,7 @@
 """The Python interface; the verbs of the command line call the same functions.
 
 Offers: `calibrate`, `load_fit`, `Fit`, `predict`, `compare`, `Comparison`, `simulate`, `Course`, `plan`, `Plan`,
-`export`, `port`, `plot`, `check`, `track`, `TrackResult`.
+`export`, `port`, `plot`, `check`. `tracking` has `track`: it needs more of scipy.
 May import: exports, report, inference, tracks, models, data, scheduling.
 """
 
@@ -10,9 +10,8 @@ from fitball.api.fit import Fit, export, load_fit, plan, plot, port, predict, si
 from fitball.api.predicting import Plan
 from fitball.api.reading import Checked, check
 from fitball.api.simulating import Course
-from fitball.api.tracking import TrackResult, track
 
 __all__ = [
-    "Checked", "Comparison", "Course", "Fit", "Plan", "Run", "TrackResult", "begin", "calibrate", "check", "compare",
-    "export", "load_fit", "plan", "plot", "port", "pose", "predict", "simulate", "track",
+    "Checked", "Comparison", "Course", "Fit", "Plan", "Run", "begin", "calibrate", "check", "compare",
+    "export", "load_fit", "plan", "plot", "port", "pose", "predict", "simulate",
 ]  # fmt: skip

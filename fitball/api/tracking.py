@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitball.data.bundled import resolve_tracks
 from fitball.data.heights import like_tennis
 from fitball.data.read import PATHS, load_table
 from fitball.data.scene import Camera, Scene, load_scene
@@ -23,7 +24,8 @@ from fitball.kinds import checked
 from fitball.report.form.folders import clear_folder, held
 from fitball.report.tracks.document import render, track_json
 from fitball.tracks.clips import Reading
-from fitball.tracks.frames import Air, Check, Filmed, Track, Tracks
+from fitball.tracks.filmed import assumptions_of, filmed_from, reading_from
+from fitball.tracks.frames import Track, Tracks
 from fitball.tracks.impacts import covariance_rows, frame_rows, impact_rows
 from fitball.tracks.read import Source, read_tracks
 from fitball.tracks.session import estimate
@@ -40,12 +42,6 @@ PathLike = str | os.PathLike[str]
 # A number with its unit, as in 0.8mm/px.
 _LENGTH = re.compile(r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*")
 PX = ("px", "pixel", "pixels")
-# A contact of a ball of which nothing is known, such as of table tennis: mean, and range that is plausible [s].
-ANY_CONTACT = (1.5e-3, 2e-4, 2e-2)
-# Smooth balls and felt: what is known of the drag of any ball, and of tennis balls the surface speed of their spin.
-ANY_DRAG, ANY_DRAG_SD, SPIN_SPEED = 0.47, 0.1, 8.25
-# Standard deviations to which a stated contact time is plausible.
-CONTACT_SDS = 5.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,6 +164,9 @@ def track(
 
     Raises TableError for a file that cannot be read, with what was expected; TrackError where no track has an impact;
     ParameterError, SceneError.
+
+    >>> fitball.track("table_tennis_topspin")
+    <TrackResult: ... impacts, ... tracks without one>
     """
     sources = [data] if isinstance(data, PATHS) or hasattr(data, "columns") else list(data)
     known = _scene_of(scene, sources)
@@ -179,13 +178,11 @@ def track(
     fps = camera.fps if fps is None else fps
     if fps is not None and not (math.isfinite(fps) and fps > 0.0):
         raise ParameterError(f"{option('fps', f'{fps:g}')}: expected a positive number of frames per second")
-    per_px = None if camera.mm_per_px is None else 1e-3 * camera.mm_per_px
-    how = Reading(
+    given = Reading(
         fps=fps,
-        metres_per_px=per_px if scale is None else _per_px(scale),
+        metres_per_px=None if scale is None else _per_px(scale),
         ball_diameter=diameter,
-        ball=used.ball,
-        states_ball=ball is not None or known.states_ball,
+        states_ball=ball is not None,
         y_down=y_down,
         up=up,
         unit=unit,
@@ -193,14 +190,18 @@ def track(
         columns=FrozenMapping(columns or {}),
         as_read=as_read,
     )
+    how = reading_from(used, given)
     read = read_tracks(sources, how)
     whole, refused = bounces_of(read)
-    filmed = replace(filmed_of(used), court=None if court is None else _court(court, read, used.ball))
+    filmed = filmed_from(used, None if court is None else _court(court, read, used.ball))
     tracks = estimate(whole, filmed)
+    by_radius = how.metres_per_px is None and any(track.metres_per_px is not None for track in read)
     tracks = replace(
         tracks,
         refused=(*refused, *tracks.refused),
-        scale=FrozenMapping({**tracks.scale, **_scales(whole, used.ball, how)}),
+        notes=(*tracks.notes, *assumptions_of(used)),
+        # A scale that was made of the radius is not checked by it.
+        scale=FrozenMapping() if by_radius else tracks.scale,
         camera=replace(tracks.camera, fps=tracks.camera.fps or fps),
     )
     if not tracks.impacts:
@@ -217,7 +218,7 @@ def _scene_of(scene: Scene | PathLike | None, sources: Sequence[Source]) -> Scen
     if scene is not None:
         return load_scene(None, scene)
     first = sources[0] if sources else None
-    beside = None if not isinstance(first, PATHS) else Path(first).with_suffix(".toml")
+    beside = None if not isinstance(first, PATHS) else resolve_tracks(first).with_suffix(".toml")
     return load_scene(None, beside if beside is not None and beside.exists() else None)
 
 
@@ -232,21 +233,6 @@ def _ball(diameter: float) -> Ball:
             "in [ball] of a scene"
         )
     return made
-
-
-def filmed_of(scene: Scene) -> Filmed:
-    """What a scene says about a film; of tennis balls drag, spin and contact time are known better than of others."""
-    ball, camera = scene.ball, scene.camera or Camera()
-    contact, air = Filmed().contact_time, Air()
-    if not like_tennis(ball):
-        contact, air = ANY_CONTACT, Air(drag=ANY_DRAG, drag_sd=ANY_DRAG_SD)
-    if scene.contact_time is not None:
-        value, sd = scene.contact_time
-        contact = value, max(value - CONTACT_SDS * sd, 0.3 * value), value + CONTACT_SDS * sd
-    return Filmed(
-        ball=ball, air=air, camera=camera, court=None, contact_time=contact, spin_sd=SPIN_SPEED / ball.radius,
-        row_time=camera.row_time,
-    )  # fmt: skip
 
 
 def _length(name: str, given: str | float, dimension: str = "a length") -> float:
@@ -287,19 +273,3 @@ def _court(given: str | float, tracks: Sequence[Track], ball: Ball) -> float:
     lowest = float(np.median([track.y.min() for track in tracks]))
     # Centres come as low as a radius above the court.
     return min((height, -height), key=lambda court: abs(lowest - ball.radius - court))
-
-
-def _scales(tracks: Sequence[Track], ball: Ball, how: Reading) -> dict[str, Check]:
-    """By session the scale by the ball's radius, where it is not what made the scale: true lengths over measured."""
-    radius = 0.5 * how.ball_diameter if how.ball_diameter is not None else ball.radius
-    found: dict[str, Check] = {}
-    for session in dict.fromkeys(track.session for track in tracks):
-        own = [track.radius for track in tracks if track.session == session and track.radius is not None]
-        radii = np.concatenate(own) if own else np.zeros(0)
-        radii = radii[np.isfinite(radii) & (radii > 0.0)]
-        by_radius = how.metres_per_px is None and any(track.metres_per_px is not None for track in tracks)
-        if radii.size >= 5 and not by_radius:
-            middle = float(np.median(radii))
-            sd = 1.2533 * 1.4826 * float(np.median(np.abs(radii - middle))) / math.sqrt(radii.size)
-            found[session] = Check(radius / middle, radius / middle**2 * max(sd, 1e-6 * middle))
-    return found

@@ -201,7 +201,8 @@ def run_plan(args: argparse.Namespace) -> int:
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
     made = load_fit(place).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
-        sensors=args.sensor, cost=args.cost, levels=args.levels, seed=args.seed, progress=args.progress,
+        sensors=[*(args.sensor or ()), *args.camera] if args.camera else args.sensor, cost=args.cost,
+        levels=args.levels, seed=args.seed, progress=args.progress,
     )  # fmt: skip
     args.progress("figure and files", None)
     made.save(folder, overwrite=args.overwrite, command=args.command)
@@ -238,6 +239,11 @@ PLAN = Verb(
         option("--impacts", "N", "number of impacts to choose (default: 5)", type=count, default=5),
         option("--repeats", "N", "how often each impact is measured (default: 1)", type=count, default=1),
         option("--sensor", "NAME=VALUE", "another way of measuring, see below (repeatable)", action="append"),
+        option(
+            "--camera", "TEXT",
+            'a film as a way of measuring, e.g. "fps=240, noise=1mm, view=0.8m, mark=2", in the words of fitball '
+            "simulate --help (repeatable: which frame rate is enough?)", action="append",
+        ),
         pairs(
             "--cost", "NAME=C",
             "cost of an impact with this sensor, relative to one measured as before; impacts and sensors are then "
@@ -257,6 +263,7 @@ PLAN = Verb(
   fitball plan fits/wang_all/two-mass --for k_theta,mu --impacts 8
   fitball plan fits/wang_all/two-mass --for "court pace" --sensor camera=0.3
   fitball plan fits/wang_all/two-mass --for impact="v=30 m/s, theta=16 deg" --cost camera=3
+  fitball plan fits/wang_all/two-mass --for k_y --camera "fps=240, noise=1mm" --camera "fps=1000, noise=1mm"
 
 sensors (several are joined by commas):
   COLUMN=SD      this column of a table, measured with this sd

@@ -27,6 +27,7 @@ _NAMES = {
     "frames": "frame", "radius": "radius", "angle": "angle",
 }  # fmt: skip
 _METRES = parse_unit("m", Dimension.LENGTH)
+_MOST_BYTES = 1e9
 # What the HDF5 library raises at damaged bytes.
 _FAULTS = (OSError, LookupError, ValueError, TypeError, RuntimeError, AttributeError, MemoryError)
 
@@ -66,6 +67,9 @@ def _clip_of(group: h5py.Group, source: str, stem: str, how: Reading) -> list[Cl
     axes = [name for name in "xyz" if name in sets]
     if "position" not in sets and axes[:2] != ["x", "y"]:
         return []
+    # A damaged length must not fill the memory.
+    if sum(item.nbytes for item in sets.values()) > _MOST_BYTES:
+        raise refusal(source, f"{group.name}: more than {_MOST_BYTES / 1e9:g} GB; expected the positions of a clip")
     arrays: dict[str, FloatArray] = {name: np.asarray(item[()], dtype=np.float64) for name, item in sets.items()}
     position = arrays["position"] if "position" in arrays else np.stack([np.ravel(arrays[name]) for name in axes], 1)
     where = group.name

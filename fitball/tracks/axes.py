@@ -7,14 +7,14 @@ decides where there is no bounce.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from math import degrees
 
 import numpy as np
 
 from fitball.data.cells import refusal
-from fitball.tracks.clips import Clip, Reading
+from fitball.tracks.clips import Clip, Reading, some_of
 from fitball.tracks.motion import SURE, gravity, kink
 from fitball.values import FloatArray
 from fitball.wording import spoken
@@ -24,20 +24,20 @@ _AXES = "xyz"
 _CLEAR = 1.25
 
 
-def upright(clips: Sequence[Clip], how: Reading) -> list[Clip]:
-    """The clips of a session (metres or pixels) with the last coordinate upwards, and notes on what was changed.
+def upright(clips: Sequence[Clip], mixed: Set[str], how: Reading) -> list[Clip]:
+    """The clips of a session in metres with the last coordinate upwards, and notes on what was changed. Clips in
+    `mixed` show two objects, and no direction.
 
     Raises TableError where what is stated contradicts the bounces, and where bounces jump along x of a picture.
     """
-    widths = {clip.position.shape[1] for clip in clips}
-    return [
-        clip for width in sorted(widths) for clip in _upright([c for c in clips if c.position.shape[1] == width], how)
-    ]
+    widths = sorted({clip.position.shape[1] for clip in clips})
+    alike = [[clip for clip in clips if clip.position.shape[1] == width] for width in widths]
+    return [clip for some in alike for clip in _upright(some, [one for one in some if one.id not in mixed], how)]
 
 
-def _upright(clips: Sequence[Clip], how: Reading) -> list[Clip]:
+def _upright(clips: Sequence[Clip], evidence: Sequence[Clip], how: Reading) -> list[Clip]:
     flat = clips[0].position.shape[1] == 2
-    axis, sign, reason = _found(clips) or (None, 1.0, "")
+    axis, sign, reason, bounced = _found(evidence) or (None, 1.0, "", False)
     stated = _stated(flat, how)
     if flat and axis == 0:
         raise refusal(
@@ -45,7 +45,7 @@ def _upright(clips: Sequence[Clip], how: Reading) -> list[Clip]:
             f"the ball bounces along x ({reason}); expected bounces along y: exchange x and y, or turn the picture",
         )
     if stated is not None:
-        if axis is not None and stated != (axis, sign) and not how.as_read:
+        if axis is not None and stated != (axis, sign) and bounced and not how.as_read:
             words = f"{'-' if stated[1] < 0.0 else ''}{_AXES[stated[0]]}"
             raise refusal(
                 clips[0].source,
@@ -53,7 +53,8 @@ def _upright(clips: Sequence[Clip], how: Reading) -> list[Clip]:
                 f"motion of the ball ({reason}); expected the direction away from the court: correct "
                 f"{spoken('--y-down or --up', 'y_down or up')}",
             )
-        (axis, sign), reason = stated, "as stated"
+        doubt = "" if axis is None or stated == (axis, sign) else f", although {reason}"
+        (axis, sign), reason = stated, f"as stated{doubt}"
     if axis is None:
         if not flat:
             raise refusal(
@@ -70,7 +71,7 @@ def _upright(clips: Sequence[Clip], how: Reading) -> list[Clip]:
         # Of a rolling shutter rows count downwards; from which edge only moves the clock.
         rows = -height / clip.metres_per_px if flat and clip.metres_per_px is not None else None
         moved = replace(clip, position=np.column_stack([clip.position[:, others], height]), row=rows)
-        turned.append(moved if flat and sign > 0.0 else moved.noted(note))
+        turned.append(moved if flat and sign > 0.0 and "although" not in reason else moved.noted(note))
     return turned
 
 
@@ -82,36 +83,42 @@ def _stated(flat: bool, how: Reading) -> tuple[int, float] | None:
     return None
 
 
-def _found(clips: Sequence[Clip]) -> tuple[int, float, str] | None:
-    """Axis and direction upwards by bounces, else by gravity, and the reason in words; None where neither shows."""
-    jumps, pulls = [], []
-    for clip in clips:
+def _found(clips: Sequence[Clip]) -> tuple[int, float, str, bool] | None:
+    """Axis and direction upwards, the reason in words, and whether that is a bounce, else gravity; None without."""
+    if not clips:
+        return None
+    jumps, pulls, flat = [], [], clips[0].position.shape[1] == 2
+    for clip in some_of(clips):
         assert clip.time is not None
         bend = kink(clip.time, clip.position)
         if bend is not None and bend.score > 2.0 * SURE:
-            axis = int(np.argmax(np.abs(bend.jump)))
+            turned = bend.before * bend.after < 0.0
+            # A picture stands upright, if the ball turns round along y.
+            axis = 1 if flat and turned[1] else int(np.argmax(np.abs(bend.jump)))
             # The ball turns round along the normal.
             if bend.before[axis] * bend.after[axis] < 0.0:
                 jumps.append(bend.jump)
-        values = [gravity(clip.time, column, [] if bend is None else [bend.time]) for column in clip.position.T]
-        pulls.append([value / sd for value, sd in values])
+                if flat:
+                    continue
+        breaks = [] if bend is None else [bend.time]
+        values = [gravity(clip.time, column, breaks) for column in clip.position.T]
+        pulls.append([0.0 if flat and k == 0 else value / sd for k, (value, sd) in enumerate(values)])
     if jumps:
         jump = np.median(jumps, axis=0)
-        axis = int(np.argmax(np.abs(jump)))
+        axis = 1 if flat and abs(jump[0]) < _CLEAR * abs(jump[1]) else int(np.argmax(np.abs(jump)))
         rest = np.delete(np.abs(jump), axis)
-        if np.abs(jump[axis]) > _CLEAR * rest.max():
+        if flat or np.abs(jump[axis]) > _CLEAR * rest.max():
             words = (
                 f"the bounce changes the velocity along it by {abs(jump[axis]):.3g} and across by {rest.max():.3g}"
             )
-            return axis, float(np.sign(jump[axis])), words + " units a second"
-    pull = np.nanmedian(pulls, axis=0) if pulls else np.zeros(1)
-    axis = int(np.argmax(np.nan_to_num(np.abs(pull))))
+            return axis, float(np.sign(jump[axis])), words + " m/s", True
+    if not pulls:
+        return None
+    pull = np.median(np.nan_to_num(pulls), axis=0)
+    axis = int(np.argmax(np.abs(pull)))
     if np.abs(pull[axis]) > SURE:
-        return (
-            axis,
-            -float(np.sign(pull[axis])),
-            f"the flight bends the other way by {abs(pull[axis]):.0f} sd: gravity",
-        )
+        words = f"the flight bends the other way, by {abs(pull[axis]):.0f} sd: gravity"
+        return axis, -float(np.sign(pull[axis])), words, False
     return None
 
 

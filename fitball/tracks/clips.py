@@ -4,7 +4,7 @@ about the files.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from fitball.values import Ball, FloatArray
 PIXELS = Unit("px", Dimension.LENGTH, 1.0)
 # Positions that a detector is less sure of are left out (DeepLabCut's own threshold for plots is 0.6 to 0.9).
 LEAST_QUALITY = 0.9
+_SOME = 30
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,11 @@ class Clip:
     def noted(self, *notes: str) -> Clip:
         """The clip with more notes."""
         return replace(self, notes=(*self.notes, *notes))
+
+
+def some_of(clips: Sequence[Clip]) -> Sequence[Clip]:
+    """At most some dozens of clips, from all over a session: what they have in common needs no more."""
+    return clips[:: -(-len(clips) // _SOME)] if clips else clips
 
 
 def frames_named(frames: NDArray[np.int64]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitball.data.cells import refusal
-from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named
+from fitball.tracks.clips import PIXELS, Clip, Reading, frames_named, some_of
 from fitball.tracks.motion import SURE, bounces, gravity, kink, noise
 from fitball.values import FloatArray
 from fitball.wording import option, spoken
@@ -33,6 +33,10 @@ _FACTOR = 2.5
 _LIFT, _DRAG, _DRAG_OFF = 0.35, 0.5, 0.25
 # Frames that a clip needs for a count, and for gravity; stamps this near to even ones [periods] are even.
 _FEW, _LONG, _EVEN = 7, 10, 1e-6
+# A step shorter than this many usual ones misses no frame.
+_ONE_STEP = 1.5
+# Stamps of arrival are late by up to 0.65 of a frame, or early by 0.35.
+_LATE = 0.35
 # Share of a stamp's deviation by which a clock follows it.
 _FOLLOWING = 0.3
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 180.0, 200.0, 240.0, 250.0, 480.0, 500.0, 960.0, 1000.0, 2000.0)
@@ -46,8 +50,10 @@ def timed(clips: Sequence[Clip], how: Reading) -> list[Clip]:
     return _spaced(_without_repeats([_with_time(clip, how) for clip in clips]), how)
 
 
-def _rate(time: FloatArray) -> float:
-    return 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else float("nan")
+def _period(time: FloatArray) -> float:
+    """The usual time between frames: the mean of the steps without missing frames, which rounding does not shift."""
+    steps = np.diff(time)
+    return float(np.mean(steps[steps < _ONE_STEP * np.median(steps)])) if len(steps) else float("nan")
 
 
 def _with_time(clip: Clip, how: Reading) -> Clip:
@@ -59,10 +65,18 @@ def _with_time(clip: Clip, how: Reading) -> Clip:
                 f"{spoken('--fps N', 'fps=N')}, or fps in [camera] of the scene",
             )
         return replace(clip, time=clip.frame / how.fps).noted(f"times are frames at {how.fps:g} frames/s")
-    rate = _rate(clip.time)
+    rate = 1.0 / _period(clip.time)
     if how.fps is None or len(clip) < 2 or abs(how.fps / rate - 1.0) < _SAME_RATE:
         return clip
-    count = np.round((clip.time - clip.time[0]) * rate)
+    counted = _counted(clip.time)
+    count = np.round((clip.time - clip.time[0]) * rate) if counted is None else counted
+    if np.any(np.diff(count) < 1.0):
+        k = int(np.argmax(np.diff(count) < 1.0))
+        raise refusal(
+            clip.source,
+            f"times of clip '{clip.id}' are not those of frames: {clip.time[k + 1]:g} s follows {clip.time[k]:g} s, "
+            f"at about {rate:.4g} frames/s; expected even steps, or frame numbers, where another rate is stated",
+        )
     return replace(clip, time=count / how.fps).noted(
         f"times were replaced: {how.fps:g} frames/s as stated, in place of {rate:.4g} frames/s in the file"
     )
@@ -149,17 +163,17 @@ def _counted(time: FloatArray) -> FloatArray | None:
     """
     if len(time) < _FEW:
         return None
-    period = float(np.median(np.diff(time)))
+    period = _period(time)
     # From frame to frame first, as a clock that follows the stamps slowly: a period that is off by a hundredth is off
     # by a frame after fifty.
     count, now = np.zeros(len(time)), float(time[0])
     for k, stamp in enumerate(time[1:].tolist(), start=1):
-        steps = max(round((stamp - now) / period), 1)
+        steps = max(int((stamp - now) / period + _LATE), 1)
         count[k], now = count[k - 1] + steps, now + steps * period
         now += _FOLLOWING * (stamp - now)
     for _ in range(3):
         period, start = np.polyfit(count, time, 1)
-        count = np.round((time - start) / period)
+        count = np.floor((time - start) / period + _LATE)
         count -= count[0]
         if np.any(np.diff(count) < 1.0):
             return None
@@ -181,12 +195,16 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
     """
     air = how.air_density * pi * how.ball.radius**2 / (2.0 * how.ball.mass)
     lows, highs, values = list[float](), list[float](), list[float]()
-    for clip in clips:
+    for clip in some_of(clips):
         assert clip.time is not None
         if len(clip) < _LONG:
             continue
         height, bend = clip.position[:, 1], kink(clip.time, clip.position)
-        found, sd = gravity(clip.time, height, [float(clip.time[k]) for k in bounces(clip.time, height)])
+        lowest = bounces(clip.time, height)
+        if not len(lowest) and bend is not None and bend.score > SURE:
+            # Some bounce there is, whose place is not known.
+            continue
+        found, sd = gravity(clip.time, height, clip.time[lowest].tolist())
         sides = [] if bend is None else [bend.before, bend.after]
         # Drag of both sides, which nearly cancels, is known; lift may have either sign.
         drags = [air * _norm(velocity) * float(velocity[1]) for velocity in sides]
@@ -200,7 +218,7 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
     if how.as_read or not (high < GRAVITY / _FACTOR or low > GRAVITY * _FACTOR):
         return
     clip = clips[0]
-    rate = _rate(clip.time) if clip.time is not None else float("nan")
+    rate = 1.0 / _period(clip.time) if clip.time is not None else float("nan")
     if value <= 0.0:
         meant = "the frame rate is several times too low"
     else:

@@ -67,6 +67,8 @@ EXPECTED = (
     "expected columns x and y, and t or frame, such as 'id,t [s],x [m],y [m]', or an export of Tracker, Kinovea, "
     "DLTdv or DeepLabCut"
 )
+# Numbers this near to whole ones are whole; rows that go back more often than every so many are in no order.
+_ROUNDED, _SHORTEST = 1e-6, 6
 # What stands for a header where a file has none.
 _BARE = ("x", "y", "z")
 
@@ -219,6 +221,8 @@ def _read_part(part: _Part, raw: RawTable, source: str, found: Findings, how: Re
     plain, _told = plain_numbers({name: texts for name, texts in cells.items() if name not in _TEXTS})
     units = _units(part, raw, plain, found, how)
     columns = {name: read_column(name, units[name] or _PLAIN, plain[name], found, gaps=True) for name in plain}
+    for name in {"frame", "angle_fold"} & columns.keys():
+        _check_whole(columns[name], found)
     if found.faults:
         return []
     count = len(raw.rows)
@@ -235,7 +239,24 @@ def _read_part(part: _Part, raw: RawTable, source: str, found: Findings, how: Re
             clips += [clip.noted(*notes)] if clip is not None else []
             if clip is not None:
                 _check_once(clip, found)
+        if (
+            "angle_fold" in columns
+            and len({*columns["angle_fold"].values[rows][~columns["angle_fold"].missing[rows]]}) > 1
+        ):
+            found.fault(f"clip '{name}' has several folds; expected one mark in a clip", "angle_fold", rows[0])
     return clips
+
+
+def _check_whole(column: NumberColumn, found: Findings) -> None:
+    """A fault for the first number that is not whole, or no fold of a mark."""
+    values = np.where(column.missing, 1.0, column.values)
+    wrong = np.abs(values - np.round(values)) > _ROUNDED
+    if column.name == "angle_fold":
+        wrong |= values < 1.0 - _ROUNDED
+    if wrong.any():
+        place = int(np.argmax(wrong))
+        words = "1 for a dot, 2 for a stripe" if column.name == "angle_fold" else "a whole number"
+        found.fault(f"read {values[place]:g}; expected {words}", column.name, place)
 
 
 def _seconds(cell: str) -> str:
@@ -287,6 +308,8 @@ def _restarts(rows: Sequence[int], columns: Mapping[str, NumberColumn]) -> list[
     if column is None or not rows:
         return [[*rows]]
     back = np.flatnonzero(np.diff(column.values[[*rows]]) < 0.0) + 1
+    if _SHORTEST * (len(back) + 1) > len(rows):
+        return [[*rows]]
     return [[*chunk] for chunk in np.split(np.array(rows), back)]
 
 

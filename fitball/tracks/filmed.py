@@ -29,7 +29,7 @@ _SPIN_SD = 250.0
 # Of dry air [J/(kg K)]; pressure at sea level [Pa].
 _GAS, _PRESSURE, _ZERO = 287.05, 101_325.0, 273.15
 # A stated contact time is that of the scene give or take so many of its sds.
-_SPREADS = 4.0
+_SPREADS = 5.0
 
 
 def like_table_tennis(ball: Ball) -> bool:
@@ -48,7 +48,7 @@ def reading_from(scene: Scene, how: Reading | None = None) -> Reading:
         if how.metres_per_px is None and camera.mm_per_px is not None
         else how.metres_per_px,
         ball=scene.ball,
-        states_ball=scene.states_ball,
+        states_ball=how.states_ball or scene.states_ball,
         air_density=density_of(scene),
         y_down=scene.y_axis == "down" if how.y_down is None and scene.y_axis is not None else how.y_down,
     )

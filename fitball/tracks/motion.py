@@ -23,11 +23,15 @@ from fitball.values import FloatArray
 _BLOCK, _CONTACT = 1.4e-3, 3.0e-3
 # Frames on either side of a bounce that may show it: a film that is played slowly shows long contacts.
 _GAP = 2.5
+# Frames beyond those that parabolas take, from which the noise of an acceleration is known.
+_FREE = 8
 _WINDOW = 6
 # Frames over which noise is estimated, and how many windows of a clip are.
 _SPAN, _WINDOWS = 7, 400
-# A bounce is deeper than so many standard deviations of the noise, and than this share of the heights of a clip.
-_DEEP, _SHARE = 8.0, 0.01
+# Frames by which a frame is judged, and how many sds off it is an outlier; less than this share of a step is none.
+_PAIRS, _OUTLYING, _BENT = ((-1, 1), (-2, 2), (-2, -1), (1, 2)), 6.0, 0.25
+# A bounce is deeper than so many standard deviations of the noise, and than a share of the heights of a clip.
+_DEEP, _SHARE, _SHARE_ENOUGH = 8.0, 0.01, 0.1
 # Velocities this many standard errors from zero are known in sign.
 SURE = 4.0
 
@@ -53,6 +57,28 @@ class Kink:
         return float(np.max(np.abs(self.jump) / np.hypot(self.before_sd, self.after_sd)))
 
 
+def regular(time: FloatArray, position: FloatArray) -> NDArray[np.bool_]:
+    """Which frames (frames,) are no outliers: near one of the lines through neighbours before, after, or around."""
+    count = len(time)
+    good = np.ones(count, dtype=np.bool_)
+    if count < _SPAN:
+        return good
+    guesses = np.full((len(_PAIRS), *position.shape), np.nan)
+    for guess, (one, other) in zip(guesses, _PAIRS, strict=True):
+        inside = np.arange(max(0, -one), count - max(0, other))
+        a, b = inside + one, inside + other
+        share = (time[inside] - time[a]) / (time[b] - time[a])
+        guess[inside] = position[a] + share[:, None] * (position[b] - position[a])
+    usual = 1.4826 * np.median(np.abs(position - guesses[0])[1:-1], axis=0)
+    step = float(np.median(np.linalg.norm(np.diff(position, axis=0), axis=1)))
+    off = np.abs(position - guesses) / np.maximum(_OUTLYING * usual, max(_BENT * step, 1e-9))
+    # At the ends there is one line, and that may cross a bounce.
+    alone = np.isfinite(guesses[:, :, 0]).sum(axis=0) < 2
+    good = (np.nanmin(off.max(axis=2), axis=0) <= 1.0) | alone
+    # Where that is a third of all, noise has another shape, and none is an outlier.
+    return good if good.mean() > 2.0 / 3.0 else np.ones(count, dtype=np.bool_)
+
+
 def thinned(time: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Means of blocks of frames, about 1.4 ms long: times (blocks,) and positions (blocks, axes)."""
     size = max(1, int(_BLOCK / max(float(np.median(np.diff(time))), 1e-9)))
@@ -66,9 +92,12 @@ def kink(time: FloatArray, position: FloatArray) -> Kink | None:
     """The strongest change of velocity of a clip; None for fewer than seven frames. Times (frames,) rise, positions
     are (frames, axes).
     """
-    if len(time) < 7:
+    if len(time) < _SPAN:
         return None
-    t, r = thinned(time, position)
+    good = regular(time, position)
+    t, r = thinned(time[good], position[good])
+    if len(t) < _SPAN:
+        return None
     gap = max(1, ceil(_CONTACT / float(np.median(np.diff(t)))))
     width = min(_WINDOW, (len(t) - 2 * gap + 1) // 2)
     if width < 3:
@@ -100,22 +129,38 @@ def bounces(time: FloatArray, height: FloatArray) -> NDArray[np.int64]:
     """Frames at which a ball is lowest between falling and rising, outliers of a frame aside."""
     if len(time) < 3:
         return np.array([], dtype=np.int64)
-    t, y = thinned(time, height[:, None])
+    good = regular(time, height[:, None])
+    t, y = thinned(time[good], height[good][:, None])
     spread = noise(t, y)
     smooth = median_filter(y[:, 0], size=3, mode="nearest")
-    deep = max(_DEEP * spread if isfinite(spread) else 0.0, _SHARE * float(np.ptp(smooth)))
+    reach = float(np.ptp(smooth))
+    # In a short clip a bounce is in every window, and no noise.
+    deep = min(max(_DEEP * spread if isfinite(spread) else 0.0, _SHARE * reach), _SHARE_ENOUGH * reach)
     peaks, _ = find_peaks(-smooth, prominence=max(deep, 1e-9))
-    return np.array([int(np.argmin(np.abs(time - t[peak]))) for peak in peaks], dtype=np.int64)
+    lands = [_crossing(t, y[:, 0], int(peak)) for peak in peaks]
+    return np.unique(np.array([int(np.argmin(np.abs(time - land))) for land in lands], dtype=np.int64))
+
+
+def _crossing(t: FloatArray, y: FloatArray, lowest: int) -> float:
+    """Where lines through the heights before and after the lowest cross [s]; the lowest itself, if nowhere near."""
+    gap = max(1, ceil(_CONTACT / float(np.median(np.diff(t)))))
+    sides = [slice(max(0, lowest - gap - 3), lowest - gap + 1), slice(lowest + gap, lowest + gap + 4)]
+    if lowest < gap or any(len(t[side]) < 2 for side in sides):
+        return float(t[lowest])
+    (fall, high), (rise, low) = (np.polyfit(t[side] - t[lowest], y[side], 1) for side in sides)
+    away = (high - low) / (rise - fall) if rise - fall > 1e-9 else np.inf
+    return float(t[lowest]) + (float(away) if abs(away) <= t[lowest + gap] - t[lowest - gap] else 0.0)
 
 
 def gravity(time: FloatArray, height: FloatArray, breaks: Sequence[float]) -> tuple[float, float]:
     """Acceleration [m/s^2] along `height` and its standard error, by parabolas through the flights between `breaks`
-    [s]; NaN and infinite where no flight has five frames. Times and heights are (frames,).
+    [s]; NaN and infinite where flights have too few frames. Times and heights are (frames,).
     """
+    good = regular(time, height[:, None])
     gap = max(_CONTACT, _GAP * float(np.median(np.diff(time)))) if len(time) > 1 else _CONTACT
-    values, weights = list[float](), list[float]()
+    values, spreads, squares, free = list[float](), list[float](), 0.0, 0
     for first, last in pairwise([-np.inf, *breaks, np.inf]):
-        flight = (time > first + gap) & (time < last - gap)
+        flight = good & (time > first + gap) & (time < last - gap)
         if flight.sum() < 5:
             continue
         d = time[flight] - time[flight].mean()
@@ -124,12 +169,13 @@ def gravity(time: FloatArray, height: FloatArray, breaks: Sequence[float]) -> tu
         if rank < 3:
             continue
         rest = height[flight] - matrix @ found
-        variance = max(float(rest @ rest) / max(len(d) - 3, 1), 1e-14) * np.linalg.inv(matrix.T @ matrix)[2, 2]
         values.append(float(found[2]))
-        weights.append(1.0 / float(variance))
-    if not values:
+        spreads.append(float(np.linalg.inv(matrix.T @ matrix)[2, 2]))
+        squares, free = squares + float(rest @ rest), free + len(d) - 3
+    if free < _FREE:
         return float("nan"), float("inf")
-    return float(np.average(values, weights=weights)), sum(weights) ** -0.5
+    weights = 1.0 / np.array(spreads)
+    return float(np.average(values, weights=weights)), (max(squares / free, 1e-14) / float(weights.sum())) ** 0.5
 
 
 def noise(time: FloatArray, position: FloatArray) -> float:

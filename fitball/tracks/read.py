@@ -23,6 +23,7 @@ from fitball.tracks.clips import Clip, Reading
 from fitball.tracks.clock import check_rate, timed
 from fitball.tracks.dialects import clips_of, positions_vocabulary
 from fitball.tracks.frames import Track
+from fitball.tracks.motion import bounces
 from fitball.tracks.scale import in_metres
 from fitball.tracks.split import one_object, stretches
 
@@ -78,23 +79,26 @@ def _distinct(clips: Sequence[Clip]) -> list[Clip]:
 
 def _settled(clips: Sequence[Clip], how: Reading) -> list[Clip]:
     """The clips of a session in metres and seconds, (frames, 2)."""
-    placed = upright(in_metres(timed(clips, how), how), how)
+    measured, mixed = list[Clip](), set[str]()
+    for clip in in_metres(timed(clips, how), how):
+        assert clip.time is not None
+        try:
+            kept, note = one_object(clip.frame, clip.time, clip.position)
+        except TrackError:
+            # Refused where bounces are divided, with the others of its session.
+            mixed.add(clip.id)
+            kept, note = np.ones(len(clip), dtype=np.bool_), None
+        measured.append(clip if note is None else clip.take(kept).noted(note))
+    placed = upright(measured, mixed, how)
     flat = [part for clip in placed for part in ([clip] if clip.position.shape[1] == 2 else _planes(clip))]
-    check_rate(flat, how)
+    check_rate([clip for clip in flat if clip.id not in mixed], how)
     return flat
 
 
 def _planes(clip: Clip) -> list[Clip]:
     """The bounces of a clip in three dimensions, each in the plane of its incident flight."""
     assert clip.time is not None
-    try:
-        kept, note = one_object(clip.frame, clip.time, clip.position)
-    except TrackError:
-        # Two objects are refused where bounces are divided, with the others of their session.
-        return [in_plane(clip)]
-    clip = clip if note is None else clip.take(kept).noted(note)
-    assert clip.time is not None
-    parts = stretches(clip.time, clip.position[:, 2])
+    parts = stretches(clip.time, bounces(clip.time, clip.position[:, 2]))
     if len(parts) < 2:
         return [in_plane(clip)]
     return [in_plane(replace(clip.take(np.arange(*part)), id=f"{clip.id}-{k}")) for k, part in enumerate(parts, 1)]

@@ -203,11 +203,11 @@ def _filmed(course: Course, film: Film, rng: np.random.Generator, name: str, ses
     # The camera's clock counts `time / clock`, so that it takes its frames at these true times.
     frames = np.asarray((numbers + rng.uniform()) * film.clock / film.fps, dtype=np.float64)
     times = frames
-    places = shown(course.at(times), film)
+    places = on_film(course.at(times), film)
     rows = _rows(places, film)
     for _sweep in range(SHUTTER_SWEEPS if film.row_time > 0.0 else 0):
         times = frames + film.row_time * rows
-        places = shown(course.at(times), film)
+        places = on_film(course.at(times), film)
         rows = _rows(places, film)
     kept = in_view(times, places, film)
     first = kept[0]
@@ -261,7 +261,7 @@ def in_view(times: FloatArray, places: FloatArray, film: Film) -> NDArray[np.int
     return np.arange(first, last)
 
 
-def shown(course: FloatArray, film: Film) -> FloatArray:
+def on_film(course: FloatArray, film: Film) -> FloatArray:
     """Places (times, 3) as the camera has them, flying to the right."""
     cosine, sine = math.cos(film.tilt), math.sin(film.tilt)
     x, y = course[:, 0] / film.scale, course[:, 1] / film.scale

@@ -18,10 +18,11 @@ from fitball.values import FloatArray
 
 # Frames that a flight needs on either side of a bounce.
 LEAST = 3
-# A ball is where it was, give or take its usual speed times this; what is elsewhere for so many frames is no outlier.
-_REACH, _ELSEWHERE = 4.0, 5
+# A ball is where it was within its usual speed times this and so many metres; what is elsewhere for so many frames is
+# no outlier.
+_REACH, _AWAY, _ELSEWHERE = 4.0, 0.1, 5
 # Frames of a piece that the next is compared with, so that an outlier ends none; the share that may be left out.
-_BACK, _MOST_LEFT = 3, 0.4
+_BACK, _MOST_LEFT = 3, 0.25
 # A radius larger or smaller by this factor, in so many frames running, is that of another object.
 _RADIUS, _RUNNING = 2.0, 3
 
@@ -43,16 +44,17 @@ def bounces_of(tracks: Iterable[Track]) -> tuple[tuple[Track, ...], tuple[Refuse
     found, refused = list[Track](), list[Refused]()
     for track in tracks:
         try:
-            whole = _one_ball(track)
+            _check_radius(track)
+            one_object(track.frame, track.time, np.column_stack([track.x, track.y]))
         except TrackError as error:
             refused.append(Refused(track.id, track.source, str(error)))
             continue
-        parts = stretches(whole.time, whole.y)
-        if not parts:
-            refused.append(Refused(track.id, track.source, _no_bounce(whole)))
-        for k, (first, last) in enumerate(parts, start=1):
-            one = _part(whole, first, last, f"{whole.id}-{k}" if len(parts) > 1 else whole.id)
-            few = _too_few(one)
+        lowest = bounces(track.time, track.y)
+        if not lowest.size:
+            refused.append(Refused(track.id, track.source, _no_bounce(track)))
+        for k, (first, last) in enumerate(stretches(track.time, lowest)):
+            one = _part(track, first, last, f"{track.id}-{k + 1}" if len(lowest) > 1 else track.id)
+            few = _too_few(one, int(lowest[k]) - first)
             if few is None:
                 found.append(one)
             else:
@@ -60,14 +62,12 @@ def bounces_of(tracks: Iterable[Track]) -> tuple[tuple[Track, ...], tuple[Refuse
     return tuple(found), tuple(refused)
 
 
-def stretches(time: FloatArray, height: FloatArray) -> list[tuple[int, int]]:
-    """First frame and the one after the last of each bounce; empty without any. Times and heights are (frames,)."""
-    lowest = bounces(time, height)
-    if not lowest.size:
-        return []
-    halves = np.searchsorted(time, 0.5 * (time[lowest[1:]] + time[lowest[:-1]]))
-    ends = [0, *halves.tolist(), len(time)]
-    return [*pairwise(ends)]
+def stretches(time: FloatArray, lowest: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First frame of each bounce and the one after its last, from the frames in which the ball is lowest: as far as
+    halfway. Times are (frames,) [s].
+    """
+    halves = np.searchsorted(time, 0.5 * (time[lowest[1:]] + time[lowest[:-1]])).tolist()
+    return [*pairwise([0, *halves, len(time)])] if lowest.size else []
 
 
 def _part(track: Track, first: int, last: int, name: str) -> Track:
@@ -78,8 +78,7 @@ def _part(track: Track, first: int, last: int, name: str) -> Track:
     return replace(track, id=name, **arrays)
 
 
-def _too_few(track: Track) -> str | None:
-    lowest = int(bounces(track.time, track.y)[0]) if len(bounces(track.time, track.y)) else int(np.argmin(track.y))
+def _too_few(track: Track, lowest: int) -> str | None:
     before, after = lowest, len(track.time) - lowest - 1
     if min(before, after) >= LEAST:
         return None
@@ -96,6 +95,8 @@ def _no_bounce(track: Track) -> str:
         return (
             f"no bounce: {len(track.time)} frames ({frames}); expected {LEAST} before and {LEAST} after the contact"
         )
+    if 0 < lowest < len(track.time) - 1 and (few := _too_few(track, lowest)) is not None:
+        return few
     if lowest in (0, len(track.time) - 1):
         way = "rises from the first frame on" if lowest == 0 else "falls until the last frame"
         return f"no bounce: the ball {way} ({frames}); expected frames before and after the contact"
@@ -111,10 +112,10 @@ def one_object(frame: NDArray[np.int64], time: FloatArray, place: FloatArray) ->
     pieces = _pieces(time, place)
     main = np.array(max(pieces, key=len))
     others = [np.array(piece) for piece in pieces if piece[0] != main[0] and len(piece) >= _ELSEWHERE]
-    kept = np.ones(len(time), dtype=np.bool_)
+    kept, left = np.ones(len(time), dtype=np.bool_), sum(map(len, others))
     for other in others:
         mixed = main[0] < other[-1] and other[0] < main[-1]
-        if mixed or len(other) > _MOST_LEFT * len(time):
+        if mixed or left > _MOST_LEFT * len(time):
             near = main[[int(np.argmin(np.abs(main - k))) for k in other]]
             far = float(np.median(np.linalg.norm(place[other] - place[near], axis=1)))
             raise TrackError(
@@ -129,15 +130,6 @@ def one_object(frame: NDArray[np.int64], time: FloatArray, place: FloatArray) ->
     return kept, f"{frames_named(frame[~kept])} left out: the positions jump there, to another object or a lost ball"
 
 
-def _one_ball(track: Track) -> Track:
-    _check_radius(track)
-    kept, note = one_object(track.frame, track.time, np.column_stack([track.x, track.y]))
-    if note is None:
-        return track
-    arrays: dict[str, Any] = {key: value[kept] for key, value in vars(track).items() if isinstance(value, np.ndarray)}
-    return replace(track, notes=(*track.notes, note), **arrays)
-
-
 def _pieces(time: FloatArray, place: FloatArray) -> list[list[int]]:
     """Frames that one moving object can have passed, in pieces."""
     if len(time) < 2 * _ELSEWHERE:
@@ -147,19 +139,20 @@ def _pieces(time: FloatArray, place: FloatArray) -> list[list[int]]:
         float(np.median(np.linalg.norm(place[k:] - place[:-k], axis=1) / (time[k:] - time[:-k]))) for k in (1, 2)
     ]
     reach = _REACH * max(min(speeds), 1e-9)
-    if np.all(np.linalg.norm(np.diff(place, axis=0), axis=1) <= reach * np.diff(time)):
+    if np.all(np.linalg.norm(np.diff(place, axis=0), axis=1) <= _AWAY + reach * np.diff(time)):
         return [[*range(len(time))]]
     pieces: list[list[int]] = []
     for k in range(len(time)):
-        best, nearest = None, 1.0
+        best: list[int] | None = None
         for piece in pieces:
             # What was elsewhere for so long has ended.
             if k - piece[-1] > _ELSEWHERE:
                 continue
             last = np.array(piece[-_BACK:])
-            away = np.linalg.norm(place[k] - place[last], axis=1) / (reach * (time[k] - time[last]))
-            if away.min() < nearest:
-                best, nearest = piece, float(away.min())
+            near = np.linalg.norm(place[k] - place[last], axis=1) < _AWAY + reach * (time[k] - time[last])
+            # The longest: an outlier nearby begins no object.
+            if near.any() and (best is None or len(piece) > len(best)):
+                best = piece
         if best is None:
             pieces.append([k])
         else:

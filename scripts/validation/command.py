@@ -1,7 +1,7 @@
 """`scripts/validate`: does the calibration find what was put in? Simulation-based calibration, and its verdict;
 with `--trust`, whether what fits say of themselves is true; with `--population`, whether populations over many tables
 are found; with `--few`, whether intervals from few levels hold and stay narrow; with `--gaps`, whether the gaps
-between two flights determine the stiffnesses.
+between two flights determine the stiffnesses; with `--tracks`, whether positions on film give impacts and errors.
 
 Not a verb: it takes a quarter of an hour and checks the program, not a table. It is run as a module.
 """
@@ -88,13 +88,19 @@ def make_parser() -> argparse.ArgumentParser:
         help="instead: films with gaps between the flights, whose errors belong together: how often do intervals "
         "hold the truth, and do fits of wrong films miss it by as much as predicted",
     )
+    parser.add_argument(
+        "--tracks",
+        action="store_true",
+        help="instead: positions of balls on film: how often do intervals of impacts, and of parameters fitted to "
+        "them, hold the truth",
+    )
     parser.add_argument("--scenarios", metavar="A,B", help="of --trust: kinds of tables (default: all)")
     parser.add_argument(
         "--replicates",
         type=whole,
         metavar="N",
         help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50); "
-        "labs, and tables of two surfaces (400); films (400)",
+        "labs, and tables of two surfaces (400); films (400); films of tracks (560)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -125,6 +131,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 return _few(args)
             if args.gaps:
                 return _gaps(args)
+            if args.tracks:
+                return _tracks(args)
             return _plan(args) if args.plan else _trust(args) if args.trust else _ranks(args)
     except FitballError as error:
         print(f"fitball: {error}", file=sys.stderr)
@@ -215,6 +223,18 @@ def _gaps(args: argparse.Namespace) -> int:
     found = judge(_made(args, study(), folder, workers), args.seed)
     write_text(folder / "gaps.md", f"```text\n{found.text}```\n")
     return _end(args, folder / "gaps.json", found)
+
+
+def _tracks(args: argparse.Namespace) -> int:
+    """Film impacts, track and fit them, and count; 1 where intervals do not hold, or where a control does."""
+    _checked(args, 560)
+    from fitball.report.form.files import write_text
+    from validation.tracks import judge, study
+
+    folder, workers = _place_and_workers(args, "tracks")
+    found = judge(_made(args, study(), folder, workers), args.seed)
+    write_text(folder / "tracks.md", f"```text\n{found.text}```\n")
+    return _end(args, folder / "tracks.json", found)
 
 
 def _made(

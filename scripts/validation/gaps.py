@@ -193,7 +193,7 @@ class FirstOrder:
     @classmethod
     def from_film(cls, film: Film, errors: FloatArray, held: Sequence[str] = ()) -> FirstOrder:
         """That of a fit which takes these errors (impacts, 9, 9) for true."""
-        known = {**{name: _moments(text) for name, text in PRIORS.items() if name in film.own}, **SEEN}
+        known = {**{name: moments(text) for name, text in PRIORS.items() if name in film.own}, **SEEN}
         names = tuple(name for name in known if name not in held)
         sds = np.array([known[name][1] * (film.truth[name] if _is_log(name) else 1.0) for name in names])
         own = len(films.INCIDENT)
@@ -229,7 +229,7 @@ class FirstOrder:
         return np.asarray(np.einsum("aki,kij->akj", self.weights, self.rest))
 
 
-def _moments(text: str) -> tuple[float, float]:
+def moments(text: str) -> tuple[float, float]:
     """Centre and sd of a prior in its coordinate."""
     one, other = (float(word) for word in text.partition("(")[2].rstrip(")").split(","))
     return (0.5 * (one + other), (other - one) / np.sqrt(12.0)) if text.startswith("uniform") else (one, other)
@@ -273,14 +273,19 @@ def fitted(film: Film, rng: np.random.Generator, held: Sequence[str] = ()) -> tu
     sampling about the maximum fails.
     """
     problem = film.problem(held)
-    start = np.array([[film.truth[name] for name in problem.free_names]])
-    point = maximum_posterior(problem, start)
+    return problem, *sampled(problem, film.truth, rng)
+
+
+def sampled(problem: Problem, truth: Mapping[str, float], rng: np.random.Generator) -> tuple[PointFit, FloatArray]:
+    """The maximum of a posterior near the `truth`, and draws (draws, free) by importance sampling about it. Raises
+    FitError where that fails.
+    """
+    point = maximum_posterior(problem, np.array([[truth[name] for name in problem.free_names]]))
     optima = problem.to_coordinates(problem.free_rows(point.optima))
     drawn = importance_posterior(problem, [about(problem, one) for one in optima], rng)
     if not drawn.settled:
         raise FitError(f"importance sampling has {drawn.effective:.0f} effective draws")
-    chosen = rng.choice(len(drawn.values), 1000, p=np.exp(drawn.log_weights))
-    return problem, point, drawn.values[chosen]
+    return point, drawn.values[rng.choice(len(drawn.values), 1000, p=np.exp(drawn.log_weights))]
 
 
 def judged(problem: Problem, point: PointFit, draws: FloatArray, rng: np.random.Generator) -> dict[str, str]:

@@ -27,6 +27,9 @@ from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
 from fitball.models.types import Rebound
 from fitball.observables import OBSERVABLES, ReboundColumn
+from fitball.tracks.film_text import parse_film
+from fitball.tracks.frames import NINE
+from fitball.tracks.simulate import Film
 from fitball.values import FloatArray, Impacts
 from fitball.visible import some
 from fitball.wording import option, spoken
@@ -168,13 +171,13 @@ def checked_levels(problem: Problem, levels: Labels) -> dict[str, str]:
 # The name of measuring as the fitted table was measured.
 AS_BEFORE = "as before"
 _VALUE = re.compile(r"^\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*$")
-CAMERA, GAPS, DROP, PLATE, NONE = "camera", "gaps", "drop", "force", "none"
+CAMERA, GAPS, DROP, PLATE, NONE, FPS = "camera", "gaps", "drop", "force", "none", "fps"
 # A camera twice as good, one that sees both flights as well as is usual, a plate of some per cent of the peak, and
 # the height of the ITF's drop test (100 in).
 BETTER, USUAL, GOOD_PLATE, ITF_DROP = "0.5", "1", "20N", "254cm"
 SENSOR_FORMS = (
     "expected COLUMN=SD such as contact_time=0.2ms, camera=SHARE of the noise, gaps=SHARE of the usual errors, "
-    "force=SD of a sample, or drop=HEIGHT; several joined by commas are one sensor"
+    "force=SD of a sample, or drop=HEIGHT; several joined by commas are one sensor; a film begins with fps=N"
 )
 
 
@@ -206,7 +209,7 @@ class Sensor:
     """A way of measuring an impact, called `name` and in `words`, at a `cost` of so many ordinary impacts.
 
     A `drop` is the one impact that it is made with; None: any. With a `plate` force is recorded too, with that sd [N]
-    of a sample.
+    of a sample. With a `film` errors are those of tracked impacts, incident ones too.
     """
 
     name: str
@@ -215,6 +218,7 @@ class Sensor:
     cost: float = 1.0
     drop: Impacts | None = None
     plate: float | None = None
+    film: Film | None = None
 
     @property
     def sees_gaps(self) -> bool:
@@ -288,6 +292,11 @@ def _cost(name: str, cost: object) -> str:
 
 def parse_sensor(problem: Problem, text: str) -> Sensor:
     """The sensor that `text` names. Raises ParameterError that quotes it."""
+    if is_film(text):
+        try:
+            return _film(problem, text)
+        except ParameterError as error:
+            raise ParameterError(f"{asked_sensor(text)}: {error}") from None
     before = as_before(problem)
     columns = {column.name: column for column in before.columns}
     names, words, drop, plate = [], [], None, None
@@ -326,6 +335,26 @@ def parse_sensor(problem: Problem, text: str) -> Sensor:
         if not columns:
             raise ParameterError(f"{asked_sensor(text)}: none of these columns is measured in a drop test")
     return Sensor("+".join(names), " and ".join(words), tuple(columns.values()), drop=drop, plate=plate)
+
+
+def is_film(text: str) -> bool:
+    """Whether a sensor is a film, such as `fps=240, noise=1mm, view=0.8m`."""
+    return text.partition("=")[0].strip() == FPS
+
+
+def _film(problem: Problem, text: str) -> Sensor:
+    """A film: all components, spins and gaps, with the errors that its frames leave. Raises ParameterError."""
+    film = parse_film(text)
+    if not problem.table.has_tangential or not problem.table.has_spin:
+        raise ParameterError("a film needs a fit with motion along the court and spin")
+    columns = []
+    for name in NINE[3:]:
+        _refuse_unpredicted(problem, OBSERVABLES[name])
+        scatter = next((item.noise for item in problem.observables if item.name == name and item.scatters), None)
+        columns.append(PlannedColumn(name, sd=np.zeros(()), noise=scatter))
+    mark = "no mark" if film.fold is None else "a mark"
+    words = f"a film: {film.fps:g} frames/s, noise {1e3 * film.noise:g} mm, view {film.width:g} m, {mark}"
+    return Sensor("".join(text.split()), words, tuple(columns), film=film)
 
 
 def _column(problem: Problem, name: str, value: str) -> PlannedColumn:
@@ -383,6 +412,8 @@ def _gap_words(problem: Problem, share: float) -> str:
 
 def columns_read(problem: Problem, sensor: str) -> tuple[str, ...]:
     """The columns that a sensor of this name adds to those of the fitted table."""
+    if is_film(sensor):
+        return NINE[3:]
     added = (
         [column.name for column in gap_columns(problem)] if part == GAPS else [part]
         for part in sensor.split("+")

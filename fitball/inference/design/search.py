@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fitball.errors import FitError
 from fitball.inference.design.asked import Sensor, Setting, Settings
+from fitball.inference.design.films import as_filmed
 from fitball.inference.design.knowledge import Knowledge, in_directions, plate_rows
 from fitball.inference.design.targets import Target
 from fitball.inference.likelihood.cells import Cells, cells_of
@@ -109,7 +110,11 @@ def read(planned: Problem, draws: FloatArray, sensors: Iterable[Sensor]) -> list
     """What each sensor reads of planned impacts (see `Knowledge.at`) at draws (draws, free), with derivatives."""
     rebound, slopes = planned.differentiated(draws)
     columns = planned.all_values(planned.to_values(draws))
-    return [cells_of(planned, columns, rebound, sensor.columns, slopes) for sensor in sensors]
+    made = []
+    for sensor in sensors:
+        own = planned if sensor.film is None else as_filmed(planned, sensor.film, rebound)
+        made.append(cells_of(own, columns, rebound, sensor.columns, slopes))
+    return made
 
 
 def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> FloatArray:
@@ -120,8 +125,8 @@ def information_rows(planned: Problem, cells: Cells, roots: FloatArray) -> Float
     worth = np.sqrt(planned.noise.information(cells.columns))[..., None, None]
     scale = np.sqrt(planned.noise.scale_information(cells.columns))[..., None, None]
     parts = [worth[..., None] * cells.spread_out(cells.slope), scale[..., None] * cells.spread_out(cells.growth)]
-    if planned.errors is not None:
-        parts.append(scale[..., None] * cells.turn)
+    # Of whitened cells alone.
+    parts.append(scale[..., None] * cells.turn)
     return in_directions(np.concatenate(parts, axis=2), cells.rebound.status == 0, roots)
 
 
