@@ -86,3 +86,15 @@ def test_mistakes_are_told_and_nothing_is_written(grip_slip_folder, tmp_path, ca
         code = left.code
     assert code == 2 and not (tmp_path / "none").exists()
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("fps=240, noise=1mm", "grip-slip has no time between the flights"), ("noise=1mm", "unknown column 'noise'")],
+)
+def test_a_camera_is_a_way_of_measuring_for_models_that_follow_the_contact(
+    grip_slip_folder, tmp_path, capsys, text, words
+):
+    assert main(["plan", str(grip_slip_folder), *WHERE, "--camera", text, "--out", str(tmp_path / "p")]) == 2
+    said = capsys.readouterr().err
+    assert words in said and text in said

@@ -96,10 +96,13 @@ def test_pairs_weigh_marks_bounce_and_spread_of_spins():
             np.mod(pair.turn - 1.7, np.pi), np.pi, atol=1e-9
         )
     assert np.all(np.linalg.eigvalsh(pairs[0].covariance) > -1e-12)
-    wide = pairs_of(before, after, BOUNCE, 2, BALL, 1e4)
-    share = {(p.omega_1, p.omega_2): p.probability for p in wide}
-    narrow = {(p.omega_1, p.omega_2): p.probability for p in pairs_of(before, after, BOUNCE, 2, BALL, 250.0)}
-    assert share[(100.0, 330.0)] <= narrow[(100.0, 330.0)] + 1e-12
+    # A whole turn between frames on both sides: only the spread of incident spins and the turn speak against it.
+    before[1] = Candidate(0.3, -654.0, np.diag([1e-4, 1.0]), -1.0)
+    ratio = []
+    for spread in (250.0, 400.0):
+        weights = {(p.omega_1, p.omega_2): p.probability for p in pairs_of(before, after, BOUNCE, 2, BALL, spread)}
+        ratio.append(np.log(weights[(-654.0, -424.0)] / weights[(100.0, 330.0)]))
+    assert np.isclose(ratio[0] - ratio[1], -0.5 * (654**2 - 100**2) * (250**-2 - 400**-2), rtol=1e-3)
     assert pairs_of([], after, BOUNCE, 2, BALL, 250.0) == ()
 
 

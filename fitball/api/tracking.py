@@ -25,7 +25,7 @@ from fitball.report.form.folders import clear_folder, held
 from fitball.report.tracks.document import render, track_json
 from fitball.tracks.clips import Reading
 from fitball.tracks.filmed import assumptions_of, filmed_from, reading_from
-from fitball.tracks.frames import Check, Track, Tracks
+from fitball.tracks.frames import Track, Tracks
 from fitball.tracks.impacts import covariance_rows, frame_rows, impact_rows
 from fitball.tracks.read import Source, read_tracks
 from fitball.tracks.session import estimate
@@ -164,6 +164,9 @@ def track(
 
     Raises TableError for a file that cannot be read, with what was expected; TrackError where no track has an impact;
     ParameterError, SceneError.
+
+    >>> fitball.track("table_tennis_topspin")
+    <TrackResult: ... impacts, ... tracks without one>
     """
     sources = [data] if isinstance(data, PATHS) or hasattr(data, "columns") else list(data)
     known = _scene_of(scene, sources)
@@ -192,11 +195,13 @@ def track(
     whole, refused = bounces_of(read)
     filmed = filmed_from(used, None if court is None else _court(court, read, used.ball))
     tracks = estimate(whole, filmed)
+    by_radius = how.metres_per_px is None and any(track.metres_per_px is not None for track in read)
     tracks = replace(
         tracks,
         refused=(*refused, *tracks.refused),
         notes=(*tracks.notes, *assumptions_of(used)),
-        scale=FrozenMapping({**tracks.scale, **_scales(whole, used.ball, how)}),
+        # A scale that was made of the radius is not checked by it.
+        scale=FrozenMapping() if by_radius else tracks.scale,
         camera=replace(tracks.camera, fps=tracks.camera.fps or fps),
     )
     if not tracks.impacts:
@@ -268,19 +273,3 @@ def _court(given: str | float, tracks: Sequence[Track], ball: Ball) -> float:
     lowest = float(np.median([track.y.min() for track in tracks]))
     # Centres come as low as a radius above the court.
     return min((height, -height), key=lambda court: abs(lowest - ball.radius - court))
-
-
-def _scales(tracks: Sequence[Track], ball: Ball, how: Reading) -> dict[str, Check]:
-    """By session the scale by the ball's radius, where it is not what made the scale: true lengths over measured."""
-    radius = 0.5 * how.ball_diameter if how.ball_diameter is not None else ball.radius
-    found: dict[str, Check] = {}
-    for session in dict.fromkeys(track.session for track in tracks):
-        own = [track.radius for track in tracks if track.session == session and track.radius is not None]
-        radii = np.concatenate(own) if own else np.zeros(0)
-        radii = radii[np.isfinite(radii) & (radii > 0.0)]
-        by_radius = how.metres_per_px is None and any(track.metres_per_px is not None for track in tracks)
-        if radii.size >= 5 and not by_radius:
-            middle = float(np.median(radii))
-            sd = 1.2533 * 1.4826 * float(np.median(np.abs(radii - middle))) / math.sqrt(radii.size)
-            found[session] = Check(radius / middle, radius / middle**2 * max(sd, 1e-6 * middle))
-    return found

@@ -46,6 +46,8 @@ FEWEST, SLOWEST = 3, 0.3
 LIFT_SHARED = 0.5
 # Times by which errors are widened in the first sweeps, while outliers are still among the frames.
 WIDER = (8.0, 4.0, 2.0, 1.0)
+# Sweeps end when no time of contact moves by more than this [s].
+SETTLED = 1e-7
 # What a state may be without data: it keeps matrices regular and adds nothing to what frames say.
 RIDGE = 1e-6
 
@@ -338,9 +340,9 @@ def start(batch: Batch, sides: Sides, drag: float) -> None:
 
 def _slope(t: FloatArray, values: FloatArray) -> float:
     """Repeated median of slopes (Siegel 1982), which a minority of outliers does not move."""
-    apart = t[:, None] - t
-    np.fill_diagonal(apart, np.nan)
-    return float(np.median(np.nanmedian((values[:, None] - values) / apart, axis=1)))
+    others = ~np.eye(t.size, dtype=bool)
+    apart, rise = (np.subtract.outer(one, one)[others].reshape(t.size, -1) for one in (t, values))
+    return float(np.median(np.median(rise / apart, axis=1)))
 
 
 def leave_out_thin(sides: Sides) -> None:
@@ -406,7 +408,7 @@ def refine(batch: Batch, sides: Sides, priors: Priors, first: bool, sweeps: int 
             steps = np.linalg.solve(hessian, (sides.gradient + pull)[..., None])[..., 0]
             sides.state += np.where(sides.good[:, None] & np.isfinite(steps), steps, 0.0)
         moved = to_contact(batch, sides, priors.marked)
-        if sweep >= len(widths) and np.abs(moved[sides.good]).max(initial=0.0) < 1e-8:
+        if sweep >= len(widths) and np.abs(moved[sides.good]).max(initial=0.0) < SETTLED:
             break
     evaluate(batch, sides, priors.marked)
     information = (sides.info[:, INFO_X] + sides.info[:, INFO_Y] + sides.info[:, INFO_OUTLIERS]) / inflate**2

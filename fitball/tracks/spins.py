@@ -17,8 +17,9 @@ from fitball.values import Ball, FloatArray
 
 # Largest spin [rad/s] that is looked for, and how far below the best a candidate's log likelihood may be.
 LARGEST, WITHIN = 900.0, 10.0
-# Most optima of a periodogram that are refined, and least probability of a pair that is kept.
-MOST, LEAST = 24, 1e-6
+# Most optima of a periodogram that are refined, the lowest over the highest, and least probability of a pair that is
+# kept.
+MOST, LOW, LEAST = 24, 0.4, 1e-6
 # A pair of spins above this probability is sure.
 SURE = 0.999
 # What bounces of balls on courts have: offset of the normal force [m], tangential restitution, friction along the
@@ -116,6 +117,7 @@ def candidates(d: FloatArray, phi: FloatArray, fold: int, sigma: float, share: f
     power = np.hypot(real, imaginary)
     edge = np.concatenate([[-1.0], power, [-1.0]])
     peaks = np.flatnonzero((power >= edge[:-2]) & (power > edge[2:]))
+    peaks = peaks[power[peaks] > LOW * power.max()]
     peaks = peaks[np.argsort(-power[peaks], kind="stable")][:MOST]
     starts = [
         (float(np.arctan2(imaginary[peak], real[peak]) / fold), float(-LARGEST + peak * step)) for peak in peaks

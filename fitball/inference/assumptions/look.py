@@ -39,6 +39,7 @@ from fitball.inference.sampling.importance import (
     importance_posterior,
     refitted,
     smoothed_elpd,
+    within_bounds,
 )
 from fitball.inference.sampling.moves import StudentProposal
 from fitball.models.model import Model
@@ -238,7 +239,11 @@ def _linear(problem: Problem, optimum: FloatArray, rng: np.random.Generator) -> 
     nothing is left.
     """
     there = about(problem, optimum)
-    drawn = optimum + rng.standard_normal((NORMAL_DRAWS, optimum.size)) @ there.factor.T
+
+    def draw(count: int) -> FloatArray:
+        return np.asarray(optimum + rng.standard_normal((count, optimum.size)) @ there.factor.T)
+
+    drawn, _share = within_bounds(problem, draw, NORMAL_DRAWS)
     possible = np.isfinite(log_posterior(problem, drawn))
     found = Fitted(problem, equal_draws(problem.to_values(drawn[possible])), there) if possible.any() else None
     return found if found is not None and found.draws.settled else None

@@ -2,5 +2,5 @@
 from draws of a posterior, about parameters or about a prediction.
 
 Offers: `make_plan`, `Asked`, `Plan`.
-May import: inference.prediction, inference.likelihood, inference.results, inference.problem, models, data.
+May import: inference.prediction, inference.likelihood, inference.results, inference.problem, tracks, models, data.
 """

@@ -293,7 +293,10 @@ def _cost(name: str, cost: object) -> str:
 def parse_sensor(problem: Problem, text: str) -> Sensor:
     """The sensor that `text` names. Raises ParameterError that quotes it."""
     if is_film(text):
-        return _film(problem, text)
+        try:
+            return _film(problem, text)
+        except ParameterError as error:
+            raise ParameterError(f"{asked_sensor(text)}: {error}") from None
     before = as_before(problem)
     columns = {column.name: column for column in before.columns}
     names, words, drop, plate = [], [], None, None
@@ -343,7 +346,7 @@ def _film(problem: Problem, text: str) -> Sensor:
     """A film: all components, spins and gaps, with the errors that its frames leave. Raises ParameterError."""
     film = parse_film(text)
     if not problem.table.has_tangential or not problem.table.has_spin:
-        raise ParameterError(f"{asked_sensor(text)}: a film needs a fit with motion along the court and spin")
+        raise ParameterError("a film needs a fit with motion along the court and spin")
     columns = []
     for name in NINE[3:]:
         _refuse_unpredicted(problem, OBSERVABLES[name])

@@ -136,10 +136,14 @@ def starting_positions(
     the prior's width to all of it; they are resampled by a power of their posterior density. Raises FitError when
     too few candidates are possible.
     """
-    for _ in range(10):
+    low, high = problem.prior.limits
+    for attempt in range(10):
         centre = np.where(rng.uniform(size=POOL) < 0.5, first % len(optima), rng.integers(len(optima), size=POOL))
-        reach = np.exp(rng.uniform(math.log(0.01), 0.0, size=(POOL, 1)))
+        reach = np.exp(rng.uniform(math.log(0.01), 0.0, size=(POOL, 1)) - attempt)
         pool = optima[centre] + problem.prior.width * reach * rng.standard_normal((POOL, problem.dimension))
+        if attempt:
+            # Where data leave a small part of the prior, or optima are at bounds: nearer, and turned back inside.
+            pool = np.where(pool < low, 2.0 * low - pool, np.where(pool > high, 2.0 * high - pool, pool))
         density = log_posterior(problem, pool)
         if not np.any(np.isfinite(density)):
             continue

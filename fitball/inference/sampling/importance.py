@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import logsumexp
@@ -119,15 +120,16 @@ def importance_posterior(
     is `begun` with; or of another log `density` of a problem at coordinates (draws, free).
     """
     fitted = [*begun]
-    proposals: list[tuple[int, StudentProposal]] = []
+    proposals: list[tuple[float, StudentProposal]] = []
     coordinates, score = np.empty((0, problem.dimension)), np.empty(0)
     # Log densities (proposals, draws): those of a round's draws and proposals join those of the rounds before.
     drawn_from = np.empty((0, 0))
     for _ in range(max(ROUNDS, round(LAVISH * enough / ROUND))):
         known = len(coordinates)
-        added = [proposal.draw(rng, ROUND // len(fitted)) for proposal in fitted]
-        drawn = np.concatenate(added)
-        before, now = proposals, [(len(own), proposal) for own, proposal in zip(added, fitted, strict=True)]
+        added = [within_bounds(problem, partial(proposal.draw, rng), ROUND // len(fitted)) for proposal in fitted]
+        drawn = np.concatenate([own for own, _share in added])
+        before = proposals
+        now = [(len(own) / share, proposal) for (own, share), proposal in zip(added, fitted, strict=True)]
         proposals = [*before, *now]
         coordinates, score = (
             np.concatenate([coordinates, drawn]),
@@ -150,7 +152,23 @@ def importance_posterior(
     return WeightedDraws(problem.to_values(coordinates[possible]), log_weights[possible], effective, score[possible])
 
 
-def _log_densities(proposals: Sequence[tuple[int, StudentProposal]], coordinates: FloatArray) -> FloatArray:
+def within_bounds(problem: Problem, draw: Callable[[int], FloatArray], count: int) -> tuple[FloatArray, float]:
+    """What `draw(count)` gives (count, free), and the share of it from which it is: all of it, or where most is
+    outside of the priors' bounds, as about scatter of zero, the part inside.
+    """
+    drawn = draw(count)
+    inside = np.isfinite(problem.prior.log_density(drawn))
+    if np.mean(inside) >= MOSTLY:
+        return drawn, 1.0
+    kept, tried = [drawn[inside]], count
+    while (found := sum(map(len, kept))) < max(count, COUNTED) and tried < MOST_TRIED:
+        more = draw(TRIED)
+        kept.append(more[np.isfinite(problem.prior.log_density(more))])
+        tried += TRIED
+    return (np.concatenate(kept)[:count], found / tried) if found >= count else (drawn, 1.0)
+
+
+def _log_densities(proposals: Sequence[tuple[float, StudentProposal]], coordinates: FloatArray) -> FloatArray:
     """Those (proposals, draws) of each proposal at coordinates (draws, free), all times their numbers of draws."""
     rows = [np.log(count) + one.log_density(coordinates) - one.log_volume for count, one in proposals]
     return np.array(rows).reshape(len(proposals), len(coordinates))
@@ -167,6 +185,10 @@ def fitted_to(coordinates: FloatArray, log_weights: FloatArray) -> StudentPropos
         power *= FLATTER
     return StudentProposal.fit(coordinates, weights)
 
+
+# Of proposals less of which is inside the bounds only that part is drawn from. Its share is counted from so many
+# draws inside, which gives it to 2 %, of so many at a time and at most.
+MOSTLY, COUNTED, TRIED, MOST_TRIED = 0.5, 2000, 20_000, 1_000_000
 
 # Share of the draws asked for that a refit must be worth at least.
 WORTH = 0.4

@@ -26,8 +26,6 @@ WORDS = {
     "gap_time": "time between the flights, T", "gap_path": "path between the flights, P",
     "gap_turn": "turn between the flights, Q",
 }  # fmt: skip
-# Gravity where tennis is played, to 0.3 %.
-GRAVITY = 9.81
 # Pictures of impacts on a page, notes and refusals of the first screen.
 MOST_PICTURES, FIRST_NOTES = 12, 3
 
@@ -116,13 +114,14 @@ def _lead(tracks: Tracks, sources: Sequence[str], folder: Path | None) -> list[A
         for name, noise in [*tracks.noise.items()][:3]
     ]
     texts += _spin_words(tracks)
-    texts += [text for name in tracks.gravity for text in _gravity_words(tracks, name)]
     doubts = [f"Impact {one_line(it.id)}: {one_line(it.notes[0])}" for it in tracks.impacts if it.notes]
     doubts = [*_refused(tracks)[:FIRST_NOTES], *doubts[:FIRST_NOTES]]
     parts: list[Any] = [
         Words(texts, "lead", rank="first"),
         Table.from_rows("Errors", _error_rows(tracks), ["what"], rank="first", spare="what"),
         Words(doubts, "list", only="terminal", rank="first"),
+        # On a terminal notes come before the report.
+        Words([one_line(note) for note in tracks.notes[: 2 * FIRST_NOTES]], "list", only="page"),
     ]
     if folder is not None:
         go_on = spoken(f"fitball calibrate {folder / 'impacts.csv'}", "fitball.calibrate(result.table)")
@@ -272,24 +271,7 @@ def _session_words(tracks: Tracks) -> list[str]:
     texts = []
     if any(noise.slow > 1.0 for noise in tracks.noise.values()):
         texts.append("The factor of slow errors widens all standard errors of positions and is included in them.")
-    for name in tracks.gravity:
-        texts += _gravity_words(tracks, name)
     return texts
-
-
-def _gravity_words(tracks: Tracks, name: str) -> list[str]:
-    """What gravity says of scale and clock, where it disagrees."""
-    found = tracks.gravity[name]
-    if not np.isfinite(found.value) or abs(found.value - GRAVITY) <= 3.0 * found.sd:
-        return []
-    off = found.value / GRAVITY - 1.0
-    where = f" in session {one_line(name)}" if name else ""
-    way = ("large", "fast") if off > 0.0 else ("small", "slow")
-    by_scale, by_clock = percent(abs(off)), percent(abs(float(np.sqrt(1.0 + off)) - 1.0))
-    return [
-        f"Gravity comes out as {plus_minus(found.value, found.sd)} m/s^2{where}: the scale is {by_scale} too "
-        f"{way[0]}, or the clock {by_clock} too {way[1]}."
-    ]
 
 
 def _camera_rows(tracks: Tracks) -> list[list[str]]:
