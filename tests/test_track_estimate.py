@@ -342,6 +342,31 @@ def test_what_is_no_impact_gets_words():
     assert "more than one object" in reasons([replace(track, radius=sizes)])
 
 
+@pytest.mark.parametrize("court", [0.0, None])
+def test_no_track_breaks_the_others(court):
+    """What is no flight at all is refused, and a good track beside it is found."""
+    _true, (good, other) = filmed_bounces(2, film(240))
+    rng = np.random.default_rng(1)
+    frames = other.time.size
+    broken = {
+        "noise": replace(other, y=rng.standard_normal(frames)),
+        "still": replace(other, x=np.zeros(frames), y=np.zeros(frames)),
+        "no clock": replace(other, time=np.zeros(frames)),
+        "kink": replace(other, y=5.0 * np.abs(other.time - other.time.mean())),
+        "empty": replace(other, x=np.full(frames, np.nan)),
+        "millimetres": replace(other, x=1e3 * other.x, y=1e3 * other.y),
+        "one frame": replace(
+            other, **{name: getattr(other, name)[:1] for name in ("frame", "time", "x", "y", "angle")}
+        ),
+    }
+    for name, track in broken.items():
+        alone = estimate([replace(track, id=name)], Filmed(court=court))
+        assert len(alone.refused) >= 1 and alone.refused[0].reason, name
+        assert all(np.isfinite(made.covariance).all() for made in alone.impacts), name
+        both = estimate([replace(track, id=name, session="other"), good], Filmed(court=court))
+        assert good.id in [made.id for made in both.impacts], name
+
+
 def test_what_is_doubtful_gets_notes():
     _true, tracks = filmed_bounces(4, film(1000))
     sizes = np.full(tracks[0].time.size, 0.033)

@@ -50,6 +50,8 @@ WIDER = (8.0, 4.0, 2.0, 1.0)
 SETTLED = 1e-7
 # What a state may be without data: it keeps matrices regular and adds nothing to what frames say.
 RIDGE = 1e-6
+# Added to the diagonal of correlations: frames that do not determine a flight make no singular matrix.
+REGULAR = 1e-12
 
 
 @dataclass
@@ -405,14 +407,22 @@ def refine(batch: Batch, sides: Sides, priors: Priors, first: bool, sweeps: int 
             evaluate(batch, sides, priors.marked, wider)
             hessian = sides.info[:, :INFO_OUTLIERS].sum(axis=1) + precision
             pull = np.einsum("ipq,iq->ip", precision, means - sides.state)
-            steps = np.linalg.solve(hessian, (sides.gradient + pull)[..., None])[..., 0]
+            steps = np.einsum("ipq,iq->ip", _inverse(hessian), sides.gradient + pull)
             sides.state += np.where(sides.good[:, None] & np.isfinite(steps), steps, 0.0)
         moved = to_contact(batch, sides, priors.marked)
         if sweep >= len(widths) and np.abs(moved[sides.good]).max(initial=0.0) < SETTLED:
             break
     evaluate(batch, sides, priors.marked)
     information = (sides.info[:, INFO_X] + sides.info[:, INFO_Y] + sides.info[:, INFO_OUTLIERS]) / inflate**2
-    sides.covariance[:] = np.linalg.inv(information + sides.info[:, INFO_ANGLE] + precision)
+    sides.covariance[:] = _inverse(information + sides.info[:, INFO_ANGLE] + precision)
+
+
+def _inverse(matrices: FloatArray) -> FloatArray:
+    """Of information matrices (impacts, n, n), whose diagonals differ by many orders of magnitude."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
+    even = matrices * scale[:, :, None] * scale[:, None, :] + REGULAR * np.eye(matrices.shape[1])
+    inverse: FloatArray = np.linalg.inv(even) * scale[:, :, None] * scale[:, None, :]
+    return inverse
 
 
 def nine(batch: Batch, sides: Sides, marked: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:

@@ -151,21 +151,22 @@ def falling(pieces: Sequence[Piece], filmed: Filmed) -> Check | None:
     k = resistance(filmed.ball, filmed.air.density)
     for piece in pieces:
         time = frame_times(piece.track, filmed) - piece.origin
-        away = max(filmed.contact_time[2], 3.5 * float(np.median(np.diff(piece.t))))
         whole = np.isfinite(time) & np.isfinite(piece.track.x) & np.isfinite(piece.track.y)
+        away = max(filmed.contact_time[2], 3.5 * float(np.median(np.diff(np.sort(time[whole])))))
         alone = piece.id == piece.track.id
         whole &= alone | ((time >= piece.t[0]) & (time <= piece.t[-1]))
         for side in (whole & (time < -away), whole & (time > away)):
             t, x, y = time[side], piece.track.x[side], piece.track.y[side]
-            if t.size < 6:
+            if np.unique(t).size < 6:
                 continue
+            t = t - np.mean(t)
             residual = np.abs(y - np.polyval(np.polyfit(t, y, 2), t))
             kept = residual <= 4.0 * np.median(residual) + 1e-12
-            if kept.sum() < 6:
+            if np.unique(t[kept]).size < 6:
                 continue
             t, x, y = t[kept] - np.mean(t[kept]), x[kept], y[kept]
-            curve, rest = np.polyfit(t, y, 2), np.polyval(np.polyfit(t, y, 2), t) - y
-            bend = t * t - np.mean(t * t)
+            curve = np.polyfit(t, y, 2)
+            rest, bend = np.polyval(curve, t) - y, t * t - np.mean(t * t)
             error = 2.0 * float(np.sqrt(np.sum(rest**2) / (t.size - 3) / np.sum(bend**2)))
             v_x, v_y = float(np.polyfit(t, x, 1)[0]), float(curve[1])
             speed = float(np.hypot(v_x, v_y))

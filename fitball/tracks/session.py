@@ -88,17 +88,16 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         found += pieces
         refused += none
     found = _of_right_rate(found, filmed, refused)
-    height, height_sd, notes = filmed.court, None, []
-    if height is None and found:
-        height, height_sd, words = _height(found, filmed)
-        notes.append(words)
+    notes: list[str] = []
+    height_sds: list[float] = []
     impacts: list[TrackedImpact] = []
     noise: dict[str, SessionNoise] = {}
     gravity: dict[str, Check] = {}
     scale: dict[str, Check] = {}
     for name in dict.fromkeys(piece.track.session for piece in found):
         own = [piece for piece in found if piece.track.session == name]
-        session = _fit_session(own, filmed, height or 0.0)
+        height, height_sd, words = (filmed.court, None, "") if filmed.court is not None else _height(own, filmed)
+        session = _fit_session(own, filmed, height)
         good = []
         for k, piece in enumerate(own):
             reason = session.sides.failed[k]
@@ -113,6 +112,9 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
         if not good:
             continue
         noise[name] = session.noise
+        if height_sd is not None:
+            height_sds.append(height_sd)
+            notes.append(f"Session {name}: {words[0].lower()}{words[1:]}" if name else words)
         if session.gravity is not None:
             gravity[name] = session.gravity
         by_radius = pooled.scale_by_radius([piece.track for piece in own], filmed.ball.radius)
@@ -123,7 +125,7 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
     impacts.sort(key=lambda made: order[made.id])
     return Tracks(
         filmed, tuple(impacts), tuple(refused), FrozenMapping(noise), FrozenMapping(gravity), FrozenMapping(scale),
-        _camera(filmed, height_sd), tuple(notes),
+        _camera(filmed, max(height_sds, default=None)), tuple(notes),
     )  # fmt: skip
 
 
@@ -207,7 +209,8 @@ def _lift_after(sides: Sides, filmed: Filmed) -> FloatArray:
 def _height(pieces: Sequence[Piece], filmed: Filmed) -> tuple[float, float, str]:
     """Height of the court at which the median time over contact is the ball's plausible one; its sd, and a note."""
     usual, low, high = filmed.contact_time
-    lowest = [float(np.min(np.sort(piece.y)[1:])) for piece in pieces]
+    # The second lowest frame: the lowest may be an outlier.
+    lowest = [float(np.sort(piece.y)[:2][-1]) for piece in pieces]
     height, slope = float(np.median(lowest)) + PRESSED - filmed.ball.radius, 0.2
     for _ in range(4):
         _batch_of, sides, _priors = _positions(pieces, filmed, height)
