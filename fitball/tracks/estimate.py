@@ -300,9 +300,12 @@ def lifts(batch: Batch, sides: Sides, marked: NDArray[np.bool_], side: int) -> F
 def sort_frames(batch: Batch, sides: Sides, margin: float = GUARD) -> None:
     """Say of each frame to which flight it belongs, `margin` [s] away from the contact; impacts with too few fail."""
     with np.errstate(invalid="ignore"):
-        # Where the height of the court is wrong, release may seem to come before landing.
-        before = batch.t < sides.times.min(axis=1, keepdims=True) - margin
-        after = batch.t > sides.times.max(axis=1, keepdims=True) + margin
+        # Where the court is too low, or flights are still far from it, release may seem to come before landing.
+        middle = sides.times.mean(axis=1, keepdims=True)
+        half = np.maximum(0.5 * np.diff(sides.times, axis=1), 0.0)
+        half = np.where(half > 0.0, half, 0.5 * batch.contact_time)
+        before = batch.t < middle - half - margin
+        after = batch.t > middle + half + margin
     sides.role[:] = np.where(before, BEFORE, np.where(after, AFTER, CONTACT))
     sides.role[np.isnan(batch.x) | np.isnan(batch.y) | np.isnan(batch.t)] = UNUSED
     for i, reason in enumerate(sides.failed):
