@@ -16,7 +16,7 @@ import numpy as np
 from fitball.data.bundled import resolve_tracks
 from fitball.data.heights import like_tennis
 from fitball.data.read import PATHS, load_table
-from fitball.data.scene import Camera, Scene, load_scene
+from fitball.data.scene import Camera, Quantity, Scene, load_scene
 from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.data.units import Dimension, parse_unit
 from fitball.errors import ParameterError, TrackError, UnitError
@@ -193,7 +193,9 @@ def track(
     how = reading_from(used, given)
     read = read_tracks(sources, how)
     whole, refused = bounces_of(read)
-    height = camera.court if court is None else court
+    height = camera.court.value if court is None and camera.court is not None else court
+    if court is None and camera.court is not None and camera.court.sd is not None and camera.court_height is None:
+        used = replace(used, camera=replace(camera, court_height=Quantity(0.0, camera.court.sd)))
     filmed = filmed_from(used, None if height is None else _court(height, read, used.ball))
     tracks = estimate(whole, filmed)
     by_radius = how.metres_per_px is None and any(track.metres_per_px is not None for track in read)

@@ -86,7 +86,7 @@ class Camera:
     fps: float | None = None
     mm_per_px: float | None = None
     row_time: float | None = None
-    court: float | None = None
+    court: Quantity | None = None
 
 
 def _said(key: str, default: object = None) -> Any:
