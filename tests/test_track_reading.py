@@ -127,6 +127,18 @@ def test_kinovea_with_semicolons_and_milliseconds(tmp_path):
     same_place(track)
 
 
+def test_kinovea_one_table_of_objects_in_quotes_with_times_in_ms_of_no_unit(tmp_path):
+    head = '"Time","Trajectory 1/0/X","Trajectory 1/0/Y","Marker 1/0/X","Marker 1/0/Y"'
+    lines = [
+        ",".join(f'"{filmed.comma(v)}"' for v in (1e3 * (t + 1.0), x, y)) + (',"0,5","0,5"' if k == 2 else ",,")
+        for k, (t, (x, y)) in enumerate(zip(SHOT.time, SHOT.place, strict=True))
+    ]
+    track, marker = read_tracks([written(tmp_path, "\n".join([head, *lines]))])
+    same_place(track)
+    assert (track.id, marker.id, len(marker.time)) == ("Trajectory 1", "Marker 1", 1)
+    assert any("read as milliseconds" in note for note in track.notes)
+
+
 @pytest.mark.parametrize("down", [True, False])
 def test_dltdv_counts_y_from_the_top_or_the_bottom_and_it_is_said(tmp_path, down):
     place = pixels(down=down)

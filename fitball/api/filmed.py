@@ -130,7 +130,7 @@ class FilmedImpacts:
         ball = self.ball
         scene = {
             "ball": {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia},
-            "camera": {"fps": float(self.film.fps)},
+            "camera": {"fps": float(self.film.fps), "court": 0.0},
             "source": {"description": f"{len(self.tracks)} simulated impacts on film; their truth is in {TRUTH}"},
         }
         places = tuple(folder / name for name in (TRACKS, SCENE, TRUTH, JSON_NAME))

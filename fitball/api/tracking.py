@@ -193,7 +193,8 @@ def track(
     how = reading_from(used, given)
     read = read_tracks(sources, how)
     whole, refused = bounces_of(read)
-    filmed = filmed_from(used, None if court is None else _court(court, read, used.ball))
+    height = camera.court if court is None else court
+    filmed = filmed_from(used, None if height is None else _court(height, read, used.ball))
     tracks = estimate(whole, filmed)
     by_radius = how.metres_per_px is None and any(track.metres_per_px is not None for track in read)
     tracks = replace(
@@ -240,6 +241,9 @@ def _length(name: str, given: str | float, dimension: str = "a length") -> float
     if not isinstance(given, str):
         return float(given)
     matched = _LENGTH.fullmatch(given)
+    if matched is not None and not any(digit in matched["number"] for digit in "123456789"):
+        # Zero needs no unit.
+        return 0.0
     if matched is not None and matched["unit"]:
         with suppress(UnitError):
             return float(parse_unit(matched["unit"], Dimension.LENGTH).to_si(float(matched["number"])))

@@ -75,7 +75,8 @@ class Quantity:
 class Camera:
     """What a session of filming shares. `scale` and `clock` are true lengths and times over those in the table,
     factors about 1. `tilt` [rad] is the angle by which the court rises along the ball's travel, `court_height` [m]
-    the height of the court above that which was taken for it. Of the others (frames/s, mm, s) a fit makes no use.
+    the height of the court above that which was taken for it. Of the others (frames/s, mm, s, and the height of the
+    court in files of positions, m) a fit makes no use.
     """
 
     scale: Quantity | None = None
@@ -85,6 +86,7 @@ class Camera:
     fps: float | None = None
     mm_per_px: float | None = None
     row_time: float | None = None
+    court: float | None = None
 
 
 def _said(key: str, default: object = None) -> Any:

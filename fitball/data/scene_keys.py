@@ -142,6 +142,7 @@ SIZES: Mapping[str, Range] = {
     "camera.fps": Range(1.0, 1e7, "1 to 1e7 frames/s", (20.0, 1e6), 1e3, _RATES),
     "camera.mm_per_px": Range(1e-4, 1e3, "1e-4 to 1000 mm", (1e-3, 20.0), 1.0, {"um": 1e-3, "m": 1e3}),
     "camera.row_time": Range(1e-10, 0.01, "1e-10 to 0.01 s, in s", (1e-9, 1e-3), 1e-5, _TIMES),
+    "camera.court": Range(-100.0, 100.0, "-100 to 100 m, in m", (-10.0, 10.0), 1.0, {"mm": 1e-3, "cm": 1e-2}),
     "air.density": Range(0.3, 2.0, "0.3 to 2 kg/m^3", (0.7, 1.5), 1.2, {"g/cm^3": 1e3}),
     "air.temperature": Range(-40.0, 60.0, "-40 to 60 degrees Celsius", (-40.0, 60.0), 20.0, {}),
     "air.pressure": Range(

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitball.data.cells import refusal
 from fitball.tracks.clips import Clip, Reading, some_of
-from fitball.tracks.motion import SURE, gravity, kink
+from fitball.tracks.motion import SURE, bounces, gravity, kink
 from fitball.values import FloatArray
 from fitball.wording import spoken
 
@@ -87,17 +87,19 @@ def _found(clips: Sequence[Clip]) -> tuple[int, float, str, bool] | None:
     """Axis and direction upwards, the reason in words, and whether that is a bounce, else gravity; None without."""
     if not clips:
         return None
-    jumps, pulls, flat = [], [], clips[0].position.shape[1] == 2
+    jumps, pulls, sideways, flat = [], [], 0, clips[0].position.shape[1] == 2
     for clip in some_of(clips):
         assert clip.time is not None
         bend = kink(clip.time, clip.position)
         if bend is not None and bend.score > 2.0 * SURE:
             turned = bend.before * bend.after < 0.0
-            # A picture stands upright, if the ball turns round along y.
-            axis = 1 if flat and turned[1] else int(np.argmax(np.abs(bend.jump)))
+            # A picture stands upright, if the ball turns round along y, here or elsewhere.
+            upward = flat and (turned[1] or any(len(bounces(clip.time, s * clip.position[:, 1])) for s in (1, -1)))
+            axis = 1 if upward else int(np.argmax(np.abs(bend.jump)))
             # The ball turns round along the normal.
             if bend.before[axis] * bend.after[axis] < 0.0:
                 jumps.append(bend.jump)
+                sideways += axis != 1
                 if flat:
                     continue
         breaks = [] if bend is None else [bend.time]
@@ -105,7 +107,7 @@ def _found(clips: Sequence[Clip]) -> tuple[int, float, str, bool] | None:
         pulls.append([0.0 if flat and k == 0 else value / sd for k, (value, sd) in enumerate(values)])
     if jumps:
         jump = np.median(jumps, axis=0)
-        axis = 1 if flat and abs(jump[0]) < _CLEAR * abs(jump[1]) else int(np.argmax(np.abs(jump)))
+        axis = int(2 * sideways <= len(jumps)) if flat else int(np.argmax(np.abs(jump)))
         rest = np.delete(np.abs(jump), axis)
         if flat or np.abs(jump[axis]) > _CLEAR * rest.max():
             words = (

@@ -5,6 +5,7 @@
 | any (long table) | `id, t or frame, x, y` and what `NAMES` has | a frame of a ball |
 | Tracker | names of masses above `t, x, y` | a frame of all masses |
 | Kinovea | `T X Y`, behind a comment mark or not; times such as 0:00:01:23 | a frame; tracks one below the other |
+| Kinovea, one table | `Time`, and `NAME/0/X, NAME/0/Y` of each object | a frame of all objects |
 | DLTdv | `pt1_cam1_X, pt1_cam1_Y`, or `pt1_X, pt1_Y, pt1_Z` | a frame, from 1 |
 | DeepLabCut | `scorer`, `bodyparts`, `coords` | a frame, its number first |
 | none | two or three columns of numbers | a frame, from 1 |
@@ -61,6 +62,8 @@ _LENGTHS = ("x", "y", "z", "radius", "diameter")
 _PLAIN = Unit("", Dimension.TIME, 1.0)
 _PIXEL_CELL = re.compile(r"(?P<name>.*?\w)[\s_/,:]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?", re.IGNORECASE)
 _DLTDV = re.compile(r"pt(?P<point>\d+)_(?:cam(?P<camera>\d+)_)?(?P<axis>[xyz])", re.IGNORECASE)
+# A column of Kinovea's single table: object, point, axis.
+_PAIRED = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
 # Hours, minutes, seconds; then hundredths or thousandths of a second.
 _TIMECODE = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{2})[:.,](\d{2,3})")
 EXPECTED = (
@@ -69,6 +72,8 @@ EXPECTED = (
 )
 # Numbers this near to whole ones are whole; rows that go back more often than every so many are in no order.
 _ROUNDED, _SHORTEST = 1e-6, 6
+# Seconds between frames that no film of a bounce has.
+_FILMED = 1.0
 # What stands for a header where a file has none.
 _BARE = ("x", "y", "z")
 
@@ -93,7 +98,9 @@ def positions_vocabulary(how: Reading) -> Vocabulary:
     def worth(cell: str) -> float:
         if len(cell) > LONGEST or not cell or is_number(cell):
             return 0.0
-        return 1.0 if _DLTDV.fullmatch(cell) or _column(cell, how)[0] in NAMES or cell.casefold() == "coords" else 0.0
+        if _DLTDV.fullmatch(cell) or _PAIRED.fullmatch(cell):
+            return 1.0
+        return 1.0 if _column(cell, how)[0] in NAMES or cell.casefold() == "coords" else 0.0
 
     return Vocabulary(worth, lambda text: is_unit(text) or text.casefold() in ("px", "pixel", "pixels"))
 
@@ -150,6 +157,8 @@ _NAMING = Naming(FrozenMapping({word: word for words in (*NAMES, *NAMES.values()
 def _parts(header: Texts, above: Sequence[Texts], stem: str, how: Reading) -> list[_Part]:
     if any(map(_DLTDV.fullmatch, header)):
         return _dltdv(header, stem)
+    if any(map(_PAIRED.fullmatch, header)):
+        return _kinovea(header, how)
     if header[0].casefold() == "coords":
         return _deeplabcut(header, above)
     ours = [_column(cell, how)[0] for cell in header]
@@ -176,6 +185,15 @@ def _dltdv(header: Texts, stem: str) -> list[_Part]:
         for (point, camera), places in points.items()
         if {"x", "y"} <= places.keys()
     ]  # fmt: skip
+
+
+def _kinovea(header: Texts, how: Reading) -> list[_Part]:
+    times = {name: k for k, cell in enumerate(header) if (name := _column(cell, how)[0]) in ("t", "frame")}
+    points: dict[str, dict[str, int]] = {}
+    for k, cell in enumerate(header):
+        if found := _PAIRED.fullmatch(cell.strip()):
+            points.setdefault(found["name"], {**times})[found["axis"].casefold()] = k
+    return [_Part(name, places, "Kinovea") for name, places in points.items() if {"x", "y"} <= places.keys()]
 
 
 def _deeplabcut(header: Texts, above: Sequence[Texts]) -> list[_Part]:
@@ -344,6 +362,9 @@ def _clip(
     count = np.arange(1, len(rows) + 1) if frame is None else np.round(np.where(seen, frame, 0.0)).astype(np.int64)
     if part.program:
         notes.append(f"read as an export of {part.program}")
+    if time is not None and _times_in_ms(columns["t"], raw.header[part.places["t"]], time[seen], how):
+        time = 1e-3 * time
+        notes.append("times have no unit and were read as milliseconds: steps of a second and more are no film")
     clip = Clip(
         name, session, source, count, lines, position, unit,
         time=time, angle=values("angle"), fold=int(folds[0]) if folds.size else how.fold or 1, radius=radius,
@@ -351,6 +372,12 @@ def _clip(
     ).take(seen)  # fmt: skip
     order = clip.frame if clip.time is None else clip.time
     return clip.take(np.argsort(order, kind="stable"))
+
+
+def _times_in_ms(column: NumberColumn, cell: str, time: FloatArray, how: Reading) -> bool:
+    """Whether times without a unit step by too much to be seconds."""
+    stated = _column(cell, how)[1] is not None or column.unit.symbol != "s"
+    return not stated and len(time) > 1 and float(np.median(np.abs(np.diff(time)))) >= _FILMED
 
 
 def _check_once(clip: Clip, found: Findings) -> None:

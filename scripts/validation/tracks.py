@@ -368,8 +368,8 @@ def _chances(item: Mapping[str, Any]) -> list[float]:
 
 
 def _words(content: Mapping[str, Any]) -> str:
-    def share(item: Mapping[str, Any], key: str) -> str:
-        return f"{100 * item[key] / item['of']:.0f} %"
+    def share(one: Mapping[str, Any], key: str) -> str:
+        return f"{100 * one[key] / one['of']:.0f} %"
 
     def number(value: float | None, factor: float = 1.0) -> str:
         return "" if value is None else f"{factor * value:.3g}"

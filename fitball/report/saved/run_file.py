@@ -150,6 +150,7 @@ class CameraPart(Part, frozen=True, omit_defaults=True):
     fps: Positive | None = None
     mm_per_px: Positive | None = None
     row_time: Positive | None = None
+    court: float | None = None
 
 
 # What the scene knew besides that which stands in the other sections.
