@@ -79,7 +79,7 @@ def test_derivatives_of_the_nine_are_differences():
         assert np.allclose(slopes[0, :, unknown], (read[0] - read[1]) / (2 * step), rtol=1e-4, atol=1e-6), unknown
 
 
-def test_starts_bear_a_minority_of_outliers():
+def test_a_minority_of_outliers_does_not_move_a_start():
     t = np.arange(12) * 1e-3
     values = 3.0 + 7.0 * t
     values[[0, 4, 7, 11]] += [0.04, -0.03, 0.05, 0.02]
