@@ -79,6 +79,13 @@ def test_derivatives_of_the_nine_are_differences():
         assert np.allclose(slopes[0, :, unknown], (read[0] - read[1]) / (2 * step), rtol=1e-4, atol=1e-6), unknown
 
 
+def test_a_minority_of_outliers_does_not_move_a_start():
+    t = np.arange(12) * 1e-3
+    values = 3.0 + 7.0 * t
+    values[[0, 4, 7, 11]] += [0.04, -0.03, 0.05, 0.02]
+    assert np.isclose(fits._slope(t, values), 7.0, atol=1e-9)
+
+
 def test_states_end_at_the_height_of_contact():
     batch, sides, _known = one_impact()
     assert np.allclose(sides.state[0, [2, WIDTH + 2]], batch.height, atol=1e-9)

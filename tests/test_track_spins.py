@@ -106,6 +106,23 @@ def test_pairs_weigh_marks_bounce_and_spread_of_spins():
     assert pairs_of([], after, BOUNCE, 2, BALL, 250.0) == ()
 
 
+def test_angles_that_say_nothing_are_not_sure():
+    """Random angles, of which any few fit some line, beside a side that is read well."""
+    d = np.arange(1, 30) / 240
+    after = candidates(d, angles(330.0, d, 1), 1, 0.035, 0.05)
+    sure = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        first = -np.arange(1, 4 + seed % 6) / 240
+        before = candidates(first, rng.uniform(0, 2 * np.pi, first.size), 1, 0.035, 0.05)
+        pairs = pairs_of(before, after, BOUNCE, 1, BALL, 250.0)
+        assert sum(pair.probability for pair in pairs) <= 1.0 + 1e-9
+        sure.append(bool(pairs) and pairs[0].probability > SURE)
+    assert sum(sure) <= 1
+    read = candidates(-d, angles(100.0, -d, 1), 1, 0.035, 0.05)
+    assert pairs_of(read, after, BOUNCE, 1, BALL, 250.0)[0].probability > SURE
+
+
 def test_covariance_of_a_pair_is_that_of_its_lines():
     """By draws of both lines: turn = phi_2 - phi_1."""
     one = Candidate(0.3, 100.0, np.array([[4e-4, 0.012], [0.012, 1.0]]), 0.0)

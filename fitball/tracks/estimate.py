@@ -46,6 +46,8 @@ FEWEST, SLOWEST = 3, 0.3
 LIFT_SHARED = 0.5
 # Times by which errors are widened in the first sweeps, while outliers are still among the frames.
 WIDER = (8.0, 4.0, 2.0, 1.0)
+# Frames that are left out about the contact [s], beside half its usual time, before its ends are known.
+AWAY = 1e-3
 # Sweeps end when no time of contact moves by more than this [s].
 SETTLED = 1e-7
 # What a state may be without data: it keeps matrices regular and adds nothing to what frames say.
@@ -318,11 +320,13 @@ def sort_frames(batch: Batch, sides: Sides, margin: float = GUARD) -> None:
     sides.role[~sides.good] = UNUSED
 
 
-def start(batch: Batch, sides: Sides, drag: float) -> None:
-    """Robust first states: medians of slopes about the path of the flight found so far."""
+def start(batch: Batch, sides: Sides, drag: float, away: float = AWAY) -> None:
+    """Robust first states: medians of slopes about the path of the flight found so far, from frames `away` [s] from
+    the contact.
+    """
     half = 0.5 * batch.contact_time
     sides.times[:] = [-half, half]
-    sort_frames(batch, sides, 1e-3)
+    sort_frames(batch, sides, away)
     sides.state[:, DRAG] = drag
     for i in np.flatnonzero(sides.good):
         for side, role in enumerate((BEFORE, AFTER)):
@@ -405,7 +409,7 @@ def refine(batch: Batch, sides: Sides, priors: Priors, first: bool, sweeps: int 
     widths = WIDER if first else ()
     for sweep in range(sweeps + len(widths)):
         wider = widths[sweep] if sweep < len(widths) else 1.0
-        sort_frames(batch, sides, 1e-3 if first and sweep == 0 else GUARD)
+        sort_frames(batch, sides, AWAY if first and sweep == 0 else GUARD)
         for _ in range(2):
             evaluate(batch, sides, priors.marked, wider)
             hessian = sides.info[:, :INFO_OUTLIERS].sum(axis=1) + precision

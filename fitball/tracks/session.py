@@ -35,6 +35,8 @@ from fitball.tracks.estimate import (
 from fitball.tracks.find import Piece, falling, pieces_of
 from fitball.tracks.flight import GRAVITY, lift_of, resistance
 from fitball.tracks.frames import (
+    AFTER,
+    BEFORE,
     NINE,
     UNUSED,
     Check,
@@ -56,6 +58,8 @@ ANGLE_NOISE, PRESSED = np.radians(3.0), 0.01
 CAMERA_SDS = {"scale": 0.01, "clock": 1e-3, "tilt": float(np.radians(0.3)), "court_height": 3e-3}
 # Spin of a ball of unknown spin that leaves a court, over that of a ball that rolls.
 ROLLING = 1.0
+# Share of frames of a side that fit, below which another start is tried.
+FITTING = 0.75
 # The quantities whose sign a mirrored picture changes.
 MIRRORED = np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0])
 # The part of the `NINE` that marks determine.
@@ -194,9 +198,36 @@ def _positions(pieces: Sequence[Piece], filmed: Filmed, height: float) -> tuple[
     refine(batch, sides, priors, first=True)
     for _ in range(2):
         pooled.pool_noise(batch, sides)
+        _start_again(pieces, filmed, batch, sides)
         priors.lift[:, 1] = _lift_after(sides, filmed)
         refine(batch, sides, priors, first=False, sweeps=3)
     return batch, sides, priors
+
+
+def _start_again(pieces: Sequence[Piece], filmed: Filmed, batch: Batch, sides: Sides) -> None:
+    """Try other starts, from frames farther from the contact, where a side has many outliers; keep what fits more."""
+
+    def fitting(some: Sides) -> FloatArray:
+        counts = [np.where(some.role == role, some.weight > 0.5, False).sum(axis=1) for role in (BEFORE, AFTER)]
+        used = [np.maximum((some.role == role).sum(axis=1), 1) for role in (BEFORE, AFTER)]
+        shares = np.minimum(counts[0] / used[0], counts[1] / used[1])
+        return np.where(some.good, shares, 0.0)
+
+    doubtful = np.flatnonzero(sides.good & (fitting(sides) < FITTING))
+    for frames in (1.0, 2.0):
+        if not doubtful.size:
+            return
+        own = batch.take(doubtful)
+        other = Sides.empty(own)
+        step = float(np.median([np.median(np.diff(pieces[k].t)) for k in doubtful.tolist()]))
+        start(own, other, filmed.air.drag, frames * step)
+        refine(own, other, _unmarked(doubtful.size, filmed), first=True)
+        better = fitting(other) > fitting(_of(sides, doubtful))
+        for name, value in vars(sides).items():
+            if name == "failed":
+                continue
+            value[doubtful[better]] = vars(other)[name][better]
+        doubtful = doubtful[~better]
 
 
 def _lift_after(sides: Sides, filmed: Filmed) -> FloatArray:

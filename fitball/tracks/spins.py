@@ -20,6 +20,8 @@ LARGEST, WITHIN = 900.0, 10.0
 # Most optima of a periodogram that are refined, the lowest over the highest, and least probability of a pair that is
 # kept.
 MOST, LOW, LEAST = 24, 0.4, 1e-6
+# Probability, before there are data, that the angles of a side say nothing.
+UNREADABLE = 0.01
 # A pair of spins above this probability is sure.
 SURE = 0.999
 # What bounces of balls on courts have: offset of the normal force [m], tangential restitution, friction along the
@@ -34,12 +36,20 @@ ROLLING = 0.3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A line `phi + omega d` through the angles of one side, with its covariance (2, 2) and log likelihood."""
+    """A line `phi + omega d` through the angles of one side, with its covariance (2, 2) and log likelihood;
+    `unreadable` is that of angles which say nothing of the spin.
+    """
 
     phi: float
     omega: float
     covariance: FloatArray
     log_likelihood: float
+    unreadable: float = -np.inf
+
+    @property
+    def log_evidence(self) -> float:
+        """Log likelihood, integrated over the line, but for a constant."""
+        return self.log_likelihood + 0.5 * float(np.linalg.slogdet(self.covariance)[1])
 
 
 @dataclass(frozen=True)
@@ -139,7 +149,8 @@ def candidates(d: FloatArray, phi: FloatArray, fold: int, sigma: float, share: f
         # From the mean time to the contact.
         shift = np.array([[1.0, -middle], [0.0, 1.0]])
         covariance = shift @ np.linalg.inv(information) @ shift.T
-        found.append(Candidate(float(out[0] - out[1] * middle), float(out[1]), covariance, float(out[2])))
+        unreadable = d.size * float(np.log(fold / (2.0 * np.pi)))
+        found.append(Candidate(float(out[0] - out[1] * middle), float(out[1]), covariance, float(out[2]), unreadable))
         if out[2] > max(one.log_likelihood for one in found) - WITHIN:
             turns = range(int(np.ceil((-LARGEST - out[1]) / alias)), int(np.floor((LARGEST - out[1]) / alias)) + 1)
             first = float(d[0] - middle)
@@ -173,10 +184,19 @@ def plausible(bounce: Bounce, omega_1: float, omega_2: float, turn: float, turn_
     return float(log - 0.5 * ((turn - between) / between_sd) ** 2 - np.log(between_sd))
 
 
+def _readable(side: list[Candidate], fold: int) -> float:
+    """Probability that the angles of a side show its spin at all: few of them, or many outliers, fit any line."""
+    logs = np.array([one.log_evidence for one in side])
+    # Of a phase over a turn of the mark and a spin up to the largest of either sign.
+    lines = np.log(np.sum(np.exp(logs - logs.max()))) + logs.max() + np.log(fold / (2.0 * LARGEST))
+    return float(1.0 / (1.0 + UNREADABLE / (1.0 - UNREADABLE) * np.exp(min(side[0].unreadable - lines, 50.0))))
+
+
 def pairs_of(
     before: list[Candidate], after: list[Candidate], bounce: Bounce, fold: int, ball: Ball, spin_sd: float
 ) -> tuple[SpinPair, ...]:
-    """Pairs of candidates with their probabilities, most probable first.
+    """Pairs of candidates with their probabilities, most probable first. What these lack to one is the probability
+    that the angles of a side say nothing.
 
     Candidates weigh by their likelihood, integrated over the line, and by `spin_sd` [rad/s] of incident spins.
     """
@@ -194,8 +214,7 @@ def pairs_of(
                     [-one.covariance[0, 1], two.covariance[0, 1], one.covariance[0, 0] + two.covariance[0, 0]],
                 ]
             )
-            marks = one.log_likelihood + two.log_likelihood
-            marks += 0.5 * sum(float(np.linalg.slogdet(side.covariance)[1]) for side in (one, two))
+            marks = one.log_evidence + two.log_evidence
             for more in (-1, 0, 1):
                 turn = nearest + more * whole
                 log = plausible(bounce, one.omega, two.omega, turn, float(np.sqrt(covariance[2, 2])), ball)
@@ -205,7 +224,7 @@ def pairs_of(
     if not made:
         return ()
     probabilities = np.exp(np.array(logs) - max(logs))
-    probabilities /= probabilities.sum()
+    probabilities *= _readable(before, fold) * _readable(after, fold) / probabilities.sum()
     order = [i for i in np.argsort(-probabilities, kind="stable") if probabilities[i] >= LEAST]
     return tuple(
         SpinPair(one.omega, two.omega, float(turn), float(probabilities[i]), covariance, one.phi)
