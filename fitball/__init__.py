@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         predict,
         simulate,
     )
+    from fitball.api.own_model import model_from
     from fitball.api.tracking import TrackResult, track
     from fitball.batch import Batch, calibrate_many, load_batch
     from fitball.data.read import load_table
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan "
     "plot port predict simulate",
+    "fitball.api.own_model": "model_from",
     "fitball.api.tracking": "TrackResult track",
     "fitball.batch": "Batch calibrate_many load_batch",
     "fitball.data.read": "load_table",
@@ -60,7 +62,7 @@ __all__ = [
     "Ball", "Batch", "Checked", "Comparison", "Course", "Estimate", "Fit", "FitballError", "ImpactTable", "Impacts",
     "Plan", "Posterior", "Rebound", "RunStatus", "Scene", "TrackResult", "Verdict", "__version__", "calibrate",
     "calibrate_many", "check", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene", "load_table",
-    "model", "plan", "plot", "port", "predict", "regime_name", "simulate", "track",
+    "model", "model_from", "plan", "plot", "port", "predict", "regime_name", "simulate", "track",
 ]  # fmt: skip
 
 

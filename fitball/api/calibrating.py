@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 from fitball.api.fit import Fit
+from fitball.api.own_model import AnyModel, named_model
 from fitball.api.reading import (
     DEFAULTS,
     Fitting,
@@ -40,6 +41,7 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.kinds import checked, spelled
+from fitball.models.own import OwnModel
 from fitball.report.compare.document import render, words
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
@@ -103,7 +105,7 @@ def begin(problem: Problem, effort: Effort, folder: Path, *, overwrite: bool = F
 @spelled(Fitting, DEFAULTS)
 def calibrate(
     table: Table | Sequence[Table],
-    model: str | None = None,
+    model: AnyModel | None = None,
     *,
     scene: Scene | None = None,
     force: PathLike | None = None,
@@ -124,10 +126,10 @@ def calibrate(
     `data.force`); default: the one that the scene names, or the one beside the table; "none" for none. A table is
     refused if another reading fits much better, or if the ball is unlike any game ball, unless `as_read`.
 
-    Model. `closures` replace model assumptions, `priors` are texts such as `normal(0.55, 0.05)`, `fix` holds
-    parameters at values in SI. `pool` maps parameters to the label column to whose levels they are fitted, with
-    partial pooling. By default mu and cor_10 are fitted to each surface, mu to each place, cor_10 and the offset to
-    each ball, where a column names several. "none" fits one value to all.
+    Model. `model` is a name, or a model of `model_from`. `closures` replace model assumptions, `priors` are texts
+    such as `normal(0.55, 0.05)`, `fix` holds parameters at values in SI. `pool` maps parameters to the label column
+    to whose levels they are fitted, with partial pooling. By default mu and cor_10 are fitted to each surface, mu
+    to each place, cor_10 and the offset to each ball, where a column names several. "none" fits one value to all.
 
     Noise. `noise` is a distribution, "normal" (default) or "student-t", or a structure, or both:
     `"student-t,separate"`. With "tied" all columns of the rebound velocity share one noise, with "separate" each has
@@ -260,7 +262,7 @@ class Contest:
 
 def contest(
     data: Table | Sequence[Table],
-    models: str | Sequence[str] | None,
+    models: AnyModel | Sequence[AnyModel] | None,
     *,
     quick: bool,
     seed: int,
@@ -274,8 +276,11 @@ def contest(
     table, known, doubts, _files = read(data, scene, **reading)
     workers = engine(cores, scheduler)
     effort = Effort(seed=seed, max_steps=MAX_STEPS if max_steps is None else max_steps, cores=1, ess=ESS)
-    named = (models,) if isinstance(models, str) else models
-    names, skipped = default_names(table, quick) if named is None else (tuple(named), [])
+    if models is None:
+        names, skipped = default_names(table, quick)
+    else:
+        named = (models,) if isinstance(models, str | OwnModel) else models
+        names, skipped = tuple(map(named_model, named)), []
     candidates = build_candidates(table, known, names)
     for candidate in candidates.candidates:
         effort.settings(candidate.problem)
@@ -287,7 +292,7 @@ def contest(
 @spelled(Reading, DEFAULTS)
 def compare(
     data: Table | Sequence[Table],
-    models: Sequence[str] | None = None,
+    models: Sequence[AnyModel] | None = None,
     *,
     scene: Scene | None = None,
     quick: bool = False,
@@ -300,8 +305,9 @@ def compare(
 ) -> Comparison:
     """Compare models on a table by predictions of impacts left out, as the verb `compare` does.
 
-    `models` are names such as `two-mass+torsion=free` (default: all that can differ on this table, with `quick` the
-    main ones). For the table and its options (`scene`, `units`, `flip`, ...) see `calibrate`.
+    `models` are names such as `two-mass+torsion=free`, or models of `model_from` (default: all that can differ on
+    this table, with `quick` the main ones). For the table and its options (`scene`, `units`, `flip`, ...) see
+    `calibrate`.
     `cores` models are fitted at once (default: all cores), each in its own process, or on the workers of a Dask
     cluster (address `scheduler`). The results do not depend on this. Raises subclasses of FitballError.
 

@@ -12,6 +12,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
+from fitball.api.own_model import AnyModel, check_same
 from fitball.api.predicting import Plan, Span, foretell, parsed, planned
 from fitball.api.reading import PathLike, Wanted
 from fitball.api.simulating import Course, Subject, course_of
@@ -327,16 +328,22 @@ class Fit(results.Fit):
 
 
 @checked
-def load_fit(path: PathLike) -> Fit:
+def load_fit(path: PathLike, model: AnyModel | None = None) -> Fit:
     """Read a fit from its folder, or its `fit.json`; the other files of the folder are read when they are needed.
 
-    Raises ResultFolderError for files that are missing, damaged or from another fit.
+    The fit of a function of your own names it and does not contain it. Numbers and draws are read without it. New
+    rebounds need it again, as `model`: what `model_from` returns, or `FILE.py:NAME`. Raises ModelError for another
+    function, ResultFolderError for files that are missing, damaged or from another fit.
 
     >>> fit = fitball.load_fit(folder)
     >>> fit.status
     <RunStatus.NOT_CONVERGED: 'not converged'>
     """
-    return Fit.from_results(read_fit(Path(path)))
+    saved = read_fit(Path(path))
+    if model is not None:
+        check_same(Path(path), saved.fitted.model_name, saved.fitted.options, model)
+        saved = read_fit(Path(path))
+    return Fit.from_results(saved)
 
 
 FitOrFolder = Fit | str | os.PathLike[str]

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack, cast
 
+from fitball.api.own_model import AnyModel, named_model
 from fitball.data.covariance_entries import Given
 from fitball.data.force import find_force
 from fitball.data.read import check_source, in_memory, load_table
@@ -153,7 +154,7 @@ def reading_of(asked: Mapping[str, Any]) -> Reading:
     return cast(Reading, {name: asked[name] for name in Reading.__annotations__ if name in asked})
 
 
-def choices_of(model: str | None, asked: Fitting) -> Choices:
+def choices_of(model: AnyModel | None, asked: Fitting) -> Choices:
     """The choices among the options. Raises ParameterError for values of a wrong type, with an example of a right
     one, and as `_noise_of` does.
     """
@@ -167,7 +168,10 @@ def choices_of(model: str | None, asked: Fitting) -> Choices:
             raise ParameterError(f"{option}: read {value!r}, expected a dict, such as {EXAMPLES[option]}")
         for name, item in (value or {}).items():
             _check_item(option, name, item)
-    return Choices(model, **{name: value for name, value in given.items() if value is not None})
+    return Choices(
+        None if model is None else named_model(model),
+        **{name: value for name, value in given.items() if value is not None},
+    )
 
 
 def _noise_of(noise: str | Sequence[str] | None, structure: str | None) -> dict[str, str | None]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from fitball.api import Fit, load_fit
 from fitball.api.calibrating import Run, pose
+from fitball.api.own_model import AnyModel
 from fitball.api.reading import DEFAULTS, Fitting, PathLike, Table, choices_of, effort_of, listed
 from fitball.batch.tables import RECORD_NAME, ROW_NAME, Task, fault_of, tasks_of
 from fitball.data.covariance_entries import LEFT_OUT, Given
@@ -25,6 +26,7 @@ from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results import results
 from fitball.inference.results.source import Digest
 from fitball.kinds import checked, spelled
+from fitball.models.own import OwnFunction, last_of
 from fitball.report.batch.document import Results, render, write_results
 from fitball.report.batch.found import Populations
 from fitball.report.batch.populations import default_names, populations
@@ -181,7 +183,7 @@ def _rows(place: Path) -> tuple[Row, ...]:
 @spelled(Fitting, DEFAULTS)
 def calibrate_many(
     tables: Mapping[str, Table] | Sequence[Table] | PathLike,
-    model: str | None = None,
+    model: AnyModel | None = None,
     *,
     out: PathLike = FOLDER,
     scheduler: str | None = None,
@@ -214,7 +216,7 @@ def calibrate_many(
     return batch_of(tables, plan, cores, scheduler, (lambda _going: None) if progress is None else progress)
 
 
-def plan_of(folder: Path, model: str | None, full: bool, overwrite: bool, **options: Unpack[Fitting]) -> Plan:
+def plan_of(folder: Path, model: AnyModel | None, full: bool, overwrite: bool, **options: Unpack[Fitting]) -> Plan:
     """The settings for all tables. Raises ParameterError."""
     choices, config = choices_of(model, options), options.get("config")
     return Plan(
@@ -230,6 +232,7 @@ def plan_of(folder: Path, model: str | None, full: bool, overwrite: bool, **opti
         options.get("as_read", False),
         full,
         overwrite,
+        last_of(choices.model),
     )
 
 
@@ -262,7 +265,7 @@ class Plan:
     """How each table is read and fitted; its result is in a folder of its name, in `folder`.
 
     `full` results have all files of `calibrate`, others `fit.json` alone. `config` is the scene of all tables (None:
-    each has its own beside it).
+    each has its own beside it). `own` is the function of a model of one's own.
     """
 
     folder: Path
@@ -277,6 +280,7 @@ class Plan:
     as_read: bool = False
     full: bool = False
     overwrite: bool = False
+    own: OwnFunction | None = None
 
     def mark(self, problem: Problem) -> str:
         """SHA-256 of everything that the result of a table depends on."""

@@ -18,6 +18,7 @@ from fitball.cli.options import (
     MODEL,
     NOISE,
     OVERWRITE,
+    OWN,
     READING,
     SAMPLING,
     SCENE,
@@ -182,7 +183,10 @@ COMPARE = Verb(
     "compare", "compare models by how well they predict impacts that were left out",
     (
         TABLE,
-        option("--models", "A,B,...", "models to compare (default: all that can differ on this table)"),
+        option(
+            "--models", "A,B,...",
+            "models to compare, also functions of your own as FILE:NAME (default: all that can differ on this table)",
+        ),
         switch("--quick", "compare the main models only, without exact refits of influential impacts"),
         Group("table", (SCENE, *READING)),
         Group("sampling", (
@@ -334,9 +338,12 @@ table are unreliable. A few tables can be fitted together instead: fitball calib
 def run_repeat(args: argparse.Namespace) -> int:
     """Run the fit again and print the differences; 0 where there are none, 1 where the results disagree."""
     args.progress("loading", None)
+    from fitball.api import load_fit
     from fitball.repeat import repeat
 
     out = None if args.out is None else Path(args.out)
+    if args.model is not None:
+        load_fit(args.fit, args.model)
     try:
         found = repeat(Path(args.fit), args.data, args.force, args.covariance, out, args.cores, args.progress)
     except KeyboardInterrupt:
@@ -358,6 +365,7 @@ REPEAT = Verb(
     "repeat", "run a fit again and check that the result is the same",
     (
         option("fit", "FIT", "a result folder of fitball calibrate, its fit.json, or a run.toml"),
+        OWN,
         option(
             "--data", "FILE", "where the table is now (repeatable, for several tables)", action="append", default=[]
         ),

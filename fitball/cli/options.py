@@ -302,9 +302,10 @@ LEVEL = pairs(
     dest="levels",
 )  # fmt: skip
 FIT = option("fit", "FIT", "a result folder of fitball calibrate, or its fit.json")
+OWN = option("--model", "FILE:NAME", "the Python function of a fit of your own model, as in mymodel.py:rebound")
 OVERWRITE = switch("--overwrite", "replace an older result in the folder")
 MODEL = Group("model and priors", (
-    option("--model", "NAME", either(marked(RANKED))),
+    option("--model", "NAME", f"{either(marked(RANKED))}; or a Python function, as in mymodel.py:rebound"),
     pairs("--closure", "NAME=OPTION", "change a model assumption, e.g. normal=total (repeatable)", dest="closures"),
     pairs("--fix", "NAME=VALUE", "hold a parameter at a value in SI units (repeatable)", convert=float),
     pairs(

@@ -14,6 +14,7 @@ from fitball.cli.options import (
     FLIP,
     FULL,
     LEVEL,
+    OWN,
     PICTURE,
     SCHEDULER,
     SEED,
@@ -59,7 +60,7 @@ def run_plot(args: argparse.Namespace) -> int:
     path = Path(args.fit)
     folder = Path(args.out) if args.out else (path if path.is_dir() else path.parent)
     # Read first, so that no folder is made for a missing fit; while figures are drawn, the folder is locked.
-    load_fit(path)
+    load_fit(path, args.model)
     with held(folder, PATIENCE):
         fit = load_fit(path)
         kinds = [args.kind] if args.kind != "all" else list(fit.plot)
@@ -83,6 +84,7 @@ PLOT = Verb(
         option("fit", "FIT", "a fit.json, or the folder that holds one"),
         option("kind", "KIND", f"{', '.join(FIGURES)} or all"),
         PICTURE,
+        OWN,
         option("--out", "DIR", "folder for the figures (default: that of fit.json)", type=place),
         option("--cores", "N", "number of processes for profiles (default: all)", type=count),
         SCHEDULER,
@@ -122,7 +124,7 @@ def run_predict(args: argparse.Namespace) -> int:
     files = [Path(name) for name in (args.out, args.html) if name is not None]
     for file in files:
         refuse_existing(file, args.overwrite)
-    fit = load_fit(args.fit)
+    fit = load_fit(args.fit, args.model)
     data = args.impact if args.data is None else args.data
     found = foretell(
         fit, fit.predicting, data, flip=args.flip, columns=args.columns, exact_incidence=args.exact_incidence,
@@ -159,6 +161,7 @@ PREDICT = Verb(
             "repeatable)",
             action="append", default=[],
         ),
+        OWN,
         LEVEL,
         FLIP,
         COLUMNS,
@@ -199,7 +202,7 @@ def run_plan(args: argparse.Namespace) -> int:
 
     place = Path(args.fit)
     folder = Path(args.out) if args.out else (place.parent if place.is_file() else place) / "plan"
-    made = load_fit(place).plan(
+    made = load_fit(place, args.model).plan(
         args.target, speed=args.speed, angle=args.angle, spin=args.spin, impacts=args.impacts, repeats=args.repeats,
         sensors=[*(args.sensor or ()), *args.camera] if args.camera else args.sensor, cost=args.cost,
         levels=args.levels, seed=args.seed, progress=args.progress,
@@ -215,6 +218,7 @@ PLAN = Verb(
     "plan", "choose the impacts and sensors that would determine the parameters best",
     (
         FIT,
+        OWN,
         option(
             "--for", "TARGET",
             'quantity to determine: parameters such as k_theta,mu, or "court pace", or impact="v=30 m/s, theta=16 '
@@ -292,10 +296,9 @@ def run_export(args: argparse.Namespace) -> int:
     from fitball.files import is_stream
 
     options = {name: getattr(args, name) for name in KINDS}
+    named = args.fit is None and args.model
     own = [
-        flag
-        for flag, given in (("--model", args.model), ("--set", args.values), ("--surface", args.surfaces))
-        if given
+        flag for flag, given in (("--model", named), ("--set", args.values), ("--surface", args.surfaces)) if given
     ]
     if args.fit is None and not own:
         raise ParameterError("export needs a FIT; without one give a model, such as --model two-mass --set mu=0.7")
@@ -304,7 +307,7 @@ def run_export(args: argparse.Namespace) -> int:
     if args.fit is None:
         made, path = exported_model(args.model, args.to, args.values, args.surfaces, options), Path()
     else:
-        made, path = load_fit(args.fit).exported(args.to, options), Path(args.fit)
+        made, path = load_fit(args.fit, args.model).exported(args.to, options), Path(args.fit)
     if args.out == "-":
         if not made.texts:
             raise ParameterError(f"--out -: {args.to} is not text; name a file")
@@ -334,7 +337,10 @@ EXPORT = Verb(
         switch("--overwrite", "replace files that exist"),
         LEVEL,
         Group("a bounce without a table (instead of FIT)", (
-            option("--model", "NAME", f"{either(marked(RANKED))}; assumptions as +NAME=OPTION"),
+            option(
+                "--model", "NAME",
+                f"{either(marked(RANKED))}; assumptions as +NAME=OPTION; with a FIT of your own model its FILE:NAME",
+            ),
             pairs(
                 "--set", "NAME=VALUE",
                 "a parameter in SI units, or a published one, e.g. cor_10=literature:court (repeatable; the others "

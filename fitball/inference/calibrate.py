@@ -200,8 +200,7 @@ def compile_ahead(problem: Problem) -> None:
     """Compile what the model's rebounds and their derivatives call, by several processes at once, unless it is on
     disk or would not be kept there. An algebraic bounce compiles too quickly for a second process to pay.
     """
-    call = problem.model.kernel_call(problem.model_names, np.ones(len(problem.model_names)))
-    if call.convention != "two-mass" or problem.threads == 1:
+    if problem.threads == 1 or problem.model.unported or problem.model.convention != "two-mass":
         return
     from fitball.models.two_mass import compile_kernel, to_be_compiled
 

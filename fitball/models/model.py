@@ -133,6 +133,7 @@ class Model(ABC):
     (`force_integrals`), `has_gaps` (what is between the flights), `no_history` (why `history` gives no courses,
     if so), `linear_constraints`, `oracle`. With `absent_is_zero`, parameters that it does not list are zero.
     `remark` is a note in every fit of it; `unranked` is the reason why comparisons refuse it, if they do.
+    `unported` is the reason why no port can have its kernel, if so.
     `kernel` is that of one impact, called as `convention` says with a row of `columns`, of which mass, radius and
     inertia of the ball are the last.
     """
@@ -147,6 +148,7 @@ class Model(ABC):
     no_history: ClassVar[str] = "has no time axis: it computes a bounce as one impulse"
     absent_is_zero: ClassVar[bool] = False
     remark: ClassVar[str] = ""
+    unported: ClassVar[str] = ""
     unranked: ClassVar[str] = ""
 
     name: str
@@ -169,6 +171,16 @@ class Model(ABC):
     def gives(self, column: ReboundColumn) -> bool:
         """Whether it predicts a column of a rebound at all."""
         return (self.has_time or not column.timed) and (self.has_gaps or not column.gap)
+
+    @property
+    def has_regimes(self) -> bool:
+        """Whether its impacts have sequences of slip and grip."""
+        return self.tangential
+
+    @property
+    def without(self) -> str:
+        """Why it gives no rebound, if so: a function of one's own that is not known here."""
+        return ""
 
     @property
     def needs_cor(self) -> bool:
@@ -229,7 +241,11 @@ class Model(ABC):
 
     @final
     def kernel_call(self, names: Sequence[str], values: FloatArray) -> KernelCall:
-        """The call of the kernel of one impact that `evaluate` makes for `values` (names,)."""
+        """The call of the kernel of one impact that `evaluate` makes for `values` (names,). Raises ModelError for a
+        model that is `unported`.
+        """
+        if self.unported:
+            raise ModelError(f"model {self.name} {self.unported}")
         row = self.rows(names, np.asarray(values, dtype=np.float64)[None, :])[0]
         kernel = type(self).kernel
         return KernelCall(self.convention, kernel, self.columns, tuple(map(float, row)), tuple(map(int, self.codes)))

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
 from typing import Any
 
 from fitball.errors import ModelError, suggestion
 from fitball.kinds import checked
 from fitball.models.impulse import BRODY, GRIP_SLIP, VERTICAL, GripSlipModel
 from fitball.models.model import Model
+from fitball.models.own import compose_own, is_own, own_spec, parameter_names
 from fitball.models.specs import DEFAULT_MODEL, SPECS, ParameterSpec
 from fitball.models.thesis import compose_thesis
 from fitball.models.two_mass import compose_two_mass
@@ -98,8 +100,12 @@ MODELS: dict[str, Entry] = {
 }
 
 
-def entry(name: str) -> Entry:
-    """The entry of the model called `name`. Raises ModelError for an unknown one."""
+def entry(name: str, options: Mapping[str, str] = MappingProxyType({})) -> Entry:
+    """The entry of the model called `name`; a function of one's own is known by its `options` too. Raises ModelError
+    for an unknown one.
+    """
+    if name not in MODELS and is_own(name, options):
+        return Entry(lambda name, ball, tangential, _closures: compose_own(name, ball, tangential, options))
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}")
     return MODELS[name]
@@ -115,8 +121,8 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
     >>> fitball.model("grip-slip").parameter_names
     ('mu', 'e_x', 'offset', 'cor_10', 'cor_slope')
     """
-    chosen = entry(name)
-    if chosen.closures is None and closures:
+    chosen = entry(name, closures)
+    if chosen.closures is None and closures and name in MODELS:
         raise ModelError(f"model {name} has no model variants (closures): read {', '.join(sorted(closures))}")
     composed = chosen.closures and _changed(chosen.closures, closures)
     return chosen.compose(name, ball if ball is not None else Ball(), tangential, composed)
@@ -131,7 +137,7 @@ def closure_options(name: str) -> dict[str, tuple[str, ...]]:
 def parameter_spec(name: str) -> ParameterSpec | None:
     """The specification of a parameter of any model, or of its ball; None for an unknown name."""
     own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
-    return SPECS.get(name) or next(own, None)
+    return SPECS.get(name) or next(own, None) or (own_spec(name) if name in parameter_names() else None)
 
 
 def _changed(base: _Chosen, chosen: Mapping[str, str]) -> _Chosen:

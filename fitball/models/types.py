@@ -115,6 +115,7 @@ class Status(IntEnum):
     LEVEL_OUT_OF_BOUNDS = 9
     NO_IMPACT = 10
     REBOUND_FALLS = 11
+    NO_ANSWER = 12
 
 
 STATUS_REASON = {
@@ -143,6 +144,7 @@ STATUS_REASON = {
     Status.REBOUND_FALLS: (
         "cor_slope is below -cor_10/(10 m/s), where v_y2 would fall with v_y1: cor = saturating excludes that"
     ),
+    Status.NO_ANSWER: "the function of the model gives a number that is not finite",
     Status.TOO_MANY_PHASES: "the contact point changes between slip and grip too often for the solver",
 }
 
@@ -219,3 +221,10 @@ class Rebound:
 
 # What a model gives, in the order in which kernels and derivatives have it; all else of a rebound says how it came.
 OUTPUTS = tuple(column.name for column in fields(Rebound) if column.name not in ("regime", "status"))
+
+
+def no_rebound(shape: tuple[int, int]) -> Rebound:
+    """Rebounds, (draws, impacts), of a model that gives none: NaN, without an answer."""
+    unknown = {name: np.full(shape, np.nan) for name in OUTPUTS}
+    status = np.full(shape, Status.NO_ANSWER, dtype=np.int8)
+    return Rebound(**unknown, regime=np.zeros(shape, dtype=np.int64), status=status)

@@ -90,7 +90,7 @@ def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices]]:
     chosen = replace(
         problem.choices, model=problem.model.name, closures=dict(problem.model.options), noise=problem.noise.name
     )
-    reduced = reduction(problem.table, problem.model.name)
+    reduced = reduction(problem.table, problem.model.name, problem.model.options)
     kept = set() if reduced is None else reduced.closures.keys()
     options = {} if problem.model.unranked else closure_options(problem.model.name)
     for closure, known in options.items():

@@ -204,7 +204,7 @@ def _chosen(search: Search, pick: Pick, now: FloatArray) -> Chosen:
     return Chosen(
         search.setting(pick.sensor, pick.place), pick.sensor, pick.gain, now * shrunk(search.start, pick.left),
         float(1.0 - looked.solved[:, pick.place].mean()),
-        regime_shares(at.rebound(at.to_values(search.draws)))[0] if search.known.problem.table.has_tangential else {},
+        regime_shares(at.rebound(at.to_values(search.draws)))[0] if search.known.problem.model.has_regimes else {},
     )  # fmt: skip
 
 

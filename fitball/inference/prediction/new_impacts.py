@@ -230,7 +230,7 @@ def predict_new(
         impacts=impacts,
         outputs=outputs,
         # Without motion along the court there is neither slip nor grip.
-        regimes=tuple(regimes[k] if fitted.tangential else {} for k in back),
+        regimes=tuple(regimes[k] if fitted.model.has_regimes else {} for k in back),
         failures=tuple(failures[k] for k in back),
         range=calibrated_range(
             fitted.impacts, impacts, fitted.model.ball.radius, fitted.tangential, lines_of(fitted.names)

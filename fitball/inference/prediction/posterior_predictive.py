@@ -237,7 +237,7 @@ def _at_impacts(
             )
         )
     # Without motion along the court there is neither slip nor grip.
-    shares = regime_shares(rebound) if problem.model.tangential else ({"": 1.0},) * len(problem.impacts)
+    shares = regime_shares(rebound) if problem.model.has_regimes else ({"": 1.0},) * len(problem.impacts)
     return observables, shares
 
 

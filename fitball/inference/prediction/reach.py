@@ -17,6 +17,7 @@ from scipy.optimize import nnls
 
 from fitball.errors import ModelError
 from fitball.inference.results.fitted_model import FittedModel
+from fitball.models.model import ball_columns
 from fitball.models.types import STATUS_REASON, Rebound, Status
 from fitball.values import FloatArray, Impacts
 
@@ -130,10 +131,9 @@ class _Look:
     def __init__(self, fitted: FittedModel, cor: float | None) -> None:
         self.fitted, self.cor = fitted, cor
         kept = fitted.model_columns
-        call = fitted.model.kernel_call([fitted.names[k] for k in kept], fitted.point[kept])
-        row = dict(zip(call.columns, call.row, strict=True))
-        self.radius = row["ball_radius"]
-        self.spin_weight = row["ball_inertia"] / row["ball_mass"]
+        row = fitted.point[None, kept]
+        mass, radius, inertia = ball_columns(fitted.model.ball, [fitted.names[k] for k in kept], row)
+        self.radius, self.spin_weight = float(radius[0]), float(inertia[0] / mass[0])
         along, slip = (ALONG, SLIP) if fitted.tangential else ((0.0,), (0.0,))
         fan = np.stack(np.meshgrid(along, slip, indexing="ij")).reshape(2, -1)
         self.along, self.surface = fan[0], fan[0] - fan[1]

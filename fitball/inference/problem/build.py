@@ -220,9 +220,9 @@ def _spreads(table: ImpactTable, priors: Mapping[str, str], extra: Mapping[str, 
     }
 
 
-def reduction(table: ImpactTable, name: str) -> Reduced | None:
+def reduction(table: ImpactTable, name: str, options: Mapping[str, str]) -> Reduced | None:
     """What the model called `name` is on a table that shows only part of it; None where it cannot be fitted."""
-    known = entry(name)
+    known = entry(name, options)
     if not table.has_tangential:
         return known.vertical
     return Reduced() if table.has_spin else known.spinless
@@ -234,7 +234,7 @@ def _compose(
     """The model reduced to what the table shows, parameters that act nowhere, and why."""
     fixed: dict[str, tuple[float, str]] = {}
     notes = []
-    reduced = reduction(table, name)
+    reduced = reduction(table, name, closures)
     if not table.has_tangential:
         notes.append("no motion along the court was measured: only the vertical motion is fitted")
     elif not table.has_spin:

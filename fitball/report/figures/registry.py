@@ -36,7 +36,9 @@ def no_regimes(fit: Fit) -> str:
     """Of the regimes of its impacts."""
     if fit.predictive is None:
         return f"the probability of regimes needs a posterior; run calibrate without {option('point_only')}"
-    return "" if fit.problem.table.has_tangential else "no motion along the court was measured: there are no regimes"
+    if not fit.problem.table.has_tangential:
+        return "no motion along the court was measured: there are no regimes"
+    return "" if fit.problem.model.has_regimes else f"model {fit.fitted.model_name} has no regimes"
 
 
 def no_profiles(fit: Fit) -> str:
@@ -54,6 +56,10 @@ def no_variants(fit: Fit) -> str:
     return "" if found.as_good else "no model variant fits equally well"
 
 
+# Modules whose figures show rebounds that are computed anew.
+REBOUNDS = ("predictions", "measured")
+
+
 @dataclass(frozen=True)
 class Kind:
     """A figure: a line of help, its `caption`, its `section` of the page ("" for the top), and the `module` whose
@@ -66,6 +72,10 @@ class Kind:
     section: str
     module: str
     without: Callable[[Fit], str] = nothing
+
+    def lacks(self, fit: Fit) -> str:
+        """Why a fit has no such figure, "" where it has what it shows; new rebounds need the model."""
+        return (fit.fitted.model.without if self.module in REBOUNDS else "") or self.without(fit)
 
     def function(self, name: str) -> Callable[[Fit], Any]:
         """A function of its module."""
@@ -157,7 +167,7 @@ def draw(name: str, fit: Fit) -> Figure:
     from fitball.report.figures.canvas import own_style
 
     kind = FIGURES[name]
-    if missing := kind.without(fit):
+    if missing := kind.lacks(fit):
         raise ResultFolderError(f"{name}: {missing}")
     with own_style():
         figure: Figure = kind.function(f"{name}_figure")(fit)
@@ -166,7 +176,7 @@ def draw(name: str, fit: Fit) -> Figure:
 
 def drawable_kinds(fit: Fit) -> list[str]:
     """The figures this fit can show."""
-    return [name for name, kind in FIGURES.items() if not kind.without(fit)]
+    return [name for name, kind in FIGURES.items() if not kind.lacks(fit)]
 
 
 def write_figures(fit: Fit, folder: Path) -> dict[str, bytes]:

@@ -139,7 +139,7 @@ def prediction_table(fit: Fit) -> list[Row]:
         | ({"incidence [deg]": f"{theta[k]:.1f}"} if along else {})
         | {"speed [m/s]": f"{speed[k]:.1f}"}
         | {head: column[k] for head, column in columns.items()}
-        | ({"contact": _regime(fit, k)} if along else {})
+        | ({"contact": _regime(fit, k)} if problem.model.has_regimes else {})
         for k in shown
     ]
 
@@ -154,7 +154,7 @@ def _cell(observed: float, predicted: float, half: float | None) -> str:
 
 def _regime(fit: Fit, k: int) -> str:
     if fit.predictive is None:
-        return regime_name(int(fit.point.rebound.regime[0, k])) if fit.problem.model.tangential else ""
+        return regime_name(int(fit.point.rebound.regime[0, k]))
     name, share = next(iter(fit.predictive.regimes[k].items()))
     return name if share > SURE else f"{name} ({percent(share)})"
 

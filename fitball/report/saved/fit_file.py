@@ -40,7 +40,7 @@ from fitball.inference.results.results import (
 )
 from fitball.models.registry import parameter_spec
 from fitball.models.specs import ParameterSpec
-from fitball.models.types import regime_name
+from fitball.models.types import no_rebound, regime_name
 from fitball.observables import OBSERVABLES
 from fitball.report.form.files import json_text
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME, read_data, read_draws
@@ -110,7 +110,9 @@ def load(fit: Fit) -> None:
     Raises ResultFolderError for files that are missing, damaged or foreign, or of different runs.
     """
     for name in BESIDE:
-        getattr(fit, name)
+        # Predictions of a function of one's own that is not known here wait until they are asked for.
+        if name != "predictive" or not fit.fitted.model.without:
+            getattr(fit, name)
 
 
 def complete(fit: Fit) -> bool:
@@ -220,8 +222,11 @@ def _point(fit: Fit, place: Path) -> PointFit:
             raise damaged(place.with_name(POSTERIOR_NAME), f"draws of {item.name} lie outside its bounds")
     values = {name: item.point for name, item in fit.parameters.items()}
     row = np.array([[values[name] for name in problem.free_names]])
-    rebound = problem.rebound(row)
-    again = float(log_likelihood(problem, row, rebound)[0])
+    if problem.model.without:
+        rebound, again = no_rebound((1, len(problem.impacts))), fit.log_likelihood
+    else:
+        rebound = problem.rebound(row)
+        again = float(log_likelihood(problem, row, rebound)[0])
     if not abs(again - fit.log_likelihood) <= ROUNDING * (1.0 + abs(fit.log_likelihood)):
         raise _other(place.with_name(RUN_NAME))
     return PointFit(
