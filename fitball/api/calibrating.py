@@ -41,7 +41,6 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.results.results import RunStatus
 from fitball.inference.sampling.chain_file import ChainFile
 from fitball.kinds import checked, spelled
-from fitball.models.own import OwnModel
 from fitball.report.compare.document import render, words
 from fitball.report.compare.rows import csv_rows, json_content
 from fitball.report.fit.folder import CHAIN_NAME, prepare_folder
@@ -279,7 +278,7 @@ def contest(
     if models is None:
         names, skipped = default_names(table, quick)
     else:
-        named = (models,) if isinstance(models, str | OwnModel) else models
+        named = models if isinstance(models, Sequence) and not isinstance(models, str) else (models,)
         names, skipped = tuple(map(named_model, named)), []
     candidates = build_candidates(table, known, names)
     for candidate in candidates.candidates:

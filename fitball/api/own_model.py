@@ -9,6 +9,7 @@ import textwrap
 import traceback
 import types
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -85,8 +86,8 @@ def model_from(
         low, high = prior.quantile(np.array([0.16, 0.84]))
         widths[key] = float(high - low)
     tried = OwnFunction(called, source, function, priors, widths, stepped=True)
-    stepped = _try(tried, drawn)
-    return compose_own(known(called, source, function, priors, widths, stepped).name, Ball(), True, {})
+    known(replace(tried, stepped=_try(tried, drawn)))
+    return compose_own(called, Ball(), True, {})
 
 
 def _priors(name: str, function: types.FunctionType, parameters: Mapping[str, str] | None) -> dict[str, str]:
@@ -127,7 +128,7 @@ def _source(name: str, function: types.FunctionType, parameters: tuple[str, ...]
     try:
         for part in _parts(function, set()):
             digest.update(part.encode())
-    except (OSError, TypeError) as error:
+    except (OSError, TypeError, ValueError) as error:
         raise ModelError(
             f"model {name}: the source of the function cannot be read ({one_line(str(error))}); define it in a file "
             "or in a cell of a notebook"
@@ -196,7 +197,7 @@ def named_model(model: AnyModel) -> str:
 
     Raises ModelError for a file or function that cannot be used.
     """
-    if isinstance(model, OwnModel):
+    if not isinstance(model, str):
         return model.known.name
     return own_model(model).name if ENDING in model else model
 
@@ -242,7 +243,7 @@ def check_same(path: Path, name: str, options: Mapping[str, str], model: AnyMode
     if SOURCE not in options:
         given = spoken("--model", "model")
         raise ModelError(f"{path}: the fit is of model {name}, which fitball has: leave out {given}")
-    own = model if isinstance(model, OwnModel) else own_model(model)
+    own = own_model(model) if isinstance(model, str) else model
     if (own.name, own.options[SOURCE]) != (name, options[SOURCE]):
         raise ModelError(
             f"{path}: read function {own.name} of source {own.options[SOURCE]}, but the fit was made with {name} of "

@@ -26,7 +26,7 @@ from fitball.models.model import (
     SteppedModel,
     ball_columns,
 )
-from fitball.models.specs import BALL_PARAMETERS, EVERYTHING, POSITIVE, SPECS, ParameterSpec
+from fitball.models.specs import BALL_PARAMETERS, SPECS, ParameterSpec
 from fitball.models.types import OUTPUTS, Status
 from fitball.values import Ball, FloatArray, Impacts, OwnImpacts
 from fitball.visible import one_line
@@ -34,6 +34,8 @@ from fitball.wording import spoken
 
 # Parameters of fitball that a function may have; they keep their unit, bounds and meaning.
 SHARED = ("mu", "e_x", "offset", "cor_10", "cor_slope")
+# Bounds of other priors than uniform ones: finite, so that figures have ends, and beyond any quantity in SI.
+ANY, POSITIVE = (-1e12, 1e12), (0.0, 1e12)
 # The options of a model of one's own.
 SOURCE, PARAMETERS = "source", "parameters"
 GIVES = ("v_x2", "v_y2", "omega_2")
@@ -55,7 +57,7 @@ class OwnBall(NamedTuple):
     inertia: NDArray[Any]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class OwnFunction:
     """A function with its `name`, the hash of its `source`, and what is known of its parameters.
 
@@ -65,14 +67,14 @@ class OwnFunction:
 
     name: str
     source: str
-    call: Callable[..., Any]
-    priors: Mapping[str, str]
-    widths: Mapping[str, float]
-    stepped: bool
+    call: Callable[..., Any] = field(compare=False)
+    priors: Mapping[str, str] = field(compare=False)
+    widths: Mapping[str, float] = field(compare=False)
+    stepped: bool = field(compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the function is known too."""
-        return known, (self.name, self.source, self.call, dict(self.priors), dict(self.widths), self.stepped)
+        return _again, (vars(self),)
 
     def rows(self, columns: Mapping[str, NDArray[Any]], ball: OwnBall) -> NDArray[Any]:
         """Rebounds (3, rows) of `columns`, incident state and parameters, each (rows,), in their kind of number.
@@ -84,12 +86,10 @@ class OwnFunction:
             with np.errstate(all="ignore"):
                 given = self.call(*(columns[name] for name in INPUTS), ball, **{k: columns[k] for k in self.priors})
         except Exception as error:
-            hint = ""
-            if "truth value of an array" in str(error):
-                hint = ". The arguments are arrays: use np.where instead of if"
-            message = f"{type(error).__name__}: {one_line(str(error).strip() or 'no message')}"
+            arrays = "truth value of an array" in str(error)
             raise ModelError(
-                f"model {self.name}: the function fails at {self._line(error)} with {message}{hint}"
+                f"model {self.name}: the function fails at {self._line(error)} with {type(error).__name__}: "
+                f"{one_line(str(error))}" + ". The arguments are arrays: use np.where instead of if" * arrays
             ) from None
         wanted = f"expected three arrays {', '.join(GIVES)}, one number for each of the {count} rows"
         if not isinstance(given, tuple | list | np.ndarray) or len(given) != len(GIVES):
@@ -108,29 +108,28 @@ class OwnFunction:
     def _line(self, error: Exception) -> str:
         """Where the function failed: its own file and line, if the trace has one."""
         code = getattr(self.call, "py_func", self.call).__code__
-        lines = [
-            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == code.co_filename
-        ]
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if frame.filename == code.co_filename]
         return f"line {lines[-1] if lines else code.co_firstlineno} of {Path(code.co_filename).name}"
 
 
 # Every function of this process by name and source, and the last of each name.
 _KNOWN: dict[tuple[str, str], OwnFunction] = {}
 _LAST: dict[str, OwnFunction] = {}
+# Parameters of all functions that were composed, also of saved fits.
+NAMED: set[str] = set()
 
 
-def known(
-    name: str,
-    source: str,
-    call: Callable[..., Any],
-    priors: Mapping[str, str],
-    widths: Mapping[str, float],
-    stepped: bool,
-) -> OwnFunction:
-    """A function that this process knows from now on."""
-    function = OwnFunction(name, source, call, priors, widths, stepped)
-    _KNOWN[name, source] = _LAST[name] = function
+def known(function: OwnFunction) -> OwnFunction:
+    """The function, which this process knows from now on."""
+    _KNOWN[function.name, function.source] = _LAST[function.name] = function
     return function
+
+
+def _again(values: Mapping[str, Any]) -> OwnFunction:
+    """The function of these `values`, sent by another process, unless this one knows it."""
+    found = _KNOWN.get((values["name"], values["source"]))
+    return known(OwnFunction(**values)) if found is None else found
 
 
 def is_own(name: str, options: Mapping[str, str]) -> bool:
@@ -143,7 +142,7 @@ def last_of(name: str | None) -> OwnFunction | None:
     return None if name is None else _LAST.get(name)
 
 
-def own_spec(name: str, prior: str = "normal(0, 1)", bounds: tuple[float, float] = EVERYTHING) -> ParameterSpec:
+def own_spec(name: str, prior: str = "normal(0, 1)", bounds: tuple[float, float] = ANY) -> ParameterSpec:
     """A parameter that only a function of one's own has."""
     head, _, index = name.partition("_")
     label = rf"$\mathrm{{{head}}}" + (rf"_\mathrm{{{index.replace('_', ',')}}}$" if index else "$")
@@ -156,18 +155,13 @@ def spec(name: str, prior: str) -> ParameterSpec:
         shared = SPECS[name]
         return ParameterSpec(**{**vars(shared), "prior": prior})
     family, _, numbers = prior.partition("(")
-    bounds = EVERYTHING
+    bounds = ANY
     if "uniform" in family:
         low, high = (float(part) for part in numbers.rstrip(") ").split(","))
         bounds = low, high
     elif family.strip().startswith(("lognormal", "half")):
         bounds = POSITIVE
     return own_spec(name, prior, bounds)
-
-
-def parameter_names() -> set[str]:
-    """The parameters of all functions that this process knows."""
-    return {name for function in _LAST.values() for name in function.priors}
 
 
 def compose_own(name: str, ball: Ball, tangential: bool, options: Mapping[str, str]) -> OwnModel:
@@ -181,6 +175,7 @@ def compose_own(name: str, ball: Ball, tangential: bool, options: Mapping[str, s
         source = options[SOURCE]
         function = _KNOWN.get((name, source))
         priors = dict(part.split("=", 1) for part in options[PARAMETERS].split("; "))
+    NAMED.update(priors)
     kept = {SOURCE: source, PARAMETERS: "; ".join(f"{key}={text}" for key, text in priors.items())}
     return OwnModel(name, ball, kept, tuple(map(spec, priors, priors.values())), function, tangential=tangential)
 

@@ -14,7 +14,7 @@ from fitball.errors import ModelError, suggestion
 from fitball.kinds import checked
 from fitball.models.impulse import BRODY, GRIP_SLIP, VERTICAL, GripSlipModel
 from fitball.models.model import Model
-from fitball.models.own import compose_own, is_own, own_spec, parameter_names
+from fitball.models.own import NAMED, compose_own, is_own, own_spec
 from fitball.models.specs import DEFAULT_MODEL, SPECS, ParameterSpec
 from fitball.models.thesis import compose_thesis
 from fitball.models.two_mass import compose_two_mass
@@ -118,7 +118,7 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
     `ball` defaults to Wang's. `tangential=False` keeps the vertical motion only, for drop tests. Raises ModelError
     for an unknown name, closure or option.
 
-    >>> fitball.model("grip-slip").parameter_names
+    >>> fitball.model("grip-slip").NAMED
     ('mu', 'e_x', 'offset', 'cor_10', 'cor_slope')
     """
     chosen = entry(name, closures)
@@ -137,7 +137,7 @@ def closure_options(name: str) -> dict[str, tuple[str, ...]]:
 def parameter_spec(name: str) -> ParameterSpec | None:
     """The specification of a parameter of any model, or of its ball; None for an unknown name."""
     own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
-    return SPECS.get(name) or next(own, None) or (own_spec(name) if name in parameter_names() else None)
+    return SPECS.get(name) or next(own, None) or (own_spec(name) if name in NAMED else None)
 
 
 def _changed(base: _Chosen, chosen: Mapping[str, str]) -> _Chosen:
