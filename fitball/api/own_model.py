@@ -19,7 +19,7 @@ from fitball.errors import FitballError, ModelError, ParameterError, suggestion
 from fitball.inference.problem.parameters import FAMILIES, NOISE_SPECS, parse_prior
 from fitball.kinds import checked
 from fitball.models.model import COR, INPUT_COUNT, INPUTS
-from fitball.models.own import GIVES, PARAMETERS, SHARED, SOURCE, OwnFunction, OwnModel, compose_own, known, spec
+from fitball.models.own import GIVES, SHARED, SOURCE, OwnFunction, OwnModel, compose_own, known, model_of, spec
 from fitball.models.registry import MODELS
 from fitball.models.specs import SPECS
 from fitball.models.types import Status
@@ -161,8 +161,7 @@ def _try(tried: OwnFunction, drawn: Mapping[str, FloatArray]) -> bool:
     rng = np.random.default_rng(2)
     given = Impacts(rng.uniform(2.0, 30.0, TRIED), rng.uniform(3.0, 20.0, TRIED), rng.uniform(-400.0, 400.0, TRIED))
     names, values = tuple(drawn), np.stack([*drawn.values()], axis=1)
-    options = {SOURCE: tried.source, PARAMETERS: "; ".join(f"{key}={text}" for key, text in tried.priors.items())}
-    model = OwnModel(tried.name, Ball(), options, tuple(map(spec, tried.priors, tried.priors.values())), tried)
+    model = model_of(tried.name, Ball(), True, tried.source, tried.priors, tried)
     whole = model.evaluate(names, values, given)
     if not np.any(whole.status == Status.OK):
         row = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, values[0], strict=True))
@@ -197,9 +196,7 @@ def named_model(model: AnyModel) -> str:
 
     Raises ModelError for a file or function that cannot be used.
     """
-    if not isinstance(model, str):
-        return model.known.name
-    return own_model(model).name if ENDING in model else model
+    return model.known.name if not isinstance(model, str) else own_model(model).name if ENDING in model else model
 
 
 def own_model(text: str) -> OwnModel:

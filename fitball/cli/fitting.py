@@ -183,10 +183,7 @@ COMPARE = Verb(
     "compare", "compare models by how well they predict impacts that were left out",
     (
         TABLE,
-        option(
-            "--models", "A,B,...",
-            "models to compare, also functions of your own as FILE:NAME (default: all that can differ on this table)",
-        ),
+        option("--models", "A,B,...", "models to compare, or FILE:NAME (default: all that can differ on this table)"),
         switch("--quick", "compare the main models only, without exact refits of influential impacts"),
         Group("table", (SCENE, *READING)),
         Group("sampling", (

@@ -337,10 +337,7 @@ EXPORT = Verb(
         switch("--overwrite", "replace files that exist"),
         LEVEL,
         Group("a bounce without a table (instead of FIT)", (
-            option(
-                "--model", "NAME",
-                f"{either(marked(RANKED))}; assumptions as +NAME=OPTION; with a FIT of your own model its FILE:NAME",
-            ),
+            option("--model", "NAME", f"{either(marked(RANKED))}; assumptions as +NAME=OPTION; of a FIT FILE:NAME"),
             pairs(
                 "--set", "NAME=VALUE",
                 "a parameter in SI units, or a published one, e.g. cor_10=literature:court (repeatable; the others "

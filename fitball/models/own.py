@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -93,7 +93,7 @@ class OwnFunction:
             ) from None
         wanted = f"expected three arrays {', '.join(GIVES)}, one number for each of the {count} rows"
         if not isinstance(given, tuple | list | np.ndarray) or len(given) != len(GIVES):
-            size = f" of {len(given)}" if isinstance(given, tuple | list) else ""
+            size = f" of {len(given)}" if isinstance(given, tuple | list | np.ndarray) else ""
             raise ModelError(f"model {self.name}: the function returns a {type(given).__name__}{size}, {wanted}")
         out = np.empty((len(GIVES), count), dtype=kind)
         for k, (name, column) in enumerate(zip(GIVES, given, strict=True)):
@@ -152,8 +152,7 @@ def own_spec(name: str, prior: str = "normal(0, 1)", bounds: tuple[float, float]
 def spec(name: str, prior: str) -> ParameterSpec:
     """A parameter with its prior; the bounds are those of the prior, or of the parameter of fitball of that name."""
     if name in SPECS:
-        shared = SPECS[name]
-        return ParameterSpec(**{**vars(shared), "prior": prior})
+        return replace(SPECS[name], prior=prior)
     family, _, numbers = prior.partition("(")
     bounds = ANY
     if "uniform" in family:
@@ -176,8 +175,15 @@ def compose_own(name: str, ball: Ball, tangential: bool, options: Mapping[str, s
         function = _KNOWN.get((name, source))
         priors = dict(part.split("=", 1) for part in options[PARAMETERS].split("; "))
     NAMED.update(priors)
-    kept = {SOURCE: source, PARAMETERS: "; ".join(f"{key}={text}" for key, text in priors.items())}
-    return OwnModel(name, ball, kept, tuple(map(spec, priors, priors.values())), function, tangential=tangential)
+    return model_of(name, ball, tangential, source, priors, function)
+
+
+def model_of(
+    name: str, ball: Ball, tangential: bool, source: str, priors: Mapping[str, str], function: OwnFunction | None
+) -> OwnModel:
+    """The model of a function, with the options by which it is composed again."""
+    options = {SOURCE: source, PARAMETERS: "; ".join(f"{key}={text}" for key, text in priors.items())}
+    return OwnModel(name, ball, options, tuple(map(spec, priors, priors.values())), function, tangential=tangential)
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bo
     `ball` defaults to Wang's. `tangential=False` keeps the vertical motion only, for drop tests. Raises ModelError
     for an unknown name, closure or option.
 
-    >>> fitball.model("grip-slip").NAMED
+    >>> fitball.model("grip-slip").parameter_names
     ('mu', 'e_x', 'offset', 'cor_10', 'cor_slope')
     """
     chosen = entry(name, closures)
