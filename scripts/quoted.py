@@ -295,19 +295,29 @@ def tracks() -> str:
     ]  # fmt: skip
     controls = ", ".join(f"`{name}` {held(one)} ({case})" for (case, name), one in still.items() if name in shown[:2])
     real = found["real"]
+    most, heads = max(one["of"] for one in by.values()), ("film", *(f"`{name}`" for name in shown))
     return (
-        f"Share of 68 % and 95 % intervals that contain the truth, of {max(one['of'] for one in by.values())} impacts:"
-        f"\n\n{table(('film', *(f'`{name}`' for name in shown)), rows)}\n\n"
+        f"Share of 68 % and 95 % intervals that contain the truth, of {most} impacts:\n\n{table(heads, rows)}\n\n"
         "Median standard errors, and root mean square errors of lines through five frames:\n\n"
         + table(
-            ("film", "`v_x1` [m/s]", "lines", "`v_y2` [m/s]", "lines", "`omega_1` [rad/s]", "`gap_time` [ms]",
-             "spins sure", "of these wrong"),
+            (
+                "film",
+                "`v_x1` [m/s]",
+                "lines",
+                "`v_y2` [m/s]",
+                "lines",
+                "`omega_1` [rad/s]",
+                "`gap_time` [ms]",
+                "spins sure",
+                "of these wrong",
+            ),
             sizes,
-        )  # fmt: skip
+        )
         + "\n\nFilms of 21 impacts, whose scale, clock, tilt and court are wrong within their errors, are fitted. "
         "Errors are shares of the value:\n\n"
         + table(
-            ("film", "parameter", "interval", "contains the truth", "median sd", "median error", "error by lines"), fits
+            ("film", "parameter", "interval", "contains the truth", "median sd", "median error", "error by lines"),
+            fits,
         )
         + "\n\nControls are wrong on purpose. Without drag and Magnus force the intervals hold in "
         f"{controls}. A court that is taken 1 mm too high moves `gap_time` by {found['height']:.3f} of what geometry "

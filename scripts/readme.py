@@ -28,7 +28,15 @@ def blocks() -> dict[str, str]:
     )
     others = (
         *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.gaps),
-        *(quoted.tracks, quoted.priors, quoted.speed, quoted.speed_line, quoted.densities, quoted.samplers, quoted.tables),
+        *(
+            quoted.tracks,
+            quoted.priors,
+            quoted.speed,
+            quoted.speed_line,
+            quoted.densities,
+            quoted.samplers,
+            quoted.tables,
+        ),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}
     return {name.replace("_", "-"): text for name, text in written.items()}
