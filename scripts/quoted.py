@@ -14,6 +14,7 @@ from measured import ROOT
 from fitball.bench.errors import FASTEST
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
+from fitball.report.fit.citations import works
 from fitball.report.form.numbers import decimals, digits, fixed, handy
 from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 
@@ -157,6 +158,22 @@ def trust() -> str:
         rows.append((f"{made}{name}", *rates))
     heads = ("tables", "objected to", "95 % intervals contain the truth", "determined, but called prior-dominated")
     return table(heads, rows)
+
+
+def trust_line() -> str:
+    """The same over all tables, in two sentences."""
+    rows = {row["scenario"]: row for _, row in _rates("yes", "no").iterrows()}
+    made, other = (rows[f"all {name}"] for name in ("made by the model", "not made by it"))
+    return (
+        f"fitball objects to {_rate(made, 'objected')} of the tables simulated from the fitted model, and to "
+        f"{_rate(other, 'objected')} of those with a fault. Of the former, 95 % intervals of identified parameters "
+        f"contain the truth in {_rate(made, 'identified_holds')}."
+    )
+
+
+def references() -> str:
+    """The works that `fitball cite` knows, a line each."""
+    return "\n".join(f"- {work.text()}" for work in works().values() if work.key != "fitball")
 
 
 def faults() -> str:

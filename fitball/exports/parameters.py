@@ -22,6 +22,7 @@ from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunS
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
 from fitball.report.fit.circumstances import circumstance_rows
+from fitball.report.fit.citations import escaped
 from fitball.report.fit.court_words import (
     class_lines,
     court_lines,
@@ -36,7 +37,6 @@ from fitball.report.fit.court_words import (
 from fitball.report.fit.drop_words import ball_rows, drop_class, drop_lead, drop_remarks, speed_rows
 from fitball.report.form.document import Row, markdown_table, render_template
 from fitball.report.form.files import json_text
-from fitball.report.fit.citations import escaped
 from fitball.report.form.numbers import handy, parameter_row, row_of
 from fitball.report.saved.structure import plain
 from fitball.version import __version__

@@ -59,11 +59,10 @@ class Work:
         year = f" ({known['year']})" if "year" in known else ""
         head = f"{known['author'].replace(' and ', ', ')}{year}. " if "author" in known else ""
         journal = " ".join(known[name] for name in ("journal", "volume") if name in known)
-        names = ("booktitle", "publisher", "school", "howpublished", "pages", "note")
+        names = ("booktitle", "publisher", "school", "howpublished", "pages")
         where = ", ".join(filter(None, [journal, *(known.get(name, "") for name in names)]))
-        return ". ".join(
-            filter(None, [head + known["title"], where, f"doi:{known['doi']}" if "doi" in known else ""])
-        )
+        doi = f"doi:{known['doi']}" if "doi" in known else ""
+        return ". ".join(filter(None, [head + known["title"], where, known.get("note"), doi]))
 
 
 FORMS = {"bibtex": ("\n\n", Work.bibtex), "text": ("\n", Work.text)}
