@@ -78,6 +78,8 @@ def test_data_of_ones_own_are_cited_by_their_scene(short_fit):
     (data,) = [work for work in works_of(own) if work.key == "data"]
     assert keys_of(data.bibtex()) == ["data"] and data.fields["note"] == escaped(hostile)
     assert hostile in data.text()
+    copied = replace(own, source=short_fit.source)
+    assert "jafri2004" in {work.key for work in works_of(copied)} and "data" not in {w.key for w in works_of(copied)}
     silent = replace(own, problem=replace(own.problem, scene=replace(scene, citation="")))
     assert {work.key for work in works_of(silent)}.isdisjoint({"data", "jafri2004"})
 
