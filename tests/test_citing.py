@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 import fitball
 from fitball.cli.main import main
-from fitball.data.bundled import bundled_names, bundled_tracks
+from fitball.data.bundled import bundled_names, bundled_tracks, resolve_tracks
 from fitball.models.registry import MODELS
 from fitball.report.fit import citations
 from fitball.report.fit.citations import Work, data_keys, escaped, works, works_of
@@ -66,6 +67,8 @@ def test_a_weighted_fit_and_a_point_fit_cite_their_own_methods(short_fit):
     weighted = replace(short_fit, diagnostics=replace(short_fit.diagnostics, pareto_k=0.3))
     found = {work.key for work in works_of(weighted)}
     assert found >= set(citations.WEIGHTED) and not found & set(citations.ENSEMBLES)
+    two_masses = replace(weighted, fitted=replace(weighted.fitted, model_name="two-mass"))
+    assert [work.key for work in works_of(two_masses)].count("jafri2004") == 1
     found = {work.key for work in works_of(replace(short_fit, diagnostics=None))}
     assert found >= set(citations.POINT) and not found & {*citations.ENSEMBLES, *citations.SAMPLED}
 
@@ -80,6 +83,10 @@ def test_data_of_ones_own_are_cited_by_their_scene(short_fit):
     assert hostile in data.text()
     copied = replace(own, source=short_fit.source)
     assert "jafri2004" in {work.key for work in works_of(copied)} and "data" not in {w.key for w in works_of(copied)}
+    film = tomllib.loads(resolve_tracks("table_tennis_topspin").with_suffix(".toml").read_text(encoding="utf-8"))
+    scene = replace(scene, citation=film["source"]["citation"])
+    tracked = replace(own, problem=replace(own.problem, scene=scene))
+    assert "ballprediction2023" in {work.key for work in works_of(tracked)}
     silent = replace(own, problem=replace(own.problem, scene=replace(scene, citation="")))
     assert {work.key for work in works_of(silent)}.isdisjoint({"data", "jafri2004"})
 
