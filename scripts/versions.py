@@ -41,16 +41,11 @@ TESTS = tuple(
 TOOLS = ("hypothesis", "jsonschema", "openpyxl", "pytest")
 
 
-def settings() -> dict[str, list[str]]:
-    """Requirements of fitball by extra, those of all users under an empty name."""
+def required(versions: str) -> list[str]:
+    """What pyproject.toml requires, as words for pip: at its "lowest" version, or as it is written."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return {"": project["dependencies"], **project["optional-dependencies"]}
-
-
-def floors() -> list[str]:
-    """The lowest versions that pyproject.toml allows, as requirements for pip."""
-    known = settings()
-    return [line.replace(">=", "==") for name in ("", *EXTRAS) for line in known[name]]
+    lines = [*project["dependencies"], *(line for name in EXTRAS for line in project["optional-dependencies"][name])]
+    return [line.replace(">=", "==") for line in lines] if versions == "lowest" else lines
 
 
 def find_python(name: str) -> str | None:
@@ -73,10 +68,10 @@ def inside(environment: Path, name: str) -> str:
     return str(environment / "Scripts" / f"{name}.exe" if os.name == "nt" else environment / "bin" / name)
 
 
-def installing(place: Path, python: str, versions: str, uv: str | None) -> Iterator[Sequence[str]]:
+def installing(place: Path, python: str, versions: str) -> Iterator[Sequence[str]]:
     """The commands that make an environment at `place`: packages as wheels only, as most users get them."""
     it = inside(place, "python")
-    if uv:
+    if uv := shutil.which("uv"):
         yield (uv, "venv", "--quiet", "--python", python, str(place))
         install: tuple[str, ...] = (uv, "pip", "install", "--quiet", "--python", it)
         extras = [word for name in EXTRAS for word in ("--extra", name)]
@@ -86,33 +81,28 @@ def installing(place: Path, python: str, versions: str, uv: str | None) -> Itera
     else:
         yield (python, "-m", "venv", str(place))
         install, fresh = (it, "-m", "pip", "install", "--quiet"), ()
-        newest = [line for name in ("", *EXTRAS) for line in settings()[name]]
-        wanted = tuple(floors() if versions == "lowest" else newest)
+        wanted = tuple(required(versions))
     yield (*install, "--only-binary", ":all:", *wanted)
     yield (*install, "--no-deps", *fresh, str(ROOT))
     yield (*install, *TOOLS)
 
 
-def steps(
-    place: Path, python: str, versions: str, uv: str | None, tests: Sequence[str]
-) -> Iterator[tuple[str, bool]]:
+def steps(place: Path, python: str, versions: str, tests: Sequence[str]) -> Iterator[tuple[str, bool]]:
     """What was run, and whether it ended well; nothing runs in an environment that could not be made."""
     work = place / "work"
-    work.mkdir(parents=True)
-    environment = {
-        **os.environ, "NUMBA_CACHE_DIR": str(place / "kernels"), "PYTHONPYCACHEPREFIX": str(place / "bytecode"),
-    }  # fmt: skip
+    work.mkdir()
+    kept = {"NUMBA_CACHE_DIR": str(place / "kernels"), "PYTHONPYCACHEPREFIX": str(place / "bytecode")}
 
     def run(command: Sequence[str], folder: Path) -> bool:
         done = subprocess.run(
-            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            command, cwd=folder, env=os.environ | kept, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             encoding="utf-8", errors="replace", check=False,
         )  # fmt: skip
         if done.returncode:
             print(" ".join(command), *done.stdout.splitlines()[-30:], sep="\n    ", flush=True)
         return done.returncode == 0
 
-    made = all(run(command, work) for command in installing(place / "venv", python, versions, uv))
+    made = all(run(command, work) for command in installing(place / "venv", python, versions))
     yield "install", made
     if made:
         for words in VERBS:
@@ -129,7 +119,7 @@ def main() -> int:
     parser.add_argument("--versions", choices=VERSIONS, action="append", help="repeatable; default: both")
     parser.add_argument("tests", nargs="*", help="what pytest is given, after -- (default: some quick files)")
     options = parser.parse_args()
-    uv, counts = shutil.which("uv"), [0, 0]
+    counts = [0, 0]
     for name in options.python or PYTHONS:
         python = find_python(name)
         if python is None:
@@ -139,7 +129,7 @@ def main() -> int:
         for versions in options.versions or VERSIONS:
             with tempfile.TemporaryDirectory(prefix="fitball-", ignore_cleanup_errors=True) as folder:
                 begun = time.monotonic()
-                for what, good in steps(Path(folder) / "try", python, versions, uv, options.tests or TESTS):
+                for what, good in steps(Path(folder), python, versions, options.tests or TESTS):
                     counts[not good] += 1
                     spent, begun = time.monotonic() - begun, time.monotonic()
                     print(f"{name} {versions}: {what}: {'ok' if good else 'FAILED'} ({spent:.0f} s)", flush=True)
