@@ -14,6 +14,7 @@ from measured import ROOT
 from fitball.bench.errors import FASTEST
 from fitball.inference.problem.parameters import FORCE_NOISE, NOISE_SPECS
 from fitball.models.specs import SPECS
+from fitball.report.fit.citations import works
 from fitball.report.form.numbers import decimals, digits, fixed, handy
 from fitball.thesis.appendices import CASE_IN_APPENDIX_C
 
@@ -157,6 +158,22 @@ def trust() -> str:
         rows.append((f"{made}{name}", *rates))
     heads = ("tables", "objected to", "95 % intervals contain the truth", "determined, but called prior-dominated")
     return table(heads, rows)
+
+
+def trust_line() -> str:
+    """The same over all tables, in two sentences."""
+    rows = {row["scenario"]: row for _, row in _rates("yes", "no").iterrows()}
+    made, other = (rows[f"all {name}"] for name in ("made by the model", "not made by it"))
+    return (
+        f"Of the tables simulated from the fitted model {_rate(made, 'objected')} are objected to, and of those that "
+        f"it did not make {_rate(other, 'objected')}. Of the former, 95 % intervals of identified parameters contain "
+        f"the truth in {_rate(made, 'identified_holds')}."
+    )
+
+
+def references() -> str:
+    """The works that `fitball cite` knows, a line each."""
+    return "\n".join(f"- {work.text()}" for work in works().values() if work.key != "fitball")
 
 
 def faults() -> str:
@@ -323,6 +340,18 @@ def tracks() -> str:
         f"{controls}. A court that is taken 1 mm too high moves `gap_time` by {found['height']:.3f} of what geometry "
         "predicts. On the bundled film of a table-tennis ball speeds by odd and by even frames agree within one "
         f"standard error of the frame noise in {real['in_68']}."
+    )
+
+
+def tracks_line() -> str:
+    """How well a film determines the vertical stiffness, in a sentence a frame rate."""
+    found = json.loads((VALIDATION / "tracks" / "tracks.json").read_text(encoding="utf-8"))
+    return " ".join(
+        f"In {one['of']} fits to simulated films of {one['case'].removesuffix('/s, fitted')} frames a second the "
+        f"median sd of `k_y` is {digits(100 * one['sd'], 2)} %. Their 95 % intervals contain the truth in "
+        f"{100 * one['holds'] / one['of']:.0f} % [{100 * one['low']:.0f}, {100 * one['high']:.0f}]."
+        for one in found["fits"]
+        if one["parameter"] == "k_y" and one["level"] == 0.95
     )
 
 

@@ -27,6 +27,7 @@ def blocks() -> dict[str, str]:
         quoted.thesis,
     )
     others = (
+        *(quoted.references, quoted.trust_line, quoted.tracks_line),
         *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.gaps),
         *(
             quoted.tracks,

@@ -33,11 +33,10 @@ VERBS = (
     ("track", FILM, "--out", "track"),
     ("compare", TABLE, "--quick", "--models", "grip-slip,brody", "--out", "compare"),
 )
-TESTS = tuple(
-    f"tests/test_{name}.py"
-    for name in ("data_read", "data_units", "environment", "export_tables", "figure_style", "inference_priors",
-                 "minimiser", "observables", "table_size")
-)  # fmt: skip
+FILES = (
+    "data_read data_units environment export_tables figure_style inference_priors minimiser observables table_size"
+)
+TESTS = tuple(f"tests/test_{name}.py" for name in FILES.split())
 TOOLS = ("hypothesis", "jsonschema", "openpyxl", "pytest")
 
 
@@ -94,10 +93,8 @@ def steps(place: Path, python: str, versions: str, tests: Sequence[str]) -> Iter
     kept = {"NUMBA_CACHE_DIR": str(place / "kernels"), "PYTHONPYCACHEPREFIX": str(place / "bytecode")}
 
     def run(command: Sequence[str], folder: Path) -> bool:
-        done = subprocess.run(
-            command, cwd=folder, env=os.environ | kept, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            encoding="utf-8", errors="replace", check=False,
-        )  # fmt: skip
+        told = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8", "errors": "replace"}
+        done = subprocess.run(command, cwd=folder, env=os.environ | kept, check=False, **told)
         if done.returncode:
             print(" ".join(command), *done.stdout.splitlines()[-30:], sep="\n    ", flush=True)
         return done.returncode == 0
@@ -108,8 +105,8 @@ def steps(place: Path, python: str, versions: str, tests: Sequence[str]) -> Iter
         for words in VERBS:
             yield " ".join(words[:2]), run((inside(place / "venv", "fitball"), *words), work)
         # -P: the installed fitball is tested, not the folder that pytest is started in.
-        options = ("-P", "-m", "pytest", "-p", "no:cacheprovider", "--quiet")
-        yield "pytest", run((inside(place / "venv", "python"), *options, *tests), ROOT)
+        pytest = (inside(place / "venv", "python"), "-P", "-m", "pytest", "-p", "no:cacheprovider", "--quiet")
+        yield "pytest", run((*pytest, *tests), ROOT)
 
 
 def main() -> int:
