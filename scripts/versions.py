@@ -93,8 +93,8 @@ def steps(place: Path, python: str, versions: str, tests: Sequence[str]) -> Iter
     kept = {"NUMBA_CACHE_DIR": str(place / "kernels"), "PYTHONPYCACHEPREFIX": str(place / "bytecode")}
 
     def run(command: Sequence[str], folder: Path) -> bool:
-        told = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8", "errors": "replace"}
-        done = subprocess.run(command, cwd=folder, env=os.environ | kept, check=False, **told)
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8", "errors": "replace"}
+        done = subprocess.run(command, cwd=folder, env=os.environ | kept, check=False, **streams)
         if done.returncode:
             print(" ".join(command), *done.stdout.splitlines()[-30:], sep="\n    ", flush=True)
         return done.returncode == 0
