@@ -79,7 +79,9 @@ def _blas_threads() -> int:
     """As many as OpenBLAS starts: one for each core that this process may use, or OPENBLAS_NUM_THREADS if that is
     less.
     """
-    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+    cores = os.cpu_count() or 1
+    if sys.platform == "linux":
+        cores = len(os.sched_getaffinity(0))
     wished = os.environ.get("OPENBLAS_NUM_THREADS", "")
     return min(cores, MOST_THREADS, int(wished) if wished.isdecimal() and int(wished) > 0 else cores)
 

@@ -64,6 +64,28 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not _is_slow(item.path))
 
 
+# Programs that some tests need besides Python, as the reasons name them for which these are skipped.
+PROGRAMS = {
+    "browser": "install chromium, Chrome or Edge, or name one: FITBALL_BROWSER=/path/to/it",
+    "C compiler": "install gcc or clang",
+    "node": "install nodejs",
+    "mcs and mono": "install mono-mcs and mono-runtime",
+    "openssl": "install openssl",
+}
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Iterator[None]:
+    """After all else: how many tests were skipped for want of a program, and how to get it."""
+    yield
+    reasons = [str(report.longrepr) for report in terminalreporter.getreports("skipped")]
+    for program, remedy in PROGRAMS.items():
+        if missed := sum(f"no {program}" in reason for reason in reasons):
+            terminalreporter.write_line(
+                f"Tests skipped because there is no {program}: {missed}. To run them, {remedy}."
+            )
+
+
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are saved without their figures."""

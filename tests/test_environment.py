@@ -10,6 +10,7 @@ from importlib import util
 from pathlib import Path
 
 import matplotlib as mpl
+import numba
 import pytest
 
 import fitball
@@ -52,8 +53,9 @@ DAMAGES = {
 
 
 @pytest.fixture
-def compiles(tmp_path):
+def compiles(tmp_path, monkeypatch):
     """A function that loads a kernel anew, as another run does: its value at 2, and the kernels compiled for it."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     source = tmp_path / "toy.py"
     source.write_text(
         "from fitball.models.kernels.compiled import compiled\n\n@compiled\ndef toy(x):\n    return 3.0 * x\n"

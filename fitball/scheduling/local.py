@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from pickle import PicklingError
 from queue import SimpleQueue
 from typing import Any
@@ -156,7 +156,7 @@ def _one_process() -> Any:
 
 
 @cache
-def _lifeline() -> tuple[Connection, Connection]:
+def _lifeline() -> tuple[Any, Any]:
     """A pipe whose other end this process alone holds and never writes to: who reads it is woken when this one ends,
     however it ends.
     """
@@ -179,7 +179,7 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(asker: Connection) -> None:
+def _begin(asker: Any) -> None:
     """Only the process that asks acts on a Ctrl-C, and ends the others. Where it was killed they end with it, since
     they might write into files of the next run.
     """
@@ -194,6 +194,6 @@ def _begin(asker: Connection) -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
-def _end_with(asker: Connection) -> None:
+def _end_with(asker: Any) -> None:
     wait([asker])
     os._exit(1)

@@ -165,8 +165,10 @@ def compare_document(
                 "`compare.json` holds every number of this page and more; `compare.csv` has one row for each model.",
             ], "list", "page"),
         ], rank="folded"),
-        Section("", "", [Words([f"Report: {folder}/compare.html"] * bool(folder), only="terminal", rank="first"),
-                         Words([f"Time: {comparison.seconds:.0f} s."], only="terminal")]),
+        Section("", "", [
+            Words([f"Report: {Path(folder, 'compare.html')}"] * bool(folder), only="terminal", rank="first"),
+            Words([f"Time: {comparison.seconds:.0f} s."], only="terminal"),
+        ]),
     ]  # fmt: skip
     title = f"{table.name}: {len(models)} models on {len(table):,} impacts, scored by {', '.join(comparison.columns)}"
     return Document(title, lead, sections)
