@@ -13,7 +13,7 @@ author = "The fitball authors"
 project_copyright = author
 version = release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "woven"]
-exclude_patterns = ["_*"]
+exclude_patterns = ["_*", "paper"]
 nitpicky = False
 # Names in docstrings stand between single backticks.
 default_role = "code"

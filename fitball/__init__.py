@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         Plan,
         calibrate,
         check,
+        cite,
         compare,
         export,
         load_fit,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 # Where each name is when it is first asked for.
 _HOMES = {
-    "fitball.api": "Checked Comparison Course Fit Plan calibrate check compare export load_fit plan "
+    "fitball.api": "Checked Comparison Course Fit Plan calibrate check cite compare export load_fit plan "
     "plot port predict simulate",
     "fitball.api.tracking": "TrackResult track",
     "fitball.batch": "Batch calibrate_many load_batch",
@@ -59,8 +60,8 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split
 __all__ = [
     "Ball", "Batch", "Checked", "Comparison", "Course", "Estimate", "Fit", "FitballError", "ImpactTable", "Impacts",
     "Plan", "Posterior", "Rebound", "RunStatus", "Scene", "TrackResult", "Verdict", "__version__", "calibrate",
-    "calibrate_many", "check", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene", "load_table",
-    "model", "plan", "plot", "port", "predict", "regime_name", "simulate", "track",
+    "calibrate_many", "check", "cite", "compare", "export", "impacts", "load_batch", "load_fit", "load_scene",
+    "load_table", "model", "plan", "plot", "port", "predict", "regime_name", "simulate", "track",
 ]  # fmt: skip
 
 

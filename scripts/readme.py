@@ -27,8 +27,17 @@ def blocks() -> dict[str, str]:
         quoted.thesis,
     )
     others = (
+        *(quoted.references, quoted.trust_line, quoted.tracks_line),
         *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.gaps),
-        *(quoted.tracks, quoted.priors, quoted.speed, quoted.speed_line, quoted.densities, quoted.samplers, quoted.tables),
+        *(
+            quoted.tracks,
+            quoted.priors,
+            quoted.speed,
+            quoted.speed_line,
+            quoted.densities,
+            quoted.samplers,
+            quoted.tables,
+        ),
     )
     written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}
     return {name.replace("_", "-"): text for name, text in written.items()}

@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # Growth is a decision: who raises one of these says in the commit what for, see CONTRIBUTING.
 CEILINGS: Mapping[str, int] = {
-    "lines of fitball": 67_500, "modules of fitball": 306, "lines of scripts": 6_100, "lines of tests": 37_600,
+    "lines of fitball": 67_500, "modules of fitball": 306, "lines of scripts": 6_100, "lines of tests": 38_000,
 }  # fmt: skip
 KINDS = ("code", "imports", "docstrings", "comments", "blank")
 

@@ -276,8 +276,9 @@ DOCS = ROOT / "docs"
 
 
 def pages() -> dict[str, str]:
-    """Text of every page of docs/, by its name without the ending."""
-    files = [file for file in sorted(DOCS.rglob("*.md")) if not file.relative_to(DOCS).parts[0].startswith("_")]
+    """Text of every page of docs/, by its name without the ending; the paper is none."""
+    first = {file: file.relative_to(DOCS).parts[0] for file in sorted(DOCS.rglob("*.md"))}
+    files = [file for file, part in first.items() if not part.startswith("_") and part != "paper"]
     return {file.relative_to(DOCS).with_suffix("").as_posix(): file.read_text(encoding="utf-8") for file in files}
 
 

@@ -127,6 +127,7 @@ def test_wheel_carries_tables_scenes_schemas_and_template(tmp_path):
         "fitball/_datasets/wang_all.toml",
         "fitball/data/scene.schema.json",
         "fitball/report/fit.schema.json",
+        "fitball/report/references.bib",
         "fitball/exports/parameters.schema.json",
         "fitball/report/templates/page.css",
         "fitball/py.typed",

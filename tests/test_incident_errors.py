@@ -16,6 +16,8 @@ from fitball.bench.problems import BASE
 from fitball.cli.main import main
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
+from fitball.inference.calibrate import weighs
+from fitball.inference.effort import Effort
 from fitball.inference.identifiability.information import fisher_information, prior_sds
 from fitball.inference.likelihood import regime_mixture
 from fitball.inference.likelihood.cells import cells, joint_root, shared_covariance, solved
@@ -355,3 +357,11 @@ def test_the_command_line_can_ignore_them(tmp_path, monkeypatch, capsys, without
     assert "marginalised" in capsys.readouterr().err
     assert main([*words, "b", "--exact-incidence"]) == 0
     assert "ignored on request" in capsys.readouterr().err
+
+
+def test_posteriors_with_incident_errors_are_weighed_and_others_walk():
+    """Where a density costs mixtures; a given number of walkers asks for ensembles."""
+    angles = np.linspace(20.0, 60.0, 8)
+    problem = problem_of(simulated("grip-slip", angles, covariances(8, 0.1, 4.0), 1), model="grip-slip")
+    plain = replace(problem, errors=None)
+    assert weighs(problem, Effort()) and not weighs(problem, Effort(walkers=40)) and not weighs(plain, Effort())

@@ -218,3 +218,11 @@ def test_planned_sensors_have_their_own_error_and_the_balls_scatter():
     ):  # fmt: skip
         along = next(item for item in sensor.columns if item.name == "v_x2")
         np.testing.assert_allclose(along.sds(columns, rebound), np.hypot(error, 0.11))
+
+
+def test_a_point_fit_without_scatter_has_profiles():
+    """A noise that ends at zero leaves no maximum; scatter beside stated errors may."""
+    still = fitball.calibrate(careful(20, 8, scatter=0.0), scene=Scene(), model="grip-slip", point_only=True)
+    verdicts = {item.name: item.verdict for item in still.reported}
+    assert verdicts["cor_10"] in (Verdict.IDENTIFIED, Verdict.GIVEN)
+    assert Verdict.NOT_JUDGED not in verdicts.values()

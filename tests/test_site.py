@@ -77,9 +77,10 @@ def test_the_snippets_of_a_page_run(runner, page):
 def test_the_commands_of_the_front_page_run(tmp_path, monkeypatch):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     make_quick(monkeypatch)
-    assert len(run_page(text, tmp_path / "page", quick_shell)) == 1
-    (begin,) = (item.code.splitlines() for item in snippets(text) if item.language == "sh")
-    assert all((ROOT / line.split()[0]).is_file() for line in begin)
+    assert len(run_page(text, tmp_path / "page", quick_shell)) == 2
+    first, tests = (item.code.split() for item in snippets(text) if item.language == "sh")
+    assert first[:2] == ["scripts/fitball", "calibrate"] and tests == ["scripts/test"]
+    assert all((ROOT / place).is_file() for place in (first[0], *tests))
 
 
 def test_the_front_page_is_short():

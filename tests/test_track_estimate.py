@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from simulated_films import dropped_balls, errors, estimated, film, filmed_bounces
 
+from fitball.data.scene import Camera, Quantity
 from fitball.tracks import estimate as fits
 from fitball.tracks import pooled, session
 from fitball.tracks.estimate import COUNT, DRAG, OMEGA, PHI, V_X, V_Y, WIDTH, Batch, Priors, Sides
@@ -409,3 +410,19 @@ def test_the_radius_in_the_picture_gives_the_scale():
     assert np.isclose(found.scale[""].value, plain.scale[""].value / 0.95)
     assert any("too small, or its outline is" in words for words in found.notes)
     assert estimate(filmed_bounces(2, film(1000))[1], Filmed()).scale == {}
+
+
+def test_landings_apart_have_heights_that_differ_by_the_unknown_tilt():
+    """Two places a metre apart and a tilt of 5 mrad: 2.5 mm of height on either side of the middle."""
+    true, tracks = filmed_bounces(6, film(1000))
+    moved = [replace(one, x=one.x + (0.0 if k % 2 else 1.0)) for k, one in enumerate(tracks)]
+    level, tilted = (estimate(moved, Filmed(camera=Camera(tilt=Quantity(0.0, sd)))).impacts for sd in (1e-9, 5e-3))
+    for one, other in zip(level, tilted, strict=True):
+        v_x1, v_y1, omega_1, v_x2, v_y2, omega_2 = one.values[:6]
+        slope = 2.5e-3 * np.array(
+            [1.0 / v_y1 + 1.0 / v_y2, v_x1 / v_y1 + v_x2 / v_y2, omega_1 / v_y1 + omega_2 / v_y2]
+        )
+        added = other.covariance - one.covariance
+        assert np.allclose(added[6:, 6:], np.outer(slope, slope), rtol=0.05)
+        assert np.allclose(added[:6], 0.0, atol=1e-12)
+    assert len(level) == len(true)

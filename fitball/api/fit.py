@@ -26,6 +26,7 @@ from fitball.inference.results import results
 from fitball.inference.results.evidence import LEFT_OUT
 from fitball.kinds import checked
 from fitball.report.figures.registry import FIGURES, no_profiles
+from fitball.report.fit.citations import cited, works, works_of
 from fitball.report.fit.folder import prepare_folder, write_all
 from fitball.report.fit.rows import html_text, report_text, short_text, summary_columns
 from fitball.report.form.folders import held
@@ -319,6 +320,11 @@ class Fit(results.Fit):
             write_all(self, path, figures=figures)
         return path
 
+    @checked
+    def cite(self, to: str = "bibtex") -> str:
+        """References to cite with the fit: fitball, data, model, optimiser, sampler. See `fitball.cite`."""
+        return cited(works_of(self), to)
+
     def __getstate__(self) -> dict[str, Any]:
         """The whole fit, so that it can be unpickled without its folder; if only `fit.json` exists, its content."""
         if complete(self):
@@ -392,6 +398,18 @@ def port(
     """
     made = exported_model(model, to, values or {}, surfaces or {}, options)
     return made.texts if out is None else made.write(Path(out), overwrite)
+
+
+@checked
+def cite(fit: FitOrFolder | None = None, to: str = "bibtex") -> str:
+    """Entries to cite fitball; with a fit also its data, model, optimiser and sampler, as `bibtex` or `text`.
+
+    Data of your own are cited by `source.citation` of their scene. Raises ParameterError, ResultFolderError.
+
+    >>> print(fitball.cite(to="text"))
+    The fitball authors. fitball: parameter identification for the bounce of a tennis ball. Version ...
+    """
+    return cited([works()["fitball"]], to) if fit is None else fit_of(fit).cite(to)
 
 
 @checked

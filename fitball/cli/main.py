@@ -21,7 +21,7 @@ from fitball.cli.fitting import BATCH, CALIBRATE, COMPARE, POPULATION, REPEAT
 from fitball.cli.options import Help, Verb, either, one_of, option
 from fitball.cli.studies import BENCH, REDERIVE, SIMULATE
 from fitball.cli.terminal import screen_of, told_of_compiling, visible_streams
-from fitball.cli.using import EXPORT, PLAN, PLOT, PREDICT, VERIFY
+from fitball.cli.using import CITE, EXPORT, PLAN, PLOT, PREDICT, VERIFY
 from fitball.environment import check_environment
 from fitball.errors import FitballError, enough_memory, suggestion
 from fitball.version import __version__
@@ -144,8 +144,8 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 VERBS = (
-    CALIBRATE, COMPARE, PREDICT, PLAN, PLOT, SIMULATE, TRACK, BATCH, POPULATION, EXPORT, VERIFY, REPEAT, DATASETS,
-    COMPLETION, REDERIVE, BENCH,
+    CALIBRATE, COMPARE, PREDICT, PLAN, PLOT, SIMULATE, TRACK, BATCH, POPULATION, EXPORT, VERIFY, CITE, REPEAT,
+    DATASETS, COMPLETION, REDERIVE, BENCH,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The verbs that take a fit: `plot`, `predict`, `plan`, `export`, `verify`."""
+"""The verbs that take a fit: `plot`, `predict`, `plan`, `export`, `verify`, `cite`."""
 
 from __future__ import annotations
 
@@ -417,4 +417,29 @@ examples:
 
 Exit code 0 if every impact passes, 1 if one fails.""",
     description="Compare the rebounds that another program computes with those of a fit, on its golden impacts.",
+)  # fmt: skip
+
+
+def run_cite(args: argparse.Namespace) -> int:
+    """Print the works."""
+    from fitball.api import cite
+
+    print(cite(args.fit, args.to), end="")
+    return 0
+
+
+CITE = Verb(
+    "cite", "references for a paper: fitball, and what a fit rests on",
+    (
+        option("fit", "FIT", FIT.help, nargs="?"),
+        option("--to", "FORM", "bibtex or text (default: bibtex)", default="bibtex"),
+    ),
+    run_cite,
+    """examples:
+  fitball cite
+  fitball cite fits/wang_all/two-mass > fit.bib
+  fitball cite fits/my_balls/two-mass --to text""",
+    description="""Print the works to cite. Without FIT this is fitball itself. With FIT it is also the source of the
+data, of the model, and of the methods that the fit used. Data of your own are cited by source.citation of their
+scene.""",
 )  # fmt: skip

@@ -22,6 +22,7 @@ from fitball.inference.results.results import Estimate, Fit, LevelEstimate, RunS
 from fitball.models.registry import parameter_spec
 from fitball.models.types import OUTPUTS
 from fitball.report.fit.circumstances import circumstance_rows
+from fitball.report.fit.citations import escaped
 from fitball.report.fit.court_words import (
     class_lines,
     court_lines,
@@ -44,11 +45,6 @@ SCHEMA_VERSION = 1
 NUMBERS = ("point", *ESSENTIALS)
 # What the set has of the table.
 TABLE = ("name", "file", "sha256", "impacts", "flipped", "columns")
-_ESCAPES = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "|": r"\textbar{}", "<": r"\textless{}",
-    ">": r"\textgreater{}",
-}  # fmt: skip
 
 
 def parameter_content(saved: Fit) -> dict[str, Any]:
@@ -181,7 +177,7 @@ def _at_level(saved: Fit, item: LevelEstimate) -> tuple[str, PaperRow]:
     """The parameter that differs, and its row for a level."""
     common, spec = saved.parameters[item.parameter], parameter_spec(item.parameter)
     row = row_of(f"{item.parameter}[{item.label}]", vars(item), handy(item.parameter, item.unit))
-    symbol = "" if spec is None else f"{spec.label} {_escaped(item.label)}"
+    symbol = "" if spec is None else f"{spec.label} {escaped(item.label)}"
     known = (row.name, symbol, f"{common.meaning}, {item.column} {item.label}", row.unit)
     if row.median == "-":
         return item.parameter, PaperRow(*known, row.point)
@@ -208,7 +204,7 @@ def latex_table(saved: Fit) -> str:
         "% needs \\usepackage{booktabs}",
         r"\begin{table}",
         r"  \centering",
-        rf"  \caption{{{_escaped(_caption(saved))}}}",
+        rf"  \caption{{{escaped(_caption(saved))}}}",
         r"  \small",
         r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}",
         r"    \toprule",
@@ -217,11 +213,11 @@ def latex_table(saved: Fit) -> str:
     ]
     for row in paper_rows(saved):
         mark = rf"$^{{\mathrm{{{row.mark}}}}}$" if row.mark else ""
-        symbol = row.label or _escaped(row.name)
+        symbol = row.label or escaped(row.name)
         value = rf"${row.value} \pm {row.sd}${mark}" if row.sd else f"${_power(row.value)}$"
         spread = f"${row.interval_95}$" if row.interval_95 else ""
         lines.append(
-            rf"    {symbol} & \raggedright {_escaped(row.meaning)} & {value} & {spread} & {_unit(row.unit)} \\"
+            rf"    {symbol} & \raggedright {escaped(row.meaning)} & {value} & {spread} & {_unit(row.unit)} \\"
         )
     lines += [r"    \bottomrule", r"  \end{tabular}"]
     lines += [rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {note}." for mark, note in _notes(saved)]
@@ -231,10 +227,6 @@ def latex_table(saved: Fit) -> str:
 def _notes(saved: Fit) -> list[tuple[str, str]]:
     used = {row.mark for row in paper_rows(saved)}
     return [(mark, note) for mark, note in MARKS.values() if mark in used]
-
-
-def _escaped(text: str) -> str:
-    return "".join(_ESCAPES.get(letter, letter) for letter in text)
 
 
 def _power(number: str) -> str:

@@ -112,7 +112,7 @@ def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
                 refused.append(Refused(piece.id, piece.track.source, reason))
             else:
                 good.append(replace(made, notes=(*made.notes, *impact_notes(made, filmed))))
-        impacts += good
+        impacts += _on_tilted_court(good, filmed.camera.tilt or Quantity(0.0, CAMERA_SDS["tilt"]))
         if not good:
             continue
         noise[name] = session.noise
@@ -157,6 +157,22 @@ def _camera(filmed: Filmed, height_sd: float | None) -> Camera:
         tilt=stated.tilt or Quantity(0.0, CAMERA_SDS["tilt"]),
         court_height=stated.court_height or height,
     )
+
+
+def _on_tilted_court(impacts: Sequence[TrackedImpact], tilt: Quantity) -> list[TrackedImpact]:
+    """Impacts with the errors of the height at the place of their landing, where the tilt of the court is uncertain
+    and balls land apart in the picture. They count as each impact's own; what all have in common is `court_height`.
+    """
+    places = np.array([-one.before.x if one.mirrored else one.before.x for one in impacts])
+    heights = (places - np.median(places)) * (tilt.sd or 0.0) if len(impacts) else places
+    made = []
+    for one, height in zip(impacts, heights, strict=True):
+        v_x1, v_y1, omega_1, v_x2, v_y2, omega_2 = one.values[:6]
+        slope = np.zeros(len(NINE))
+        slope[6:] = 1.0 / v_y1 + 1.0 / v_y2, v_x1 / v_y1 + v_x2 / v_y2, omega_1 / v_y1 + omega_2 / v_y2
+        slope = height * np.nan_to_num(slope)
+        made.append(replace(one, covariance=one.covariance + np.outer(slope, slope)))
+    return made
 
 
 def _batch(pieces: Sequence[Piece], filmed: Filmed, height: float) -> Batch:

@@ -100,7 +100,7 @@ def make_parser() -> argparse.ArgumentParser:
         type=whole,
         metavar="N",
         help="tables a model (default 300), a kind of them (default 60) or a plan (default 40); populations (50); "
-        "labs, and tables of two surfaces (400); films (400); films of tracks (560)",
+        "labs, and tables of two surfaces (400); films (400); films of tracks (1120)",
     )
     parser.add_argument("--models", default=MODELS, metavar="A,B", help=f"models (default {MODELS})")
     parser.add_argument("--table", default="wang_all.csv", metavar="DATA", help="whose incident conditions to use")
@@ -227,7 +227,7 @@ def _gaps(args: argparse.Namespace) -> int:
 
 def _tracks(args: argparse.Namespace) -> int:
     """Film impacts, track and fit them, and count; 1 where intervals do not hold, or where a control does."""
-    _checked(args, 560)
+    _checked(args, 1120)
     from fitball.report.form.files import write_text
     from validation.tracks import judge, study
 

@@ -33,7 +33,7 @@ from fitball.inference.problem.camera import LEVEL, seen, true
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.results.results import PointFit, Posterior
 from fitball.inference.results.results import Verdict as Said
-from fitball.inference.sampling.importance import importance_posterior
+from fitball.inference.sampling.importance import ENOUGH, importance_posterior
 from fitball.models.registry import model
 from fitball.models.types import OUTPUTS
 from fitball.observables import NOISE_OF, SI_UNITS
@@ -276,16 +276,18 @@ def fitted(film: Film, rng: np.random.Generator, held: Sequence[str] = ()) -> tu
     return problem, *sampled(problem, film.truth, rng)
 
 
-def sampled(problem: Problem, truth: Mapping[str, float], rng: np.random.Generator) -> tuple[PointFit, FloatArray]:
-    """The maximum of a posterior near the `truth`, and draws (draws, free) by importance sampling about it. Raises
-    FitError where that fails.
+def sampled(
+    problem: Problem, truth: Mapping[str, float], rng: np.random.Generator, enough: float = ENOUGH
+) -> tuple[PointFit, FloatArray]:
+    """The maximum of a posterior near the `truth`, and draws (draws, free) by importance sampling about it, of which
+    `enough` are effective if possible. Raises FitError where that fails.
     """
     point = maximum_posterior(problem, np.array([[truth[name] for name in problem.free_names]]))
     optima = problem.to_coordinates(problem.free_rows(point.optima))
-    drawn = importance_posterior(problem, [about(problem, one) for one in optima], rng)
+    drawn = importance_posterior(problem, [about(problem, one) for one in optima], rng, enough)
     if not drawn.settled:
         raise FitError(f"importance sampling has {drawn.effective:.0f} effective draws")
-    return point, drawn.values[rng.choice(len(drawn.values), 1000, p=np.exp(drawn.log_weights))]
+    return point, drawn.values[rng.choice(len(drawn.values), max(1000, round(enough)), p=np.exp(drawn.log_weights))]
 
 
 def judged(problem: Problem, point: PointFit, draws: FloatArray, rng: np.random.Generator) -> dict[str, str]:
