@@ -8,6 +8,7 @@ import pytest
 from tracked import VALUES, incident
 
 import fitball
+from fitball.api.filmed import SPREAD
 from fitball.cli.main import main
 from fitball.data.scene import Scene
 from fitball.errors import ParameterError, TrackError
@@ -113,6 +114,25 @@ def test_pixels_downwards_with_a_scale_and_a_row_of_the_court(tmp_path):
     assert wrong.tracks.scale[""].value == pytest.approx(8.0 / 7.6, rel=3e-3)
 
 
+@pytest.mark.parametrize(("fps", "fold"), [(240.0, 2), (1000.0, 1)])
+def test_marks_that_turn_the_other_way_are_refused_and_clockwise_ones_are_read(tmp_path, capsys, fps, fold):
+    frame, true = frame_of(Film(fps=fps, fold=fold, width=1.2))
+    right = fitball.track(frame, court=0.0)
+    frame["angle [deg]"] *= -1.0
+    place = tmp_path / "clip.csv"
+    frame.to_csv(place, index=False)
+    assert main(["track", str(place), "--court", "0mm", "--out", str(tmp_path / "out")]) == 2
+    words = capsys.readouterr().err
+    assert "the marks turn the other way than was read" in words and "pass --clockwise" in words
+    assert not (tmp_path / "out").exists()
+    other = fitball.track(place, court=0.0, clockwise=True)
+    for one, two in zip(right.tracks.impacts, other.tracks.impacts, strict=True):
+        np.testing.assert_allclose(one.values, two.values, rtol=1e-6)
+    assert np.nanmax(np.abs(pulls_of(other, true))) < 5.0
+    # What is stated against the bounces is accepted with words.
+    assert any("other way" in note for note in fitball.track(place, court=0.0, as_read=True).notes)
+
+
 def test_balls_that_fly_to_the_left_give_the_same_table():
     right, true = frame_of(Film(fps=1000.0))
     left, _true = frame_of(Film(fps=1000.0, leftward=True))
@@ -214,6 +234,13 @@ def test_simulated_tracks_are_read_again_and_have_their_truth(tmp_path, capsys):
     first = (out / "tracks.csv").read_bytes()
     assert main([*command, "--out", str(out), "--overwrite", "--quiet"]) == 0
     assert (out / "tracks.csv").read_bytes() == first
+
+
+def test_default_impacts_are_those_that_the_default_model_can_return(tmp_path):
+    """The slowest and flattest of them rebounds too."""
+    slowest = f"v={SPREAD['v_1'][0]}, theta={np.degrees(SPREAD['theta_1'][0])} deg"
+    command = ["simulate", "--tracks", slowest, "--impacts", "1", "--quiet", "--out", str(tmp_path / "s")]
+    assert main(command) == 0
 
 
 @pytest.mark.parametrize(

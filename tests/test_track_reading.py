@@ -374,6 +374,41 @@ def test_another_object_and_two_balls_are_refused_with_frames():
     assert "two objects: frames 1 to 10 are" in reason
 
 
+@pytest.mark.parametrize("pause", [0.1, 0.5])
+def test_shots_one_after_the_other_in_one_clip_are_divided_where_no_ball_was_seen(tmp_path, pause):
+    rows = filmed.long_table(SHOT).splitlines()
+    length = SHOT.time[-1] - SHOT.time[0] + pause
+    again = [row.split(",") for row in rows[1:]]
+    later = [",".join([a, f"{float(t) + k * length:.6f}", *rest]) for k in (1, 2) for a, t, *rest in again]
+    tracks = read_tracks([written(tmp_path, "\n".join([*rows, *later]))], Reading(as_read=True))
+    if pause < 0.15:
+        assert [track.id for track in tracks] == ["a"]
+        return
+    assert [track.id for track in tracks] == ["a-1", "a-2", "a-3"]
+    assert all("divided into 3" in " ".join(track.notes) for track in tracks)
+    found, refused = bounces_of(tracks)
+    assert len(found) == 3 and not refused
+    for track in tracks:
+        same_place(track)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        (
+            "bounce.MP4",
+            "\0ftypmp42",
+            "is a film; expected positions of the ball in its frames: open it in a tracking",
+        ),
+        ("bounce.trk", "<?xml?>", "is a project of Tracker; expected positions"),
+        ("impacts.csv", "id,v_x1 [m/s],v_y1 [m/s]\n1,2,3", "this is a table of impacts, not of positions; fitball."),
+    ],
+)
+def test_files_of_other_kinds_are_called_what_they_are(tmp_path, name, text, words):
+    with pytest.raises(TableError, match=words):
+        read_tracks([written(tmp_path, text, name)])
+
+
 def test_what_is_tracked_after_the_ball_was_lost_is_left_out_with_its_frames():
     time, (x, y) = SHOT.time.copy(), SHOT.place.T.copy()
     x[-6:], y[-6:] = 9.0 + 0.01 * np.arange(6), 2.0

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 JSON_NAME, TRACKS, TRUTH, SCENE = "simulate.json", "tracks.csv", "truth.csv", "tracks.toml"
-# A practice session: speed [m/s], angle to the court [rad], spin [rad/s].
-SPREAD = {"v_1": (12.0, 25.0), "theta_1": (math.radians(16.0), math.radians(60.0)), "omega_1": (-300.0, 400.0)}
+# A practice session: speed [m/s], angle to the court [rad], spin [rad/s]. Slower balls rebound too fast for the
+# defaults of the model.
+SPREAD = {"v_1": (15.0, 25.0), "theta_1": (math.radians(16.0), math.radians(60.0)), "omega_1": (-300.0, 400.0)}
 MOST = 10_000
 
 
@@ -151,7 +152,7 @@ def _unit(name: str) -> tuple[str, float]:
 
 
 def filmed_impacts(subject: Subject, spread: str, camera: str, count: int, seed: int) -> FilmedImpacts:
-    """Tracks of `count` impacts drawn from `spread`, such as `v=12..25, theta=16..60, spin=-300..400`, as a `camera`
+    """Tracks of `count` impacts drawn from `spread`, such as `v=15..25, theta=16..60, spin=-300..400`, as a `camera`
     such as `fps=1000, noise=1mm` shows them.
 
     Raises ModelError for a model without gaps between flights, and ParameterError.

@@ -27,6 +27,7 @@ from fitball.tracks.clips import Reading
 from fitball.tracks.filmed import assumptions_of, filmed_from, reading_from
 from fitball.tracks.frames import Track, Tracks
 from fitball.tracks.impacts import covariance_rows, frame_rows, impact_rows
+from fitball.tracks.judged import mark_words
 from fitball.tracks.read import Source, read_tracks
 from fitball.tracks.session import estimate
 from fitball.tracks.split import bounces_of
@@ -149,6 +150,7 @@ def track(
     up: str | None = None,
     unit: str | None = None,
     fold: int | None = None,
+    clockwise: bool = False,
     columns: Mapping[str, str] | None = None,
     as_read: bool = False,
 ) -> TrackResult:
@@ -160,7 +162,8 @@ def track(
     with `ball_diameter` ("66mm" or [m]). `court` is the height of the court in the coordinates of the file (a text
     with a unit, or [m]); without it, the height is found from the contacts. `scene` has ball, contact time and
     `[camera]`; `ball` replaces its ball. `y_down`, `up` and `unit` say what a file does not, `fold` after which part
-    of a turn a mark looks the same (1: a dot, 2: a stripe), and `columns` how its columns are named.
+    of a turn a mark looks the same (1: a dot, 2: a stripe), and `columns` how its columns are named. Angles of marks
+    grow counterclockwise in the picture, or `clockwise`.
 
     Raises TableError for a file that cannot be read, with what was expected; TrackError where no track has an impact;
     ParameterError, SceneError.
@@ -187,6 +190,7 @@ def track(
         up=up,
         unit=unit,
         fold=fold,
+        clockwise=clockwise,
         columns=FrozenMapping(columns or {}),
         as_read=as_read,
     )
@@ -210,6 +214,12 @@ def track(
     if not tracks.impacts:
         reasons = "".join(f"\n  - {item.id} ({item.source}): {item.reason}" for item in tracks.refused[:10])
         raise TrackError(f"no impact in {len(read)} track{'s' if len(read) != 1 else ''}:{reasons}")
+    for session in tracks.noise:
+        words = mark_words([it for it in tracks.impacts if it.track.session == session], filmed)
+        words = f"session {session}: {words}" if session and words else words
+        if words and not as_read:
+            raise TrackError(words)
+        tracks = replace(tracks, notes=(*tracks.notes, words)) if words else tracks
     names = tuple(os.fspath(it) if isinstance(it, PATHS) else "DataFrame" for it in sources)
     return TrackResult(tracks, names, replace(used, camera=tracks.camera))
 

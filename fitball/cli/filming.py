@@ -27,7 +27,7 @@ def run_track(args: argparse.Namespace) -> int:
     found = track(
         args.files, fps=args.fps, scene=args.config, scale=args.scale, ball_diameter=args.ball_diameter,
         court=args.court, y_down=args.y_down or None, up=args.up, unit=args.unit, fold=args.fold,
-        columns=args.columns, as_read=args.as_read,
+        clockwise=args.clockwise, columns=args.columns, as_read=args.as_read,
     )  # fmt: skip
     args.progress("figures and files", None)
     found.save(folder, overwrite=args.overwrite, figures=not args.no_figures, command=args.command)
@@ -80,11 +80,12 @@ TRACK = Verb(
                 "the mark looks the same after 1/N turn (1: a dot, 2: a stripe), where a file does not say",
                 type=int,
             ),
+            switch("--clockwise", "angles of marks grow clockwise in the picture (default: counterclockwise)"),
             pairs(
                 "--columns", "OURS=THEIRS,...", 'names of the columns in these files, e.g. "x=Ball X, y=Ball Y"',
                 several=True, form="OURS=THEIRS once for each column, separated by commas",
             ),
-            switch("--as-read", "accept scale and clock even if gravity contradicts them"),
+            switch("--as-read", "accept scale, clock and angles even if gravity or bounces contradict them"),
         )),
         Group("output", (
             option("--out", "DIR", f"result folder (default: {FOLDER}/<file>)", type=place),

@@ -179,7 +179,7 @@ SIMULATE = Verb(
             option(
                 "--tracks", "TEXT",
                 "tracks of several impacts as a camera shows them, with their truth, for impacts drawn from e.g. "
-                '"v=12..25, theta=16..60, spin=-300..400" (these are the defaults)', nargs="?", const="",
+                '"v=15..25, theta=16..60, spin=-300..400" (these are the defaults)', nargs="?", const="",
             ),
             switch("--html", "a page with sliders that computes bounces in the browser, starting at --impact"),
             option("--example", "NAME", "a figure of Jafri (2004), fig8 to fig28, or list"),

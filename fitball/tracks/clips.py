@@ -29,8 +29,9 @@ class Reading:
     `fps` [frames/s], `metres_per_px`, `ball_diameter` [m] (for the scale by radius; None: that of `ball`, if
     `states_ball`). `y_down` says that y grows downwards. `up` names the axis that points upwards ("x", "y", "z", or
     with a minus sign "-z"). `unit` is the unit of lengths ("m", "mm", "px", ...) where a file has none, `fold` that
-    of marks without a column. `columns` maps names of the long table to those of a file. With `as_read` clips are
-    accepted that gravity contradicts. `air_density` [kg/m^3] and the ball say how much air may change gravity.
+    of marks without a column. `clockwise` says that angles of marks grow clockwise in the picture. `columns` maps
+    names of the long table to those of a file. With `as_read` clips are accepted that gravity contradicts.
+    `air_density` [kg/m^3] and the ball say how much air may change gravity.
     """
 
     fps: float | None = None
@@ -43,6 +44,7 @@ class Reading:
     up: str | None = None
     unit: str | None = None
     fold: int | None = None
+    clockwise: bool = False
     least_quality: float = LEAST_QUALITY
     columns: Mapping[str, str] = field(default_factory=FrozenMapping)
     as_read: bool = False

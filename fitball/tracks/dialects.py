@@ -40,6 +40,7 @@ from fitball.data.units import Dimension, Unit, parse_unit
 from fitball.errors import TableError, UnitError
 from fitball.tracks.clips import PIXELS, Clip, Reading
 from fitball.values import FloatArray
+from fitball.wording import spoken
 
 # Columns of the long table, and what else people and programs call them.
 NAMES: Mapping[str, str] = {
@@ -131,6 +132,9 @@ def _made_header(records: Sequence[Record], source: str) -> Record:
     width = len(records[0][1]) if records else 0
     if not 2 <= width <= 3 or not all(map(is_number, records[0][1])):
         read = ", ".join(records[0][1][:8]) if records else "nothing"
+        if records and {cell.partition(" ")[0] for cell in records[0][1]} & {"v_1", "v_x1"}:
+            calibrate = spoken("fitball calibrate", "fitball.calibrate")
+            raise refusal(source, f"read '{read}': this is a table of impacts, not of positions; {calibrate} fits it")
         raise refusal(
             source, f"read '{read}', no header of positions; {EXPECTED}", records[0][0] if records else None
         )

@@ -8,7 +8,9 @@ import numpy as np
 
 from fitball.tracks.find import frames_in_words
 from fitball.tracks.flight import GRAVITY
-from fitball.tracks.frames import CONTACT, Check, Filmed, SessionNoise, TrackedImpact
+from fitball.tracks.frames import CONTACT, NINE, Check, Filmed, SessionNoise, TrackedImpact
+from fitball.tracks.spins import LARGEST, TURNED, Bounce, plausible
+from fitball.wording import option
 
 # Share of outliers in a track, and flattest angle of incidence [deg], from which a note is due.
 MANY, FLAT = 0.25, 6.0
@@ -18,6 +20,8 @@ DIFFERENT = 3.0
 RADIUS_OFF = 0.02
 # Ratio of measured gravity to the usual one from which a playback rate was taken for the capture rate.
 PLAYBACK = 2.5
+# Odds from which marks turn the other way than their angles, and the most that one impact adds (logarithms).
+OTHER_WAY, MOST_ODDS = float(np.log(1000.0)), 10.0
 
 
 def wrong_rate(falls: Check | None) -> str:
@@ -83,6 +87,44 @@ def impact_notes(impact: TrackedImpact, filmed: Filmed) -> list[str]:
     elif impact.track.angle is not None and np.isfinite(impact.track.angle).any() and not impact.pairs:
         notes.append("too few angles on one side to determine spins: spins and turn are left empty")
     return notes
+
+
+def mark_words(impacts: Sequence[TrackedImpact], filmed: Filmed) -> str:
+    """That angles of a session grow the other way in the picture than was read; "" where they do not.
+
+    All aliases of a spin are compared with those of its opposite, by what a bounce can do (`spins.plausible`).
+    """
+    odds = [_odds_of_other_way(impact, filmed) for impact in impacts if impact.pairs]
+    if not sum(odds) > OTHER_WAY:
+        return ""
+    found = sum(one > 1.0 for one in odds)
+    return (
+        f"the marks turn the other way than was read: {found} of {len(odds)} impacts fit a bounce better with "
+        "opposite spins (friction, offset of the normal force); expected angles that grow counterclockwise in the "
+        f"picture; if they grow clockwise, as with y downwards, pass {option('clockwise')}, otherwise leave it out"
+    )
+
+
+def _odds_of_other_way(impact: TrackedImpact, filmed: Filmed) -> float:
+    """Log of the odds that the spins of an impact have the opposite sign."""
+    v_x1, v_y1, v_x2, v_y2, time = (float(impact.values[k]) for k in (0, 1, 3, 4, NINE.index("gap_time")))
+    speed_sd = float(np.hypot(impact.sd("v_x1"), impact.sd("v_x2")))
+    bounce = Bounce(v_x1, v_y1, v_x2, v_y2, time, speed_sd, 0.0)
+    alias = 2.0 * np.pi / (impact.track.fold * float(np.median(np.diff(impact.track.time))))
+    best, evidence = impact.pairs[0], []
+    for sign in (-1.0, 1.0):
+        first, second = (
+            sign * spin + alias * np.arange(-np.ceil(2.0 * LARGEST / alias), np.ceil(2.0 * LARGEST / alias) + 1.0)
+            for spin in (best.omega_1, best.omega_2)
+        )
+        logs = [
+            plausible(bounce, one, two, time * (one + TURNED * (two - one)), 0.0, filmed.ball)
+            - 0.5 * (one / filmed.spin_sd) ** 2
+            for one in first[np.abs(first) <= LARGEST].tolist()
+            for two in second[np.abs(second) <= LARGEST].tolist()
+        ]
+        evidence.append(float(np.logaddexp.reduce(logs)) if logs else 0.0)
+    return float(np.clip(evidence[0] - evidence[1], -MOST_ODDS, MOST_ODDS))
 
 
 def height_notes(height: float, sd: float, usual: float, between: tuple[float, float]) -> str:

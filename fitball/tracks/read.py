@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from fitball.data.bundled import resolve_tracks, split_sheet
+from fitball.data.cells import refusal
 from fitball.data.read import FRAME, PATHS
 from fitball.data.text import checked_records, read_records
 from fitball.errors import ParameterError, TrackError
@@ -25,13 +26,27 @@ from fitball.tracks.dialects import clips_of, positions_vocabulary
 from fitball.tracks.frames import Track
 from fitball.tracks.motion import bounces
 from fitball.tracks.scale import in_metres
-from fitball.tracks.split import one_object, stretches
+from fitball.tracks.split import LEAST, one_object, stretches
 
 if TYPE_CHECKING:
     import pandas
 
 # What positions may be read from: a path or bundled name, or a DataFrame.
 Source: TypeAlias = "str | os.PathLike[str] | pandas.DataFrame"
+
+
+# Shots of a clip are divided where no ball was seen for so many seconds and frames.
+_LOST, _LOST_FRAMES = 0.15, 10.0
+# Files that people have beside their tables of positions, and what to do with them.
+_EXPORT = "expected positions of the ball in its frames: open it in {}, and export the table"
+_OTHERS = {
+    **dict.fromkeys(
+        (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".wmv", ".webm", ".mts", ".mpg", ".mpeg", ".cine", ".gif"),
+        "is a film; " + _EXPORT.format("a tracking program, such as Tracker, Kinovea or DLTdv"),
+    ),
+    **dict.fromkeys((".trk", ".trz"), "is a project of Tracker; " + _EXPORT.format("Tracker")),
+    ".kva": "is a project of Kinovea; " + _EXPORT.format("Kinovea"),
+}
 
 
 def read_tracks(paths: Sequence[Source], how: Reading | None = None) -> tuple[Track, ...]:
@@ -49,7 +64,7 @@ def read_tracks(paths: Sequence[Source], how: Reading | None = None) -> tuple[Tr
     sessions: dict[str, list[Clip]] = {}
     for clip in clips:
         sessions.setdefault(clip.session, []).append(clip)
-    return tuple(_track(clip) for members in sessions.values() for clip in _settled(members, how))
+    return tuple(_track(clip, how) for members in sessions.values() for clip in _settled(members, how))
 
 
 def _clips(source: Source, how: Reading) -> list[Clip]:
@@ -58,6 +73,8 @@ def _clips(source: Source, how: Reading) -> list[Clip]:
         name = str(source.attrs.get("name", FRAME))
         return clips_of(checked_records(name, source), b"", (), name, how)
     path, sheet = resolve_tracks(source), split_sheet(source)[1]
+    if path.suffix.lower() in _OTHERS and path.is_file():
+        raise refusal(str(path), _OTHERS[path.suffix.lower()])
     if path.suffix.lower() in SUFFIXES:
         return hdf5_clips(path, how)
     records, data, notes = read_records(path, vocabulary, sheet)
@@ -80,7 +97,7 @@ def _distinct(clips: Sequence[Clip]) -> list[Clip]:
 def _settled(clips: Sequence[Clip], how: Reading) -> list[Clip]:
     """The clips of a session in metres and seconds, (frames, 2)."""
     measured, mixed = list[Clip](), set[str]()
-    for clip in in_metres(timed(clips, how), how):
+    for clip in in_metres([shot for whole in timed(clips, how) for shot in _shots(whole)], how):
         assert clip.time is not None
         try:
             kept, note = one_object(clip.frame, clip.time, clip.position)
@@ -95,6 +112,18 @@ def _settled(clips: Sequence[Clip], how: Reading) -> list[Clip]:
     return flat
 
 
+def _shots(clip: Clip) -> list[Clip]:
+    """The shots of a clip that has several, one after the other: no ball was seen for long between them."""
+    assert clip.time is not None
+    steps = np.diff(clip.time)
+    longest = max(_LOST, _LOST_FRAMES * float(np.median(steps))) if len(steps) else _LOST
+    parts = np.split(np.arange(len(clip)), np.flatnonzero(steps > longest) + 1)
+    if sum(len(part) > 2 * LEAST for part in parts) < 2:
+        return [clip]
+    note = f"clip '{clip.id}' was divided into {len(parts)}, where no ball was seen for more than {longest:.2g} s"
+    return [replace(clip.take(part), id=f"{clip.id}-{k}").noted(note) for k, part in enumerate(parts, 1)]
+
+
 def _planes(clip: Clip) -> list[Clip]:
     """The bounces of a clip in three dimensions, each in the plane of its incident flight."""
     assert clip.time is not None
@@ -104,14 +133,15 @@ def _planes(clip: Clip) -> list[Clip]:
     return [in_plane(replace(clip.take(np.arange(*part)), id=f"{clip.id}-{k}")) for k, part in enumerate(parts, 1)]
 
 
-def _track(clip: Clip) -> Track:
+def _track(clip: Clip, how: Reading) -> Track:
     assert clip.time is not None
-    arrays = [clip.frame, clip.time, clip.position, clip.angle, clip.radius, clip.row, clip.line]
+    angle = None if clip.angle is None else -clip.angle if how.clockwise else clip.angle
+    arrays = [clip.frame, clip.time, clip.position, angle, clip.radius, clip.row, clip.line]
     for array in arrays:
         if array is not None:
             array.setflags(write=False)
     return Track(
         id=clip.id, source=clip.source, frame=clip.frame, time=clip.time, x=clip.position[:, 0],
-        y=clip.position[:, 1], angle=clip.angle, fold=clip.fold, radius=clip.radius, row=clip.row, line=clip.line,
+        y=clip.position[:, 1], angle=angle, fold=clip.fold, radius=clip.radius, row=clip.row, line=clip.line,
         metres_per_px=clip.metres_per_px, session=clip.session, notes=clip.notes,
     )  # fmt: skip
