@@ -32,7 +32,7 @@ ARGUMENTS = (*INPUTS, "ball")
 IN_FILE = "PARAMETERS"
 ENDING = ".py:"
 # A model: its name, FILE:NAME, or what `model_from` returns.
-AnyModel: TypeAlias = "str | OwnModel"
+AnyModel: TypeAlias = str | OwnModel
 # Draws of the priors and incident states at which a function is tried, and how well derivatives must agree there, as
 # central differences can.
 TRIED, AGREE = 24, 1e-5
