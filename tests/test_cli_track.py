@@ -11,7 +11,7 @@ import fitball
 from fitball.api.filmed import SPREAD
 from fitball.cli.main import main
 from fitball.data.scene import Scene
-from fitball.errors import ParameterError, TrackError
+from fitball.errors import FitballError, ParameterError, TrackError
 from fitball.tracks.filmed import filmed_from
 from fitball.tracks.frames import NINE
 from fitball.tracks.simulate import Film, simulated_tracks, truth
@@ -263,3 +263,25 @@ def test_mistakes_of_simulated_tracks(tmp_path, capsys, more, words):
     assert main(["simulate", "--out", str(tmp_path / "s"), *more]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"up": "w"}, "expected an axis: x, y or z"),
+        ({"fold": 0}, "expected 1 for a dot, 2 for a stripe"),
+        ({"unit": "furlong"}, "furlong"),
+        ({"columns": {"place": "x"}}, "unknown name 'place': expected one of"),
+    ],
+)
+def test_what_is_stated_of_a_file_is_checked_before_it_is_read(asked, said):
+    clip = pd.DataFrame({"frame": [1, 2, 3], "x": [0.0, 0.1, 0.2], "y": [0.5, 0.4, 0.5]})
+    with pytest.raises(FitballError, match=said):
+        fitball.track(clip, **asked)
+
+
+def test_a_column_that_is_not_there_is_named(tmp_path):
+    place = tmp_path / "clip.csv"
+    place.write_text("frame,Ball X,y [m]\n1,0.1,0.5\n2,0.2,0.4\n", encoding="utf-8")
+    with pytest.raises(FitballError, match="no column 'Ball Z' for x; the header has frame, Ball X"):
+        fitball.track(place, fps=240.0, columns={"x": "Ball Z"})

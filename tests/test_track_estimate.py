@@ -426,3 +426,10 @@ def test_landings_apart_have_heights_that_differ_by_the_unknown_tilt():
         assert np.allclose(added[6:, 6:], np.outer(slope, slope), rtol=0.05)
         assert np.allclose(added[:6], 0.0, atol=1e-12)
     assert len(level) == len(true)
+
+
+def test_a_court_that_is_wrong_for_most_impacts_is_named_once():
+    _true, found = estimated(6, film(1000), Filmed(court=-0.025))
+    (said,) = [note for note in found.notes if "implausible" in note]
+    assert "gap_time is implausible in " in said and "too low" in said and "court" in said
+    assert not any("implausible" in note for note in estimated(6, film(1000))[1].notes)

@@ -24,6 +24,7 @@ from fitball.kinds import checked
 from fitball.report.form.folders import clear_folder, held
 from fitball.report.tracks.document import render, track_json
 from fitball.tracks.clips import Reading
+from fitball.tracks.dialects import NAMES
 from fitball.tracks.filmed import assumptions_of, filmed_from, reading_from
 from fitball.tracks.frames import Track, Tracks
 from fitball.tracks.impacts import covariance_rows, frame_rows, impact_rows
@@ -181,6 +182,7 @@ def track(
     fps = camera.fps if fps is None else fps
     if fps is not None and not (math.isfinite(fps) and fps > 0.0):
         raise ParameterError(f"{option('fps', f'{fps:g}')}: expected a positive number of frames per second")
+    _check_stated(up, unit, fold, columns or {})
     given = Reading(
         fps=fps,
         metres_per_px=None if scale is None else _per_px(scale),
@@ -222,6 +224,21 @@ def track(
         tracks = replace(tracks, notes=(*tracks.notes, words)) if words else tracks
     names = tuple(os.fspath(it) if isinstance(it, PATHS) else "DataFrame" for it in sources)
     return TrackResult(tracks, names, replace(used, camera=tracks.camera))
+
+
+def _check_stated(up: str | None, unit: str | None, fold: int | None, columns: Mapping[str, str]) -> None:
+    """Raise ParameterError for an axis, a unit, a fold or a name of a column that there is not."""
+    if up is not None and up.removeprefix("-") not in ("x", "y", "z"):
+        raise ParameterError(f"{option('up', up)}: expected an axis: x, y or z, or -x, -y or -z")
+    if fold is not None and fold < 1:
+        raise ParameterError(f"{option('fold', fold)}: expected 1 for a dot, 2 for a stripe")
+    if unit is not None and unit.casefold() not in PX:
+        try:
+            parse_unit(unit, Dimension.LENGTH)
+        except UnitError as error:
+            raise ParameterError(f"{option('unit', unit)}: {error}") from None
+    for name in columns.keys() - NAMES.keys():
+        raise ParameterError(f"columns: unknown name '{name}': expected one of {', '.join(NAMES)}")
 
 
 def _scene_of(scene: Scene | PathLike | None, sources: Sequence[Source]) -> Scene:

@@ -224,7 +224,7 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
     else:
         wanted = rate * sqrt(GRAVITY / value)
         near = min(_RATES, key=lambda item: abs(np.log(item / wanted)))
-        meant = f"the camera took about {near if abs(near / wanted - 1.0) < 0.15 else wanted:.3g} frames/s"
+        meant = f"the camera took about {near if abs(near / wanted - 1.0) < 0.15 else wanted:.0f} frames/s"
         meant += f", or lengths are off by a factor of {GRAVITY / value:.2g}"
     raise refusal(
         clip.source,

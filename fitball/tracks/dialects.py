@@ -116,6 +116,11 @@ def clips_of(records: Sequence[Record], data: bytes, notes: Sequence[str], sourc
     raw = laid_out(source, records[at:], vocabulary, data, notes)
     above = [cells for _, cells in records[:at]]
     found = Findings.from_raw(raw)
+    cells = {text.strip().casefold() for cell in raw.header for text in (cell, split_cell(cell, _NAMING)[0])}
+    for ours, their in how.columns.items():
+        if their.strip().casefold() not in cells:
+            found.header_fault(f"no column '{their}' for {ours}; the header has {', '.join(raw.header[:12])}")
+    found.refuse(source)
     parts = _parts(raw.header, above, Path(source).stem, how) if worth >= 2.0 else [_bare_part(raw, source)]
     if not parts:
         found.header_fault(f"read {', '.join(raw.header[:12])}; {EXPECTED}")

@@ -10,7 +10,7 @@ from fitball.tracks.find import frames_in_words
 from fitball.tracks.flight import GRAVITY
 from fitball.tracks.frames import CONTACT, NINE, Check, Filmed, SessionNoise, TrackedImpact
 from fitball.tracks.spins import LARGEST, TURNED, Bounce, plausible
-from fitball.wording import option
+from fitball.wording import option, spoken
 
 # Share of outliers in a track, and flattest angle of incidence [deg], from which a note is due.
 MANY, FLAT = 0.25, 6.0
@@ -47,17 +47,18 @@ def refusal(impact: TrackedImpact, filmed: Filmed) -> str:
     if not low - wide < time < high + wide:
         return (
             f"gap_time is {1e3 * time:.3g} ms, but {1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible; "
-            f"{_height_error(impact, filmed)}"
+            f"{_height_error([impact], filmed)}"
         )
     if not np.isfinite(np.delete(impact.values, [2, 5, 8])).all() or not np.isfinite(impact.covariance).all():
         return "no flight fits the positions before and after the contact"
     return ""
 
 
-def _height_error(impact: TrackedImpact, filmed: Filmed) -> str:
-    """By how much the height of the court would be off if it alone were the reason."""
-    time, usual = impact.values[6], filmed.contact_time[0]
-    wrong = 1e3 * (time - usual) / (1.0 / impact.values[1] + 1.0 / impact.values[4])
+def _height_error(impacts: Sequence[TrackedImpact], filmed: Filmed) -> str:
+    """By how much the height of the court would be off (median) if it alone were the reason."""
+    late = [it.values[6] - filmed.contact_time[0] for it in impacts]
+    slow = [1.0 / it.values[1] + 1.0 / it.values[4] for it in impacts]
+    wrong = 1e3 * float(np.median(np.divide(late, slow)))
     return f"the court would be taken {abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}, or times are off"
 
 
@@ -69,7 +70,7 @@ def impact_notes(impact: TrackedImpact, filmed: Filmed) -> list[str]:
     if not low < time < high:
         notes.append(
             f"gap_time is {1e3 * time:.3g} ms, but {1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible: "
-            f"{_height_error(impact, filmed)}"
+            f"{_height_error([impact], filmed)}"
         )
     angle = float(np.degrees(np.arctan2(v_y1, v_x1)))
     if angle < FLAT:
@@ -157,6 +158,13 @@ def session_notes(
         notes.append(
             f"Spins are ambiguous in {len(unsure)} of {len(impacts)} impacts{of}: "
             "a higher frame rate or a mark of lower fold determines them"
+        )
+    low, high = filmed.contact_time[1:]
+    off = [made for made in impacts if not low < made.values[6] < high]
+    if filmed.court is not None and 2 * len(off) > len(impacts):
+        notes.append(
+            f"gap_time is implausible in {len(off)} of {len(impacts)} impacts{of}: {_height_error(off, filmed)}. "
+            f"Correct {spoken('--court', 'court')}, or leave it out"
         )
     if noise.outliers > MANY:
         notes.append(f"{100.0 * noise.outliers:.0f} % of all frames{of} are outliers: check the tracking")

@@ -26,6 +26,7 @@ WORDS = {
     "gap_time": "time between the flights, T", "gap_path": "path between the flights, P",
     "gap_turn": "turn between the flights, Q",
 }  # fmt: skip
+NO_SPIN = "A fit takes incident spins as zero: its intervals are too narrow for balls that spin."
 # Pictures of impacts on a page, notes and refusals of the first screen.
 MOST_PICTURES, FIRST_NOTES = 12, 3
 
@@ -196,13 +197,13 @@ def _frames(impact: TrackedImpact, role: int) -> int:
 def _spin_words(tracks: Tracks) -> list[str]:
     marked = [impact for impact in tracks.impacts if impact.pairs]
     if not marked:
-        return ["No marks: spins were not measured. A fit takes the incident spin as zero."] if tracks.impacts else []
+        return [f"No marks: spins were not measured. {NO_SPIN}"] if tracks.impacts else []
     open_ = [impact for impact in marked if not impact.sure]
     if not open_:
         return [f"Spins of all {len(marked)} impacts with marks are sure."]
     if len(open_) == len(marked):
         return [
-            "The spins of no impact are sure: they are empty in impacts.csv, and a fit takes incident spins as zero. "
+            f"The spins of no impact are sure: they are empty in impacts.csv. {NO_SPIN} "
             "A higher frame rate or a single dot as mark determines them; spins.csv has the candidates."
         ]
     return [
@@ -223,7 +224,7 @@ def _spin_rows(tracks: Tracks) -> list[Row]:
                 "impact": one_line(impact.id), "omega_1 [rad/s]": plus_minus(pair.omega_1, float(sds[0])),
                 "omega_2 [rad/s]": plus_minus(pair.omega_2, float(sds[1])),
                 "gap_turn [deg]": plus_minus(np.degrees(pair.turn), float(np.degrees(sds[2]))),
-                "probability": fixed(pair.probability, 3),
+                "probability": fixed(pair.probability, 3) if pair.probability >= 5e-4 else "< 0.001",
             })  # fmt: skip
     return rows
 
