@@ -1,7 +1,6 @@
 """Draws and data in the layout of ArviZ: what its groups hold, and that the installed ArviZ takes them."""
 
 import shutil
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -193,13 +192,9 @@ def test_arviz_statistics_are_near_ours(grip_slip_fit):
 @pytest.fixture(scope="module")
 def az():
     """The installed ArviZ."""
-    with warnings.catch_warnings():
-        # The releases before 1 say once a day what will change.
-        warnings.simplefilter("ignore")
-        return pytest.importorskip("arviz")
+    return pytest.importorskip("arviz")
 
 
-@pytest.mark.filterwarnings("ignore")
 def test_the_installed_arviz_takes_it(az, grip_slip_fit, of_batch):
     """Its statistics by their plain call; with another major version these are the calls of that version."""
     new = int(az.__version__.split(".")[0]) >= 1
