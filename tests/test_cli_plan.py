@@ -98,3 +98,4 @@ def test_a_camera_is_a_way_of_measuring_for_models_that_follow_the_contact(
     assert main(["plan", str(grip_slip_folder), *WHERE, "--camera", text, "--out", str(tmp_path / "p")]) == 2
     said = capsys.readouterr().err
     assert words in said and text in said
+    assert f"--camera {text}" in said or not text.startswith("fps")
