@@ -88,6 +88,15 @@ def test_mistakes_are_told_and_nothing_is_written(grip_slip_folder, tmp_path, ca
     assert said in capsys.readouterr().err
 
 
+def test_a_better_way_of_measuring_is_said_before_the_impacts(grip_slip_folder, tmp_path, capsys):
+    """Who asks for a sensor is told first what it adds."""
+    words = ["--sensor", "camera=0.01", "--out", str(tmp_path / "p")]
+    assert main(["plan", str(grip_slip_folder), "--for", "mu", *WHERE, *words]) == 0
+    said = capsys.readouterr().out
+    assert 0 < said.index("The best way of measuring these impacts is camera") < said.index("speed [m/s]")
+    assert said.count("The best way of measuring") == 1
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [("fps=240, noise=1mm", "grip-slip has no time between the flights"), ("noise=1mm", "unknown column 'noise'")],
