@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from samples import TWO_MASS, drop_table, linear_problem, problem_of, synthetic
 from scipy.stats import norm
@@ -23,7 +24,9 @@ from fitball.inference.results.assumptions import MOVED, Summary, elpd_differenc
 from fitball.inference.results.fitted_model import FittedModel
 from fitball.inference.results.results import Posterior, Verdict
 from fitball.inference.sampling.importance import equal_draws, importance_posterior, smoothed_elpd
+from fitball.values import Ball
 
+COURT = {"e_x": 0.1, "offset": 0.002, "cor_10": 0.77, "cor_slope": -0.012}
 GRIPS_OFF_CENTRE = {**TWO_MASS, "mu": 0.53, "eps_10": 5.5e-3}
 
 
@@ -323,3 +326,32 @@ def test_what_is_told_of_the_fit_itself_is_what_its_estimates_tell(grip_slip_fit
         assert (own.median, own.q025, own.q975) == pytest.approx(
             (item.median, item.q025, item.q975), abs=0.01 * item.sd
         )
+
+
+def two_courts(rng, noise=0.05, each=30):
+    parts = []
+    for surface, mu in (("clay", 0.7), ("hard", 0.55)):
+        angle, speed = np.radians(rng.uniform(14.0, 60.0, each)), rng.uniform(12.0, 30.0, each)
+        before = fitball.impacts(speed * np.cos(angle), speed * np.sin(angle), rng.normal(0.0, 60.0, each))
+        after = fitball.model("grip-slip").rebound({**COURT, "mu": mu}, before)
+        columns = {"v_x1": before.v_x1, "v_y1": before.v_y1, "omega_1": before.omega_1}
+        for name, sd in {"v_x2": noise, "v_y2": noise, "omega_2": 40.0 * noise}.items():
+            columns[name] = np.ravel(getattr(after, name)) + sd * rng.standard_normal(each)
+        parts.append(pd.DataFrame({"surface": surface, **columns}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_what_a_constant_moves_at_a_level_is_what_refits_move_it_by():
+    """A point fit: spreads and places are not linear, and draws of both about the point are far from the data."""
+    table = two_courts(np.random.default_rng(5))
+    fit = fitball.calibrate(table, "grip-slip", point_only=True, cores=1)
+    (constant,) = (item for item in fit.assumptions.constants if item.name == "inertia_ratio")
+    ends = []
+    for ratio in (constant.low, constant.high):
+        ball = Ball(0.0576, 0.03302, ratio * 0.0576 * 0.03302**2)
+        scene = fitball.Scene(ball=ball)
+        ends.append(fitball.calibrate(table, "grip-slip", scene=scene, point_only=True, cores=1).summary()["point"])
+    for name in ("mu[clay]", "mu[hard]"):
+        low, high = constant.parameters[name]
+        assert 0.5 < (high - low) / (ends[1][name] - ends[0][name]) < 1.5
+    assert all(20.0 < rating < 60.0 for ends in constant.court_pace.values() for rating in ends)

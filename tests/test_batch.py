@@ -428,6 +428,29 @@ def test_a_drift_is_told_in_the_unit_of_what_it_is_along():
     assert panel.get_ylim()[1] < 1.0
 
 
+def test_tables_that_were_copied_or_exchanged_are_named():
+    values = np.repeat([0.5, 0.6, 0.7], 4) + 0.003 * np.sin(np.arange(12))
+    cells = np.repeat(["clay", "grass", "hard"], 4).tolist()
+
+    def said(numbers):
+        rows = made_rows(numbers, "surface", cells)
+        return summarised(rows, all_series(rows)).answer[1:]
+
+    assert not any("unlike" in sentence or "the same" in sentence for sentence in said(values))
+    swapped = values.copy()
+    swapped[[1, 6]] = values[[6, 1]]
+    words = [sentence for sentence in said(swapped) if "unlike" in sentence]
+    assert [sentence.partition(" is unlike other tables of surface ")[0] for sentence in words] == ["t1", "t6"]
+    assert "like those of grass (0.597): check file and label" in words[0]
+    # Far from its own level, and from all others.
+    swapped = values.copy()
+    swapped[1] = 0.65
+    assert not any("unlike" in sentence for sentence in said(swapped))
+    copied = values.copy()
+    copied[2] = copied[0]
+    assert "The data of t0 and t2 are the same: leave out the copies." in said(copied)
+
+
 def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():
     values = 0.5 + 0.01 * np.sin(np.arange(20))
     values[4] = 0.8

@@ -177,6 +177,37 @@ def test_a_point_fit_has_no_draws(point_fit):
     assert point_fit.posterior is None and "median" in point_fit.summary()
 
 
+def test_a_fit_cannot_be_changed_and_says_what_it_lacks(short_fit):
+    with pytest.raises(TypeError, match="item assignment"):
+        short_fit.parameters["mu"] = 1
+    for name, said in (("mu", r"a fit has no 'mu': see fit.parameters\['mu'\]"), ("foo", "a fit has no 'foo'$")):
+        with pytest.raises(AttributeError, match=said):
+            getattr(short_fit, name)
+    # A property that fails is not a property that is missing.
+    broken = replace(short_fit)
+    broken.__dict__["parameters"] = {"mu": 1}
+    with pytest.raises(AttributeError, match="'int' object has no attribute 'verdict'"):
+        _ = broken.free_names
+    with pytest.raises(ParameterError, match=r"fit\.plot\.residuals: read ax; .* panels of its own, in \.axes"):
+        short_fit.plot.residuals(ax=None)
+
+
+def test_draws_and_text_have_the_values_at_levels():
+    rng = np.random.default_rng(3)
+    speeds, hard = np.tile(np.linspace(4.0, 12.0, 8), 2), np.repeat([False, True], 8)
+    rebound = np.where(hard, 0.72, 0.78) * speeds + 0.05 * rng.standard_normal(16)
+    table = pd.DataFrame({"v_y1": speeds, "v_y2": rebound, "surface": np.where(hard, "hard", "clay")})
+    fit = fitball.calibrate(table, "grip-slip", pool={"cor_10": "surface"}, max_steps=200, cores=1)
+    draws, summary = fit.draws(), fit.summary()
+    levels = ["cor_10[clay]", "cor_10[hard]"]
+    np.testing.assert_allclose(draws[levels].median(), summary.loc[levels, "median"], rtol=1e-12)
+    own = draws["cor_10"] + draws["cor_10_spread"] * draws["cor_10_place[clay]"]
+    np.testing.assert_allclose(draws["cor_10[clay]"], own, rtol=1e-12)
+    for text in (repr(fit), fit._repr_html_()):
+        assert all(name in text for name in levels) and "_place" not in text
+    assert "cor_10_place[hard]" in fit.report() and "cor_10[hard]" in fit.report()
+
+
 def test_figures_by_name_show_themselves_and_leave_nothing_open(short_fit, folder):
     assert dir(short_fit.plot) == sorted(FIGURES) and set(short_fit.plot) <= set(FIGURES)
     figure = short_fit.plot.residuals()

@@ -58,6 +58,41 @@ def test_copies_are_refused_unless_they_are_taken_as_read(tmp_path: Path) -> Non
     assert len(table) == 60 and any("(as_read)" in note for note in notes)
 
 
+def test_copies_between_tables_are_refused_whatever_their_labels(tmp_path: Path) -> None:
+    rows = frame()
+    own, again = tmp_path / "own.csv", tmp_path / "again.csv"
+    rows.to_csv(own, index=False)
+    part = pandas.concat([rows.iloc[:8], frame(seed=4)]).assign(surface="clay")
+    part.to_csv(again, index=False)
+    with pytest.raises(ReadingError, match=r"8 of 68 rows repeat others .* Rows own:1, again:1; own:2, again:2; "):
+        trusted_table([own, again], Scene())
+    table, notes = trusted_table([own, again], Scene(), as_read=True)
+    assert len(table) == 68 and any("all tables are used" in note for note in notes)
+    other = tmp_path / "other.csv"
+    frame(seed=5).to_csv(other, index=False)
+    assert len(trusted_table([own, other], Scene())[0]) == 60
+
+
+def test_a_drop_test_in_two_files_repeats_by_chance_and_its_copy_is_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    places = [tmp_path / f"{name}.csv" for name in ("new", "used", "copy")]
+    for place, mean in zip(places, (140.0, 140.4), strict=False):
+        heights = np.round(mean + 0.8 * rng.standard_normal(18), 1)
+        pandas.DataFrame({"drop_height [cm]": 254.0, "rebound_height [cm]": heights}).to_csv(place, index=False)
+    places[2].write_bytes(places[0].read_bytes())
+    assert len(trusted_table(places[:2], Scene())[0]) == 36
+    with pytest.raises(ReadingError, match="copy has the content of new: leave out one of them"):
+        trusted_table(places, Scene())
+
+
+def test_sheets_of_a_workbook_share_no_content(tmp_path: Path) -> None:
+    book = tmp_path / "book.xlsx"
+    with pandas.ExcelWriter(book) as writer:
+        for seed, sheet in enumerate(("clay", "hard")):
+            frame(seed=seed).to_excel(writer, sheet_name=sheet, index=False)
+    assert len(trusted_table([f"{book}#clay", f"{book}#hard"], Scene())[0]) == 60
+
+
 def test_a_drop_test_read_to_a_centimetre_repeats_without_fault() -> None:
     """Heights scatter by some units, by one, and by less than one; few rows and many."""
     rng = np.random.default_rng(0)

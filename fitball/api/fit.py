@@ -16,10 +16,11 @@ from fitball.api.own_model import AnyModel, check_same
 from fitball.api.predicting import Plan, Span, foretell, parsed, planned
 from fitball.api.reading import PathLike, Wanted
 from fitball.api.simulating import Course, Subject, course_of
-from fitball.data.table import ImpactTable
+from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.errors import ParameterError, ResultFolderError, suggestion
 from fitball.exports.formats import Exported, exported, exported_model
 from fitball.inference.design.make_plan import Asked
+from fitball.inference.identifiability.derived import quantities
 from fitball.inference.identifiability.examine import with_profiles
 from fitball.inference.prediction.new_impacts import NewPrediction, predict_new
 from fitball.inference.problem.observables import Observable
@@ -81,10 +82,20 @@ class Plots:
 
         return package_corner_figure(self._whole())
 
-    def __getattr__(self, kind: str) -> Callable[[], Figure]:
+    def __getattr__(self, kind: str) -> Callable[..., Figure]:
         if kind not in FIGURES:
             raise AttributeError(f"unknown figure '{kind}': {suggestion(kind, FIGURES)}")
-        return lambda: self(kind)
+
+        def drawn(*places: object, **named: object) -> Figure:
+            if places or named:
+                given = ", ".join([*map(repr, places), *named])
+                raise ParameterError(
+                    f"fit.plot.{kind}: read {given}; it takes no arguments and has panels of its own, in .axes. "
+                    "For axes of yours, plot fit.draws() or fit.predict(...)"
+                )
+            return self(kind)
+
+        return drawn
 
     def __iter__(self) -> Iterator[str]:
         """The names of the figures that this fit has data for."""
@@ -134,6 +145,8 @@ class Fit(results.Fit):
         """A fit with the methods of this class, from the results of a run or of a file."""
         fit = cls.__new__(cls)
         fit.__dict__.update(vars(found))
+        # A number that was changed here would change no other, and would be saved.
+        fit.__dict__["parameters"] = FrozenMapping(found.parameters)
         return fit
 
     @property
@@ -170,13 +183,18 @@ class Fit(results.Fit):
         return pd.DataFrame(summary_columns(self)).set_index("parameter")
 
     def draws(self) -> pd.DataFrame:
-        """All draws of the free parameters in SI, one row each. Raises ResultFolderError for a point fit."""
+        """All draws in SI, one row each: of the free parameters, then of values at levels, such as `mu[clay]`.
+        Raises ResultFolderError for a point fit.
+        """
         import pandas as pd
 
         posterior = self.posterior
         if posterior is None:
             raise ResultFolderError("a point fit has no draws; fit again without point_only=True")
-        return pd.DataFrame(posterior.draws, columns=list(posterior.names))
+        draws = posterior.draws
+        columns = dict(zip(posterior.names, draws.T, strict=True))
+        levels = [item for item in quantities(self.problem) if item.level] if self.fitted.levels else []
+        return pd.DataFrame(columns | {item.parameter.name: item.rule(draws) for item in levels})
 
     @property
     def plot(self) -> Plots:

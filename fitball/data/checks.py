@@ -124,6 +124,8 @@ def surely_meant(extras: Collection[str], present: Collection[str]) -> dict[str,
 
 def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
     """How to name the extra columns that may be what is missing; empty where none may."""
+    if {"x", "y"} <= {*extras} and {"t", "frame"} & {*extras}:
+        return f"; these are positions on film: {spoken('fitball track', 'fitball.track')} finds their impacts"
     said, sure = [], surely_meant(extras, present)
     for name in extras:
         meant = _guessed(name, present)

@@ -144,11 +144,12 @@ def _cut(text: str) -> list[str]:
 @dataclass(frozen=True)
 class Naming:
     """What each of our columns is called in a table (`theirs`, by our name), and in which unit, where that is said
-    here (`units`, by our name).
+    here (`units`, by our name). Of our columns, `optional` ones need not be there.
     """
 
     theirs: Mapping[str, str] = field(default_factory=FrozenMapping)
     units: Mapping[str, str] = field(default_factory=FrozenMapping)
+    optional: tuple[str, ...] = ()
 
     def ours(self, *names: str) -> str | None:
         """Our name of a column that is called by one of `names`; None where nothing was said of it."""
@@ -347,7 +348,11 @@ def read_header(cells: tuple[str, ...], found: Findings, naming: Naming | None =
         found.notice(f"columns with other spellings: {some(spelled)}")
     here = {name.casefold() for name in names}
     for ours, their in naming.theirs.items():
-        if their.casefold() not in here and ours not in places:
+        if their.casefold() in here or ours in places:
+            continue
+        if ours in naming.optional:
+            found.notice(f"no column '{their}' to compare {ours} with")
+        else:
             found.header_fault(f"there is no column '{their}' to read as {ours}; columns of the table: {some(names)}")
     return Header(places, units, tuple(extras), warmth)
 

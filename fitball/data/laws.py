@@ -355,27 +355,53 @@ def repeats_of(table: ImpactTable, ball: Ball) -> tuple[str | None, str | None]:
     """Notes on rows that are copies of others, and on rows that nearly are; None if chance explains them, or if the
     printed digits are unknown.
     """
-    exact = _said(table, ball, 1.0)
+    exact = _said([table], ball, 1.0)
     if exact is not None:
         return f"{exact}: delete the copies", None
-    near = _said(table, ball, NEAR)
+    near = _said([table], ball, NEAR)
     return None, None if near is None else f"{near}; check whether they are the same impacts"
 
 
-def _said(table: ImpactTable, ball: Ball, units: float) -> str | None:
-    columns = columns_of(table)
+def copies_between(tables: Sequence[ImpactTable], ball: Ball) -> str | None:
+    """A note on rows of one table that are copies of those of another, whatever their labels; None as above."""
+    for one, other in combinations(tables, 2):
+        # Sheets of a workbook share its digest.
+        if one.digest == other.digest and same_numbers(columns_of(one), columns_of(other)):
+            return f"{other.name} has the content of {one.name}: leave out one of them"
+    found = _said(tables, ball, 1.0)
+    return None if found is None else f"{found}: leave out the copies"
+
+
+def same_numbers(one: Mapping[str, FloatArray], other: Mapping[str, FloatArray]) -> bool:
+    """Whether columns are the same, gaps too."""
+    return one.keys() == other.keys() and all(np.array_equal(one[name], other[name], equal_nan=True) for name in one)
+
+
+def _said(tables: Sequence[ImpactTable], ball: Ball, units: float) -> str | None:
+    """What repeats within a table, or, of several, between them."""
+    read = [(table, columns_of(table)) for table in tables]
     # A table that was put together from another, and not read, may have rows of it twice on purpose.
-    if not columns.keys() <= table.resolution.keys() or len(table.rows) != len(table):
+    read = [it for it in read if it[1].keys() <= it[0].resolution.keys() and len(it[0].rows) == len(it[0])]
+    if len(read) < min(len(tables), 2):
         return None
-    steps = {name: 2.0 * units * table.resolution[name] for name in columns}
-    labels = [np.unique(table.labels[name], return_inverse=True)[1] for name in LABELS if name in table.labels]
+    shared = [name for name in read[0][1] if all(name in columns for _, columns in read)]
+    steps = {name: 2.0 * units * max(table.resolution[name] for table, _ in read) for name in shared}
     near = steps if units > 1.0 else dict.fromkeys(steps)
-    keys = np.column_stack([*(_step(values, near[name]) for name, values in columns.items()), *labels])
-    before = [k for k, name in enumerate(columns) if name.endswith("1")]
-    before += range(len(columns), keys.shape[1])
+    several, parts, named = len(tables) > 1, [], []
+    for table, columns in read:
+        own = [np.unique(table.labels[name], return_inverse=True)[1] for name in LABELS if name in table.labels]
+        labels = [] if several else own
+        part = np.column_stack([*(_step(columns[name], near[name]) for name in shared), *labels])
+        kept = np.sort(np.unique(part, axis=0, return_index=True)[1]) if several else np.arange(len(table))
+        parts.append((part[kept], {name: columns[name][kept] for name in shared}))
+        named += [f"{table.name}:{table.rows[k]}" if several else str(table.rows[k]) for k in kept.tolist()]
+    keys = np.concatenate([part for part, _ in parts])
+    columns = {name: np.concatenate([own[name] for _, own in parts]) for name in shared}
+    before = [k for k, name in enumerate(shared) if name.endswith("1")]
+    before += range(len(shared), keys.shape[1])
     _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     group = group.reshape(-1)
-    count = len(table) - len(first)
+    count = len(keys) - len(first)
     if not count or len(first) < LEAST_ROWS:
         return None
     once = {name: values[first] for name, values in columns.items()}
@@ -385,24 +411,19 @@ def _said(table: ImpactTable, ball: Ball, units: float) -> str | None:
     if _at_least(count, expected) >= COPIED:
         return None
     sizes = np.bincount(group)
-    shared = [k for k in group[np.sort(first)].tolist() if sizes[k] > 1]
-    places = [np.flatnonzero(group == k) for k in shared[:NAMED]]
-    named = "; ".join(_rows(table, place) for place in places)
-    more = len(shared) - len(places)
+    repeated = [k for k in group[np.sort(first)].tolist() if sizes[k] > 1]
+    places = [[named[row] for row in np.flatnonzero(group == k).tolist()] for k in repeated[:NAMED]]
+    groups = "; ".join(f"{', '.join(rows[:6])}{', ...' if len(rows) > 6 else ''}" for rows in places)
+    more = len(repeated) - len(places)
     how = "to the last printed digit" if units == 1.0 else f"to {units:g} units of the last printed digit"
     return (
-        f"{count} of {len(table)} rows repeat others {how}; by chance {_few(expected)} would. Rows "
-        f"{named}{f'; and {more} more groups' if more else ''}"
+        f"{count} of {len(keys)} rows repeat others {how}; by chance {_few(expected)} would. Rows "
+        f"{groups}{f'; and {more} more groups' if more else ''}"
     )
 
 
 def _few(expected: float) -> str:
     return f"{expected:.1g}" if expected >= 1e-3 else "fewer than 0.001"
-
-
-def _rows(table: ImpactTable, places: NDArray[np.int64]) -> str:
-    rows = [str(table.rows[k]) for k in places[:6].tolist()]
-    return f"{', '.join(rows)}{', ...' if len(places) > len(rows) else ''}"
 
 
 def _step(values: FloatArray, step: float | None) -> FloatArray:

@@ -215,9 +215,10 @@ def load_table(
     flip, ignore = ((item,) if isinstance(item, str) else item for item in (flip, ignore))
     known = scene or load_scene(source if isinstance(source, PATHS) else None, as_read=True)
     asked = with_units({**known.columns, **(columns or {})}, units or {}, OURS)
-    written = written_table(framed(source), naming(asked, OURS))
+    asked_for = naming(asked, OURS)
+    written = written_table(framed(source), asked_for if rebound else replace(asked_for, optional=REBOUND))
     text = written if name is None else replace(written, name=name)
-    ignored = _ignored(named_of((*known.ignore, *ignore), text.name), text, naming(asked, OURS))
+    ignored = _ignored(named_of((*known.ignore, *ignore), text.name), text, asked_for)
     text = _without(text, ignored)
     found, least = text.found, LEAST_IMPACTS if rebound else 1
     _check_count(found, least)
@@ -255,7 +256,7 @@ def load_table(
         places = dict(zip(kept.tolist(), range(len(kept)), strict=True))
         layout = Layout(
             text.source, columns_of_it, {name: unit for name, unit in written.units.items() if unit is not None},
-            frozenset(ignored), naming(asked, OURS), ids, names, tuple(map(places.get, range(len(names)))),
+            frozenset(ignored), asked_for, ids, names, tuple(map(places.get, range(len(names)))),
         )  # fmt: skip
         stated = errors_of(source, covariance, layout, numbers, written.name)
     if stated is not None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from fitball.data.between_flights import doubt_of_gaps
 from fitball.data.covariance_entries import LEFT_OUT, Given
-from fitball.data.laws import repeats_of
+from fitball.data.laws import copies_between, repeats_of
 from fitball.data.misreading import check_named, doubt_of_table, gaps_of_table, named_of
 from fitball.data.read import Source, framed, load_table, name_of
 from fitball.data.scene import Scene
@@ -88,6 +88,10 @@ def trusted_table(
                 table.source, asked_of, "gaps between the flights disagree with speeds, spins or times:"
             )
         notes += [f"{table.name}: read as in its header, on request (as_read), although {item}" for item in asked_of]
+    if len(tables) > 1 and (copies := copies_between(tables, scene.ball)):
+        if not as_read:
+            raise ReadingError(" + ".join(table.source for table in tables), (copies,), "rows are copies of others:")
+        notes.append(f"all tables are used, on request (as_read), although {copies}")
     return joined(tables), tuple(notes)
 
 

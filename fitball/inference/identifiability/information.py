@@ -193,9 +193,21 @@ def about(problem: Problem, optimum: FloatArray) -> StudentProposal:
 
 def first_order_draws(problem: Problem, point: PointFit, count: int, rng: np.random.Generator) -> FloatArray:
     """Free values (count, free) in SI of the normal distribution about a point that the information of table, scene
-    and priors promises, within the bounds.
+    and priors promises, within the bounds. Levels are normal in their own coordinate: a spread times a place is not
+    linear, and draws of both would leave the data by far.
     """
     at, moves = first_order_moves(problem, point, count, rng)
+    for pooling in problem.pooling:
+        names = [name for name in pooling.hidden if name in problem.free_names]
+        spread = point.values[pooling.spread_name]
+        if pooling.spread_name not in names or not spread > 0.0:
+            continue
+        wide, *places = map(problem.free_names.index, names)
+        logarithmic = problem.free[wide].prior.log
+        relative = moves[:, [wide]] / (1.0 if logarithmic else spread)
+        stretch = np.clip(relative, -1.0, 1.0)
+        moves[:, [wide]] = stretch if logarithmic else spread * np.expm1(stretch)
+        moves[:, places] = (at[places] * (1.0 + relative) + moves[:, places]) * np.exp(-stretch) - at[places]
     return problem.to_values(np.clip(at + moves, *problem.prior.limits))
 
 

@@ -202,9 +202,13 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     z = solved(root, np.stack(gaps, axis=2)[..., None])[..., 0]
     flat = problem.noise.log_density(z.reshape(len(z), -1), pairs.columns).reshape(z.shape)
     terms = np.where(own < UNKNOWN, flat - np.log(np.diagonal(root, axis1=2, axis2=3)), 0.0)
-    whole = np.cumsum(terms, axis=2)
+    whole = np.cumsum(terms, axis=2) + parts()[1][:, None]
     whole[~(possible & (rebound.status == 0))] = -np.inf
-    return _given_those_before(np.asarray(logsumexp(whole + parts()[1][:, None], axis=1)))
+    peak = whole.max(axis=1, keepdims=True)
+    # Where no part is possible there is no density; the difference of two infinities would be none either.
+    whole -= np.where(np.isfinite(peak), peak, 0.0)
+    with np.errstate(divide="ignore"):
+        return _given_those_before(np.log(np.exp(whole).sum(axis=1)) + peak[:, 0])
 
 
 def _given_those_before(whole: FloatArray) -> FloatArray:

@@ -394,8 +394,12 @@ class Fit(Record):
 
         def __getattr__(self, name: str) -> object:
             """What is not in memory yet. Raises as `later` does."""
+            if hasattr(type(self), name):
+                # A property that failed: what it lacked, not its own name.
+                return object.__getattribute__(self, name)
             if name not in BESIDE or "later" not in self.__dict__:
-                raise AttributeError(f"a fit has no {name!r}")
+                own = self.__dict__.get("parameters", ())
+                raise AttributeError(f"a fit has no {name!r}{f': see fit.parameters[{name!r}]' * (name in own)}")
             self.__dict__[name] = self.__dict__["later"](self, name)
             return self.__dict__[name]
 

@@ -18,6 +18,7 @@ from fitball.inference.sampling.importance import K_TRUSTED
 from fitball.report.batch.populations import Populated, default_names, populations, write_populations
 from fitball.report.batch.rows import CSV_NAME, DONE, FAILED, NAME, Row
 from fitball.report.batch.series import REACH, Along, Over, Series, all_series
+from fitball.report.batch.slips import slips
 from fitball.report.form.document import (
     MOST_LINES,
     MOST_ROWS,
@@ -297,6 +298,7 @@ def summarised(rows: Sequence[Row], series: Sequence[Series], populated: Sequenc
     refused = [str(row[NAME]) for row in done if row["adequacy"] == Answer.FAILS]
     if refused:
         sentences.append(f"The model does not fit {listed(refused, 5)}: their parameters hold within the model only.")
+    sentences += slips(rows, series)
     points = [sentence for one in series for sentence in _standing_out(one)]
     points += dict.fromkeys(sentence for one in populated for sentence in one.remarks)
     points += doubts_of_all(populated)

@@ -4,7 +4,7 @@ table for notebooks, a report in the manner of lmfit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -269,13 +269,13 @@ def _head(fit: Fit) -> str:
     )
 
 
-def _rows(fit: Fit) -> list[tuple[Estimate, ParameterRow]]:
-    return [(item, parameter_row(item)) for item in fit.parameters.values()]
+def _rows(items: Iterable[Estimate]) -> list[tuple[Estimate, ParameterRow]]:
+    return [(item, parameter_row(item)) for item in items]
 
 
 def _brief(fit: Fit) -> list[str]:
     """Whether the model fits the data, and the fitted parameters by verdict."""
-    adequacy, rows = fit.adequacy, _rows(fit)
+    adequacy, rows = fit.adequacy, _rows(fit.reported)
     lines = [] if adequacy is None else [f"does the model fit the data: {ANSWERS[adequacy.answer]}"]
     for verdict in Verdict:
         values = [f"{item.name} = {row.plus_minus}" for item, row in rows if item.verdict is verdict]
@@ -293,7 +293,7 @@ def html_text(fit: Fit) -> str:
     """The same as a table of HTML."""
     heads = ("", "median", "sd", "95 %", "unit", "verdict")
     lines = []
-    for item, row in _rows(fit):
+    for item, row in _rows(fit.reported):
         cells = (item.name, row.best, row.sd, row.interval_95, row.unit, item.verdict_words)
         shown = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
         lines.append(f'<tr title="{escape(item.meaning)}"><th>{escape(item.name)}</th>{shown}</tr>')
@@ -337,7 +337,7 @@ def report_text(fit: Fit) -> str:
     lines += wrapped([fit.verdict], " " * 4, " " * 4)
     lines += ["[[Statistics]]", *(f"    {name:<24} = {value}" for name, value in _statistics(fit).items())]
     cells = []
-    for item, row in _rows(fit):
+    for item, row in _rows((*fit.reported, *fit.scatter)):
         prior = "" if item.verdict is Verdict.FIXED else item.prior
         within = "" if row.interval_95 == "-" else row.interval_95
         cells.append([f"{item.name}:", row.plus_minus, within, prior, item.verdict_words])
