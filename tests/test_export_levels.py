@@ -420,6 +420,16 @@ def test_the_table_of_a_paper_marks_the_value_on_a_surface_that_depends_on_an_as
     assert "depends on model assumptions" in latex_table(sampled)
 
 
+def test_the_table_of_a_paper_has_what_rebounds_determine_of_the_stiffnesses(fits):
+    """Their ratio, once; and each level once, in its own row."""
+    fit, _folder = fits["two-mass"]
+    names = [row.name for row in paper_rows(fit)]
+    assert names.count("k_theta/k_y") == 1 and len(names) == len(set(names))
+    (row,) = (row for row in paper_rows(fit) if row.name == "k_theta/k_y")
+    assert float(row.value) == pytest.approx(1e4 * fit.derived["k_theta/k_y"].point, rel=5e-3)
+    assert "k_theta/k_y" not in [row.name for row in paper_rows(fits["grip-slip"][0])]
+
+
 @pytest.mark.parametrize(
     ("levels", "words"),
     [

@@ -152,7 +152,7 @@ MARKS = {
 
 def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
     """Every parameter: median and standard deviation, or the point estimate to four digits. One that differs between
-    levels has a row for each of them and one for their spread.
+    levels has a row for each of them and one for their spread. Last what follows from several, such as k_theta/k_y.
     """
     spreads = {item.spread_name for item in saved.fitted.levels}
     places = spread_names(saved.fitted.levels) - spreads
@@ -163,13 +163,17 @@ def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
         if own or item.name in places:
             rows += own
             continue
-        row, spec = parameter_row(item), parameter_spec(item.name) or NOISE_SPECS.get(item.name)
-        known = (row.name, "" if spec is None else spec.label, item.meaning, row.unit)
-        if row.median == "-" or item.verdict is Verdict.FIXED:
-            rows.append(PaperRow(*known, row.point))
-        else:
-            rows.append(PaperRow(*known, row.median, row.sd, row.interval_95, _mark(item)))
-    return tuple(rows)
+        rows.append(_paper_row(item))
+    shown = {row.name for row in rows}
+    return (*rows, *(_paper_row(item) for item in saved.derived.values() if item.name not in shown))
+
+
+def _paper_row(item: Estimate) -> PaperRow:
+    row, spec = parameter_row(item), parameter_spec(item.name) or NOISE_SPECS.get(item.name)
+    known = (row.name, "" if spec is None else spec.label, item.meaning, row.unit)
+    if row.median == "-" or item.verdict is Verdict.FIXED:
+        return PaperRow(*known, row.point)
+    return PaperRow(*known, row.median, row.sd, row.interval_95, _mark(item))
 
 
 def _mark(item: Estimate | None) -> str:
