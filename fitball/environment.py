@@ -198,8 +198,10 @@ def heavy_later(*private: str) -> Iterator[None]:
     what was taken from them is kept by who took it, and whoever imports them afterwards gets them whole.
 
     Where other threads run, everything is imported as ever: they might import one of these substitutes and keep it.
+    So it is where one of the `private` packages is loaded already: what the others register with it would be there
+    twice.
     """
-    if threading.active_count() > 1:
+    if threading.active_count() > 1 or any(name in sys.modules for name in private):
         yield
         return
     import numpy

@@ -95,7 +95,8 @@ class SnippetError(Exception):
 Shell = Callable[[str, Path], tuple[int, str]]
 
 
-def _parsed(found: re.Match[str]) -> Snippet:
+def parsed(found: re.Match[str]) -> Snippet:
+    """The snippet of a match of FENCE."""
     info, code = found["info"], found["code"]
     language, *words = info.split()
     parts: list[int] = []
@@ -121,7 +122,7 @@ def _parsed(found: re.Match[str]) -> Snippet:
 
 def snippets(text: str) -> list[Snippet]:
     """The fences of a page in their order."""
-    return [_parsed(found) for found in FENCE.finditer(text)]
+    return [parsed(found) for found in FENCE.finditer(text)]
 
 
 def figures(text: str) -> list[tuple[str, str]]:
@@ -227,7 +228,9 @@ def _drawn(value: Any) -> list[Any]:
     if hasattr(value, "get_figure"):
         return [value.get_figure()]
     if hasattr(value, "ravel") and getattr(value, "dtype", None) is not None and value.dtype.kind == "O":
-        return list(dict.fromkeys(item.get_figure() for item in value.ravel() if hasattr(item, "get_figure")))
+        # Axes that were taken out of a grid belong to no figure.
+        found = [item.get_figure() for item in value.ravel() if hasattr(item, "get_figure")]
+        return [figure for figure in dict.fromkeys(found) if figure is not None]
     return []
 
 
@@ -238,7 +241,7 @@ def woven(text: str, outcomes: list[Outcome], place: str, beside: str = "") -> s
     left = iter(outcomes)
 
     def fence(found: re.Match[str]) -> str:
-        item = _parsed(found)
+        item = parsed(found)
         if item.file is not None:
             return _block("text", item.code, f":caption: {item.file}")
         if not item.runs:

@@ -118,6 +118,9 @@ def test_the_paper_cites_what_its_references_have_and_nothing_invented():
     head, _, body = paper.removeprefix("---\n").partition("\n---\n")
     assert set(re.findall(r"@([a-z]+\d*)", body)) == set(keys_of(bib)) - {"fitball"}
     assert not re.search("orcid|email|corresponding", head) and "The fitball authors" in head
-    assert 750 <= len(re.findall(r"[^\W\d_]{2,}", re.sub(r"<!--.*?-->|\[?@[^\]\s]+", " ", body))) <= 1200
+    assert 750 <= len(re.findall(r"[^\W\d_]{2,}", re.sub(r"<!--.*?-->|\[?@[^\]\s]+", " ", body))) <= 1750
+    sections = ("Summary", "Statement of need", "State of the field", "Software design", "Research impact statement",
+                "AI usage disclosure", "Acknowledgements", "References")  # fmt: skip
+    assert [name for name in re.findall(r"^# (.+)$", body, re.MULTILINE) if name in sections] == list(sections)
     for work in works().values():
         assert work.key == "fitball" or work.key not in keys_of(bib) or work.bibtex() in bib

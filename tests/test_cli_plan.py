@@ -88,6 +88,15 @@ def test_mistakes_are_told_and_nothing_is_written(grip_slip_folder, tmp_path, ca
     assert said in capsys.readouterr().err
 
 
+def test_a_better_way_of_measuring_is_said_before_the_impacts(grip_slip_folder, tmp_path, capsys):
+    """Who asks for a sensor is told first what it adds."""
+    words = ["--sensor", "camera=0.01", "--out", str(tmp_path / "p")]
+    assert main(["plan", str(grip_slip_folder), "--for", "mu", *WHERE, *words]) == 0
+    said = capsys.readouterr().out
+    assert 0 < said.index("The best way of measuring these impacts is camera") < said.index("speed [m/s]")
+    assert said.count("The best way of measuring") == 1
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [("fps=240, noise=1mm", "grip-slip has no time between the flights"), ("noise=1mm", "unknown column 'noise'")],
@@ -98,3 +107,4 @@ def test_a_camera_is_a_way_of_measuring_for_models_that_follow_the_contact(
     assert main(["plan", str(grip_slip_folder), *WHERE, "--camera", text, "--out", str(tmp_path / "p")]) == 2
     said = capsys.readouterr().err
     assert words in said and text in said
+    assert f"--camera {text}" in said or not text.startswith("fps")

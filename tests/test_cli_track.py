@@ -1,6 +1,7 @@
 """`fitball track` and `fitball.track`: from files to a folder that calibrate takes, and a user's mistakes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,11 +10,13 @@ from tracked import VALUES, incident
 
 import fitball
 from fitball.api.filmed import SPREAD
+from fitball.api.tracking import _without_impact
+from fitball.cli.fitting import _by_weight
 from fitball.cli.main import main
 from fitball.data.scene import Scene
 from fitball.errors import FitballError, ParameterError, TrackError
 from fitball.tracks.filmed import filmed_from
-from fitball.tracks.frames import NINE
+from fitball.tracks.frames import NINE, Refused
 from fitball.tracks.simulate import Film, simulated_tracks, truth
 
 COUNT = 8
@@ -285,3 +288,70 @@ def test_a_column_that_is_not_there_is_named(tmp_path):
     place.write_text("frame,Ball X,y [m]\n1,0.1,0.5\n2,0.2,0.4\n", encoding="utf-8")
     with pytest.raises(FitballError, match="no column 'Ball Z' for x; the header has frame, Ball X"):
         fitball.track(place, fps=240.0, columns={"x": "Ball Z"})
+
+
+def test_texts_of_other_columns_go_with_their_clips(tmp_path, capsys):
+    """Clips of two courts in one file: their impacts are of two courts."""
+    frame, _true = frame_of(Film(fps=1000.0, fold=None))
+    odd = frame["id"].astype(int) % 2 == 1
+    frame["Belag"] = np.where(odd, "clay", "hard")
+    frame["speed"], frame["who"] = "3.5", np.where(frame["frame"] % 2 == 0, "me", "you")
+    frame.to_csv(tmp_path / "courts.csv", index=False)
+    out = tmp_path / "out"
+    assert main(["track", str(tmp_path / "courts.csv"), "--court", "0mm", "--out", str(out), "--no-figures"]) == 0
+    made = pd.read_csv(out / "impacts.csv")
+    assert list(made.columns[:3]) == ["id", "Belag", "v_x1 [m/s]"] and "who" not in made
+    assert list(made["Belag"]) == ["clay" if number % 2 else "hard" for number in made["id"]]
+    capsys.readouterr()
+    assert main(["datasets", "check", str(out / "impacts.csv")]) == 0
+    assert "column Belag: 2 surfaces: clay (4 rows), hard (4)" in capsys.readouterr().out
+
+
+def test_impacts_without_marks_beside_marked_ones_are_counted(clip, tmp_path, capsys):
+    """A fit would leave them out: that is said where they are made, and first where they are read."""
+    frame = pd.read_csv(clip[0])
+    frame.loc[frame["id"] > 3, "angle [deg]"] = np.nan
+    frame.to_csv(tmp_path / "some.csv", index=False)
+    out = tmp_path / "out"
+    assert main(["track", str(tmp_path / "some.csv"), "--court", "0mm", "--out", str(out), "--no-figures"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Spins of all 3 impacts with marks are sure. 5 of 8 impacts have no marks" in said
+    table = fitball.load_table(out / "impacts.csv")
+    lost = next(note for note in table.remarks if "ignored" in note)
+    assert lost == "rows 4, 5, 6 and 2 more: ignored, since omega_1 of the incident ball was not measured"
+    problem = fitball.api.pose(str(out / "impacts.csv"), fitball.api.calibrating.Choices(None))
+    assert _by_weight(problem)[0] == lost
+
+
+def test_each_reason_is_given_once_and_how_the_files_were_read(tmp_path):
+    """Frame numbers called t: read as milliseconds, at 240 frames/s gravity is off by a factor."""
+    frame, _true = frame_of(Film(fps=240.0, fold=None, width=1.2))
+    frame = frame.drop(columns="t [s]").rename(columns={"frame": "t"})
+    with pytest.raises(FitballError, match=r"(?s)g comes out .* were read as milliseconds.*state the rate: fps=N"):
+        fitball.track(frame, court=0.0)
+    found = fitball.track(frame, court=0.0, fps=240.0)
+    assert len(found.tracks.impacts) == 8
+    read = [
+        replace(it.track, id=str(k), notes=("times as ms", str(k % 2))) for k, it in enumerate(found.tracks.impacts)
+    ]
+    refused = [Refused(it.id, "a.csv", "no bounce" if k else "two objects") for k, it in enumerate(read)]
+    assert _without_impact(read, refused).splitlines() == [
+        "no impact in 8 tracks:",
+        "  - 0 (a.csv): two objects",
+        "  - 1 (a.csv), 2 (a.csv), 3 (a.csv) and 4 more: no bounce",
+        "  - how all were read: times as ms",
+    ]
+
+
+def test_x_upwards_is_exchanged_by_name(tmp_path):
+    frame, _true = frame_of(Film(fps=1000.0, fold=None))
+    turned = frame.rename(columns={"x [m]": "y [m]", "y [m]": "x [m]"})
+    with pytest.raises(FitballError, match=r"bounces along x .* exchange the columns: columns={'x': 'y', 'y': 'x'}"):
+        fitball.track(turned, court=0.0)
+    found = fitball.track(turned, court=0.0, columns={"x": "y", "y": "x"})
+    pd.testing.assert_frame_equal(found.frame, fitball.track(frame, court=0.0).frame)
+
+
+def test_calibrate_knows_positions_when_it_reads_them(clip):
+    with pytest.raises(FitballError, match=r"these are positions on film: .* finds their impacts"):
+        fitball.load_table(clip[0])

@@ -78,6 +78,35 @@ def test_a_foreign_table_is_told_which_option_to_pass(tmp_path: Path) -> None:
         read(tmp_path, "a,b,c\n5,4,3\n5,4,3\n")
 
 
+OWN = "speed in (km/h);angle;spin rpm before;speed after (km/h);angle after;spin rpm after"
+GERMAN = "Geschwindigkeit vorher [km/h];Winkel vorher;Drall vorher [rpm];Geschwindigkeit nachher [km/h];"
+BOTH_SPINS = "\n61,2;20,5;-74;38;26;2750\n60,8;33,0;100;37;44;2930\n"
+
+
+@pytest.mark.parametrize("header", [OWN, GERMAN + "Winkel nachher;Drall nachher [rpm]"])
+def test_the_option_that_is_proposed_names_the_spins_with_their_unit(
+    header: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without them the table is read with an incident spin of zero. `angle` beside `angle after` is the other."""
+    ours = read(tmp_path, "v_1 [km/h];theta_1;omega_1 [rpm];v_2 [km/h];theta_2;omega_2 [rpm]" + BOTH_SPINS, "o.csv")
+    place = tmp_path / "mine.csv"
+    place.write_text(header + BOTH_SPINS, encoding="utf-8")
+    assert main(["datasets", "check", str(place)]) == 2
+    proposed = re.search(r'pass --columns "(.*?)"', capsys.readouterr().out)
+    assert proposed is not None
+    assert main(["datasets", "check", str(place), "--columns", proposed[1]]) == 0
+    capsys.readouterr()
+    assert_same(load_table(place, columns=dict(part.split("=") for part in proposed[1].split(", "))), ours)
+
+
+def test_columns_of_spin_that_are_left_out_are_named(tmp_path: Path) -> None:
+    text = OWN.replace("speed in", "v_1").replace("angle;", "theta_1;").replace("speed after", "v_2")
+    table = read(tmp_path, text.replace("angle after", "theta_2") + BOTH_SPINS)
+    notes = " ".join(table.remarks)
+    assert "no columns omega_1 and omega_2: incident spin is set to 0" in notes
+    assert "spin rpm after (to read it as omega_2: columns={'omega_2': 'spin rpm after [rpm]'})" in notes
+
+
 ENDS = {
     "1": "in inc incident incoming before impact pre initial i 1",
     "2": "out outgoing rebound after post final exit r f 2",

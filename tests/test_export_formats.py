@@ -168,8 +168,8 @@ def test_netcdf_holds_the_draws_for_arviz(small_fit, saved, tmp_path):
     truth = fitball.load_fit(small_fit).posterior
     with xr.open_datatree(place, engine="h5netcdf") as tree:
         assert set(tree.children) == {
-            "posterior", "sample_stats", "prior", "log_likelihood", "posterior_predictive", "observed_data",
-            "constant_data",
+            "posterior", "sample_stats", "prior", "prior_predictive", "log_likelihood", "log_prior",
+            "posterior_predictive", "observed_data", "constant_data",
         }  # fmt: skip
         draws = tree["posterior"].to_dataset()
         assert draws.sizes == {"chain": 4, "draw": 1000}
@@ -196,7 +196,7 @@ def test_netcdf_without_or_with_foreign_draws(small_fit, point_only, tmp_path, c
     shutil.copy(small_fit / "fit.json", folder)
     assert main(["export", str(folder), "--to", "netcdf"]) == 0
     err = capsys.readouterr().err
-    assert "posterior.nc is missing" in err and "data.nc is missing" in err
+    assert "posterior.nc is missing" in err and "data.nc and " in err and "run.toml are missing" in err
     with xr.open_datatree(folder / "arviz.nc", engine="h5netcdf") as tree:
         assert tree["posterior"]["mu"].shape == (1, fitball.load_fit(folder).fitted.draws.shape[0])
     with xr.open_datatree(small_fit / "posterior.nc", engine="h5netcdf") as tree:

@@ -43,6 +43,7 @@ from fitball.exports.port.names import arguments_of, plain_name
 from fitball.exports.port.port import make_port, port_of, python_port
 from fitball.inference.prediction.outputs import golden
 from fitball.inference.prediction.reach import total_rebound, valid_range
+from fitball.inference.results.results import Verdict
 from fitball.models.registry import model
 from fitball.values import Impacts
 
@@ -403,6 +404,20 @@ def test_parameter_sets_have_the_value_on_each_surface(fits):
     text = latex_table(fit)
     row = rf"$\mu$ Hard & \raggedright {fit.parameters['mu'].meaning}, surface Hard & ${fit.levels[1].point:.4g}$"
     assert row in text
+
+
+def test_the_table_of_a_paper_marks_the_value_on_a_surface_that_depends_on_an_assumption(fits):
+    """With a posterior, a row of a level has the mark of its own verdict, as rows of other parameters have."""
+    fit, _folder = fits["grip-slip"]
+    known = {"median": 0.6, "sd": 0.01, "q025": 0.58, "q16": 0.59, "q84": 0.61, "q975": 0.62}
+    derived = dict(fit.derived)
+    for name, verdict in (("mu[Hard]", Verdict.GIVEN), ("mu[Grasé]", Verdict.IDENTIFIED)):
+        derived[name] = replace(derived[name], verdict=verdict)
+    sampled = replace(fit, levels=tuple(replace(item, **known) for item in fit.levels), derived=derived)
+    marks = {row.name: row.mark for row in paper_rows(sampled)}
+    assert (marks["mu[Hard]"], marks["mu[Grasé]"]) == ("c", "")
+    assert r"$0.600 \pm 0.010$$^{\mathrm{c}}$" in latex_table(sampled)
+    assert "depends on model assumptions" in latex_table(sampled)
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,7 @@ def test_named_tuples_become_structs_with_the_same_fields(tmp_path):
         [*C_OF_P.structs(program.structs.values()), C_OF_P.constant_definition("ORIGIN", ORIGIN), *functions]
     )
     main += '\nint main(void) { printf("%.17g", p__structured(1.3)); return 0; }\n'
+    main = "#define P_MAKE(type, ...) ((type){__VA_ARGS__})\n" + main.replace("@UP@", "P_")
     (tmp_path / "main.c").write_text(main)
     if CC is None:
         pytest.skip("no C compiler here: the translation is made but not compiled")

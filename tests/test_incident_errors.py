@@ -143,6 +143,18 @@ def test_first_order_fails_at_the_kink_where_the_mixture_does_not():
     assert np.max(np.abs(total(problem, values) - exact)) < 0.1
 
 
+def test_each_column_on_a_kink_is_given_those_before_it():
+    """The first terms of an impact add up to the density of those columns alone, whatever the others were."""
+    table = simulated("grip-slip", np.linspace(20.0, 45.0, 40)[:12], covariances(12, 0.3, 10.0), 4)
+    problem = problem_of(table, "grip-slip")
+    values = at_truth(problem)
+    terms = impact_terms(problem, values, problem.rebound(values))
+    for count in (1, 2, 3):
+        first = replace(problem, observables=problem.observables[:count])
+        found = np.sum([terms[item.name] for item in first.observables], axis=0)[0]
+        assert np.max(np.abs(found - [by_quadrature(first, values, k) for k in range(12)])) < 0.1
+
+
 def test_columns_that_are_not_scored_are_integrated_out():
     """Beside a model that is told v_y2 others are scored by the rest: its density whatever v_y2 was, at kinks too."""
     table = simulated("grip-slip", np.linspace(20.0, 45.0, 40)[:12], covariances(12, 0.3, 10.0), 4)
@@ -304,7 +316,7 @@ def test_new_measurements_of_an_impact_share_the_errors_of_its_incidence():
     table = simulated("grip-slip", np.array([20.0, 60.0]), covariances(2, 0.6, 25.0), 7)
     problem = problem_of(table, "grip-slip")
     draws, rng = 4000, np.random.default_rng(3)
-    drawn = replicated(problem, np.repeat(at_truth(problem), draws, axis=0), rng).measurements
+    drawn = replicated(problem, np.repeat(at_truth(problem), draws, axis=0), rng)
     columns, root = problem.all_values(at_truth(problem)), regime_mixture.roots(problem.errors.incident)
     for row in range(2):
         moves = rng.standard_normal((draws, 3)) @ root[row].T

@@ -231,6 +231,10 @@ def test_the_hash_is_of_the_source_and_of_what_it_uses(tmp_path):
     assert source(text + "\n# A remark elsewhere.\n") == first
     changed = [text.replace("ONE = 1", "ONE = 2"), text.replace("ONE + e", "e + ONE"), text.replace("1 + a", "a + 1")]
     assert len({first, *map(source, changed)}) == 4
+    # Names that only a function inside a function reads, or a comprehension.
+    for inner in ("    return sum(ONE for _ in range(1)) + e\n", "    return (lambda: ONE)() + e\n"):
+        nested = text.replace("    return ONE + e\n", inner)
+        assert nested != text and source(nested) != source(nested.replace("ONE = 1", "ONE = 2"))
 
 
 def own_model_of(text):

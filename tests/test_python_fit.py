@@ -10,15 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from arviz_stats.base.array import array_stats
 from samples import leave_out_figures
-from scipy.stats import norm
 
 import fitball
 from fitball.cli.main import main
 from fitball.errors import ParameterError, ResultFolderError
-from fitball.inference.comparison.left_out import leave_one_out
-from fitball.inference.effort import Effort
 from fitball.inference.prediction.simulate import COURSES, Band
 from fitball.report.figures.registry import FIGURES
 from fitball.values import same
@@ -91,7 +87,7 @@ def test_of_a_saved_fit_only_what_is_asked_for_is_read(folder, tmp_path):
     assert "7 impacts with v_x2, v_y2 and omega_2; 7 free parameters" in fit.report()
     assert fit.fitted.draws.shape == (400, 7) and "def rebound" in fit.export("python")[".py"]
     assert len(pickle.dumps(fit)) < 400_000
-    for ask in (lambda: fit.posterior, lambda: fit.predict("v=17, theta=18"), fit.to_inferencedata, fit.plot.corner):
+    for ask in (lambda: fit.posterior, lambda: fit.predict("v=17, theta=18"), fit.plot.corner):
         with pytest.raises(ResultFolderError, match="no such file"):
             ask()
 
@@ -172,57 +168,6 @@ def test_what_is_no_impact_is_refused(short_fit):
         short_fit.predict(fitball.impacts([], []))
     with pytest.raises(ParameterError, match="units: read 'mph', expected a dict, each value a text"):
         short_fit.predict({"v_1": [17.0], "theta_1": [18.0]}, units="mph")
-
-
-def test_inference_data_says_what_the_densities_are(short_fit):
-    tree = short_fit.to_inferencedata(draws=50)
-    problem = short_fit.problem
-    draws = {name: tree["posterior"][name].to_numpy() for name in problem.free_names}
-    assert tree["posterior"].sizes == {"chain": 4, "draw": 50}
-    told = tree["log_likelihood"]["impact_log_likelihood"].to_numpy()
-    for chain, draw in ((0, 3), (3, 49)):
-        values = {name: float(column[chain, draw]) for name, column in draws.items()}
-        rebound = problem.model.rebound({name: values[name] for name in problem.model_names}, problem.impacts)
-        by_hand = sum(
-            norm.logpdf(item.values, getattr(rebound, item.name), values[item_sd])
-            for item, item_sd in zip(
-                problem.table.measurements, ("velocity_sd", "velocity_sd", "spin_sd"), strict=True
-            )
-        )
-        np.testing.assert_allclose(told[chain, draw], by_hand, rtol=1e-10)
-    whole = short_fit.to_inferencedata()
-    made_up = whole["posterior_predictive"]["v_x2"]
-    band = short_fit.predictive.observables[0]
-    low, high = made_up.quantile([0.025, 0.975], dim=("chain", "draw")).to_numpy()
-    np.testing.assert_allclose(low, band.data_q025, atol=0.15)
-    np.testing.assert_allclose(high, band.data_q975, atol=0.15)
-    assert made_up.attrs["units"] == "m/s" and list(made_up["impact"].to_numpy()) == list(problem.table.ids)
-    assert whole.identical(short_fit.to_inferencedata())
-    for draws in (0, 10**6):
-        with pytest.raises(ParameterError, match="of each chain"):
-            short_fit.to_inferencedata(draws=draws)
-
-
-def test_arviz_takes_it(grip_slip_fit):
-    """Its statistics of four chains are near ours of all walkers, its leave-one-out score near that of `compare`."""
-    tree = grip_slip_fit.to_inferencedata()
-    problem, posterior = grip_slip_fit.problem, grip_slip_fit.posterior
-    table = grip_slip_fit.summary()
-    for name in problem.free_names:
-        chains = tree["posterior"][name].to_numpy()
-        assert float(array_stats.rhat(chains, chain_axis=0, draw_axis=1)) < 1.03
-        assert float(array_stats.ess(chains, chain_axis=0, draw_axis=1)) > 400
-        # A thousand effective draws know a mean to 0.03 sd.
-        mean = posterior.draws[:, posterior.names.index(name)].mean()
-        assert chains.mean() == pytest.approx(mean, abs=0.15 * table.loc[name, "sd"])
-    told = tree["log_likelihood"]["impact_log_likelihood"].to_numpy()
-    settings = Effort(cores=1).settings(problem)
-    columns = [item.name for item in problem.observables]
-    ours = leave_one_out(problem, grip_slip_fit, posterior, columns, settings, exact=False)
-    sure = ours.pareto_k < 0.6
-    assert np.count_nonzero(sure) > 15
-    elpd = [array_stats.loo(told[..., k], chain_axis=0, draw_axis=1)[0] for k in np.flatnonzero(sure)]
-    np.testing.assert_allclose(elpd, ours.elpd[sure], atol=0.15)
 
 
 def test_a_point_fit_has_no_draws(point_fit):

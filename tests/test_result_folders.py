@@ -187,6 +187,15 @@ def test_what_is_no_file(copy, capsys):
         assert "Traceback" not in capsys.readouterr().err
 
 
+def test_the_folder_of_a_table_names_the_results_in_it(tmp_path, capsys):
+    for name in ("brody", "two-mass"):
+        (tmp_path / "balls" / name).mkdir(parents=True)
+        (tmp_path / "balls" / name / "fit.json").write_text("{}")
+    assert main(["export", str(tmp_path / "balls"), "--to", "c"]) == 2
+    said = capsys.readouterr().err
+    assert f"did you mean {tmp_path / 'balls' / 'brody'} or {tmp_path / 'balls' / 'two-mass'}?" in said
+
+
 def test_a_folder_in_the_place_of_a_result_is_not_replaced(tmp_path, capsys):
     (tmp_path / "out" / "fit.json").mkdir(parents=True)
     command = ["calibrate", "wang_zero_spin.csv", "--model", "brody", "--point-only", "--out", str(tmp_path / "out")]

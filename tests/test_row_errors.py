@@ -240,7 +240,7 @@ def test_new_tables_have_the_covariance_of_their_rows():
     values = covariances(8, 14, 0.2 * SDS)
     problem = posed(table_of(values, 14, states(8, 14)))
     x = np.repeat(at(problem), 20_000, axis=0)
-    made = replicated(problem, x, np.random.default_rng(1)).measurements
+    made = replicated(problem, x, np.random.default_rng(1))
     for k in steady(problem, x[:1], 6.0):
         _, spread = joint(problem, x[:1], values, k)
         found = np.cov(np.stack([made[name][:, k] for name in COLUMNS[3:]]))

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import warnings
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import nbformat
 import pytest
 from headless import Browser, find_browser
+from notebooks import notebook
 from quick_shell import make_quick, quick_shell
 from snippets import (
     Outcome,
@@ -270,3 +273,49 @@ def test_each_file_that_a_page_links_to_has_an_address_of_its_own(page):
     marks = "".join(f"<!-- file: {file} | words -->\n" for file in files(PAGES[page]))
     linked = re.findall(r'href="([^"]*)"', woven(marks, [], "made", "beside"))
     assert len(set(linked)) == len(linked) == len(files(PAGES[page]))
+
+
+def test_every_tutorial_is_a_notebook_with_its_outputs(site, runner):
+    """Each fence is a cell, in order, those that run with what they gave; links lead out or nowhere."""
+    _, made = runner
+    tutorials = [page for page in PAGES if page.startswith("tutorials/")]
+    assert {site / f"{page}.ipynb" for page in tutorials} == set(site.rglob("*.ipynb"))
+    for page in tutorials:
+        assert f'href="{Path(page).name}.ipynb"' in (site / f"{page}.html").read_text(encoding="utf-8")
+        cells = nbformat.read(site / f"{page}.ipynb", as_version=4)["cells"]
+        code = [cell for cell in cells if cell["cell_type"] == "code"]
+        fences = [item for item in snippets(PAGES[page]) if item.runs or item.file]
+        assert len(code) == len(fences)
+        outcomes = iter(outcomes_of(made, page))
+        for cell, item in zip(code, fences, strict=True):
+            shown = cell["source"].replace("!", "") if item.language == "bash" else cell["source"]
+            assert item.code.rstrip() in shown
+            if item.runs:
+                outcome = next(outcomes)
+                expected = bool(outcome.text.strip()) + bool(outcome.html) + len(outcome.pictures)
+                assert len(cell["outputs"]) == expected
+        words = "".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
+        assert not re.search(r"\]\((?!https?:|attachment:)", words)
+        pictures = [cell for cell in cells for _ in cell.get("attachments", ())]
+        assert len(pictures) == len(figures(PAGES[page]))
+
+
+def test_a_notebook_says_what_the_page_says(tmp_path):
+    text = page_of(
+        ("csv a.csv", "x\n1"), ("bash", "# a comment\nls a.csv\nls a.*"), ("python", "print(2)\n3"),
+        ("c", "int main;"),
+    )  # fmt: skip
+    before = "# A title\n\nSee [there](../x.md#y) or [here](https://example.org)."
+    text = f"{before}\n\n{text}\n<!-- figure: a.csv | Two words -->\n"
+    outcomes = run_page(text, tmp_path / "page")
+    made = notebook(text, outcomes, tmp_path / "page")
+    assert made == notebook(text, outcomes, tmp_path / "page")
+    cells = nbformat.reads(made, as_version=4)["cells"]
+    sources = [cell["source"] for cell in cells]
+    assert sources[0].startswith("# A title\n\n*A page of the documentation")
+    assert sources[0].endswith("\n\nSee there or [here](https://example.org).")
+    assert sources[1:4] == ["%%writefile a.csv\nx\n1", "# a comment\n!ls a.csv\n!ls a.*", "print(2)\n3"]
+    assert [cell["execution_count"] for cell in cells if cell["cell_type"] == "code"] == [1, 2, 3]
+    assert [output["text"] for cell in cells[2:4] for output in cell["outputs"]] == ["a.csv\na.csv\n", "2\n3\n"]
+    assert sources[4] == "```c\nint main;\n```" and sources[5] == "![Two words](attachment:a.csv)"
+    assert cells[5]["attachments"]["a.csv"]["image/png"] == base64.b64encode(b"x\n1\n").decode()

@@ -268,6 +268,26 @@ def test_many_clips_of_one_table_and_of_files_with_the_same_ids(tmp_path):
     assert [track.id for track in read_tracks([one, two])] == ["one-a", "b", "two-a"]
 
 
+def test_files_of_one_name_in_two_folders_are_called_by_their_folders(tmp_path):
+    places = [tmp_path / name / "one.csv" for name in ("clay", "hard")]
+    for place in places:
+        place.parent.mkdir()
+        place.write_text(filmed.long_table(SHOT))
+    assert [track.id for track in read_tracks(places)] == ["clay-one-a", "hard-one-a"]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("mm", 1e3)])
+def test_a_code_in_the_place_of_a_lost_ball_is_no_position(tmp_path, unit, factor):
+    table = pandas.DataFrame({"t": SHOT.time, f"x [{unit}]": factor * SHOT.place[:, 0]})
+    table[f"y [{unit}]"] = factor * SHOT.place[:, 1]
+    table.loc[[3, 7, 20], [f"x [{unit}]", f"y [{unit}]"]] = -999.0
+    # One coordinate alone may be there.
+    table.loc[9, f"x [{unit}]"] = -99.0
+    (track,) = read_tracks([table], Reading(as_read=True))
+    assert len(track.time) == len(SHOT.time) - 3
+    assert any(f"3 of {len(SHOT.time)} frames left out" in note for note in track.notes)
+
+
 def mistaken(tmp_path, old, new, count=1):
     return written(tmp_path, filmed.long_table(SHOT).replace(old, new, count))
 

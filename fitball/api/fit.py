@@ -312,19 +312,33 @@ class Fit(results.Fit):
         return exported(self, to, options)
 
     @checked
-    def to_inferencedata(self, draws: int | None = None) -> xr.DataTree:
-        """Draws and data for ArviZ, a DataTree with four chains of `draws` each. Its groups are posterior,
-        sample_stats, log_likelihood, posterior_predictive, prior, observed_data and constant_data.
+    def to_datatree(self, draws: int | None = None, unit: str = "measurement") -> xr.DataTree:
+        """Draws and data in the layout of ArviZ: an xarray DataTree with four chains of `draws` each, by default a
+        thousand, fewer for long tables.
 
-        By default a thousand, fewer for long tables (see `exports.arviz_file`). `log_likelihood` has one value for
-        each impact, the unit of leave-one-out. Raises ResultFolderError for a point fit.
+        Its groups are posterior, sample_stats, log_likelihood, log_prior, posterior_predictive, prior,
+        prior_predictive, observed_data and constant_data. `log_likelihood` has a variable for each measured column,
+        or with `unit="impact"` one value for all measurements of an impact. A small fit of a batch has 400 draws in
+        one chain; the attribute `notes` says what is missing. Raises ResultFolderError for a point fit,
+        ParameterError for draws that there are not.
+
+        >>> fit.to_datatree(draws=100)["posterior"].sizes["chain"]
+        4
+        """
+        from fitball.exports.arviz_file import datatree
+
+        return datatree(self, draws, unit)
+
+    @checked
+    def to_inferencedata(self, draws: int | None = None, unit: str = "measurement") -> Any:
+        """The same as the installed ArviZ takes it: a DataTree, or an `arviz.InferenceData` before ArviZ 1.
 
         >>> fit.to_inferencedata(draws=100)["posterior"].sizes["chain"]
         4
         """
-        from fitball.exports.arviz_file import whole_tree
+        from fitball.exports.arviz_file import inferencedata
 
-        return whole_tree(self, draws)
+        return inferencedata(self.to_datatree(draws, unit))
 
     @checked
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True) -> Path:

@@ -139,8 +139,7 @@ def _source(name: str, function: types.FunctionType, parameters: tuple[str, ...]
 def _parts(function: types.FunctionType, seen: set[str]) -> Iterator[str]:
     """Sources of the function and of those of its module that it calls, and values of the names that it reads."""
     yield textwrap.dedent(inspect.getsource(function))
-    read = inspect.getclosurevars(function)
-    for name, value in sorted({**read.globals, **read.nonlocals}.items()):
+    for name, value in sorted(_read(function).items()):
         own = getattr(value, "py_func", value)
         if name in seen:
             continue
@@ -151,6 +150,18 @@ def _parts(function: types.FunctionType, seen: set[str]) -> Iterator[str]:
             yield f"{name}={value!r}"
         elif isinstance(value, np.ndarray):
             yield f"{name}={value.tolist()!r}"
+
+
+def _read(function: types.FunctionType) -> dict[str, Any]:
+    """What a function reads of its module and of functions around it, those inside it and its comprehensions too
+    (which are functions before Python 3.12).
+    """
+    codes, names = [function.__code__], set[str]()
+    for code in codes:
+        names.update(code.co_names)
+        codes += [item for item in code.co_consts if isinstance(item, types.CodeType)]
+    known = function.__globals__
+    return {name: known[name] for name in names if name in known} | dict(inspect.getclosurevars(function).nonlocals)
 
 
 def _try(tried: OwnFunction, drawn: Mapping[str, FloatArray]) -> bool:

@@ -26,7 +26,7 @@ from fitball.report.tracks.document import render, track_json
 from fitball.tracks.clips import Reading
 from fitball.tracks.dialects import NAMES
 from fitball.tracks.filmed import assumptions_of, filmed_from, reading_from
-from fitball.tracks.frames import Track, Tracks
+from fitball.tracks.frames import Refused, Track, Tracks
 from fitball.tracks.impacts import covariance_rows, frame_rows, impact_rows
 from fitball.tracks.judged import mark_words
 from fitball.tracks.read import Source, read_tracks
@@ -214,8 +214,7 @@ def track(
         camera=replace(tracks.camera, fps=tracks.camera.fps or fps),
     )
     if not tracks.impacts:
-        reasons = "".join(f"\n  - {item.id} ({item.source}): {item.reason}" for item in tracks.refused[:10])
-        raise TrackError(f"no impact in {len(read)} track{'s' if len(read) != 1 else ''}:{reasons}")
+        raise TrackError(_without_impact(read, tracks.refused))
     for session in tracks.noise:
         words = mark_words([it for it in tracks.impacts if it.track.session == session], filmed)
         words = f"session {session}: {words}" if session and words else words
@@ -224,6 +223,20 @@ def track(
         tracks = replace(tracks, notes=(*tracks.notes, words)) if words else tracks
     names = tuple(os.fspath(it) if isinstance(it, PATHS) else "DataFrame" for it in sources)
     return TrackResult(tracks, names, replace(used, camera=tracks.camera))
+
+
+def _without_impact(read: Sequence[Track], refused: Sequence[Refused]) -> str:
+    """Why there is none: each reason once, and how all files were read."""
+    by_reason: dict[str, list[str]] = {}
+    for item in refused:
+        by_reason.setdefault(item.reason, []).append(f"{item.id} ({item.source})")
+    lines = [
+        f"{', '.join(names[:3])}{f' and {len(names) - 3} more' if len(names) > 3 else ''}: {reason}"
+        for reason, names in [*by_reason.items()][:10]
+    ]
+    shared = [note for note in read[0].notes if all(note in track.notes for track in read)]
+    lines += [f"how all were read: {note}" for note in shared]
+    return f"no impact in {len(read)} track{'s' if len(read) != 1 else ''}:" + "".join(f"\n  - {it}" for it in lines)
 
 
 def _check_stated(up: str | None, unit: str | None, fold: int | None, columns: Mapping[str, str]) -> None:

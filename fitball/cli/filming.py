@@ -73,7 +73,7 @@ TRACK = Verb(
                 "height of the court in coordinates of the file, e.g. 0mm or 812px (default: found from contacts)",
             ),
             switch("--y-down", "y grows downwards, as rows of a picture (default: found from the motion)"),
-            option("--up", "AXIS", "the axis that points upwards: x, y, z or -z (default: found from the motion)"),
+            option("--up", "AXIS", "which of three axes points up: x, y, z or -z (default: found from the motion)"),
             option("--unit", "UNIT", "unit of positions where a file states none: m, mm or px"),
             option(
                 "--fold", "N",

@@ -93,11 +93,17 @@ def run_calibrate(args: argparse.Namespace) -> int:
 
 
 def _by_weight(problem: Problem) -> list[object]:
-    """Notes before a fit: one on the fit, one on the table, and so on; what the scene leaves open comes last."""
-    usual = problem.scene.assumed
+    """Notes before a fit: rows that it leaves out, then one on the fit, one on the table, and so on; what the scene
+    leaves open comes last.
+    """
+    from fitball.data.numbers import IGNORED
+
+    usual, remarks = problem.scene.assumed, problem.table.remarks
+    lost = [note for note in remarks if IGNORED in note]
     own = [note for note in problem.notes if note not in usual]
-    both = [note for pair in zip_longest(own, problem.table.remarks) for note in pair if note is not None]
-    return [*both, *(note for note in problem.notes if note in usual)]
+    pairs = zip_longest(own, (note for note in remarks if note not in lost))
+    both = [note for pair in pairs for note in pair if note is not None]
+    return [*lost, *both, *(note for note in problem.notes if note in usual)]
 
 
 def default_folder(table: str, model: str, closures: Mapping[str, str]) -> Path:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fitball.data.cells import Findings
 from fitball.data.columns import ANGLES, COLUMNS, INCIDENT, NUMBERS, REBOUND, SD_SUFFIX
-from fitball.data.header import guess_of
+from fitball.data.header import guess_of, without_unit
 from fitball.data.heights import GROSS
 from fitball.data.kinematics import Uncertain, independent, velocity
 from fitball.data.numbers import Columns, NumberColumn
@@ -57,19 +57,20 @@ def check_columns(
 
     Without `rebound` a table of incident columns alone is complete.
     """
-    read = some(named)
     incident = independent(present, "1")
     missing = []
     if len(incident) < 2 and incident != ("v_y1",):
-        missing.append(f"{_INCIDENT_GAPS[incident]} (columns read: {read})")
+        missing.append(_INCIDENT_GAPS[incident])
     elif not knows_incident(present):
         missing.append(f"{' and '.join(incident)} do not make an incident velocity; expected {_INCIDENT_FORMS}")
     elif incident == ("v_y1",):
         for name in [name for name, item in OBSERVABLES.items() if item.along and name in present]:
             found.header_fault(_NO_INCIDENT_MOTION, name)
     if rebound and not any(name in present for name in REBOUND):
-        missing.append(f"no rebound column; expected at least one of {', '.join(REBOUND)} (columns read: {read})")
+        missing.append(f"no rebound column; expected at least one of {', '.join(REBOUND)}")
     if missing:
+        # Said once: what is to be done stays whole in a line of limited length.
+        missing[-1] += f" (columns read: {some(named)})"
         missing[0] += _what_is_meant(extras, present)
     for message in missing:
         found.header_fault(message)
@@ -77,6 +78,8 @@ def check_columns(
     if "omega_2" in present and "omega_1" not in present:
         found.notice("no column omega_1: incident spin is set to 0", "omega_1")
     if unused := [name for name in extras if name not in grouping]:
+        if not {"omega_1", "omega_2"} & set(present) and len(incident) == 2:
+            found.notice("no columns omega_1 and omega_2: incident spin is set to 0", "omega_1")
         kept = some([_with_guess(name, present) for name in unused])
         found.notice(f"columns not used: {kept}", *unused)
 
@@ -91,7 +94,13 @@ def _with_guess(name: str, present: Collection[str]) -> str:
     meant = _guessed(name, present)
     if not meant:
         return name
-    return f"{name} (to read it as {' or '.join(meant)}: {_named({meant[0]: name})})"
+    return f"{name} (to read it as {' or '.join(meant)}: {_named({meant[0]: _with_unit(name)})})"
+
+
+def _with_unit(name: str) -> str:
+    """The name of a column as an option takes it, with the unit that is one of its words."""
+    unit = without_unit(name)[1]
+    return name if unit is None else f"{name} [{unit}]"
 
 
 def _named(columns: Mapping[str, str]) -> str:
@@ -102,26 +111,31 @@ def _named(columns: Mapping[str, str]) -> str:
 
 
 def surely_meant(extras: Collection[str], present: Collection[str]) -> dict[str, str]:
-    """By our name the extra columns whose names say which columns of ours they probably are."""
+    """By our name the extra columns whose names say which columns of ours they probably are: beside `angle after`
+    an `angle` is the incident one.
+    """
     sure: dict[str, str] = {}
-    for name in extras:
-        meant = _guessed(name, present)
+    for name in sorted(extras, key=lambda name: len(_guessed(name, present))):
+        meant = _guessed(name, {*present, *sure})
         if len(meant) == 1:
-            sure.setdefault(meant[0], name)
-    return sure
+            sure[meant[0]] = _with_unit(name)
+    return {name: sure[name] for name in NUMBERS if name in sure}
 
 
 def _what_is_meant(extras: Collection[str], present: Collection[str]) -> str:
     """How to name the extra columns that may be what is missing; empty where none may."""
+    if {"x", "y"} <= {*extras} and {"t", "frame"} & {*extras}:
+        return f"; these are positions on film: {spoken('fitball track', 'fitball.track')} finds their impacts"
     said, sure = [], surely_meant(extras, present)
     for name in extras:
         meant = _guessed(name, present)
-        if len(meant) > 1:
+        if len(meant) > 1 and _with_unit(name) not in sure.values():
             said.append(f"; '{name}' may be {' or '.join(meant)}: choose with {spoken('--columns', 'columns={...}')}")
     if sure:
         said.insert(0, f"; if these are the columns, pass {_named(sure)}")
     if extras and not said:
-        said.append(f"; if they have other names, pass {_named({'v_1': 'NAME', 'theta_1': 'NAME [deg]'})}")
+        needed = {"v_1": "NAME", "theta_1": "NAME [deg]", "omega_1": "NAME [rpm]"}
+        said.append(f"; if they have other names, pass {_named(needed | {'...': '...'})}")
     return "".join(said)
 
 

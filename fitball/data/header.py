@@ -39,7 +39,7 @@ UNMATCHED = "the brackets do not match; expected a name and a unit, such as 'v_x
 _GREEK = {"θ": "theta", "ω": "omega", "ϑ": "theta", "σ": "sd"}
 # Words of names, by what they tell: the quantity, its direction, the end of the bounce, a deviation, nothing.
 _LEXICON: Mapping[tuple[str, str], str] = {
-    ("quantity", "v"): "v vel velo velocity velocities speed speeds geschwindigkeit tempo",
+    ("quantity", "v"): "v vel velo velocity velocities speed speeds geschwindigkeit tempo vitesse",
     ("quantity", "theta"): "theta angle angles ang alpha winkel",
     ("quantity", "omega"): "omega spin spins w rot rotation drall",
     ("quantity", "contact_time"): "contacttime tcontact contactduration kontaktzeit tc",
@@ -48,10 +48,11 @@ _LEXICON: Mapping[tuple[str, str], str] = {
     ("direction", "y"): "y z vertical vert normal perpendicular perp",
     ("end", "1"): (
         "1 in inc incident incoming incidence inbound impact before pre prior initial init start approach i vor "
-        "drop dropped fall ein"
+        "vorher avant drop dropped fall ein"
     ),
     ("end", "2"): (
-        "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce bounced nach aus"
+        "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce bounced nach nachher "
+        "aus après apres"
     ),
     ("sd", "sd"): "sd std stdev sigma",
     ("filler", ""): "ball of the mean avg average measured launch",
@@ -82,7 +83,7 @@ def guess_of(name: str) -> tuple[str, ...]:
     """Names of ours that `name` may mean: one where it says which, both ends where it says the quantity only, none
     where it is no name of an impact's quantity.
     """
-    told = _told(name)
+    told = _told(without_unit(name)[0])
     if any(told.count(word) > 1 for word in told if word != ("filler", "")):
         return ()
     kinds = ("quantity", "direction", "end", "sd")
@@ -100,6 +101,13 @@ def guess_of(name: str) -> tuple[str, ...]:
         (_HEIGHTS[end] if quantity == "height" else f"{quantity}_{''.join(directions)}{end}") + suffix
         for end in ends or ("1", "2")
     )
+
+
+def without_unit(name: str) -> tuple[str, str | None]:
+    """A name without the first of its words that is a unit and nothing else, and that unit: `spin rpm before`."""
+    words = name[:LONGEST].split()
+    unit = next((word for word in words if len(word) > 1 and bare(word) not in _WORDS and is_unit(word)), None)
+    return (name, None) if unit is None else (" ".join(word for word in words if word != unit), unit)
 
 
 def _told(name: str) -> list[tuple[str, str]]:

@@ -117,6 +117,8 @@ def explained(cell: str) -> str | None:
 # Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts.
 _NUMBER = re.compile(r"[+-]?([0-9]+(?:\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 # `#N/A` and `#NV` are how Excel shows what is not available.
+# What begins the notice of a row that is no impact.
+IGNORED = "ignored, since"
 _ABSENT = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "#n/a", "#nv")
 _INFINITE = ("inf", "infinity", "∞")
 
@@ -363,7 +365,7 @@ def _usable(columns: Columns, rebound: bool, found: Findings) -> NDArray[np.int6
     for k in np.flatnonzero(unknown | nothing).tolist():
         gaps = [name for name in incident if columns[name].missing[k]]
         what = f"{' and '.join(gaps)} of the incident ball" if gaps else "the rebound"
-        kind = f"ignored, since {what} was not measured"
+        kind = f"{IGNORED} {what} was not measured"
         found.notice(kind, *gaps, place=k, kind=kind)
     return np.flatnonzero(~(unknown | nothing))
 

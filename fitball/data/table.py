@@ -109,7 +109,8 @@ def summed_up(notices: Iterable[Notice]) -> tuple[str, ...]:
             continue
         named = ", ".join(str(item.row) for item in members[:NOTICES_SHOWN])
         first = replace(members[0], message=members[0].message.removeprefix(f"{kind}: "))
-        sentences.append(f"rows {named} and {len(members) - NOTICES_SHOWN:,} more: {kind}; {first}")
+        example = f"; {first}" if members[0].message != kind else ""
+        sentences.append(f"rows {named} and {len(members) - NOTICES_SHOWN:,} more: {kind}{example}")
     return tuple(sentences)
 
 

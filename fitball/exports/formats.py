@@ -42,8 +42,8 @@ FORMATS: Mapping[str, Format] = {
         "port.languages:python_text", "bounce.py", ("levels",),
     ),
     "c": Format(
-        "a C99 header with the same function, and a self-test under FITBALL_SELF_TEST", "port.languages:c_text",
-        "bounce.h", ("levels", "prefix"),
+        "a C99 and C++11 header with the same function, and a self-test under FITBALL_SELF_TEST",
+        "port.languages:c_text", "bounce.h", ("levels", "prefix"),
     ),
     "javascript": Format(
         "the same function for web pages or Node (.js) and as an ES module (.mjs)", "port.languages:javascript_texts",

@@ -169,9 +169,12 @@ def paper_rows(saved: Fit) -> tuple[PaperRow, ...]:
         if row.median == "-" or item.verdict is Verdict.FIXED:
             rows.append(PaperRow(*known, row.point))
         else:
-            mark = MARKS[item.verdict][0] if item.verdict in MARKS else ""
-            rows.append(PaperRow(*known, row.median, row.sd, row.interval_95, mark))
+            rows.append(PaperRow(*known, row.median, row.sd, row.interval_95, _mark(item)))
     return tuple(rows)
+
+
+def _mark(item: Estimate | None) -> str:
+    return MARKS[item.verdict][0] if item is not None and item.verdict in MARKS else ""
 
 
 def _at_level(saved: Fit, item: LevelEstimate) -> tuple[str, PaperRow]:
@@ -182,7 +185,8 @@ def _at_level(saved: Fit, item: LevelEstimate) -> tuple[str, PaperRow]:
     known = (row.name, symbol, f"{common.meaning}, {item.column} {item.label}", row.unit)
     if row.median == "-":
         return item.parameter, PaperRow(*known, row.point)
-    return item.parameter, PaperRow(*known, row.median, row.sd, row.interval_95)
+    mark = _mark(saved.derived.get(row.name))
+    return item.parameter, PaperRow(*known, row.median, row.sd, row.interval_95, mark)
 
 
 def _caption(saved: Fit) -> str:

@@ -42,7 +42,8 @@ def _upright(clips: Sequence[Clip], evidence: Sequence[Clip], how: Reading) -> l
     if flat and axis == 0:
         raise refusal(
             clips[0].source,
-            f"the ball bounces along x ({reason}); expected bounces along y: exchange x and y, or turn the picture",
+            f"the ball bounces along x ({reason}); expected bounces along y: turn the picture, or "
+            "exchange the columns: " + spoken("--columns x=y,y=x", "columns={'x': 'y', 'y': 'x'}"),
         )
     if stated is not None:
         if axis is not None and stated != (axis, sign) and bounced and not how.as_read:

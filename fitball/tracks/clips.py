@@ -55,7 +55,7 @@ class Clip:
     """One ball in one clip as written: arrays (frames,) in the order of time, positions (frames, 2 or 3).
 
     Positions and radii are in `unit` after conversion to SI, or in pixels; None where the file states no unit.
-    `time` [s] is None where only frames are known.
+    `time` [s] is None where only frames are known. `labels` are texts of other columns, such as the surface.
     """
 
     id: str
@@ -71,6 +71,7 @@ class Clip:
     radius: FloatArray | None = None
     row: FloatArray | None = None
     metres_per_px: float | None = None
+    labels: Mapping[str, str] = field(default_factory=FrozenMapping)
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:

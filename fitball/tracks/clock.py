@@ -230,7 +230,8 @@ def check_rate(clips: Sequence[Clip], how: Reading) -> None:
         clip.source,
         f"g comes out as {value:.3g} m/s^2 at {rate:.4g} frames/s, expected 9.8: {meant}; state the rate of the "
         f"camera, not that of playback ({spoken('--fps N', 'fps=N')}), or the scale; if all is right, pass "
-        + option("as_read"),
+        + option("as_read")
+        + "".join(f". How it was read: {note}" for note in clip.notes if note.startswith("times")),
     )
 
 

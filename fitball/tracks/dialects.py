@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -75,6 +75,8 @@ EXPECTED = (
 _ROUNDED, _SHORTEST = 1e-6, 6
 # Seconds between frames that no film of a bounce has.
 _FILMED = 1.0
+# What programs write as all coordinates of a frame in which they found no ball, in the unit of the file.
+_NOT_FOUND = (-99.0, -999.0, -9999.0, -99999.0)
 # What stands for a header where a file has none.
 _BARE = ("x", "y", "z")
 
@@ -263,8 +265,9 @@ def _read_part(part: _Part, raw: RawTable, source: str, found: Findings, how: Re
         for k, chunk in enumerate(chunks, start=1):
             known = name or (f"{part.name}-{k}" if len(chunks) > 1 else part.name)
             clip = _clip(known, session, np.array(chunk), columns, units["x"], raw, source, part, how)
-            clips += [clip.noted(*notes)] if clip is not None else []
             if clip is not None:
+                labels = _labels(part, raw, chunk, how)
+                clips.append(replace(clip, labels=labels).noted(*notes))
                 _check_once(clip, found)
         if (
             "angle_fold" in columns
@@ -272,6 +275,17 @@ def _read_part(part: _Part, raw: RawTable, source: str, found: Findings, how: Re
         ):
             found.fault(f"clip '{name}' has several folds; expected one mark in a clip", "angle_fold", rows[0])
     return clips
+
+
+def _labels(part: _Part, raw: RawTable, rows: Sequence[int], how: Reading) -> FrozenMapping[str]:
+    """Columns of a long table that are not used, with the one text that each has in these rows; not numbers."""
+    texts = {} if part.program else dict(zip(raw.header, raw.columns, strict=False))
+    unused = {
+        name: {cells[k] for k in rows} for name, cells in texts.items() if name and _column(name, how)[0] is None
+    }
+    return FrozenMapping(
+        {name: text for name, (text, *more) in unused.items() if text and not more and not is_number(text)}
+    )
 
 
 def _check_whole(column: NumberColumn, found: Findings) -> None:
@@ -352,6 +366,11 @@ def _clip(
     position = np.stack([columns[axis].values[rows] for axis in "xyz" if axis in columns], axis=1)
     time, frame, quality, notes = values("t"), values("frame"), values("quality"), list[str]()
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(position).all(axis=1))
+    codes = np.array(_NOT_FOUND) if unit is None else np.array([unit.to_si(code) for code in _NOT_FOUND])
+    lost = seen & np.isclose(position[:, :, None], codes).all(axis=1).any(axis=1)
+    if lost.any():
+        seen &= ~lost
+        notes.append(f"{int(lost.sum())} of {len(rows)} frames left out: all coordinates are a code, such as -999")
     for needed in (time, frame):
         seen = seen if needed is None else seen & np.isfinite(needed)
     if quality is not None:
@@ -373,7 +392,10 @@ def _clip(
         notes.append(f"read as an export of {part.program}")
     if time is not None and _times_in_ms(columns["t"], raw.header[part.places["t"]], time[seen], how):
         time = 1e-3 * time
-        notes.append("times have no unit and were read as milliseconds: steps of a second and more are no film")
+        notes.append(
+            "times have no unit and were read as milliseconds: steps of a second and more are no film. If they count "
+            f"frames, state the rate: {spoken('--fps N', 'fps=N')}"
+        )
     clip = Clip(
         name, session, source, count, lines, position, unit,
         time=time, angle=values("angle"), fold=int(folds[0]) if folds.size else how.fold or 1, radius=radius,

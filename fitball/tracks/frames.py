@@ -33,6 +33,7 @@ class Track:
     mark on the ball, known modulo a turn over `fold` (1: a dot, 2: a stripe). `radius` is that of the ball in the
     picture, in the same unit as `x` and `y`: metres, or pixels where `metres_per_px` is None and `in_px` is true.
     `row` [px, downwards] is where a rolling shutter saw the ball. Tracks of one `session` share a camera.
+    `labels` are texts that impacts of the track have too, such as the surface.
     """
 
     id: str
@@ -49,6 +50,7 @@ class Track:
     in_px: bool = False
     metres_per_px: float | None = None
     session: str = ""
+    labels: Mapping[str, str] = field(default_factory=FrozenMapping)
     notes: tuple[str, ...] = ()
 
 

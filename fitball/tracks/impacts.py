@@ -39,14 +39,16 @@ def columns_of(tracks: Tracks) -> list[str]:
 
 
 def impact_rows(tracks: Tracks) -> list[dict[str, object]]:
-    """`impacts.csv`: id, session if there are several, each of the nine with its sd."""
+    """`impacts.csv`: id, session if there are several, labels, each of the nine with its sd."""
     columns = columns_of(tracks)
     sessions = len({impact.track.session for impact in tracks.impacts}) > 1
+    labels = dict.fromkeys(name for impact in tracks.impacts for name in impact.track.labels)
     rows = []
     for impact in tracks.impacts:
         row: dict[str, object] = {"id": impact.id}
         if sessions:
             row["session"] = impact.track.session
+        row |= {name: impact.track.labels.get(name) for name in labels}
         own = measured(impact)
         for name in columns:
             unit, there = SI_UNITS[name], name in own

@@ -82,10 +82,17 @@ def _clips(source: Source, how: Reading) -> list[Clip]:
 
 
 def _distinct(clips: Sequence[Clip]) -> list[Clip]:
-    """The clips with ids of their own: where files share one it is preceded by the file's name, then numbered."""
+    """The clips with ids of their own: where files share one it is preceded by the file's name, and by its folder's
+    where that is shared too; then numbered.
+    """
     counts = Counter(clip.id for clip in clips)
+    stems = Counter(Path(source).stem for source in {clip.source for clip in clips})
+
+    def file(source: Path) -> str:
+        return source.stem if stems[source.stem] == 1 else f"{source.parent.name}-{source.stem}"
+
     named = [
-        clip if counts[clip.id] == 1 else replace(clip, id=f"{Path(clip.source).stem}-{clip.id}") for clip in clips
+        clip if counts[clip.id] == 1 else replace(clip, id=f"{file(Path(clip.source))}-{clip.id}") for clip in clips
     ]
     seen, again = Counter[str](), []
     for clip in named:
@@ -143,5 +150,5 @@ def _track(clip: Clip, how: Reading) -> Track:
     return Track(
         id=clip.id, source=clip.source, frame=clip.frame, time=clip.time, x=clip.position[:, 0],
         y=clip.position[:, 1], angle=angle, fold=clip.fold, radius=clip.radius, row=clip.row, line=clip.line,
-        metres_per_px=clip.metres_per_px, session=clip.session, notes=clip.notes,
+        metres_per_px=clip.metres_per_px, session=clip.session, labels=clip.labels, notes=clip.notes,
     )  # fmt: skip

@@ -165,6 +165,19 @@ def total_bounce(
     )  # fmt: skip
 
 
+def either_way(
+    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
+) -> Solved:
+    """The total bounce of a ball that flies either way: with `v_x1 < 0` the mirror image, its offset ahead too."""
+    if not v_x1 < 0.0:
+        return total_bounce(row, codes, rigid, v_x1, v_y1, omega_1, cor, scratch)
+    found = total_bounce(row, codes, rigid, -v_x1, v_y1, -omega_1, cor, scratch)
+    return Solved(
+        -found.v_x2, found.v_y2, -found.omega_2, found.contact_time, found.gap_time, -found.gap_path, -found.gap_turn,
+        found.regime, found.extrapolated, found.status,
+    )  # fmt: skip
+
+
 # Numbers of a golden impact: `(v_x1, v_y1, omega_1, cor)`, `models.types.OUTPUTS` of its rebound, and in what it is
 # extrapolated.
 GOLDEN_NUMBERS = 12

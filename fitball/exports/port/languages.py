@@ -173,8 +173,8 @@ C99 = Dialect(
         "S": "double *", "v": "void",
     },
     cast="(double)", whole="((int64_t){})", real="creal({})", imaginary="cimag({})", counter="int64_t",
-    fixed="const ", zeros={"b": "false", "i": "0", "d": "0.0", "z": "0.0"}, zero="NULL", built="({type}){{{items}}}",
-    initial="{{{}}}", struct="typedef struct {{ {fields} }} {type};", member="{};",
+    fixed="const ", zeros={"b": "false", "i": "0", "d": "0.0", "z": "0.0"}, zero="NULL",
+    built="@UP@MAKE({type}, {items})", initial="{{{}}}", struct="typedef struct {{ {fields} }} {type};", member="{};",
     constant_number="#define {name} ({value})", constant_struct="static const {type} {name} = {value};",
     head="/* {comment} */\nstatic inline {declared}({taken})\n{{", comment="\n   ", unread="(void){};",
 )  # fmt: skip

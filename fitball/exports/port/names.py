@@ -43,7 +43,7 @@ TAKEN = frozenset(
 # Characters of a name at most: C99 needs to distinguish 63 of an enumerator, which begins with a prefix and a column.
 LONGEST = 24
 # Constants of every header.
-TAKEN_CONSTANTS = ("PORT_H", "SELF_TEST")
+TAKEN_CONSTANTS = ("MAKE", "PORT_H", "SELF_TEST")
 
 
 @dataclass(frozen=True)

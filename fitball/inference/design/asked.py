@@ -282,7 +282,7 @@ def build_sensors(problem: Problem, texts: Sequence[str] | None, costs: Mapping[
 
 def asked_sensor(text: str) -> str:
     """The option that asked for a sensor."""
-    return spoken(f"--sensor {text}", f"sensors=[{text!r}]")
+    return spoken(f"--{'camera' if is_film(text) else 'sensor'} {text}", f"sensors=[{text!r}]")
 
 
 def _cost(name: str, cost: object) -> str:

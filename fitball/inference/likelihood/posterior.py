@@ -63,15 +63,23 @@ def impact_terms(problem: Problem, values: FloatArray, rebound: Rebound) -> Mapp
     was not measured.
 
     Where their errors belong together the measurements of an impact depend on each other: each is given those before
-    it, and near a change of regime only their sum is meaningful, which is in the first.
+    it, so that they add up to the density of all.
     """
     made = cells_of(problem, problem.all_values(values), rebound)
     terms = made.spread_out(problem.noise.log_density(made.z, made.columns) - made.log_sd)
     if problem.uncertain:
-        draws, rows, density = mixtures(problem, made.columns, rebound)
-        terms[draws, rows] = 0.0
-        terms[draws, rows, 0] = density
+        draws, rows, mixed = mixtures(problem, made.columns, rebound)
+        terms[draws, rows] = mixed
     return {item.name: terms[..., k] for k, item in enumerate(problem.observables)}
+
+
+def measured_terms(problem: Problem, values: FloatArray) -> dict[str, FloatArray]:
+    """`impact_terms` of free values (draws, free), some draws at a time."""
+    parts = [
+        impact_terms(problem, values[some], problem.rebound(values[some]))
+        for some in batches(problem, values.shape[0])
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def pointwise(problem: Problem, values: FloatArray, columns: Sequence[str]) -> tuple[FloatArray, FloatArray]:

@@ -111,12 +111,6 @@ def narrowed(root: FloatArray, direction: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("pij,pkj->pik", root, root) - taken)
 
 
-def mixed(log_densities: FloatArray) -> FloatArray:
-    """Log density of each pair from those of its parts, (pairs, parts)."""
-    density: FloatArray = logsumexp(log_densities + parts()[1], axis=1)
-    return density
-
-
 @dataclass(frozen=True)
 class Pairs:
     """Pairs of a draw and an impact of the table near a change of regime.
@@ -138,14 +132,16 @@ class Pairs:
 def mixtures(
     problem: Problem, columns: Columns, rebound: Rebound
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
-    """Draws and rows whose impact is near a change of regime, and the log density of all its measurements there."""
+    """Draws and rows (pairs,) whose impact is near a change of regime, and the log density of each of its
+    measurements there given those before it, (pairs, columns).
+    """
     assert problem.errors is not None
     root = roots(problem.errors.incident)
     towards = crossings(
         lambda impacts, rows: problem.seen_like(columns, impacts, rows), problem.impacts, root, rebound
     )
     draws, rows = np.nonzero(np.any(np.abs(towards) > 0.0, axis=-1))
-    density = np.empty(draws.size)
+    density = np.empty((draws.size, len(problem.observables)))
     for start in range(0, draws.size, PAIRS):
         some = slice(start, start + PAIRS)
         density[some] = _mixture(problem, _pairs(problem, columns, draws[some], rows[some], root, towards))
@@ -181,7 +177,9 @@ def _pairs(
 
 
 def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
-    """Log density (pairs,) of all measurements of each impact, its incident errors split."""
+    """Log density (pairs, columns) of each measurement of an impact given those before it, its incident errors
+    split.
+    """
     across = _across(problem, pairs)
     along = np.einsum("pij,pj->pi", pairs.root, across)
     moves = parts()[0][:, None] * along[:, None, :]
@@ -204,7 +202,24 @@ def _mixture(problem: Problem, pairs: Pairs) -> FloatArray:
     z = solved(root, np.stack(gaps, axis=2)[..., None])[..., 0]
     flat = problem.noise.log_density(z.reshape(len(z), -1), pairs.columns).reshape(z.shape)
     terms = np.where(own < UNKNOWN, flat - np.log(np.diagonal(root, axis1=2, axis2=3)), 0.0)
-    return mixed(np.where(possible & (rebound.status == 0), terms.sum(axis=2), -np.inf))
+    whole = np.cumsum(terms, axis=2) + parts()[1][:, None]
+    whole[~(possible & (rebound.status == 0))] = -np.inf
+    peak = whole.max(axis=1, keepdims=True)
+    # Where no part is possible there is no density; the difference of two infinities would be none either.
+    whole -= np.where(np.isfinite(peak), peak, 0.0)
+    with np.errstate(divide="ignore"):
+        return _given_those_before(np.log(np.exp(whole).sum(axis=1)) + peak[:, 0])
+
+
+def _given_those_before(whole: FloatArray) -> FloatArray:
+    """Terms (pairs, columns) that add up to `whole`, the log densities of all columns up to each: none where the
+    first of them has no density.
+    """
+    terms = whole.copy()
+    known = np.isfinite(whole[:, 0])
+    terms[known, 1:] -= whole[known, :-1]
+    terms[~known, 1:] = 0.0
+    return terms
 
 
 def _across(problem: Problem, pairs: Pairs) -> FloatArray:

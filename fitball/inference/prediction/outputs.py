@@ -36,7 +36,9 @@ def golden_impacts(impacts: Impacts) -> Impacts:
     omega = np.concatenate([impacts.omega_1[rows], np.linspace(-200.0, 400.0, count)])
     if np.ptp(impacts.v_x1) + np.max(np.abs(impacts.v_x1)) <= 0.0:
         omega = np.zeros(COUNT)
-    return Impacts(v_x1, v_y1, omega, None if impacts.cor is None else across(impacts.cor, share))
+    # Ports mirror a ball that flies the other way.
+    way = np.where(v_x1 < 0.0, -1.0, 1.0)
+    return Impacts(way * v_x1, v_y1, way * omega, None if impacts.cor is None else across(impacts.cor, share))
 
 
 def golden(fitted: FittedModel, impacts: Impacts) -> Golden:

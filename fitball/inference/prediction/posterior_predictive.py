@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitball.inference.likelihood.cells import UNKNOWN, joint_root, shared_covariance
-from fitball.inference.likelihood.posterior import impact_terms
 from fitball.inference.problem.noise import NoiseKind
 from fitball.inference.problem.observables import Observable
 from fitball.inference.problem.problem import Problem
@@ -344,26 +343,12 @@ def regime_shares(rebound: Rebound) -> tuple[Mapping[str, float], ...]:
     return tuple(shares[k] for k in which.ravel())
 
 
-@dataclass(frozen=True)
-class Replicated:
-    """Of each draw: the log likelihood of all measurements of each impact together (draws, impacts), and new
-    measurements of every column at the same impacts, column -> (draws, impacts) in SI, NaN where a column of stated
-    sds states none.
+def replicated(problem: Problem, values: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """New measurements of every column at the table's impacts for free values (draws, free), some draws at a time:
+    column -> (draws, impacts) in SI, NaN where a column of stated sds states none.
     """
-
-    log_likelihood: FloatArray
-    measurements: Mapping[str, FloatArray]
-
-
-def replicated(problem: Problem, values: FloatArray, rng: np.random.Generator) -> Replicated:
-    """For free values (draws, free), some draws at a time."""
-    densities, tables = [], []
+    tables = []
     for some in batches(problem, values.shape[0]):
-        rebound = problem.rebound(values[some])
-        terms = impact_terms(problem, values[some], rebound)
-        densities.append(np.sum(list(terms.values()), axis=0))
-        columns = problem.all_values(values[some])
+        columns, rebound = problem.all_values(values[some]), problem.rebound(values[some])
         tables.append({item.name: data for item, _, _, data in measurements(problem, columns, rebound, rng)})
-    return Replicated(
-        np.concatenate(densities), {name: np.concatenate([part[name] for part in tables]) for name in tables[0]}
-    )
+    return {name: np.concatenate([part[name] for part in tables]) for name in tables[0]}

@@ -265,7 +265,7 @@ def nats(gain: float) -> str:
 
 
 def headline(plan: Plan) -> list[str]:
-    """The best next impact, its gain and that of all, and what they reduce most."""
+    """The best next impact, its gain and that of all, what they reduce most, and the best way of measuring."""
     first = plan.chosen[0]
     times = f", {plan.repeats} times" if plan.repeats > 1 else ""
     by = f" ({first.sensor})" if first.sensor != AS_BEFORE else ""
@@ -280,22 +280,25 @@ def headline(plan: Plan) -> list[str]:
             f"{nats(plan.again)} nats."
         )
         sentences.append(_narrowed(plan, plan.chosen[-1].sds))
-    return sentences
+    return [*sentences, *_best_way(plan)]
 
 
-def points(plan: Plan) -> tuple[str, ...]:
-    """The best way of measuring, and what limits the plan: settings and draws that are left out, ranges, cautions of
-    the fit.
-    """
-    sentences = []
+def _best_way(plan: Plan) -> list[str]:
+    """The best way of measuring, where another than before adds something."""
     best = max(plan.worths, key=lambda worth: worth.batch if math.isfinite(worth.batch) else -1.0)
     if best.batch - plan.worths[0].batch >= LEAST_GAIN:
         k = _narrowed_most(plan, best)
         effect = "" if k is None else f" Expected sd of {plan.parts[k].name}: {_beside(plan, k, best)}."
-        sentences.append(
+        return [
             f"The best way of measuring these impacts is {best.sensor} ({best.words}): {nats(best.batch)} nats "
             f"instead of {nats(plan.worths[0].batch)}.{effect}"
-        )
+        ]
+    return []
+
+
+def points(plan: Plan) -> tuple[str, ...]:
+    """What limits the plan: settings and draws that are left out, ranges, cautions of the fit."""
+    sentences = []
     for reason, number in plan.failed.items():
         sentences.append(
             f"{number:,} of {math.prod(plan.settings.shape):,} settings are left out. More than half of the "

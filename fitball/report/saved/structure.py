@@ -76,7 +76,10 @@ def _read(place: Path, language: str, read: Callable[[bytes], Any]) -> Any:
     try:
         data = read_bounded(place)
     except FileNotFoundError:
-        raise ResultFolderError(f"{place}: no such file or folder; expected a result of fitball calibrate") from None
+        below = sorted(str(found.parent) for found in place.parent.glob(f"*/{place.name}"))
+        meant = f"; did you mean {' or '.join(below[:5])}?" if below else ""
+        message = f"{place}: no such file or folder; expected a result of fitball calibrate{meant}"
+        raise ResultFolderError(message) from None
     except (OSError, ValueError) as error:
         raise ResultFolderError(f"{place}: cannot be opened: {getattr(error, 'strerror', None) or error}") from None
     try:

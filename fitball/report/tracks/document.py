@@ -199,8 +199,11 @@ def _spin_words(tracks: Tracks) -> list[str]:
     if not marked:
         return [f"No marks: spins were not measured. {NO_SPIN}"] if tracks.impacts else []
     open_ = [impact for impact in marked if not impact.sure]
+    blank = len(tracks.impacts) - len(marked)
+    left = f"{blank} of {len(tracks.impacts)} impacts have no marks: their spins are empty"
+    more = [f"{left}, and a fit leaves these rows out."] if blank and len(open_) < len(marked) else []
     if not open_:
-        return [f"Spins of all {len(marked)} impacts with marks are sure."]
+        return [f"Spins of all {len(marked)} impacts with marks are sure.", *more]
     if len(open_) == len(marked):
         return [
             f"The spins of no impact are sure: they are empty in impacts.csv. {NO_SPIN} "
@@ -208,7 +211,8 @@ def _spin_words(tracks: Tracks) -> list[str]:
         ]
     return [
         f"Spins of {len(marked) - len(open_)} of {len(marked)} impacts with marks are sure. The others are empty in "
-        "impacts.csv, and a fit leaves these rows out; spins.csv has the candidates."
+        "impacts.csv, and a fit leaves these rows out; spins.csv has the candidates.",
+        *more,
     ]
 
 
