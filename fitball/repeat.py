@@ -27,10 +27,11 @@ from fitball.errors import ResultFolderError
 from fitball.files import all_or_none
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.quantiles import QUANTILES
-from fitball.inference.results.results import Fit, Posterior
+from fitball.inference.results.results import Fit, Posterior, RunStatus
 from fitball.inference.results.source import data_columns
 from fitball.inference.sampling.chain_file import EnsembleChain, read_chains
 from fitball.inference.sampling.convergence import standard_errors, summaries
+from fitball.report.batch.rows import ROW_NAME
 from fitball.report.fit.folder import CHAIN_NAME, older_result, write_all
 from fitball.report.form.document import columns
 from fitball.report.form.files import write_text
@@ -46,14 +47,20 @@ from fitball.report.saved.structure import FIT_NAME, OlderFileError
 
 @dataclass(frozen=True)
 class Kept:
-    """The content of a result folder: `fit.json`, the draws in `posterior.nc` (None for a point fit), and the chains
-    with their warm-up (None where there is no `posterior.h5`: a fit saved from Python has none).
+    """The content of a result folder: `fit.json`, the draws in `posterior.nc` (None for a point fit, and for a table
+    of a batch that kept none), and the chains with their warm-up (None where there is no `posterior.h5`: a fit saved
+    from Python has none).
     """
 
     folder: Path
     saved: Fit
     posterior: Posterior | None
     chains: tuple[EnsembleChain, ...] | None
+
+    @property
+    def drawless(self) -> bool:
+        """Whether it was sampled, and its draws were not kept."""
+        return self.posterior is None and self.saved.status is not RunStatus.POINT_ONLY
 
     @cached_property
     def content(self) -> Mapping[str, Any]:
@@ -65,7 +72,8 @@ class Kept:
 def read_kept(folder: Path) -> Kept:
     """Read a result folder. Raises ResultFolderError for what is missing, damaged or foreign."""
     saved = read_fit(folder)
-    posterior, chain = read_posterior(saved, folder / FIT_NAME, agreeing=False), folder / CHAIN_NAME
+    chain, left_out = folder / CHAIN_NAME, (folder / ROW_NAME).exists() and not (folder / POSTERIOR_NAME).exists()
+    posterior = None if left_out else read_posterior(saved, folder / FIT_NAME, agreeing=False)
     chains = tuple(read_chains(chain)[2]) if chain.exists() and posterior is not None else None
     return Kept(folder, saved, posterior, chains)
 
@@ -171,7 +179,7 @@ def same_bytes(original: Kept, repeated: Kept) -> dict[str, bool]:
         parts = [(getattr(one, part), getattr(other, part)) for part in ("values", "log_posterior", "prior_draws")]
         same = all(a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in parts)
         equal["draws"] = one.names == other.names and same
-    elif one is not None or other is not None:
+    elif not original.drawless and (one is not None or other is not None):
         equal["draws"] = False
     if original.chains is not None and repeated.chains is not None:
         equal["chain"] = _same_chains(original, repeated)
@@ -326,13 +334,14 @@ def _free(kept: Kept) -> str:
 
 def _monte_carlo(original: Kept, repeated: Kept, limit: float) -> Iterator[Finding]:
     one, other = original.posterior, repeated.posterior
-    if one is None or other is None:
+    if other is None or (one is None and not original.drawless):
         return
-    for name in one.names:
-        if name not in other.names:
+    for name in other.names:
+        if name not in (original.saved.free_names if one is None else one.names):
             continue
-        mine = standard_errors(one.values[..., one.names.index(name)])
         its = standard_errors(other.values[..., other.names.index(name)])
+        # Draws that were not kept had about the errors of those made again.
+        mine = its if one is None else standard_errors(one.values[..., one.names.index(name)])
         for number, error in mine.items():
             old = original.content["parameters"][name][number]
             new = repeated.content["parameters"][name][number]
@@ -430,7 +439,7 @@ def render(repetition: Repetition, original: Kept) -> str:
 
 def _bytes(original: Kept) -> str:
     if original.posterior is None:
-        return "all numbers of fit.json (a point fit)"
+        return f"all numbers of fit.json ({'its draws were not kept' if original.drawless else 'a point fit'})"
     ensembles, steps, walkers, free = original.posterior.values.shape
     return (
         f"all numbers of fit.json and the draws ({ensembles} ensembles, {steps} steps, {walkers} walkers, "

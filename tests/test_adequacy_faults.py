@@ -18,12 +18,13 @@ from fitball.inference.adequacy import describe, looks
 from fitball.inference.adequacy.describe import adequacy
 from fitball.inference.adequacy.looks import Tables, farthest, spreads, uneven
 from fitball.inference.adequacy.refit import patterns, refit
+from fitball.inference.adequacy.words import strongest
 from fitball.inference.assemble import qualified
 from fitball.inference.point.point_fit import maximum_posterior
 from fitball.inference.problem.build import Choices, build_problem
 from fitball.inference.results import sentences
 from fitball.inference.results.assumptions import Alternative, Assumptions, ElpdDifference
-from fitball.inference.results.evidence import Answer
+from fitball.inference.results.evidence import Answer, Check
 from fitball.inference.results.results import Verdict
 from fitball.models.registry import model
 from fitball.values import Ball, Impacts
@@ -146,6 +147,15 @@ def test_the_growth_of_a_noise_is_a_likelihood_ratio(tmp_path):
     # Noise that falls has the other sign.
     down = next(iter(spreads(observed, {"v_1": 1.0 / speed[:24]})))
     assert float(down.seen[0]) == pytest.approx(-float(look.seen[0]), rel=1e-5)
+
+
+def test_of_equally_sure_patterns_those_that_name_an_impact_are_first():
+    """One row with a wrong unit makes the noise seem to change with all that it is far out in."""
+    known = {"statistic": 9.0, "usual": 2.0, "explained": None, "size": None, "found": True}
+    fading = Check("uneven", "all columns", "v_1", "the noise decreases with v_1", p=0.001, **known)
+    far = Check("outlier", "v_2", "impacts", "impact 15 is an outlier", p=0.001, **known)
+    trend = Check("trend", "omega_2", "theta_1", "trend with theta_1", p=0.0005, **known)
+    assert strongest([fading, far, trend]) == [trend, far, fading]
 
 
 @pytest.mark.parametrize("fitted_model", ["grip-slip", "two-mass"])

@@ -461,6 +461,19 @@ def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():
     assert centre_rows(all_series(rows))[0][2] == "19 of 20"
 
 
+def test_point_fits_count_as_their_verdicts_say_and_have_no_mean():
+    rows = [{key: None if key.endswith(("_sd", "q025", "q975")) else cell for key, cell in row.items()}
+            for row in made_rows(np.linspace(0.5, 0.6, 5))]  # fmt: skip
+    rows[2]["mu_verdict"] = "prior-dominated"
+    series = all_series(rows)
+    assert [row[2:5] for row in centre_rows(series)] == [("4 of 5", "-", "-"), ("5 of 5", "-", "-")]
+    said = summarised(rows, series).points
+    assert said == ("Point fits have no uncertainty. For means and spreads fit without point_only=True.",)
+    assert not any(
+        "Point fits" in point for point in summarised(made_rows([0.5]), all_series(made_rows([0.5]))).points
+    )
+
+
 @pytest.mark.parametrize(
     ("cells", "found"),
     [

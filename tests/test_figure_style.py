@@ -22,7 +22,9 @@ from fitball.report.figures.canvas import (
     group_handles,
     group_styles,
     legend_below,
+    log_scale,
     log_ticks,
+    new_figure,
     panels,
 )
 from fitball.report.figures.quantities import parameter_axis
@@ -61,6 +63,22 @@ def test_log_ticks_are_round_few_and_unevenly_spaced(low, high, named):
     assert all(low <= tick <= high for tick in unnamed)
     assert not set(found) & set(unnamed)
     assert len(found) < len(unnamed) < 60 or high / low < 1.2
+
+
+@pytest.mark.parametrize("ends", [(22.28, 22.79), (22.41, 22.43), (25.8, 26.0), (0.10011, 0.10012)])
+def test_a_narrow_logarithmic_axis_has_ticks_and_a_layout(ends):
+    """Without finer ticks there is no artist of them: its empty box would reach to the corner of the figure, and the
+    layout of several panels then has no end.
+    """
+    named, unnamed = log_ticks(*ends)
+    assert 2 <= len(named) <= 5 and named == sorted(named)
+    figure = new_figure(4.0, 6.0)
+    upper, _lower = figure.subplots(2, 1)
+    log_scale(upper, *ends, "y")
+    assert [line.get_gid() for line in upper.get_lines()] == [UNNAMED] * bool(unnamed)
+    figure.canvas.draw()
+    box, window = upper.get_tightbbox(), upper.get_window_extent()
+    assert box.ymin > window.ymin - 60.0 and window.height > 100.0
 
 
 def test_a_scale_depends_on_the_parameter_alone():

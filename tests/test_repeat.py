@@ -120,6 +120,18 @@ def test_another_seed_is_equal_within_monte_carlo_error(copy, capsys):
     assert found["largest"]["ratio"] == max(ratios) < found["limit"] < 5.0
 
 
+def test_a_table_of_a_batch_is_repeated_without_its_draws(copy, capsys):
+    (copy / "fit" / "posterior.nc").unlink()
+    (copy / "fit" / "posterior.h5").unlink(missing_ok=True)
+    assert main(["repeat", str(copy / "fit")]) == 2
+    assert "posterior.nc: no such file" in capsys.readouterr().err
+    (copy / "fit" / "row.json").write_text("{}", encoding="utf-8")
+    assert main(["repeat", str(copy / "fit"), "--cores", "1"]) == 0
+    assert "all numbers of fit.json (its draws were not kept): the same bytes" in capsys.readouterr().out
+    main(["repeat", edited(copy, "seed = ", "seed = 1"), "--cores", "1"])
+    assert "standard errors." in capsys.readouterr().out
+
+
 def test_another_prior_is_different(copy, capsys):
     assert main(["repeat", edited(copy, 'mu = "lognormal(0.6, 0.4)"', 'mu = "lognormal(0.55, 0.05)"')]) == 1
     out, err = capsys.readouterr()

@@ -16,7 +16,7 @@ from fitball.api import Fit, load_fit
 from fitball.api.calibrating import Run, pose
 from fitball.api.own_model import AnyModel
 from fitball.api.reading import DEFAULTS, Fitting, PathLike, Table, choices_of, effort_of, listed
-from fitball.batch.tables import RECORD_NAME, ROW_NAME, Task, fault_of, tasks_of
+from fitball.batch.tables import RECORD_NAME, Task, fault_of, tasks_of
 from fitball.data.covariance_entries import LEFT_OUT, Given
 from fitball.errors import FitballError, ParameterError, ResultFolderError, suggestion
 from fitball.files import all_or_none
@@ -36,6 +36,7 @@ from fitball.report.batch.rows import (
     FAILED,
     HEAD,
     NAME,
+    ROW_NAME,
     Row,
     check_row,
     failed_row,

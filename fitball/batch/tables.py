@@ -18,7 +18,7 @@ from fitball.data.read import in_memory
 from fitball.errors import ParameterError
 from fitball.report.batch import document as files_of_all
 from fitball.report.batch.populations import POPULATION_CSV, POPULATION_JSON
-from fitball.report.batch.rows import CSV_NAME
+from fitball.report.batch.rows import CSV_NAME, ROW_NAME
 from fitball.report.figures.registry import FIGURES
 from fitball.report.fit.folder import CHAIN_NAME, DERIVED
 from fitball.report.saved.netcdf_files import DATA_NAME, POSTERIOR_NAME
@@ -28,8 +28,6 @@ from fitball.visible import one_line
 
 # What marks a folder as that of a batch.
 RECORD_NAME = "batch.json"
-# What marks the folder of a table that is done.
-ROW_NAME = "row.json"
 # What fitball writes into the folder of a batch or of a table, besides names that begin with a dot.
 OWN_NAMES = frozenset(
     (

@@ -11,11 +11,10 @@ from fuzz.structured import damage_table, damage_toml
 
 from fitball.api import pose
 from fitball.batch.many import KIND, Plan
-from fitball.batch.tables import ROW_NAME
 from fitball.data.bundled import bundled_folder
 from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices
-from fitball.report.batch.rows import row_of
+from fitball.report.batch.rows import ROW_NAME, row_of
 from fitball.report.form.files import csv_text, json_text
 from fitball.report.saved.fit_file import read_fit
 

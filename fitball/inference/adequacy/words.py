@@ -112,14 +112,16 @@ def _beyond(moved: Mapping[str, float]) -> list[str]:
 
 
 def strongest(checks: Iterable[Check]) -> list[Check]:
-    """The checks, surest first, each column and quantity once, and what all columns show only where none does."""
+    """The checks, surest first, each column and quantity once, and what all columns show only where none does. Of
+    equally sure ones those that name an impact are first: it may cause the others.
+    """
     some = list(checks)
     count = max(1, len({check.column for check in some} - {ALL}))
 
-    def order(check: Check) -> tuple[float, bool, float]:
+    def order(check: Check) -> tuple[float, bool, bool, float]:
         # A share of the variance of all columns is more than the same share of one column's.
         share = (check.explained or 0.0) * (count if check.column == ALL else 1.0)
-        return check.p, _of_all(check), -share
+        return check.p, check.kind != "outlier", _of_all(check), -share
 
     kept: dict[tuple[str, str], Check] = {}
     for check in sorted(some, key=order):

@@ -34,7 +34,7 @@ from fitball.report.form.document import (
 )
 from fitball.report.form.files import remove, write_bytes, write_csv, write_text
 from fitball.report.form.numbers import Scale, listed, percent, significant
-from fitball.wording import screen, spoken
+from fitball.wording import option, screen, spoken
 
 CENTRE_HEADS = (
     "quantity", "unit", "determined by", "mean", "95 % of mean", "spread", "95 % of spread", "typical sd",
@@ -302,6 +302,8 @@ def summarised(rows: Sequence[Row], series: Sequence[Series], populated: Sequenc
     points = [sentence for one in series for sentence in _standing_out(one)]
     points += dict.fromkeys(sentence for one in populated for sentence in one.remarks)
     points += doubts_of_all(populated)
+    if done and not any(one.drawn for one in series):
+        points.append(f"Point fits have no uncertainty. For means and spreads fit without {option('point_only')}.")
     return Summary(tuple(sentences), tuple(points), failed)
 
 
@@ -349,7 +351,8 @@ def centre_rows(series: Sequence[Series], populated: Sequence[Populated] = ()) -
     rows: list[tuple[str, ...]] = []
     known = {one.name: one for one in populated}
     for one in series:
-        counted = np.array(one.determined) & np.isfinite(one.sd)
+        # Point fits have verdicts, but nothing that a mean and a spread could follow from.
+        counted = np.array(one.determined) & (np.isfinite(one.sd) | (not one.drawn))
         head = (one.name, one.scale.unit, f"{counted.sum():,} of {len(one.names):,}")
         if one.quantity in known:
             rows.append((*head, *population_cells(known.pop(one.quantity))))

@@ -15,6 +15,8 @@ from fitball.visible import unguarded
 
 Row = dict[str, str | float | int | None]
 CSV_NAME = "batch.csv"
+# What marks the folder of a table that is done.
+ROW_NAME = "row.json"
 NAME = "table"
 DONE, FAILED = "done", "failed"
 # Before the names of label columns.

@@ -21,7 +21,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Figure
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT
-from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -226,6 +226,9 @@ def log_ticks(low: float, high: float) -> tuple[list[float], list[float]]:
     found = [_within(low, high, digits) for digits in DIGITS]
     k = next((k for k, ticks in enumerate(found) if len(ticks) >= LEAST_TICKS), len(found) - 1)
     named = found[k]
+    if len(named) < 2:
+        # Over a range of some percent a logarithmic axis is all but even.
+        named = [tick for tick in MaxNLocator(MOST_TICKS - 1).tick_values(low, high) if low <= tick <= high]
     while len(named) > MOST_TICKS:
         named = named[::2]
     finer = found[max(k, 1) + 1 :]
@@ -268,10 +271,12 @@ def log_scale(axis: Axes, low: float, high: float, which: Literal["x", "y"] = "x
     side.set_major_locator(FixedLocator(named))
     side.set_minor_locator(NullLocator())
     side.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.plot(
-        *places, linestyle="none", marker=marker, markersize=2.0, markeredgewidth=0.6, color="black", clip_on=False,
-        transform=within, gid=UNNAMED,
-    )  # fmt: skip
+    # The box of a line without points is a corner of the figure: the layout would make room down to there.
+    if unnamed:
+        axis.plot(
+            *places, linestyle="none", marker=marker, markersize=2.0, markeredgewidth=0.6, color="black",
+            clip_on=False, transform=within, gid=UNNAMED,
+        )  # fmt: skip
     (axis.set_xlim if which == "x" else axis.set_ylim)(low, high)
 
 
