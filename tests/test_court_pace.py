@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from fitball.errors import FitError
 from fitball.exports.parameters import certificate
 from fitball.inference.design.targets import of_court_pace
 from fitball.inference.prediction.court_pace import DRAWS, court_pace, pace_by_surface
+from fitball.inference.results.assumptions import Constant
 from fitball.inference.results.lab import apparent_friction, itf_impact, pace_categories, pace_rating
 from fitball.inference.results.results import Verdict, thinned
 from fitball.report.fit.court_words import pace_lines, pace_remarks
@@ -238,6 +240,21 @@ def test_a_drop_test_has_no_court_pace(tmp_path, grip_slip_fit, brief):
     assert json.loads(fit_text(fit))["court_pace"] is None
     assert "Court pace" not in page(fit, {})
     assert pace_lines(replace(grip_slip_fit, court_pace=None)) == ()
+
+
+def test_balls_of_one_rating_share_a_line_and_constants_that_move_it_are_printed(grip_slip_fit):
+    pace = grip_slip_fit.court_pace
+    (one,) = pace.ratings
+    other = replace(one, rating=replace(one.rating, point=30.0, median=30.0, q025=29.0, q975=31.0))
+    labels = (("clay", "new"), ("clay", "used"), ("hard", "new"), ("clay", "old"))
+    ratings = tuple(replace(it, labels=at) for it, at in zip((one, one, other, other), labels, strict=True))
+    lines = pace_lines(replace(grip_slip_fit, court_pace=replace(pace, ratings=ratings, columns=("surface", "ball"))))
+    heads = [line.partition(":")[0].removeprefix("ITF court pace rating of ") for line in lines]
+    assert heads == ["clay (new and used)", "hard, new", "clay, old"]
+    moved = Constant("ball_radius", True, 0.033, 0.0327, 0.0343, {}, {"": (51.0, 49.0)})
+    assumptions = replace(grip_slip_fit.assumptions, constants=(moved,))
+    page = certificate(replace(grip_slip_fit, assumptions=assumptions))
+    assert re.search(r"model goes from 51[.0]* to 49[.0]* over ball_radius 32.70 to 34.30 mm \(held at 33.00\)", page)
 
 
 def test_other_balls_have_no_court_pace(grip_slip_fit):

@@ -15,7 +15,7 @@ from fitball.data.bundled import bundled_names
 from fitball.data.laws import repeats_of
 from fitball.data.scene import Scene
 from fitball.data.tables import trusted_table
-from fitball.errors import ReadingError
+from fitball.errors import ReadingError, TableError
 
 
 def frame(design: str = "wide", seed: int = 3, digits: int = 3) -> pandas.DataFrame:
@@ -148,3 +148,13 @@ def test_digits_that_no_double_has_are_no_step(tmp_path: Path) -> None:
     place = tmp_path / "drops.csv"
     place.write_text("\n".join(("drop_height,rebound_height", *rows)) + "\n", encoding="utf-8")
     assert repeats_of(fitball.load_table(place), fitball.Ball()) == (None, None)
+
+
+def test_tables_that_cannot_be_joined_are_named_as_such(tmp_path: Path) -> None:
+    """Not as copies, for which they have no column in common."""
+    frame()[["v_y1", "v_y2"]].to_csv(tmp_path / "drops.csv", index=False)
+    pandas.DataFrame({"v_1": [20.0, 21], "theta_1": [20.0, 30], "v_x2": [12.0, 11]}).to_csv(
+        tmp_path / "court.csv", index=False
+    )
+    with pytest.raises(TableError, match="court"):
+        trusted_table([tmp_path / "drops.csv", tmp_path / "court.csv"], Scene())

@@ -22,6 +22,7 @@ import fitball
 from fitball.data.balances import scene_balances
 from fitball.data.scene import load_scene
 from fitball.errors import ResultFolderError
+from fitball.inference.problem.pooling import Levels
 from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.report.fit.document import fit_document, render
@@ -345,3 +346,21 @@ def test_what_was_found_leads_to_its_own_advice(two_mass, kind):
     seen = replace(two_mass.adequacy, checks=(check,), moved={}, answer=Answer.EXCEPT)
     given = remarks(replace(two_mass, adequacy=seen))
     assert len(given) == (kind in ADVICE) and ADVICE.get(kind, "") in " ".join(given)
+
+
+@pytest.mark.parametrize(("stated", "ratio", "said"), [(True, 1.5, True), (False, 1.5, False), (True, 0.5, False)])
+def test_residuals_beyond_a_stated_noise_lead_to_what_it_may_lack(two_mass, stated, ratio, said):
+    check = replace(two_mass.adequacy.noise[0], found=True, stated=stated, ratio=ratio)
+    seen = replace(two_mass.adequacy, checks=(), moved={}, answer=Answer.EXCEPT, noise=(check,))
+    given = " ".join(remarks(replace(two_mass, adequacy=seen)))
+    assert ("a 95 % accuracy is about two" in given and "v_1_sd" in given) is said
+
+
+def test_a_misfit_names_no_place_of_a_level(two_mass):
+    levels = (Levels("mu", "surface", ("clay", "hard"), True, (0.0, 5.0)),)
+    hidden = dict.fromkeys(levels[0].hidden, two_mass.parameters["mu"])
+    moved = {"mu": 2.0, "e_x": 3.0, "mu_place[clay]": 4.0}
+    seen = replace(two_mass.adequacy, checks=(), moved=moved, answer=Answer.EXCEPT)
+    parameters = {**two_mass.parameters, **{name: replace(it, name=name) for name, it in hidden.items()}}
+    fit = replace(two_mass, adequacy=seen, parameters=parameters, fitted=replace(two_mass.fitted, levels=levels))
+    assert "shift e_x by 3 sd. " in remarks(fit)[0]

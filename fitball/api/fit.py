@@ -88,10 +88,8 @@ class Plots:
 
         def drawn(*places: object, **named: object) -> Figure:
             if places or named:
-                given = ", ".join([*map(repr, places), *named])
                 raise ParameterError(
-                    f"fit.plot.{kind}: read {given}; it takes no arguments and has panels of its own, in .axes. "
-                    "For axes of yours, plot fit.draws() or fit.predict(...)"
+                    f"fit.plot.{kind}() takes no arguments: its panels are in .axes of what it returns"
                 )
             return self(kind)
 
@@ -192,9 +190,9 @@ class Fit(results.Fit):
         if posterior is None:
             raise ResultFolderError("a point fit has no draws; fit again without point_only=True")
         draws = posterior.draws
-        columns = dict(zip(posterior.names, draws.T, strict=True))
         levels = [item for item in quantities(self.problem) if item.level] if self.fitted.levels else []
-        return pd.DataFrame(columns | {item.parameter.name: item.rule(draws) for item in levels})
+        made = pd.DataFrame(draws, columns=list(posterior.names))
+        return made.assign(**{item.parameter.name: item.rule(draws) for item in levels})
 
     @property
     def plot(self) -> Plots:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import combinations, product
 from math import comb, exp
 
@@ -366,15 +367,11 @@ def copies_between(tables: Sequence[ImpactTable], ball: Ball) -> str | None:
     """A note on rows of one table that are copies of those of another, whatever their labels; None as above."""
     for one, other in combinations(tables, 2):
         # Sheets of a workbook share its digest.
-        if one.digest == other.digest and same_numbers(columns_of(one), columns_of(other)):
+        same = map(partial(np.array_equal, equal_nan=True), columns_of(one).values(), columns_of(other).values())
+        if one.digest == other.digest and all(same):
             return f"{other.name} has the content of {one.name}: leave out one of them"
     found = _said(tables, ball, 1.0)
     return None if found is None else f"{found}: leave out the copies"
-
-
-def same_numbers(one: Mapping[str, FloatArray], other: Mapping[str, FloatArray]) -> bool:
-    """Whether columns are the same, gaps too."""
-    return one.keys() == other.keys() and all(np.array_equal(one[name], other[name], equal_nan=True) for name in one)
 
 
 def _said(tables: Sequence[ImpactTable], ball: Ball, units: float) -> str | None:

@@ -88,11 +88,12 @@ def trusted_table(
                 table.source, asked_of, "gaps between the flights disagree with speeds, spins or times:"
             )
         notes += [f"{table.name}: read as in its header, on request (as_read), although {item}" for item in asked_of]
+    whole = joined(tables)
     if len(tables) > 1 and (copies := copies_between(tables, scene.ball)):
         if not as_read:
             raise ReadingError(" + ".join(table.source for table in tables), (copies,), "rows are copies of others:")
         notes.append(f"all tables are used, on request (as_read), although {copies}")
-    return joined(tables), tuple(notes)
+    return whole, tuple(notes)
 
 
 def _read_each(

@@ -35,6 +35,7 @@ from fitball.report.fit.court_words import (
     surface_words,
 )
 from fitball.report.fit.drop_words import ball_rows, drop_class, drop_lead, drop_remarks, speed_rows
+from fitball.report.fit.judged import pace_moves
 from fitball.report.form.document import Row, markdown_table, render_template
 from fitball.report.form.files import json_text
 from fitball.report.form.numbers import handy, parameter_row, row_of
@@ -261,7 +262,7 @@ def paper_markdown(saved: Fit) -> str:
 
 
 # Rows of a table that one page has room for, in two halves; and lines of remarks.
-MOST_ROWS, MOST_PLACES, MOST_REMARKS = 24, 12, 9
+MOST_ROWS, MOST_PLACES, MOST_REMARKS, MOST_MOVES = 24, 12, 9, 3
 # Title, sentences of the result, tables, remarks.
 Content = tuple[str, Sequence[str], Sequence[Mapping[str, Any]], Sequence[str]]
 
@@ -309,7 +310,7 @@ def _content(saved: Fit) -> Content:
     if dropped is not None and not dropped.missing:
         return _of_drops(dropped)
     if pace is not None and (pace.ratings or pace.measured):
-        return _of_court(pace, rest_lines(saved))
+        return _of_court(pace, [*rest_lines(saved), *pace_moves(saved)[:MOST_MOVES]])
     sure = (Verdict.IDENTIFIED, Verdict.GIVEN, Verdict.UNEXAMINED)
     rows = [parameter_row(item) for item in saved.reported if item.verdict in sure]
     known = [{"parameter": row.name, "value": row.best, "95 %": row.interval_95, "unit": row.unit} for row in rows]

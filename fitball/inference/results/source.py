@@ -13,6 +13,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from fitball.data.columns import BALL_TEMPERATURE, SD_SUFFIX
+from fitball.data.labels import Role, role_of
 from fitball.data.scene import Scene
 from fitball.data.table import FrozenMapping, ImpactTable
 from fitball.inference.problem.force_records import ForceRecords
@@ -120,9 +121,12 @@ def source_of(problem: Problem) -> Source:
 
 def _circumstances(table: ImpactTable, scene: Scene) -> Circumstances:
     warmth = table.ball_temperature
-    names = ("laboratory", "operator", "instrument", "date", "court", "surface")
+    names = ("laboratory", "operator", "instrument", "date", "court")
+    surfaces = [cells for name, cells in table.labels.items() if role_of(name) is Role.SURFACE]
+    one = {cells[0] for cells in surfaces if len({*cells}) == 1}
     return Circumstances(
         **{name: getattr(scene, name) for name in names},
+        surface=scene.surface or (one.pop() if len(one) == 1 else "") or None,
         ball_temperature=None if warmth is None else (float(np.nanmin(warmth)), float(np.nanmax(warmth))),
         stated_temperature=scene.ball_temperature,
     )

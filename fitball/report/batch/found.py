@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
     from fitball.report.figures.canvas import Figure
 
-NONE = "No parameter is determined by the data of at least three tables. Name one, such as mu."
+NONE = (
+    "No parameter is determined by the data of at least three tables. Name one, such as mu. Point fits do not count: "
+    "they have no draws."
+)
 
 
 class Populations(Mapping[str, Populated]):

@@ -12,59 +12,48 @@ from fitball.report.batch.rows import DONE, LABEL, NAME, Row
 from fitball.report.batch.series import Series
 from fitball.report.form.numbers import listed, significant
 
-# Robust sds from the median of its level by which a table is unlike the others there, and the share of this distance
-# within which it agrees with another level. A median needs so many tables.
-FAR, NEAR, LEAST = 8.0, 0.25, 3
-# Sentences that a first screen has room for, of a kind.
-MOST = 3
-# Ratio of the sd of a normal variate and its median distance from the median.
+# Sds from the median of its level by which a table is unlike the others there, and the share of this distance within
+# which it agrees with another level. A median needs so many tables. Sentences of a kind that a screen has room for.
+FAR, NEAR, LEAST, MOST = 8.0, 0.25, 3, 3
+# Sd of a normal variate over its median distance from the median.
 ROBUST = 1.4826
 
 
 def slips(rows: Sequence[Row], series: Sequence[Series]) -> list[str]:
-    """Sentences on copies and on exchanged tables."""
-    return [*_copied(rows), *list(_exchanged(rows, series))[:MOST]]
-
-
-def _copied(rows: Sequence[Row]) -> list[str]:
-    """Tables whose fits agree in every number: with the same seed no others than copies do."""
+    """Sentences on copies, whose fits agree in every number, and on exchanged tables."""
     alike: dict[tuple[object, ...], list[str]] = {}
     for row in rows:
         numbers = tuple(cell for head, cell in row.items() if head != NAME and not head.startswith(LABEL))
         if row["outcome"] == DONE and sum(isinstance(cell, float) for cell in numbers) > 1:
             alike.setdefault(numbers, []).append(str(row[NAME]))
-    found = [names for names in alike.values() if len(names) > 1]
-    more = [f"{len(found) - MOST:,} more tables have copies."] if len(found) > MOST else []
-    return [f"The data of {listed(names, 5)} are the same: leave out the copies." for names in found[:MOST]] + more
+    copies = [listed(names, 5) for names in alike.values() if len(names) > 1]
+    exchanged = dict(reversed([*_exchanged(rows, series)]))
+    said = [f"The data of {names} are the same: leave out the copies." for names in copies[:MOST]]
+    return said + list(reversed(exchanged.values()))[:MOST]
 
 
-def _exchanged(rows: Sequence[Row], series: Sequence[Series]) -> Iterator[str]:
-    """Tables far from the others of their level, and near those of another: with the first quantity that is."""
-    named = set()
+def _exchanged(rows: Sequence[Row], series: Sequence[Series]) -> Iterator[tuple[str, str]]:
+    """Tables far from the others of their level, and near those of another, each with a sentence on a quantity."""
     for label in dict.fromkeys(head for row in rows for head in row if head.startswith(LABEL)):
-        for one in series:
-            if one.quantity in NOISE_SPECS:
-                continue
-            own = [str(rows[place].get(label) or "") for place in one.rows]
-            values = [float(value) for value in one.median]
-            members = {level: [v for v, at in zip(values, own, strict=True) if at == level] for level in own}
-            middles = {level: median(of) for level, of in members.items() if level and len(of) >= LEAST}
-            known = [k for k, level in enumerate(own) if level in middles]
+        for one in (one for one in series if one.quantity not in NOISE_SPECS):
+            known = [
+                (name, str(rows[place][label]), float(value))
+                for name, place, value in zip(one.names, one.rows, one.median, strict=True)
+                if rows[place].get(label)
+            ]
+            members = {level: [value for _, at, value in known if at == level] for _, level, _ in known}
+            middles = {level: median(values) for level, values in members.items() if len(values) >= LEAST}
+            away = [abs(value - middles[level]) for _, level, value in known if level in middles]
             if len(middles) < 2:
                 continue
-            away = {k: abs(values[k] - middles[own[k]]) for k in known}
             sds = one.sd[np.isfinite(one.sd)]
-            typical = np.hypot(ROBUST * median(away.values()), np.median(sds) if sds.size else 0.0)
-            for k, distance in away.items():
-                like = min(set(middles) - {own[k]}, key=lambda level: abs(values[k] - middles[level]))
-                near = abs(values[k] - middles[like]) < NEAR * distance
-                if distance > FAR * typical > 0.0 and near and one.names[k] not in named:
-                    named.add(one.names[k])
-                    number, usual, there = (
-                        significant(value * one.scale.factor, 3)
-                        for value in (values[k], middles[own[k]], middles[like])
+            typical = np.hypot(ROBUST * median(away), np.median(sds) if sds.size else 0.0)
+            for name, level, value in (item for item in known if item[1] in middles):
+                there, like = min((abs(value - at), other) for other, at in middles.items() if other != level)
+                if (distance := abs(value - middles[level])) > FAR * typical and there < NEAR * distance:
+                    ends = [significant(at * one.scale.factor, 3) for at in (value, middles[level], middles[like])]
+                    what = (
+                        f"{name} is unlike other tables of {label.removeprefix(LABEL)} {level} ({one.name} {ends[0]}"
                     )
-                    yield (
-                        f"{one.names[k]} is unlike other tables of {label.removeprefix(LABEL)} {own[k]} ({one.name} "
-                        f"{number}, median there {usual}) and like those of {like} ({there}): check file and label."
-                    )
+                    there_too = f"and like those of {like} ({ends[2]}): check file and label."
+                    yield name, f"{what}, median there {ends[1]}) {there_too}"

@@ -21,7 +21,7 @@ from fitball.inference.results.results import Fit, Verdict
 from fitball.report.fit.drop_words import spread_words
 from fitball.report.fit.judged import conditional_words
 from fitball.report.form.document import Part, Row, Table, Words
-from fitball.report.form.numbers import INCIDENT, inner, percent, ranged
+from fitball.report.form.numbers import INCIDENT, inner, listed, percent, ranged
 
 # Difference of two ratings that does not show in a rating rounded to a whole number.
 EQUAL = 0.05
@@ -72,14 +72,19 @@ def pace_lines(fit: Fit) -> tuple[str, ...]:
     lines = [*court_lines(pace, brief=True)]
     if pace.missing:
         return (*lines, f"ITF court pace rating by the model: none, {pace.missing}.")
+    grouped: dict[tuple[str, str], list[str]] = {}
     for rating in pace.ratings:
         depends = rests(fit, rating)
-        name = f" of {surface_words(rating)}" if rating.labels else ""
         flags = [f"extrapolated: {reach_words(rating.reach)}"] if rating.reach.outside else []
         if rating.saturated > SATURATES:
             flags.append(f"at the grip limit of the model ({percent(rating.saturated)}): the interval is too narrow")
         words = "; ".join([rating_words(rating), *flags, *[depends] * bool(depends)])
-        lines.append(f"ITF court pace rating{name}: {words}.")
+        first, *others = rating.labels or ("",)
+        grouped.setdefault((first, words), []).append(", ".join(others))
+    for (first, words), rest in grouped.items():
+        # Balls that do not differ in the test are in one line.
+        where = f" ({listed(rest)})" if len(rest) > 1 else f", {rest[0]}" if rest[0] else ""
+        lines.append(f"ITF court pace rating{f' of {first}' if first else ''}{where}: {words}.")
     return tuple(lines)
 
 

@@ -136,7 +136,8 @@ def remarks(fit: Fit) -> list[str]:
     found = fit.adequacy
     assert found is not None
     fails, lines = found.answer is Answer.FAILS, []
-    if not fails and (moved := {name: by for name, by in found.moved.items() if by > MOVED}):
+    scatter = {item.name for item in fit.scatter}
+    if not fails and (moved := {name: by for name, by in found.moved.items() if by > MOVED and name not in scatter}):
         shifts = ", ".join(f"{name} by {significant(by, 2)} sd" for name, by in moved.items())
         lines.append(f"Removing what the model misses would shift {shifts}. These values are conditional.")
     seen: dict[str, list[Check]] = {}
@@ -154,6 +155,11 @@ def remarks(fit: Fit) -> list[str]:
     if "linked" in seen and not fit.problem.uncertain and not fails:
         lines.append(
             "Correlated residuals may come from errors of the incident state. State these in columns such as v_1_sd."
+        )
+    if any(item.found and item.stated and item.ratio > 1.0 for item in found.noise):
+        lines.append(
+            "The stated noise is smaller than the residuals. State standard deviations: a 95 % accuracy is about "
+            "two. Errors of the incident state belong in columns such as v_1_sd. Without a stated noise it is fitted."
         )
     if found.repeats and _repeats_matter(found):
         lines.append(" ".join(found.repeats))
@@ -177,7 +183,7 @@ def conditional_words(parameters: Mapping[str, Estimate], adequacy: Adequacy | N
     if adequacy is not None and adequacy.answer is Answer.FAILS:
         return "conditional: the model does not fit the data"
     names = [name for name, item in parameters.items() if item.verdict is Verdict.CONDITIONAL]
-    return f"conditional, as {listed(names)} {'is' if len(names) == 1 else 'are'}" if names else ""
+    return f"conditional, as {listed(names, 3)} {'is' if len(names) == 1 else 'are'}" if names else ""
 
 
 def _noises(found: Adequacy) -> list[Row]:
@@ -471,6 +477,17 @@ def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
                 }
             )
     return rows
+
+
+def pace_moves(fit: Fit) -> list[str]:
+    """How ratings by the model depend on constants, as sentences."""
+    found = () if fit.assumptions is None else _moved_by_constants(fit, fit.assumptions)
+    return [
+        f"The {row['quantity']} by the model goes from {row['from']} to {row['to']} over {row['over']} "
+        f"({row['in this fit']})."
+        for row in found
+        if row["quantity"].startswith(PACE)
+    ]
 
 
 # How well a variant fits, and the sentence about one or several that do.
