@@ -213,7 +213,7 @@ def test_published_sets_score_as_the_ranking_of_the_thesis_does():
             assert root_mean_square(found[name].errors[output]) == pytest.approx(root_mean_square(errors[output]))
     # Figures of the README's section on the thesis.
     assert root_mean_square(found["Table 9, case 3"].errors["omega_2"]) == pytest.approx(128.4, abs=0.1)
-    best = found["Appendix C, 5: M1/M = 2/3, k_y = 80"]
+    best = found["Appendix C, 5: M1/M = 2/3, k_y = 80 lb/in"]
     assert best.given_columns == ("v_y2",)
     assert root_mean_square(best.errors["omega_2"]) == pytest.approx(23.04, abs=0.01)
     part = {item.name: item for item in published_sets(load_table("wang_topspin.csv"))}

@@ -335,7 +335,7 @@ def test_the_package_corner_draws_the_same_in_panels_of_its_own(grip_slip_fit):
 def test_a_legend_names_other_impacts_where_some_stand_back(point_fit):
     told = [text.get_text() for text in draw("curves", point_fit).legends[0].get_texts()]
     rows = [column.rows.size for column in curve_columns(point_fit)]
-    assert ("other speed or spin" in told) is any(size < len(point_fit.problem.table) for size in rows)
+    assert ("other impacts" in told) is any(size < len(point_fit.problem.table) for size in rows)
 
 
 def test_a_drop_test_has_no_spin_and_one_curve(tmp_path):

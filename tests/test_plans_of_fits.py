@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -263,6 +264,14 @@ def test_a_target_has_a_part_for_each_level(known, text):
     assert found == pytest.approx(np.nanstd(target.values(levelled.coordinates), axis=0), rel=0.15)
     if text == "mu":
         assert np.std(target.values(levelled.coordinates), axis=0) == pytest.approx([0.005, 0.01, 0.015], rel=0.1)
+
+
+def test_a_parameter_at_one_level_is_asked_for_by_its_name_and_the_level(known):
+    levelled = levelled_fit(known)
+    label = levelled.problem.pooling[0].labels[1]
+    words = f"'mu[{label}]' is mu at one group: name mu, and levels={{'group': {label!r}}} for that one alone"
+    with pytest.raises(ParameterError, match=re.escape(words)):
+        parse_target(f"mu[{label}]", levelled)
 
 
 def test_a_plan_for_one_level_measures_there(known):

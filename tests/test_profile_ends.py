@@ -15,6 +15,7 @@ from fitball.inference.calibrate import run
 from fitball.inference.effort import Effort
 from fitball.inference.identifiability import profile as profile_module
 from fitball.inference.identifiability.profile import DROP_95, profile_contraction, profiles
+from fitball.inference.identifiability.profile_walk import Point
 from fitball.inference.identifiability.verdict import Marginal, Numbers, judge
 from fitball.inference.point.surface import Surface
 from fitball.inference.problem.build import Choices, build_problem
@@ -267,3 +268,15 @@ def test_the_contraction_of_a_profile_is_that_of_prior_times_likelihood(monkeypa
     weight, square = (quad(lambda q, p=p: (q - 0.5) ** p * norm.pdf(q, 0.5, sd), 0.0, 1.0)[0] for p in (0, 2))
     expected = 1.0 - 12.0 * square / weight
     assert profile_contraction(found["cor_10"], problem.free[0].prior) == pytest.approx(expected, abs=0.01)
+
+
+def test_values_of_a_profile_rise_where_two_paths_end_at_one_bound():
+    """One path ends at the bound, another beside it within rounding: no two points have one value, or the file of the
+    fit is refused when it is read.
+    """
+    x = np.zeros(3)
+    places = ((0.5, 3.0, False), (0.8, 1.0, False), (np.nextafter(1.0, 0.0), 1.4, False), (1.0, 1.5, True))
+    line = [Point(at, x, cost, True, bound) for at, cost, bound in places]
+    kept = profile_module._distinct(line, lambda at: np.round(at, 12))
+    assert [(point.at, point.cost, point.bound) for point in kept] == [*places[:2], (*places[2][:2], True)]
+    assert profile_module._distinct(line[:2], np.exp) == line[:2]

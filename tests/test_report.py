@@ -27,7 +27,7 @@ from fitball.inference.results.evidence import Answer
 from fitball.inference.results.results import RunStatus, Verdict
 from fitball.report.fit.document import fit_document, render
 from fitball.report.fit.folder import prepare_folder, render_json, write_all
-from fitball.report.fit.judged import next_line, remarks
+from fitball.report.fit.judged import brief_verdict, next_line, remarks
 from fitball.report.fit.methods import methods_text
 from fitball.report.fit.rows import balance_table, prediction_table, thesis_rows
 from fitball.report.form.document import on_terminal
@@ -258,6 +258,33 @@ def test_the_first_screen_has_the_answer_in_forty_lines(two_mass, fit):
         assert screen_of(item, full=True).count("\n") > 2 * first.count("\n")
         narrow = screen_of(item, width=80).splitlines()
         assert len(narrow) <= 40 and max(map(len, narrow)) <= 80
+
+
+def test_a_verdict_says_whether_the_median_moves_or_an_end_of_the_interval(two_mass):
+    """A value whose median stays is not given because of a move of 0.22 sd."""
+    mu, span = replace(two_mass.parameters["mu"], verdict=Verdict.GIVEN), two_mass.assumptions.parameters["mu"]
+    own = span.own
+    for shift, reached, words in (
+        (0.22, 2.2, "end moves 2.2 sd"),
+        (2.6, 4.0, "moves 2.6 sd"),
+        (1.3, 1.1, "moves 1.3 sd"),
+    ):
+        moved = replace(span, shift=shift, q025=own.q025, q975=own.q975 + reached * own.sd)
+        found = replace(two_mass.assumptions, parameters={"mu": moved}, constants=())
+        assert brief_verdict(replace(two_mass, assumptions=found), mu) == words
+
+
+def test_no_impacts_are_proposed_for_the_tails_of_a_noise(two_mass):
+    """The degrees of freedom of a Student t are never two-sided where there is no outlier."""
+    known = {name: replace(item, verdict=Verdict.IDENTIFIED) for name, item in two_mass.parameters.items()}
+    tails = replace(known["mu"], name="degrees_of_freedom", verdict=Verdict.ONE_SIDED)
+    for more, found in (
+        ({}, False),
+        ({"degrees_of_freedom": tails}, False),
+        ({"mu": replace(tails, name="mu")}, True),
+    ):
+        lines = next_line(replace(two_mass, parameters=known | more, derived={}, assumptions=None))
+        assert any("impacts that determine" in line for line in lines) == found
 
 
 def test_medians_over_the_variants_are_those_of_the_assumptions_lowest_first(two_mass):

@@ -107,7 +107,7 @@ def test_a_ranking_that_hangs_on_misprints_is_no_answer():
     order = (7.0, 6.0, 5.0, 1.0, 2.0, 3.0, 4.0)
     other = (7.0, 6.0, 5.0, 2.0, 1.0, 3.0, 4.0)
     told = ranking_verdict(ranked(sets(*order), printed=sets(*other)))
-    assert "set 4 (M1/M = 2/3, k_y = 72) is first of 7 in 100 %" in told and "no other set" in told
+    assert "set 4 (M1/M = 2/3, k_y = 72 lb/in) is first of 7 in 100 %" in told and "no other set" in told
     assert "As printed, set 5 (case 1 of Table 9) is first in 100 %. This depends on misprinted rows: 0 %" in told
     told = ranking_verdict(ranked(sets(*order), exact=sets(*other)))
     assert "does not depend on misprinted rows: 100 %" in told

@@ -11,6 +11,7 @@ from fitball.data.lines import parse_impact
 from fitball.errors import FitError, ParameterError, suggestion
 from fitball.inference.design.asked import Labels, surfaces_of
 from fitball.inference.design.knowledge import Knowledge
+from fitball.inference.problem.level_names import at_level
 from fitball.inference.problem.pooling import Pooling
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results.lab import PACE_CONSTANT, apparent_friction, itf_impact, pace_rating
@@ -83,7 +84,14 @@ def of_parameters(problem: Problem, names: tuple[str, ...], words: str = "", lev
     """Parameters by name, each at every surface or ball where it differs between these. Raises ParameterError for one
     that is not free or named twice.
     """
+    one_level = {item.level_name(label): (item, label) for item in problem.pooling for label in item.labels}
     for name in names:
+        if name in one_level:
+            item, label = one_level[name]
+            raise ParameterError(
+                f"{asked_for(','.join(names))}: '{name}' is {item.parameter} at one {item.column}: name "
+                f"{item.parameter}, and {at_level(item.column, label)} for that one alone"
+            )
         if name not in problem.free_names:
             fixed = name in {parameter.name for parameter in problem.parameters}
             why = "is fixed in this fit" if fixed else "is no parameter of this fit"

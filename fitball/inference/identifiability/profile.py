@@ -166,10 +166,26 @@ def _noise_at_bound(objective: Surface, top: Top) -> str:
     return ""
 
 
+def _distinct(ordered: Sequence[Point], shown: Callable[[FloatArray], FloatArray]) -> list[Point]:
+    """The points whose values rise: of those at one value, as a bound that two paths reached within rounding, the
+    lowest.
+    """
+    values = np.asarray(shown(np.array([point.at for point in ordered])))
+    kept: list[tuple[float, Point]] = []
+    for value, point in zip(values.tolist(), ordered, strict=True):
+        if kept and value <= kept[-1][0]:
+            other = kept.pop()[1]
+            point = replace(min(point, other, key=lambda one: one.cost), bound=point.bound or other.bound)
+        kept.append((value, point))
+    return [point for _value, point in kept]
+
+
 def _profile(
     objective: Surface, column: int, ordered: Sequence[Point], lowest: float, ranged: tuple[Names, Names]
 ) -> Profile:
     parameter = objective.problem.free[column]
+    shown = (lambda place: place) if objective.is_value(column) else parameter.prior.value
+    ordered = _distinct(ordered, shown)
     at, cost = (np.array(part) for part in zip(*((point.at, point.cost) for point in ordered), strict=True))
     # What counts of a level, a bias or a constant of the ball besides the table does so for all others; for itself it
     # is a prior, and taken off again.
@@ -179,7 +195,6 @@ def _profile(
         apart = bool(known.precision[0] > 0.0)
         own = cost - known.cost(at[:, None])[:, 0]
         drop = own - own.min() if apart else drop
-    shown = (lambda place: place) if objective.is_value(column) else parameter.prior.value
     ends, leans = [], []
     for k in (0, -1):
         end = End.BOUND if ordered[k].bound else End.SCATTER if apart else End.MODEL

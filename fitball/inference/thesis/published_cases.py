@@ -190,4 +190,4 @@ def predictions() -> Mapping[int, Mapping[str, FloatArray]]:
 
 def set_name(row: Mapping[Any, Any]) -> str:
     """A set of Appendix C as people name it."""
-    return f"{row['case']}: M1/M = {row['mass_ratio']}, k_y = {row['k_y [lb/in]']}"
+    return f"{row['case']}: M1/M = {row['mass_ratio']}, k_y = {row['k_y [lb/in]']} lb/in"

@@ -210,7 +210,7 @@ def _curve_legend(figure: Figure, fit: Fit, groups: NDArray[np.str_], columns: S
         mark = Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.0)
         handles[f"{measured}: {name}" if name else measured] = mark
     if any(column.rows.size < groups.size for column in columns):
-        handles["other speed or spin"] = Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6)
+        handles["other impacts"] = Line2D([], [], color=FAINT, marker=".", linestyle="none", markersize=6)
     legend_below(figure, handles, 3)
 
 

@@ -88,7 +88,7 @@ FIGURES: Mapping[str, Kind] = {
     "curves": Kind(
         "rebound over incidence angle at stated speeds and spins",
         "Model and measurements near each stated speed and spin (within a tenth of that speed; of spin, the surface "
-        "speed counts). Grey: impacts at other speed or spin. Bands: 68 and 95 % credible intervals, "
+        "speed counts). Grey: all other impacts. Bands: 68 and 95 % credible intervals, "
         "without measurement noise.",
         "",
         "predictions",

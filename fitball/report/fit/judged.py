@@ -367,7 +367,9 @@ def _variants(fit: Fit, found: Assumptions | None) -> list[str]:
 
 
 def brief_verdict(fit: Fit, estimate: Estimate) -> str:
-    """A verdict in a few letters: of a value that assumptions move, by how many of its sds they move the median."""
+    """A verdict in a few letters: of a value that assumptions move, by how many of its sds they move the median; of
+    one whose interval alone they widen, its end.
+    """
     found = None if fit.assumptions is None else fit.assumptions.parameters.get(estimate.name)
     if estimate.given == (CONTACT_TIME,):
         return "by contact time"
@@ -375,6 +377,9 @@ def brief_verdict(fit: Fit, estimate: Estimate) -> str:
         return estimate.verdict
     ends = [end for one in fit.assumptions.constants for end in one.parameters.get(estimate.name, ())]
     moves = [found.shift, *(abs(end - found.own.median) / found.own.sd for end in ends)]
+    wider = max(found.own.q025 - found.q025, found.q975 - found.own.q975) / found.own.sd
+    if max(moves) <= MOVED_SDS < wider:
+        return f"end moves {digits(wider, 2)} sd"
     return f"moves {digits(max(moves), 2)} sd"
 
 
@@ -403,8 +408,8 @@ def next_line(fit: Fit) -> list[str]:
         return []
     open_ended = (Verdict.PRIOR_DOMINATED, Verdict.ONE_SIDED)
     # Nobody needs to know how much less than the stated errors a scatter is that was not found, nor more of a camera
-    # or a ball than was measured apart.
-    known = {*beyond_stated(fit.problem.observables), *fit.problem.known_apart}
+    # or a ball than was measured apart, or of the tails of a noise.
+    known = {*beyond_stated(fit.problem.observables), *fit.problem.known_apart, "degrees_of_freedom"}
     unknown = [item.name for item in fit.reported if item.verdict in open_ended and item.name not in known]
     if "k_y" in unknown and fit.problem.contact_time is None:
         stiff = listed([name for name in unknown if name in ("k_y", "k_theta")])
