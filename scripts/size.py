@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # Growth is a decision: who raises one of these says in the commit what for, see CONTRIBUTING.
 CEILINGS: Mapping[str, int] = {
-    "lines of fitball": 68_800, "modules of fitball": 308, "lines of scripts": 6_300, "lines of tests": 39_200,
+    "lines of fitball": 68_800, "modules of fitball": 308, "lines of scripts": 6_300, "lines of tests": 39_700,
 }  # fmt: skip
 KINDS = ("code", "imports", "docstrings", "comments", "blank")
 
