@@ -333,11 +333,11 @@ def two_courts(rng, noise=0.05, each=30):
     for surface, mu in (("clay", 0.7), ("hard", 0.55)):
         angle, speed = np.radians(rng.uniform(14.0, 60.0, each)), rng.uniform(12.0, 30.0, each)
         before = fitball.impacts(speed * np.cos(angle), speed * np.sin(angle), rng.normal(0.0, 60.0, each))
-        after = fitball.model("grip-slip").rebound({**COURT, "mu": mu}, before)
-        columns = {"v_x1": before.v_x1, "v_y1": before.v_y1, "omega_1": before.omega_1}
+        columns = before.__dict__ | fitball.model("grip-slip").rebound({**COURT, "mu": mu}, before).__dict__
+        made = {name: np.ravel(columns[name]) for name in ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")}
         for name, sd in {"v_x2": noise, "v_y2": noise, "omega_2": 40.0 * noise}.items():
-            columns[name] = np.ravel(getattr(after, name)) + sd * rng.standard_normal(each)
-        parts.append(pd.DataFrame({"surface": surface, **columns}))
+            made[name] = made[name] + sd * rng.standard_normal(each)
+        parts.append(pd.DataFrame({"surface": surface, **made}))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -348,8 +348,7 @@ def test_what_a_constant_moves_at_a_level_is_what_refits_move_it_by():
     (constant,) = (item for item in fit.assumptions.constants if item.name == "inertia_ratio")
     ends = []
     for ratio in (constant.low, constant.high):
-        ball = Ball(0.0576, 0.03302, ratio * 0.0576 * 0.03302**2)
-        scene = fitball.Scene(ball=ball)
+        scene = fitball.Scene(ball=Ball(0.0576, 0.03302, ratio * 0.0576 * 0.03302**2))
         ends.append(fitball.calibrate(table, "grip-slip", scene=scene, point_only=True, cores=1).summary()["point"])
     for name in ("mu[clay]", "mu[hard]"):
         low, high = constant.parameters[name]

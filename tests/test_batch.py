@@ -437,18 +437,12 @@ def test_tables_that_were_copied_or_exchanged_are_named():
         return summarised(rows, all_series(rows)).answer[1:]
 
     assert not any("unlike" in sentence or "the same" in sentence for sentence in said(values))
-    swapped = values.copy()
-    swapped[[1, 6]] = values[[6, 1]]
-    words = [sentence for sentence in said(swapped) if "unlike" in sentence]
+    words = [sentence for sentence in said(values[[0, 6, 2, 3, 4, 5, 1, *range(7, 12)]]) if "unlike" in sentence]
     assert [sentence.partition(" is unlike other tables of surface ")[0] for sentence in words] == ["t1", "t6"]
     assert "like those of grass (0.597): check file and label" in words[0]
     # Far from its own level, and from all others.
-    swapped = values.copy()
-    swapped[1] = 0.65
-    assert not any("unlike" in sentence for sentence in said(swapped))
-    copied = values.copy()
-    copied[2] = copied[0]
-    assert "The data of t0 and t2 are the same: leave out the copies." in said(copied)
+    assert not any("unlike" in sentence for sentence in said([values[0], 0.65, *values[2:]]))
+    assert "The data of t0 and t2 are the same: leave out the copies." in said([*values[:2], values[0], *values[3:]])
 
 
 def test_an_outlier_is_named_and_values_that_the_prior_gave_are_not_counted():

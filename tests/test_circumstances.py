@@ -143,6 +143,6 @@ def test_a_fit_and_its_file_carry_them(tmp_path):
 
 def test_a_surface_that_all_rows_share_is_that_of_the_certificate():
     rows = {"v_y1": [5.0, 6.0, 7.0], "v_y2": [3.9, 4.6, 5.3]}
-    for labels, said in (({"surface": ["clay"] * 3}, "clay"), ({"surface": ["clay", "clay", "hard"]}, None)):
-        fit = fitball.calibrate({**rows, **labels}, "grip-slip", point_only=True, cores=1)
+    for labels, said in ((["clay"] * 3, "clay"), (["clay", "clay", "hard"], None)):
+        fit = fitball.calibrate({**rows, "surface": labels}, "grip-slip", point_only=True, cores=1)
         assert fit.source.circumstances.surface == said

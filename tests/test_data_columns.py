@@ -185,8 +185,7 @@ def test_new_impacts_may_be_named_as_those_of_the_fit() -> None:
     named = "named as in the table of the fit: v_x1=Vx in, v_y1=Vy in [m/s]"
     assert any(named in note for note in found.attrs["notes"])
     # The names of the fit, given again, need no rebound; those of the incidence do.
-    again = fit.predict(new, columns=own, units={"v_x2": "m/s"})
-    pandas.testing.assert_frame_equal(found, again)
+    pandas.testing.assert_frame_equal(found, again := fit.predict(new, columns=own, units={"v_x2": "m/s"}))
     assert "no column 'Vx out' to compare v_x2 with" in again.attrs["notes"]
     with pytest.raises(TableError, match="there is no column 'Vx in' to read as v_x1"):
         fit.predict(new[["Vy in"]], columns=own)

@@ -68,9 +68,10 @@ def test_copies_between_tables_are_refused_whatever_their_labels(tmp_path: Path)
         trusted_table([own, again], Scene())
     table, notes = trusted_table([own, again], Scene(), as_read=True)
     assert len(table) == 68 and any("all tables are used" in note for note in notes)
-    other = tmp_path / "other.csv"
-    frame(seed=5).to_csv(other, index=False)
-    assert len(trusted_table([own, other], Scene())[0]) == 60
+    with pandas.ExcelWriter(tmp_path / "book.xlsx") as writer:
+        for seed, sheet in enumerate(("clay", "hard")):
+            frame(seed=seed).to_excel(writer, sheet_name=sheet, index=False)
+    assert len(trusted_table([f"{tmp_path / 'book.xlsx'}#{sheet}" for sheet in ("clay", "hard")], Scene())[0]) == 60
 
 
 def test_a_drop_test_in_two_files_repeats_by_chance_and_its_copy_is_refused(tmp_path: Path) -> None:
@@ -83,14 +84,6 @@ def test_a_drop_test_in_two_files_repeats_by_chance_and_its_copy_is_refused(tmp_
     assert len(trusted_table(places[:2], Scene())[0]) == 36
     with pytest.raises(ReadingError, match="copy has the content of new: leave out one of them"):
         trusted_table(places, Scene())
-
-
-def test_sheets_of_a_workbook_share_no_content(tmp_path: Path) -> None:
-    book = tmp_path / "book.xlsx"
-    with pandas.ExcelWriter(book) as writer:
-        for seed, sheet in enumerate(("clay", "hard")):
-            frame(seed=seed).to_excel(writer, sheet_name=sheet, index=False)
-    assert len(trusted_table([f"{book}#clay", f"{book}#hard"], Scene())[0]) == 60
 
 
 def test_a_drop_test_read_to_a_centimetre_repeats_without_fault() -> None:
@@ -150,11 +143,8 @@ def test_digits_that_no_double_has_are_no_step(tmp_path: Path) -> None:
     assert repeats_of(fitball.load_table(place), fitball.Ball()) == (None, None)
 
 
-def test_tables_that_cannot_be_joined_are_named_as_such(tmp_path: Path) -> None:
+def test_tables_that_cannot_be_joined_are_named_as_such() -> None:
     """Not as copies, for which they have no column in common."""
-    frame()[["v_y1", "v_y2"]].to_csv(tmp_path / "drops.csv", index=False)
-    pandas.DataFrame({"v_1": [20.0, 21], "theta_1": [20.0, 30], "v_x2": [12.0, 11]}).to_csv(
-        tmp_path / "court.csv", index=False
-    )
-    with pytest.raises(TableError, match="court"):
-        trusted_table([tmp_path / "drops.csv", tmp_path / "court.csv"], Scene())
+    court = pandas.DataFrame({"v_1": [20.0, 21], "theta_1": [20.0, 30], "v_x2": [12.0, 11]})
+    with pytest.raises(TableError, match="DataFrame"):
+        trusted_table([frame()[["v_y1", "v_y2"]], court], Scene())

@@ -357,10 +357,10 @@ def test_residuals_beyond_a_stated_noise_lead_to_what_it_may_lack(two_mass, stat
 
 
 def test_a_misfit_names_no_place_of_a_level(two_mass):
-    levels = (Levels("mu", "surface", ("clay", "hard"), True, (0.0, 5.0)),)
-    hidden = dict.fromkeys(levels[0].hidden, two_mass.parameters["mu"])
+    level = Levels("mu", "surface", ("clay", "hard"), True, (0.0, 5.0))
     moved = {"mu": 2.0, "e_x": 3.0, "mu_place[clay]": 4.0}
     seen = replace(two_mass.adequacy, checks=(), moved=moved, answer=Answer.EXCEPT)
-    parameters = {**two_mass.parameters, **{name: replace(it, name=name) for name, it in hidden.items()}}
-    fit = replace(two_mass, adequacy=seen, parameters=parameters, fitted=replace(two_mass.fitted, levels=levels))
+    parameters = {**two_mass.parameters, **dict.fromkeys(level.hidden, two_mass.parameters["mu"])}
+    hidden = {name: replace(item, name=name) for name, item in parameters.items()}
+    fit = replace(two_mass, adequacy=seen, parameters=hidden, fitted=replace(two_mass.fitted, levels=(level,)))
     assert "shift e_x by 3 sd. " in remarks(fit)[0]

@@ -52,8 +52,6 @@ def _exchanged(rows: Sequence[Row], series: Sequence[Series]) -> Iterator[tuple[
                 there, like = min((abs(value - at), other) for other, at in middles.items() if other != level)
                 if (distance := abs(value - middles[level])) > FAR * typical and there < NEAR * distance:
                     ends = [significant(at * one.scale.factor, 3) for at in (value, middles[level], middles[like])]
-                    what = (
-                        f"{name} is unlike other tables of {label.removeprefix(LABEL)} {level} ({one.name} {ends[0]}"
-                    )
-                    there_too = f"and like those of {like} ({ends[2]}): check file and label."
-                    yield name, f"{what}, median there {ends[1]}) {there_too}"
+                    here = f"{label.removeprefix(LABEL)} {level} ({one.name} {ends[0]}, median there {ends[1]})"
+                    like += f" ({ends[2]}): check file and label."
+                    yield name, f"{name} is unlike other tables of {here} and like those of {like}"

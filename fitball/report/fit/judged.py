@@ -16,7 +16,7 @@ from fitball.inference.results.assumptions import MOVED as MOVED_SDS
 from fitball.inference.results.evidence import FALSE_EXCEPT, MOVED, Adequacy, Answer, Check
 from fitball.inference.results.results import Estimate, Fit, Verdict
 from fitball.inference.results.sentences import HINTS, RESIDUALS, capital
-from fitball.models.specs import ParameterSpec
+from fitball.models.specs import BALL_SPECS
 from fitball.observables import OBSERVABLES
 from fitball.report.form.document import Part, Row, Table, Words, judged
 from fitball.report.form.numbers import (
@@ -428,11 +428,6 @@ def next_line(fit: Fit) -> list[str]:
     return [f"Most useful next: data that decide between {instead} and {widest.by}."]
 
 
-def _spec_of(name: str, fit: Fit) -> ParameterSpec:
-    """What a constant of the ball or of a camera is."""
-    return CAMERA_SPECS.get(name.partition("[")[0]) or fit.problem.model.specs[name]
-
-
 # Values that a tilt moves which are named.
 TILTED = 3
 TILT_ADVICE = "if balls were filmed, state tilt in [camera] of the scene"
@@ -461,7 +456,8 @@ def _moved_by_constants(fit: Fit, found: Assumptions) -> list[Row]:
     """Each constant with the quantities that depend on it."""
     rows = []
     for constant in found.constants:
-        own = handy(constant.name, _spec_of(constant.name, fit).unit)
+        specs = {**BALL_SPECS, **CAMERA_SPECS}
+        own = handy(constant.name, specs[constant.name.partition("[")[0]].unit)
         digits = decimals(0.1 * (own.factor * constant.high - own.factor * constant.low))
         low, high, value = (own.fixed(at, digits) for at in (constant.low, constant.high, constant.value))
         for name, scale, ends in quantities(fit, constant.parameters, constant.court_pace):
