@@ -42,7 +42,7 @@ from fitball.report.form.files import write_bytes
 from fitball.report.form.numbers import listed_places
 from fitball.values import FloatArray, Impacts
 from fitball.version import __version__
-from fitball.wording import option
+from fitball.wording import spoken
 
 DATA_NAME, POSTERIOR_NAME = "data.nc", "posterior.nc"
 KIND = "fitball data"
@@ -234,13 +234,15 @@ def read_draws(path: Path, names: Sequence[str], shape: tuple[int, int, int]) ->
     """
     ensembles, steps, walkers = shape
     chains = (ensembles * walkers, steps)
-    what = f"the posterior draws of the fit.json beside it (batch saves them with {option('full')})"
+    what = (
+        f"the posterior draws of the fit.json beside it (batch saves them with {spoken('--all-files', 'full=True')})"
+    )
     with opened(path, what) as file:
-        kept, known = group(file, "posterior"), group(file, "prior")
-        owner = array(kept, "ensemble", chains[:1], "iu")
+        posterior, known = group(file, "posterior"), group(file, "prior")
+        owner = array(posterior, "ensemble", chains[:1], "iu")
         if not np.array_equal(owner, np.repeat(np.arange(ensembles), walkers)):
             raise ValueError(f"/posterior/ensemble: expected {walkers} chains of each of {ensembles} ensembles")
-        draws = np.stack([finite(kept, variable(name), chains) for name in names], axis=-1)
+        draws = np.stack([finite(posterior, variable(name), chains) for name in names], axis=-1)
         scores = finite(group(file, "sample_stats"), "lp", chains)
         reference = np.stack([finite(known, variable(name), (1, None))[0] for name in names], axis=-1)
     return Posterior(
