@@ -33,12 +33,12 @@ settings.load_profile("suite")
 # Files of which `scripts/test --fast` runs nothing: they fit, sample or solve for tens of seconds, and what they tell
 # of a room is told in part by a quicker file. In others single tests are marked.
 SLOW_FILES = (
-    "bench", "benchmarks", "chapter_five", "cli_compare", "cli_plot", "compare", "court_pace", "docs", "error_budget",
-    "evidence",
-    "force_likelihood", "force_report", "fuzz", "hard_cases", "house", "incident_errors", "inference_fit",
-    "information_ends", "jacobian", "large_tables", "new_model", "noise_structure", "oracle", "oracle_runge_kutta",
-    "point_and_chain", "power_scaling", "profile", "repeat", "report_browser", "report_html", "sbc",
-    "small_and_flat", "stragglers", "thesis_verdicts", "tied_draws", "trust", "verify",
+    "arviz", "bench", "benchmarks", "chapter_five", "cli_compare", "cli_plot", "compare", "court_pace", "docs",
+    "error_budget", "evidence", "force_likelihood", "force_report", "fuzz", "hard_cases", "house",
+    "incident_errors", "inference_fit", "information_ends", "jacobian", "large_tables", "new_model",
+    "noise_structure", "oracle", "oracle_runge_kutta", "own_model", "point_and_chain", "portable",
+    "power_scaling", "profile", "repeat", "report_browser", "report_html", "sbc", "site", "small_and_flat",
+    "stragglers", "thesis_verdicts", "tied_draws", "track_study", "trust", "verify",
 )  # fmt: skip
 
 

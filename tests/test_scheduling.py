@@ -20,6 +20,7 @@ from fitball.errors import FitError, ParameterError
 from fitball.inference.identifiability.profile import profiles
 from fitball.inference.point.point_fit import maximum_posterior, starting_points
 from fitball.report.form.files import json_text
+from fitball.scheduling import local
 from fitball.scheduling.engine import engine, in_order
 from fitball.wording import speaking_to_command_line
 
@@ -64,6 +65,22 @@ def test_one_that_dies_only_beside_others_is_made_when_it_is_alone(tmp_path):
     """As where memory runs out: the system kills one of several that each would do alone."""
     items = [(tmp_path / "crowded", tmp_path), (tmp_path / "other", None)]
     assert sorted(engine(2).unordered(dies_at_first, items, lost=said_of)) == ["crowded", "other"]
+
+
+def test_a_process_that_may_have_ended_meanwhile_is_given_no_task(monkeypatch):
+    """Loky would start another behind it, and would not notice its death: who asked would wait for ever."""
+
+    def process():
+        ((_number, process, _told),) = engine(1).unordered(slow_to_fast, [9], lost=said_of)
+        return process
+
+    monkeypatch.setattr(local, "_waiting", [])
+    first = process()
+    assert process() == first
+    local._waiting[:] = [(pool, since - local.WARM) for pool, since in local._waiting]
+    assert process() != first
+    while local._waiting:
+        local._waiting.pop()[0].shutdown(kill_workers=True)
 
 
 CODE = """

@@ -20,10 +20,13 @@ def run_track(args: argparse.Namespace) -> int:
     """Find impacts, write the folder, print the result; with `--calibrate` go on to a fit."""
     args.progress("reading positions", None)
     from fitball.api.tracking import track
+    from fitball.report.form.folders import refuse_older
+    from fitball.report.tracks.folder import TABLE
 
     if args.calibrate and args.json:
         raise ParameterError("--calibrate prints a fit and --json the impacts: leave one of them out")
     folder = Path(args.out) if args.out else default_folder(args.files)
+    refuse_older(folder, TABLE, overwrite=args.overwrite)
     found = track(
         args.files, fps=args.fps, scene=args.config, scale=args.scale, ball_diameter=args.ball_diameter,
         court=args.court, y_down=args.y_down or None, up=args.up, unit=args.unit, fold=args.fold,
@@ -35,7 +38,7 @@ def run_track(args: argparse.Namespace) -> int:
     if not args.quiet and not args.json:
         print_notes(found.tracks.notes, args.full)
     if not args.calibrate:
-        print_result(args, found, folder / "impacts.csv", folder)
+        print_result(args, found, folder / TABLE, folder)
         return 0
     return _calibrate(args, folder)
 

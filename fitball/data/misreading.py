@@ -180,6 +180,9 @@ def _unsigned(columns: Columns, ball: Ball) -> Iterator[Hypothesis]:
         if not all(np.any(found[name] != columns[name]) for name in names):
             # The same as with fewer.
             continue
+        if all(np.all(found[name] * columns[name] <= 0.0) for name in names):
+            # The same as all negated.
+            continue
         minus = [f"{np.sum(found[name] < 0.0)} of {len(found[name])} {name}" for name in names]
         unknown = {"omega_1": "delete rows with unknown omega_1", "omega_2": "leave unknown omega_2 empty"}
         what_else = ", ".join(unknown[name] for name in names)

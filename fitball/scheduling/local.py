@@ -17,6 +17,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import wait
 from pickle import PicklingError
 from queue import SimpleQueue
+from time import monotonic
 from typing import Any
 
 from fitball.scheduling.engine import Attempt, Elsewhere, Item, Made, tried_again
@@ -27,8 +28,9 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 WARM = 60
 # How loky says that a process ended: the name of a signal, or EXIT, and its number.
 _ENDED = re.compile(r"(?P<name>[A-Z]+)\((?P<code>-?\d+)\)")
-# Processes of earlier calls that wait for a task, each a pool of its own: one that dies takes no other task with it.
-_waiting: list[Any] = []
+# Processes of earlier calls that wait for a task, each a pool of its own, and since when [s]: one that dies takes no
+# other task with it.
+_waiting: list[tuple[Any, float]] = []
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class LocalEngine:
         def attempt(left: Sequence[Item], alone: bool) -> Attempt[Item, Made]:
             while alone and left and _waiting:
                 # None that waits takes memory.
-                _waiting.pop().shutdown(kill_workers=True)
+                _waiting.pop()[0].shutdown(kill_workers=True)
             if lost is None:
                 return _each(self.cores - 1, elsewhere, left, here)
             return _each(1 if alone else self.cores, elsewhere, left)
@@ -89,7 +91,7 @@ def _each(
         ready.put((pool, task, done, not (done.cancelled() or done.exception()) and hand_out(pool)))
 
     def begin() -> None:
-        pool = _waiting.pop() if _waiting else _one_process()
+        pool = _warm() or _one_process()
         with _interrupts_held():
             hand_out(pool)
 
@@ -108,7 +110,7 @@ def _each(
                 if not busy:
                     running.remove(pool)
                     if done.exception() is None:
-                        _waiting.append(pool)
+                        _waiting.append((pool, monotonic()))
                     else:
                         pool.shutdown(wait=False, kill_workers=True)
                         if waiting:
@@ -127,6 +129,18 @@ def _taken(waiting: deque[Item]) -> list[Item]:
         return [waiting.popleft()]
     except IndexError:
         return []
+
+
+def _warm() -> Any | None:
+    """A pool that waits, if there is one whose process is surely there. Where it has ended, loky starts another with
+    the next task, but may not notice when that one dies: who asked would wait for ever.
+    """
+    while _waiting:
+        pool, since = _waiting.pop()
+        if monotonic() - since < 0.5 * WARM:
+            return pool
+        pool.shutdown(wait=False, kill_workers=True)
+    return None
 
 
 def _killed(_error: Exception) -> str:

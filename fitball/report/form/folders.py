@@ -117,16 +117,19 @@ def clear_folder(folder: Path, record: str, *others: str, overwrite: bool) -> No
     Raises ResultFolderError when it cannot be made, or holds a record that may not be replaced.
     """
     make_folder(folder)
-    if not (folder / record).exists():
-        return
-    if not overwrite:
+    refuse_older(folder, record, overwrite=overwrite)
+    for pattern in (record, *others) if (folder / record).exists() else ():
+        for place in folder.glob(pattern):
+            remove(place)
+
+
+def refuse_older(folder: Path, record: str, *, overwrite: bool) -> None:
+    """Raise ResultFolderError for a folder that holds a record which may not be replaced."""
+    if (folder / record).exists() and not overwrite:
         raise ResultFolderError(
             f"{folder}: has {record} of an older run; use {option('overwrite')} to replace it, or write to another "
             "folder"
         )
-    for pattern in (record, *others):
-        for place in folder.glob(pattern):
-            remove(place)
 
 
 def make_folder(folder: Path) -> None:
