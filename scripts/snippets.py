@@ -154,6 +154,9 @@ def run_page(text: str, folder: Path, shell: Shell = posix_shell) -> list[Outcom
     folder.mkdir(parents=True)
     with _on_the_path(folder):
         outcomes = _run_all(snippets(text), folder, shell)
+    if "matplotlib.pyplot" in sys.modules:
+        # What a page drew by pyplot would stay open, as in a notebook.
+        sys.modules["matplotlib.pyplot"].close("all")
     for file in (*(file for file, _ in figures(text)), *files(text)):
         if not (folder / file).is_file():
             raise SnippetError(f"no snippet has made {file}")
