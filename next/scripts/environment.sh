@@ -1,0 +1,69 @@
+# Sourced by run and scripts/test: makes .venv once with the pinned versions, and installs the built package in it anew
+# whenever its sources change. Needs nothing but a Python of version 3.11 or newer. Sets `root` and `venv`.
+
+root=$(CDPATH= cd -- "$(dirname -- "${environment:-$0}")/.." && pwd)
+venv="$root/.venv"
+
+fail() {
+    printf '%s\n' "$*" >&2
+    exit 2
+}
+
+find_python() {
+    for candidate in "${FITBALL_PYTHON:-}" python3.13 python3.12 python3.11 python3 python; do
+        [ -n "$candidate" ] && command -v "$candidate" >/dev/null 2>&1 || continue
+        if "$candidate" -c 'import sys; sys.exit(not sys.version_info >= (3, 11))' 2>/dev/null; then
+            printf '%s\n' "$candidate"
+            return
+        fi
+    done
+    fail "fitball needs Python 3.11 or newer: none was found on PATH." \
+        "Install one, or name it: FITBALL_PYTHON=/path/to/python3 $0"
+}
+
+# What the environment and the package in it were made from.
+packages() {
+    cksum <"$root/requirements.lock"
+}
+
+sources() {
+    (cd "$root" && find fitball datasets pyproject.toml README.md -type f ! -name '*.pyc' -exec cksum {} + | sort | cksum)
+}
+
+made_from() {
+    [ -f "$venv/$1.stamp" ] && [ "$(cat "$venv/$1.stamp")" = "$2" ]
+}
+
+make_environment() {
+    python=$(find_python) || exit 2
+    printf 'fitball: making %s (once; about a minute) ...\n' "$venv" >&2
+    "$python" -m venv --clear "$venv" ||
+        fail "fitball: '$python -m venv' failed; on Debian and Ubuntu install the package python3-venv."
+    "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps \
+        --requirement "$root/requirements.lock" 2>"$venv/pip.log" ||
+        { cat "$venv/pip.log" >&2; fail "fitball: the pinned packages could not be installed; the lines above say why."; }
+    packages >"$venv/packages.stamp"
+}
+
+install_package() {
+    rm -f "$venv/sources.stamp"
+    wheel=$(mktemp -d)
+    "$venv/bin/python" -m pip wheel --quiet --no-input --disable-pip-version-check --no-deps --no-build-isolation \
+        --no-index --wheel-dir "$wheel" "$root" &&
+        "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps --no-index \
+            --force-reinstall "$wheel"/*.whl || fail "fitball: the package could not be built; the lines above say why."
+    rm -rf "$wheel"
+    sources >"$venv/sources.stamp"
+}
+
+# Of two calls at once the second waits for the first.
+ensure_environment() {
+    made_from packages "$(packages)" && made_from sources "$(sources)" && return
+    if command -v flock >/dev/null 2>&1; then
+        exec 9>"$root/.venv.lock"
+        flock 9
+    fi
+    made_from packages "$(packages)" || make_environment
+    made_from sources "$(sources)" || install_package
+    exec 9>&-
+}
