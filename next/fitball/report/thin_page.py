@@ -13,26 +13,24 @@ from fitball.values import Figure
 
 def report(result: Frames) -> Report:
     """Parameters, then residuals by column."""
-    summary = result.frames["summary"]
-    values = [
-        {
-            "parameter": str(name),
-            "value": Unit("").number(row.point) if row.kind == "noise" else Unit("").plus_minus(row.point, row.stderr),
-            "unit": row.unit,
-            "meaning": row.meaning,
-        }
-        for name, row in zip(summary.index, summary.itertuples(index=False), strict=True)
-    ]
-    found = result.frames["predictions"]
-    residuals = [
-        {
-            "column": COLUMNS[str(column)].title,
-            "impacts": str(len(rows)),
-            "largest residual": Unit("sd").number(float(rows["z"].abs().max()), 2),
-            "of impact": str(rows.loc[rows["z"].abs().idxmax(), "id"]),
-        }
-        for column, rows in found.groupby("column", sort=False)
-    ]
+    values = []
+    for name, row in result.frames["summary"].to_dict("index").items():
+        point, error = float(row["point"]), float(row["stderr"])
+        text = Unit("").number(point) if row["kind"] == "noise" else Unit("").plus_minus(point, error)
+        values.append(
+            {"parameter": str(name), "value": text, "unit": str(row["unit"]), "meaning": str(row["meaning"])}
+        )
+    residuals = []
+    for column, rows in result.frames["predictions"].groupby("column", sort=False):
+        worst = int(rows["z"].abs().to_numpy().argmax())
+        residuals.append(
+            {
+                "column": COLUMNS[str(column)].title,
+                "impacts": str(len(rows)),
+                "largest": Unit("").number(float(rows["z"].iloc[worst]), 2),
+                "of impact": str(rows["id"].iloc[worst]),
+            }
+        )
     lead = Text([note.text for note in result.notes if note.code == "point-only"], "lead")
     return Report(
         "Point fit",
@@ -44,11 +42,11 @@ def report(result: Frames) -> Report:
     )
 
 
-def figures(result: Frames) -> Mapping[str, Callable[[], Figure]]:
+def figures(_result: Frames) -> Mapping[str, Callable[[], Figure]]:
     """None."""
     return {}
 
 
-def files(result: Frames) -> Mapping[str, Callable[[], bytes]]:
+def files(_result: Frames) -> Mapping[str, Callable[[], bytes]]:
     """Nothing besides frames and page."""
     return {}

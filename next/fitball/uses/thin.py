@@ -4,7 +4,8 @@ whole. Imports: data, models, result, base.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -38,8 +39,8 @@ def fit(table: ImpactTable, chosen: Model | str, progress: Progress) -> Frames:
     counts = np.isfinite(measured).sum(axis=0)
     if counts.sum() <= len(names) + len(columns):
         raise FitError(
-            f"{table.name}: {counts.sum()} measured values are too few for {len(names)} parameters and the scatter of "
-            f"{len(columns)} columns",
+            f"{table.name}: {counts.sum()} measured values are too few for {len(names)} parameters and the scatter "
+            f"of {len(columns)} columns",
             "too-few-impacts",
         )
     low = np.array([p.lower for p in made.parameters])
@@ -53,12 +54,14 @@ def fit(table: ImpactTable, chosen: Model | str, progress: Progress) -> Frames:
     q, scatter = start / size, np.nanstd(measured, axis=0)
     for step in range(ROUNDS):
         progress("fitting", step / ROUNDS)
-        found = least_squares(lambda q, s=scatter: (misfit(q) / s).ravel(), q, bounds=(low / size, high / size))
+        scaled = partial(_scaled, misfit, scatter)
+        found = least_squares(scaled, q, bounds=(low / size, high / size))
         q, before = found.x, scatter
         scatter = np.sqrt(np.sum(misfit(q) ** 2, axis=0) / counts)
         if np.all(np.abs(scatter - before) <= SETTLED * before):
             break
-    errors = size * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)))
+    jacobian = np.asarray(found.jac)
+    errors = size * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
     fitted = _predicted(made, names, q * size, table, columns)
     frames = {
         "summary": _summary(made, q * size, errors, columns, scatter),
@@ -66,6 +69,11 @@ def fit(table: ImpactTable, chosen: Model | str, progress: Progress) -> Frames:
     }
     note = Note("point-only", f"A point fit of {made.text}: the posterior is not computed at this stage.")
     return Frames("report.thin_page", frames, (*table.notices, note))
+
+
+def _scaled(misfit: Callable[[FloatArray], FloatArray], scatter: FloatArray, q: FloatArray) -> FloatArray:
+    """Residuals in units of the scatter, flat."""
+    return (misfit(q) / scatter).ravel()
 
 
 def _predicted(
