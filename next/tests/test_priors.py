@@ -1,0 +1,157 @@
+"""Priors against scipy's densities and 50 digits of mpmath, and every way of writing one wrong."""
+
+import mpmath
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from fitball.columns import COLUMNS
+from fitball.errors import ParameterError
+from fitball.priors import ParameterSpec, Prior, parse_prior
+
+
+def prior_of(text, lower=0.0, upper=5.0):
+    return parse_prior(ParameterSpec("x", "m", lower, upper, "uniform(0, 1)", "x", "x"), text)
+
+
+class HalfT:
+    """Student's t about zero, of which the part between two positive ends is left."""
+
+    def __init__(self, scale, freedom, low, high):
+        self.law, self.low, self.high = stats.t(freedom, 0.0, scale), low, high
+        self.mass = self.law.sf(low) - self.law.sf(high)
+
+    def ppf(self, level):
+        return self.law.isf(self.law.sf(self.low) - level * self.mass)
+
+    def logpdf(self, x):
+        return self.law.logpdf(x) - np.log(self.mass)
+
+
+def normal(low, high, centre, sd):
+    return stats.truncnorm((low - centre) / sd, (high - centre) / sd, centre, sd)
+
+
+LN = np.log
+# Text, bounds, and the law of the coordinate by scipy.
+CASES = [
+    ("normal(0.55, 0.05)", 0.0, 5.0, normal(0.0, 5.0, 0.55, 0.05)),
+    ("normal(0, 0.005)", -0.033, 0.033, normal(-0.033, 0.033, 0.0, 0.005)),
+    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)),
+    ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
+    ("lognormal(20000, 1)", 100.0, 1e7, normal(LN(100.0), LN(1e7), LN(2e4), 1.0)),
+    ("lognormal(0.6, 0.4)", 0.0, 5.0, normal(-np.inf, LN(5.0), LN(0.6), 0.4)),
+    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)),
+    ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
+    ("loguniform(1, 1000)", 0.0, 100.0, stats.uniform(0.0, LN(100.0))),
+    ("half-normal(0.3)", -1.0, 5.0, normal(0.0, 5.0, 0.0, 0.3)),
+    ("half-t(0.2, 4)", 0.0, 4.0, HalfT(0.2, 4.0, 0.0, 4.0)),
+    ("half-t(0.2, 1)", -5.0, 0.5, HalfT(0.2, 1.0, 0.0, 0.5)),
+    ("half-t(0.2, 4)", 1.0, 30.0, HalfT(0.2, 4.0, 1.0, 30.0)),
+]
+
+
+@pytest.mark.parametrize(("text", "lower", "upper", "law"), CASES, ids=[case[0] for case in CASES])
+def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
+    prior = prior_of(text, lower, upper)
+    shares = np.array([1e-6, 0.01, 0.3, 0.5, 0.9, 0.999])
+    coordinates = law.ppf(shares)
+    np.testing.assert_allclose(prior.coordinate(prior.quantile(shares)), coordinates, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(prior.value(coordinates), np.exp(coordinates) if "log" in text else coordinates)
+    np.testing.assert_allclose(prior.log_density(coordinates), law.logpdf(coordinates), rtol=1e-9, atol=1e-9)
+    ends = prior.coordinate(prior.quantile(np.array([0.01, 0.99])))
+    mass, _ = integrate.quad(lambda x: np.exp(prior.log_density(np.array([x]))[0]), *ends)
+    assert mass == pytest.approx(0.98, abs=1e-7)
+    assert list(prior.log_density(np.array([prior.lower - 1e-9, prior.upper + 1e-9]))) == [-np.inf, -np.inf]
+    assert np.all(np.isfinite(prior.log_density(prior.coordinate(prior.quantile(np.array([0.001, 1.0]))))))
+
+
+# Bounds in scales from the location, degrees of freedom: far tails, windows from wide to narrower than rounding lets
+# a difference of shares be.
+EXTREME = [
+    (40.0, 41.0, np.inf), (-300.0, -40.0, np.inf), (5.0, np.inf, np.inf), (-1e-9, 1e-9, np.inf),
+    (0.3, 0.3001, np.inf), (30.0, 30.02, np.inf), (30.0, 30.1, np.inf), (-0.6, 0.0, np.inf), (-0.1, 38.0, np.inf),
+    (1e4, 1e9, 4.0), (-2.0, 1e6, 1.0), (0.5, 0.5 + 1e-7, 0.05), (0.0, 0.4, 0.3), (3.0, 4.0, 1e7),
+]  # fmt: skip
+
+
+def share_below(z, freedom):
+    """Share of a normal or Student's t less than z <= 0, or more than -z, with 50 digits."""
+    if np.isinf(freedom):
+        return mpmath.ncdf(z)
+    x = freedom / (freedom + mpmath.mpf(z) ** 2)
+    return mpmath.betainc(mpmath.mpf(freedom) / 2, mpmath.mpf(1) / 2, 0, x, regularized=True) / 2
+
+
+def share_between(low, high, freedom):
+    if low > 0:
+        return share_between(-high, -low, freedom)
+    upper = share_below(high, freedom) if high <= 0 else 1 - share_below(-high, freedom)
+    return upper - share_below(low, freedom)
+
+
+@pytest.mark.parametrize(("low", "high", "freedom"), EXTREME)
+def test_extreme_truncations_keep_their_digits(low, high, freedom):
+    prior = Prior("", 2.0 + 0.5 * low, 2.0 + 0.5 * high, 2.0, 0.5, freedom)
+    with mpmath.workdps(50):
+        z = [mpmath.mpf(end) * 2 - 4 for end in (prior.lower, prior.upper)]
+        mass = share_between(*z, freedom)
+        assert prior.log_mass == pytest.approx(float(mpmath.log(mass)), rel=1e-12, abs=1e-12)
+        nu = mpmath.mpf(freedom)
+        found = prior.quantile(np.array([0.2, 0.5, 0.9]))
+        for share, value in zip((0.2, 0.5, 0.9), found, strict=True):
+            middle = mpmath.mpf(float(value)) * 2 - 4
+            # Values are rounded to doubles about 2, so shares to that over the width of the window.
+            assert float(share_between(z[0], middle, freedom) / mass) == pytest.approx(
+                share, abs=1e-9 + 1e-15 / min(float(z[1] - z[0]), 1.0) * 4.0
+            )
+            if np.isinf(freedom):
+                log = -(middle**2) / 2 - mpmath.log(2 * mpmath.pi) / 2
+            else:
+                log = mpmath.loggamma((nu + 1) / 2) - mpmath.loggamma(nu / 2) - mpmath.log(nu * mpmath.pi) / 2
+                log -= (nu + 1) / 2 * mpmath.log1p(middle**2 / nu)
+            expected = float(log - mpmath.log(0.5) - mpmath.log(mass))
+            assert prior.log_density(np.array([value]))[0] == pytest.approx(expected, rel=1e-11, abs=1e-10)
+    first, last = prior.quantile(np.array([0.0, 1.0]))
+    assert prior.lower <= first == pytest.approx(prior.lower, rel=1e-9)
+    assert prior.upper >= last == pytest.approx(prior.upper, rel=1e-9)
+
+
+def test_draws_follow_the_density():
+    shares = np.random.default_rng(3).uniform(size=20_000)
+    draws = prior_of("normal(0.1, 0.2)").quantile(shares)
+    assert stats.kstest(draws, normal(0.0, 5.0, 0.1, 0.2).cdf).pvalue > 1e-3
+    # Negative control: a prior with another width is noticed.
+    assert stats.kstest(draws, normal(0.0, 5.0, 0.1, 0.22).cdf).pvalue < 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name, column in COLUMNS.items() if column.noise])
+def test_noises_of_columns_begin_within_a_factor_of_four(name):
+    spec = COLUMNS[name].noise
+    low, middle, high = parse_prior(spec).quantile(np.array([0.025, 0.5, 0.975]))
+    assert spec.lower < low < middle < high < spec.upper
+    assert 3.5 < middle / low < 4.5 and 3.5 < high / middle < 4.5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "gauss(1, 2)", "normal 1 2", "normal(1)", "normal(1, two)", "normal(1, -2)", "normal(1, nan)",
+        "normal(1, inf)", "uniform(2, 1)", "lognormal(-1, 1)", "lognormal(1, 1e6)", "normal(0.5, 1e-300)",
+        "loguniform(0.1, 1e300)", "loguniform(0, 1)", "normal(50, 1)", "uniform(6, 7)", "half-t(0.2)",
+        "half-normal(0.2, 4)", "half-t(-0.2, 4)", "half-t(0.2, 0)", "half-normal(0)", "normal(10, 1)",
+        "literature:clay",
+    ],
+)  # fmt: skip
+def test_a_bad_prior_is_refused(text):
+    with pytest.raises(ParameterError) as caught:
+        prior_of(text)
+    assert caught.value.code == "prior" and text in str(caught.value)
+
+
+def test_half_priors_have_no_negative_side_and_defaults_are_the_specs():
+    assert prior_of("half-normal(0.3)", -1.0, 5.0).lower == 0.0
+    assert prior_of("half-t(0.3, 4)", 0.1, 5.0).lower == 0.1
+    assert prior_of("").text == "uniform(0, 1)"
+    with pytest.raises(ParameterError):
+        prior_of("loguniform(0.1, 1)", -2.0, 0.0)
