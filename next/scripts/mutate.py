@@ -1,0 +1,165 @@
+"""Random small changes of the code, each run against the tests of its room until one fails: what would nobody notice?
+
+`python scripts/mutate.py --rooms data models --count 40 --seed 1`, in the environment of scripts/test. The tree is
+copied. A survivor of its room's tests meets the whole suite. Of those that survive that too a person decides: either
+no input separates them from the original, or the tests have a hole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+# By the beginning of a module's path the tests of its room, those most likely to fail first.
+TESTS = {
+    "models/kernels": "hard_cases oracle bounces laws derivatives history models compiled",
+    "models": "models own_model grip_slip history bounces laws derivatives oracle",
+    "inference/differences": "differences derivatives",
+    "inference": "density levels priors_joint camera forward noise differences",
+    "data/misreading": "misreading read read_faults",
+    "data": "table scene kinematics lines bundled read read_faults dialects hostile misreading",
+    "thesis": "thesis",
+    "itf": "itf",
+    "units": "units dialects",
+    "": "text_numbers priors columns files result render scheduling environment cli thread",
+}
+COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+            ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is}  # fmt: skip
+COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
+# Seconds after which tests that do not end have noticed, too.
+PATIENCE = 900
+
+
+class Mutant(NamedTuple):
+    """One expression of a file and what stands in its place; `first` and `last` are its bytes."""
+
+    file: str
+    line: int
+    first: int
+    last: int
+    before: str
+    after: str
+
+
+def changed(node: ast.expr) -> ast.expr | None:
+    """The expression with one thing altered, None where there is nothing to alter."""
+    match node:
+        case ast.Compare(ops=[op]) if type(op) in COMPARED:
+            return ast.Compare(node.left, [COMPARED[type(op)]()], node.comparators)
+        case ast.BinOp() if type(node.op) in COMPUTED:
+            return ast.BinOp(node.left, COMPUTED[type(node.op)](), node.right)
+        case ast.BoolOp():
+            return ast.BoolOp(ast.Or() if isinstance(node.op, ast.And) else ast.And(), node.values)
+        case ast.UnaryOp(op=ast.Not() | ast.USub()):
+            return node.operand
+        case ast.IfExp():
+            return ast.IfExp(node.test, node.orelse, node.body)
+        case ast.Constant(value=bool()):
+            return ast.Constant(not node.value)
+        case ast.Constant(value=int(value)):
+            return ast.Constant(value + 1)
+        case ast.Constant(value=float(value)):
+            return ast.Constant(1.1 * value + 1e-3)
+    return None
+
+
+def expressions(tree: ast.AST) -> Iterator[ast.expr]:
+    """Expressions that are evaluated: no annotations, no decorators, no parts of texts."""
+    for field, value in ast.iter_fields(tree):
+        if field in ("annotation", "returns", "decorator_list") or isinstance(tree, ast.JoinedStr):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.expr):
+                yield child
+            if isinstance(child, ast.AST):
+                yield from expressions(child)
+
+
+def mutants(room: str) -> list[Mutant]:
+    """Every mutant of the modules whose path in the package begins with `room`."""
+    found = []
+    for path in sorted((ROOT / "fitball").rglob("*.py")):
+        if not str(path.relative_to(ROOT / "fitball")).startswith(room):
+            continue
+        source = path.read_bytes()
+        starts = np.cumsum([0, *(len(line) for line in source.splitlines(keepends=True))])
+        for node in expressions(ast.parse(source)):
+            other = changed(node)
+            if other is not None:
+                first = int(starts[node.lineno - 1]) + node.col_offset
+                last = int(starts[(node.end_lineno or 0) - 1]) + (node.end_col_offset or 0)
+                after = f"({ast.unparse(ast.fix_missing_locations(other))})"
+                found.append(
+                    Mutant(str(path.relative_to(ROOT)), node.lineno, first, last, source[first:last].decode(), after)
+                )
+    return found
+
+
+def failing(tree: Path, tests: list[str]) -> str:
+    """The first test that fails, "" if none does."""
+    command = [sys.executable, "-P", "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree / "cache")}
+    try:
+        run = subprocess.run(
+            command, cwd=tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "no end"
+    if run.returncode == 0:
+        return ""
+    named = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return named[0][:160] if named else f"exit code {run.returncode}"
+
+
+def judged(mutant: Mutant) -> str:
+    """A line of the table: which test notices a mutant."""
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "next"
+        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", "__pycache__", ".*_cache", "fits"))
+        # A checkout has its data beside the package, where an installed one has them inside.
+        shutil.copytree(ROOT / "datasets", tree / "fitball" / "_datasets")
+        path = tree / mutant.file
+        source = path.read_bytes()
+        path.write_bytes(source[: mutant.first] + mutant.after.encode() + source[mutant.last :])
+        inside = mutant.file.removeprefix("fitball/")
+        names = next(tests for room, tests in TESTS.items() if inside.startswith(room)).split()
+        tests = [f"tests/test_{name}.py" for name in names if (tree / f"tests/test_{name}.py").exists()]
+        noticed = failing(tree, tests)
+        if not noticed:
+            noticed = failing(tree, ["tests", "--deselect", "tests/test_house.py"]) or "SURVIVED"
+    return f"{mutant.file}:{mutant.line}: {mutant.before!r} -> {mutant.after!r}: {noticed}"
+
+
+def main() -> None:
+    """Draw mutants evenly over rooms and print what became of each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rooms", nargs="+", default=["models/kernels", "models", "data", "inference", "thesis"])
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=2)
+    asked = parser.parse_args()
+    rng = np.random.default_rng(asked.seed)
+    drawn: list[Mutant] = []
+    for k, room in enumerate(asked.rooms):
+        every = [m for m in mutants(room) if not (room == "models" and "/kernels/" in m.file)]
+        share = asked.count // len(asked.rooms) + (k < asked.count % len(asked.rooms))
+        drawn += [every[i] for i in rng.choice(len(every), min(share, len(every)), replace=False)]
+    with ThreadPoolExecutor(asked.processes) as pool:
+        for line in pool.map(judged, drawn):
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

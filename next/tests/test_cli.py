@@ -1,0 +1,84 @@
+"""The command line as a frame: what a signature says, mistakes of words, what is imported for help."""
+
+import subprocess
+import sys
+
+import pytest
+
+from fitball import cli
+
+
+def _parsed(*words):
+    return vars(cli.make_parser().parse_args(words))
+
+
+def _exit(capsys, *words):
+    """Exit code and what was said of a mistake in words."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(words)
+    return caught.value.code, capsys.readouterr().err
+
+
+def test_options_are_those_of_the_signature():
+    line = (
+        "calibrate a.csv b.csv --fix mu=0.5,eps_slope=0 --fix e_x=0.1 --flip v_y2,omega_1 --as-read --seed 7 --out x "
+        "--prior mu=normal(0.6,0.1),e_x=uniform(-1,1)"
+    )
+    asked = _parsed(*line.split())
+    assert asked["data"] == ["a.csv", "b.csv"]
+    assert asked["fix"] == {"mu": 0.5, "eps_slope": 0.0, "e_x": 0.1}
+    assert asked["prior"] == {"mu": "normal(0.6,0.1)", "e_x": "uniform(-1,1)"}
+    assert asked["flip"] == ["v_y2", "omega_1"]
+    assert (asked["as_read"], asked["point_only"], asked["seed"], asked["_out"]) == (True, False, 7, "x")
+    assert _parsed("check")["data"] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("calibrat", "a.csv"), "calibrate"),
+        (("calibrate", "a.csv", "--see", "1"), "--seed"),
+        (("calibrate", "a.csv", "--over"), "--overwrite"),
+        (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
+        (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),
+        (("calibrate", "a.csv", "--prior", "mu"), "mu"),
+    ],
+)
+def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, named):
+    code, said = _exit(capsys, *words)
+    assert code == 2
+    assert named in said
+
+
+def test_a_negative_value_is_no_option():
+    assert _parsed("calibrate", "a.csv", "--fix", "eps_10=-0.001")["fix"] == {"eps_10": -0.001}
+
+
+def test_every_option_has_words():
+    for verb in cli.VERBS.values():
+        shared = cli.help_of(cli.verbs.calibrate).arguments
+        own = cli.help_of(verb)
+        assert own.summary
+        names = set(cli.inspect.signature(verb).parameters) - {"progress"}
+        assert names <= set(own.arguments) | set(shared)
+
+
+def test_a_folder_depends_on_arguments_alone():
+    assert cli.default_folder("calibrate", {"data": ["a/b.csv"], "model": ""}).parts == ("fits", "b", "default")
+    assert cli.default_folder("calibrate", {"data": ["b.xlsx#two"], "model": "own/f.py:g"}).parts == (
+        "fits",
+        "b",
+        "f.py_g",
+    )
+    assert cli.default_folder("predict", {"fit": "fits/b/default"}).parts == ("fits", "b", "default", "predict")
+
+
+def test_help_needs_no_heavy_package():
+    code = (
+        "import sys, fitball.cli as c\ntry:\n    c.main(['calibrate', '--help'])\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'pandas', 'scipy', 'numba', 'matplotlib', 'emcee', 'lmfit', 'msgspec', 'jinja2', 'tqdm'}\n"
+        "sys.exit(','.join(heavy & set(sys.modules)) or 0)"
+    )
+    made = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
+    assert (made.returncode, made.stderr) == (0, "")
+    assert "--as-read" in made.stdout
