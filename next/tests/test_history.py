@@ -1,0 +1,152 @@
+"""Courses of one impact: forces and velocities are integrals of each other, and the end is the rebound."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball.errors import FitballError, ModelError, ParameterError
+from fitball.models.types import Phase
+from fitball.values import Ball
+
+BALL = Ball()
+INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2
+VALUES = {
+    "mass_ratio": 0.9, "k_y": 2.0e4, "k_theta": 20.0, "mu": 0.56, "eps_10": 2.4e-3, "eps_slope": 1e-4,
+    "cor_10": 0.776, "cor_slope": -0.0158, "zeta_theta": 0.3, "inertia_split": 0.5,
+}  # fmt: skip
+# Text, values that differ, impact, and the phases it must pass through.
+CASES = [
+    ("two-mass", {}, (20.0, 6.0, -100.0), "slide"),
+    ("two-mass", {}, (12.0, 10.0, 50.0), "slide, grip, slide back"),
+    ("two-mass", {"k_theta": 206.1, "mu": 0.23, "eps_10": 0.0106, "eps_slope": 0.0, "mass_ratio": 0.81},
+     (12.9, 10.2, 481.0), "slide, slide back, grip, slide, grip, slide back"),
+    ("two-mass+torsion=free",
+     {"k_theta": 94.2, "mu": 0.69, "eps_10": 0.0022, "eps_slope": 0.0, "mass_ratio": 0.94, "zeta_theta": 0.324},
+     (8.1, 8.6, 185.0), "grip, slide, grip, slide back"),
+    ("two-mass+inertia=table", {}, (16.0, 8.6, 185.0), "slide, grip, slide back"),
+    ("two-mass+normal=total+offset=grip+torsion=free+spin=shell",
+     {"k_theta": 161.4, "mu": 0.7, "eps_10": 0.0108, "eps_slope": 0.0, "zeta_theta": 0.222}, (18.6, 13.9, 356.0),
+     "slide, hold, grip, hold, slide"),
+    ("thesis-exact", {"k_theta": 26.2, "mu": 0.59, "eps_10": 0.0117, "eps_slope": 0.0}, (16.0, 10.4, -204.0),
+     "slide, hold, grip, slide back, free"),
+]  # fmt: skip
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
+
+
+def solved(case):
+    text, changes, impact, _ = case
+    model = fitball.model(text)
+    values = {spec.name: {**VALUES, **changes}[spec.name] for spec in model.parameters}
+    return model, values, fitball.impacts(*impact), model.rebound(values, fitball.impacts(*impact))
+
+
+def spans(course, end):
+    """Ends of the phases, by bisection."""
+    grid = np.linspace(0.0, end, 401)
+    phases, edges = course(grid).phase, [0.0]
+    for k in np.flatnonzero(np.diff(phases)):
+        low, high = grid[k], grid[k + 1]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if course([middle]).phase[0] == phases[k] else (low, middle)
+        edges.append(high)
+    return [*edges, end]
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case[3] for case in CASES])
+def test_momentum_spin_and_place_are_integrals(case):
+    model, values, impact, rebound = solved(case)
+
+    def course(times):
+        return model.history(values, impact, np.asarray(times))
+
+    end = float(rebound.contact_time[0])
+    edges = spans(course, end)
+    first, last = (course([time]).courses for time in (0.0, end))
+    change = {name: float(last[name][0] - first[name][0]) for name in first}
+    total = dict.fromkeys(("normal_force", "friction_force", "moment", "v_y", "turning", "v_x"), 0.0)
+    most = 0.0
+    for low, high in pairwise(edges):
+        half = 0.5 * (high - low)
+        found = course(0.5 * (low + high) + half * NODES)
+        at = found.courses
+        phase = set(found.phase.tolist())
+        assert len(phase) == 1
+        acts = Phase.GRIP in phase or ("offset=grip" not in case[0] and "thesis" not in case[0])
+        eps = (values["eps_10"] + values["eps_slope"] * (impact.v_y1[0] - 10.0)) * acts
+        at["moment"] = -BALL.radius * at["friction_force"] - eps * at["normal_force"]
+        at["turning"] = at["omega_core"] - at["omega_shell"]
+        for name in total:
+            total[name] += half * float(WEIGHTS @ at[name])
+        # Coulomb; slip is against friction; no slip in grip and hold; the ground does not pull.
+        limit = values["mu"] * at["normal_force"] * (1.0 + 1e-9) + 1e-9
+        assert np.all(abs(at["friction_force"]) <= limit) and np.all(at["normal_force"] >= -1e-9)
+        assert np.all(at["slip"] * at["friction_force"] <= 1e-9)
+        if phase & {Phase.GRIP, Phase.HOLD}:
+            most = max(most, abs(at["slip"]).max())
+        np.testing.assert_allclose(at["slip"], at["v_x"] - BALL.radius * at["omega_shell"], atol=1e-11)
+    assert most < 1e-11
+    core = (1.0 if "total" in case[0] else values["mass_ratio"]) * BALL.mass
+    freed = core * (last["v_y"][0] - course([edges[-2]]).courses["v_y"][0]) if "free" in case[3] else 0.0
+    assert total["normal_force"] == pytest.approx(-core * change["v_y"] + freed, rel=1e-9)
+    assert total["friction_force"] == pytest.approx(BALL.mass * change["v_x"], rel=1e-8, abs=1e-12)
+    assert total["v_y"] == pytest.approx(change["y"], rel=1e-9, abs=1e-13)
+    assert total["turning"] == pytest.approx(change["twist"], rel=1e-8, abs=1e-12)
+    share = values.get("inertia_split") or split(values["mass_ratio"])
+    turned = INERTIA * (share * change["omega_core"] + (1.0 - share) * change["omega_shell"])
+    assert total["moment"] == pytest.approx(turned, rel=1e-7, abs=1e-12)
+    # Path over the contact, of which gap_path has what the flight makes of it besides.
+    late = float(rebound.gap_time[0]) - end
+    assert total["v_x"] + late * rebound.v_x2[0] == pytest.approx(rebound.gap_path[0], rel=1e-9)
+
+
+def split(ratio):
+    """A solid core in a thin shell (Jafri 2004, Eqs 67 and 69 with their fractions in the right order)."""
+    solid, thin = 0.4 * 0.97**2 * ratio, 2.0 / 3.0 * (1.0 - ratio)
+    return solid / (solid + thin)
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case[3] for case in CASES])
+def test_the_end_is_the_rebound(case):
+    model, values, impact, rebound = solved(case)
+    end = float(rebound.contact_time[0])
+    found = model.history(values, impact, np.linspace(0.0, end, 2001))
+    last = {name: column[-1] for name, column in found.courses.items()}
+    names = [Phase(code) for code in found.phase[np.r_[True, np.diff(found.phase) != 0]]]
+    packed = sum(int(phase) << 3 * k for k, phase in enumerate(names))
+    assert fitball.regime_name(rebound.regime[0]) == case[3] == fitball.regime_name(packed)
+    assert last["v_x"] == pytest.approx(rebound.v_x2[0], rel=1e-13)
+    share = values.get("inertia_split") or split(values["mass_ratio"])
+    mean = share * last["omega_core"] + (1.0 - share) * last["omega_shell"]
+    spin = last["omega_shell"] if "shell" in case[0] or "thesis" in case[0] else mean
+    assert spin == pytest.approx(rebound.omega_2[0], rel=1e-12)
+    # With normal=momentum the core picks the shell up.
+    picked = values["mass_ratio"] if model.below else 1.0
+    assert -last["v_y"] * picked == pytest.approx(rebound.v_y2[0], rel=1e-12)
+    # What landing took from the ball, by friction of the shell that stops.
+    stopped = (1.0 - values["mass_ratio"]) * BALL.mass * impact.v_y1[0] if model.below else 0.0
+    assert abs(found.courses["v_x"][0] - impact.v_x1[0]) * BALL.mass <= values["mu"] * stopped * (1.0 + 1e-12)
+    assert found.courses["v_y"][0] == impact.v_y1[0]
+
+
+def test_what_has_no_courses_says_so_by_code():
+    model, values, impact, rebound = solved(CASES[0])
+    two = fitball.impacts([20.0, 20.0], 6.0)
+    brody = {"mu": 0.5, "cor_10": 0.7, "cor_slope": 0.0}
+    for kind, code, call in (
+        (ModelError, "no-history", lambda: fitball.model("brody").history(brody, impact, np.zeros(1))),
+        (
+            ParameterError,
+            "times",
+            lambda: model.history(values, impact, np.array([0.0, 1.01 * rebound.contact_time[0]])),
+        ),
+        (ParameterError, "times", lambda: model.history(values, impact, np.array([np.nan]))),
+        (ParameterError, "parameters", lambda: model.history(values, two, np.zeros(1))),
+        (ParameterError, "parameters", lambda: model.history({**values, "mu": [0.5, 0.6]}, impact, np.zeros(1))),
+        (ParameterError, "no-answer", lambda: model.history({**values, "cor_10": 0.95}, impact, np.zeros(1))),
+    ):
+        with pytest.raises(FitballError) as caught:
+            call()
+        assert type(caught.value) is kind and caught.value.code == code

@@ -1,0 +1,174 @@
+"""A model of one's own: a Python function with priors as defaults, tried, known by its source, sent to processes."""
+
+import hashlib
+import subprocess
+import sys
+
+import cloudpickle
+import numba
+import numpy as np
+import pytest
+
+import fitball
+from fitball.errors import FitballError, ModelError, ParameterError
+from fitball.models.specs import SPECS
+from fitball.models.types import Status
+from fitball.values import Ball, Impacts
+
+STATES = fitball.impacts([10.0, 8.0, -12.0], [9.0, 12.0, 5.0], [100.0, -50.0, 0.0])
+
+
+def sliding(v_x1, v_y1, omega_1, ball, mu="lognormal(0.5, 0.5)", e_x="normal(0, 0.3)", cor_10="uniform(0, 1)"):
+    a = ball.inertia / (ball.mass * ball.radius**2)
+    slip = v_x1 - ball.radius * omega_1
+    change = np.clip(a / (1 + a) * (1 + e_x) * slip, -mu * (1 + cor_10) * v_y1, mu * (1 + cor_10) * v_y1)
+    return v_x1 - change, cor_10 * v_y1, omega_1 + change / (a * ball.radius)
+
+
+@numba.njit
+def looped(v_x1, v_y1, omega_1, ball, e_y="uniform(0, 1)"):
+    v_y2 = np.empty_like(v_y1)
+    for k in range(len(v_y1)):
+        v_y2[k] = e_y[k] * v_y1[k]
+    return v_x1 * 0.5, v_y2, omega_1 + ball.radius
+
+
+def written(folder, text):
+    """A model of a file."""
+    (folder / "mine.py").write_text(text, encoding="utf-8")
+    return f"{folder / 'mine.py'}:f"
+
+
+def faulty(body, arguments="e_y='uniform(0, 1)'"):
+    return f"import numpy as np\n\ndef f(v_x1, v_y1, omega_1, ball, {arguments}):\n    {body}\n"
+
+
+def test_it_is_a_model_like_grip_slip():
+    mine, theirs = fitball.model_from(sliding), fitball.model("grip-slip")
+    names = ("mu", "e_x", "cor_10")
+    assert tuple(spec.name for spec in mine.parameters) == names and not mine.timed and mine.text == "sliding"
+    draws = np.array([[0.3, 0.1, 0.7], [0.8, -0.2, 0.75]])
+    common = {name: draws[:, k] for k, name in enumerate(names)} | {"ball_mass": 0.058, "ball_radius": 0.0335}
+    found = mine.rebound(common, STATES)
+    wanted = theirs.rebound({**common, "offset": 0.0, "cor_slope": 0.0}, STATES)
+    for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-12)
+    assert found.regime.max() == 0 and found.status.max() == 0
+    # Every draw of states of its own.
+    own = Impacts(*(np.stack([c, c[::-1]]) for c in (STATES.v_x1, STATES.v_y1, STATES.omega_1)))
+    each = mine.evaluate(names, draws, own)
+    np.testing.assert_array_equal(each.v_x2[1], mine.evaluate(names, draws[1:], STATES).v_x2[0, ::-1])
+
+
+def test_parameters_of_fitball_keep_their_meaning_and_others_have_the_bounds_of_their_priors():
+    def f(
+        v_x1,
+        v_y1,
+        omega_1,
+        ball,
+        mu="uniform(0.2, 1)",
+        keep="uniform(-1, 2)",
+        b_1="lognormal(3, 1)",
+        c="half-t(1, 4)",
+    ):
+        return v_x1 * mu, v_y1 * keep, omega_1 * b_1 * c
+
+    mu, keep, b_1, c = fitball.model_from(f).parameters
+    assert (mu.lower, mu.upper, mu.unit, mu.meaning) == (0.0, 5.0, "", SPECS["mu"].meaning)
+    assert mu.prior == "uniform(0.2, 1)" and (keep.lower, keep.upper) == (-1.0, 2.0)
+    assert b_1.lower == c.lower == 0.0 and b_1.logarithmic and not c.logarithmic
+
+
+def test_a_compiled_function_is_one_too():
+    model = fitball.model_from(looped)
+    assert model.rebound({"e_y": 0.5}, STATES).v_y2.tolist() == [4.5, 6.0, 2.5]
+    with pytest.raises(ModelError) as caught:
+        model.kernel_call({"e_y": 0.5})
+    assert caught.value.code == "own-model"
+
+
+def test_without_an_answer_it_is_nan_with_a_status():
+    def f(v_x1, v_y1, omega_1, ball, e_y="uniform(0, 1)"):
+        return v_x1, np.where(e_y > 0.72, np.nan, e_y * v_y1), omega_1
+
+    model = fitball.model_from(f)
+    found = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), Impacts(np.ones(2), np.array([8.0, -8.0]), np.ones(2)))
+    assert found.status.tolist() == [[Status.NO_ANSWER, Status.NO_IMPACT], [Status.OK, Status.NO_IMPACT]]
+    assert np.isnan(found.v_x2).tolist() == [[True, True], [False, True]] and found.v_y2[1, 0] == 4.0
+    with pytest.raises(ParameterError) as caught:
+        model.rebound({"e_y": 0.8}, STATES)
+    assert caught.value.code == "no-answer"
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "place"),
+    [
+        (faulty("return v_x1, v_y1"), "own-model", "tuple"),
+        (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
+        (faulty("return v_x1, 0.5, omega_1"), "own-model", "v_y2 of shape ()"),
+        (faulty("return v_x1, v_y1, 1j * omega_1"), "own-model", "complex128"),
+        (faulty("return v_x1, v_y1 * np.nan, omega_1"), "own-model", "v_y1 = "),
+        (faulty("return v_x1, v_y1.mean() + 0 * v_y1, omega_1"), "own-model", "v_y2 = "),
+        (faulty("return v_x1, lost * v_y1, omega_1"), "own-model", "line 4 of mine.py with NameError"),
+        (faulty("return (v_x1 if v_x1 > 9 else v_x1), v_y1, omega_1"), "own-model", "line 4 of mine.py"),
+        (faulty("return v_x1, v_y1, omega_1", "e_y"), "prior", "e_y"),
+        (faulty("return v_x1, v_y1, omega_1", "e_y=0.5"), "prior", "e_y"),
+        (faulty("return v_x1, v_y1, omega_1", "e_y='uniform(1)'"), "prior", "e_y"),
+        (faulty("return v_x1, v_y1, omega_1", "k_y='uniform(0, 1)'"), "own-model", "k_y"),
+        (faulty("return v_x1, v_y1, omega_1", "spin_sd='uniform(0, 1)'"), "own-model", "spin_sd"),
+        (faulty("return v_x1, v_y1, omega_1", "*rest"), "prior", "rest"),
+        ("def f(v_x1, v_y1, omega_1, ball):\n    return v_x1, v_y1, omega_1\n", "own-model", "omega_1, ball"),
+        ("def f(v, e_y='uniform(0, 1)'):\n    return v, v, v\n", "own-model", "(v, e_y)"),
+        ("x = 1\n", "own-model", "'f'"),
+        ("f = 1\n", "own-model", "'f'"),
+        ("x = 1\ny = 1 / 0\n", "own-model", "line 2 of mine.py with ZeroDivisionError"),
+        ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
+    ],
+)
+def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
+    with pytest.raises(FitballError) as caught:
+        fitball.model(written(tmp_path, text))
+    assert caught.value.code == code and place in str(caught.value)
+
+
+def test_what_is_no_function_or_has_a_taken_name(tmp_path):
+    for call in (
+        lambda: fitball.model_from(np.add),
+        lambda: fitball.model_from(sliding, name="grip-slip"),
+        lambda: fitball.model_from(sliding, name="a model"),
+        lambda: fitball.model(str(tmp_path / "none.py:f")),
+        lambda: fitball.model_from(eval("lambda v_x1, v_y1, omega_1, ball, e='uniform(0, 1)': (v_x1, v_y1, e)")),
+    ):
+        with pytest.raises(ModelError) as caught:
+            call()
+        assert caught.value.code == "own-model"
+    with pytest.raises(ModelError) as caught:
+        fitball.model("mine.py:f", offset="grip")
+    assert caught.value.code == "unknown-option"
+
+
+def test_a_file_is_read_as_it_is_now_and_known_by_the_source_of_its_function(tmp_path):
+    text = faulty("return v_x1, e_y * v_y1, omega_1")
+    address = written(tmp_path, text)
+    first = fitball.model(address, ball=Ball(mass=0.06))
+    assert first.text == address and first.name == "f" and first.ball.mass == 0.06
+    assert first.source == hashlib.sha256(text.partition("\n\n")[2].encode()).hexdigest()
+    assert fitball.model(written(tmp_path, f"# A remark.\n{text}")).source == first.source
+    changed = fitball.model(written(tmp_path, text.replace("e_y * v_y1", "0.5 * e_y * v_y1")))
+    assert changed.source != first.source
+    assert changed.rebound({"e_y": 0.8}, STATES).v_y2[0] == 0.5 * first.rebound({"e_y": 0.8}, STATES).v_y2[0] == 3.6
+
+
+def test_it_goes_to_another_process_without_its_file(tmp_path):
+    text = "import numpy as np\nHALF = 0.5\n" + faulty("return share(v_x1), e_y * v_y1, omega_1")
+    address = written(tmp_path, text + "\ndef share(v):\n    return np.multiply(v, HALF)\n")
+    (tmp_path / "sent").write_bytes(cloudpickle.dumps(fitball.model(address)))
+    (tmp_path / "mine.py").unlink()
+    code = (
+        "import fitball, pathlib, pickle, sys; model = pickle.loads(pathlib.Path(sys.argv[1]).read_bytes()); "
+        "print(model.rebound({'e_y': 0.5}, fitball.impacts(3.0, 8.0)).v_x2[0], model.source)"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "sent")], capture_output=True, text=True, check=True, cwd=tmp_path
+    ).stdout.split()
+    assert float(answer[0]) == 1.5 and len(answer[1]) == 64
