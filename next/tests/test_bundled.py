@@ -1,0 +1,86 @@
+"""Bundled files: found by name, physically sound, published priors with their sources."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from fitball.data.bundled import descriptions, place_of, printed, published, published_prior
+from fitball.data.scene import load_scene
+from fitball.errors import FolderError, ParameterError
+from fitball.priors import ParameterSpec
+
+
+def test_a_file_that_exists_wins_over_a_bundled_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    inside = place_of("wang_all.csv")
+    assert inside == place_of("wang_all") and inside.is_absolute()
+    (tmp_path / "wang_all.csv").write_text("own")
+    assert place_of("wang_all.csv").read_text() == "own" and place_of("wang_all") == inside
+
+
+@pytest.mark.parametrize("source", ["wang_al", "folder", "a" * 5000, "tracks/table_tennis_topspin", "../wang_all"])
+def test_what_is_nowhere(source, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FolderError) as caught:
+        place_of(source)
+    assert caught.value.code == "not-found" and len(str(caught.value)) < 600
+
+
+def test_every_table_has_a_scene_that_describes_it():
+    found = descriptions()
+    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*found} and all(found.values())
+    assert [*descriptions("tracks")] == ["table_tennis_topspin"]
+
+
+def test_the_film_falls_as_a_ball_does_on_its_table():
+    """ISR's launches onto a table 76 cm high: gravity less some drag before each bounce, lowest just above the table,
+    frames rising. Its licence is beside it.
+    """
+    place = place_of("table_tennis_topspin", "tracks")
+    scene = load_scene(place)
+    with place.open(encoding="utf-8", newline="") as file:
+        rows = np.array([[float(cell) for cell in row.values()] for row in csv.DictReader(file)])
+    assert "BSD 3-Clause" in place.with_suffix(".LICENSE").read_text(encoding="utf-8")
+    assert np.unique(rows[:, 0]).tolist() == [*range(15)]
+    falls = []
+    for k in range(15):
+        _, frame, x, y = rows[rows[:, 0] == k].T
+        assert (np.diff(frame) > 0).all() and x[-1] > x[0] and 0.75 < y.min() < 0.80
+        t, lowest = frame / scene.camera.fps, int(np.argmin(y))
+        bend = np.polyfit(t[: lowest - 2], y[: lowest - 2], 2)
+        falls.append(-2.0 * bend[0])
+    # Topspin pulls the ball down: more than g.
+    assert 9.81 < np.median(falls) < 14.0
+
+
+def test_printed_tables_keep_their_digits():
+    assert printed("table_7")["zero"].tolist() == [0.502, 0.543, 0.388, 0.303, 0.231, 0.203, 0.141]
+    # Seven sets of predictions for 21 impacts, three cases of errors for them; fractions stay texts.
+    appendix = printed("appendix_c")
+    assert (len(appendix), len(printed("appendix_d"))) == (7 * 21, 3 * 21)
+    assert set(appendix["mass_ratio"]) >= {"2/3"}
+
+
+def test_priors_of_the_literature():
+    spec = ParameterSpec("mu", "", 0.01, 2.0, "lognormal(0.5, 0.5)", "friction", "")
+    prior = published_prior(spec, "literature:Clay")
+    assert (prior.location, prior.scale, prior.lower, prior.upper) == (0.73, 0.10, 0.01, 2.0)
+    assert "Carre" in prior.source
+    spread = ParameterSpec("mu_spread", "", 0.0, 2.0, "half-t(0.2, 4)", "spread", "")
+    assert (published_prior(spread, "surface").scale, published_prior(spread, "place").freedom) == (0.2, 4.0)
+    assert all(row["source"] and row["note"] for row in published())
+    for name, key in (("mu", "literature:clya"), ("offset", "clay"), ("mu", "")):
+        with pytest.raises(ParameterError) as caught:
+            published_prior(ParameterSpec(name, "", 0.0, 1.0, "uniform(0, 1)", "", ""), key)
+        assert caught.value.code == "unknown-key"
+
+
+def test_every_published_prior_can_be_used():
+    for row in published():
+        spec = ParameterSpec(row["parameter"], "", 1e-6, 1e6, "uniform(0, 1)", "", "")
+        prior = published_prior(spec, f"literature:{row['key']}")
+        middle = prior.quantile(np.array([0.5])).item()
+        value = float(row["value"])
+        assert 0.5 * value < middle < 1.5 * value

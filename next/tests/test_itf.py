@@ -1,0 +1,47 @@
+"""Formulas of the ITF against its printed numbers and against free fall."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fitball import itf
+
+
+def test_the_rating_has_the_values_of_the_guide():
+    """CS 01/02: e = 0.81 and mu = 0.60 make 40; ten kelvins colder take 0.03 of restitution, 4.5 points."""
+    mu, e = np.array([0.60, 0.60, 0.55]), np.array([0.81, 0.78, 0.81])
+    np.testing.assert_allclose(itf.pace_rating(mu, e, None), [40.0, 44.5, 45.0], rtol=1e-13)
+    np.testing.assert_allclose(itf.pace_rating(mu, e, 23.0), itf.pace_rating(mu, e, None), rtol=1e-15)
+    np.testing.assert_allclose(itf.pace_rating(mu, e, 13.0), [35.5, 40.0, 40.5], rtol=1e-13)
+
+
+def test_ratings_are_rounded_before_their_category():
+    ratings = np.array([29.4, 29.5, 34.49, 34.5, 39.4, 39.6, 44.5, 60.0, -5.0, 44.4])
+    wanted = {"slow": 0.2, "medium-slow": 0.2, "medium": 0.2, "medium-fast": 0.2, "fast": 0.2}
+    assert itf.pace_categories(ratings) == pytest.approx(wanted, rel=1e-14)
+    assert itf.pace_categories(np.array([37.0]))["medium"] == 1.0
+
+
+def test_the_impact_of_the_test():
+    impacts = itf.pace_impact()
+    speed, angle = impacts.polar()
+    assert (speed.item(), np.degrees(angle.item())) == pytest.approx((30.0, 16.0), rel=1e-14)
+    assert impacts.omega_1.tolist() == [0.0] and len(impacts) == 1
+
+
+def test_a_fall_is_that_of_newton():
+    """An integration of free fall until the ground; 100 inches make 7.06 m/s."""
+    ground = lambda _, y: y[0]  # noqa: E731
+    ground.terminal = True
+    end = solve_ivp(lambda _, y: [y[1], -itf.GRAVITY], (0.0, 2.0), [itf.DROP_HEIGHT, 0.0], events=ground, rtol=1e-10)
+    assert itf.fall_speed(itf.DROP_HEIGHT) == pytest.approx(-end.y_events[0][0][1], rel=1e-9)
+    assert itf.fall_speed(2.54) == pytest.approx(7.0582, abs=5e-5)
+
+
+def test_types_of_balls_are_those_of_the_rules():
+    """Rules of Tennis, Appendix I: type 2 rebounds 135 to 147 cm; slower balls of the stages rebound less."""
+    assert itf.BALL_TYPES["type-2"] == itf.BALL_TYPES["type-3"] == (1.35, 1.47)
+    assert all(0.8 < low < high < 1.6 for low, high in itf.BALL_TYPES.values())
+    stages = [itf.BALL_TYPES[f"stage-{k}"] for k in (1, 2, 3)]
+    assert stages == sorted(stages, reverse=True) and stages[0][1] <= itf.BALL_TYPES["type-2"][0]
+    assert np.pi / 6 * 0.0654**3 < 4 / 3 * np.pi * itf.TOLERANCES["ball_radius"][1] ** 3

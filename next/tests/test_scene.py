@@ -1,0 +1,262 @@
+"""Scenes: read and written without loss, limits with the unit that was meant, the first fault that says most."""
+
+import pickle
+import re
+import tomllib
+
+import msgspec
+import numpy as np
+import pytest
+
+from fitball.columns import COLUMNS
+from fitball.data.bundled import descriptions, folder, place_of
+from fitball.data.scene import BallSection, CameraSection, Quantity, Scene, load_scene
+from fitball.errors import InputError
+from fitball.values import Ball
+
+FULL = """
+[ball]
+mass = { value = 0.0577, sd = 0.0002 }
+radius = 0.0331
+inertia = { value = 3.6e-5, sd = 4e-7 }
+temperature = 21
+type = "type-1"
+[surface]
+name = "clay"
+court = "centre"
+mu = { value = 0.7, sd = 0.1 }
+[contact_time]
+value = 5e-3
+sd = 5e-4
+[measurement]
+velocity_sd = 0.1
+nominal_spin_sd = 8
+gap_turn_sd = 0.02
+noise = "student-t"
+ignore = ["omega_2"]
+[camera]
+scale = { value = 1, sd = 0.01 }
+clock = 0.999
+tilt = { value = 0, sd = 0.005 }
+court_height = { value = -0.002, sd = 0.003 }
+fps = 240
+mm_per_px = 0.8
+y = "down"
+angles = "clockwise"
+court = 0.76
+fold = 2
+lasting = 0.0005
+row_time = 1.5e-5
+[flight]
+drag = { value = 0.55, sd = 0.05 }
+lift = -0.1
+spin_sd = 250
+[air]
+temperature = 30
+pressure = 95000
+[model]
+name = "two-mass+offset=grip"
+[prior]
+mu = "literature:clay"
+[fix]
+cor_10 = 0.8
+[pool]
+mu = "surface"
+[columns]
+v_1 = "Vin [mph]"
+[laboratory]
+name = "Court laboratory"
+date = 2026-05-31
+[source]
+description = "All keys"
+"""
+
+
+def scene_of(tmp_path, text):
+    place = tmp_path / "t.toml"
+    place.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return load_scene(None, place)
+
+
+def refused(make):
+    """Key and message of the one fault."""
+    with pytest.raises(InputError) as caught:
+        make()
+    (fault,) = caught.value.faults
+    assert caught.value.code == fault.code == "scene" and len(str(caught.value)) < 500
+    return fault.column, fault.message
+
+
+def test_every_key_is_read_and_written_without_loss(tmp_path):
+    scene = scene_of(tmp_path, FULL)
+    tree = msgspec.to_builtins(scene)
+    tree["measurement"]["ignore"] = [*tree["measurement"]["ignore"]]
+    assert tree == tomllib.loads(FULL.replace("2026-05-31", '"2026-05-31"'))
+    for form in (msgspec.toml, msgspec.json):
+        assert form.decode(form.encode(scene), type=Scene) == scene
+    assert pickle.loads(pickle.dumps(scene)) == scene == scene_of(tmp_path, "\ufeff" + FULL)
+    assert scene.camera.scale == Quantity(1.0, 0.01) and scene.assumed() == ()
+
+
+def test_bundled_scenes_are_read():
+    for kind in ("", "tracks"):
+        for name, description in descriptions(kind).items():
+            scene = load_scene(place_of(name, kind))
+            assert scene.source["description"] == description
+            assert msgspec.toml.decode(msgspec.toml.encode(scene), type=Scene) == scene
+    wang = load_scene(place_of("wang_all"))
+    assert wang.value() == Ball(0.0576, 0.03302, 0.56) and wang.ball_sd() == {} and wang.assumed() == ()
+    assert wang.surface["mu"] == Quantity(0.55, 0.05) and wang.contact_time == Quantity(5e-3, 5e-4)
+    assert wang.measurement == {"nominal_velocity_sd": 0.25, "nominal_spin_sd": 10.0}
+    assert load_scene(place_of("synthetic_gaps")).ball_sd() == {"mass": 1e-4, "radius": 1e-4, "inertia_ratio": 3e-3}
+
+
+def test_where_a_scene_comes_from(tmp_path):
+    table = tmp_path / "t.csv"
+    assert load_scene(table) == load_scene(None) == load_scene(table, "") == Scene()
+    assert {note.code for note in Scene().assumed()} == {
+        "assumed-mass", "assumed-radius", "assumed-inertia", "no-friction", "no-contact-time", "no-velocity-noise",
+        "no-spin-noise",
+    }  # fmt: skip
+    (tmp_path / "other.toml").write_text("[surface]\nmu = 0.5")
+    table.with_suffix(".toml").write_text("[surface]\nmu = 0.6")
+    assert (load_scene(table).surface, load_scene(table, tmp_path / "other.toml").surface) == (
+        {"mu": 0.6},
+        {"mu": 0.5},
+    )
+    # What is beside the table and no file is not passed over.
+    table.with_suffix(".toml").unlink()
+    table.with_suffix(".toml").symlink_to("nowhere")
+    for given in (None, tmp_path / "absent.toml", tmp_path):
+        assert refused(lambda given=given: load_scene(table, given))[0] is None
+
+
+def test_an_inertia_is_one_of_the_ratio():
+    ball = Scene(ball=BallSection(0.05, 0.03, inertia=Quantity(2.25e-5, 4.5e-7)))
+    assert ball.value().inertia_ratio == pytest.approx(0.5, rel=1e-15)
+    assert ball.ball_sd() == {"inertia_ratio": pytest.approx(0.01, rel=1e-14)}
+
+
+# What was written, the key at fault, and the SI number of the unit that was meant.
+MEANT = [
+    ("[ball]\nmass = 57.7", "ball.mass", 0.0577),
+    ("[ball]\nmass = { value = 57.7, sd = 0.3 }", "ball.mass", 0.0577),
+    ("[ball]\nmass = { value = 0.0577, sd = 0.3 }", "ball.mass", 3e-4),
+    ("[ball]\nmass = 2.7\nradius = 0.02", "ball.mass", 2.7e-3),
+    ("[ball]\nradius = 33", "ball.radius", 0.033),
+    ("[ball]\nradius = 3.3", "ball.radius", 0.033),
+    ("[ball]\ninertia = 350", "ball.inertia", 3.5e-5),
+    ("[contact_time]\nvalue = 5\nsd = 0.5", "contact_time", 5e-3),
+    ("[contact_time]\nvalue = 0.005\nsd = 0.5", "contact_time", 5e-4),
+    ("[measurement]\nvelocity_sd = 20", "measurement.velocity_sd", 0.2),
+    ("[measurement]\nnominal_spin_sd = 2000", "measurement.nominal_spin_sd", 209.4),
+    ("[measurement]\ngap_time_sd = 0.1", "measurement.gap_time_sd", 1e-4),
+    ("[camera]\nclock = 98", "camera.clock", 0.98),
+    ("[camera]\ntilt = -2", "camera.tilt", -0.03491),
+    ("[camera]\ntilt = { value = 0, sd = 0.3 }", "camera.tilt", 0.005236),
+    ("[camera]\ncourt_height = { value = 0, sd = 3 }", "camera.court_height", 3e-3),
+    ("[camera]\nrow_time = 15", "camera.row_time", 1.5e-5),
+    ("[camera]\nlasting = 0.5", "camera.lasting", 5e-4),
+    ("[air]\npressure = 1013", "air.pressure", 1.013e5),
+    # A misspelled key does not hide it.
+    ("[bal]\nmass = 1\n[ball]\nmas = 1\nmass = 57.7", "ball.mass", 0.0577),
+]
+
+
+@pytest.mark.parametrize(("text", "key", "value"), MEANT)
+def test_a_unit_that_was_meant_is_asked_about(tmp_path, text, key, value):
+    found, message = refused(lambda: scene_of(tmp_path, text))
+    assert found == key
+    assert float(re.search(r"did you mean [^(]+\(([^)]+)\)\?", message)[1]) == pytest.approx(value, rel=1e-12)
+
+
+WRONG = [
+    ("[bal]\nmass = 1", "bal"),
+    ("[ball]\nmas = 1", "ball.mas"),
+    ("[camera]\nscal = 1", "camera.scal"),
+    ("[measurement]\nspin = 1", "measurement.spin"),
+    ("[surface]\nfriction = 1", "surface.friction"),
+    ("speed = 3", "speed"),
+    ("ball = 3", "ball"),
+    ("prior = 3", "prior"),
+    ("[ball]\nmass = -1", "ball.mass"),
+    ("[ball]\nmass = nan", "ball.mass"),
+    ("[ball]\nmass = 1" + 400 * "0", "ball.mass"),
+    ("[ball]\nmass = true", "ball.mass"),
+    ('[ball]\nmass = "57 g"', "ball.mass"),
+    ("[ball]\nmass = { value = 0.057 }", "ball.mass"),
+    ("[ball]\nmass = { value = 0.057, sd = 0 }", "ball.mass"),
+    ("[ball]\nmass = { value = 0.057, sd = 1e-300 }", "ball.mass"),
+    ("[ball]\nmass = { value = 0.057, sd = 0.001, unit = 1 }", "ball.mass"),
+    ("[ball]\nradius = 0.33", "ball.mass"),
+    ("[ball]\ninertia = 1", "ball.inertia"),
+    ("[ball]\ninertia = 3e-5\ninertia_ratio = 0.5", "ball.inertia"),
+    ('[ball]\ntype = "type-5"', "ball.type"),
+    ("[ball]\ntemperature = 296", "ball.temperature"),
+    ("[contact_time]\nvalue = 0.005", "contact_time"),
+    ("[measurement]\nspin_sd = 1\nnominal_spin_sd = 1", "measurement.spin_sd"),
+    ("[measurement]\nvelocity_sd = 0.0", "measurement.velocity_sd"),
+    ('[measurement]\nvelocity_sd = "0.2"', "measurement.velocity_sd"),
+    ('[measurement]\nnoise = "tied"', "measurement.noise"),
+    ("[measurement]\nignore = 'omega_2'", "measurement.ignore"),
+    ("[measurement]\nignore = [3]", "measurement.ignore"),
+    ("[surface]\nname = 3", "surface.name"),
+    ('[surface]\nmu = "0.5"', "surface.mu"),
+    ('[camera]\ny = "left"', "camera.y"),
+    ("[camera]\nfold = 0", "camera.fold"),
+    ("[camera]\nfold = 2.5", "camera.fold"),
+    ("[air]\ndensity = 1.2\ntemperature = 20", "air.density"),
+    ("[prior]\ncor_10 = 'normal(0.7, 0.1)'\nmu = 0.5", "prior.mu"),
+    ('[fix]\nmu = "0.5"', "fix.mu"),
+    ("[fix]\nmu = inf", "fix.mu"),
+    ("[model]\nclosures = { normal = 3 }", "model.closures"),
+    ("[ball]\nmass = \n", None),
+    ("x = " + "[" * 5000, None),
+    ("x = " + "9" * 5000, None),
+    (b"# caf\xe9\n", None),
+]
+
+
+@pytest.mark.parametrize(("text", "key"), WRONG)
+def test_what_no_scene_holds_is_refused_at_its_key(tmp_path, text, key):
+    assert refused(lambda: scene_of(tmp_path, text))[0] == key
+
+
+@pytest.mark.parametrize(
+    ("parts", "key"),
+    [
+        ({"ball": BallSection(mass=57.7)}, "ball.mass"),
+        ({"ball": BallSection(mass=Quantity(0.0577, -0.1))}, "ball.mass"),
+        ({"measurement": {"velocity_sd": -1.0}}, "measurement.velocity_sd"),
+        ({"measurement": {"velocty_sd": 1.0}}, "measurement.velocty_sd"),
+        ({"camera": CameraSection(scale=50.0)}, "camera.scale"),
+        ({"fix": {"mu": float("nan")}}, "fix.mu"),
+    ],
+)
+def test_a_scene_made_in_python_has_the_same_limits(parts, key):
+    assert refused(lambda: Scene(**parts))[0] == key
+
+
+def test_balls_of_games_and_laboratories_are_welcome():
+    balls = {
+        "table tennis": (2.7e-3, 0.02, 0.66), "golf": (0.0459, 0.0213, 0.4), "basketball": (0.62, 0.12, 0.65),
+        "bowling": (7.2, 0.108, 0.4), "steel shot": (3.3e-5, 1e-3, 0.4), "foam": (0.01, 0.035, 0.4),
+    }  # fmt: skip
+    for mass, radius, ratio in balls.values():
+        section = BallSection(Quantity(mass, 0.02 * mass), Quantity(radius, 0.01 * radius), Quantity(ratio, 0.01))
+        assert Scene(ball=section).value() == Ball(mass, radius, ratio)
+
+
+def test_every_noise_of_the_registry_may_be_held_or_nominal():
+    for column in COLUMNS.values():
+        if column.noise:
+            middle = float(np.sqrt(column.noise.lower * column.noise.upper))
+            for prefix in ("", "nominal_"):
+                assert Scene(measurement={prefix + column.noise.name: middle}).measurement
+
+
+def test_bundled_scenes_have_no_key_that_the_type_drops():
+    """What is written is what was read, key by key."""
+    for place in folder().glob("*.toml"):
+        tree = tomllib.loads(place.read_text(encoding="utf-8"))
+        assert msgspec.to_builtins(load_scene(None, place)) == tree

@@ -1,0 +1,181 @@
+"""Tables of impacts: states, dense errors, parts, frames, tables together."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from made_tables import bundled, made
+
+from fitball.data.labels import first_spelled, role_of, spelled
+from fitball.data.table import joined, pair_of, stated
+from fitball.errors import InputError
+
+GAPS = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "gap_time", "gap_path", "gap_turn")
+POLAR = {"v_1": [10.0, 20.0], "theta_1": [0.3, 2.0], "v_x2": [5.0, np.nan], "omega_2": 100.0}
+
+
+def codes(tables):
+    with pytest.raises(InputError) as caught:
+        joined(tables)
+    return {fault.code: fault.column for fault in caught.value.faults}
+
+
+def test_states_from_components_or_from_speed_and_angle():
+    impacts = made(POLAR).impacts
+    np.testing.assert_allclose(impacts.polar(), [POLAR["v_1"], POLAR["theta_1"]], rtol=1e-15)
+    assert impacts.v_x1[1] < 0.0 and not impacts.omega_1.any()
+    drop = made({"v_y1": [4.0, 5.0], "v_y2": 3.0}).impacts
+    assert drop.v_y1.tolist() == [4.0, 5.0] and not drop.v_x1.any()
+
+
+@pytest.mark.parametrize(
+    ("columns", "tangential", "spin"),
+    [
+        ("v_y1 v_y2", False, False),
+        ("v_y1 omega_1 v_y2", False, True),
+        ("v_x1 v_y1 v_y2", False, False),
+        ("v_x1 v_y1 v_x2", True, False),
+        ("v_1 theta_1 v_2", True, False),
+        ("v_y1 v_x2", False, False),
+        ("v_x1 v_y1 omega_2", True, True),
+    ],
+)
+def test_what_motion_a_table_shows(columns, tangential, spin):
+    table = made(dict.fromkeys(columns.split(), 1.0))
+    assert (table.shows("tangential"), table.shows("spin")) == (tangential, spin)
+
+
+def test_dense_errors_are_those_stated_in_any_order_of_columns():
+    """Of the bundled film all nine sds and thirteen pairs; asked for in another order, and for some columns alone."""
+    table = bundled("synthetic_gaps", GAPS)
+    whole = table.covariance(GAPS[3:])
+    sds = np.stack([table.sd[name] for name in GAPS], 1)
+    corr = whole / (sds[:, :, None] * sds[:, None, :])
+    np.testing.assert_allclose(np.diagonal(corr, axis1=1, axis2=2), 1.0, rtol=1e-13)
+    for pair, values in table.corr.items():
+        i, j = (GAPS.index(name) for name in pair.split(","))
+        np.testing.assert_allclose(corr[:, i, j], values, rtol=1e-12)
+        np.testing.assert_allclose(corr[:, j, i], values, rtol=1e-12)
+    assert len(table.corr) == 13 and np.count_nonzero(np.abs(corr[0]) > 1e-12) == 9 + 2 * 13
+    part = table.covariance(("gap_turn", "v_y2"))
+    keep = [0, 1, 2, 8, 4]
+    np.testing.assert_allclose(part, whole[:, keep][:, :, keep], rtol=1e-13)
+
+
+def test_errors_of_speed_and_angle_are_propagated_together_with_the_rebound():
+    """By 400,000 draws of the row; a gap has no error, and nothing stated is no matrix."""
+    sd = {"v_1": 0.05, "theta_1": 0.004, "v_x2": [0.06, np.nan]}
+    pairs = {("v_1", "theta_1"): 0.5, ("theta_1", "v_x2"): -0.7}
+    table = made(POLAR, sd, pairs)
+    found = table.covariance(["v_x2", "omega_2"])
+    matrix = np.array([[1.0, 0.5, 0.0], [0.5, 1.0, -0.7], [0.0, -0.7, 1.0]]) * np.outer(*[[0.05, 0.004, 0.06]] * 2)
+    v, theta, x_2 = np.random.default_rng(2).multivariate_normal([10.0, 0.3, 5.0], matrix, 400_000).T
+    drawn = np.cov([v * np.cos(theta), v * np.sin(theta), x_2])
+    np.testing.assert_allclose(found[0][np.ix_([0, 1, 3], [0, 1, 3])], drawn, rtol=0.02, atol=2e-6)
+    assert found.shape == (2, 5, 5) and not found[:, [2, 4]].any() and not found[1, 3].any() and found[1, 0, 0] > 0.0
+    assert made(POLAR).covariance(["v_x2"]) is None
+    assert made(POLAR, {"omega_2": 1.0}).covariance(["v_x2"]) is None
+
+
+def test_correlations_that_no_errors_can_have_are_found():
+    values = {"v_x1": [10.0, 10.0, 10.0], "v_y1": 5.0, "v_x2": 6.0}
+    pairs = {("v_x1", "v_y1"): 0.9, ("v_x1", "v_x2"): 0.9, ("v_y1", "v_x2"): [0.7, 0.6, -0.9]}
+    # Of three equal correlations 0.9, 0.9 and r, r is at least 2 * 0.9^2 - 1 = 0.62.
+    assert made(values, dict.fromkeys(values, 0.1), pairs).impossible().tolist() == [1, 2]
+    assert bundled("synthetic_gaps", GAPS).impossible().size == made(values).impossible().size == 0
+
+
+def test_stated_errors_of_a_covariance_make_it_again():
+    rng = np.random.default_rng(4)
+    factor = rng.standard_normal((3, 4, 6))
+    covariance = factor @ factor.transpose(0, 2, 1)
+    columns = ("v_x2", "omega_1", "v_y1", "v_x1")
+    sd, corr = stated(columns, covariance)
+    table = made({"v_x1": [9.0, 8.0, 7.0], "v_y1": 8.0, "omega_1": 7.0, "v_x2": 6.0}, sd)
+    again = made(table.values, sd, {tuple(pair.split(",")): one for pair, one in corr.items()}).covariance(["v_x2"])
+    np.testing.assert_allclose(again[:, [3, 2, 1, 0]][:, :, [3, 2, 1, 0]], covariance, rtol=1e-13)
+    assert "v_x1,v_x2" in corr and pair_of("gap_time", "v_x1") == "v_x1,gap_time"
+    covariance[:, 2] = covariance[:, :, 2] = 0.0
+    sd, corr = stated(columns, covariance)
+    assert np.isnan(sd["v_y1"]).all() and not any("v_y1" in pair for pair in corr)
+
+
+def test_some_of_the_rows():
+    table = made(POLAR, {"v_1": [0.1, 0.2]}, {("v_1", "theta_1"): [0.3, 0.4]}, labels={"surface": ("clay", "grass")})
+    part = table.take(np.array([1]))
+    assert len(part) == 1 and part.labels == {"id": ("2",), "surface": ("grass",)}
+    assert (part.values["v_1"].item(), part.sd["v_1"].item(), part.corr["v_1,theta_1"].item()) == (20.0, 0.2, 0.4)
+
+
+def test_a_frame_has_every_digit_errors_and_labels():
+    table = bundled("synthetic_gaps", GAPS)
+    first, *rows = csv.reader(io.StringIO(table.to_frame().to_csv()))
+    back = dict(zip(first, zip(*rows, strict=True), strict=True))
+    assert first[:3] == ["id", "v_x1 [m/s]", "v_x1_sd [m/s]"] and back["id"] == table.labels["id"]
+    for name in GAPS:
+        column = next(column for column in first if column.startswith(f"{name} ["))
+        assert [*map(float, back[column])] == table.values[name].tolist()
+        assert [*map(float, back[column.replace(" [", "_sd [")])] == table.sd[name].tolist()
+    for pair, values in table.corr.items():
+        assert [*map(float, back[f"corr({pair})"])] == values.tolist()
+    assert list(made(POLAR, labels={"surface": ("clay", "grass")}).to_frame()["surface"]) == ["clay", "grass"]
+
+
+def test_tables_together():
+    one = made(
+        POLAR, {"v_x2": [0.1, np.nan]}, name="one", labels={"surface": ("Hard court", "clay")}, read=({"n": "1"},)
+    )
+    other = made(
+        {"v_1": 12.0, "theta_1": 0.2, "v_y2": 4.0},
+        {},
+        name="other",
+        labels={"surface": ("hard  Court",)},
+        read=({"n": "2"},),
+    )
+    both = joined([one, other])
+    assert both.labels["id"] == ("one:1", "one:2", "other:1") and both.labels["table"] == ("one", "one", "other")
+    assert both.labels["surface"] == ("Hard court", "clay", "Hard court")
+    assert [*both.values] == ["v_1", "theta_1", "v_x2", "v_y2", "omega_2"] and len(both.read) == 2
+    np.testing.assert_array_equal(both.values["v_x2"], [5.0, np.nan, np.nan])
+    np.testing.assert_array_equal(both.sd["v_x2"], [0.1, np.nan, np.nan])
+    np.testing.assert_array_equal(both.values["v_y2"], [np.nan, np.nan, 4.0])
+    assert [note.code for note in both.notices] == ["column-in-some"] * 3
+    assert joined([one]) is one
+
+
+def test_correlations_that_one_table_lacks_are_none():
+    pair = {("v_1", "v_x2"): 0.5}
+    sds = {"v_1": 0.1, "v_x2": [0.1, 0.1]}
+    full = POLAR | {"v_x2": [5.0, 6.0]}
+    both = joined([made(full, sds, pair, name="one"), made(full, sds, name="other")])
+    assert both.corr["v_1,v_x2"].tolist() == [0.5, 0.5, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("other", "code", "column"),
+    [
+        (made({"v_x1": 1.0, "v_y1": 1.0, "v_x2": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
+        (made(POLAR | {"omega_1": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
+        (made({"v_1": 1.0, "theta_1": 1.0, "v_2": 1.0, "theta_2": 1.0}, name="b"), "rebound-columns-differ", None),
+        (made(POLAR, name="b"), "stated-in-some", "v_x2"),
+        (made(POLAR, {"v_x2": 0.1, "v_1": 0.1}, name="b"), "stated-in-some", "v_1"),
+        (made(POLAR, {"v_x2": 0.1}, name="a"), "same-table-twice", None),
+        (made(POLAR, {"v_x2": 0.1}, name="b", read=({"sha256": "0f", "source": "x"},)), "same-table-twice", None),
+    ],
+)
+def test_tables_that_do_not_belong_together(other, code, column):
+    first = made(POLAR, {"v_x2": 0.1}, name="a", read=({"sha256": "0f", "source": "y"},))
+    assert codes([first, other]) == {code: column}
+
+
+def test_sheets_of_one_workbook_are_different_tables():
+    sheets = [made(POLAR, name=n, read=({"sha256": "0f", "source": f"book.xlsx#{n}"},)) for n in "ab"]
+    assert len(joined(sheets)) == 4
+
+
+def test_labels_of_one_spelling_and_roles():
+    assert first_spelled(["Clay", " clay", "Grass", "CLAY "]) == ("Clay", "Clay", "Grass", "Clay")
+    assert spelled("Hard  Court") == spelled("hard court ") != spelled("hardcourt")
+    names = ("Surface", "court_type", "Ball no", "location", "session", "table", "operator")
+    assert [role_of(name) for name in names] == ["surface", "surface", "ball", "place", "session", "table", ""]
