@@ -34,6 +34,7 @@ nominal_spin_sd = 8
 gap_turn_sd = 0.02
 noise = "student-t"
 ignore = ["omega_2"]
+flip = ["theta_1"]
 [camera]
 scale = { value = 1, sd = 0.01 }
 clock = 0.999
@@ -90,7 +91,8 @@ def refused(make):
 def test_every_key_is_read_and_written_without_loss(tmp_path):
     scene = scene_of(tmp_path, FULL)
     tree = msgspec.to_builtins(scene)
-    tree["measurement"]["ignore"] = [*tree["measurement"]["ignore"]]
+    for name in ("ignore", "flip"):
+        tree["measurement"][name] = [*tree["measurement"][name]]
     assert tree == tomllib.loads(FULL.replace("2026-05-31", '"2026-05-31"'))
     for form in (msgspec.toml, msgspec.json):
         assert form.decode(form.encode(scene), type=Scene) == scene
@@ -115,8 +117,7 @@ def test_where_a_scene_comes_from(tmp_path):
     table = tmp_path / "t.csv"
     assert load_scene(table) == load_scene(None) == load_scene(table, "") == Scene()
     assert {note.code for note in Scene().assumed()} == {
-        "assumed-mass", "assumed-radius", "assumed-inertia", "no-friction", "no-contact-time", "no-velocity-noise",
-        "no-spin-noise",
+        "assumed-ball", "no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise",
     }  # fmt: skip
     (tmp_path / "other.toml").write_text("[surface]\nmu = 0.5")
     table.with_suffix(".toml").write_text("[surface]\nmu = 0.6")

@@ -5,7 +5,7 @@ Sections `prior`, `fix`, `pool`, `columns` are the options of the same names, wh
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
 from math import log, pi
 from pathlib import Path
@@ -16,7 +16,7 @@ import msgspec
 from fitball.columns import COLUMNS
 from fitball.errors import Fault, InputError, Note, suggestion
 from fitball.itf import BALL_TYPES
-from fitball.text import one_line
+from fitball.text import listed, one_line
 from fitball.values import Ball
 
 
@@ -66,9 +66,9 @@ class CameraSection(Section, frozen=True):
 
 class Scene(Section, frozen=True):
     """What is known; SI, every section may be left out. `surface` has name, court, mu; `measurement` for each noise
-    parameter NAME (held) or nominal_NAME (median of its prior), `noise`, `ignore`; `flight` drag, lift, spin_sd and
-    `air` of a film; `model` a name as `--model` takes it; `laboratory` and `source` texts for reports. Raises
-    InputError (`scene`) for what no ball, court or instrument has.
+    parameter NAME (held) or nominal_NAME (median of its prior), `noise`, `ignore`, `flip`; `flight` drag, lift,
+    spin_sd and `air` of a film; `model` a name as `--model` takes it; `laboratory` and `source` texts for reports.
+    Raises InputError (`scene`) for what no ball, court or instrument has.
     """
 
     ball: BallSection = BallSection()
@@ -87,9 +87,7 @@ class Scene(Section, frozen=True):
     source: dict[str, str] = {}
 
     def __post_init__(self) -> None:
-        tree = msgspec.to_builtins(self)
-        _check_sizes(tree)
-        _check_keys(tree)
+        _check(msgspec.to_builtins(self))
         _check_ball(self.ball)
 
     def value(self) -> Ball:
@@ -111,24 +109,22 @@ class Scene(Section, frozen=True):
 
     def assumed(self) -> tuple[Note, ...]:
         """What is assumed because nothing was stated."""
-        ball, noise, tennis = self.ball, self.measurement.keys(), Ball()
-        mass = f"the ball has a mass of {1e3 * tennis.mass:g} g (the ITF allows 56.0 to 59.4 g)"
-        radius = f"the ball has a radius of {1e3 * tennis.radius:g} mm (the ITF allows 32.7 to 34.3 mm)"
-        inertia = f"I/(M R^2) = {tennis.inertia_ratio:g}, as of tennis balls"
-        prior = "it is fitted with a default prior"
+        ball, noise, fitted = self.ball, self.measurement.keys(), "it is fitted with a default prior"
+        inertia = ball.inertia_ratio if ball.inertia is None else ball.inertia
+        parts = {"mass": ball.mass, "radius": ball.radius, "inertia": inertia}
+        unstated = listed(name for name, one in parts.items() if one is None)
+        tennis = f"the {unstated} of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
         silent = (
-            ("assumed-mass", mass, ball.mass is None),
-            ("assumed-radius", radius, ball.radius is None),
-            ("assumed-inertia", inertia, ball.inertia is None and ball.inertia_ratio is None),
-            ("no-friction", "mu has a wide prior", "mu" not in self.surface),
-            ("no-contact-time", "no contact time: k_y depends on its prior", self.contact_time is None),
-            ("no-velocity-noise", f"no noise of velocities: {prior}", not _VELOCITY_NOISES & noise),
-            ("no-spin-noise", f"no noise of spins: {prior}", not {"spin_sd", "nominal_spin_sd"} & noise),
+            ("assumed-ball", tennis, bool(unstated)),
+            ("no-friction", "nothing of the friction: mu has a wide prior", "mu" not in self.surface),
+            ("no-contact-time", "nothing of the contact time: k_y depends on its prior", self.contact_time is None),
+            ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not _VELOCITY_NOISES & noise),
+            ("no-spin-noise", f"nothing of the noise of spins: {fitted}", not {"spin_sd", "nominal_spin_sd"} & noise),
         )
         return tuple(Note(code, f"Assumed: {text}.") for code, text, is_so in silent if is_so)
 
 
-# States of the noise of velocities, each of which says something of it.
+# Each of these says something of the noise of velocities.
 _VELOCITY_NOISES = {"velocity_sd", "nominal_velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
 
 
@@ -188,8 +184,22 @@ _SIZES: Mapping[str, _Size] = {
     "air.temperature": _Size(-40.0, 60.0, "degrees Celsius"),
     "air.pressure": _Size(3e4, 1.2e5, "Pa", 1e5, {"hPa": 1e2, "kPa": 1e3, "bar": 1e5}),
 }
-# Keys with texts in sections whose other keys are numbers.
-_TEXTS = {"surface": ("name", "court"), "measurement": ("noise", "ignore"), "model": ("name",)}
+_LISTS = ("measurement.ignore", "measurement.flip")
+_TEXTS = ("surface.name", "surface.court", "model.name")
+_CHOICES: Mapping[str, Sequence[str]] = {
+    "ball.type": [*BALL_TYPES],
+    "measurement.noise": ["normal", "student-t"],
+    "camera.y": ["up", "down"],
+    "camera.angles": ["counterclockwise", "clockwise"],
+}
+# Sections that take any name: for texts, and `fix` for numbers.
+_FREE = ("prior", "fix", "pool", "columns", "laboratory", "source")
+_SAME = (
+    ("ball.inertia", "ball.inertia_ratio"),
+    ("air.density", "air.temperature"),
+    ("air.density", "air.pressure"),
+    *((key, key.replace(".", ".nominal_")) for key in _SIZES if key.startswith("measurement.")),
+)
 # Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come down.
 _LIGHTEST, _DENSEST = 1.2, 22_600.0
 
@@ -201,21 +211,21 @@ def load_scene(table: Path | None, given: str | Path | None = None) -> Scene:
         return Scene()
     try:
         tree = tomllib.loads(place.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        fault = Fault("scene", f"cannot be opened: {error.strerror}; expected a scene file (TOML)")
-        raise InputError(str(place), [fault]) from None
-    except (ValueError, RecursionError) as error:
-        fault = Fault("scene", f"not TOML in UTF-8: {one_line(str(error))}; correct that place")
-        raise InputError(str(place), [fault]) from None
+    except (OSError, ValueError, RecursionError) as error:
+        words = one_line(str(getattr(error, "strerror", "") or error))
+        raise InputError(str(place), [Fault("scene", f"expected a scene file (TOML in UTF-8): {words}")]) from None
+    laboratory = tree.get("laboratory")
+    if isinstance(laboratory, dict):
+        tree["laboratory"] = {name: str(one) if isinstance(one, date) else one for name, one in laboratory.items()}
     try:
-        # A number in a wrong unit before a misspelled key, which says less.
-        _check_sizes(tree)
-        days = {name: str(item) if isinstance(item, date) else item for name, item in _part(tree, "laboratory")}
-        return msgspec.convert(tree | ({"laboratory": days} if days else {}), Scene)
+        _check(tree)
+        return msgspec.convert(tree, Scene)
     except InputError as error:
         raise InputError(str(place), error.faults) from None
     except msgspec.ValidationError as error:
-        raise InputError(str(place), [_in_words(str(error), tree)]) from None
+        # What is left: a whole number, and numbers that have no sd.
+        what, _, where = str(error).partition(" - at `$.")
+        raise InputError(str(place), [Fault("scene", what, column=where.rstrip("`") or None)]) from None
 
 
 def _fail(key: str, message: str) -> NoReturn:
@@ -226,33 +236,64 @@ def _number(quantity: float | Quantity | None, assumed: float) -> float:
     return quantity.value if isinstance(quantity, Quantity) else assumed if quantity is None else quantity
 
 
-def _part(tree: Mapping[str, Any], section: str) -> list[tuple[str, Any]]:
-    """Names and values of a section, none where it is none."""
-    part = tree.get(section, {})
-    return list(part.items()) if isinstance(part, dict) else []
+def _check(tree: Mapping[str, Any]) -> None:
+    """The first fault of a scene that says most: a number in a wrong unit before a misspelled key."""
+    leaves = []
+    for section, part in tree.items():
+        if section == "contact_time" or not isinstance(part, dict):
+            leaves.append((section, part))
+        else:
+            leaves += [(f"{section}.{name}", item) for name, item in part.items()]
+    for key, item in leaves:
+        if key in _SIZES or key.startswith("fix."):
+            _check_size(key, item)
+    for key, item in leaves:
+        _check_key(key, item)
+    for one, other in _SAME:
+        if {one, other} <= dict(leaves).keys():
+            _fail(one, f"given beside {other}, which says the same; keep one of them")
 
 
-def _check_sizes(tree: Mapping[str, Any]) -> None:
-    """Numbers and their sds against their limits; what is no number is left to the types."""
-    whole = [("contact_time", tree.get("contact_time"))]
-    for key, item in (*whole, *((f"{part}.{name}", one) for part in tree for name, one in _part(tree, part))):
-        value, sd = (item.get("value"), item.get("sd")) if isinstance(item, dict) else (item, None)
-        if not _is_number(value):
-            continue
-        if not -1e300 <= value <= 1e300:
-            _fail(key, f"read {one_line(repr(value))}; expected a finite number")
-        if key not in _SIZES:
-            continue
-        size = _SIZES[key]
-        if not size.low <= value <= size.high:
-            wanted = f"expected {size.low:g} to {size.high:g} {size.unit}".strip()
-            _fail(key, f"read {value:g}; {wanted}{_meant(value, size, size.high)}")
-        most = size.high if size.low < 0.0 or key == "surface.mu" else value
-        if _is_number(sd) and not (1e-9 * abs(value) <= sd <= most and sd > 0.0):
-            # Quantities about zero are as large as their sds.
-            typical = size.typical if size.low < 0.0 else 0.02 * size.typical
-            hint = _meant(sd, size._replace(low=0.0, typical=typical), 0.2 * most) if sd > most else ""
-            _fail(key, f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}")
+def _check_size(key: str, item: object) -> None:
+    """A number and its sd against their limits; what is no number is left to `_check_key`."""
+    value, sd = (item.get("value"), item.get("sd")) if isinstance(item, dict) else (item, None)
+    if not _is_number(value):
+        return
+    if not -1e300 <= value <= 1e300:
+        _fail(key, f"read {one_line(repr(value))}; expected a finite number")
+    size = _SIZES.get(key, _Size(-1e300, 1e300))
+    if not size.low <= value <= size.high:
+        wanted = f"expected {size.low:g} to {size.high:g} {size.unit}".strip()
+        _fail(key, f"read {value:g}; {wanted}{_meant(value, size, size.high)}")
+    most = size.high if size.low < 0.0 or key == "surface.mu" else value
+    if _is_number(sd) and not (1e-9 * abs(value) <= sd <= most and sd > 0.0):
+        # Quantities about zero are as large as their sds.
+        typical = size.typical if size.low < 0.0 else 0.02 * size.typical
+        hint = _meant(sd, size._replace(low=0.0, typical=typical), 0.2 * most) if sd > most else ""
+        _fail(key, f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}")
+
+
+def _check_key(key: str, item: object) -> None:
+    """Whether there is such a key, and whether it holds such a thing."""
+    section, _, name = key.partition(".")
+    if section not in Scene.__struct_fields__:
+        _fail(section, f"unknown key; {suggestion(section, Scene.__struct_fields__)}")
+    known = [known for known in (*_SIZES, *_LISTS, *_TEXTS, *_CHOICES) if known.partition(".")[0] == section]
+    if name and section not in _FREE and key not in known:
+        _fail(key, f"unknown key; {suggestion(name, [one.partition('.')[2] for one in known])}")
+    if key in _SIZES or (section == "fix" and name):
+        whole = not isinstance(item, dict) or item.keys() == {"value", "sd"}
+        good = whole and all(map(_is_number, item.values() if isinstance(item, dict) else [item]))
+        wanted = "a number, or { value = ..., sd = ... }"
+    elif key in _LISTS:
+        good = isinstance(item, list | tuple) and all(isinstance(one, str) for one in item)
+        wanted = 'a list of columns, such as ["omega_2"]'
+    else:
+        good, wanted = isinstance(item, str) and bool(name), "a text" if name else f"a section [{section}]"
+    if not good:
+        _fail(key, f"read {one_line(repr(item))}; expected {wanted}")
+    if key in _CHOICES and item not in _CHOICES[key]:
+        _fail(key, f"read {one_line(str(item))}; {suggestion(str(item), _CHOICES[key])}")
 
 
 def _is_number(item: object) -> TypeGuard[float]:
@@ -266,31 +307,6 @@ def _meant(value: float, size: _Size, most: float) -> str:
         return ""
     unit = min(fitting, key=lambda one: abs(log(abs(value) * fitting[one] / size.typical)))
     return f"; did you mean {value:g} {unit} ({value * fitting[unit]:.4g})?"
-
-
-def _check_keys(tree: Mapping[str, Any]) -> None:
-    """Keys of sections that are mappings, what is in them, and pairs that say one thing twice."""
-    for section in ("surface", "measurement", "flight", "air", "model"):
-        numbers = [key.partition(".")[2] for key in _SIZES if key.startswith(f"{section}.")]
-        known = [*_TEXTS.get(section, ()), *numbers]
-        for name, item in _part(tree, section):
-            if name not in known:
-                _fail(f"{section}.{name}", f"unknown key; {suggestion(name, known)}")
-            wanted = "a number" if name in numbers else "a list of columns" if name == "ignore" else "a text"
-            kind = (
-                "a text" if isinstance(item, str) else "a list of columns" if isinstance(item, tuple) else "a number"
-            )
-            if wanted != kind:
-                _fail(f"{section}.{name}", f"read {one_line(repr(item))}; expected {wanted}")
-    noise, kind = tree.get("measurement", {}), tree.get("ball", {}).get("type", "type-2")
-    if noise.get("noise", "normal") not in ("normal", "student-t"):
-        _fail("measurement.noise", f"read {one_line(noise['noise'])}; expected normal or student-t")
-    if kind not in BALL_TYPES:
-        _fail("ball.type", f"read {one_line(kind)}; {suggestion(kind, BALL_TYPES)}")
-    pairs = [("ball", "inertia", "inertia_ratio"), ("air", "density", "temperature"), ("air", "density", "pressure")]
-    for section, one, other in (*pairs, *(("measurement", name, f"nominal_{name}") for name in noise)):
-        if {one, other} <= tree.get(section, {}).keys():
-            _fail(f"{section}.{one}", f"given beside {section}.{other}, which says the same; keep one of them")
 
 
 def _check_ball(ball: BallSection) -> None:
@@ -308,36 +324,3 @@ def _check_ball(ball: BallSection) -> None:
         size = _SIZES["ball.inertia"]._replace(low=0.2 * square, typical=0.5 * square)
         wanted = f"expected {0.01 * square:.3g} to {square:.3g} kg m^2 (M R^2)"
         _fail("ball.inertia", f"read {inertia:g}; {wanted}{_meant(inertia, size, square)}")
-
-
-_KINDS = {"str": "a text", "float": "a number", "int": "a whole number", "array": "a list", "object": "a section"}
-
-
-def _in_words(error: str, tree: Mapping[str, Any]) -> Fault:
-    """What msgspec says, with the key and the nearest name."""
-    what, _, where = error.partition(" - at `$")
-    section, _, key = where.partition("[")[0].strip("`.").partition(".")
-    if "[" in where:
-        # The entries of a mapping have no names there.
-        key = next(name for name, item in _part(tree, section) if not _fits({section: {name: item}}))
-    path = ".".join(filter(None, (section, key)))
-    parts: dict[str, type[Section]] = {"": Scene, "ball": BallSection, "camera": CameraSection}
-    if "unknown field" in what and path in parts:
-        name, known = what.split("`")[1], [item.name for item in msgspec.structs.fields(parts[path])]
-        return Fault("scene", f"unknown key; {suggestion(name, known)}", column=".".join(filter(None, (path, name))))
-    read = dict(_part(tree, section)).get(key) if key else tree.get(section)
-    kinds = what.split("`")[1].split(" | ") if what.startswith("Expected") else []
-    wanted = " or ".join(_KINDS[kind] for kind in kinds if kind in _KINDS)
-    if "enum" in what:
-        wanted = "up or down" if key == "y" else "counterclockwise or clockwise"
-    elif not kinds or {"float", "object"} <= {*kinds}:
-        wanted = "a number, or { value = ..., sd = ... }"
-    return Fault("scene", f"read {one_line(repr(read))}; expected {wanted}", column=path)
-
-
-def _fits(tree: Mapping[str, Any]) -> bool:
-    try:
-        msgspec.convert(tree, Scene)
-    except msgspec.ValidationError:
-        return False
-    return True
