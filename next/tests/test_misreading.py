@@ -1,0 +1,154 @@
+"""Was a table read the right way round: no alarm on good tables, the right reading of misread ones, nothing absurd."""
+
+import numpy as np
+import pytest
+from support import misread
+
+from fitball import load_table
+from fitball.data.misreading import better_readings, doubts, misfit
+from fitball.values import Ball
+
+
+def readings(columns, ball=misread.TENNIS):
+    return better_readings(columns, misread.UNITS, Ball(*ball))
+
+
+def test_no_good_table_is_doubted():
+    """One false alarm of 138 is allowed, none is raised today."""
+    alarms = [
+        (design, seed, k)
+        for design in misread.DESIGNS
+        for seed in range(2)
+        for columns, ball in [misread.table(design, seed)]
+        for k, form in enumerate((dict, misread.polar, misread.spinless))
+        if readings(form(columns), ball)
+    ]
+    assert len(alarms) <= 1, alarms
+
+
+def test_misread_tables_are_found_and_the_right_reading_is_named():
+    """By its numbers: a reading is right where it makes the columns those of the good table."""
+    missed, unnamed = [], []
+    for kind, spoil in misread.MISREADINGS.items():
+        for design in ("wide", "backspin", "basketball"):
+            columns, ball = misread.table(design, 3)
+            found = readings(spoil(columns), ball)
+            missed += [] if found else [(kind, design)]
+            unnamed += [] if any(misread.means(one.columns, columns) for one in found) else [(kind, design)]
+    assert len(missed) <= 1, missed
+    assert len(unnamed) <= 3, unnamed
+
+
+@pytest.mark.parametrize(
+    ("kind", "flip"),
+    [("both spins", {"omega_1", "omega_2"}), ("v_y towards the court", {"v_y1"}), ("from the normal", {"theta_1", "theta_2"}),
+     ("v_x of the rebound", {"v_x2"}), ("rpm", set())],
+)  # fmt: skip
+def test_what_can_be_flipped_is_flipped_by_an_option(kind, flip):
+    found = readings(misread.MISREADINGS[kind](misread.table("wide", 0)[0]))
+    assert flip in [{*one.flip} for one in found]
+
+
+def test_two_flips_are_one_option():
+    columns = misread.from_normal(*misread.ANGLES)(misread.table("wide", 0)[0])
+    found = readings(misread.times(-1, *misread.SPINS)(columns))
+    assert {*misread.SPINS, *misread.ANGLES} in [{*one.flip} for one in found]
+
+
+# Columns whose signs are gone, and those whose signs make a difference.
+@pytest.mark.parametrize(
+    ("design", "names", "missing"),
+    [
+        ("wide", ("omega_1",), ("omega_1",)),
+        ("wide", ("omega_1", "omega_2"), ("omega_1",)),
+        ("basketball", ("omega_1", "omega_2"), ("omega_1",)),
+        ("golf", ("omega_2",), ("omega_2",)),
+        ("table tennis", ("omega_1",), ("omega_1",)),
+        ("table tennis", ("omega_2",), ("omega_2",)),
+        ("table tennis", ("omega_1", "omega_2"), ("omega_1", "omega_2")),
+    ],
+)
+@pytest.mark.parametrize("form", [dict, misread.polar])
+def test_signs_that_are_missing_are_found_row_by_row(design, names, missing, form):
+    columns, ball = misread.table(design, 3)
+    found = readings(form(columns | {name: np.abs(columns[name]) for name in names}), ball)
+    assert found and found[0].cost > 0.0 and not any(one.flip for one in found)
+    for name in missing:
+        clear = np.abs(columns[name]) > 0.25 * np.abs(columns[name]).max()
+        assert np.all((np.sign(found[0].columns[name]) == np.sign(columns[name]))[clear])
+
+
+@pytest.mark.parametrize("design", ["wide", "all grip", "basketball", "superball", "squash", "rolling"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_spins_that_all_are_topspin_are_not_doubted(design, seed):
+    """After the bounce nearly all are; before it those of a topspin drill."""
+    columns, ball = misread.table(design, seed)
+    assert not readings(columns | {"omega_2": np.abs(columns["omega_2"])}, ball)
+    top = columns["omega_1"] > 0.0
+    assert not readings({name: values[top] for name, values in columns.items()}, ball)
+
+
+def test_tables_that_obey_the_laws_leave_nothing():
+    """Sliding and gripping; another clock and the mirror image change nothing."""
+    ball, rng = (0.05, 0.03, 0.5), np.random.default_rng(0)
+    state = rng.uniform(2, 20, 40), rng.uniform(3, 12, 40), rng.uniform(-200, 200, 40)
+    names = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
+    after = misread.bounce(*state, ball, (0.4, 0.2, 1.5e-3, 0.7, 0.0))
+    columns = dict(zip(names, (*state, *after), strict=True))
+    left = misfit(columns, Ball(*ball))
+    assert left < 3.0
+    assert misfit({name: 3600.0 * values for name, values in columns.items()}, Ball(*ball)) == pytest.approx(left)
+    mirrored = {name: values if "v_y" in name else -values for name, values in columns.items()}
+    assert misfit(mirrored, Ball(*ball)) == pytest.approx(left, abs=0.1)
+    assert misfit(columns | {"omega_2": -columns["omega_2"]}, Ball(*ball)) > 40.0
+
+
+def test_no_reading_is_proposed_that_is_absurd_itself():
+    """A ball that rebounds 2.2 times too fast: miles an hour explain it, but no ball has a restitution of 0.22."""
+    columns, ball = misread.table("rolling", 0)
+    named = []
+    for cor in (0.22, 0.5):
+        after = misread.bounce(*(columns[n] for n in ("v_x1", "v_y1", "omega_1")), ball, (0.6, 0.1, 0.0, cor, 0.0))
+        good = columns | dict(zip(("v_x2", "v_y2", "omega_2"), after, strict=True))
+        found = readings(misread.times(misread.MPH, "v_x2", "v_y2")(good), ball)
+        named.append(any(misread.means(one.columns, good) for one in found))
+    assert named == [False, True]
+
+
+def test_outliers_are_no_misreading():
+    columns, ball = misread.table("wide", 0)
+    third = np.where(np.arange(30) % 3 == 0, -1.0, 1.0) * columns["omega_2"]
+    astray = columns["v_x2"] + np.where(np.arange(30) % 10 == 0, 12.0, 0.0)
+    assert not readings(columns | {"omega_2": third}, ball)
+    assert not readings(columns | {"v_x2": astray}, ball)
+
+
+@pytest.mark.parametrize("never", [False, True])
+def test_a_misread_table_with_gaps_is_doubted(never):
+    """Whether some rows are complete or none is; a table that was read well is not."""
+    found = []
+    for seed in range(4):
+        columns, ball = misread.table("wide", seed)
+        gaps = np.random.default_rng(seed).random(30) < 0.4
+        for made in (columns, misread.MISREADINGS["rpm"](columns)):
+            gappy = made | {"omega_2": np.where(gaps, np.nan, made["omega_2"])}
+            found.append(bool(readings(gappy | ({"v_y2": np.where(gaps, made["v_y2"], np.nan)} if never else {}), ball)))
+    assert not any(found[::2]) and sum(found[1::2]) >= 3
+
+
+@pytest.mark.filterwarnings("error")
+def test_nothing_that_can_be_read_is_too_odd_to_be_judged():
+    """Zeros, right angles, enormous and equal numbers."""
+    rng = np.random.default_rng(2)
+    names = [*misread.SPEEDS, *misread.SPINS, "v_1", "v_2", *misread.ANGLES]
+    for trial in range(40):
+        chosen = ["v_1", "theta_1", *rng.choice(names, rng.integers(1, 8), replace=False)]
+        odd = [0.0, np.pi / 2.0, 1e-12, 1e3, -1e5, 3.0]
+        columns = {name: rng.choice(odd, 5) * rng.choice([1.0, rng.normal()]) for name in dict.fromkeys(chosen)}
+        columns["theta_1"] = np.full(5, np.pi / 2.0) if trial % 2 else np.abs(columns["theta_1"])
+        assert all(one.gain > 0.0 for one in readings(columns))
+
+
+@pytest.mark.parametrize("name", ["wang_all", "wang_zero_spin", "wang_topspin", "wang_backspin"])
+def test_bundled_tables_are_right_as_they_stand(name):
+    assert doubts(load_table(name), Ball()) == ()
