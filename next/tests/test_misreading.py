@@ -1,4 +1,4 @@
-"""Was a table read the right way round: no alarm on good tables, the right reading of misread ones, nothing absurd."""
+"""Was a table read the right way round: no alarm on good tables, the right reading of misread ones."""
 
 import numpy as np
 import pytest
@@ -41,8 +41,8 @@ def test_misread_tables_are_found_and_the_right_reading_is_named():
 
 @pytest.mark.parametrize(
     ("kind", "flip"),
-    [("both spins", {"omega_1", "omega_2"}), ("v_y towards the court", {"v_y1"}), ("from the normal", {"theta_1", "theta_2"}),
-     ("v_x of the rebound", {"v_x2"}), ("rpm", set())],
+    [("both spins", {"omega_1", "omega_2"}), ("v_y towards the court", {"v_y1"}),
+     ("from the normal", {"theta_1", "theta_2"}), ("v_x of the rebound", {"v_x2"}), ("rpm", set())],
 )  # fmt: skip
 def test_what_can_be_flipped_is_flipped_by_an_option(kind, flip):
     found = readings(misread.MISREADINGS[kind](misread.table("wide", 0)[0]))
@@ -132,7 +132,9 @@ def test_a_misread_table_with_gaps_is_doubted(never):
         gaps = np.random.default_rng(seed).random(30) < 0.4
         for made in (columns, misread.MISREADINGS["rpm"](columns)):
             gappy = made | {"omega_2": np.where(gaps, np.nan, made["omega_2"])}
-            found.append(bool(readings(gappy | ({"v_y2": np.where(gaps, made["v_y2"], np.nan)} if never else {}), ball)))
+            found.append(
+                bool(readings(gappy | ({"v_y2": np.where(gaps, made["v_y2"], np.nan)} if never else {}), ball))
+            )
     assert not any(found[::2]) and sum(found[1::2]) >= 3
 
 

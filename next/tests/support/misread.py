@@ -41,7 +41,7 @@ DESIGNS = {
 
 
 def bounce(v_x, v_y, spin, ball, surface):
-    """Rebound of a sphere: the impulse along the court turns the slip round by e_x, or is that of sliding friction."""
+    """Rebound of a sphere: the impulse along the court turns the slip round by e_x, or slides with friction mu."""
     mass, radius, ratio = ball
     mu, e_x, offset, cor, slope = surface
     inertia, up = ratio * mass * radius**2, np.clip(cor + slope * (v_y - 10.0), 0.05, 1.0) * v_y
