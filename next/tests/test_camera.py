@@ -1,0 +1,121 @@
+"""What a session's camera shares: the map to true states and back against geometry, and fits that have it."""
+
+import numpy as np
+import pytest
+from support.density import REBOUND, TIMED, problem_of, scene_of, table_of
+
+from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.inference.problem.camera import CameraModel
+from fitball.models.types import Rebound, Status
+from fitball.values import Impacts
+
+KEYS = ("scale", "clock", "tilt", "court_height")
+MEASURED = Impacts(np.array([12.0, 25.0]), np.array([8.0, 4.0]), np.array([-50.0, 300.0]))
+BOUNCED = {
+    "v_x2": [9.0, 20.0], "v_y2": [6.0, 3.2], "omega_2": [150.0, 500.0], "contact_time": [4.6e-3, 4.6e-3],
+    "gap_time": [4.8e-3, 4.8e-3], "gap_path": [0.05, 0.11], "gap_turn": [0.3, 1.9],
+}  # fmt: skip
+
+
+def rebound_of(**columns):
+    arrays = {name: np.atleast_2d(np.array(values, dtype=float)) for name, values in columns.items()}
+    zero = np.zeros(arrays["v_x2"].shape, np.int64)
+    return Rebound(**arrays, regime=zero, status=zero)
+
+
+def camera(**settings):
+    """Camera of one session, and its values of one draw."""
+    held = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0, **settings}
+    return CameraModel(KEYS, ("",), np.zeros(2, np.int64)), {name: np.array([value]) for name, value in held.items()}
+
+
+def test_lengths_and_times_that_are_wrong_scale_what_has_them():
+    known, values = camera(scale=1.02, clock=1.01)
+    true = known.true(values, MEASURED)
+    np.testing.assert_allclose(true.v_x1[0], MEASURED.v_x1 * 1.02 / 1.01)
+    np.testing.assert_allclose(true.v_y1[0], MEASURED.v_y1 * 1.02 / 1.01)
+    np.testing.assert_allclose(true.omega_1[0], MEASURED.omega_1 / 1.01)
+    seen = known.seen(values, MEASURED, rebound_of(**BOUNCED))
+    units = {"v_x2": 1.01 / 1.02, "v_y2": 1.01 / 1.02, "omega_2": 1.01, "gap_time": 1 / 1.01, "gap_path": 1 / 1.02}
+    for name, given in BOUNCED.items():
+        np.testing.assert_allclose(getattr(seen, name)[0], np.array(given) * units.get(name, 1.0), err_msg=name)
+
+
+@pytest.mark.parametrize("height", [-2e-3, 3e-3])
+@pytest.mark.parametrize("tilt", [0.0, 0.01])
+@pytest.mark.parametrize("scale", [1.0, 1.03])
+def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
+    """Both flights as points in the plane, turned as a camera would, and cut at the height that was assumed."""
+    v_1, omega_1, v_2, omega_2, time, path, turn = (14.0, 9.0), 40.0, (10.0, 6.5), 260.0, 4.7e-3, 0.055, 0.6
+    # The axes of the picture in those of the court, which rises in it; lengths in it are shorter by the scale.
+    turned = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]]) / scale
+    before, after = turned @ [v_1[0], -v_1[1]], turned @ v_2
+    known, values = camera(tilt=tilt, court_height=height, scale=scale)
+    measured = Impacts(np.array([before[0]]), np.array([-before[1]]), np.array([omega_1]))
+    bounced = {
+        "v_x2": v_2[0],
+        "v_y2": v_2[1],
+        "omega_2": omega_2,
+        "contact_time": time,
+        "gap_time": time,
+        "gap_path": path,
+    }
+    seen = known.seen(values, measured, rebound_of(**bounced, gap_turn=turn))
+    back = known.true(values, measured)
+    np.testing.assert_allclose([back.v_x1[0, 0], back.v_y1[0, 0], back.omega_1[0, 0]], [*v_1, omega_1], rtol=1e-14)
+    np.testing.assert_allclose([seen.v_x2[0, 0], seen.v_y2[0, 0]], after, rtol=1e-14)
+    # Landing at (0, height) at time 0, release a path up the court: where do the flights pass the height 0?
+    along, above = turned @ [path, 0.0]
+    landing, release = -height / before[1], time - (height + above) / after[1]
+    assert seen.gap_time[0, 0] == pytest.approx(release - landing, rel=1e-12)
+    ends = along + (release - time) * after[0] - landing * before[0]
+    assert seen.gap_path[0, 0] == pytest.approx(ends, rel=1e-12)
+    angle = turn + (release - time) * omega_2 - landing * omega_1
+    assert seen.gap_turn[0, 0] == pytest.approx(angle, rel=1e-12)
+    # Without height and tilt it is another time.
+    level = known.seen(camera(scale=scale)[1], measured, rebound_of(**bounced, gap_turn=turn))
+    assert abs(level.gap_time[0, 0] - seen.gap_time[0, 0]) > 1e-4
+
+
+def test_what_does_not_reach_the_court_has_no_answer():
+    problem = problem_of(table_of(TIMED), scene_of(camera=True), "two-mass")
+    values = dict(problem.values(problem.prior.draw(np.random.default_rng(0), 2)))
+    values["tilt"] = np.array([0.0, -0.6])
+    seen = problem.seen(values)
+    steep = problem.rows.states.polar()[1] > 0.6 + 1e-9
+    assert steep.any() and not steep.all()
+    assert np.all(seen.status[1, ~steep] == Status.NO_IMPACT) and not np.any(
+        seen.status[1, steep] == Status.NO_IMPACT
+    )
+    away = Impacts(np.array([10.0]), np.array([-1.0]), np.zeros(1))
+    values["tilt"] = np.array([0.0, 0.5])
+    # Measured as moving away: even where the tilt turns it towards the court there is no time of landing.
+    assert problem.seen(values, away, np.array([0])).status.tolist() == [[Status.NO_IMPACT], [Status.NO_IMPACT]]
+
+
+def test_sessions_have_cameras_of_their_own():
+    table = table_of(TIMED, labels=("session",))
+    problem = problem_of(table, scene_of(camera=True), "two-mass")
+    assert {"scale[a]", "scale[b]", "court_height[b]"} <= {*problem.free}
+    assert all(item.measured for item in problem.parameters if item.spec.name.partition("[")[0] in KEYS)
+    values = dict(problem.values(problem.prior.draw(np.random.default_rng(0), 3)))
+    values |= {f"{key}[{day}]": np.full(3, float(key in ("scale", "clock"))) for key in KEYS for day in "ab"}
+    plain = problem.seen(values)
+    moved = problem.seen(values | {"court_height[b]": np.full(3, 2e-3)})
+    other = np.array(table.labels["session"]) == "b"
+    np.testing.assert_array_equal(moved.gap_time[:, ~other], plain.gap_time[:, ~other])
+    late = 2e-3 / problem.rows.states.v_y1 + 2e-3 / plain.v_y2
+    np.testing.assert_allclose((plain.gap_time - moved.gap_time)[:, other], late[:, other], rtol=1e-9)
+    rows = np.array([1, 2])
+    np.testing.assert_array_equal(problem.take(rows).seen(values).gap_time, plain.gap_time[:, rows])
+
+
+def test_what_is_stated_asked_for_and_idle():
+    known = Scene(camera=CameraSection(scale=Quantity(1.01, 0.02), clock=1.0005, court_height=Quantity(0.0, 0.003)))
+    problem = problem_of(table_of(REBOUND), known, prior={"tilt": "normal(0, 0.01)"})
+    named = {item.spec.name: item for item in problem.parameters}
+    assert problem.camera.keys == ("scale", "clock", "tilt")
+    assert named["scale"].prior.text == "normal(1.01, 0.02)" and named["tilt"].prior.text == "normal(0, 0.01)"
+    assert named["clock"].fixed == 1.0005 and "clock" not in problem.free
+    assert "camera-idle" in {note.code for note in problem.notes}
+    assert problem_of(table_of(REBOUND)).camera is None

@@ -1,0 +1,256 @@
+"""Priors together, noises, what a problem is made of: against scipy and against numbers written down here."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of, truth_of
+
+from fitball.data.scene import BallSection, Quantity, Scene
+from fitball.errors import FitError, ModelError, ParameterError
+from fitball.inference.effort import Effort
+from fitball.inference.noise import noise_kind
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.problem import Choices
+from fitball.inference.summary import bands, summarise
+from fitball.models.registry import model
+
+PRIORS = {
+    "mu": "uniform(0.2, 0.9)", "e_x": "normal(0, 0.5)", "offset": "half-t(0.003, 4)", "cor_10": "half-normal(0.7)",
+    "cor_slope": "normal(0.2, 0.05)", "v_x_sd": "loguniform(0.01, 3)",
+}  # fmt: skip
+
+
+def test_priors_together_are_those_of_scipy_one_by_one():
+    # The bounds cut off most of a prior far above them.
+    problem = problem_of(table_of(REBOUND, "sd"), scene_of(), prior=PRIORS, noise="student-t")
+    q = problem.prior.draw(np.random.default_rng(1), 40)
+    values = problem.prior.value(q)
+    named = {item.spec.name: item for item in problem.parameters}
+    exact = [
+        sum(log_prior(named[n].spec, named[n].prior.text, v) for n, v in zip(problem.free, row, strict=True))
+        for row in values
+    ]
+    np.testing.assert_allclose(problem.prior.log_density(q), exact, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(problem.prior.coordinate(values), q, rtol=1e-13, atol=1e-13)
+    np.testing.assert_array_equal(
+        problem.coordinates(dict(zip(problem.free, values[0], strict=True))), problem.prior.coordinate(values)[0]
+    )
+    k = problem.free.index("offset")
+    wide = q.copy()
+    wide[:, k] *= 1.5
+    assert np.abs(problem.prior.log_density(wide) - exact).max() > 0.1
+
+
+def test_draws_follow_the_priors():
+    problem = problem_of(table_of(REBOUND), prior=PRIORS)
+    values = problem.prior.value(problem.prior.draw(np.random.default_rng(2), 3000))
+    exact = {
+        "mu": stats.uniform(0.2, 0.7),
+        "e_x": stats.truncnorm(-2, 2, 0, 0.5),
+        "v_x_sd": stats.loguniform(0.01, 3),
+    }
+    for name, law in exact.items():
+        drawn = values[:, problem.free.index(name)]
+        assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
+        assert stats.kstest(drawn * 1.25, law.cdf).pvalue < 1e-3
+
+
+def test_the_pull_is_the_gradient_of_the_joint_density():
+    problem = problem_of(table_of(REBOUND, "sd", labels=("surface",)), scene_of(), noise="student-t")
+    q = near(problem, 3)
+    gradient, curvature = problem.prior.pull(q)
+    for k, width in enumerate(problem.prior.width):
+        step = 1e-5 * width * np.eye(q.shape[1])[k]
+        exact = (problem.prior.log_density(q - step) - problem.prior.log_density(q + step)) / 2e-5
+        np.testing.assert_allclose(gradient[:, k] * width, exact, rtol=1e-5, atol=1e-7)
+    assert np.linalg.eigvalsh(curvature).min() >= 0.0
+
+
+def test_widths_are_sds():
+    problem = problem_of(table_of(REBOUND), prior={"mu": "uniform(0.2, 0.9)", "e_x": "normal(0, 0.1)"})
+    drawn = problem.prior.draw(np.random.default_rng(3), 20_000).std(axis=0)
+    for name in ("mu", "e_x", "v_x_sd"):
+        k = problem.free.index(name)
+        assert problem.prior.width[k] == pytest.approx(drawn[k], rel=0.02)
+
+
+@pytest.mark.parametrize("kind", ["normal", "student-t"])
+def test_noise_against_scipy_and_quadrature(kind):
+    noise, nu = noise_kind(kind), np.array([2.0, 5.0, 90.0])
+    values, z = {"degrees_of_freedom": nu}, np.linspace(-30.0, 30.0, 121) * np.ones((3, 1))
+    law = [stats.norm if kind == "normal" else stats.t(one) for one in nu]
+    exact = np.array([own.logpdf(row) for own, row in zip(law, z, strict=True)])
+    np.testing.assert_allclose(noise.log_density(z, values), exact, rtol=1e-10)
+    np.testing.assert_allclose(noise.log_density(z[:, :, None, None], values)[..., 0, 0], exact, rtol=1e-10)
+    residual, rate = noise.residual(z, values)
+    middle = np.array([[own.logpdf(0.0)] for own in law])
+    np.testing.assert_allclose(residual**2, 2.0 * (middle - exact), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        rate, (noise.residual(z + 1e-6, values)[0] - noise.residual(z - 1e-6, values)[0]) / 2e-6, rtol=1e-7
+    )
+    centre, scale = (np.broadcast_to(one, 3) for one in noise.information(values))
+    for k, own in enumerate(law):
+
+        def score(x, own=own):
+            return (own.logpdf(x + 1e-5) - own.logpdf(x - 1e-5)) / 2e-5
+
+        on_centre = integrate.quad(lambda x, own=own: own.pdf(x) * score(x) ** 2, -np.inf, np.inf)[0]
+        on_scale = integrate.quad(lambda x, own=own: own.pdf(x) * (1.0 + x * score(x)) ** 2, -np.inf, np.inf)[0]
+        assert (centre[k], scale[k]) == pytest.approx((on_centre, on_scale), rel=1e-4)
+    drawn = noise.draw(np.random.default_rng(4), (3, 4000), values)
+    assert all(stats.kstest(row, own.cdf).pvalue > 1e-3 for row, own in zip(drawn, law, strict=True))
+    with pytest.raises(ParameterError) as caught:
+        noise_kind("students")
+    assert caught.value.code == "noise"
+
+
+def test_priors_that_nobody_chose():
+    table = table_of(TIMED, "sd", gaps=True)
+    speed = np.median(np.hypot(table.values["v_x1"], table.values["v_y1"]))
+    angle = f"{np.arctan2(0.25, speed):.2g}"
+    stated = problem_of(table, text="two-mass").known
+    assert {n: stated[n] for n in stated if n.endswith("_sd")} == {
+        "v_x_sd": "half-t(0.25, 4)", "v_y_sd": "half-t(0.25, 4)", "spin_sd": "half-t(10, 4)",
+        "contact_time_sd": "half-t(2e-4, 4)", "gap_time_sd": "half-t(1e-4, 4)", "gap_path_sd": "half-t(1e-3, 4)",
+        "gap_turn_sd": f"half-t({angle}, 4)",
+    }  # fmt: skip
+    scene = Scene(
+        ball=BallSection(mass=Quantity(0.0577, 1e-4), inertia=Quantity(3.5e-5, 7e-7)),
+        surface={"mu": Quantity(0.55, 0.05)},
+        measurement={"nominal_velocity_sd": 0.4, "spin_sd": 7.0, "nominal_v_y_sd": 0.1, "noise": "student-t"},
+    )  # fmt: skip
+    problem = build_problem(replace(table, sd={}), scene, Choices("grip-slip"))
+    square = 0.0577 * 0.03302**2
+    assert problem.known == {
+        "mu": "normal(0.55, 0.05)", "e_x": "normal(0, 0.5)", "offset": "normal(0, 0.005)",
+        "cor_10": "normal(0.75, 0.15)", "cor_slope": "normal(0, 0.02)", "degrees_of_freedom": "lognormal(8, 0.8)",
+        "v_x_sd": "lognormal(0.4, 0.7)", "v_y_sd": "lognormal(0.1, 0.7)", "spin_sd": "7.0",
+        "ball_mass": "normal(0.0577, 0.0001)",
+        "inertia_ratio": f"normal({3.5e-5 / square:.10g}, {7e-7 / square:.10g})",
+    }  # fmt: skip
+    measured = {item.spec.name for item in problem.parameters if item.measured}
+    assert measured == {"ball_mass", "inertia_ratio"}
+    assert {note.code for note in problem.notes} >= {"unused-column", "assumed-radius"}
+    held = problem_of(table_of(REBOUND), Scene(surface={"mu": 0.6}, measurement={"velocity_sd": 0.1}))
+    assert {i.spec.name: i.fixed for i in held.parameters if i.fixed is not None} == {
+        "mu": 0.6,
+        "v_x_sd": 0.1,
+        "v_y_sd": 0.1,
+    }
+
+
+def test_what_the_table_does_not_show_is_held():
+    spinless = table_of(("v_x2", "v_y2"))
+    spinless = replace(spinless, values={n: v for n, v in spinless.values.items() if n != "omega_1"})
+    named = {item.spec.name: item for item in problem_of(spinless).parameters}
+    assert named["offset"].fixed == 0.0 and "no-spin" in {n.code for n in problem_of(spinless).notes}
+    assert problem_of(spinless, text="").forward.model.text == "brody"
+    drop = table_of(("v_y2",))
+    drop = replace(drop, values={"v_y1": drop.values["v_y1"], "v_y2": drop.values["v_y2"]})
+    fallen = problem_of(drop, text="")
+    assert not fallen.forward.model.tangential and fallen.free == ("cor_10", "cor_slope", "v_y_sd")
+    assert {item.spec.name: item.fixed for item in fallen.parameters}["k_y"] == 2e4
+    assert "k_y" in problem_of(drop, Scene(contact_time=Quantity(5e-3, 5e-4)), text="").free
+
+
+def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
+    table = table_of(REBOUND, labels=("surface",))
+    scene = Scene(
+        prior={"e_x": "normal(0.1, 0.1)", "k_theta": "lognormal(20, 1)"}, fix={"offset": 0.001}, pool={"mu": "none"}
+    )
+    problem = problem_of(table, scene, prior={"offset": "normal(0, 0.001)"}, fix={"e_x": 0.05})
+    assert (problem.known["offset"], problem.known["e_x"]) == ("normal(0, 0.001)", "0.05")
+    assert problem.known["mu"] == "lognormal(0.6, 0.4)" and "mu" in problem.free
+    stored = problem.known | {"cor_slope": "normal(0, 0.5)", "cor_10_spread": "half-t(0.01, 3)", "v_x_sd": "0.3"}
+    again = build_problem(table, scene, problem.choices, known=stored)
+    assert again.known == stored and again.free == tuple(n for n in problem.free if n != "v_x_sd")
+    q = near(problem, 3)
+    same = build_problem(table, scene, problem.choices, known=problem.known)
+    assert same.parameters == problem.parameters and same.notes == problem.notes
+    np.testing.assert_array_equal(same.prior.log_density(q), problem.prior.log_density(q))
+    literature = problem_of(table, prior={"mu": "literature:clay"}, pool={"mu": "none"})
+    assert literature.known["mu"].startswith("normal(0.73") and "published-prior" in {
+        n.code for n in literature.notes
+    }
+
+
+@pytest.mark.parametrize(
+    ("choices", "code"),
+    [({"prior": {"nu": "normal(0, 1)"}}, "unknown-parameter"), ({"fix": {"mu_spread": 0.1}}, "unknown-parameter"),
+     ({"fix": {"mu": -1.0}}, "out-of-bounds"), ({"fix": {"v_x_sd": 0.0}}, "out-of-bounds"),
+     ({"prior": {"mu": "normal(0.5)"}}, "prior"), ({"noise": "cauchy"}, "noise"), ({"text": "golf"}, "unknown-model"),
+     ({"fix": dict.fromkeys(("mu", "e_x", "offset", "cor_10", "cor_slope"), 0.0)}, "nothing-to-fit")],
+)  # fmt: skip
+def test_what_is_refused(choices, code):
+    with pytest.raises((ParameterError, ModelError, FitError)) as caught:
+        problem_of(table_of(REBOUND), **choices)
+    assert caught.value.code == code
+
+
+def test_tables_that_cannot_be_fitted():
+    for table, code in (
+        (table_of(REBOUND).take(np.array([1])), "too-few-impacts"),
+        (table_of(("contact_time",)), "nothing-to-fit"),
+    ):
+        with pytest.raises(FitError) as caught:
+            problem_of(table)
+        assert caught.value.code == code
+    corr = table_of(REBOUND, "corr")
+    tied = replace(corr, corr={"v_x2,omega_2": np.ones(10)})
+    assert problem_of(tied).rows.errors is not None
+    with pytest.raises(FitError) as caught:
+        problem_of(tied, fix={"v_x_sd": 0.0, "spin_sd": 0.0})
+    assert caught.value.code == "singular-errors"
+    assert problem_of(corr, fix={"v_x_sd": 0.0, "spin_sd": 0.0}).known["spin_sd"] == "0.0"
+
+
+def test_choices_for_another_model():
+    given = Choices(
+        "two-mass",
+        {"k_y": 2e4, "spin_sd": 5.0},
+        {"mu_spread": "half-t(1, 4)", "eps_10": "normal(0, 1)", "tilt[a]": "normal(0, 1)"},
+        {"mu": "surface", "k_y": "ball", "all": "none"},
+    )
+    kept = given.fitting("brody", [spec.name for spec in model("brody").parameters])
+    assert kept == Choices(
+        "brody",
+        {"spin_sd": 5.0},
+        {"mu_spread": "half-t(1, 4)", "tilt[a]": "normal(0, 1)"},
+        {"mu": "surface", "all": "none"},
+    )
+
+
+def test_summaries_of_draws():
+    rng = np.random.default_rng(6)
+    draws = rng.standard_normal(20_000)
+    found, exact = summarise(3.0 + 2.0 * draws, 2.9), 3.0 + 2.0 * stats.norm.ppf([0.025, 0.16, 0.5, 0.84, 0.975])
+    np.testing.assert_allclose([found.q025, found.q16, found.median, found.q84, found.q975], exact, atol=0.08)
+    assert found.point == 2.9 and found.sd == pytest.approx(2.0, rel=0.02)
+    some = np.column_stack([draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.5, np.nan, draws)])
+    made = bands(some)
+    assert np.isfinite(made[:, :2]).all() and np.isnan(made[:, 2]).all()
+    np.testing.assert_allclose(made[:, 1], np.quantile(draws[draws <= 0.5], [0.025, 0.16, 0.5, 0.84, 0.975]))
+    assert np.isnan(summarise(np.empty(0), 1.0).median) and summarise(np.empty(0), 1.0).point == 1.0
+
+
+def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
+    effort = Effort(seed=3)
+    first = effort.stream("search").random(4)
+    effort.stream("chains").random(100)
+    np.testing.assert_array_equal(effort.stream("search").random(4), first)
+    others = np.stack([effort.stream("chains").random(4), Effort(seed=4).stream("search").random(4)])
+    assert np.all(np.abs(others - first) > 1e-6)
+    for wrong in ({"seed": -1}, {"max_steps": 10}, {"cores": 0}):
+        with pytest.raises(ParameterError) as caught:
+            Effort(**wrong)
+        assert caught.value.code == "effort"
+
+
+def test_values_by_name_and_back():
+    problem = problem_of(table_of(REBOUND), fix={"e_x": 0.1})
+    at = truth_of(problem)
+    values = problem.values(problem.coordinates(at)[None])
+    assert values["e_x"].tolist() == [0.1]
+    assert {name: float(values[name][0]) for name in at} == pytest.approx(at, rel=1e-14)
