@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
-from fitball.errors import Note
-from fitball.files import ResultFolder
+from fitball.errors import Note, ParameterError, suggestion
+from fitball.files import ResultFolder, csv_bytes, result_folder
 from fitball.values import DataFrame, Figure
 
 
@@ -23,26 +25,51 @@ class Result:
     """
 
     page: ClassVar[str] = ""
-    record: ClassVar[str] = ""
+    record: ClassVar[str] = "report.html"
     notes: tuple[Note, ...]
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
         """All numbers, SI; each becomes `<name>.csv`."""
+        raise NotImplementedError
 
     @property
     def exit_code(self) -> int:
         """1 if the run finished and its own checks failed, such as a posterior that did not converge."""
         return 0
 
+    @property
+    def _layout(self) -> Any:
+        return import_module(self.page)
+
+    @cached_property
+    def _report(self) -> Any:
+        return self._layout.report(self)
+
     def report(self, *, full: bool = True, width: int = 100, colour: bool = False) -> str:
         """As text; without `full` the summary alone, as in `_repr_html_`."""
+        text: str = _renderer().to_text(self._report, width=width, colour=colour, full=full)
+        return text
+
+    def _repr_html_(self) -> str:
+        html: str = _renderer().to_notebook(self._report)
+        return html
 
     def plot(self, name: str) -> Figure:
         """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`) with those it has."""
+        figures = self._layout.figures(self)
+        if name not in figures:
+            raise ParameterError(f"no figure '{name}': {suggestion(name, figures)}", "unknown-figure")
+        figure: Figure = import_module("fitball.report.style").styled(figures[name])
+        return figure
 
     def json(self) -> dict[str, Any]:
-        """Frames, notes and exit code, as `--json` prints them."""
+        """Frames, notes and exit code, as `--json` prints them: rows by column, null for what is no finite number."""
+        return {
+            "frames": {name: _rows(frame) for name, frame in self.frames.items()},
+            "notes": [{"code": note.code, "text": note.text} for note in self.notes],
+            "exit_code": self.exit_code,
+        }
 
     def save(
         self, folder: str | Path | ResultFolder, *, overwrite: bool = False, figures: bool = True, command: str = ""
@@ -50,6 +77,33 @@ class Result:
         """Write page, figures, frames and files, the record last; the only writer of results. A `ResultFolder` is
         locked already (the command line locks before a long run). Raises FolderError as `result_folder`.
         """
+        if not isinstance(folder, ResultFolder):
+            with result_folder(Path(folder), overwrite=overwrite, record=self.record) as held:
+                return self.save(held, figures=figures, command=command)
+        style, drawable = import_module("fitball.report.style"), self._layout.figures(self) if figures else {}
+        images = {name: style.saved(self.plot(name)) for name in self._report.pictures() if name in drawable}
+        contents = {name: make() for name, make in self._layout.files(self).items()}
+        contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
+        contents |= {f"{name}.png": image for name, image in images.items()}
+        contents["report.html"] = _renderer().to_page(self._report, images, command).encode()
+        # Whoever finds the record finds all the rest.
+        order = sorted(contents, key=lambda name: name == self.record)
+        return tuple(folder.write(name, contents[name]) for name in order)
+
+
+def _renderer() -> Any:
+    return import_module("fitball.report.render")
+
+
+def _rows(frame: DataFrame) -> list[dict[str, Any]]:
+    """Rows as JSON has them, with the index where that has a name."""
+    import numpy as np
+    import pandas as pd
+
+    table = frame.reset_index() if frame.index.names != [None] else frame
+    known = table.replace([np.inf, -np.inf], np.nan).astype(object)
+    rows = known.where(pd.notna(known), None).to_dict("records")
+    return [{str(head): cell for head, cell in row.items()} for row in rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,3 +116,17 @@ class Frames(Result):
     data: Mapping[str, DataFrame]
     notes: tuple[Note, ...] = ()
     failed: bool = False
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """The data as they are."""
+        return self.data
+
+    @property
+    def exit_code(self) -> int:
+        """1 if `failed`."""
+        return int(self.failed)
+
+    @property
+    def _layout(self) -> Any:
+        return import_module(f"fitball.{self.layout}")

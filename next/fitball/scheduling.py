@@ -1,7 +1,25 @@
 """Work over processes: the only place that knows joblib and Dask. Imports: environment, errors."""
 
-from collections.abc import Callable, Iterator, Sequence
+import os
+import re
+import signal
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
+
+from fitball import environment
+from fitball.errors import FitballError, MachineError, ParameterError, enough_memory
+
+# Processes share the cores: threads of numerical libraries would only fight over them.
+_ONE_EACH = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+# How loky says that a process ended.
+_ENDED = re.compile(r"\b[A-Z]+\(-?\d+\)")
+# How long a Dask scheduler may take to answer [s].
+_PATIENCE = 10
 
 
 def as_completed(
@@ -10,4 +28,113 @@ def as_completed(
     """`make` of each item with its place, as they are done; a FitballError is returned, not raised. An item whose
     worker dies is tried once more alone, then returned as MachineError (`worker-died`). `address` is a Dask
     scheduler's. Functions of one's own travel by cloudpickle.
+
+    Raises ParameterError (`scheduler`) where Dask is not installed or does not answer.
     """
+    count = min(cores or environment.cores(), len(items))
+    if count < 2 and not address:
+        yield from ((place, _made(make, "", item)) for place, item in enumerate(items))
+        return
+    task = partial(_made, make, os.getcwd() if address else "")  # noqa: PTH109 - a Path of another system may fail
+    died = yield from _round(partial(_pool, count, address), task, items, range(len(items)))
+    # Which of several items at work did it is unknown: a system short of memory kills any process.
+    for place, _ in died:
+        for _, words in (yield from _round(partial(_pool, 1, address), task, items, [place])):
+            yield (
+                place,
+                MachineError(
+                    f"the process that worked on it ended twice ({words}); most likely memory is short: use fewer "
+                    "cores, or another machine",
+                    "worker-died",
+                ),
+            )
+
+
+def _made(make: Callable[[Any], Any], folder: str, item: Any) -> Any:
+    """`make` of an item as a worker runs it: with one thread, in the `folder` of who asks if it exists there."""
+    if folder and os.path.isdir(folder):  # noqa: PTH112
+        os.chdir(folder)
+    try:
+        with environment.threads(1), enough_memory():
+            return make(item)
+    except FitballError as error:
+        return error
+
+
+def _round(
+    pools: Callable[[], Any], task: Callable[[Any], Any], items: Sequence[Any], places: Sequence[int]
+) -> Generator[tuple[int, Any], None, list[tuple[int, str]]]:
+    """What is made of the items at these places; returns those whose worker died, with how."""
+    waiting, died = deque(places), list[tuple[int, str]]()
+    while waiting:
+        with pools() as (pool, count, deaths):
+            running: dict[Future[Any], int] = {}
+            broken = False
+            while running or (waiting and not broken):
+                # No more at once than there are workers: one that dies takes few others with it.
+                while waiting and len(running) < count and not broken:
+                    try:
+                        future = pool.submit(task, items[waiting[0]])
+                    except deaths:
+                        # An idle worker died; nothing is lost with it.
+                        broken = True
+                    else:
+                        running[future] = waiting.popleft()
+                for future in wait(running, return_when=FIRST_COMPLETED).done if running else ():
+                    place, error = running.pop(future), future.exception()
+                    if isinstance(error, deaths):
+                        died.append((place, ", ".join(_ENDED.findall(str(error))) or "killed"))
+                        broken = isinstance(error, BrokenProcessPool)
+                    else:
+                        yield place, future.result()
+    return died
+
+
+@contextmanager
+def _pool(count: int, address: str) -> Iterator[tuple[Any, int, tuple[type[Exception], ...]]]:
+    """An executor, how many items it works on at once, and how it says that a worker died."""
+    if address:
+        with _client(address) as client:
+            from distributed.scheduler import KilledWorker
+
+            threads = sum(client.nthreads().values())
+            yield client.get_executor(), 2 * max(threads, 1) if count > 1 else 1, (KilledWorker,)
+        return
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    # Without time limit: loky does not always notice the death of a worker that it started late.
+    pool = ProcessPoolExecutor(count, timeout=None, env=_ONE_EACH, initializer=_begin)
+    try:
+        yield pool, count, (BrokenProcessPool,)
+    finally:
+        pool.shutdown(kill_workers=True)
+
+
+def _client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ParameterError(
+            "a scheduler is given, but Dask is not installed here: pip install 'fitball[dask]'", "scheduler"
+        ) from None
+    known = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
+    try:
+        return Client(  # type: ignore[no-untyped-call]
+            timeout=_PATIENCE, set_as_default=False, **known
+        )
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); expected an address such as "
+            "tcp://localhost:8786, or the file that the scheduler wrote",
+            "scheduler",
+        ) from None
+
+
+def _begin() -> None:
+    """Only the process that asks acts on Ctrl-C, and ends the others. Loky takes growth since the first item for a
+    leak, and would replace the worker under the next.
+    """
+    from joblib.externals.loky import process_executor
+
+    process_executor._USE_PSUTIL = False
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,198 @@
+"""Files whole or not at all, folders of one run at a time."""
+
+import errno
+import io
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fitball.errors import FolderError
+from fitball.files import csv_bytes, json_bytes, result_folder
+
+LOCK, WRITTEN = ".fitball.lock", ".fitball-files"
+POSIX = pytest.mark.skipif(os.name != "posix", reason="links and signals of a POSIX system")
+
+
+def names(folder):
+    return sorted(place.name for place in folder.iterdir() if place.name != WRITTEN)
+
+
+def run(code, *words, **more):
+    head = "import os, signal, sys\nfrom pathlib import Path\nfrom fitball.files import result_folder\n"
+    return subprocess.Popen([sys.executable, "-c", head + code, *map(str, words)], text=True, **more)
+
+
+def refused(code, *words, **more):
+    with pytest.raises(FolderError) as caught, result_folder(*words, **more):
+        pytest.fail("held")
+    assert caught.value.code == code
+
+
+# One run at a time.
+
+HOLD = "with result_folder(Path(sys.argv[1])):\n    print(1, flush=True)\n    sys.stdin.read()"
+MANY = (
+    "for k in range(20):\n"
+    "    with result_folder(Path(sys.argv[1]), overwrite=True, record='fit.json', wait=60) as folder:\n"
+    "        for name in (sys.argv[2], 'summary.csv', 'fit.json'):\n"
+    "            folder.write(name, f'{sys.argv[2]} {k}'.encode())\n"
+)
+
+
+def test_a_second_run_waits_or_is_refused_and_a_dead_one_holds_nothing(tmp_path):
+    with run(HOLD, tmp_path / "c", stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == "1\n"
+        refused("folder-in-use", tmp_path / "c")
+        threading.Timer(0.3, other.kill).start()
+        with result_folder(tmp_path / "c", wait=60.0) as folder:
+            folder.write("a", b"a")
+    assert names(tmp_path / "c") == ["a"]
+
+
+def test_of_many_processes_at_once_the_folder_holds_the_result_of_one(tmp_path):
+    runs = [run(MANY, tmp_path / "c", name) for name in "abc"]
+    assert [one.wait() for one in runs] == [0, 0, 0]
+    (own,) = set(names(tmp_path / "c")) - {"fit.json", "summary.csv"}
+    assert {place.read_text() for place in (tmp_path / "c").glob("[!.]*")} == {f"{own} 19"}
+
+
+def test_a_reader_never_meets_a_torn_file(tmp_path):
+    texts, stop = [b"a" * 200_000, b"b" * 100_000], threading.Event()
+    with result_folder(tmp_path) as folder:
+        folder.write("a", texts[0])
+
+        def write(text):
+            while not stop.is_set():
+                folder.write("a", text)
+
+        writers = [threading.Thread(target=write, args=(text,)) for text in texts]
+        for writer in writers:
+            writer.start()
+        seen = {(tmp_path / "a").read_bytes() for _ in range(200)}
+        stop.set()
+        for writer in writers:
+            writer.join()
+    assert seen == {*texts} and names(tmp_path) == ["a"]
+
+
+# Killed, refused, full.
+
+KILL = (
+    "with result_folder(Path(sys.argv[1]), record='fit.json') as folder:\n"
+    "    folder.write('trace.png', b'old')\n"
+    "    os.fsync = lambda file: os.kill(os.getpid(), signal.SIGKILL)\n"
+    "    folder.write('summary.csv', b'half')\n"
+)
+
+
+@POSIX
+def test_nothing_of_a_killed_run_mixes_with_the_next(tmp_path):
+    (tmp_path / "mine.csv").write_text("mine")
+    assert run(KILL, tmp_path).wait() == -signal.SIGKILL
+    left = names(tmp_path)
+    assert LOCK in left and "trace.png" in left and "summary.csv" not in left and len(left) == 4
+    with result_folder(tmp_path, record="fit.json") as folder:
+        folder.write("fit.json", b"{}")
+    assert names(tmp_path) == ["fit.json", "mine.csv"]
+
+
+def test_an_older_result_is_kept_unless_it_may_be_replaced(tmp_path):
+    for overwrite in (False, True):
+        with result_folder(tmp_path, record="fit.json", overwrite=overwrite) as folder:
+            for name in ["corner.png"] * (not overwrite) + ["fit.json"]:
+                folder.write(name, b"1")
+        assert names(tmp_path) == ["fit.json"] if overwrite else ["corner.png", "fit.json"]
+        refused("older-result", tmp_path, record="fit.json")
+    # A run that adds to a result removes nothing, the folder of a table included.
+    with result_folder(tmp_path) as folder:
+        folder.write("trace.png", b"2")
+        folder.below("table").write("fit.json", b"3")
+    assert names(tmp_path) == ["fit.json", "table", "trace.png"]
+    with result_folder(tmp_path, record="fit.json", overwrite=True):
+        pass
+    assert names(tmp_path) == ["table"] and names(tmp_path / "table") == ["fit.json"]
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
+def test_what_cannot_be_written_leaves_the_older_file(tmp_path, monkeypatch, number):
+    with result_folder(tmp_path) as folder:
+        folder.write("a", b"old")
+
+        def full(_file):
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(FolderError) as caught:
+            folder.write("a", b"new")
+    assert caught.value.code == "not-written" and str(tmp_path / "a") in str(caught.value)
+    assert names(tmp_path) == ["a"] and (tmp_path / "a").read_bytes() == b"old"
+
+
+def test_a_folder_that_cannot_be_or_was_made_for_nothing(tmp_path):
+    (tmp_path / "file").write_text("x")
+    refused("no-folder", tmp_path / "file" / "c")
+    with result_folder(tmp_path / "fits" / "clay" / "default"):
+        pass
+    with pytest.raises(FolderError) as caught, result_folder(tmp_path) as folder:
+        folder.below("file")
+    assert caught.value.code == "no-folder" and names(tmp_path) == ["file"]
+
+
+@POSIX
+def test_links_that_the_user_names_are_followed_and_planted_ones_are_not(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "a" / "b")
+    with result_folder(tmp_path / "link") as folder:
+        folder.write("fit.json", b"1")
+    assert names(tmp_path / "a" / "b") == ["fit.json"] and (tmp_path / "link").is_symlink()
+    precious, place = tmp_path / "precious", tmp_path / "c"
+    precious.write_text("kept")
+    place.mkdir()
+    (place / "fit.json").symlink_to(precious)
+    (place / WRITTEN).write_text("../precious\n/etc/hostname\n\n..\ntrace.pn")
+    (place / "trace.pn").write_text("a line that is cut off names no file")
+    with result_folder(place, record="fit.json", overwrite=True) as folder:
+        folder.write("fit.json", b"2")
+    assert precious.read_text() == "kept" and names(place) == ["fit.json", "trace.pn"]
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / LOCK).symlink_to(precious)
+    refused("no-folder", tmp_path / "d")
+    assert precious.read_text() == "kept"
+
+
+@POSIX
+@pytest.mark.parametrize("mask", [0o022, 0o077])
+def test_a_file_has_the_permissions_of_the_umask(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        with result_folder(tmp_path) as folder:
+            place = folder.write("a", b"a")
+    finally:
+        os.umask(before)
+    assert place.stat().st_mode & 0o777 == 0o666 & ~mask
+
+
+# CSV and JSON.
+
+
+def test_csv_keeps_every_digit_and_no_formula():
+    values = np.append(np.random.default_rng(1).normal(size=50) * 1e-7, np.nan)
+    labels = ["=1+1", "@x", "-3.5e2", "-x", "'=a", "a,b", "Sand\r\n"] + ["clay"] * 44
+    frame = pd.DataFrame({"x [m/s]": values, "=label": labels}, index=pd.RangeIndex(51, name="id"))
+    before = frame.copy()
+    content = csv_bytes(frame)
+    back = pd.read_csv(io.BytesIO(content), index_col="id")
+    assert back["x [m/s]"].equals(frame["x [m/s]"]) and back.columns[1] == "'=label" and frame.equals(before)
+    assert list(back.iloc[:7, 1]) == ["'=1+1", "'@x", "-3.5e2", "'-x", "''=a", "a,b", "Sand\r\n"]
+    assert csv_bytes(pd.DataFrame({"a": [1]})) == b"a\n1\n"
+
+
+def test_json_has_no_numbers_that_json_has_not():
+    assert json_bytes({"a": 0.1}) == b'{\n "a": 0.1\n}\n'
+    with pytest.raises(ValueError, match="JSON"):
+        json_bytes([np.nan])

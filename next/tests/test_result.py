@@ -1,0 +1,112 @@
+"""A result as text, page, JSON and folder: the same numbers in each, the record last."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fitball.errors import FolderError, Note, ParameterError
+from fitball.files import ResultFolder, result_folder
+from fitball.numbers import Unit
+from fitball.report.blocks import Picture, Report, Section, Table, Text
+from fitball.report.style import label, new_figure, saved, styled
+from fitball.result import Frames, Result
+
+
+def draw():
+    figure, axes = new_figure(1, 2, high=2.0, sharey=True)
+    axes[0, 0].plot([0.0, 1.0], [0.0, -1.0])
+    axes[0, 1].set_xlabel(label("$v_1$", Unit("m/s")))
+    return figure
+
+
+class Toy(Result):
+    """A result whose page is this module."""
+
+    page, record, notes = __name__, "toy.json", (Note("doubt", "a doubt"),)
+
+    @property
+    def frames(self):
+        index = pd.Index(["mu", "k_y"], name="name")
+        return {"summary": pd.DataFrame({"median": [0.1 + 0.2, np.inf], "kind": ["model", None]}, index=index)}
+
+
+def report(result):
+    values = [{"name": name, "value": f"{value:.3f}"} for name, value in result.frames["summary"]["median"].items()]
+    return Report(
+        "Toy", [Text(["An answer."], "lead"), Table("", values)], [Section("More", [Picture("line", "A line.")])]
+    )
+
+
+def figures(_result):
+    return {"line": draw, "other": draw}
+
+
+def files(_result):
+    return {"toy.json": lambda: b"{}", "references.bib": lambda: b"@misc{}"}
+
+
+def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
+    order, write = [], ResultFolder.write
+    monkeypatch.setattr(
+        ResultFolder, "write", lambda self, name, *more: order.append(name) or write(self, name, *more)
+    )
+    places = Toy().save(tmp_path, command="fitball toy 'a b'")
+    assert [place.name for place in places] == order and order[-1] == "toy.json"
+    # Of the figures those that the report shows.
+    assert sorted(order) == ["line.png", "references.bib", "report.html", "summary.csv", "toy.json"]
+    page = (tmp_path / "report.html").read_text()
+    assert "0.300" in page and "data:image/png;base64," in page and "fitball toy &#39;a b&#39;" in page
+    back = pd.read_csv(tmp_path / "summary.csv", index_col="name")
+    assert back["median"].tolist() == [0.1 + 0.2, np.inf]
+    with pytest.raises(FolderError):
+        Toy().save(tmp_path)
+    Toy().save(tmp_path, overwrite=True, figures=False)
+    assert not (tmp_path / "line.png").exists() and "data:image" not in (tmp_path / "report.html").read_text()
+    with result_folder(tmp_path / "held") as folder:
+        assert len(Toy().save(folder, figures=False)) == 4
+
+
+def test_text_notebook_and_json_say_the_same():
+    toy = Toy()
+    assert "0.300" in toy.report() and "More" in toy.report(colour=True) and "\x1b[" not in toy.report()
+    assert "More" not in toy.report(full=False) and "0.300" in toy._repr_html_() and "<html" not in toy._repr_html_()
+    found = json.loads(json.dumps(toy.json(), allow_nan=False))
+    assert found == {
+        "frames": {
+            "summary": [
+                {"name": "mu", "median": 0.1 + 0.2, "kind": "model"}, {"name": "k_y", "median": None, "kind": None},
+            ]
+        },
+        "notes": [{"code": "doubt", "text": "a doubt"}], "exit_code": 0,
+    }  # fmt: skip
+
+
+def test_frames_find_their_page_and_their_exit_code(monkeypatch):
+    monkeypatch.setitem(sys.modules, "fitball.report.toy", sys.modules[__name__])
+    result = Frames("report.toy", Toy().frames, failed=True)
+    assert result.exit_code == 1 and result.record == "report.html" and "0.300" in result.report()
+
+
+def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot():
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context({"axes.facecolor": "red", "font.size": 30}):
+        first = {form: saved(Toy().plot("line"), form) for form in ("png", "svg", "pdf")}
+    assert first == {form: saved(styled(draw), form) for form in first} and not plt.get_fignums()
+    assert first["png"].startswith(b"\x89PNG") and not re.search(
+        rb"[Mm]atplotlib|20\d\d-", first["png"] + first["pdf"]
+    )
+    with pytest.raises(ParameterError) as caught:
+        Toy().plot("lines")
+    assert caught.value.code == "unknown-figure" and "'line'" in str(caught.value)
+
+
+def test_nothing_is_laid_out_before_a_report_is_asked_for():
+    heavy = ("matplotlib", "pandas", "scipy", "jinja2", "tqdm", "joblib")
+    code = f"import sys, fitball.result, fitball.columns\nprint([m for m in {heavy} if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,0 +1,96 @@
+"""Work over processes: everything comes back, whatever happens to a worker."""
+
+import os
+import signal
+import threading
+import time
+from functools import partial
+
+import pytest
+
+from fitball.errors import FitError, MachineError, ParameterError
+from fitball.scheduling import as_completed
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
+
+
+def square(item):
+    if item == 3:
+        raise FitError("three cannot be fitted", "three")
+    return os.getpid(), threading.active_count(), item**2
+
+
+def dying(folder, item):
+    """The third dies each time, the fifth once."""
+    mark = folder / str(item)
+    if item == 3 or (item == 5 and not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_every_item_comes_back_with_its_place_and_faults_are_results(cores):
+    made = dict(as_completed(square, range(8), cores))
+    assert sorted(made) == list(range(8))
+    assert made.pop(3).code == "three"
+    assert {place: value for place, (_, _, value) in made.items()} == {k: k**2 for k in (0, 1, 2, 4, 5, 6, 7)}
+    here = {pid == os.getpid() for pid, _, _ in made.values()}
+    assert here == {cores == 1}
+
+
+@POSIX
+def test_a_worker_that_dies_takes_no_other_item_with_it(tmp_path):
+    made = dict(as_completed(partial(dying, tmp_path), range(9), 2))
+    error = made.pop(3)
+    assert isinstance(error, MachineError) and error.code == "worker-died" and "SIGKILL(-9)" in str(error)
+    # What died once was tried again.
+    assert made == {k: k for k in (0, 1, 2, 4, 5, 6, 7, 8)}
+
+
+def test_functions_of_ones_own_travel_and_their_exceptions_are_raised():
+    offset = 10
+    assert dict(as_completed(lambda item: item + offset, [1, 2], 2)) == {0: 11, 1: 12}
+    for cores in (1, 2):
+        with pytest.raises(ZeroDivisionError):
+            list(as_completed(lambda item: 1 / item, [1, 0], cores))
+
+
+def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
+    def slow(item):
+        (tmp_path / str(item)).write_text(str(os.getpid()))
+        # The first waits for the second, so that only the order of readiness can be right.
+        while item == 0 and not (tmp_path / "1").exists():
+            time.sleep(0.01)
+        time.sleep(600.0 * (item == 0))
+        return item
+
+    found = as_completed(slow, [0, 1], 2)
+    assert next(found) == (1, 1)
+    found.close()
+    if os.name == "posix":
+        with pytest.raises(ProcessLookupError):
+            os.kill(int((tmp_path / "0").read_text()), 0)
+
+
+def test_running_out_of_memory_is_a_result():
+    def full(_item):
+        raise MemoryError("2.9 GiB")
+
+    assert [error.code for _, error in as_completed(full, [1, 2], 2)] == ["memory", "memory"]
+
+
+@POSIX
+def test_a_dask_scheduler_gives_the_same(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here").touch()
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        made = dict(as_completed(square, range(5), address=address))
+        assert made.pop(3).code == "three" and [made[k][2] for k in (0, 1, 2, 4)] == [0, 1, 4, 16]
+        assert {made[k][0] for k in made} == {worker.pid for worker in cluster.workers.values()}
+        assert dict(as_completed(os.path.exists, ["here", "there"], address=address)) == {0: True, 1: False}
+    with pytest.raises(ParameterError) as caught:
+        list(as_completed(square, [1], address="nonsense"))
+    assert caught.value.code == "scheduler"
