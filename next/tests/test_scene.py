@@ -10,6 +10,7 @@ import pytest
 
 from fitball.columns import COLUMNS
 from fitball.data.bundled import descriptions, folder, place_of
+from fitball.data.read import load_table
 from fitball.data.scene import BallSection, CameraSection, Quantity, Scene, load_scene
 from fitball.errors import InputError
 from fitball.values import Ball
@@ -130,6 +131,13 @@ def test_where_a_scene_comes_from(tmp_path):
     table.with_suffix(".toml").symlink_to("nowhere")
     for given in (None, tmp_path / "absent.toml", tmp_path):
         assert refused(lambda given=given: load_scene(table, given))[0] is None
+
+
+def test_columns_that_a_scene_flips_or_ignores():
+    plain = load_table("wang_topspin")
+    turned = load_table("wang_topspin", scene=Scene(measurement={"flip": ("omega_1",), "ignore": ("omega_2",)}))
+    np.testing.assert_array_equal(turned.values["omega_1"], -plain.values["omega_1"])
+    assert {*plain.values} - {*turned.values} == {"omega_2"}
 
 
 def test_an_inertia_is_one_of_the_ratio():
