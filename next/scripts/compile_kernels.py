@@ -1,6 +1,12 @@
 """Compiles all kernels once, so that processes that start together find them on disk."""
 
+import numpy as np
+
 import fitball
 
 if __name__ == "__main__":
-    fitball.model()
+    for text in ("brody", "two-mass"):
+        model, impact = fitball.model(text), fitball.impacts(15.0, 8.0)
+        values = {spec.name: spec.typical for spec in model.parameters}
+        model.rebound(values, impact)
+    model.history(values, impact, np.zeros(1))

@@ -73,6 +73,10 @@ def test_where_neither_side_has_an_answer_it_is_zero():
     _, slopes = central(nowhere, AT[:1], STEP, -OPEN, OPEN)
     np.testing.assert_array_equal(slopes[:, 0], 0.0)
     np.testing.assert_allclose(slopes[:, 1:], derived(AT[:1])[:, 1:], rtol=1e-8, atol=1e-9)
+    # An answer on one side, but none at the point itself.
+    beside, slopes = central(lambda x: np.where(x[:, :1] > 0.3, x[:, :1], np.nan), AT[:1], STEP, -OPEN, OPEN)
+    assert np.isnan(beside).all()
+    np.testing.assert_array_equal(slopes, np.zeros((1, 3, 1)))
     made, slopes = central(lambda x: np.full(len(x), np.nan), AT, STEP, -OPEN, OPEN)
     assert np.isnan(made).all() and made.shape == (2,)
     np.testing.assert_array_equal(slopes, np.zeros((2, 3)))
