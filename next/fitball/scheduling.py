@@ -31,7 +31,8 @@ def as_completed(
 
     Raises ParameterError (`scheduler`) where Dask is not installed or does not answer.
     """
-    count = min(cores or environment.cores(), len(items))
+    # A cluster has cores of its own.
+    count = len(items) if address else min(cores or environment.cores(), len(items))
     if count < 2 and not address:
         yield from ((place, _made(make, "", item)) for place, item in enumerate(items))
         return
@@ -76,7 +77,7 @@ def _round(
                     try:
                         future = pool.submit(task, items[waiting[0]])
                     except deaths:
-                        # An idle worker died; nothing is lost with it.
+                        # A worker has died, at work or idle, and loky's others with it.
                         broken = True
                     else:
                         running[future] = waiting.popleft()
@@ -84,7 +85,6 @@ def _round(
                     place, error = running.pop(future), future.exception()
                     if isinstance(error, deaths):
                         died.append((place, ", ".join(_ENDED.findall(str(error))) or "killed"))
-                        broken = isinstance(error, BrokenProcessPool)
                     else:
                         yield place, future.result()
     return died

@@ -21,7 +21,7 @@ REPORT = Report(
             {"parameter": Mark("mu", "name", "friction"), "median": "0.568", "empty": "",
              "verdict": Mark("given", "part", HOSTILE)},
             {"parameter": Mark("cor_slope", "name", "slope"), "median": "-15.1",
-             "verdict": Mark("identified", "good"), "rests on": "a & b"},
+             "verdict": Mark("identified", "good"), "rests on": "a & b|c"},
         ], ("verdict", "rests on")),
         Picture("curves", f"Lines {HOSTILE}"), Text([f"label {HOSTILE}", ""], "list"),
     ],
@@ -62,7 +62,7 @@ def test_a_page_is_well_formed_complete_and_needs_nothing_else():
     assert page.tags.count("details") == 2 and page.tags.count("table") == 2 and page.tags.count("figure") == 1
     # 2 heads, 2 and 300 rows.
     assert page.tags.count("tr") == 304 and {"400 rows.", "299.0"} < {*page.texts} and "300.0" not in page.texts
-    assert "fitball calibrate  'a  b'\n" in page.texts and "v_x2" in page.texts and "a & b" in page.texts
+    assert "fitball calibrate  'a  b'\n" in page.texts and "v_x2" in page.texts and "a & b|c" in page.texts
     assert "script" not in page.tags and any(HOSTILE[:25] in text for text in page.texts)
     for text in (to_page(REPORT, {}), to_notebook(REPORT), to_text(REPORT), to_markdown(REPORT)):
         assert "\x1b" not in text and "\u202e" not in text and "never seen" not in text
@@ -78,7 +78,7 @@ def test_a_terminal_shows_the_summary_or_all_in_its_width():
     assert lines[start : start + 3] == [
         "parameter  median  verdict     rests on",
         "mu          0.568  given",
-        "cor_slope   -15.1  identified  a & b",
+        "cor_slope   -15.1  identified  a & b|c",
     ]
     assert "\n39    39.0\n... and 360 more: summary.csv" in full
     assert "fitball calibrate  'a  b'" in full

@@ -27,7 +27,7 @@ def draw():
 class Toy(Result):
     """A result whose page is this module."""
 
-    page, record, notes = __name__, "toy.json", (Note("doubt", "a doubt"),)
+    page, record, notes = __name__, "own.json", (Note("doubt", "a doubt"),)
 
     @property
     def frames(self):
@@ -47,7 +47,7 @@ def figures(_result):
 
 
 def files(_result):
-    return {"toy.json": lambda: b"{}", "references.bib": lambda: b"@misc{}"}
+    return {"own.json": lambda: b"{}", "references.bib": lambda: b"@misc{}"}
 
 
 def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
@@ -56,9 +56,9 @@ def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
         ResultFolder, "write", lambda self, name, *more: order.append(name) or write(self, name, *more)
     )
     places = Toy().save(tmp_path, command="fitball toy 'a b'")
-    assert [place.name for place in places] == order and order[-1] == "toy.json"
+    assert [place.name for place in places] == order and order[-1] == "own.json"
     # Of the figures those that the report shows.
-    assert sorted(order) == ["line.png", "references.bib", "report.html", "summary.csv", "toy.json"]
+    assert sorted(order) == ["line.png", "own.json", "references.bib", "report.html", "summary.csv"]
     page = (tmp_path / "report.html").read_text()
     assert "0.300" in page and "data:image/png;base64," in page and "fitball toy &#39;a b&#39;" in page
     back = pd.read_csv(tmp_path / "summary.csv", index_col="name")

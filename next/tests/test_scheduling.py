@@ -83,10 +83,10 @@ def test_running_out_of_memory_is_a_result():
 @POSIX
 def test_a_dask_scheduler_gives_the_same(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "here").touch()
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
+        monkeypatch.chdir(tmp_path)
         made = dict(as_completed(square, range(5), address=address))
         assert made.pop(3).code == "three" and [made[k][2] for k in (0, 1, 2, 4)] == [0, 1, 4, 16]
         assert {made[k][0] for k in made} == {worker.pid for worker in cluster.workers.values()}

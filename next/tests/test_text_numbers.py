@@ -76,6 +76,7 @@ def test_nothing_that_steers_or_hides_remains_and_nothing_that_is_read_is_lost()
     kinds = {unicodedata.category(c) for c in set(shown) - set("\n\t\u200c\u200d")}
     assert not {"Cc", "Cs", "Zl", "Zp"} & kinds
     assert not DIRECTIONS & {unicodedata.bidirectional(c) for c in shown}
+    assert not {*"\ufeff\u200b\u00ad\u2060\u180e\U000e0041"} & {*shown}
     kept = "".join(c for c in EVERYTHING if c.isprintable() or c in "\n\t")
     assert visible(kept) == kept
     # Joiners are part of Persian, and of nothing that Latin letters spell.
