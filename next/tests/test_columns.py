@@ -44,14 +44,3 @@ def test_formulas_are_the_polar_form_of_the_velocity():
     np.testing.assert_allclose(COLUMNS["v_2"].formula(v_x, v_y), 7.0)
     np.testing.assert_allclose(COLUMNS["theta_2"].formula(v_x, v_y), angle)
     assert [name for name in REBOUND if COLUMNS[name].formula] == ["v_2", "theta_2"]
-
-
-def test_what_a_model_must_have_to_predict_a_column():
-    of = {
-        kind: [n for n in COLUMNS if getattr(COLUMNS[n], kind)] for kind in ("tangential", "timed", "gap", "opposite")
-    }
-    assert of["tangential"] == ["v_x2", "theta_2", "omega_2", "gap_path", "gap_turn"]
-    assert of["timed"] == ["contact_time", "gap_time", "gap_path", "gap_turn"]
-    assert of["gap"] == ["gap_time", "gap_path", "gap_turn"]
-    turned = [name for name in COLUMNS if COLUMNS[name].opposite == "from the normal"]
-    assert turned == ["theta_1", "theta_2"] and not {"v_1", "v_2", "contact_time", "gap_time"} & {*of["opposite"]}

@@ -165,18 +165,6 @@ def test_links_that_the_user_names_are_followed_and_planted_ones_are_not(tmp_pat
     assert precious.read_text() == "kept"
 
 
-@POSIX
-@pytest.mark.parametrize("mask", [0o022, 0o077])
-def test_a_file_has_the_permissions_of_the_umask(tmp_path, mask):
-    before = os.umask(mask)
-    try:
-        with result_folder(tmp_path) as folder:
-            place = folder.write("a", b"a")
-    finally:
-        os.umask(before)
-    assert place.stat().st_mode & 0o777 == 0o666 & ~mask
-
-
 # CSV and JSON.
 
 

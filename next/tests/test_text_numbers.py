@@ -121,10 +121,11 @@ def test_each_fault_has_its_place():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("error", [FolderError("a", "b"), InputError("t", [Fault("a", "x", 2)], ["h"])])
+@pytest.mark.parametrize("error", [FolderError("a\x1b", "b"), InputError("t", [Fault("a", "x", 2)], ["h"])])
 def test_an_error_of_another_process_is_the_same(error):
     back = pickle.loads(pickle.dumps(error))
     assert (type(back), str(back), back.code) == (type(error), str(error), error.code)
+    assert str(error).isprintable() or isinstance(error, InputError)
 
 
 def test_running_out_of_memory_is_an_error_in_words():
