@@ -43,6 +43,8 @@ def fit(table: ImpactTable, chosen: Model | str, progress: Progress) -> Frames:
             f"of {len(columns)} columns",
             "too-few-impacts",
         )
+    # A scatter is no smaller than the bound of its parameter.
+    least = np.array([spec.lower for c in columns if (spec := COLUMNS[c].noise) is not None])
     low = np.array([p.lower for p in made.parameters])
     high = np.array([p.upper for p in made.parameters])
     start = np.array([p.typical if p.typical is not None else 0.5 * (p.lower + p.upper) for p in made.parameters])
@@ -57,7 +59,7 @@ def fit(table: ImpactTable, chosen: Model | str, progress: Progress) -> Frames:
         scaled = partial(_scaled, misfit, scatter)
         found = least_squares(scaled, q, bounds=(low / size, high / size))
         q, before = found.x, scatter
-        scatter = np.sqrt(np.sum(misfit(q) ** 2, axis=0) / counts)
+        scatter = np.maximum(np.sqrt(np.sum(misfit(q) ** 2, axis=0) / counts), least)
         if np.all(np.abs(scatter - before) <= SETTLED * before):
             break
     jacobian = np.asarray(found.jac)
