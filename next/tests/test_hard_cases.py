@@ -1,0 +1,119 @@
+"""Impacts that are hard to solve against answers of fifty digits, and the ends of all ranges."""
+
+import csv
+
+import numpy as np
+import pytest
+from support import answers, taylor
+from support.answers import IMPACT, PARAMETERS
+from support.taylor import OUTPUTS
+
+import fitball
+from fitball.models.specs import SPECS
+from fitball.values import Impacts
+
+with answers.PLACE.open(encoding="utf-8") as file:
+    CASES = {row["name"]: row for row in csv.DictReader(file)}
+# Of the scale of an output, besides twice what one rounding of each input makes (column `rounding`).
+ROUNDING = 1e-15
+# Bounds of cases that come less near: of an event 1e-9 from touching the kernel knows the time to half the digits.
+# Joints that turn by thousands of radians in the contact cost that many roundings.
+WORSE = {
+    "soft joint, slip that just reaches zero, 1e-9 before": 5e-13,
+    "slip that ends with the contact, 1e-9 before": 1e-13,
+    "offset held back, hold that just sets in, 1e-9 before": 1e-13,
+    "ringing joint, grip once or twice, 1e-9 before": 2e-14,
+    "ringing joint, slip that turns or grips, 1e-9 after": 1e-14,
+    "ringing joint, slip that touches zero, 1e-9 after": 1e-14,
+    "k_theta = 1e5, matched": 1e-14,
+    "k_theta = 1e6, matched": 2e-14,
+    "k_theta = 1e7, matched": 1e-13,
+    "k_theta = 1e8, matched": 3e-13,
+    "share of inertia 0.9999": 1e-14,
+}
+# A free phase of 1e-8 of the contact, which may be named or not.
+FLEETING = {"restitution 1 less 1e-15 of the whole mass": "5231"}
+
+
+def solved(row, **changes):
+    """The kernel's answers (draws, 1), without the checks of a direct call."""
+    chosen = fitball.model("+".join(["two-mass", *filter(None, [row["options"]])]))
+    values = {spec.name: changes.get(spec.name, float(row[spec.name])) for spec in chosen.parameters}
+    draws = np.stack(np.broadcast_arrays(*map(np.atleast_1d, values.values())), axis=-1)
+    return chosen.evaluate(list(values), draws, Impacts(*(np.array([float(row[name])]) for name in IMPACT)))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_hard_case(name):
+    row, found = CASES[name], solved(CASES[name])
+    assert found.status[0, 0] == 0
+    bound = WORSE.get(name, ROUNDING + 2.0 * float(row["rounding"]))
+    sizes = answers.scales([row[k] for k in IMPACT], row["contact_time"])
+    for output, size in zip(OUTPUTS, sizes, strict=True):
+        assert abs(getattr(found, output)[0, 0] - float(row[output])) <= bound * size, output
+    assert f"{found.regime[0, 0]:o}" in (row["regime"], FLEETING.get(name))
+
+
+def test_the_answers_are_those_of_the_oracle():
+    """Some of them made again: all digits."""
+    assert len(CASES) == 108
+    for name in list(CASES)[::12]:
+        row = CASES[name]
+        values = {key: float(row[key]) for key in PARAMETERS if row[key]}
+        impact = [float(row[key]) for key in IMPACT]
+        made = taylor.solve(answers.options_of(row), values, impact, kind=taylor.FIFTY)
+        assert [repr(float(getattr(made, output))) for output in OUTPUTS] == [row[output] for output in OUTPUTS]
+
+
+def test_the_catalogue_is_hard():
+    """Reversals, grips and holds broken and renewed, grips from the start, free ends, contacts of many phases."""
+    regimes = [row["regime"][::-1] for row in CASES.values()]
+    for pattern in ("12", "21", "313", "43", "34", "5"):
+        assert any(pattern in regime for regime in regimes), pattern
+    assert any(regime.startswith("3") for regime in regimes) and max(map(len, regimes)) >= 13
+    assert sum(float(row["rounding"]) < 5e-16 for row in CASES.values()) > 100
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name.endswith("1e-9 before")])
+def test_marching_over_a_boundary(name):
+    """At steps of 1e-12 in friction, or in what the edge is of, no output jumps."""
+    row = CASES[name]
+    key = "cor_10" if name.startswith("restitution") else "mu"
+    edge = float(row[key]) / (1.0 - 1e-9)
+    found = solved(row, **{key: edge * (1.0 + np.linspace(-2e-9, 2e-9, 4001))})
+    assert len(set(found.regime[:, 0].tolist())) > 1
+    sizes = answers.scales([row[k] for k in IMPACT], row["contact_time"])
+    for output, size in zip(OUTPUTS, sizes, strict=True):
+        # What sets in or breaks does so with the square root of the distance at worst.
+        assert np.max(np.abs(np.diff(getattr(found, output)[:, 0]))) < 1e-9 * size
+
+
+def test_the_shell_vanishes_smoothly():
+    left = 10.0 ** -np.arange(2.0, 13.0)
+    row = CASES["mass_ratio 1 less 1e-3"]
+    found = solved(row, mass_ratio=1.0 - left, k_theta=408.0)
+    assert np.all(found.status == 0)
+    steps = np.abs(np.diff(found.v_x2[:, 0]))
+    assert np.all(steps[2:] < 0.5 * steps[1:-1])
+
+
+@pytest.mark.parametrize("options", ["", "+torsion=free", "+offset=grip", "+inertia=table", "+normal=total"])
+def test_anything_within_bounds_is_solved_or_refused(options):
+    """Over the whole range of every parameter, its edges included."""
+    chosen, rng, columns = fitball.model(f"two-mass{options}"), np.random.default_rng(5), []
+    for spec in (SPECS[one.name] for one in chosen.parameters):
+        if spec.lower > 0.0 and spec.upper > 50.0 * spec.lower:
+            columns.append(np.exp(rng.uniform(np.log(spec.lower), np.log(spec.upper), 1000)))
+        else:
+            near = (spec.upper - spec.lower) * 10.0 ** rng.uniform(-16.0, 0.0, 1000)
+            columns.append(np.where(rng.random(1000) < 0.5, spec.upper - near, spec.lower + near))
+    sign = rng.choice([-1.0, 1.0], (2, 4))
+    speeds = fitball.impacts(
+        sign[0] * 10.0 ** rng.uniform(-6.0, 2.0, 4), 10.0 ** rng.uniform(-2.0, 2.0, 4),
+        sign[1] * 10.0 ** rng.uniform(-3.0, 4.0, 4),
+    )  # fmt: skip
+    found = chosen.evaluate([spec.name for spec in chosen.parameters], np.stack(columns, axis=1), speeds)
+    good = found.status == 0
+    assert 0.05 < good.mean() < 0.95
+    for output in OUTPUTS:
+        assert np.array_equal(np.isfinite(getattr(found, output)), good)
