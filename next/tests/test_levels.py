@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, optimize, stats
 from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of, truth_of
 
 from fitball.data.scene import BallSection, Scene
@@ -67,6 +67,22 @@ def test_the_pull_is_the_gradient():
     # Of one spread it is the precision of that normal density.
     one = PRIOR._replace(spreads=np.array([0.2])).pull(PLACES)[1][0]
     np.testing.assert_allclose(one, np.linalg.inv(0.04 * np.eye(3) + WIDTH**2), rtol=1e-12)
+
+
+def test_the_maximum_for_searches_does_not_pool_levels_that_differ():
+    """Six levels three standard errors apart: their density is highest where all agree, a spike without mass."""
+    found, error = CENTRE + 0.2 * np.array([-1.2, -0.6, -0.1, 0.3, 0.7, 1.3]), 0.07
+    prior = PRIOR._replace(places=slice(0, 6))
+
+    def highest(own):
+        def cost(q):
+            return 0.5 * np.sum((q - found) ** 2) / error**2 - own.log_density(q[None])[0]
+
+        starts = (found, found.mean() + 1e-6 * found)
+        return min((optimize.minimize(cost, start) for start in starts), key=lambda made: made.fun).x
+
+    assert np.ptp(highest(prior.smooth)) > 0.6 * np.ptp(found)
+    assert np.ptp(highest(prior)) < 0.1 * np.ptp(found)
 
 
 def test_draws_of_the_prior():

@@ -132,13 +132,26 @@ def test_priors_that_nobody_chose():
     }  # fmt: skip
     measured = {item.spec.name for item in problem.parameters if item.measured}
     assert measured == {"ball_mass", "inertia_ratio"}
-    assert {note.code for note in problem.notes} >= {"unused-column", "assumed-radius"}
+    assert {note.code for note in problem.notes} >= {"unused-column", "assumed-ball"}
     held = problem_of(table_of(REBOUND), Scene(surface={"mu": 0.6}, measurement={"velocity_sd": 0.1}))
     assert {i.spec.name: i.fixed for i in held.parameters if i.fixed is not None} == {
         "mu": 0.6,
         "v_x_sd": 0.1,
         "v_y_sd": 0.1,
     }
+
+
+def test_assumptions_are_named_where_they_concern_a_free_parameter():
+    def named(*of, **choices):
+        every = {"no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise"}
+        return {note.code for note in problem_of(*of, **choices).notes} & every
+
+    table, timed = table_of(REBOUND), table_of(TIMED)
+    assert named(table) == {"no-friction", "no-velocity-noise", "no-spin-noise"}
+    assert named(table, text="two-mass") == {"no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise"}
+    assert named(timed, text="two-mass") == {"no-friction", "no-velocity-noise", "no-spin-noise"}
+    assert named(table, fix={"mu": 0.5, "spin_sd": 5.0, "v_x_sd": 0.1}) == {"no-velocity-noise"}
+    assert "no-friction" in named(table_of(REBOUND, labels=("surface",)))
 
 
 def test_what_the_table_does_not_show_is_held():
