@@ -1,7 +1,6 @@
 """Good tables: what is read, in which units, what counts, what is only compared, what is noted."""
 
 import hashlib
-import pickle
 
 import numpy as np
 import pandas as pd
@@ -348,21 +347,6 @@ def test_units_may_be_said_beside_a_table(tmp_path):
     table = fitball.load_table(place, columns={"v_1": "Vin [mph]", "theta_1": "angle_in", "v_2": "v_2 [km/h]"})
     np.testing.assert_allclose(table.values["v_1"], np.array([38, 40]) * MPH, rtol=1e-15)
     np.testing.assert_allclose(table.values["v_2"], np.array([42, 43]) / 3.6, rtol=1e-15)
-
-
-def test_a_table_is_read_back_from_its_frame_to_the_last_digit(tmp_path):
-    """With errors, correlations, gaps and labels; and from Parquet."""
-    table = fitball.load_table("synthetic_gaps")
-    assert table.corr and table.sd
-    table.to_frame().to_parquet(tmp_path / "t.parquet")
-    for source in (table.to_frame(), tmp_path / "t.parquet"):
-        again = fitball.load_table(source)
-        for part in ("values", "sd", "corr"):
-            one, other = getattr(table, part), getattr(again, part)
-            assert one.keys() == other.keys()
-            assert all(np.array_equal(one[name], other[name], equal_nan=True) for name in one)
-        assert again.labels == table.labels
-    assert pickle.loads(pickle.dumps(table)).labels == table.labels
 
 
 def test_how_a_table_was_read_is_kept(tmp_path):
