@@ -303,8 +303,9 @@ def test_ids_are_made_unique_and_labels_have_one_spelling(tmp_path):
     table = fitball.load_table(written(tmp_path, "court,v_y1,v_y2,mood", *rows))
     assert table.labels["court"] == ("clay",) * 4 + ("hard", "Hardd") and codes(table) == ["spellings"]
     assert table.labels["mood"] == tuple("012345")
-    own = "v_1,theta_1,theta_3,v_2,theta_2"
-    assert fitball.load_table(written(tmp_path, own, *["5,53.13,9,3,50"] * 2)).labels["theta_3"] == ("9", "9")
+    own = "v_1,theta_1,theta_3,v_2,theta_2,omega_2"
+    table = fitball.load_table(written(tmp_path, own, *["5,53.13,9,3,50,9"] * 2), ignore="theta_2")
+    assert table.labels["theta_3"] == ("9", "9") and {*codes(table)} > {"no-incident-spin", "ignored"}
 
 
 def test_rows_that_repeat_others_are_noted():
@@ -340,13 +341,6 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
     np.testing.assert_array_equal(
         fitball.load_table(new, **reading_of(by_scene), rebound=False).values["v_1"], ours.values["v_1"][:1]
     )
-
-
-def test_units_may_be_said_beside_a_table(tmp_path):
-    place = written(tmp_path, "Vin,angle_in,v_2", "38,20,42", "40,22,43")
-    table = fitball.load_table(place, columns={"v_1": "Vin [mph]", "theta_1": "angle_in", "v_2": "v_2 [km/h]"})
-    np.testing.assert_allclose(table.values["v_1"], np.array([38, 40]) * MPH, rtol=1e-15)
-    np.testing.assert_allclose(table.values["v_2"], np.array([42, 43]) / 3.6, rtol=1e-15)
 
 
 def test_how_a_table_was_read_is_kept(tmp_path):
