@@ -1,5 +1,6 @@
 """The density of a problem against one written out in scipy, over all its forms."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -20,6 +21,7 @@ from support.density import (
 
 from fitball.inference import density
 from fitball.inference.density import cells, log_likelihood, pointwise, slopes, terms
+from fitball.inference.problem import row_errors
 
 FORMS = list(
     product(("normal", "student-t"), (False, True), ("", "sd", "corr"), (False, True), (False, True), (False, True))
@@ -55,6 +57,23 @@ def test_every_part_of_it_matters():
     assert density.log_posterior(problem, problem.coordinates(at)[None])[0] == pytest.approx(whole, rel=1e-10)
     for part in ("priors", "levels", "camera", "errors", "correlations", "contact time"):
         assert abs(log_posterior(problem, at, (part,)) - whole) > 1e-2, part
+
+
+@pytest.mark.parametrize("errors", ["sd", "corr"])
+def test_stated_errors_alone_where_scatter_is_held_at_nothing(errors):
+    problem = problem_of(table_of(REBOUND, errors), scene_of(), fix={"v_x_sd": 0.0, "spin_sd": 0.0})
+    q = near(problem, 2)
+    exact = [log_posterior(problem, named(problem, row)) for row in q]
+    np.testing.assert_allclose(density.log_posterior(problem, q), exact, rtol=1e-9)
+
+
+def test_errors_of_a_long_table_are_made_in_parts(monkeypatch):
+    table = table_of(TIMED, "corr", gaps=True)
+    whole = row_errors.row_errors(table, TIMED)
+    monkeypatch.setattr(row_errors, "PART", 3)
+    for one, other in zip(whole, row_errors.row_errors(table, TIMED), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert row_errors.row_errors(replace(table, sd={}, corr={}), TIMED) is None
 
 
 def test_speeds_and_angles_have_noises_of_their_own():

@@ -250,3 +250,5 @@ def test_what_lies_outside_of_the_calibrated_impacts():
     assert distance[[0, 4]].max() < 1e-9 and distance[1] > 1.0
     assert distance[3] == pytest.approx(np.hypot(22.0, 12.0) - 20.0, abs=0.3)
     assert calibrated.outside(new.take(np.array([0])), np.array([[7]]))[1][0] == np.inf
+    plain = CalibratedRange(known, np.empty((count, 0), np.int64), 0.033)
+    assert plain.outside(new, np.empty((5, 0), np.int64))[0].tolist() == [False, False, True, True, False]
