@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from fitball.errors import Note, ParameterError, suggestion
 from fitball.files import ResultFolder, csv_bytes, result_folder
@@ -72,16 +72,23 @@ class Result:
         }
 
     def save(
-        self, folder: str | Path | ResultFolder, *, overwrite: bool = False, figures: bool = True, command: str = ""
+        self,
+        folder: str | Path | ResultFolder,
+        *,
+        overwrite: bool = False,
+        figures: bool | Literal["all"] = True,
+        command: str = "",
     ) -> tuple[Path, ...]:
-        """Write page, figures, frames and files, the record last; the only writer of results. A `ResultFolder` is
-        locked already (the command line locks before a long run). Raises FolderError as `result_folder`.
+        """Write page, figures, frames and files, the record last; the only writer of results. Figures are those that
+        the page shows unasked, or all that it has a place for. A `ResultFolder` is locked already (the command line
+        locks before a long run). Raises FolderError as `result_folder`.
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), overwrite=overwrite, record=self.record) as held:
                 return self.save(held, figures=figures, command=command)
         style, drawable = import_module("fitball.report.style"), self._layout.figures(self) if figures else {}
-        images = {name: style.saved(self.plot(name)) for name in self._report.pictures() if name in drawable}
+        shown = self._report.pictures(every=figures == "all")
+        images = {name: style.saved(self.plot(name)) for name in shown if name in drawable}
         contents = {name: make() for name, make in self._layout.files(self).items()}
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
