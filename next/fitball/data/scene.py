@@ -5,11 +5,10 @@ Sections `prior`, `fix`, `pool`, `columns` are the options of the same names, wh
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from datetime import date
-from math import log, pi
+from collections.abc import Iterable, Iterator, Mapping
+from math import pi
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, NoReturn, TypeGuard
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
@@ -68,7 +67,7 @@ class Scene(Section, frozen=True):
     """What is known; SI, every section may be left out. `surface` has name, court, mu; `measurement` for each noise
     parameter NAME (held) or nominal_NAME (median of its prior), `noise`, `ignore`, `flip`; `flight` drag, lift,
     spin_sd and `air` of a film; `model` a name as `--model` takes it; `laboratory` and `source` texts for reports.
-    Raises InputError (`scene`) for what no ball, court or instrument has.
+    Raises InputError (`scene`) with each key that no ball, court or instrument has.
     """
 
     ball: BallSection = BallSection()
@@ -87,8 +86,8 @@ class Scene(Section, frozen=True):
     source: dict[str, str] = {}
 
     def __post_init__(self) -> None:
-        _check(msgspec.to_builtins(self))
-        _check_ball(self.ball)
+        _refuse(_faults(msgspec.to_builtins(self)))
+        _refuse(_faults_of(self.ball))
 
     def value(self) -> Ball:
         """The ball at its stated values."""
@@ -110,217 +109,162 @@ class Scene(Section, frozen=True):
     def assumed(self) -> tuple[Note, ...]:
         """What is assumed because nothing was stated."""
         ball, noise, fitted = self.ball, self.measurement.keys(), "it is fitted with a default prior"
-        inertia = ball.inertia_ratio if ball.inertia is None else ball.inertia
-        parts = {"mass": ball.mass, "radius": ball.radius, "inertia": inertia}
+        parts = {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia or ball.inertia_ratio}
         unstated = listed(name for name, one in parts.items() if one is None)
         tennis = f"the {unstated} of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
+        velocities = {"velocity_sd", "nominal_velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
         silent = (
             ("assumed-ball", tennis, bool(unstated)),
             ("no-friction", "nothing of the friction: mu has a wide prior", "mu" not in self.surface),
             ("no-contact-time", "nothing of the contact time: k_y depends on its prior", self.contact_time is None),
-            ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not _VELOCITY_NOISES & noise),
+            ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not velocities & noise),
             ("no-spin-noise", f"nothing of the noise of spins: {fitted}", not {"spin_sd", "nominal_spin_sd"} & noise),
         )
         return tuple(Note(code, f"Assumed: {text}.") for code, text, is_so in silent if is_so)
 
 
-# Each of these says something of the noise of velocities.
-_VELOCITY_NOISES = {"velocity_sd", "nominal_velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
-
-
 class _Size(NamedTuple):
-    """A number is `low` to `high` in `unit`; of other `units` that may have been meant, the one that makes it most
-    `typical` is asked about.
-    """
+    """A number, or a value with its sd, from `low` to `high` in `unit`."""
 
     low: float
     high: float
     unit: str = ""
-    typical: float = 1.0
-    units: Mapping[str, float] = {}
 
 
-_MASSES = {"g": 1e-3, "mg": 1e-6, "oz": 0.028349523125, "lb": 0.45359237}
-_INERTIAS = {"g cm^2": 1e-7, "g mm^2": 1e-9, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g m^2": 1e-3}
-_SPEEDS, _SPINS = {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6}, {"rpm": pi / 30.0}
-_ANGLES, _TIMES = {"deg": pi / 180.0}, {"ms": 1e-3, "us": 1e-6}
-_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
-_UNITS = {"m/s": _SPEEDS, "rad/s": _SPINS, "rad": _ANGLES, "s": _TIMES, "m": _LENGTHS}
-
-
-def _noises() -> Iterator[tuple[str, _Size]]:
-    """Sds of each noise parameter, held or nominal; of a velocity component too, where columns share one."""
-    specs = {spec.name: spec for column in COLUMNS.values() if (spec := column.noise) is not None}
-    for name, spec in {**specs, "velocity_sd": specs["v_x_sd"]}.items():
-        median = float(spec.prior.partition("(")[2].partition(",")[0])
-        for prefix in ("", "nominal_"):
-            yield f"measurement.{prefix}{name}", _Size(spec.lower, spec.upper, spec.unit, median, _UNITS[spec.unit])
-
-
-# From a grain of shot to the largest ball that people throw; from the best instruments to useless ones.
-_SIZES: Mapping[str, _Size] = {
-    "ball.mass": _Size(1e-6, 20.0, "kg", 0.05, _MASSES),
-    "ball.radius": _Size(1e-4, 0.5, "m", 0.03, _LENGTHS),
-    "ball.inertia_ratio": _Size(0.01, 1.0),
-    "ball.inertia": _Size(1e-14, 5.0, "kg m^2", 3.5e-5, _INERTIAS),
-    "ball.temperature": _Size(-40.0, 80.0, "degrees Celsius"),
-    "surface.mu": _Size(1e-6, 100.0, "", 0.5, {"%": 1e-2}),
-    "contact_time": _Size(1e-6, 0.1, "s", 5e-3, _TIMES),
-    **dict(_noises()),
-    "camera.scale": _Size(0.2, 5.0, "", 1.0, {"%": 1e-2}),
-    "camera.clock": _Size(0.2, 5.0, "", 1.0, {"%": 1e-2}),
-    "camera.tilt": _Size(-pi / 18.0, pi / 18.0, "rad", 5e-3, _ANGLES),
-    "camera.court_height": _Size(-0.2, 0.2, "m", 3e-3, _LENGTHS),
-    "camera.fps": _Size(1.0, 1e7, "frames/s", 1e3, {"1/ms": 1e3}),
-    "camera.mm_per_px": _Size(1e-4, 1e3, "mm", 1.0, {"um": 1e-3, "m": 1e3}),
-    "camera.court": _Size(-100.0, 100.0, "m", 1.0, _LENGTHS),
-    "camera.fold": _Size(1, 100),
-    "camera.lasting": _Size(0.0, 0.1, "m", 1e-3, _LENGTHS),
-    "camera.row_time": _Size(1e-10, 0.01, "s", 1e-5, _TIMES),
-    "flight.drag": _Size(0.01, 3.0),
-    "flight.lift": _Size(-2.0, 2.0),
-    "flight.spin_sd": _Size(0.1, 1e4, "rad/s", 250.0, _SPINS),
-    "air.density": _Size(0.3, 2.0, "kg/m^3", 1.2, {"g/cm^3": 1e3}),
-    "air.temperature": _Size(-40.0, 60.0, "degrees Celsius"),
-    "air.pressure": _Size(3e4, 1.2e5, "Pa", 1e5, {"hPa": 1e2, "kPa": 1e3, "bar": 1e5}),
-}
-_LISTS = ("measurement.ignore", "measurement.flip")
-_TEXTS = ("surface.name", "surface.court", "model.name")
-_CHOICES: Mapping[str, Sequence[str]] = {
-    "ball.type": [*BALL_TYPES],
-    "measurement.noise": ["normal", "student-t"],
-    "camera.y": ["up", "down"],
-    "camera.angles": ["counterclockwise", "clockwise"],
-}
-# Sections that take any name: for texts, and `fix` for numbers.
-_FREE = ("prior", "fix", "pool", "columns", "laboratory", "source")
-_SAME = (
-    ("ball.inertia", "ball.inertia_ratio"),
-    ("air.density", "air.temperature"),
-    ("air.density", "air.pressure"),
-    *((key, key.replace(".", ".nominal_")) for key in _SIZES if key.startswith("measurement.")),
-)
+# Noise parameters; one sd may hold for both components of the velocity.
+_NOISES = {noise.name: noise for column in COLUMNS.values() if (noise := column.noise) is not None}
+_NOISES |= {"velocity_sd": _NOISES["v_x_sd"]}
+_CELSIUS, _FACTOR, _TEXT = _Size(-40.0, 80.0, "degrees Celsius"), _Size(0.2, 5.0), ()
+# What keys take: numbers, from a grain of shot to the largest ball that people throw, from the best instruments to
+# useless ones; texts to choose from, without any: all; lists of columns. A section with `*` has any name.
+_KEYS: Mapping[str, _Size | tuple[str, ...] | type] = {
+    "ball.mass": _Size(1e-6, 20.0, "kg"), "ball.radius": _Size(1e-4, 0.5, "m"),
+    "ball.inertia_ratio": _Size(0.01, 1.0), "ball.inertia": _Size(1e-14, 5.0, "kg m^2"),
+    "ball.temperature": _CELSIUS, "ball.type": (*BALL_TYPES,),
+    "surface.name": _TEXT, "surface.court": _TEXT, "surface.mu": _Size(1e-6, 100.0),
+    "contact_time": _Size(1e-6, 0.1, "s"),
+    **{f"measurement.{nominal}{name}": _Size(noise.lower, noise.upper, noise.unit)
+       for name, noise in _NOISES.items() for nominal in ("", "nominal_")},
+    "measurement.noise": ("normal", "student-t"), "measurement.ignore": list, "measurement.flip": list,
+    "camera.scale": _FACTOR, "camera.clock": _FACTOR, "camera.tilt": _Size(-pi / 18.0, pi / 18.0, "rad"),
+    "camera.court_height": _Size(-0.2, 0.2, "m"), "camera.fps": _Size(1.0, 1e7, "frames/s"),
+    "camera.mm_per_px": _Size(1e-4, 1e3, "mm"), "camera.court": _Size(-100.0, 100.0, "m"),
+    "camera.y": ("up", "down"), "camera.angles": ("counterclockwise", "clockwise"), "camera.fold": _Size(1, 100),
+    "camera.lasting": _Size(0.0, 0.1, "m"), "camera.row_time": _Size(1e-10, 0.01, "s"),
+    "flight.drag": _Size(0.01, 3.0), "flight.lift": _Size(-2.0, 2.0), "flight.spin_sd": _Size(0.1, 1e4, "rad/s"),
+    "air.density": _Size(0.3, 2.0, "kg/m^3"), "air.temperature": _CELSIUS, "air.pressure": _Size(3e4, 1.2e5, "Pa"),
+    "model.name": _TEXT, "prior.*": _TEXT, "fix.*": _Size(-1e300, 1e300), "pool.*": _TEXT, "columns.*": _TEXT,
+    "laboratory.*": _TEXT, "source.*": _TEXT,
+}  # fmt: skip
+# Units that people write where SI is meant.
+_MEANT = {
+    "kg": {"g": 1e-3}, "m": {"mm": 1e-3, "cm": 1e-2}, "s": {"ms": 1e-3}, "kg m^2": {"g cm^2": 1e-7},
+    "m/s": {"cm/s": 1e-2}, "rad": {"deg": pi / 180.0}, "rad/s": {"rpm": pi / 30.0}, "Pa": {"hPa": 1e2},
+}  # fmt: skip
+# Two keys of one quantity, beside NAME and nominal_NAME.
+_SAME = {"inertia": "inertia_ratio"}
 # Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come down.
 _LIGHTEST, _DENSEST = 1.2, 22_600.0
 
 
 def load_scene(table: Path | None, given: str | Path | None = None) -> Scene:
-    """The scene in `given`, else beside the table, else all defaults. Raises InputError (`scene`)."""
+    """The scene in `given`, else beside the table, else all defaults. Raises InputError (`scene`) with all faults."""
     place = Path(given) if given else None if table is None else table.with_suffix(".toml")
     if place is None or not (given or os.path.lexists(place)):
         return Scene()
     try:
-        tree = tomllib.loads(place.read_bytes().decode("utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
-        words = one_line(str(getattr(error, "strerror", "") or error))
-        raise InputError(str(place), [Fault("scene", f"expected a scene file (TOML in UTF-8): {words}")]) from None
-    laboratory = tree.get("laboratory")
-    if isinstance(laboratory, dict):
-        tree["laboratory"] = {name: str(one) if isinstance(one, date) else one for name, one in laboratory.items()}
-    try:
-        _check(tree)
+        # Dates become texts.
+        tree = msgspec.to_builtins(tomllib.loads(place.read_bytes().decode("utf-8-sig")))
+        _refuse(_faults(tree))
         return msgspec.convert(tree, Scene)
     except InputError as error:
-        raise InputError(str(place), error.faults) from None
+        faults = error.faults
     except msgspec.ValidationError as error:
-        # What is left: a whole number, and numbers that have no sd.
-        what, _, where = str(error).partition(" - at `$.")
-        raise InputError(str(place), [Fault("scene", what, column=where.rstrip("`") or None)]) from None
+        # What is left: a whole number, numbers that have no sd, and one that has.
+        what, _, where = str(error).replace("object", "{ value = ..., sd = ... }").partition(" - at `$.")
+        faults = (_fault(where.rstrip("`"), what),)
+    except (OSError, ValueError, RecursionError) as error:
+        words = one_line(str(getattr(error, "strerror", "") or error))
+        faults = (Fault("scene", f"expected a scene file (TOML in UTF-8): {words}"),)
+    raise InputError(str(place), faults)
 
 
-def _fail(key: str, message: str) -> NoReturn:
-    raise InputError("scene", [Fault("scene", message, column=key)])
+def _fault(key: str, message: str) -> Fault:
+    return Fault("scene", message, column=key)
+
+
+def _refuse(faults: Iterable[Fault]) -> None:
+    if found := tuple(faults):
+        raise InputError("scene", found)
 
 
 def _number(quantity: float | Quantity | None, assumed: float) -> float:
     return quantity.value if isinstance(quantity, Quantity) else assumed if quantity is None else quantity
 
 
-def _check(tree: Mapping[str, Any]) -> None:
-    """The first fault of a scene that says most: a number in a wrong unit before a misspelled key."""
-    leaves = []
+def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
+    """Each key that does not exist, holds what it cannot, or says what another says."""
     for section, part in tree.items():
-        if section == "contact_time" or not isinstance(part, dict):
-            leaves.append((section, part))
+        named = {"": part} if section == "contact_time" else part
+        if section not in Scene.__struct_fields__:
+            yield _fault(section, f"unknown key; {suggestion(section, Scene.__struct_fields__)}")
+        elif not isinstance(named, dict):
+            yield _fault(section, f"read {one_line(repr(part))}; expected a section [{section}]")
         else:
-            leaves += [(f"{section}.{name}", item) for name, item in part.items()]
-    for key, item in leaves:
-        if key in _SIZES or key.startswith("fix."):
-            _check_size(key, item)
-    for key, item in leaves:
-        _check_key(key, item)
-    for one, other in _SAME:
-        if {one, other} <= dict(leaves).keys():
-            _fail(one, f"given beside {other}, which says the same; keep one of them")
+            for name, given in named.items():
+                key, other = f"{section}.{name}".rstrip("."), _SAME.get(name, f"nominal_{name}")
+                if words := _wrong(key, given):
+                    yield _fault(key, words)
+                elif other in named:
+                    yield _fault(key, f"given beside {other}, which says the same; keep one of them")
 
 
-def _check_size(key: str, item: object) -> None:
-    """A number and its sd against their limits; what is no number is left to `_check_key`."""
-    value, sd = (item.get("value"), item.get("sd")) if isinstance(item, dict) else (item, None)
-    if not _is_number(value):
-        return
-    if not -1e300 <= value <= 1e300:
-        _fail(key, f"read {one_line(repr(value))}; expected a finite number")
-    size = _SIZES.get(key, _Size(-1e300, 1e300))
-    if not size.low <= value <= size.high:
-        wanted = f"expected {size.low:g} to {size.high:g} {size.unit}".strip()
-        _fail(key, f"read {value:g}; {wanted}{_meant(value, size, size.high)}")
-    most = size.high if size.low < 0.0 or key == "surface.mu" else value
-    if _is_number(sd) and not (1e-9 * abs(value) <= sd <= most and sd > 0.0):
-        # Quantities about zero are as large as their sds.
-        typical = size.typical if size.low < 0.0 else 0.02 * size.typical
-        hint = _meant(sd, size._replace(low=0.0, typical=typical), 0.2 * most) if sd > most else ""
-        _fail(key, f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}")
-
-
-def _check_key(key: str, item: object) -> None:
-    """Whether there is such a key, and whether it holds such a thing."""
+def _wrong(key: str, given: object) -> str:
+    """What is wrong with what a key holds, in words; empty if nothing."""
     section, _, name = key.partition(".")
-    if section not in Scene.__struct_fields__:
-        _fail(section, f"unknown key; {suggestion(section, Scene.__struct_fields__)}")
-    known = [known for known in (*_SIZES, *_LISTS, *_TEXTS, *_CHOICES) if known.partition(".")[0] == section]
-    if name and section not in _FREE and key not in known:
-        _fail(key, f"unknown key; {suggestion(name, [one.partition('.')[2] for one in known])}")
-    if key in _SIZES or (section == "fix" and name):
-        whole = not isinstance(item, dict) or item.keys() == {"value", "sd"}
-        good = whole and all(map(_is_number, item.values() if isinstance(item, dict) else [item]))
-        wanted = "a number, or { value = ..., sd = ... }"
-    elif key in _LISTS:
-        good = isinstance(item, list | tuple) and all(isinstance(one, str) for one in item)
-        wanted = 'a list of columns, such as ["omega_2"]'
-    else:
-        good, wanted = isinstance(item, str) and bool(name), "a text" if name else f"a section [{section}]"
-    if not good:
-        _fail(key, f"read {one_line(repr(item))}; expected {wanted}")
-    if key in _CHOICES and item not in _CHOICES[key]:
-        _fail(key, f"read {one_line(str(item))}; {suggestion(str(item), _CHOICES[key])}")
+    takes, read = _KEYS.get(key, _KEYS.get(f"{section}.*")), one_line(repr(given))
+    if takes is None:
+        known = [one.partition(".")[2] for one in _KEYS if one.startswith(f"{section}.")]
+        return f"unknown key; {suggestion(name, known)}"
+    if isinstance(takes, _Size):
+        return _wrong_number(given, takes)
+    if isinstance(takes, type):
+        good = isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)
+        return "" if good else f'read {read}; expected a list of columns, such as ["omega_2"]'
+    if not isinstance(given, str):
+        return f"read {read}; expected a text"
+    return f"read {read}; {suggestion(given, takes)}" if takes and given not in takes else ""
 
 
-def _is_number(item: object) -> TypeGuard[float]:
-    return isinstance(item, int | float) and not isinstance(item, bool)
+def _wrong_number(given: Any, size: _Size) -> str:
+    """The same for a number, or a value and its sd: a positive one is known better than to 100 %."""
+    pair = isinstance(given, dict) and given.keys() == {"value", "sd"}
+    value, sd = (given["value"], given["sd"]) if pair else (given, 1.0)
+    if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in (value, sd)):
+        return f"read {one_line(repr(given))}; expected a number, or {{ value = ..., sd = ... }}"
+    if not size.low <= value <= size.high:
+        wanted = f"{size.low:g} to {size.high:g} {size.unit}".rstrip()
+        return f"read {one_line(repr(value))}; expected {wanted}{_meant(value, size)}"
+    most = size.high if size.low < 0.0 else value
+    if pair and not (sd > 0.0 and 1e-9 * abs(value) <= sd <= most):
+        hint = _meant(sd, _Size(0.0, most, size.unit)) if sd > most else ""
+        return f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}"
+    return ""
 
 
-def _meant(value: float, size: _Size, most: float) -> str:
+def _meant(value: float, size: _Size) -> str:
     """A question, where another unit makes the value possible."""
-    fitting = {unit: factor for unit, factor in size.units.items() if size.low <= value * factor <= most}
-    if not fitting:
-        return ""
-    unit = min(fitting, key=lambda one: abs(log(abs(value) * fitting[one] / size.typical)))
-    return f"; did you mean {value:g} {unit} ({value * fitting[unit]:.4g})?"
+    units = [unit for unit, one in _MEANT.get(size.unit, {}).items() if size.low / one <= value <= size.high / one]
+    return f"; did you mean {listed((f'{value:g} {unit}' for unit in units), 'or')}?" if units else ""
 
 
-def _check_ball(ball: BallSection) -> None:
+def _faults_of(ball: BallSection) -> Iterator[Fault]:
     """Mass, size and inertia belong together: often one of them was left out, or is in another unit."""
     mass, radius = (_number(getattr(ball, name), getattr(Ball(), name)) for name in ("mass", "radius"))
-    density, square = mass / (4.0 / 3.0 * pi * radius**3), mass * radius**2
-    if not _LIGHTEST <= density <= _DENSEST:
-        than = "denser than any metal" if density > _DENSEST else "lighter than air"
-        # Hollow balls have some 300 kg/m^3.
-        size = _SIZES["ball.mass"]._replace(typical=300.0 * mass / density)
-        hint = _meant(mass, size, _DENSEST * mass / density) if density > _DENSEST else ""
-        _fail("ball.mass", f"read {mass:g} kg for a ball of radius {radius:g} m, {than}; state both, in SI{hint}")
-    inertia = _number(ball.inertia, 0.5 * square)
-    if not 0.01 <= inertia / square <= 1.0:
-        size = _SIZES["ball.inertia"]._replace(low=0.2 * square, typical=0.5 * square)
-        wanted = f"expected {0.01 * square:.3g} to {square:.3g} kg m^2 (M R^2)"
-        _fail("ball.inertia", f"read {inertia:g}; {wanted}{_meant(inertia, size, square)}")
+    volume, square = 4.0 / 3.0 * pi * radius**3, mass * radius**2
+    if not _LIGHTEST <= mass / volume <= _DENSEST:
+        than = "denser than any metal" if mass > _DENSEST * volume else "lighter than air"
+        hint = _meant(mass, _Size(_LIGHTEST * volume, _DENSEST * volume, "kg"))
+        yield _fault("ball.mass", f"read {mass:g} kg for a ball of radius {radius:g} m, {than}; state both{hint}")
+    if words := _wrong_number(_number(ball.inertia, square), _Size(0.01 * square, square, "kg m^2")):
+        yield _fault("ball.inertia", f"{words} (at most M R^2)")
