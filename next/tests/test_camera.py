@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from support.density import REBOUND, TIMED, problem_of, scene_of, table_of
+from support.density import REBOUND, TIMED, problem_of, scene_of, table_of, truth_of
+from support.density import log_posterior as written_out
 
 from fitball.data.scene import CameraSection, Quantity, Scene
-from fitball.inference.problem.camera import CameraModel
+from fitball.inference.density import log_posterior
+from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
 from fitball.models.types import Rebound, Status
 from fitball.values import Impacts
 
@@ -108,6 +110,26 @@ def test_sessions_have_cameras_of_their_own():
     np.testing.assert_allclose((plain.gap_time - moved.gap_time)[:, other], late[:, other], rtol=1e-9)
     rows = np.array([1, 2])
     np.testing.assert_array_equal(problem.take(rows).seen(values).gap_time, plain.gap_time[:, rows])
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_of_a_camera_of_which_one_thing_is_stated_all_else_is_right(key):
+    known = Scene(camera=CameraSection(**{key: Quantity(float(key in ("scale", "clock")), 0.003)}))
+    problem = problem_of(table_of(TIMED, "sd"), known, "two-mass")
+    at = truth_of(problem)
+    assert {*KEYS} & {*at} == {key}
+    found = log_posterior(problem, problem.coordinates(at)[None])[0]
+    assert found == pytest.approx(written_out(problem, at), rel=1e-10)
+    assert abs(written_out(problem, at, ("camera",)) - found) > 1e-3
+
+
+def test_bounds_and_units_of_a_camera():
+    ends = {name: (spec.lower, spec.upper, spec.possible, spec.unit) for name, spec in CAMERA_SPECS.items()}
+    assert ends == {
+        "scale": (0.2, 5.0, (0.0, np.inf), ""), "clock": (0.2, 5.0, (0.0, np.inf), ""),
+        "tilt": (-0.3, 0.3, (-np.inf, np.inf), "rad"), "court_height": (-0.2, 0.2, (-np.inf, np.inf), "m"),
+    }  # fmt: skip
+    assert (CAMERA_SPECS["tilt"].handy.factor, CAMERA_SPECS["court_height"].handy.factor) == (np.degrees(1.0), 1e3)
 
 
 def test_what_is_stated_asked_for_and_idle():

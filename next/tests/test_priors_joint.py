@@ -241,7 +241,7 @@ def test_summaries_of_draws():
     found, exact = summarise(3.0 + 2.0 * draws, 2.9), 3.0 + 2.0 * stats.norm.ppf([0.025, 0.16, 0.5, 0.84, 0.975])
     np.testing.assert_allclose([found.q025, found.q16, found.median, found.q84, found.q975], exact, atol=0.08)
     assert found.point == 2.9 and found.sd == pytest.approx(2.0, rel=0.02)
-    some = np.column_stack([draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.5, np.nan, draws)])
+    some = np.column_stack([draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.1, np.nan, draws)])
     made = bands(some)
     assert np.isfinite(made[:, :2]).all() and np.isnan(made[:, 2]).all()
     np.testing.assert_allclose(made[:, 1], np.quantile(draws[draws <= 0.5], [0.025, 0.16, 0.5, 0.84, 0.975]))
@@ -249,6 +249,7 @@ def test_summaries_of_draws():
 
 
 def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
+    assert Effort() == Effort(1, False, 20_000, None) and Effort(0, max_steps=100, cores=1).cores == 1
     effort = Effort(seed=3)
     first = effort.stream("search").random(4)
     effort.stream("chains").random(100)
