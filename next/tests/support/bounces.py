@@ -1,5 +1,7 @@
 """Bounces to try: compositions, and random parameters and impacts, near measured ones or far from them."""
 
+from support.taylor import DEFAULT
+
 OPTIONS = {
     "normal": ("momentum", "total", "inner"),
     "offset": ("contact", "grip"),
@@ -8,7 +10,6 @@ OPTIONS = {
     "spin": ("mean", "shell"),
     "release": ("zero_force", "zero_displacement"),
 }
-DEFAULT = {name: values[0] for name, values in OPTIONS.items()}
 THESIS_EXACT = {**DEFAULT, "normal": "inner", "offset": "grip", "spin": "shell", "release": "zero_displacement"}
 # The default, the thesis's, and each option away from the default.
 COMPOSITIONS = [DEFAULT, THESIS_EXACT] + [

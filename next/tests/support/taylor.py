@@ -28,7 +28,6 @@ DEFAULT = {
     "normal": "momentum", "offset": "contact", "torsion": "matched", "inertia": "tied", "spin": "mean",
     "release": "zero_force",
 }  # fmt: skip
-THESIS_EXACT = {**DEFAULT, "normal": "inner", "offset": "grip", "spin": "shell", "release": "zero_displacement"}
 BALL = (0.0576, 0.03302, 0.56)
 OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time", "gap_time", "gap_path", "gap_turn")
 
@@ -49,10 +48,7 @@ class Numbers(NamedTuple):
     @property
     def terms(self):
         """Terms after which a series of reach REACH has converged."""
-        n = 4
-        while REACH**n > math.factorial(n) * 10 ** (-self.digits - 2):
-            n += 1
-        return n
+        return next(n for n in range(999) if REACH**n < math.factorial(n) * 10 ** (-self.digits - 2))
 
 
 DOUBLE = Numbers(float, math.sqrt, math.log, 16)
@@ -103,26 +99,20 @@ def first_fall(c, zero, least):
 
 def falling(c, low, high, least):
     """The zero of a falling polynomial between two points, by Newton's steps that stay between them."""
-    x = (low + high) / 2
+    x, old = (low + high) / 2, high
     for _ in range(400):
+        if abs(x - old) <= least / 1000:
+            break
         f, d = value(c, x)
         low, high = (x, high) if f > 0 else (low, x)
-        new = x - f / d if d != 0 else low
-        if not low <= new <= high:
-            new = (low + high) / 2
-        step, x = abs(new - x), new
-        if step <= least / 1000:
-            break
+        old, x = x, min(max(x - f / d, low), high) if d < 0 else (low + high) / 2
     return x
 
 
 def total(*parts):
     """A sum of multiples of weights, `(factor, weights)`; weights are mappings from places in the state."""
-    found = {}
-    for factor, weights in parts:
-        for place, weight in weights.items():
-            found[place] = found.get(place, 0) + factor * weight
-    return found
+    places = sorted({place for _, weights in parts for place in weights})
+    return {place: sum(factor * weights.get(place, 0) for factor, weights in parts) for place in places}
 
 
 def series(rates, z, h, count):
@@ -157,9 +147,8 @@ class Piece:
     def fall(self, weights):
         """When a weighted sum falls to zero: None if not here, 0 if it is falling from there."""
         c, k = self.leading(weights)
-        if k is None:
-            return None
-        return self.zero if c[k] < 0 else first_fall(c[k:], self.zero, self.kind.rounding)
+        falls = k is not None and c[k] < 0
+        return None if k is None else self.zero if falls else first_fall(c[k:], self.zero, self.kind.rounding)
 
     def at(self, x):
         """The state at x."""
@@ -308,12 +297,9 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
         return all(near.sign(end) > 0 for end in ends) and not (phase == HOLD and (in_slide or eps == 0)), ends
 
     def at_rest(z):
-        """The phase that begins at zero slip, and what ends it."""
-        for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD):
-            can, ends = beginning(phase, z)
-            if can:
-                return phase, ends
-        raise ArithmeticError("every phase contradicts itself")
+        """The phase that begins at zero slip, and what ends it; StopIteration if every phase contradicts itself."""
+        tried = ((phase, beginning(phase, z)) for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD))
+        return next((phase, ends) for phase, (can, ends) in tried if can)
 
     z, now, began, phases = [zero, v_y, v_x, omega, omega_2, zero, zero, zero], zero, zero, []
     apart = v_x - radius * omega_2
