@@ -1,0 +1,375 @@
+"""Tables as people write them: each reads as its plain CSV does; what may be two things is refused at its place."""
+
+import random
+import zipfile
+
+import numpy as np
+import pandas
+import pytest
+
+from fitball.data.cells import numbers, read_cells
+from fitball.data.header import Naming, end_of, guess_of, read_header
+from fitball.errors import FitballError, InputError, ParameterError
+
+HEADER = [
+    "id", "v_1 [mph]", "theta_1 [deg]", "omega_1 [rpm]", "v_2 [mph]", "theta_2 [deg]", "v_2_sd [mph]", "surface",
+]  # fmt: skip
+ROWS = [
+    ["a", "38.10", "18.2", "-51.5", "28.0", "20.1", "0.30", "clay"],
+    ["b", "40.25", "22.9", "-48.0", "29.1", "25.0", "0.25", "clay"],
+    ["c", "42.00", "35.1", "120.0", "30.2", "37.4", "0.40", "Rasen, grün"],
+]
+# One of a unit in SI, by definition.
+SI = {"mph": 1609.344 / 3600, "deg": np.pi / 180, "rpm": np.pi / 30}
+FORMS = ["{} [{}]", "{} ({})", "{}[{}]", "{} {{{}}}", "{} / ({})", "{} / {}", "{} in {}", "{}_{}", "{} {}", "{}: {}"]
+SPELLED = {"mph": ["mph", "MPH", "mi/h"], "deg": ["deg", "°", "Degrees"], "rpm": ["rpm", "RPM", "rev/min"], "": [""]}
+NAMED = {
+    "id": ["id", "ID", "No.", "Nr"],
+    "v_1": ["v_1", "V1", "v 1"],
+    "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
+    "omega_1": ["omega_1", "OMEGA_1", "ω1"],
+    "theta_2": ["theta_2", "Theta_2", "θ2"],
+    "v_2_sd": ["v_2_sd", "V2_SD"],
+}
+TITLES = ["Bounce test 3, May 2026", "Operator: R. Cross; ball 4", "left court\ttwo cameras", "sep=;"]
+
+
+def read(source, columns=None, **optional):
+    """Numbers in SI and labels by our names, and what was noted; all faults are raised."""
+    naming = Naming(columns or {})
+    cells = read_cells(source, naming.worth)
+    header = read_header(cells, naming, **optional)
+    found = numbers(cells, header.numbers)
+    cells.refuse()
+    factor = {name: header.factors.get(name, header.factors.get(name.removesuffix("_sd"))) for name in found}
+    values = {name: column * factor[name] for name, column in found.items()}
+    return values | {name: cells.text(k) for name, k in header.labels.items()}, [note.code for note in cells.notes]
+
+
+def written(tmp_path, text, name="t.csv"):
+    place = tmp_path / name
+    place.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return place
+
+
+def faults_of(source, columns=None):
+    with pytest.raises(InputError) as caught:
+        read(source, columns)
+    return [(fault.code, fault.row, fault.line, fault.column) for fault in caught.value.faults]
+
+
+def meant(rows):
+    """The table that rows are, computed here."""
+    columns = dict(zip(HEADER, zip(*rows, strict=True), strict=True))
+    units = {name: name.partition(" [")[2].rstrip("]") for name in HEADER}
+    return {
+        name.partition(" [")[0]: np.array([float(c) for c in cells]) * SI[units[name]] if units[name] else [*cells]
+        for name, cells in columns.items()
+    }
+
+
+def assert_same(found, wanted):
+    assert found.keys() == wanted.keys()
+    for name, column in wanted.items():
+        if isinstance(column, list):
+            assert found[name] == column
+        else:
+            np.testing.assert_allclose(found[name], column, rtol=1e-14, err_msg=name)
+
+
+def dialect(seed):
+    """A text file in some dialect, and its rows."""
+    rng = random.Random(seed)
+    one, maybe = rng.choice, lambda: rng.random() < 0.5
+    rows = [[*row] for row in rng.choices(ROWS, k=rng.randint(2, 5))]
+    for k, row in enumerate(rows):
+        row[0] = one([f"impact {k}", str(k)])
+        row[1:6] = [f"{float(cell) * rng.uniform(0.97, 1.03):.{one([0, 1, 2, 4])}f}" for cell in row[1:6]]
+        row[1] = f"{float(row[1]):.2f}"
+    sign = one([",", ";", "\t", "|", "  ", " "])
+    spaces, comma, below, deviations = sign.isspace() and sign != "\t", sign != "," and maybe(), maybe(), maybe()
+    if spaces:
+        for row in rows:
+            row[0], row[7] = row[0].replace(" ", "_"), row[7].split(",")[0]
+    head, units = [], []
+    for column in HEADER:
+        name, _, unit = column.rstrip("]").partition(" [")
+        name, unit = one(NAMED.get(name, [name])), one(SPELLED[unit])
+        name = name.replace(" ", "_") if spaces else name
+        head.append(name if below or not unit else one(FORMS[:3] if spaces else FORMS).format(name, unit))
+        units.append(unit or "-" * spaces)
+    body = [[cell.replace(".", ",") if comma and 0 < k < 7 else cell for k, cell in enumerate(row)] for row in rows]
+    if maybe():
+        body = [[cell.replace("-", "\u2212") for cell in row] for row in body]
+    if deviations:
+        mark = one([" ± ", "±", " +/- ", " +- "])
+        body = [[*row[:4], row[4] + mark + row[6], row[5], row[7]] for row in body]
+        del head[6], units[6]
+    lines = [head, *[units] * below, *body]
+    quote = '"' if not spaces else "\0"
+    text = "\n".join(sign.join(f'"{c}"' if sign in c and quote == '"' else c for c in line) for line in lines)
+    text = (
+        "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2)))
+        + one(["", "# a note\n", "\n"])
+        + text
+    )
+    text = text.replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
+    coding = one(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "cp1252"])
+    return text.encode("utf-8" if {"\u2212", "θ", "ω"} & {*text} and coding == "cp1252" else coding), rows
+
+
+def test_three_hundred_dialects_are_the_same_tables(tmp_path):
+    for seed in range(300):
+        data, rows = dialect(seed)
+        try:
+            assert_same(read(written(tmp_path, data))[0], meant(rows))
+        except (FitballError, AssertionError) as error:
+            pytest.fail(f"{error}\nseed {seed}: {data!r}")
+
+
+def save_ods(frame, place):
+    """The least that is an OpenDocument spreadsheet."""
+    cells = [
+        f'<table:table-cell office:value-type="float" office:value="{cell}"/>'
+        if isinstance(cell, float)
+        else f'<table:table-cell office:value-type="string"><text:p>{cell}</text:p></table:table-cell>'
+        for row in [list(frame), *frame.itertuples(index=False)]
+        for cell in ("<row>", *row)
+    ]
+    start = '<table:table-cell office:value-type="string"><text:p><row></text:p></table:table-cell>'
+    body = "".join(cells).replace(start, "</table:table-row><table:table-row>").removeprefix("</table:table-row>")
+    parts = ("office", "table", "text")
+    spaces = " ".join(f'xmlns:{part}="urn:oasis:names:tc:opendocument:xmlns:{part}:1.0"' for part in parts)
+    with zipfile.ZipFile(place, "w") as book:
+        book.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        book.writestr("META-INF/manifest.xml", "<manifest/>")
+        book.writestr(
+            "content.xml",
+            f'<office:document-content {spaces}><office:body><office:spreadsheet><table:table table:name="t">{body}'
+            "</table:table-row></table:table></office:spreadsheet></office:body></office:document-content>",
+        )
+
+
+@pytest.fixture
+def frame():
+    table = pandas.DataFrame(ROWS, columns=HEADER)
+    return table.astype(dict.fromkeys(HEADER[1:7], float))
+
+
+def test_workbooks_parquet_and_frames_are_the_same_table(tmp_path, frame):
+    frame.to_excel(tmp_path / "t.xlsx", index=False)
+    frame.to_parquet(tmp_path / "t.parquet")
+    save_ods(frame, tmp_path / "t.ods")
+    texts = pandas.DataFrame(ROWS, columns=HEADER)
+    units = pandas.DataFrame([["", "mph", "deg", "rpm", "mph", "deg", "mph", ""], *ROWS], columns=[*meant(ROWS)])
+    mapping = {name: frame[name].tolist() for name in HEADER}
+    places = [tmp_path / f"t.{ending}" for ending in ("xlsx", "parquet", "ods")]
+    for source in (*places, frame, texts, frame.set_index("id"), units, mapping):
+        assert_same(read(source)[0], meant(ROWS))
+
+
+def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
+    frame = pandas.DataFrame(
+        {"id": [1, 2], "v_1": [0.1, None], "v_2": [3, 4], "omega_2": pandas.array([5, None], "Int64")}
+    )
+    cells = read_cells(frame, Naming({}).worth)
+    assert [column.dtype.kind for column in cells.columns] == ["i", "f", "i", "f"]
+    assert cells.text(0) == ["1", "2"] and cells.text(1) == ["0.1", ""]
+    np.testing.assert_array_equal(numbers(cells, {"omega_2": 3})["omega_2"], [5.0, np.nan])
+    # The digest is of what is in it, however it was given.
+    same = read_cells(dict(frame), Naming({}).worth)
+    assert cells.sha256 == same.sha256 != read_cells(frame.assign(v_1=[0.1, 0.2]), Naming({}).worth).sha256
+    assert faults_of({"v_1": [1.0, np.inf], "v_2": [1.0, 2.0]}) == [("not-finite", 2, None, "v_1")]
+    assert faults_of({"v_1": [1.0], "v_2": [1.0, 2.0]}) == [("not-a-table", None, None, None)]
+
+
+def test_a_workbook_as_people_keep_it(tmp_path, frame):
+    """Titles, a row of units, an empty row, another sheet, a column without head at the end."""
+    place = tmp_path / "t.xlsx"
+    with pandas.ExcelWriter(place) as book:
+        notes = pandas.DataFrame([["what", "who"], ["bounces", "me"]])
+        notes.to_excel(book, sheet_name="notes", index=False, header=False)
+        units = [name.partition(" [")[2].rstrip("]") for name in HEADER]
+        body = frame.to_numpy().tolist()
+        rows = [["Court 3"], [], [*meant(ROWS)], units, *body[:2], [], *body[2:]]
+        full = [[*row, *[None] * (len(HEADER) - len(row)), " "] for row in rows]
+        pandas.DataFrame(full).to_excel(book, sheet_name="impacts", index=False, header=False)
+    found, noted = read(place)
+    assert_same(found, meant(ROWS))
+    assert noted == ["sheet", "above-header", "units-row"]
+    assert_same(read(f"{place}#impacts")[0], meant(ROWS))
+    assert read(f"{place}#impacts")[1] == noted[1:]
+    assert faults_of(f"{place}#sand") == [("no-sheet", None, None, None)]
+    with pandas.ExcelWriter(place) as book:
+        frame.to_excel(book, sheet_name="clay", index=False)
+        frame[:2].to_excel(book, sheet_name="grass #2", index=False)
+    assert faults_of(place) == [("several-sheets", None, None, None)]
+    assert_same(read(f"{place}#grass #2")[0], meant(ROWS[:2]))
+
+
+def test_damaged_files_are_refused(tmp_path, frame):
+    frame.to_excel(tmp_path / "t.xlsx", index=False)
+    save_ods(frame, tmp_path / "t.ods")
+    frame.to_parquet(tmp_path / "t.parquet")
+    for ending, code in (("xlsx", "not-a-workbook"), ("ods", "not-a-workbook"), ("parquet", "not-parquet")):
+        whole = (tmp_path / f"t.{ending}").read_bytes()
+        for part in (whole[:10], whole[: len(whole) // 2], whole[:-300] + b"x" * 300):
+            assert faults_of(written(tmp_path, part, f"cut.{ending}")) == [(code, None, None, None)]
+    assert faults_of(written(tmp_path, b"PK", "t.xls")) == [("not-a-workbook", None, None, None)]
+    for missing in (tmp_path / "absent.csv", tmp_path, "a" * 5000, "a\0b", "\udcff.csv"):
+        assert faults_of(missing) == [("not-found", None, None, None)]
+
+
+# A text, and the place of its only fault.
+WRONG = [
+    ("", ("empty", None, None, None)),
+    ("# words\n\n#more\n", ("empty", None, None, None)),
+    ("v_y1;v_y2\n1,234;0\n1,500;2\n", ("ambiguous-number", 1, 2, "v_y1"), ("ambiguous-number", 2, 3, "v_y1")),
+    ("v_y1;v_y2\n5,1;4.2\n6;4.3\n", ("ambiguous-number", 1, 2, "v_y1")),
+    ("v_y1;v_y2\n1.005,1;4,2\n6,1;4,3\n", ("ambiguous-number", 1, 2, "v_y1")),
+    ("v_y1;v_y2\n1 234;4\n6;4\n", ("ambiguous-number", 1, 2, "v_y1")),
+    ("v_y1;v_y2\n5,1,2;4,2\n6,1;4,3\n", ("not-a-number", 1, 2, "v_y1")),
+    ('v_y1,v_y2\n"5,125",4.5\n6,4.3\n', ("ambiguous-number", 1, 2, "v_y1")),
+    ("v_y1,v_y2\n6,4\n5,1,4,2\n", ("row-length", 2, 3, None)),
+    ("v_y1,v_y2\n6,4\n\n5\n", ("row-length", 2, 4, None)),
+    ("v_y1,v_y2\n5 ± ,4\n6,4\n", ("not-a-number", 1, 2, "v_y1")),
+    ("v_y1,v_y2\n5 ± -1,4\n6,4\n", ("not-a-number", 1, 2, "v_y1")),
+    ("v_y1,v_y2\n± 1,4\n6,4\n", ("not-a-number", 1, 2, "v_y1")),
+    ("v_y1,v_y2\n5 ± 1 ± 2,4\n6 ± 1,4\n", ("not-a-number", 1, 2, "v_y1_sd")),
+    ("v_y1,v_y1_sd,v_y2\n5 ± 1,1,4\n6 ± 1,1,4\n", ("sd-twice", None, 1, "v_y1")),
+    ("v_y1,v_y2\nm/s,furlongs\n5,4\n6,5\n", ("unknown-unit", None, 1, "v_y2")),
+    ("v_y1 [1/s],v_y2\n6,5\n7,6\n", ("ambiguous-unit", None, 1, "v_y1")),
+    ("# a\nv_y1 [rpm],v_y2\n6,5\n7,6\n", ("other-quantity", None, 2, "v_y1")),
+    ("5,4\nv_y1,v_y2\n6,5\n7,6\n", ("above-header", None, 1, None)),
+    ("id,v_y1,v_y2\n1,5,4\nMittelwert,5,4\n", ("summary-row", 2, 3, None)),
+    (",v_y1,v_y2\n1,5,4\n2,6,5\nStd. dev.,0.7,0.6\n", ("summary-row", 3, 4, None)),
+    ("v_y1,V_Y1,v_y2\n5,5,4\n5,5,4\n", ("column-twice", None, 1, "v_y1")),
+    ("v_y1 [m/s,v_y2\n5,4\n", ("brackets", None, 1, "v_y1 [m/s")),
+    ('v_y1,v_y2\n5,4\n"6,5\n7,6\n', ("quotes", None, 3, None)),
+    ('"corr(v_y1,foo)",v_y1,v_y2\n0,5,4\n', ("unknown-correlation", None, 1, "corr(v_y1,foo)")),
+    (b"surface,v_y1,v_y2\nplain,5,4\nras\x81,5,4\n", ("encoding", None, 3, None)),
+    (b"surface,v_y1,v_y2\nplain,5,4\nras\xe9,5,4\n" + "rasé,5,4\n".encode(), ("encoding", None, 3, None)),
+    (b"v_y1,v_y2\n5,4\n5,\0\n", ("encoding", None, 3, None)),
+    ('note,v_y1,v_y2\n"one\n# two\n\nthree",5,4\nx,5,oops\n', ("not-a-number", 2, 6, "v_y2")),
+    *((f"v_y1,v_y2\n6,5\n{cell},5\n", ("not-a-number", 2, 3, "v_y1"))
+      for cell in ("fast", "11.73 m/s", "1_000", "0x1F", "\u0661\u0662", "?", "1e-9999", "#DIV/0!", "#WERT!")),
+    *((f"v_y1,v_y2\n6,5\n{cell},5\n", ("not-finite", 2, 3, "v_y1"))
+      for cell in ("inf", "-Infinity", "1e999", "9" * 330)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "places"), [(text, list(places)) for text, *places in WRONG])
+def test_what_is_nonsense_or_may_be_two_things_is_refused_at_its_place(tmp_path, text, places):
+    assert faults_of(written(tmp_path, text)) == places
+
+
+def test_all_faults_of_a_file_at_once(tmp_path):
+    text = "v_x1b,v_y1 [m/h],omega_1,v_x2,v_y2\n15,5,0,fast,4\n15,5,0,10,?\n15,5,0,10\n15,5,inf,10,4\n"
+    assert faults_of(written(tmp_path, text)) == [
+        ("misspelt-column", None, 1, "v_x1b"), ("unknown-unit", None, 1, "v_y1"), ("not-a-number", 1, 2, "v_x2"),
+        ("not-a-number", 2, 3, "v_y2"), ("row-length", 3, 4, None), ("not-finite", 4, 5, "omega_1"),
+    ]  # fmt: skip
+    many = faults_of(written(tmp_path, "v_y1,v_y2\n" + "x,y\n" * 6000))
+    assert len(many) == 10_001 and many[0][0] == "more-faults"
+
+
+def test_what_was_assumed_is_noted(tmp_path):
+    head = "No.;V_1 [mph];theta_1;v_2 [mph];spin in\n"
+    text = f"Test 3\n{head}1;38,1;18;28,0 ± 0,3;20\n\n;;\n{head}2;\u221239,2;;n/a;\n"
+    found, noted = read(written(tmp_path, text.encode("utf-16")))
+    layout = {"encoding", "separator", "above-header", "header-again"}
+    assert {*noted} == layout | {"spelling", "not-read", "plus-minus", "decimal-commas"}
+    np.testing.assert_allclose(found["v_1"], np.array([38.1, -39.2]) * SI["mph"])
+    np.testing.assert_allclose(found["v_2_sd"], [0.3 * SI["mph"], np.nan])
+    assert found["id"] == ["1", "2"] and found["spin in"] == ["20", ""]
+    assert read(written(tmp_path, "v_1,surface\n1,ras\u00e9\n".encode("cp1252")))[1] == ["encoding"]
+
+
+def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path):
+    place = tmp_path / "t.txt"
+    np.savetxt(place, [[10.0, 6.0, 7.0, 4.0], [11.0, 7.0, 8.0, 5.0]], header="v_x1 v_y1 v_x2 v_y2")
+    np.testing.assert_array_equal(read(place)[0]["v_y1"], [6.0, 7.0])
+
+
+def test_what_excel_shows_for_missing_values_begins_no_comment(tmp_path):
+    text = 'omega_2,v_y1\n#N/A,5\n3,6\n# a "comment,\n#NV,7\n-,8\nNaN,9\n'
+    np.testing.assert_array_equal(read(written(tmp_path, text))[0]["omega_2"], [np.nan, 3, np.nan, np.nan, np.nan])
+
+
+def test_correlations_and_deviations_of_columns(tmp_path):
+    """A deviation without a unit has that of its column; correlations have one order and no unit."""
+    text = 'v_1 [mph],v_1_sd,theta_1,v_2,"corr(V_2, v_1)"\n40,1,30,9,-0.5\n'
+    found, _ = read(written(tmp_path, text))
+    assert found["corr(v_1,v_2)"] == [-0.5]
+    np.testing.assert_allclose([found["v_1_sd"][0], found["theta_1"][0]], [SI["mph"], np.pi / 6])
+
+
+# ---- names of one's own, and slips
+
+FOREIGN = "Vin (mph);angle_in;Vout [km/h];angle_out;speed\n38;20;42;23;1\n40;22;43;25;1\n"
+COLUMNS = {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout", "theta_2": "angle_out"}
+
+
+def test_names_and_units_of_ones_own(tmp_path):
+    place = written(tmp_path, FOREIGN)
+    found, noted = read(place, COLUMNS)
+    np.testing.assert_allclose(found["v_2"], np.array([42, 43]) / 3.6)
+    np.testing.assert_allclose(found["v_1"], np.array([38, 40]) * SI["mph"])
+    assert "not-read" not in noted and found["speed"] == ["1", "1"]
+    plain = written(tmp_path, "Vin,angle_in,v_2,Belag\n38,20,42,clay\n", "plain.csv")
+    said = {"v_1": "vin [mph]", "theta_1": "angle_in [rad]", "v_2": "v_2 [km/h]", "surface": "Belag"}
+    found, _ = read(plain, said)
+    np.testing.assert_allclose([found[name][0] for name in ("v_1", "theta_1", "v_2")], [38 * SI["mph"], 20, 42 / 3.6])
+    assert found["surface"] == ["clay"]
+    assert faults_of(place, {**COLUMNS, "v_1": "V_in"}) == [("no-column", None, 1, "v_1")]
+    assert "v_1" not in read(place, {**COLUMNS, "v_1": "V_in"}, optional=["v_1"])[0]
+    assert faults_of(place, {**COLUMNS, "v_1": "Vin [km/h]"}) == [("two-units", None, 1, "v_1")]
+    for wrong in ({"speed_in": "Vin"}, {"v_1": "Vin", "v_2": "vin"}, {"v_1": " "}, {"v_1": "[mph]"}):
+        with pytest.raises(ParameterError) as caught:
+            Naming(wrong)
+        assert caught.value.code == "columns"
+
+
+OWN = "speed in (km/h);angle;spin rpm before;speed after (km/h);angle after;spin rpm after"
+GERMAN = (
+    "Geschwindigkeit vor [km/h];Winkel vor;Drall vor [rpm];Geschwindigkeit nach [km/h];Winkel nach;Drall nach [rpm]"
+)
+OURS = "v_1 [km/h];theta_1;omega_1 [rpm];v_2 [km/h];theta_2;omega_2 [rpm]"
+
+
+@pytest.mark.parametrize("header", [OWN, GERMAN])
+def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
+    """Without the spins it would be read with an incident spin of zero. `angle` beside `angle after` is the other."""
+    body = "\n61,2;20,5;-74;38;26;2750\n60,8;33,0;100;37;44;2930\n"
+    place, naming = written(tmp_path, header + body), Naming({})
+    cells = read_cells(place, naming.worth)
+    guesses = read_header(cells, naming).guesses
+    assert [note.code for note in cells.notes].count("not-read") == 6
+    assert_same(read(place, guesses)[0], read(written(tmp_path, OURS + body, "ours.csv"))[0])
+
+
+ENDS = {
+    "1": "in inc incident incoming before impact pre initial i 1",
+    "2": "out outgoing rebound after post final exit r f 2",
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_guess_never_swaps_incidence_and_rebound(end):
+    quantities = ("v", "theta", "omega", "speed", "angle", "spin", "vx", "v_y", "velocity")
+    forms = ("{q}_{w}", "{w}_{q}", "{q}{t}", "{w} {q}", "{q}.{w}", "{t}{q}")
+    names = [f.format(q=q, w=w, t=w.title()) for q in quantities for w in ENDS[end].split() for f in forms]
+    guesses = [guess_of(name) for name in names]
+    assert all(item.endswith(end) for guess in guesses for item in guess)
+    assert {end_of(name) for name in names} <= {None, end}
+    assert sum(map(bool, guesses)) > 0.9 * len(names)
+
+
+@pytest.mark.parametrize("name", ["v_72", "v_23", "V_2+", "theta_22", "teta_2", "omga_1", "omega_"])
+def test_a_slip_in_a_name_is_a_fault_and_no_column_of_ones_own(name):
+    assert faults_of({"v_1": [1.0], name: [1.0]}) == [("misspelt-column", None, None, name)]
+
+
+def test_a_name_beside_all_that_it_resembles_is_ones_own():
+    ours = [name + suffix for name in ("theta_1", "theta_2") for suffix in ("", "_sd")]
+    assert read({name: [1.0] for name in [*ours, "theta_3"]})[0]["theta_3"] == ["1"]
