@@ -93,6 +93,7 @@ class Result:
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
         contents["report.html"] = _renderer().to_page(self._report, images, command).encode()
+        folder.clear()
         # Whoever finds the record finds all the rest.
         order = sorted(contents, key=lambda name: name == self.record)
         return tuple(folder.write(name, contents[name]) for name in order)
