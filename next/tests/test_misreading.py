@@ -103,6 +103,22 @@ def test_tables_that_obey_the_laws_leave_nothing():
     assert misfit(columns | {"omega_2": -columns["omega_2"]}, Ball(*ball)) > 40.0
 
 
+@pytest.mark.parametrize(
+    ("surface", "spin", "cost"),
+    [((0.25, 0.0, 0.0, 0.95, 0.0), 0.0, 0.5 * (1.0 + (np.log(0.5) / 0.8) ** 2)),
+     ((9.0, 0.4, 0.0, 0.75, 0.0), 300.0, 0.32), ((9.0, 0.0, 0.15 * 0.03, 0.6, 0.0), 300.0, 0.5 * (1.5**2 + 0.75**2))],
+)  # fmt: skip
+def test_a_table_without_noise_costs_what_is_unusual_of_its_ball(surface, spin, cost):
+    """Squares of ln(mu/0.5)/0.8, e_x/0.5, (offset/R)/0.1 and (COR - 0.75)/0.2, halved: sliding, then gripping. The
+    grid of the search costs up to 0.1.
+    """
+    rng, (x, y, w) = np.random.default_rng(0), np.ones((3, 60))
+    state = 12.0 * x * rng.uniform(0.9, 1.1, 60), 8.0 * y, spin * w * rng.uniform(0.5, 1.5, 60)
+    after = misread.bounce(*state, (0.05, 0.03, 0.5), surface)
+    columns = dict(zip(("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2"), (*state, *after), strict=True))
+    assert misfit(columns, Ball(0.05, 0.03, 0.5)) == pytest.approx(cost, abs=0.12)
+
+
 def test_no_reading_is_proposed_that_is_absurd_itself():
     """A ball that rebounds 2.2 times too fast: miles an hour explain it, but no ball has a restitution of 0.22."""
     columns, ball = misread.table("rolling", 0)
