@@ -70,7 +70,7 @@ def test_derivatives_by_all_parameters_and_by_the_state(options, changes, impact
     answer = taylor.solve(options, values, impact)
     assert f"{answer.regime():o}"[::-1].startswith(phases)
     names, sizes, slopes = differentiated(options, values, impact)
-    scales = np.array(answers.scales(impact, answer.contact_time))
+    scales = np.array(answers.scales(impact, answer.contact_time, answer.gap_time))
     assert len(names) >= 14
     for name, size, slope in zip(names, sizes, slopes, strict=True):
         # As shares of the outputs' scales for a change by the parameter's own size.
@@ -111,7 +111,7 @@ def test_at_the_wall_the_side_that_has_an_answer():
     values, impact = BASE | {"mass_ratio": 0.77, "cor_slope": 0.0}, (14.0, 12.0, 100.0)
     assert taylor.solve({}, values | {"mass_ratio": 0.7699}, impact).status == "COR_EXCEEDS_MASS_RATIO"
     names, sizes, slopes = differentiated({}, values, impact)
-    scales = np.array(answers.scales(impact, 5e-3))
+    scales = np.array(answers.scales(impact, 5e-3, 5e-3))
     for name, sides in (("mass_ratio", (1, 0)), ("cor_10", (0, -1)), ("mu", (1, -1))):
         k = names.index(name)
         off = (slopes[k] - exact({}, values, impact, name, sides)) * sizes[k] / scales

@@ -48,7 +48,7 @@ def test_hard_case(name):
     row, found = CASES[name], solved(CASES[name])
     assert found.status[0, 0] == 0
     bound = WORSE.get(name, ROUNDING + 2.0 * float(row["rounding"]))
-    sizes = answers.scales([row[k] for k in IMPACT], row["contact_time"])
+    sizes = answers.scales([row[k] for k in IMPACT], row["contact_time"], row["gap_time"])
     for output, size in zip(OUTPUTS, sizes, strict=True):
         assert abs(getattr(found, output)[0, 0] - float(row[output])) <= bound * size, output
     assert f"{found.regime[0, 0]:o}" in (row["regime"], FLEETING.get(name))
@@ -82,7 +82,7 @@ def test_marching_over_a_boundary(name):
     edge = float(row[key]) / (1.0 - 1e-9)
     found = solved(row, **{key: edge * (1.0 + np.linspace(-2e-9, 2e-9, 4001))})
     assert len(set(found.regime[:, 0].tolist())) > 1
-    sizes = answers.scales([row[k] for k in IMPACT], row["contact_time"])
+    sizes = answers.scales([row[k] for k in IMPACT], row["contact_time"], row["gap_time"])
     for output, size in zip(OUTPUTS, sizes, strict=True):
         # What sets in or breaks does so with the square root of the distance at worst.
         assert np.max(np.abs(np.diff(getattr(found, output)[:, 0]))) < 1e-9 * size

@@ -17,7 +17,7 @@ SLIDE, BACK, GRIP, HOLD, FREE = 1, 2, 3, 4, 5
 
 def distance(one, other, impact, outputs=OUTPUTS):
     """The largest difference of two answers over the scale of an output."""
-    sizes = dict(zip(OUTPUTS, answers.scales(impact, other.contact_time), strict=True))
+    sizes = dict(zip(OUTPUTS, answers.scales(impact, other.contact_time, other.gap_time), strict=True))
     return max(abs(float(getattr(one, name)) - float(getattr(other, name))) / sizes[name] for name in outputs)
 
 

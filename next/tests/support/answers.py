@@ -1,10 +1,11 @@
 """Makes the answers of `data/hard_cases.csv` anew, by the Taylor oracle with fifty digits (some minutes).
 
-`python -m support.answers`, from the folder of the tests. Inputs stay; besides the answers the file says what one
-rounding of each input together may move them (`rounding`, of the speed of the impact): nobody can promise less.
+`python -m support.answers [NAME ...]`, from the folder of the tests. Inputs stay; besides the answers the file says
+by how much one rounding of each input together moves them, over their scales (`rounding`): nobody can promise less.
 """
 
 import csv
+import sys
 from decimal import Decimal, localcontext
 from pathlib import Path
 
@@ -25,17 +26,17 @@ def options_of(row):
     return dict(pair.split("=") for pair in row["options"].split("+") if pair)
 
 
-def scales(impact, contact_time, radius=0.03302):
-    """What errors of OUTPUTS are relative to: the speed of the ball's surface, and the contact time."""
+def scales(impact, contact_time, gap_time, radius=0.03302):
+    """What errors of OUTPUTS are relative to: the speed of the ball's surface, and the times."""
     speed = (float(impact[0]) ** 2 + float(impact[1]) ** 2) ** 0.5 + radius * abs(float(impact[2]))
-    time = float(contact_time)
-    return (speed, speed, speed / radius, time, time, speed * time, speed * time / radius)
+    gap = float(gap_time)
+    return (speed, speed, speed / radius, float(contact_time), gap, speed * gap, speed * gap / radius)
 
 
 def sensitivity(options, values, impact, answer):
     """By how much one rounding of each input together moves the outputs, the largest over its scale."""
     moved = [0.0] * len(OUTPUTS)
-    sizes = scales(impact, answer.contact_time)
+    sizes = scales(impact, answer.contact_time, answer.gap_time)
     with localcontext(prec=60):
         unit = Decimal(2) ** -53
         inputs = {**values, **dict(zip(IMPACT, impact, strict=True))}
@@ -54,10 +55,10 @@ def sensitivity(options, values, impact, answer):
 
 
 def main():
-    """Rewrite the file."""
+    """Rewrite the file, of all cases or those named."""
     with PLACE.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    for row in rows:
+    for row in [row for row in rows if row["name"] in sys.argv[1:] or len(sys.argv) == 1]:
         options, impact = options_of(row), [float(row[name]) for name in IMPACT]
         values = {name: float(row[name]) for name in PARAMETERS if row[name]}
         answer = taylor.solve(options, values, impact, kind=taylor.FIFTY)
