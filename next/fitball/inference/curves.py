@@ -1,0 +1,171 @@
+"""Curves that figures draw: the model over incidence, at speeds and spins where a table has most impacts.
+
+Imports: predictive, problem, base.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fitball.inference.forward import Draws
+from fitball.inference.predictive import Asked
+from fitball.inference.problem.camera import CameraModel
+from fitball.inference.problem.problem import Problem
+from fitball.inference.summary import bands
+from fitball.models.types import Status
+from fitball.values import DataFrame, FloatArray, Impacts, IntArray
+
+# Draws and points of a curve; curves at most.
+_DRAWS, _POINTS, _MOST = 400, 61, 6
+# How far from the speed of a curve, and from its spin times the radius, an impact may be, as a share of that speed;
+# impacts with which a further curve shows something; impacts whose speed and spin are tried as those of a curve.
+_NEAR, _FEWEST, _TRIED = 0.1, 3, 256
+# Least range of angles [rad] that is drawn, and how near to the court it may come.
+_NARROWEST, _LOWEST = math.radians(10.0), math.radians(0.5)
+
+
+class Series(NamedTuple):
+    """A curve: labels of its level in words, a round speed [m/s] (NaN in a drop test) and spin [rad/s], the levels
+    (levels,) on which it lies, and an impact `like` it.
+    """
+
+    name: str
+    speed: float
+    spin: float
+    like: int
+
+
+def series(problem: Problem) -> tuple[tuple[Series, ...], IntArray]:
+    """The curves of a table, and of each impact (impacts,) the nearest: of its own level, if that has one, by speed,
+    and spin as the speed of the surface.
+    """
+    speed, spin, levels = _states(problem)
+    tangential, keys = problem.forward.model.tangential, np.unique(levels)
+    left, found = {int(key): np.flatnonzero(levels == key) for key in keys}, list[Series]()
+    while left and len(found) < _MOST:
+        drawn = {int(levels[one.like]) for one in found}
+        crowds = {key: _crowd(problem, rows) for key, rows in left.items()}
+        # First every level, then where most impacts are.
+        key = max(crowds, key=lambda key: (key not in drawn, crowds[key][2].size))
+        middle, turning, near = crowds[key]
+        if key in drawn and near.size < _FEWEST:
+            del left[key]
+            continue
+        found.append(Series(_name(problem, int(near[0])), middle, turning, int(near[0])))
+        # What lies a little further off would make another curve like this one; a drop test has one a level.
+        rest = np.setdiff1d(left.pop(key), _near(problem, np.arange(len(speed)), middle, turning, 2.0 * _NEAR))
+        if rest.size and tangential:
+            left[key] = rest
+    found.sort(key=lambda one: (one.name, one.spin, one.speed))
+    radius = problem.forward.model.ball.radius
+    away = np.stack([np.hypot(radius * (spin - one.spin), speed - one.speed if tangential else 0.0) for one in found])
+    other = np.stack([levels != levels[one.like] for one in found])
+    return tuple(found), np.where(other & ~other.all(axis=0), np.inf, away).argmin(axis=0)
+
+
+def _states(problem: Problem) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Speeds, spins and places of the combination of levels (impacts,)."""
+    states = problem.rows.states
+    _, levels = np.unique(problem.rows.index, axis=0, return_inverse=True)
+    return states.polar()[0], states.omega_1, levels.ravel()
+
+
+def _name(problem: Problem, row: int) -> str:
+    """The labels of an impact's levels, each once."""
+    forward, index = problem.forward, problem.rows.index[row]
+    return ", ".join(dict.fromkeys(own.labels[k] for own, k in zip(forward.levels, index, strict=True)))
+
+
+def _near(problem: Problem, rows: IntArray, speed: float, spin: float, share: float) -> IntArray:
+    """Of rows those near a speed and spin; in a drop test all."""
+    if not problem.forward.model.tangential:
+        return rows
+    own, turning, _ = _states(problem)
+    away = problem.forward.model.ball.radius * np.abs(turning[rows] - spin)
+    return rows[np.maximum(np.abs(own[rows] - speed), away) <= share * speed]
+
+
+def _crowd(problem: Problem, rows: IntArray) -> tuple[float, float, IntArray]:
+    """A round speed and spin with as many of `rows` near them as at any of those tried."""
+    speed, spin, _ = _states(problem)
+    if not problem.forward.model.tangential:
+        return math.nan, 0.0, rows
+    tried = rows[np.unique(np.linspace(0, rows.size - 1, _TRIED).round().astype(np.int64))]
+    near = max((_near(problem, rows, speed[k], spin[k], _NEAR) for k in tried), key=len)
+    middle = float(np.median(speed[near]))
+    middle = _rounded(middle, _NEAR * middle)
+    turning = _rounded(float(np.median(spin[near])), _NEAR * middle / problem.forward.model.ball.radius)
+    # Of two impacts far apart the rounded middle may lie near neither.
+    round_near = _near(problem, rows, middle, turning, _NEAR)
+    return middle, turning, round_near if round_near.size else near
+
+
+def _rounded(value: float, tolerance: float) -> float:
+    """`value` to a multiple of 1, 2 or 5 times a power of ten, at most a third of `tolerance`."""
+    decade = 10.0 ** math.floor(math.log10(tolerance / 3.0))
+    step = max(digit * decade for digit in (1.0, 2.0, 5.0) if digit * decade <= tolerance / 3.0)
+    return round(round(value / step) * step, 12)
+
+
+def curves(problem: Problem, draws: Draws) -> DataFrame:
+    """A row a curve, measured column and point; `report.fit_page` has the columns."""
+    import pandas as pd
+
+    found, which = series(problem)
+    tangential, states = problem.forward.model.tangential, problem.rows.states
+    place, frames = states.polar()[1] if tangential else states.v_y1, []
+    count = len(next(iter(draws.values.values())))
+    rows = np.linspace(0, count - 1, min(count, _DRAWS)).round().astype(np.int64)
+    values = {name: array[rows] for name, array in draws.values.items()}
+    columns = tuple(item.column.name for item in problem.observables)
+    names = {one.name for one in found}
+    for k, one in enumerate(found):
+        along = _range(place, tangential)
+        shown = Asked(
+            _along(one, along),
+            np.tile(problem.rows.index[one.like], (_POINTS, 1)),
+            columns,
+            camera=_camera(problem, one),
+        )
+        best = shown.shown(problem.forward, draws.best, shown.impacts)
+        drawn = shown.shown(problem.forward, values if count else draws.best, shown.impacts)
+        own = place[which == k]
+        within = (along >= own.min()) & (along <= own.max()) if own.size else np.zeros(_POINTS, dtype=np.bool_)
+        shared = {"series": k, "name": one.name if len(names) > 1 else "", "speed": one.speed}
+        shared |= {"spin": one.spin if tangential else math.nan}
+        for column in columns:
+            known = np.where(drawn.status == Status.OK, drawn.column(column), np.nan)
+            q025, q16, median, q84, q975 = bands(known) if count else np.full((5, _POINTS), np.nan)
+            point = np.where(best.status[0] == Status.OK, best.column(column)[0], np.nan)
+            frames.append(
+                pd.DataFrame(
+                    {**shared, "column": column, "along": along, "point": point, "q025": q025, "q16": q16,
+                     "median": median, "q84": q84, "q975": q975, "within": within}
+                )
+            )  # fmt: skip
+    return pd.concat(frames, ignore_index=True)
+
+
+def _range(place: FloatArray, tangential: bool) -> FloatArray:
+    """Points over all angles [rad] of a table, or vertical speeds [m/s] of a drop test, over some range at least."""
+    low, high = float(place.min()), float(place.max())
+    room = max(0.0, 0.5 * ((_NARROWEST if tangential else _NEAR * high) - (high - low)))
+    if tangential:
+        low, high = max(low, _LOWEST + room), min(high, math.pi - _LOWEST - room)
+    return np.linspace(low - room, high + room, _POINTS)
+
+
+def _along(one: Series, along: FloatArray) -> Impacts:
+    """The states of a curve."""
+    spin = np.full(_POINTS, one.spin)
+    if math.isnan(one.speed):
+        return Impacts(np.zeros(_POINTS), along, spin)
+    return Impacts(one.speed * np.cos(along), one.speed * np.sin(along), spin)
+
+
+def _camera(problem: Problem, one: Series) -> CameraModel | None:
+    """What is drawn beside measurements is what the camera of their session shows."""
+    return None if problem.camera is None else problem.camera.take(np.full(_POINTS, one.like))

@@ -1,0 +1,116 @@
+"""The frames of a fit: all numbers that its page, figures and files show, laid out once. Imports: curves, predictive,
+problem, results, base. `report.fit_page` says what each column is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fitball.inference.curves import series
+from fitball.inference.forward import Draws
+from fitball.inference.predictive import Asked, predict
+from fitball.inference.problem.problem import Problem
+from fitball.inference.results import Alternative, Constant, Diagnostics, Estimate, Profile
+from fitball.values import DataFrame
+
+_NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
+# Kinds in the order of the page.
+_ORDER = ("model", "level", "derived", "noise", "ball", "camera")
+
+
+def summary(
+    estimates: Sequence[Estimate], profiles: Mapping[str, Profile], found: Diagnostics | None, tried: DataFrame
+) -> DataFrame:
+    """A row a parameter and derived quantity."""
+    import pandas as pd
+
+    rows = {}
+    moves = dict(zip(zip(tried["rests_on"], tried["quantity"], strict=True), tried["moved"], strict=True))
+    for one in sorted(estimates, key=lambda one: _ORDER.index(one.kind)):
+        profile = profiles.get(one.name)
+        ends = (np.nan, np.nan) if profile is None else profile.interval_95
+        moved = {given: float(moves.get((given, one.name), np.nan)) for given in one.given}
+        order = sorted(moved, key=lambda given: -moved[given] if np.isfinite(moved[given]) else np.inf)
+        rows[one.name] = {
+            "kind": one.kind, "unit": one.unit, "meaning": one.meaning,
+            **{name: getattr(one, name) for name in _NUMBERS},
+            "prior": one.prior, "contraction": one.contraction,
+            "profile_low": -np.inf if ends[0] is None else ends[0],
+            "profile_high": np.inf if ends[1] is None else ends[1],
+            "ess": np.nan if found is None else min(_of(found.ess_bulk, one), _of(found.ess_tail, one)),
+            "r_hat": np.nan if found is None or found.r_hat is None else _of(found.r_hat, one),
+            "verdict": one.verdict, "reason": one.reason, "given": "; ".join(order),
+            "moved": moved[order[0]] if order else np.nan,
+        }  # fmt: skip
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("name")
+
+
+def _of(known: Mapping[str, float], one: Estimate) -> float:
+    return known.get(one.name, np.nan)
+
+
+def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> DataFrame:
+    """A row an impact and measured column."""
+    columns = tuple(item.column.name for item in problem.observables)
+    rows, states = problem.rows, problem.rows.states
+    stated = np.stack(
+        [np.where(item.stated, rows.sd[:, k], 0.0) for k, item in enumerate(problem.observables)], axis=1
+    )
+    asked = Asked(states, rows.index, columns, rows.errors, problem.camera, rows.y, stated)
+    found = predict(problem.forward, draws, asked, rng)
+    speed, angle = states.polar()
+    shared: dict[str, Any] = {
+        "id": problem.table.labels["id"],
+        **problem.table.labels,
+        "v_1": speed,
+        "theta_1": angle,
+        **{name: getattr(states, name) for name in ("v_x1", "v_y1", "omega_1")},
+        "series": series(problem)[1],
+    }
+    places = found.pop("row").to_numpy()
+    lead = {"row": places}
+    for name, column in shared.items():
+        if name not in found.columns:
+            lead[name] = np.asarray(column)[places]
+    for place, (name, values) in enumerate(lead.items()):
+        found.insert(place, name, values)
+    return found
+
+
+def variants(estimates: Sequence[Estimate], tried: Sequence[Alternative], held: Sequence[Constant]) -> DataFrame:
+    """A row a choice (or held constant) and quantity; `rests_on` is what a value is given that rests on it."""
+    import pandas as pd
+
+    own, rows = {one.name: one for one in estimates}, []
+    for choice in tried:
+        shared = {
+            "choice": choice.choice, "instead_of": choice.instead_of, "rests_on": choice.instead_of, "low": np.nan,
+            "high": np.nan, "score": np.nan if choice.score is None else choice.score,
+            "error": np.nan if choice.score is None else choice.error, "as_good": choice.as_good,
+            "reason": choice.reason,
+        }  # fmt: skip
+        for name, there in choice.summaries.items() if not choice.reason else ():
+            moved = reach = np.nan
+            if name in own and own[name].sd > 0.0:
+                here = own[name]
+                moved = abs(there.median - here.median) / here.sd
+                reach = max(moved, (here.q025 - there.q025) / here.sd, (there.q975 - here.q975) / here.sd)
+            ends = {"median": there.median, "q025": there.q025, "q975": there.q975, "moved": moved, "reach": reach}
+            rows.append({**shared, "quantity": name, **ends})
+        if choice.reason:
+            rows.append({**shared, "quantity": ""})
+    for constant in held:
+        for name, moved in constant.moves.items():
+            here = own[name]
+            ends = {"q025": here.median - abs(moved) * here.sd, "q975": here.median + abs(moved) * here.sd}
+            rows.append(
+                {"choice": constant.name, "instead_of": "", "rests_on": constant.name, "low": constant.low,
+                 "high": constant.high, "score": np.nan, "error": np.nan, "as_good": True, "reason": "",
+                 "quantity": name, "median": np.nan, **ends, "moved": abs(moved), "reach": abs(moved)}
+            )  # fmt: skip
+    names = ["choice", "instead_of", "rests_on", "low", "high", "score", "error", "as_good", "reason", "quantity",
+             "median", "q025", "q975", "moved", "reach"]  # fmt: skip
+    return pd.DataFrame(rows, columns=names)
