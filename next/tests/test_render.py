@@ -12,7 +12,7 @@ from fitball.progress import shown
 from fitball.report.blocks import Mark, Picture, Report, Section, Table, Text
 from fitball.report.render import to_markdown, to_notebook, to_page, to_text
 
-HOSTILE = "<script>alert(1)</script>\x1b[31m\u202e\"'|"
+HOSTILE = "<script>alert(1)</script>\x1b[31m\u202e\udcff\"'|"
 REPORT = Report(
     f"wang {HOSTILE}",
     [
@@ -64,10 +64,12 @@ def test_a_page_is_well_formed_complete_and_needs_nothing_else():
     assert page.tags.count("tr") == 304 and {"400 rows.", "299.0"} < {*page.texts} and "300.0" not in page.texts
     assert "fitball calibrate  'a  b'\n" in page.texts and "v_x2" in page.texts and "a & b|c" in page.texts
     assert "script" not in page.tags and any(HOSTILE[:25] in text for text in page.texts)
-    for text in (to_page(REPORT, {}), to_notebook(REPORT), to_text(REPORT), to_markdown(REPORT)):
-        assert "\x1b" not in text and "\u202e" not in text and "never seen" not in text
+    for text in (
+        to_page(REPORT, {"curves": b"png"}, HOSTILE), to_notebook(REPORT), to_text(REPORT), to_markdown(REPORT),
+    ):  # fmt: skip
+        assert not {*"\x1b\u202e\udcff"} & {*text} and "never seen" not in text
     assert "img" not in Page(to_page(REPORT, {})).tags and "html" not in Page(to_notebook(REPORT)).tags
-    assert not Page(to_notebook(REPORT)).open and "<script" not in to_markdown(REPORT)
+    assert not Page(to_notebook(REPORT)).open
 
 
 def test_a_terminal_shows_the_summary_or_all_in_its_width():
@@ -88,14 +90,27 @@ def test_a_terminal_shows_the_summary_or_all_in_its_width():
     assert re.sub(r"\x1b\[\d+m", "", coloured) == summary and "\x1b[33mgiven\x1b[0m" in coloured
 
 
-def test_columns_of_wide_letters_stay_below_each_other():
-    rows = [{"surface": "\u30af\u30ec\u30fc", "mu": "0.5"}, {"surface": "Sable\u0301", "mu": "0.7"}]
+def test_columns_of_wide_letters_and_of_lines_stay_below_each_other():
+    rows = [{"surface": "\u30af\u30ec\u30fc", "mu": "0.5"}, {"surface": "Sabl\u0301\ne", "mu": "0.7"}]
     assert to_text(Report("", [Table("", rows)])).split("\n")[-3:] == [
-        "surface   mu", "\u30af\u30ec\u30fc   0.5", "Sable\u0301    0.7",
+        "surface   mu", "\u30af\u30ec\u30fc   0.5", "Sabl\u0301 e   0.7",
     ]  # fmt: skip
     long = [{"a": "x", "reason": "word " * 30}]
     lines = to_text(Report("", [Table("", long, ("reason",))]), width=40).split("\n")
     assert len(lines) == 9 and max(map(len, lines)) <= 40 and all(line.startswith("   word") for line in lines[5:])
+
+
+def test_long_tables_are_looked_through_a_few_times_alone():
+    class Rows(list):
+        seen = 0
+
+        def __iter__(self):
+            self.seen += 1
+            return super().__iter__()
+
+    rows = Rows([{f"c{k}": "1" for k in range(9)}] * 500)
+    report = Report("", [Table("", rows)])
+    assert len(to_text(report)) + len(to_page(report, {})) + len(to_markdown(report)) > 0 and rows.seen < 20
 
 
 def test_markdown_has_every_row_and_keeps_its_columns():
@@ -103,6 +118,7 @@ def test_markdown_has_every_row_and_keeps_its_columns():
     rows = [line for line in text.split("\n") if line.startswith("|")]
     assert len(rows) == 2 + 2 + 2 + 400 and {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {5, 3}
     assert "| ---: |" in text and "`summary.csv`" not in text and "    fitball calibrate" in text
+    assert "<" not in text and "<" not in to_markdown(Report("`<b>", [Text(["`<b>"]), Table("", [{"a": "`<b>"}])]))
 
 
 def test_marks_travel_with_their_tone():
