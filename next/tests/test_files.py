@@ -7,11 +7,13 @@ import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from fitball.environment import cache_folder
 from fitball.errors import FolderError
 from fitball.files import csv_bytes, json_bytes, result_folder
 
@@ -144,6 +146,19 @@ def test_links_that_others_planted_are_not_followed(tmp_path):
     (tmp_path / LOCK).symlink_to(precious)
     refused("no-folder", tmp_path)
     assert precious.read_text() == "kept"
+
+
+@pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "HOME"])
+def test_what_is_compiled_has_a_folder_without_a_cache_or_home(tmp_path, monkeypatch, variable):
+    def homeless():
+        raise RuntimeError("no home")
+
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setenv(variable, "/dev/null")
+    assert cache_folder.__wrapped__().parent == tmp_path
 
 
 # CSV and JSON.

@@ -70,6 +70,8 @@ def test_a_page_is_well_formed_complete_and_needs_nothing_else():
         assert not {*"\x1b\u202e\udcff"} & {*text} and "never seen" not in text
     assert "img" not in Page(to_page(REPORT, {})).tags and "html" not in Page(to_notebook(REPORT)).tags
     assert not Page(to_notebook(REPORT)).open
+    # Nothing to open, no button.
+    assert "button" in page.tags and "button" not in Page(to_page(Report("check", [Text(["a"])]), {})).tags
 
 
 def test_a_terminal_shows_the_summary_or_all_in_its_width():

@@ -49,7 +49,7 @@ def test_numbers_without_an_sd():
     assert found == ["0.0996", "12345", "0", "0", "1.00e-15", "-3.14", "", ""]
     assert PLAIN.number(0.0996, 2) == "0.10" and MS.number(0.0042) == "4.20"
     assert [signed(x) for x in (0.01, 0.3, -2.0)] == ["0.0", "+0.3", "-2.0"]
-    assert Unit("1e-3 s/m").said("3") == "3 × 1e-3 s/m" and PLAIN.said("3") == "3"
+    assert Unit("1e-3 s/m").with_unit("3") == "3 × 1e-3 s/m" and PLAIN.with_unit("3") == "3"
 
 
 def test_a_share_is_all_or_none_only_where_it_is():
