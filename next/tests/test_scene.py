@@ -100,6 +100,7 @@ def test_where_a_scene_comes_from(tmp_path):
     assert {note.code for note in Scene().assumed()} == {
         "assumed-ball", "no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise",
     }  # fmt: skip
+    assert "no-velocity-noise" not in {note.code for note in Scene(measurement={"nominal_v_x_sd": 0.1}).assumed()}
     (tmp_path / "other.toml").write_text("[surface]\nmu = 0.5")
     table.with_suffix(".toml").write_text("[surface]\nmu = 0.6")
     assert load_scene(table).surface == {"mu": 0.6}

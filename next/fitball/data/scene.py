@@ -108,17 +108,18 @@ class Scene(Section, frozen=True):
 
     def assumed(self) -> tuple[Note, ...]:
         """What is assumed because nothing was stated."""
-        ball, noise, fitted = self.ball, self.measurement.keys(), "it is fitted with a default prior"
+        ball, fitted = self.ball, "it is fitted with a default prior"
         parts = {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia or ball.inertia_ratio}
         unstated = listed(name for name, one in parts.items() if one is None)
         tennis = f"the {unstated} of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
-        velocities = {"velocity_sd", "nominal_velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
+        noise = {name.removeprefix("nominal_") for name in self.measurement}
+        velocities = noise & {"velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
         silent = (
             ("assumed-ball", tennis, bool(unstated)),
             ("no-friction", "nothing of the friction: mu has a wide prior", "mu" not in self.surface),
             ("no-contact-time", "nothing of the contact time: k_y depends on its prior", self.contact_time is None),
-            ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not velocities & noise),
-            ("no-spin-noise", f"nothing of the noise of spins: {fitted}", not {"spin_sd", "nominal_spin_sd"} & noise),
+            ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not velocities),
+            ("no-spin-noise", f"nothing of the noise of spins: {fitted}", "spin_sd" not in noise),
         )
         return tuple(Note(code, f"Assumed: {text}.") for code, text, is_so in silent if is_so)
 
