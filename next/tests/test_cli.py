@@ -82,3 +82,12 @@ def test_help_needs_no_heavy_package():
     made = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
     assert (made.returncode, made.stderr) == (0, "")
     assert "--as-read" in made.stdout
+
+
+def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
+    def hungry(data, *, scene=""):
+        raise MemoryError("2.9 GiB")
+
+    monkeypatch.setitem(cli.VERBS, "check", hungry)
+    hungry.__name__ = "check"
+    assert cli.main(["check", "t.csv"]) == 2 and "2.9 GiB" in capsys.readouterr().err
