@@ -44,4 +44,5 @@ def test_types_of_balls_are_those_of_the_rules():
     assert all(0.8 < low < high < 1.6 for low, high in itf.BALL_TYPES.values())
     stages = [itf.BALL_TYPES[f"stage-{k}"] for k in (1, 2, 3)]
     assert stages == sorted(stages, reverse=True) and stages[0][1] <= itf.BALL_TYPES["type-2"][0]
-    assert np.pi / 6 * 0.0654**3 < 4 / 3 * np.pi * itf.TOLERANCES["ball_radius"][1] ** 3
+    # 56.0 to 59.4 g, 6.54 to 6.86 cm.
+    assert itf.TOLERANCES == {"ball_mass": (0.056, 0.0594), "ball_radius": (0.0654 / 2, 0.0686 / 2)}

@@ -5,7 +5,7 @@ import pytest
 from made_tables import bundled, made
 
 from fitball.data.bundled import printed
-from fitball.data.kinematics import BALANCES, balances, counted, propagate, slopes, velocity
+from fitball.data.kinematics import BALANCES, balances, counted, slopes, velocity
 from fitball.values import Ball
 
 FULL = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
@@ -13,16 +13,9 @@ FULL = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
 
 @pytest.mark.parametrize(
     ("present", "counting"),
-    [
-        ("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"),
-        ("v_x2 v_2 theta_2", "v_2 theta_2"),
-        ("v_2 theta_2 omega_2", "v_2 theta_2"),
-        ("theta_2 v_y2", "v_y2 theta_2"),
-        ("v_2 v_x2", "v_x2 v_2"),
-        ("theta_2 v_x1 v_y1", "theta_2"),
-        ("omega_2", ""),
-    ],
-)
+    [("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"), ("v_x2 v_2 theta_2", "v_2 theta_2"), ("theta_2 v_y2", "v_y2 theta_2"),
+     ("v_2 v_x2", "v_x2 v_2"), ("theta_2 v_x1 v_y1", "theta_2"), ("omega_2", "")],
+)  # fmt: skip
 def test_each_information_counts_once(present, counting):
     assert counted(present.split(), "2") == tuple(counting.split())
 
@@ -37,24 +30,6 @@ def test_any_two_columns_give_the_velocity():
             np.testing.assert_allclose(found[name], column, rtol=1e-13, err_msg=f"{name} of {pair}")
     assert "v_x2" not in velocity({name: whole[name] for name in ("v_y2", "v_2")}, "2")
     assert np.isnan(velocity({"v_x2": np.array([2.0]), "v_2": np.array([1.0])}, "2")["v_y2"]).all()
-
-
-def test_errors_of_components_are_those_of_the_textbook():
-    """JCGM 100:2008, Eq. 13, written out for v cos(theta) and v sin(theta) with correlated errors."""
-    v, theta = np.array([12.0, 30.0]), np.array([0.3, 2.2])
-    s, t, r = 0.1, 0.01, 0.4
-    stated = np.tile([[s * s, r * s * t], [r * s * t, t * t]], (2, 1, 1))
-    found, covariance = propagate(
-        lambda known: {name: velocity(known, "1")[name] for name in ("v_x1", "v_y1")},
-        {"v_1": v, "theta_1": theta}, stated,
-    )  # fmt: skip
-    cos, sin = np.cos(theta), np.sin(theta)
-    np.testing.assert_allclose(found["v_x1"], v * cos, rtol=1e-15)
-    x_x = (cos * s) ** 2 + (v * sin * t) ** 2 - 2 * r * s * t * v * sin * cos
-    x_y = sin * cos * (s**2 - (v * t) ** 2) + r * s * t * v * (cos**2 - sin**2)
-    np.testing.assert_allclose(covariance[:, 0, 0], x_x, rtol=1e-14)
-    np.testing.assert_allclose(covariance[:, 0, 1], x_y, rtol=1e-12)
-    np.testing.assert_allclose(covariance[:, 1, 0], covariance[:, 0, 1], rtol=1e-14)
 
 
 def test_slopes_through_angle_and_speed_are_exact():
@@ -123,14 +98,10 @@ def test_sds_are_those_of_random_draws_of_the_whole_row():
     another one.
     """
     names, rng = [*POLAR], np.random.default_rng(5)
-    factor = rng.standard_normal((6, 7))
-    matrix = factor @ factor.T
-    corr = matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+    corr = np.corrcoef(rng.standard_normal((6, 7)))
     pairs = {(names[i], names[j]): corr[i, j] for j in range(6) for i in range(j)}
     sds = np.array([SMALL[name] for name in names])
-    drawn = np.array([POLAR[n] for n in names]) + rng.multivariate_normal(
-        np.zeros(6), corr * np.outer(sds, sds), 200_000
-    )
+    drawn = rng.multivariate_normal([*POLAR.values()], corr * np.outer(sds, sds), 200_000)
     sample = balances(made(dict(zip(names, drawn.T, strict=True))), Ball())
     found, alone = (balances(made(POLAR, SMALL, pairs if given else {}), Ball()) for given in (True, False))
     apart = 0
@@ -154,22 +125,15 @@ def test_noise_is_that_of_columns_that_state_none():
 
 @pytest.mark.parametrize(
     ("columns", "known"),
-    [
-        ("v_x1 v_y1 omega_1 v_x2 v_y2", "cor mu_bar"),
-        ("v_x1 v_y1 omega_1 v_x2 omega_2", "e_x"),
-        ("v_x1 v_y1 omega_1 v_2 omega_2", "energy_lost energy_fraction"),
-        ("v_x1 v_y1 omega_1 v_y2 v_2 omega_2", "cor energy_lost energy_fraction"),
-        ("v_y1 v_y2", "cor energy_lost energy_fraction"),
-        ("v_y1 omega_1 v_y2", "cor"),
-        ("v_x1 v_y1 contact_time", ""),
-    ],
-)
+    [("v_x1 v_y1 omega_1 v_x2 v_y2", "cor mu_bar"), ("v_x1 v_y1 omega_1 v_x2 omega_2", "e_x"),
+     ("v_x1 v_y1 omega_1 v_y2 v_2 omega_2", "cor energy_lost energy_fraction"), ("v_y1 omega_1 v_y2", "cor"),
+     ("v_y1 v_y2", "cor energy_lost energy_fraction"), ("v_x1 v_y1 contact_time", "")],
+)  # fmt: skip
 def test_what_the_columns_do_not_determine_is_absent(columns, known):
     values = dict(zip(FULL, (12.0, 5.0, 0.0, 9.0, 4.0, 200.0), strict=True)) | {"v_2": 9.85, "contact_time": 5e-3}
     found = balances(made({name: values[name] for name in columns.split()}), Ball())
-    assert [name for name, unit in BALANCES.items() if found[name + f" [{unit}]" * bool(unit)].notna().all()] == [
-        *known.split()
-    ]
+    has = [name for name, unit in BALANCES.items() if found[name + f" [{unit}]" * bool(unit)].notna().all()]
+    assert has == known.split()
 
 
 def test_a_gap_and_a_ball_without_slip_leave_the_rest():

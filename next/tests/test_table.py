@@ -29,16 +29,9 @@ def test_states_from_components_or_from_speed_and_angle():
 
 @pytest.mark.parametrize(
     ("columns", "tangential", "spin"),
-    [
-        ("v_y1 v_y2", False, False),
-        ("v_y1 omega_1 v_y2", False, True),
-        ("v_x1 v_y1 v_y2", False, False),
-        ("v_x1 v_y1 v_x2", True, False),
-        ("v_1 theta_1 v_2", True, False),
-        ("v_y1 v_x2", False, False),
-        ("v_x1 v_y1 omega_2", True, True),
-    ],
-)
+    [("v_y1 omega_1 v_y2", False, True), ("v_x1 v_y1 v_y2", False, False), ("v_x1 v_y1 v_x2", True, False),
+     ("v_1 theta_1 v_2", True, False), ("v_y1 v_x2", False, False), ("v_x1 v_y1 omega_2", True, True)],
+)  # fmt: skip
 def test_what_motion_a_table_shows(columns, tangential, spin):
     table = made(dict.fromkeys(columns.split(), 1.0))
     assert (table.shows("tangential"), table.shows("spin")) == (tangential, spin)
@@ -124,16 +117,10 @@ def test_a_frame_read_again_is_the_table_to_the_last_digit(name, tmp_path):
 
 
 def test_tables_together():
-    one = made(
-        POLAR, {"v_x2": [0.1, np.nan]}, name="one", labels={"surface": ("Hard court", "clay")}, read=({"n": "1"},)
-    )
-    other = made(
-        {"v_1": 12.0, "theta_1": 0.2, "v_y2": 4.0},
-        {},
-        name="other",
-        labels={"surface": ("hard  Court",)},
-        read=({"n": "2"},),
-    )
+    sd, pair = {"v_x2": [0.1, np.nan], "v_1": 0.1}, {("v_1", "v_x2"): 0.5}
+    one = made(POLAR, sd, pair, name="one", labels={"surface": ("Hard court", "clay")}, read=({"n": "1"},))
+    short = {"v_1": 12.0, "theta_1": 0.2, "v_y2": 4.0}
+    other = made(short, {"v_1": 0.1}, name="other", labels={"surface": ("hard  Court",)}, read=({"n": "2"},))
     both = joined([one, other])
     assert both.labels["id"] == ("one:1", "one:2", "other:1") and both.labels["table"] == ("one", "one", "other")
     assert both.labels["surface"] == ("Hard court", "clay", "Hard court")
@@ -141,16 +128,10 @@ def test_tables_together():
     np.testing.assert_array_equal(both.values["v_x2"], [5.0, np.nan, np.nan])
     np.testing.assert_array_equal(both.sd["v_x2"], [0.1, np.nan, np.nan])
     np.testing.assert_array_equal(both.values["v_y2"], [np.nan, np.nan, 4.0])
+    # Correlations that one table lacks are none.
+    assert both.corr["v_1,v_x2"].tolist() == [0.5, 0.5, 0.0]
     assert [note.code for note in both.notices] == ["column-in-some"] * 3
     assert joined([one]) is one
-
-
-def test_correlations_that_one_table_lacks_are_none():
-    pair = {("v_1", "v_x2"): 0.5}
-    sds = {"v_1": 0.1, "v_x2": [0.1, 0.1]}
-    full = POLAR | {"v_x2": [5.0, 6.0]}
-    both = joined([made(full, sds, pair, name="one"), made(full, sds, name="other")])
-    assert both.corr["v_1,v_x2"].tolist() == [0.5, 0.5, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -169,8 +150,6 @@ def test_tables_that_do_not_belong_together(other, code, column):
     first = made(POLAR, {"v_x2": 0.1}, name="a", read=({"sha256": "0f", "source": "y"},))
     assert codes([first, other]) == {code: column}
 
-
-def test_sheets_of_one_workbook_are_different_tables():
     sheets = [made(POLAR, name=n, read=({"sha256": "0f", "source": f"book.xlsx#{n}"},)) for n in "ab"]
     assert len(joined(sheets)) == 4
 
