@@ -166,6 +166,8 @@ def test_workbooks_parquet_and_frames_are_the_same_table(tmp_path, frame):
     places = [tmp_path / f"t.{ending}" for ending in ("xlsx", "parquet", "ods")]
     for source in (*places, frame, texts, frame.set_index("id"), units, mapping):
         assert_same(read(source)[0], meant(ROWS))
+    # The row of units is one of the frame.
+    assert faults_of(units.replace("42.00", "?")) == [("not-a-number", 4, None, "v_1")]
 
 
 def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
@@ -248,7 +250,10 @@ WRONG = [
     ('v_y1,v_y2\n5,4\n"6,5\n7,6\n', ("quotes", None, 3, None)),
     ('"corr(v_y1,foo)",v_y1,v_y2\n0,5,4\n', ("unknown-correlation", None, 1, "corr(v_y1,foo)")),
     (b"surface,v_y1,v_y2\nplain,5,4\nras\x81,5,4\n", ("encoding", None, 3, None)),
-    (b"surface,v_y1,v_y2\nplain,5,4\nras\xe9,5,4\n" + "rasé,5,4\n".encode(), ("encoding", None, 3, None)),
+    # A letter of Windows-1252 beside the same one in UTF-8, of which both bytes are signs there; half a letter.
+    (b"surface,v_y1,v_y2\nplain,5,4\nra\xf1,5,4\n" + "rañ,5,4\n".encode(), ("encoding", None, 3, None)),
+    ("v_y1,v_y2\n5,4\n".encode("utf-16")[:-1], ("encoding", None, 2, None)),
+    ("v_y1 [m/s],v_y2\nkm/h,m/s\n5,4\n", ("brackets", None, 1, "v_y1 [m/s] [km/h]")),
     (b"v_y1,v_y2\n5,4\n5,\0\n", ("encoding", None, 3, None)),
     ('note,v_y1,v_y2\n"one\n# two\n\nthree",5,4\nx,5,oops\n', ("not-a-number", 2, 6, "v_y2")),
     *((f"v_y1,v_y2\n6,5\n{cell},5\n", ("not-a-number", 2, 3, "v_y1"))
@@ -292,7 +297,7 @@ def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path):
 
 
 def test_what_excel_shows_for_missing_values_begins_no_comment(tmp_path):
-    text = 'omega_2,v_y1\n#N/A,5\n3,6\n# a "comment,\n#NV,7\n-,8\nNaN,9\n'
+    text = 'omega_2,v_y1\n#N/A,5\n3,6\n# a, "comment\n#NV,7\n-,8\nNaN,9\n'
     np.testing.assert_array_equal(read(written(tmp_path, text))[0]["omega_2"], [np.nan, 3, np.nan, np.nan, np.nan])
 
 
@@ -321,6 +326,10 @@ def test_names_and_units_of_ones_own(tmp_path):
     found, _ = read(plain, said)
     np.testing.assert_allclose([found[name][0] for name in ("v_1", "theta_1", "v_2")], [38 * SI["mph"], 20, 42 / 3.6])
     assert found["surface"] == ["clay"]
+    # They make a header of a line, and of its separator one.
+    found = read(written(tmp_path, "a, b; c\nfoo;bar\n5;4\n"), {"v_y1": "foo", "v_y2": "bar"})[0]
+    assert found == {"v_y1": [5.0], "v_y2": [4.0]}
+    place = written(tmp_path, FOREIGN)
     assert faults_of(place, {**COLUMNS, "v_1": "V_in"}) == [("no-column", None, 1, "v_1")]
     assert "v_1" not in read(place, {**COLUMNS, "v_1": "V_in"}, optional=["v_1"])[0]
     assert faults_of(place, {**COLUMNS, "v_1": "Vin [km/h]"}) == [("two-units", None, 1, "v_1")]
@@ -373,3 +382,13 @@ def test_a_slip_in_a_name_is_a_fault_and_no_column_of_ones_own(name):
 def test_a_name_beside_all_that_it_resembles_is_ones_own():
     ours = [name + suffix for name in ("theta_1", "theta_2") for suffix in ("", "_sd")]
     assert read({name: [1.0] for name in [*ours, "theta_3"]})[0]["theta_3"] == ["1"]
+    # Of the other end nothing is a slip.
+    assert read({"omega_1": [1.0], "omega_1_sd": [1.0], "omga_1": [1.0]})[0]["omga_1"] == ["1"]
+    assert read({"id": ["a"], "No.": [1], "v_1_km_h": [36.0]})[0] == {"id": ["a"], "No.": ["1"], "v_1": [10.0]}
+
+
+def test_a_row_of_names_is_no_row_of_units(tmp_path):
+    """Though `s` and `m` are, and a row of units may repeat what the header says."""
+    found, noted = read(written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n"))
+    assert found["id"] == ["s", "m"] and "units-row" not in noted
+    assert read(written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n"))[0] == {"v_1": [10.0], "theta_1": [1.0]}

@@ -41,8 +41,9 @@ def read(source):
 found = {Path(place).name: read(place) for place in sys.argv[1:]}
 pieces = ["horiz", "1", "of", "v_", " ", "a ", "/", "v /", "[", "(", "1+-", "1,", "1,11111", "1e", ",111", "-1", "s^",
           "θ", "aB", "1 ", "\\t", "1..", "±", "m s ", "_", "1.", "corr("]
-for number, piece in enumerate(pieces):
+for piece in pieces:
     text = piece * (100_000 // len(piece)) + "!"
+    read({"v_1": [text + "\\n\\nx"]})
     read({"v_1": [text], text: ["1"]})
     Path("nasty.txt").write_text(f"v_1 v_2\\n{text} 1\\n{text[:99]} 1\\n", encoding="utf-8")
     read("nasty.txt")

@@ -162,7 +162,7 @@ def _records(source: str, lines: Iterable[str], sign: str, strict: bool) -> Iter
                 text = line.strip()
                 if not text:
                     continue
-                if text.startswith("#") and not ERROR.match(text):
+                if text.startswith("#"):
                     line = "#" + text.lstrip("# \t").replace('"', "")
                 start, size = number, 0
             size += len(line)
