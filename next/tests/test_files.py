@@ -102,6 +102,9 @@ def test_an_older_result_is_kept_until_there_is_another(tmp_path):
     assert names(tmp_path) == ["corner.png", "fit.json", "table", "trace.png"]
     with result_folder(tmp_path, record="fit.json", overwrite=True) as folder:
         folder.clear()
+        # A record without a list of files goes too.
+        (tmp_path / "fit.json").write_text("copied")
+        folder.clear()
     assert names(tmp_path) == ["table"] and names(tmp_path / "table") == ["fit.json"]
 
 

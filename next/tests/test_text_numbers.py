@@ -97,7 +97,7 @@ def test_lists_in_words():
 def test_all_faults_are_kept_and_their_message_is_bounded():
     faults = [Fault("not-a-number", f"read '{k}'", k, k + 1, f"c{k % 60}") for k in range(100_000)]
     error = InputError("t\x1b.csv", faults, ["flip v_x1"])
-    assert error.faults == tuple(faults) and error.code == "not-a-number"
+    assert error.faults == tuple(faults) and error.code == "not-a-number" and error.source == "t\\x1b.csv"
     text = str(error)
     assert len(text) < 10_000 and "100,000 faults" in text and "flip v_x1" in text and "\x1b" not in text
     # Column, rows and line of a kind that repeats.
