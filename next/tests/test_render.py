@@ -26,7 +26,7 @@ REPORT = Report(
         Picture("curves", f"Lines {HOSTILE}"), Text([f"label {HOSTILE}", ""], "list"),
     ],
     [
-        Section("All", [Table("", [{"row": str(k), "value": f"{k}.0"} for k in range(400)], rest="`summary.csv`")],
+        Section("All", [Table("", [{"row": str(k), "value": f"{k}.0"} for k in range(400)], (), "`all.csv`", 1000)],
                 True, "400 rows."),
         Section("Nothing", [Text([""]), Table("", []), Table("", [{"a": ""}])], answer="never seen"),
         Section("Repeat", [Text(["fitball calibrate  'a  b'"], "code"), Text(["words " * 40])]),
@@ -61,7 +61,12 @@ def test_a_page_is_well_formed_complete_and_needs_nothing_else():
     assert not page.open and page.links == ["data:image/png;base64,cG5n"]
     assert page.tags.count("details") == 2 and page.tags.count("table") == 2 and page.tags.count("figure") == 1
     # 2 heads, 2 and 300 rows.
-    assert page.tags.count("tr") == 304 and {"400 rows.", "299.0"} < {*page.texts} and "300.0" not in page.texts
+    assert (
+        page.tags.count("tr") == 304
+        and {"400 rows.", "299.0", "all.csv"} < {*page.texts}
+        and "300.0" not in page.texts
+    )
+    assert "... and 700 more: " in page.texts
     assert "fitball calibrate  'a  b'\n" in page.texts and "v_x2" in page.texts and "a & b|c" in page.texts
     assert "script" not in page.tags and any(HOSTILE[:25] in text for text in page.texts)
     for text in (
@@ -84,7 +89,7 @@ def test_a_terminal_shows_the_summary_or_all_in_its_width():
         "mu          0.568  given",
         "cor_slope   -15.1  identified  a & b|c",
     ]
-    assert "\n39    39.0\n... and 360 more: summary.csv" in full
+    assert "\n39    39.0\n... and 960 more: all.csv" in full
     assert "fitball calibrate  'a  b'" in full
     assert max(map(len, to_text(REPORT._replace(title="wang"), width=60).split("\n"))) <= 60
     # Colours take no room.
@@ -119,7 +124,7 @@ def test_markdown_has_every_row_and_keeps_its_columns():
     text = to_markdown(REPORT)
     rows = [line for line in text.split("\n") if line.startswith("|")]
     assert len(rows) == 2 + 2 + 2 + 400 and {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {5, 3}
-    assert "| ---: |" in text and "`summary.csv`" not in text and "    fitball calibrate" in text
+    assert "| ---: |" in text and "`all.csv`" not in text and "    fitball calibrate" in text
     assert "<" not in text and "<" not in to_markdown(Report("`<b>", [Text(["`<b>"]), Table("", [{"a": "`<b>"}])]))
 
 
