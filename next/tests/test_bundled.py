@@ -1,6 +1,7 @@
 """Bundled files: found by name, physically sound, published priors with their sources."""
 
 import csv
+import os
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ def test_a_file_that_exists_wins_over_a_bundled_name(tmp_path, monkeypatch):
     assert inside == place_of("wang_all") and inside.is_absolute()
     (tmp_path / "wang_all.csv").write_text("own")
     assert place_of("wang_all.csv").read_text() == "own" and place_of("wang_all") == inside
+    if hasattr(os, "mkfifo"):
+        os.mkfifo("pipe")
+        assert place_of("pipe").name == "pipe"
 
 
 @pytest.mark.parametrize("source", ["wang_al", "folder", "a" * 5000, "tracks/table_tennis_topspin", "../wang_all"])

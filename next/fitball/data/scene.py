@@ -186,7 +186,7 @@ def load_scene(table: Path | None, given: str | Path | None = None) -> Scene:
         faults = (_fault(where.rstrip("`"), what),)
     except (OSError, ValueError, RecursionError) as error:
         words = one_line(str(getattr(error, "strerror", "") or error))
-        faults = (Fault("scene", f"expected a scene file (TOML in UTF-8): {words}"),)
+        faults = (Fault("scene", f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"),)
     raise InputError(str(place), faults)
 
 
