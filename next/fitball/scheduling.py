@@ -41,14 +41,8 @@ def as_completed(
     # Which of several items at work did it is unknown: a system short of memory kills any process.
     for place, _ in died:
         for _, words in (yield from _round(partial(_pool, 1, address), task, items, [place])):
-            yield (
-                place,
-                MachineError(
-                    f"the process that worked on it ended twice ({words}); most likely memory is short: use fewer "
-                    "cores, or another machine",
-                    "worker-died",
-                ),
-            )
+            remedy = "most likely memory is short: use fewer cores, or another machine"
+            yield place, MachineError(f"the process that worked on it ended twice ({words}); {remedy}", "worker-died")
 
 
 def _made(make: Callable[[Any], Any], folder: str, item: Any) -> Any:
@@ -114,20 +108,15 @@ def _client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise ParameterError(
-            "a scheduler is given, but Dask is not installed here: pip install 'fitball[dask]'", "scheduler"
-        ) from None
+        text = "a scheduler is given, but Dask is not installed here: pip install 'fitball[dask]'"
+        raise ParameterError(text, "scheduler") from None
     known = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
     try:
-        return Client(  # type: ignore[no-untyped-call]
-            timeout=_PATIENCE, set_as_default=False, **known
-        )
+        return Client(timeout=_PATIENCE, set_as_default=False, **known)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        raise ParameterError(
-            f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); expected an address such as "
-            "tcp://localhost:8786, or the file that the scheduler wrote",
-            "scheduler",
-        ) from None
+        wanted = "expected an address such as tcp://localhost:8786, or the file that the scheduler wrote"
+        text = f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); {wanted}"
+        raise ParameterError(text, "scheduler") from None
 
 
 def _begin() -> None:
