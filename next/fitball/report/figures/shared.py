@@ -1,0 +1,82 @@
+"""What figures have in common: how series look, dots of few impacts and bins of many. Imports: style, quantities."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from fitball.report.quantities import plain
+from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
+from fitball.values import DataFrame, Figure, FloatArray
+
+# Impacts of a series that are drawn one by one; of more, the medians of so many bins of equal numbers.
+DOTS, BINS = 600, 30
+
+
+class Look(NamedTuple):
+    """How a series is drawn: alone it needs no colour of its own."""
+
+    dots: str
+    marker: str
+    line: str
+    name: str
+
+
+def looks(curves: DataFrame) -> dict[int, Look]:
+    """By series; the speed is named where speeds differ."""
+    first = curves.groupby("series").first()
+    if len(first) == 1:
+        return {int(first.index[0]): Look(MEASURED, "o", MODEL, "measured and model")}
+    found = {}
+    several = first["speed"].nunique() > 1
+    for k, row in enumerate(first.itertuples()):
+        spin = f"{float(row.spin) + 0.0:+.3g} rad/s".replace("+0 ", "0 ") if np.isfinite(row.spin) else ""
+        speed = f"{row.speed:.3g} m/s" if several else ""
+        words = ", ".join(filter(None, (plain(row.name), spin, speed)))
+        colour = SERIES[k % len(SERIES)]
+        found[int(row.Index)] = Look(colour, MARKERS[k % len(MARKERS)], colour, words)
+    return found
+
+
+def opacity(count: int) -> float:
+    """Of so many dots in a panel."""
+    return float(min(1.0, max(0.12, (150.0 / max(count, 1)) ** 0.7)))
+
+
+def binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), of bins of equal numbers."""
+    parts = np.array_split(np.argsort(place, kind="stable"), BINS)
+    bands = np.stack([np.quantile(values[part], (0.16, 0.5, 0.84)) for part in parts], axis=1)
+    return np.array([np.median(place[part]) for part in parts]), bands
+
+
+def scattered(axis: Any, place: FloatArray, values: FloatArray, look: Look, sd: FloatArray | None = None) -> None:
+    """Dots with bars of one `sd`, or medians of bins with the middle 68 % of their values; what is NaN is left out."""
+    known = np.isfinite(place) & np.isfinite(values)
+    place, values = place[known], values[known]
+    shade, size, ends = opacity(len(place)), 5.0, None if sd is None else (values - sd[known], values + sd[known])
+    if len(place) > DOTS:
+        place, (low, values, high) = binned(place, values)
+        shade, size, ends = 1.0, 3.5, (low, high)
+    if ends is not None:
+        axis.vlines(place, *ends, color=look.dots, linewidth=1.0, alpha=0.55 * shade)
+    axis.plot(place, values, look.marker, color=look.dots, markersize=size, markeredgewidth=0.6,
+              markeredgecolor="white", alpha=shade, zorder=3)  # fmt: skip
+
+
+def series_legend(figure: Figure, styles: Mapping[int, Look], more: Sequence[Any] = ()) -> None:
+    """Dots of the series, where there are several, and what else is drawn."""
+    handles = [
+        Line2D([], [], color=look.dots, marker=look.marker, linestyle="", label=look.name)
+        for look in styles.values()
+        if len(styles) > 1
+    ]
+    if handles or more:
+        legend_above(figure, [*handles, *more])
+
+
+def hide(axes: Iterable[Any]) -> None:
+    """Panels that nothing is drawn in."""
+    for axis in axes:
+        axis.set_visible(False)

@@ -1,0 +1,44 @@
+"""How pages and figures name quantities: unit, symbol, middle. Imports: columns, inference.fit, base."""
+
+import numpy as np
+
+from fitball.columns import COLUMNS
+from fitball.inference.fit import Fit
+from fitball.numbers import Unit
+from fitball.text import short, visible
+from fitball.values import DataFrame, FloatArray
+
+# Kinds of quantities that a reader asks for; noise, ball and camera come after them.
+MAIN = ("model", "level", "derived")
+# Letters of a label in a figure.
+_LABEL = 18
+
+
+def unit_of(fit: Fit, name: str) -> Unit:
+    """The unit in which people read a parameter or derived quantity."""
+    spec = fit.quantity(name).spec
+    return spec.handy or Unit(spec.unit)
+
+
+def column_unit(name: str) -> Unit:
+    """The unit in which people read a column."""
+    return COLUMNS[name].handy or Unit(COLUMNS[name].unit)
+
+
+def plain(text: str, most: int = _LABEL) -> str:
+    """A text of a table as matplotlib draws it: one line, nothing in it a formula."""
+    return short(visible(text).replace("\n", " "), most).replace("$", r"\$")
+
+
+def symbol(fit: Fit, name: str) -> str:
+    """Mathtext of a quantity, with its level; the name of one that has no symbol."""
+    base, bracket, level = name.partition("[")
+    shown = fit.quantity(name).spec.symbol or plain(base.replace("_", " "))
+    return f"{shown}, {plain(level[:-1])}" if bracket else shown
+
+
+def middle(frame: DataFrame) -> FloatArray:
+    """The median of each row, and what the best fit says where there are no draws."""
+    point = frame["point"].to_numpy(np.float64)
+    median = frame["median"].to_numpy(np.float64)
+    return np.where(np.isfinite(median), median, point)
