@@ -30,11 +30,11 @@ def plain(text: str, most: int = _LABEL) -> str:
     return short(visible(text).replace("\n", " "), most).replace("$", r"\$")
 
 
-def symbol(fit: Fit, name: str) -> str:
-    """Mathtext of a quantity, with its level; the name of one that has no symbol."""
+def symbol(fit: Fit, name: str, most: int = _LABEL) -> str:
+    """Mathtext of a quantity, with at most so many letters of its level; the name of one that has no symbol."""
     base, bracket, level = name.partition("[")
     shown = fit.quantity(name).spec.symbol or plain(base.replace("_", " "))
-    return f"{shown}, {plain(level[:-1])}" if bracket else shown
+    return f"{shown}, {plain(level[:-1], most)}" if bracket else shown
 
 
 def middle(frame: DataFrame) -> FloatArray:

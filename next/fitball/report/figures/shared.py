@@ -1,6 +1,6 @@
 """What figures have in common: how series look, dots of few impacts and bins of many. Imports: style, quantities."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,10 +8,10 @@ from matplotlib.lines import Line2D
 
 from fitball.report.quantities import plain
 from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
-from fitball.values import DataFrame, Figure, FloatArray
+from fitball.values import BoolArray, DataFrame, Figure, FloatArray
 
-# Impacts of a series that are drawn one by one; of more, the medians of so many bins of equal numbers.
-DOTS, BINS = 600, 30
+# Impacts of a panel that are drawn one by one; of more, the medians of so many bins of equal numbers.
+DOTS, BINS = 600, 24
 
 
 class Look(NamedTuple):
@@ -37,6 +37,13 @@ def looks(curves: DataFrame) -> dict[int, Look]:
         colour = SERIES[k % len(SERIES)]
         found[int(row.Index)] = Look(colour, MARKERS[k % len(MARKERS)], colour, words)
     return found
+
+
+def split(frame: DataFrame, styles: Mapping[int, Look]) -> list[tuple[Look, BoolArray]]:
+    """Looks of a panel, and of which rows each is; many rows have one look."""
+    if len(frame) > DOTS:
+        return [(Look(MEASURED, "o", MODEL, ""), np.ones(len(frame), dtype=np.bool_))]
+    return [(look, (frame["series"] == k).to_numpy(np.bool_)) for k, look in styles.items()]
 
 
 def opacity(count: int) -> float:
@@ -65,18 +72,22 @@ def scattered(axis: Any, place: FloatArray, values: FloatArray, look: Look, sd: 
               markeredgecolor="white", alpha=shade, zorder=3)  # fmt: skip
 
 
-def series_legend(figure: Figure, styles: Mapping[int, Look], more: Sequence[Any] = ()) -> None:
+def series_legend(figure: Figure, shown: Sequence[tuple[Look, BoolArray]], more: Sequence[Any] = ()) -> None:
     """Dots of the series, where there are several, and what else is drawn."""
     handles = [
         Line2D([], [], color=look.dots, marker=look.marker, linestyle="", label=look.name)
-        for look in styles.values()
-        if len(styles) > 1
+        for look, _ in shown
+        if len(shown) > 1
     ]
     if handles or more:
         legend_above(figure, [*handles, *more])
 
 
-def hide(axes: Iterable[Any]) -> None:
-    """Panels that nothing is drawn in."""
-    for axis in axes:
+def hide(axes: Any, count: int, across: str = "") -> None:
+    """Hide the panels after the first `count`; what is `across` stands below the lowest of each column."""
+    flat, wide = axes.ravel(), axes.shape[1]
+    for axis in flat[count:]:
         axis.set_visible(False)
+    for axis in flat[max(count - wide, 0) : count] if across else ():
+        axis.set_xlabel(across)
+        axis.xaxis.set_tick_params(labelbottom=True)
