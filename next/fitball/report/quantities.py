@@ -1,5 +1,7 @@
 """How pages and figures name quantities: unit, symbol, middle. Imports: columns, inference.fit, base."""
 
+from typing import Any
+
 import numpy as np
 
 from fitball.columns import COLUMNS
@@ -42,3 +44,16 @@ def middle(frame: DataFrame) -> FloatArray:
     point = frame["point"].to_numpy(np.float64)
     median = frame["median"].to_numpy(np.float64)
     return np.where(np.isfinite(median), median, point)
+
+
+def records(frame: DataFrame) -> list[dict[str, Any]]:
+    """Rows as mappings, with the index where that has a name."""
+    whole = frame.reset_index() if frame.index.names != [None] else frame
+    return [{str(name): cell for name, cell in row.items()} for row in whole.to_dict("records")]
+
+
+def made(frame: DataFrame | None) -> DataFrame:
+    """A frame, an empty one for none."""
+    import pandas as pd
+
+    return pd.DataFrame() if frame is None else frame

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.lines import Line2D
 
-from fitball.report.quantities import plain
+from fitball.report.quantities import plain, records
 from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
 from fitball.values import BoolArray, DataFrame, Figure, FloatArray
 
@@ -25,17 +25,17 @@ class Look(NamedTuple):
 
 def looks(curves: DataFrame) -> dict[int, Look]:
     """By series; the speed is named where speeds differ."""
-    first = curves.groupby("series").first()
+    first = records(curves.groupby("series").first())
     if len(first) == 1:
-        return {int(first.index[0]): Look(MEASURED, "o", MODEL, "measured and model")}
+        return {int(first[0]["series"]): Look(MEASURED, "o", MODEL, "measured and model")}
     found = {}
-    several = first["speed"].nunique() > 1
-    for k, row in enumerate(first.itertuples()):
-        spin = f"{float(row.spin) + 0.0:+.3g} rad/s".replace("+0 ", "0 ") if np.isfinite(row.spin) else ""
-        speed = f"{row.speed:.3g} m/s" if several else ""
-        words = ", ".join(filter(None, (plain(row.name), spin, speed)))
+    several = curves["speed"].nunique() > 1
+    for k, row in enumerate(first):
+        spin = f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 ") if np.isfinite(row["spin"]) else ""
+        speed = f"{row['speed']:.3g} m/s" if several else ""
+        words = ", ".join(filter(None, (plain(row["name"]), spin, speed)))
         colour = SERIES[k % len(SERIES)]
-        found[int(row.Index)] = Look(colour, MARKERS[k % len(MARKERS)], colour, words)
+        found[int(row["series"])] = Look(colour, MARKERS[k % len(MARKERS)], colour, words)
     return found
 
 
@@ -59,7 +59,7 @@ def binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def scattered(axis: Any, place: FloatArray, values: FloatArray, look: Look, sd: FloatArray | None = None) -> None:
-    """Dots with bars of one `sd`, or medians of bins with the middle 68 % of their values; what is NaN is left out."""
+    """Dots with bars of one `sd`, or medians of bins with the middle 68 % of their values; NaN are left out."""
     known = np.isfinite(place) & np.isfinite(values)
     place, values = place[known], values[known]
     shade, size, ends = opacity(len(place)), 5.0, None if sd is None else (values - sd[known], values + sd[known])
