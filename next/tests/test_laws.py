@@ -1,6 +1,7 @@
 """Laws that every rebound keeps, whatever solves it: a table of laws, each run on all models it holds for."""
 
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from fitball.values import Ball, Impacts
 
 BALL = Ball()
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 OFFSETS = ("eps_10", "eps_slope", "offset")
 MIRRORED = str.maketrans("12", "21")
 
@@ -261,6 +263,27 @@ def a_course_is_that_of_the_oracle(case):
                 assert abs(found[name][k] - exact) < 1e-12 * scale, (name, k)
 
 
+def gaps_are_what_the_motion_adds_up_to(case):
+    """Gauss's rule over the courses from phase to phase, where they are smooth; then the flight after them."""
+    for draw, place in ((3, 2), (8, 5)):
+        values = {name: float(column[draw]) for name, column in case.columns.items()}
+        state = [float(column[place]) for column in (case.at.v_x1, case.at.v_y1, case.at.omega_1)]
+        found = case.model.rebound(values, fitball.impacts(*state))
+        ends = np.cumsum([0.0, *(lasted for _, lasted in taylor.solve(case.options, values, state).phases)])
+        path = turn = 0.0
+        solid, thin = 0.4 * 0.97**2 * values.get("mass_ratio", 0.5), 2.0 / 3.0 * (1.0 - values.get("mass_ratio", 0.5))
+        split = values.get("inertia_split", solid / (solid + thin))
+        for low, high in pairwise(ends):
+            times = 0.5 * (low + high) + 0.5 * (high - low) * NODES
+            at = case.model.history(values, fitball.impacts(*state), times).courses
+            weights = 0.5 * (high - low) * WEIGHTS
+            path += weights @ at["v_x"]
+            turn += weights @ (split * at["omega_core"] + (1.0 - split) * at["omega_shell"])
+        late = found.gap_time[0] - found.contact_time[0]
+        assert path + found.v_x2[0] * late == pytest.approx(found.gap_path[0], rel=1e-9, abs=1e-13)
+        assert turn + found.omega_2[0] * late == pytest.approx(found.gap_turn[0], rel=1e-9, abs=1e-11)
+
+
 def _is(**wanted):
     return lambda case: case.timed and not case.oracle and all(case.options[k] in v for k, v in wanted.items())
 
@@ -286,6 +309,7 @@ LAWS = {
     restitution_follows_the_one_law: lambda case: not case.oracle,
     a_ball_that_grips_throughout_rolls_its_path: TIMED,
     a_course_is_that_of_the_oracle: _is(),
+    gaps_are_what_the_motion_adds_up_to: _is(),
 }
 
 
