@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache, reduce
 from itertools import islice
+from math import isnan
 from typing import Any, TypeAlias
 
 from fitball.errors import Fault, InputError, Note
@@ -73,10 +74,10 @@ def find_header(records: Sequence[Record], known: Known) -> tuple[int, float]:
 
 
 def shown(value: Any) -> str:
-    """A cell as a person would write it: whole numbers without a point, NaN of any kind as nothing."""
-    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
-        return str(int(value))
-    return "" if value is None or value != value else str(value).strip()
+    """A cell as a person would write it: whole numbers without a point, NaN as nothing, half characters escaped."""
+    if isinstance(value, float):
+        return f"{value:.0f}" if value.is_integer() and abs(value) < 1e15 else "" if isnan(value) else str(value)
+    return str(value).encode(errors="backslashreplace").decode().strip()
 
 
 # ---- text
@@ -124,13 +125,12 @@ def _codec(source: str, data: bytes, notes: list[Note]) -> str:
         for at in range(0, len(data), _PIECE):
             decoder.decode(data[at : at + _PIECE], at + _PIECE >= len(data))
     except UnicodeDecodeError as error:
-        # Bytes that the piece before left over come first.
-        place = min(at + _PIECE, len(data)) - len(error.object) + error.start
-        line = data[:place].count(b"\n") + 1
+        line, byte = 1 + data.count(b"\n", 0, at), error.object[error.start]
+        line += error.object.count(b"\n", 0, error.start)
         if wide or not {*data.translate(None, bytes(range(128)))} <= _WESTERN or _UTF8_LETTER.search(data):
-            words = f"read byte 0x{data[place]:02x} at offset {place}, which is not {wide or 'UTF-8'}; expected UTF-8"
-            raise refusal(source, "encoding", f"{words} text: save the file as 'CSV UTF-8'", line) from None
-        letter = data[place : place + 1].decode("cp1252")
+            words = f"read byte 0x{byte:02x}, which is not {wide or 'UTF-8'}; expected text: save it as 'CSV UTF-8'"
+            raise refusal(source, "encoding", words, line) from None
+        letter = bytes([byte]).decode("cp1252")
         words = f"bytes that are not UTF-8 were read as Windows-1252, first '{letter}' in line {line}"
         notes.append(Note("encoding", words))
         return "cp1252"
