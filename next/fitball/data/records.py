@@ -85,7 +85,7 @@ def shown(value: Any) -> str:
 # Letters of Windows-1252 and its signs that stand in tables, and what is a letter of UTF-8.
 _WESTERN = {*range(0xC0, 0x100), *"\u00a0§°±²³µ·¹\u2013—\u2018\u2019“”ŠšŽžŒœŸ".encode("cp1252")}
 _UTF8_LETTER = re.compile(rb"[\xc3-\xf4][\x80-\xbf]|\xc2[\x80-\xbf]")
-_SIGNS = {"commas": ",", "semicolons": ";", "tabs": "\t", "vertical bars": "|", "spaces": " "}
+_SIGNS = ",;\t| "
 # Between spaces a unit in brackets stays with its name, a deviation with its number. A run of blanks is looked at
 # once, from its start: a line may be all blanks.
 _BRACKET = re.compile(r"(?<![ \t])[ \t]*+([\[({][^\[\](){}]*[\])}])")
@@ -108,11 +108,8 @@ def text_records(source: str, data: bytes, known: Known, notes: list[Note]) -> I
         widths = [len(cells) for _, cells in found[at:]] or [0]
         return names, widths.count(widths[0]) / len(widths), 0 if sign == " " else widths[0]
 
-    worths = {name: worth(sign) for name, sign in _SIGNS.items()}
-    best = max(worths, key=lambda name: worths[name])
-    if best != "commas":
-        notes.append(Note("separator", f"cells are separated by {best}"))
-    return _records(source, _lines(source, data, codec), _SIGNS[best], strict=True)
+    best = max(_SIGNS, key=worth)
+    return _records(source, _lines(source, data, codec), best, strict=True)
 
 
 def _codec(source: str, data: bytes, notes: list[Note]) -> str:
@@ -134,7 +131,6 @@ def _codec(source: str, data: bytes, notes: list[Note]) -> str:
         words = f"bytes that are not UTF-8 were read as Windows-1252, first '{letter}' in line {line}"
         notes.append(Note("encoding", words))
         return "cp1252"
-    notes += [Note("encoding", "the file was read as UTF-16")] if wide else []
     return wide or "utf-8-sig"
 
 
