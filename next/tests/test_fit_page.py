@@ -1,0 +1,259 @@
+"""The page of a fit: its numbers are those of the frames, every row is there, no text of a table is obeyed."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+from msgspec.structs import replace
+from support.made_fit import made_fit, table_of
+
+from fitball import itf
+from fitball.data.scene import Scene
+from fitball.errors import Note
+from fitball.numbers import percent
+from fitball.report import cite, fit_page, fit_tables, fit_words, lab, style
+from fitball.report.quantities import MAIN, unit_of
+from fitball.report.render import to_page, to_text
+
+HOSTILE = "<script>$x^{\x1b[31m\u202e`|"
+SURFACES = ("clay", "grass", "hard", "carpet", "wood")
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return made_fit()
+
+
+@pytest.fixture(scope="module")
+def point():
+    return made_fit(sampled=False)
+
+
+@pytest.fixture(scope="module")
+def pooled():
+    return made_fit(table_of(60, SURFACES), model="two-mass")
+
+
+def near(text, value):
+    """Whether a number is shown as it is, but for rounding of its last digit."""
+    shown = float(re.search(r"-?[\d.]+(e-?\d+)?", text)[0])
+    places = len(text.partition(".")[2].split(" ")[0]) if "." in text else 0
+    return shown == pytest.approx(value, abs=0.5000001 * 10.0**-places)
+
+
+def ends_of(text):
+    return re.fullmatch(r"\[(.+), (.+)\]", text).groups()
+
+
+def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
+    summary, rows = fit.summary, fit_tables.main_table(fit, 30).rows
+    assert [row["parameter"] for row in rows] == [*summary.index[summary["kind"].isin(MAIN)]]
+    for row in rows:
+        known, unit = summary.loc[row["parameter"]], unit_of(fit, row["parameter"])
+        assert near(row["median"], known["median"] * unit.factor) and row["verdict"] == known["verdict"]
+        low, high = ends_of(row["95 %"])
+        assert near(low, known["q025"] * unit.factor) and near(high, known["q975"] * unit.factor)
+        assert row["verdict"].hint == known["reason"] and row["unit"] == unit.name
+
+
+def test_what_moves_a_value_has_its_own_column(fit):
+    rests = {row["parameter"]: row["rests on"] for row in fit_tables.main_table(fit, 30).rows}
+    assert rests["mu"] == "offset=contact (2.6 sd) and 1 more" and rests["mu"].hint == "offset=contact; ball_radius"
+    assert rests["e_x"] == ""
+    assert fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
+
+
+def test_every_quantity_choice_and_impact_appears(fit):
+    full = {row["parameter"]: row for row in fit_tables.full_table(fit).rows}
+    assert [*full] == [*fit.summary.index]
+    for name, row in full.items():
+        known, unit = fit.summary.loc[name], unit_of(fit, name)
+        assert near(row["best fit"], known["point"] * unit.factor)
+        assert near(row["median ± sd"].partition(" ± ")[2], known["sd"] * unit.factor)
+        assert row["why"] == known["reason"] and row["prior (SI)"] == known["prior"]
+    choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
+    assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]
+    assert choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.6"
+    assert (choices["noise=student-t"]["fits"], choices["noise=student-t"]["score"]) == ("worse", "-9.0 ± 1.0")
+    assert choices["spin=shell"]["not fitted"] == "no answer" and "fits" not in choices["spin=shell"]
+    impacts, frame = fit_tables.impact_table(fit).rows, fit.predictions
+    assert len(impacts) == len(fit.run.table) == 24
+    for one in frame.to_dict("records"):
+        unit = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s"}[one["column"]]
+        shown, z = impacts[one["row"]][f"{one['column']} [{unit}]"].split(" ")
+        assert near(shown, one["observed"]) and near(z.strip("()"), one["z"])
+        tone = impacts[one["row"]][f"{one['column']} [{unit}]"].tone
+        assert tone == ("poor" if abs(one["z"]) > 3.0 else "part" if abs(one["z"]) > 2.0 else "")
+
+
+def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
+    warned = made_fit(table_of(60, SURFACES), model="two-mass")
+    complaints = tuple(f"complaint {k} " + 12 * "of chains " for k in range(9))
+    object.__setattr__(warned, "diagnostics", replace(warned.diagnostics, converged=False, complaints=complaints))
+    for one in (fit, pooled, warned):
+        lines = to_text(fit_page.report(one), full=False).split("\n")
+        assert len(lines) <= 40 and max(map(len, lines)) <= 100
+    rows = fit_tables.main_table(pooled, 12).rows
+    assert len(rows) < 14 and rows[-1]["parameter"] == f"{17 - len(rows) + 1} more"
+    assert "complaint 2" in to_text(fit_page.report(warned), full=False)
+
+
+def test_the_page_has_ten_sections_and_about_fifteen_hundred_words(pooled, monkeypatch):
+    monkeypatch.setattr(fit_tables, "differences", lambda *_: DIFFERENCES)
+    report = fit_page.report(pooled)
+    assert sum(1 for _ in report.parts()) == 10 and "24 of 60" in to_text(report)
+    words = re.sub(r"<[^>]+>", " ", re.sub(r"(?s)<style>.*?</style>", "", to_page(report, {}))).split()
+    assert 1000 < len(words) < 2000
+
+
+DIFFERENCES = pd.DataFrame(
+    [{"parameter": "mu", "column": "surface", "low": "clay", "high": "hard", "difference": 0.123, "sd": 0.02,
+      "q025": 0.083, "q975": 0.163, "chance": 0.001},
+     {"parameter": "cor_10", "column": "surface", "low": "hard", "high": "clay", "difference": 0.01, "sd": 0.02,
+      "q025": -0.03, "q975": 0.05, "chance": 0.8}]
+)  # fmt: skip
+
+
+def test_differences_between_levels_are_those_of_the_frame(pooled, monkeypatch):
+    monkeypatch.setattr(fit_tables, "differences", lambda *_: DIFFERENCES)
+    rows = fit_tables.difference_table(pooled, fit_tables.differing(pooled)).rows
+    assert [(row["parameter"], row["lowest"], row["highest"]) for row in rows] == [
+        ("mu", "clay", "hard"), ("cor_10", "hard", "clay")]  # fmt: skip
+    assert rows[0]["difference, 95 %"] == "0.123 [0.083, 0.163]" and rows[0][""] == "differs" != rows[1][""]
+
+
+def test_a_point_fit_has_best_values_and_profiles(point):
+    rows = {row["parameter"]: row for row in fit_tables.main_table(point, 30).rows}
+    assert near(rows["mu"]["best fit"], point.summary.loc["mu", "point"]) and "median" not in rows["mu"]
+    low, high = ends_of(rows["cor_10"]["profile, 95 %"])
+    assert low == "..." and near(high, point.summary.loc["cor_10", "profile_high"])
+    text = to_text(fit_page.report(point))
+    assert not re.search(r"\bnan\b|\binf\b|None\b(?! of)", text) and "R-hat" not in text
+    assert "probability" not in "".join(lab.lines(point))
+    # An open profile is not the same as none.
+    unit = unit_of(point, "mu")
+    assert fit_words.profile_text({"profile_low": -np.inf, "profile_high": np.inf}, unit) == "open"
+    assert fit_words.profile_text({"profile_low": np.nan, "profile_high": np.nan}, unit) == ""
+
+
+def test_what_would_help_most_is_named(fit):
+    assert "offset" in fit_words.useful_next(fit) and "plan" in fit_words.useful_next(fit)
+    found = made_fit(answer="describes except")
+    assert fit_words.REMEDIES["trend"] in fit_words.useful_next(found)
+    assert "check" in fit_words.useful_next(made_fit(answer="does not describe"))
+    stiff = fit_words.useful_next(made_fit(model="two-mass", fix={"mu": 0.5}))
+    assert "k_theta" in stiff
+    sure = made_fit(table_of(12, drop=True))
+    assert "`offset=contact`" in fit_words.useful_next(sure) and "`offset=grip`" in fit_words.useful_next(sure)
+
+
+def test_verdicts_are_counted(pooled):
+    counts = pooled.summary.loc[pooled.summary["kind"].isin(MAIN), "verdict"].value_counts()
+    shown = sorted(map(int, re.findall(r"\d+", fit_words.determined(pooled))))
+    assert shown == sorted(counts)
+
+
+def test_shares_that_are_not_all_are_never_all(fit):
+    frame = fit.predictions.copy()
+    frame["observed"] = frame["median"]
+    assert "72 of 72 measurements (100 %)" in fit_words.inside(frame)
+    frame.loc[0, "observed"] = frame.loc[0, "new_q975"] + 1.0
+    assert f"71 of 72 measurements ({percent(71 / 72)})" in fit_words.inside(frame)
+    # All draws are fast, which is no certainty.
+    assert itf.pace_categories(fit.quantity("court_pace").rule(fit.draws.values))["fast"] == 1.0
+    assert "> 99 %" in "".join(lab.lines(fit)) and "100 %" not in to_text(fit_page.report(fit))
+
+
+def test_methods_have_every_value_with_its_unit(fit, point):
+    text = fit_words.methods(fit)
+    for name in fit.summary.index[fit.summary["kind"] == "model"]:
+        row, unit = fit.summary.loc[name], unit_of(fit, name)
+        assert f"{name} = {unit.estimate(row['median'], row['sd'])} {unit.interval(row['q025'], row['q975'])}" in text
+    assert "24 impacts" in text and "2 independent ensembles of 8 walkers and 25 steps" in text
+    assert "ensemble" not in fit_words.methods(point)
+
+
+def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
+    shares = dict.fromkeys(itf.PACE_CATEGORIES, 0.0) | {"slow": 0.67, "medium-slow": 0.33}
+    paced = {"surface": "", "place": "", "impacts": 9, "rating": 28.4, "q025": 25.0, "q975": 32.0, **shares}
+    place = {**paced, "place": "net", "rating": 27.1}
+    monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame([paced, place]))
+    lines = lab.lines(fit)
+    # What was measured stands for what the model says.
+    assert len(lines) == 1 and "slow" in lines[0] and "67 %" in lines[0]
+    rows = lab.section(fit).blocks[0].rows
+    assert [(row["place"], row["impacts"]) for row in rows] == [("", "9"), ("net", "9"), ("", "")]
+    assert near(rows[0]["rating, 95 %"], 28.4) and rows[0]["category"] == "slow 67 %, medium-slow 33 %"
+    drop = {"surface": "", "label": "", "drops": 6, "speed": 7.06, "cor": 0.745, "cor_q025": 0.741, "cor_q975": 0.749,
+            "rebound": 1.41, "rebound_q025": 1.39, "rebound_q975": 1.43, "passes": 1.0, "ratio": np.nan}  # fmt: skip
+    kinds = pd.DataFrame([{**drop, "kind": kind} for kind in ("speed", "ball", "mean", "another")])
+    monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame())
+    monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
+    fallen = made_fit(table_of(12, drop=True))
+    assert "141.0" in lab.lines(fallen)[0] and "> 99 %" in lab.lines(fallen)[0]
+    table = lab.section(fallen).blocks[1].rows
+    assert len(table) == 4 and table[2]["COR, 95 %"] == "0.7450 [0.7410, 0.7490]"
+
+
+class Page(HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.texts = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def test_no_text_of_a_table_or_scene_is_obeyed():
+    scene = Scene(source={"description": HOSTILE, "citation": HOSTILE}, laboratory={"operator": HOSTILE})
+    ids = [f"{HOSTILE}{k}" for k in range(24)]
+    one = made_fit(table_of(24, (HOSTILE, "=cmd|'$"), ids), scene=scene, name=HOSTILE)
+    object.__setattr__(one, "notes", (Note("toy", HOSTILE),))
+    report = fit_page.report(one)
+    page, text = to_page(report, {}), to_text(report)
+    for shown in (page, text):
+        assert "\x1b" not in shown and "\u202e" not in shown
+    parsed = Page(page)
+    assert "script" not in parsed.tags and sum("<script>" in part for part in parsed.texts) > 5
+    assert "<script>$x^{" in text
+
+
+def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
+    monkeypatch.setattr(style, "styled", lambda draw: draw)
+    monkeypatch.setattr(style, "saved", lambda _: b"png")
+    monkeypatch.setattr(fit_page.pair, "files", lambda _: {"fit.json": lambda: b"{}"})
+    fit.save(tmp_path / "usual")
+    usual = {place.stem for place in (tmp_path / "usual").glob("*.png")}
+    assert usual == {"curves", "corner", "forest", "residuals", "predictive"}
+    fit.save(tmp_path / "all", figures="all")
+    assert {place.stem for place in (tmp_path / "all").glob("*.png")} == usual | {
+        "profiles", "trace", "regimes", "regime_map"}  # fmt: skip
+    assert (tmp_path / "usual" / "references.bib").read_text(encoding="utf-8").startswith("@misc{fitball,")
+
+
+def keys_of(text):
+    return re.findall(r"^@\w+\{(\w+),", text, re.MULTILINE)
+
+
+def test_works_are_those_of_model_sampler_and_data(fit, point):
+    sampled = keys_of(cite.references(fit))
+    assert {"fitball", "walton1993", "newville2014", "foremanmackey2013", "margossian2024", "vehtari2017"} < {
+        *sampled
+    }
+    assert len(sampled) == len({*sampled}) and "jafri2004" not in sampled and "data" not in sampled
+    assert not {"foremanmackey2013", "vehtari2021", "cornuet2012"} & {*keys_of(cite.references(point))}
+    wang = Scene(source={"citation": "J. C. Wang (1989) as printed by S. M. Jafri, 2004"})
+    assert keys_of(cite.references(made_fit(scene=wang))).count("jafri2004") == 1
+    own = cite.references(
+        made_fit(scene=Scene(source={"citation": "50 % of {Lab_A} & others", "description": "a#b"}))
+    )
+    assert r"note = {50 \% of \{Lab\_A\} \& others}" in own and r"title = {a\#b}" in own
+    for text in (own, *cite.works().values()):
+        assert text.replace(r"\{", "").count("{") == text.replace(r"\}", "").count("}")
+    assert "VERSION" not in own and "3.0" in own
