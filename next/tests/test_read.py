@@ -356,6 +356,9 @@ def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
         load_data([one, two], None, False)
     assert caught.value.code == "scenes-differ"
     (tmp_path / "a" / "t.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
+    (tmp_path / "t#2.toml").write_text("[ball]\nmass = 0.058\n", encoding="utf-8")
+    # No sheet, though it has its sign.
+    assert load_data(written(tmp_path, HEAD, *ROWS, name="t#2.csv"), None, False)[1].value() == Ball(0.058)
     table, scene = load_data([one, two], None, False)
     assert table.labels["table"] == ("t (1)", "t (1)", "t (2)", "t (2)") and scene.value() == Ball(0.057)
     assert load_data([one, two], tmp_path / "a" / "t.toml", False)[1].value() == Ball(0.057)
@@ -387,7 +390,7 @@ def test_doubts_are_refused_or_noted():
     assert len(check(wrong, None, True).data["doubts"]) > 0 and check(wrong, None, True).notes == ()
 
 
-def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones():
+def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     shown = check("wang_all", None, False)
     assert not shown.failed and shown.data["faults"].empty and shown.data["doubts"].empty
     assert shown.data["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * ["disagreement"]
@@ -395,6 +398,8 @@ def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones():
     # Of a long table what is printed and what not are all of it.
     long = check({"v_y1": np.linspace(4, 6, 500), "v_y2": np.linspace(3, 4.5, 500)}, None, True)
     assert "... and 460 more" in long.report()
+    faults = check(written(tmp_path, "v_x1,v_y1", "5,?"), None, False).data["faults"]
+    assert faults["row"].tolist() == [None, 1] and faults["line"].tolist() == [1, 2]
 
 
 # ---- force records
