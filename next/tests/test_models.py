@@ -11,7 +11,7 @@ import pytest
 
 import fitball
 from fitball import environment
-from fitball.errors import FitballError, ModelError, ParameterError
+from fitball.errors import FitballError
 from fitball.models import grip_slip
 from fitball.models.kernels import phases
 from fitball.models.registry import MODELS, candidates, variants
@@ -68,15 +68,12 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
     [
         ("two-mass", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
         ("two-mass+torsion=free", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope zeta_theta"),
-        ("two-mass+inertia=table", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope inertia_split"),
-        ("two-mass+normal=total", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
         ("two-mass+normal=total+inertia=table", True,
          "k_y k_theta mu eps_10 eps_slope cor_10 cor_slope inertia_split"),
         ("two-mass+torsion=free+inertia=table", False, "mass_ratio k_y cor_10 cor_slope"),
         ("two-mass+normal=total", False, "k_y cor_10 cor_slope"),
         ("thesis-exact", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
         ("grip-slip", True, "mu e_x offset cor_10 cor_slope"),
-        ("brody", True, "mu cor_10 cor_slope"),
         ("brody", False, "cor_10 cor_slope"),
     ],
 )  # fmt: skip
@@ -110,37 +107,37 @@ def test_a_comparison_tries_what_can_differ_there():
     assert candidates(tangential=False, spin=False)[-1] == "two-mass+normal=total"
 
 
+def rebound(**changes):
+    return fitball.model().rebound({**TWO_MASS, **changes}, IMPACT)
+
+
 @pytest.mark.parametrize(
-    ("call", "kind", "code"),
+    ("call", "code"),
     [
-        (lambda: fitball.model("nobody"), ModelError, "unknown-model"),
-        (lambda: fitball.model("two-mass+offsett=grip"), ModelError, "unknown-option"),
-        (lambda: fitball.model("two-mass+offset=grab"), ModelError, "unknown-option"),
-        (lambda: fitball.model("two-mass+offset"), ModelError, "unknown-option"),
-        (lambda: fitball.model("thesis-exact", offset="contact"), ModelError, "unknown-option"),
-        (lambda: fitball.model("brody", offset="contact"), ModelError, "unknown-option"),
-        (lambda: fitball.model().rebound({}, IMPACT), ParameterError, "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "e_x": 0.1}, IMPACT), ParameterError, "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": "much"}, IMPACT), ParameterError, "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": [[0.5]]}, IMPACT), ParameterError, "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": [0.5, 0.6], "k_y": [1e4] * 3}, IMPACT), ParameterError,
-         "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": [0.5, 0.6]}, Impacts(*np.ones((3, 3, 1)))),
-         ParameterError, "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": -0.1}, IMPACT), ParameterError, "out-of-bounds"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": [0.5, 5.1]}, IMPACT), ParameterError, "out-of-bounds"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": np.nan}, IMPACT), ParameterError, "out-of-bounds"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "ball_mass": 0.0}, IMPACT), ParameterError, "out-of-bounds"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "cor_10": 0.9}, IMPACT), ParameterError, "no-answer"),
-        (lambda: fitball.model("brody").kernel_call({"mu": 0.5}), ParameterError, "parameters"),
-        (lambda: fitball.regime_name(6), ParameterError, "regime"),
-        (lambda: fitball.regime_name(-1), ParameterError, "regime"),
+        (lambda: fitball.model("nobody"), "unknown-model"),
+        (lambda: fitball.model("two-mass+offsett=grip"), "unknown-option"),
+        (lambda: fitball.model("two-mass+offset=grab"), "unknown-option"),
+        (lambda: fitball.model("two-mass+offset"), "unknown-option"),
+        (lambda: fitball.model("thesis-exact", offset="contact"), "unknown-option"),
+        (lambda: fitball.model().rebound({}, IMPACT), "parameters"),
+        (lambda: rebound(e_x=0.1), "parameters"),
+        (lambda: rebound(mu="much"), "parameters"),
+        (lambda: rebound(mu=[[0.5]]), "parameters"),
+        (lambda: rebound(mu=[0.5, 0.6], k_y=[1e4] * 3), "parameters"),
+        (lambda: fitball.model().rebound({**TWO_MASS, "mu": [0.5, 0.6]}, Impacts(*np.ones((3, 3, 1)))), "parameters"),
+        (lambda: rebound(mu=-0.1), "out-of-bounds"),
+        (lambda: rebound(mu=[0.5, 5.1]), "out-of-bounds"),
+        (lambda: rebound(mu=np.nan), "out-of-bounds"),
+        (lambda: rebound(ball_mass=0.0), "out-of-bounds"),
+        (lambda: rebound(cor_10=0.9), "no-answer"),
+        (lambda: fitball.regime_name(6), "regime"),
+        (lambda: fitball.regime_name(-1), "regime"),
     ],
-)  # fmt: skip
-def test_misuse_has_a_code(call, kind, code):
+)
+def test_misuse_has_a_code(call, code):
     with pytest.raises(FitballError) as caught:
         call()
-    assert type(caught.value) is kind and caught.value.code == code
+    assert caught.value.code == code
 
 
 @pytest.mark.parametrize(
@@ -227,10 +224,7 @@ def test_a_model_is_pickled(text):
     model = fitball.model(text)
     model.rebound(typical(text), IMPACT)
     again = pickle.loads(pickle.dumps(model))
-    assert (
-        again == model
-        and again.rebound(typical(text), IMPACT).omega_2 == model.rebound(typical(text), IMPACT).omega_2
-    )
+    assert again == model and again.rebound(typical(text), IMPACT).v_x2 == model.rebound(typical(text), IMPACT).v_x2
 
 
 @pytest.mark.parametrize(
@@ -245,28 +239,6 @@ def test_a_port_has_the_kernel_and_its_constants(text, entry):
     wanted = model.rebound(values, IMPACT)
     assert out[:3, 0, 0].tolist() == [wanted.v_x2[0], wanted.v_y2[0], wanted.omega_2[0]]
     assert regime[0, 0] == wanted.regime[0]
-
-
-@pytest.mark.parametrize(
-    ("text", "cap"), [("two-mass", 0.87), ("two-mass+normal=inner", 1.0), ("grip-slip", 1.0), ("brody", 1.0)]
-)
-@pytest.mark.parametrize("slope", [-0.03, -0.0158, 0.0, 0.004])
-def test_one_law_of_restitution(text, cap, slope):
-    model, values = fitball.model(text), typical(text, cor_slope=slope)
-    speeds = np.array([0.3, 3.0, 9.999, 10.0, 10.001, 30.0, 90.0])
-    cor = model.rebound(values, fitball.impacts(np.zeros(7), speeds)).v_y2 / speeds
-    assert cor[3] == pytest.approx(0.776, rel=1e-14)
-    assert (cor[4] - cor[2]) / 0.002 == pytest.approx(slope, abs=1e-9)
-    assert np.all(cor < cap) and np.all(np.diff(cor * speeds) > 0.0)
-    share = -10.0 * slope / 0.776
-    if slope < 0.0:
-        # COR = c (1 + (v/v_0)^q)^(-1/q)
-        q = math.log(1.0 - share) / math.log(0.776 / cap)
-        v_0 = 10.0 * (share / (1.0 - share)) ** (-1.0 / q)
-        np.testing.assert_allclose(cor, cap * (1.0 + (speeds / v_0) ** q) ** (-1.0 / q), rtol=1e-13)
-    else:
-        odds = 0.776 / (cap - 0.776) * (speeds / 10.0) ** (-share / (1.0 - 0.776 / cap))
-        np.testing.assert_allclose(cor, cap * odds / (1.0 + odds), rtol=1e-13)
 
 
 def test_a_measured_restitution_replaces_the_law():
@@ -293,13 +265,3 @@ def test_a_drop_moves_vertically_alone():
     zeta = -log_e / np.hypot(math.pi, log_e)
     frequency = np.sqrt(2.0e4 / Ball().mass)
     np.testing.assert_allclose(found.contact_time, math.pi / (frequency * np.sqrt(1.0 - zeta**2)), rtol=1e-14)
-
-
-def test_stiff_joints_make_a_rigid_ball():
-    wanted = fitball.model("brody").rebound(typical("brody"), STATES.take(np.arange(3)))
-    off = []
-    for stiffness in (30.0, 1e6):
-        values = typical("two-mass", k_theta=stiffness, eps_10=0.0, eps_slope=0.0)
-        found = fitball.model("two-mass+normal=total").rebound(values, STATES.take(np.arange(3)))
-        off.append(max(abs(found.v_x2 - wanted.v_x2).max(), 0.033 * abs(found.omega_2 - wanted.omega_2).max()))
-    assert off[0] > 0.1 and off[1] < 1e-13

@@ -11,6 +11,8 @@ import pytest
 
 import fitball
 from fitball.errors import FitballError, ModelError, ParameterError
+from fitball.inference.noise import KINDS
+from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.models.specs import SPECS
 from fitball.models.types import Status
 from fitball.values import Ball, Impacts
@@ -105,23 +107,25 @@ def test_without_an_answer_it_is_nan_with_a_status():
     [
         (faulty("return v_x1, v_y1"), "own-model", "tuple"),
         (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
-        (faulty("return v_x1, 0.5, omega_1"), "own-model", "v_y2 of shape ()"),
         (faulty("return v_x1, v_y1, 1j * omega_1"), "own-model", "complex128"),
         (faulty("return v_x1, v_y1 * np.nan, omega_1"), "own-model", "v_y1 = "),
         (faulty("return v_x1, v_y1.mean() + 0 * v_y1, omega_1"), "own-model", "v_y2 = "),
+        # The largest speed, and the last rows, have it right.
+        (faulty("return v_x1 / v_x1.max(), v_y1, omega_1"), "own-model", "v_x2 = "),
+        (faulty("return np.sort(v_x1), v_y1, omega_1"), "own-model", "v_x2 = "),
+        (faulty("raise SystemExit"), "own-model", "line 4 of mine.py with SystemExit"),
         (faulty("return v_x1, lost * v_y1, omega_1"), "own-model", "line 4 of mine.py with NameError"),
         (faulty("return (v_x1 if v_x1 > 9 else v_x1), v_y1, omega_1"), "own-model", "line 4 of mine.py"),
         (faulty("return v_x1, v_y1, omega_1", "e_y"), "prior", "e_y"),
         (faulty("return v_x1, v_y1, omega_1", "e_y=0.5"), "prior", "e_y"),
-        (faulty("return v_x1, v_y1, omega_1", "e_y='uniform(1)'"), "prior", "e_y"),
-        (faulty("return v_x1, v_y1, omega_1", "k_y='uniform(0, 1)'"), "own-model", "k_y"),
-        (faulty("return v_x1, v_y1, omega_1", "spin_sd='uniform(0, 1)'"), "own-model", "spin_sd"),
+        (faulty("return v_x1, v_y1, omega_1", "mu=''"), "prior", "mu"),
         (faulty("return v_x1, v_y1, omega_1", "*rest"), "prior", "rest"),
         ("def f(v_x1, v_y1, omega_1, ball):\n    return v_x1, v_y1, omega_1\n", "own-model", "omega_1, ball"),
         ("def f(v, e_y='uniform(0, 1)'):\n    return v, v, v\n", "own-model", "(v, e_y)"),
         ("x = 1\n", "own-model", "'f'"),
         ("f = 1\n", "own-model", "'f'"),
         ("x = 1\ny = 1 / 0\n", "own-model", "line 2 of mine.py with ZeroDivisionError"),
+        ("import sys\nsys.exit(0)\n", "own-model", "line 2 of mine.py with SystemExit"),
         ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
     ],
 )
@@ -131,11 +135,20 @@ def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
     assert caught.value.code == code and place in str(caught.value)
 
 
+COMMON = ["k_y", "ball_mass", "mu_spread", "spin_sd", "court_pace", *CAMERA_SPECS]
+
+
+@pytest.mark.parametrize("name", [*COMMON, *(spec.name for kind in KINDS.values() for spec in kind.parameters)])
+def test_no_parameter_has_a_name_that_means_something_else(tmp_path, name):
+    with pytest.raises(ModelError) as caught:
+        fitball.model(written(tmp_path, faulty("return v_x1, v_y1, omega_1", f"{name}='uniform(0, 1)'")))
+    assert caught.value.code == "own-model" and name in str(caught.value)
+
+
 def test_what_is_no_function_or_has_a_taken_name(tmp_path):
     for call in (
         lambda: fitball.model_from(np.add),
         lambda: fitball.model_from(sliding, name="grip-slip"),
-        lambda: fitball.model_from(sliding, name="a model"),
         lambda: fitball.model(str(tmp_path / "none.py:f")),
         lambda: fitball.model_from(eval("lambda v_x1, v_y1, omega_1, ball, e='uniform(0, 1)': (v_x1, v_y1, e)")),
     ):
