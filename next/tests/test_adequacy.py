@@ -1,0 +1,265 @@
+"""Adequacy against regressions written out, scipy's distributions, and tables of other code with a known fault."""
+
+from dataclasses import replace
+from math import comb
+
+import numpy as np
+import pytest
+from scipy import stats
+from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
+
+from fitball.data.table import ImpactTable
+from fitball.inference import adequacy as module
+from fitball.inference import first_order as thinning
+from fitball.inference.adequacy import EXCEPT, adequacy, farthest
+from fitball.inference.first_order import first_order
+from fitball.inference.results import PointFit
+from fitball.inference.search.objective import Objective, descend
+
+# Another grip-slip, after Walton and Cross; its constants are those of the tables in the corpus.
+MASS, RADIUS, OFFSET, TANGENTIAL = 0.0576, 0.03302, 2e-3, 0.15
+INERTIA = 0.56 * MASS * RADIUS**2
+START = {
+    "mu": 0.6, "e_x": 0.15, "offset": 2e-3, "cor_10": 0.77, "cor_slope": -0.012, "v_x_sd": 0.3, "v_y_sd": 0.2,
+    "spin_sd": 8.0, "degrees_of_freedom": 8.0,
+}  # fmt: skip
+
+
+def bounced(incident, friction=0.6, restitution=None):
+    """Rebounds (3, rows) of impacts (3, rows)."""
+    v_x, v_y, spin = incident
+    restitution = 0.77 - 0.012 * (v_y - 10.0) if restitution is None else restitution
+    normal, slip = MASS * (1.0 + restitution) * v_y, v_x - RADIUS * spin
+    grip = ((1.0 + TANGENTIAL) * slip + RADIUS * OFFSET * normal / INERTIA) / (1.0 / MASS + RADIUS**2 / INERTIA)
+    along = np.clip(grip, -friction * normal, friction * normal)
+    return np.stack([v_x - along / MASS, restitution * v_y, spin + (RADIUS * along - OFFSET * normal) / INERTIA])
+
+
+def table_with(fault="", seed=5, rows=24):
+    rng = np.random.default_rng([seed, rows])
+    slow, steep = (5.0 if fault == "growth" else 10.0), (45.0 if fault == "surfaces" else 70.0)
+    speed, angle = rng.uniform(slow, 30.0 if slow < 10.0 else 25.0, rows), np.radians(rng.uniform(15.0, steep, rows))
+    incident = np.stack([speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-180.0, 180.0, rows)])
+    along, clay = np.linspace(-1.0, 1.0, rows), np.arange(rows) % 2 == 0
+    friction, restitution = np.full(rows, 0.6), 0.77 - 0.012 * (incident[1] - 10.0)
+    noise = np.array([0.2, 0.2, 8.0])[:, None] * rng.standard_normal((3, rows))
+    seen = incident
+    if fault == "bias":
+        noise[0] += 1.5
+    elif fault == "growth":
+        noise *= (speed / 17.5) ** 1.5
+    elif fault == "wild":
+        noise[2, [3, 11, 20]] += [120.0, -150.0, 90.0]
+    elif fault == "drift":
+        friction, restitution = friction + 0.1 * along, restitution + 0.03 * along
+    elif fault == "constant":
+        # A slope of restitution is another law here, which so many impacts would show.
+        restitution = np.full(rows, 0.77)
+    elif fault == "surfaces":
+        friction = np.where(clay, 0.75, 0.5)
+    elif fault == "group":
+        noise[1] += 0.4 * clay
+    elif fault == "incidence":
+        seen = incident + np.array([[0.9], [0.0], [0.0]]) * rng.standard_normal((3, rows))
+    made = bounced(incident, friction, restitution) + noise
+    labels = {"id": tuple(f"r{k}" for k in range(rows)), "group": tuple("clay" if one else "hard" for one in clay)}
+    names = ("v_x1", "v_y1", "omega_1", *REBOUND)
+    return ImpactTable("made", dict(zip(names, [*seen, *made], strict=True)), {}, {}, labels)
+
+
+def said(table, text="grip-slip", **choices):
+    """Problem, linearisation at the maximum near the truth, adequacy."""
+    problem = problem_of(table, None, text, **choices)
+    start = problem.coordinates({name: START[name.partition("[")[0]] for name in problem.free})
+    point = at(problem, descend(Objective(problem), start[None])[0][0])
+    first = first_order(problem, point)
+    return problem, first, adequacy(problem, point, first)
+
+
+def at(problem, x):
+    return PointFit(({name: float(one[0]) for name, one in problem.values(x[None]).items()},), (0.0,), 0.0, {})
+
+
+def kinds(found):
+    return {(test.kind, test.column) for test in found.tests if test.found}
+
+
+# --- exact where the model is linear
+
+
+def line(bend=0.0, rows=12):
+    """A drop test under a nearly straight restitution: two parameters of wide priors, one column, two groups."""
+    speed = np.linspace(4.0, 16.0, rows)
+    v_y2 = (0.76 - 0.012 * (speed - 10.0)) * speed + 0.05 * np.random.default_rng(8).standard_normal(rows)
+    values = {"v_y1": speed, "v_y2": v_y2 + bend * (speed - 9.5) ** 2}
+    labels = {"id": tuple(map(str, range(rows))), "group": tuple("aab"[k % 3] for k in range(rows))}
+    table = ImpactTable("drops", values, {}, {}, labels)
+    return said(table, prior={"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"})
+
+
+def test_a_trend_is_the_t_test_of_one_more_column():
+    problem, first, found = line(bend=0.012)
+    speed, residual = problem.rows.states.v_y1, first.residual
+    centred = speed - speed.mean()
+    design = np.stack([*first.slopes[:12].T, centred], axis=1)
+    design[:, :2] /= np.linalg.norm(design[:, :2], axis=0)
+    best, rest = np.linalg.lstsq(design, residual, rcond=None)[:2]
+    t = best[2] / np.sqrt(rest[0] / 9.0 * np.linalg.inv(design.T @ design)[2, 2])
+    alone, both = 2.0 * stats.t.sf(abs(t), 9), t**2 / (t**2 + 9.0)
+    (trend,) = (test for test in found.tests if test.pattern == "v_y2: trend with v_y1")
+    assert trend.explained == pytest.approx(both, rel=1e-3)
+    # Its chance among all: shares of the kinds that there are, of 3/5 of 5 %.
+    shares = {"trend": 0.25, "drift": 0.15, "bias": 0.1, "row": 0.1, "growth": 0.1, "outlier": 0.05}
+    shares |= {"group": 0.1, "parameter": 0.1}
+    tested = [test.kind for test in found.tests]
+    whole = sum(shares[kind] for kind in {*tested})
+    assert trend.p == pytest.approx(min(1.0, alone * tested.count("trend") * whole / 0.25 / 0.6), rel=1e-2)
+    assert trend.p < 1.0
+
+
+def test_false_alarms_of_a_linear_model_are_rarer_than_promised():
+    """400 tables of the linearised model, and the same with a bias of a group: it is found."""
+    problem, first, _ = line(rows=24)
+    point = at(problem, problem.coordinates({"cor_10": 0.76, "cor_slope": -0.012, "v_y_sd": 0.05}))
+    rng, size = np.random.default_rng(7), first.residual.size
+    bias = first.direction("v_y2", 0.12 * (np.array(problem.table.labels["group"]) == "b"))
+    alarms = seen = 0
+    for k in range(400):
+        clean = rng.standard_normal(size)
+        tests = adequacy(problem, point, first._replace(residual=first.after_refit(clean))).tests
+        alarms += any(test.found for test in tests)
+        if k < 40:
+            spoilt = first._replace(residual=first.after_refit(clean + bias))
+            seen += any(test.found for test in adequacy(problem, point, spoilt).tests)
+    assert 1 <= alarms <= stats.binom.ppf(0.999, 400, EXCEPT)
+    assert seen >= 20
+
+
+def test_how_many_are_far_off_is_the_least_of_beta_bounds():
+    own = np.random.default_rng(3).standard_normal(18)
+    own[[2, 7, 9]] += 9.0
+    own *= np.sqrt(15.0 / np.sum(own**2))
+    largest = np.cumsum(np.sort(own**2)[::-1][:3]) / 15.0
+    bounds = [comb(18, k) * stats.beta.sf(largest[k - 1], k / 2, (15 - k) / 2) for k in (1, 2, 3)]
+    assert farthest(own, 15.0) == (3, pytest.approx(3.0 * min(bounds), rel=1e-9))
+    assert 3.0 * bounds[2] < 1e-3 < bounds[0]
+    assert farthest(own[:7], 5.0)[0] == 1
+
+
+# --- each fault by its name
+
+FAULTS = {
+    "bias": ("bias", "v_x2"), "growth": ("growth", ""), "drift": ("drift", ""), "surfaces": ("parameter", ""),
+    "group": ("group", "v_y2"), "wild": ("outlier", "omega_2"), "incidence": ("linked", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_found_by_its_kind(fault):
+    """In most of some tables, whatever the draws; in a table without it, it is not."""
+    rows = 60 if fault in ("incidence", "group", "growth") else 24
+    found = [kinds(said(table_with(fault, seed, rows))[2]) for seed in range(4)]
+    assert sum(FAULTS[fault] in one for one in found) >= 3
+    clean = [kinds(said(table_with("", seed, rows))[2]) for seed in range(2)]
+    assert not any(FAULTS[fault] in one for one in clean)
+
+
+def test_answers():
+    assert [said(table_with("", seed))[2].answer for seed in range(4)].count("describes") >= 3
+    _, _, biased = said(table_with("bias"))
+    assert biased.answer == "does not describe"
+    assert max(biased.moved.values()) > 5.0
+    _, _, group = said(table_with("group", rows=60))
+    assert group.answer == "describes except"
+    assert group.moved["cor_10"] > 1.0 > group.moved["mu"]
+    _, _, few = said(table_with(rows=6))
+    assert few.answer == "undecided"
+    assert min(few.unseen.values()) > 0.6
+
+
+def test_the_remedy_of_surfaces_removes_the_fault():
+    table = table_with("surfaces")
+    tests = [test for test in said(table)[2].tests if test.found and test.kind == "parameter"]
+    assert tests and all("--pool mu=group" in test.pattern for test in tests)
+    assert said(table, pool={"mu": "group"})[2].answer == "describes"
+
+
+def test_three_outliers_do_not_hide_each_other_and_students_t_allows_them():
+    _, _, found = said(table_with("wild"))
+    (test,) = (test for test in found.tests if test.found and test.kind == "outlier")
+    assert all(name in test.pattern for name in ("r3", "r11", "r20"))
+    assert said(table_with("wild"), noise="student-t")[2].answer == "describes"
+
+
+def test_columns_of_few_measurements_are_not_vouched_for_by_others():
+    table = table_with()
+    values = {**table.values, "omega_2": np.where(np.arange(24) < 5, table.values["omega_2"], np.nan)}
+    _, _, found = said(replace(table, values=values))
+    assert found.answer == "undecided"
+    assert found.unseen["omega_2"] > 0.6 > found.unseen["v_y2"]
+
+
+# --- the size of the noise
+
+
+@pytest.mark.parametrize(
+    ("stated", "answer"), [(0.2, "describes"), (0.14, "describes except"), (0.06, "does not describe")]
+)
+def test_a_stated_noise_is_held_against_chi_square(stated, answer):
+    table = table_with(rows=40)
+    table = replace(table, sd={"v_y2": np.full(40, stated)})
+    _, first, found = said(table, fix={"v_y_sd": 0.0})
+    (check,) = (check for check in found.noise if check.column == "v_y2")
+    own = first.residual[first.column == 1]
+    freedom = 40 - np.sum(first.basis[first.column == 1] ** 2)
+    assert check.stated and check.reference == pytest.approx(stated)
+    assert check.size == pytest.approx(stated * np.sqrt(own @ own / freedom))
+    assert found.answer == answer
+    assert check.found == (stats.chi2.sf(own @ own, freedom) * 7.5 < 0.05) == (answer != "describes")
+
+
+def test_an_expected_noise_is_an_exception_from_three_times():
+    for size, answer in ((2.0, False), (4.0, True)):
+        _, _, found = said(table_with(), prior={"v_y_sd": f"lognormal({0.2 / size}, 0.7)"})
+        (check,) = (check for check in found.noise if check.column == "v_y2")
+        assert not check.stated and check.reference == pytest.approx(0.2 / size)
+        assert check.found is answer
+
+
+# --- films and long tables
+
+
+def test_a_camera_that_is_off_is_named_with_its_size():
+    table = table_of(TIMED, count=40)
+    problem = problem_of(table, scene_of(camera=True), "two-mass")
+    x = near(problem, 1, 0.0)
+    tilted = {**problem.values(x), "tilt": np.array([0.03])}
+    seen = problem.seen(tilted)
+    rng = np.random.default_rng(2)
+    sds = (0.21, 0.17, 6.0, 1.5e-4, 1e-4, 1e-3, 0.03)
+    made = {name: seen.column(name)[0] + sd * rng.standard_normal(40) for name, sd in zip(TIMED, sds, strict=True)}
+    found = {}
+    for camera in (False, True):
+        problem = problem_of(replace(table, values={**table.values, **made}), scene_of(camera=camera), "two-mass")
+        point = at(problem, descend(Objective(problem), near(problem, 1, 0.0))[0][0])
+        found[camera] = adequacy(problem, point, first_order(problem, point))
+    tests = {test.pattern.partition(" ")[0]: test for test in found[False].tests if test.kind == "camera"}
+    assert set(tests) == {"scale", "clock", "tilt", "court_height"}
+    assert tests["tilt"].found
+    assert tests["tilt"].p == min(test.p for test in tests.values())
+    assert not any(test.kind == "camera" for test in found[True].tests)
+
+
+def test_long_tables_are_tested_thinned(monkeypatch):
+    """A sure pattern that is too small is no exception, and moves what is known all the same."""
+    monkeypatch.setattr(thinning, "LONG", 600)
+    table = table_with("constant", rows=1200)
+    assert said(table)[2].answer == "describes"
+    bias = 0.2 * (np.array(table.labels["group"]) == "clay")
+    table = replace(table, values={**table.values, "v_y2": table.values["v_y2"] + bias})
+    _, first, found = said(table)
+    assert len(first.residual) == 1800
+    assert found.answer == "describes except" and found.moved["cor_10"] > 2.0
+    monkeypatch.setattr(module, "SMALL", 2.0)
+    _, _, fine = said(table)
+    assert fine.answer == "describes" and fine.moved == found.moved
