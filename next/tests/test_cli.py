@@ -37,6 +37,9 @@ def test_options_are_those_of_the_signature():
     ("words", "named"),
     [
         (("calibrat", "a.csv"), "calibrate"),
+        (("--vers",), "--version"),
+        (("--out", "x", "check"), "--out"),
+        (("calibrate", "a.csv", "--seed", "1.5"), "--seed"),
         (("calibrate", "a.csv", "--see", "1"), "--seed"),
         (("calibrate", "a.csv", "--over"), "--overwrite"),
         (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
@@ -63,14 +66,27 @@ def test_every_option_has_words():
         assert names <= set(own.arguments) | set(shared)
 
 
-def test_a_folder_depends_on_arguments_alone():
-    assert cli.default_folder("calibrate", {"data": ["a/b.csv"], "model": ""}).parts == ("fits", "b", "default")
-    assert cli.default_folder("calibrate", {"data": ["b.xlsx#two"], "model": "own/f.py:g"}).parts == (
-        "fits",
-        "b",
-        "f.py_g",
-    )
-    assert cli.default_folder("predict", {"fit": "fits/b/default"}).parts == ("fits", "b", "default", "predict")
+@pytest.mark.parametrize(
+    ("verb", "asked", "folder"),
+    [
+        ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
+        ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
+        # Two sheets are two tables; the number of a descriptor is another in each call.
+        ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
+        ("calibrate", {"data": ["/dev/fd/63"], "model": ""}, "fits/pipe/default"),
+        ("calibrate", {"data": [""], "model": ""}, "fits/calibrate"),
+        ("predict", {"fit": "fits/b/default", "data": "new.csv"}, "fits/b/default/predict"),
+        ("compare", {"data": ["b.csv"]}, "fits/b/compare"),
+        ("rederive", {}, "fits/rederive"),
+    ],
+)
+def test_where_a_result_goes(verb, asked, folder):
+    assert cli.default_folder(verb, asked).as_posix() == folder
+
+
+def test_what_is_of_a_fit_goes_below_it(tmp_path):
+    asked = {"data": [str(tmp_path)], "model": ""}
+    assert cli.default_folder("calibrate", asked) == tmp_path / "calibrate"
 
 
 def test_help_needs_no_heavy_package():
