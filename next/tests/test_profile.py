@@ -42,10 +42,12 @@ def noisy(seed, count=7):
     return np.random.default_rng(seed).standard_normal(count) * 0.05
 
 
+# What is known before, however well, is left aside.
 @pytest.mark.parametrize("noise", [None, 0.05])
-def test_intervals_of_a_line_are_the_classical_ones(noise):
+@pytest.mark.parametrize("prior", [{}, {"a": "normal(0.7, 1e-5)"}])
+def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
     y = DESIGN @ [0.7, -0.02] + noisy(1)
-    problem = dropped(line, y, fix={} if noise is None else {"v_y_sd": noise})
+    problem = dropped(line, y, prior=prior, fix={} if noise is None else {"v_y_sd": noise})
     found, why = profiles(problem, from_values(problem, {"a": 0.5, "b": 0.1}))
     assert why == ""
     inverse = np.linalg.inv(DESIGN.T @ DESIGN)
