@@ -1,0 +1,88 @@
+"""Curves and frames of a fit: every impact has a series, every series a curve, and numbers are those of the model."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.made_fit import made_fit, table_of
+
+import fitball
+from fitball.inference import frames
+from fitball.inference.curves import curves, series
+from fitball.inference.results import Alternative, Summary
+
+SHOWN = ("v_x2", "v_y2", "omega_2")
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return made_fit(table_of(40, surfaces=("clay", "grass", "hard")))
+
+
+@pytest.mark.parametrize(
+    ("table", "count"), [(table_of(40, surfaces=("clay", "grass", "hard")), 3), (table_of(12, drop=True), 1)]
+)
+def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(table, count):
+    made = made_fit(table, model="brody")
+    found, which = series(made.problem)
+    assert which.shape == (len(table),) and count <= len(found) <= 6
+    assert {*which} == {*range(len(found))}
+    labels = made.problem.table.labels.get("surface", ("",) * len(table))
+    assert all(label in found[k].name for k, label in zip(which, labels, strict=True))
+    drawn = curves(made.problem, made.draws)
+    assert {*drawn["series"]} == {*which}
+    assert {*drawn["column"]} == {item.column.name for item in made.problem.observables}
+    place = made.problem.rows.states
+    along = place.v_y1 if count == 1 else place.polar()[1]
+    for k, rows in drawn[drawn["within"]].groupby("series"):
+        assert along[which == k].min() <= rows["along"].min() and rows["along"].max() <= along[which == k].max()
+
+
+def test_a_curve_is_the_model_at_its_speed_spin_and_level(fit):
+    drawn = curves(fit.problem, fit.draws)
+    model = fit.problem.forward.model
+    for one in series(fit.problem)[0]:
+        rows = drawn[(drawn["name"] == one.name) & (drawn["speed"] == one.speed) & (drawn["spin"] == one.spin)]
+        values = {spec.name: fit.draws.point.get(f"{spec.name}[{one.name}]", fit.draws.point.get(spec.name))
+                  for spec in model.parameters}  # fmt: skip
+        angle = rows[rows["column"] == "v_x2"]["along"].to_numpy()
+        wanted = model.rebound(
+            values, fitball.impacts(one.speed * np.cos(angle), one.speed * np.sin(angle), one.spin)
+        )
+        for name in SHOWN:
+            points = rows[rows["column"] == name]
+            np.testing.assert_allclose(points["point"], wanted.column(name), rtol=1e-12)
+            assert np.all(np.diff(points[["q025", "q16", "median", "q84", "q975"]]) >= 0.0)
+
+
+def test_predictions_have_a_row_for_each_impact_and_column(fit):
+    found, table = fit.predictions, fit.problem.table
+    assert len(found) == 40 * 3 and found.groupby("column")["id"].apply(tuple).tolist() == [table.labels["id"]] * 3
+    for name in SHOWN:
+        rows = found[found["column"] == name]
+        np.testing.assert_array_equal(rows["observed"], table.values[name])
+        np.testing.assert_allclose(rows["z"], (rows["observed"] - rows["median"]) / rows["noise"], rtol=1e-12)
+    np.testing.assert_allclose(found["v_1"] * np.cos(found["theta_1"]), found["v_x1"], rtol=1e-12)
+    assert found["surface"].tolist() == [*table.labels["surface"]] * 3
+
+
+def test_a_point_fit_has_curves_without_bands():
+    drawn = curves((made := made_fit(sampled=False)).problem, made.draws)
+    assert drawn[["q025", "q16", "median", "q84", "q975"]].isna().all(axis=None) and drawn["point"].notna().all()
+    assert made.predictions["z"].notna().all()
+
+
+def test_what_another_choice_moves_is_in_sds_of_the_fit():
+    here = SimpleNamespace(name="mu", sd=0.02, median=0.5, q025=0.46, q975=0.54)
+    there = Summary(0.53, 0.53, 0.03, 0.45, 0.5, 0.56, 0.62)
+    shared = {"instead_of": "offset=contact", "score": None, "error": None, "as_good": True}
+    parts = {name: SimpleNamespace(**shared, choice=name, reason=reason, summaries={"mu": there})
+             for name, reason in (("offset=grip", ""), ("spin=shell", "no answer"))}  # fmt: skip
+    assert {*shared, "choice", "reason", "summaries"} <= {*Alternative.__struct_fields__}
+    held = SimpleNamespace(name="ball_radius", low=0.032, high=0.034, moves={"mu": -0.5})
+    found = frames.variants([here], [*parts.values()], [held]).set_index("choice")
+    # (0.53 - 0.5)/0.02, and (0.62 - 0.54)/0.02 at the far end.
+    assert found.loc["offset=grip", ["moved", "reach"]].tolist() == pytest.approx([1.5, 4.0])
+    assert found.loc["spin=shell", "quantity"] == "" and pd.isna(found.loc["spin=shell", "moved"])
+    assert found.loc["ball_radius", ["moved", "q025", "q975"]].tolist() == pytest.approx([0.5, 0.49, 0.51])
