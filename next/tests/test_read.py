@@ -372,6 +372,14 @@ def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
     assert already.value.code == "read-already"
 
 
+def test_no_file_is_beside_a_table_in_memory(tmp_path, monkeypatch):
+    """Though one has the name of its table."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "table.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
+    drops = {"v_y1": [5, 6], "v_y2": [4, 5]}
+    assert load_data(fitball.load_table(drops), None, False)[1] == load_data(drops, None, False)[1]
+
+
 def test_doubts_are_refused_or_noted():
     """Spins of the other sign, alone and behind a good table."""
     good = simulated(30, 0.1, 1)
