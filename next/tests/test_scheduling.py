@@ -8,10 +8,13 @@ import time
 from functools import partial
 
 import pytest
+from joblib.externals import cloudpickle
 
 from fitball.errors import FitError, MachineError
 from fitball.scheduling import as_completed
 
+# Workers cannot import this file: its functions travel whole.
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
 POSIX = pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
 
 
