@@ -1,0 +1,116 @@
+"""Draws of posteriors: a known one by chains and by weights, chains that have not converged, diagnostics."""
+
+import numpy as np
+import pytest
+from support.density import REBOUND, problem_of, scene_of, table_of
+from support.line import exact, line_problem
+
+from fitball.errors import FitError
+from fitball.inference.effort import Effort
+from fitball.inference.sampling import sample as sampling
+from fitball.inference.sampling.chains import run
+from fitball.inference.sampling.convergence import mixing
+from fitball.inference.sampling.importance import Student
+from fitball.inference.sampling.sample import sample
+from fitball.inference.search.best_fit import best_fit
+from fitball.inference.search.objective import Objective
+
+
+def quiet(_stage, _share):
+    """Nothing is shown."""
+
+
+def begun(problem, at=None):
+    """The normal density that touches the posterior at a maximum."""
+    q = problem.coordinates(best_fit(problem, np.random.default_rng(0)).optima[0] if at is None else at)
+    curvature = Objective(problem).linearised(q[None])[1][0] + np.diag(1e-8 / problem.prior.width**2)
+    return [Student(q, np.linalg.cholesky(np.linalg.inv(curvature)))]
+
+
+def check(problem, posterior, size):
+    """The moments of a straight line, within four standard errors of so many draws."""
+    centre, covariance = exact(problem)
+    values, sds = posterior.values.reshape(-1, 2), np.sqrt(np.diagonal(covariance))
+    assert np.all(np.abs(values.mean(axis=0) - centre) < 4.0 * sds / np.sqrt(size))
+    np.testing.assert_allclose(values.std(axis=0) / sds, 1.0, atol=4.0 / np.sqrt(2.0 * size))
+    assert np.corrcoef(values.T)[0, 1] == pytest.approx(covariance[0, 1] / sds.prod(), abs=0.02)
+    where = np.unravel_index(posterior.log_density.argmax(), posterior.log_density.shape)
+    assert np.all(np.abs(posterior.values[where] - centre) < 0.2 * sds)
+
+
+def test_chains_have_the_moments_of_a_known_posterior():
+    problem, shares = line_problem(), []
+    posterior, found = sample(problem, begun(problem), Effort(), lambda stage, share: shares.append((stage, share)))
+    assert found.converged and found.complaints == () and found.pareto_k is None
+    assert max(found.r_hat.values()) < 1.01 and min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
+    assert posterior.values.shape == (4, found.steps - found.warm_up, 16, 2)
+    check(problem, posterior, 1000.0)
+    assert {stage for stage, _ in shares} == {"sampling"} and all(0.0 <= share <= 1.0 for _, share in shares)
+
+
+def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
+    problem = line_problem(copies=2)
+    monkeypatch.setattr(sampling, "LONG", 20)
+    posterior, found = sample(problem, begun(problem), Effort(), quiet)
+    assert found.converged and found.r_hat is None and found.pareto_k < 0.7
+    assert posterior.values.shape[0] == posterior.values.shape[2] == 1
+    check(problem, posterior, min(found.ess_bulk.values()))
+    # A proposal far from it, in a corner from which weights do not find back.
+    monkeypatch.setattr(sampling, "SPARE", 0.01)
+    far = [Student(begun(problem)[0].centre + 3.0, 1e-3 * np.eye(2))]
+    _, found = sample(problem, far, Effort(), quiet)
+    assert not found.converged and found.complaints
+
+
+@pytest.mark.parametrize("long", [20, 3000])
+def test_the_same_seed_gives_the_same_bytes(long, monkeypatch):
+    problem, effort = line_problem(copies=2), Effort(seed=7, max_steps=100)
+    monkeypatch.setattr(sampling, "LONG", long)
+    one, two = (sample(problem, begun(problem), effort, quiet)[0] for _ in range(2))
+    assert one.values.tobytes() == two.values.tobytes() and one.log_density.tobytes() == two.log_density.tobytes()
+
+
+def test_chains_that_have_not_converged_are_said_so():
+    # Twelve hardly determined parameters and a hundred steps.
+    problem = problem_of(table_of(REBOUND, count=4), scene_of(ball=True), "two-mass", noise="student-t")
+    posterior, found = sample(problem, begun(problem), Effort(max_steps=100), quiet)
+    assert not found.converged and found.complaints
+    assert found.steps == found.warm_up + 100 and np.isfinite(posterior.values).all()
+
+
+def test_a_long_chain_is_thinned_evenly(monkeypatch):
+    problem = line_problem()
+    chains = "fitball.inference.sampling.chains."
+    for name, value in (("STORED", 100), ("FIRST", 100), ("TARGET_ESS", 1e9)):
+        monkeypatch.setattr(chains + name, value)
+    made = run(problem, begun(problem), np.random.default_rng(0), 400, lambda _share: None)
+    assert made.steps == 160 + 400
+    # Of 100 steps that are stored, every fourth, the first quarter is left out.
+    assert made.coordinates.shape[:2] == (4, 75) == made.log_posterior.shape[:2]
+    assert all(0.2 < rate < 0.9 for rate in made.acceptance)
+
+
+def test_where_no_chain_can_start():
+    problem = problem_of(table_of(REBOUND), scene_of(), "two-mass", fix={"mass_ratio": 0.4, "cor_10": 0.9})
+    nowhere = [Student(problem.prior.location, np.eye(len(problem.free)))]
+    with pytest.raises(FitError) as caught:
+        sample(problem, nowhere, Effort(), quiet)
+    assert caught.value.code == "no-start"
+
+
+def test_effective_sizes_and_r_hat():
+    rng = np.random.default_rng(0)
+    white = rng.standard_normal((4, 1000, 4, 3))
+    found = mixing(("a", "b", "c"), white)
+    size = 4 * 1000 * 4
+    assert all(abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values()))
+    assert found.reached(0.8 * size, 1.01) and not found.reached(1.2 * size, 1.01)
+    # An autoregression of 0.9 is worth 1/19 of its length; an ensemble elsewhere, or one that never moved, shows.
+    for k in range(1, 1000):
+        white[:, k, :, 0] = 0.9 * white[:, k - 1, :, 0] + np.sqrt(0.19) * white[:, k, :, 0]
+    white[2, :, :, 1] += 1.0
+    white[..., 2] = 0.5
+    found = mixing(("a", "b", "c"), white)
+    assert found.ess_bulk["a"] == pytest.approx(size / 19.0, rel=0.2) and found.r_hat["a"] < 1.02
+    assert found.r_hat["b"] > 1.05 and not found.reached(1.0, 1.05)
+    assert not found.r_hat["c"] < np.inf
