@@ -7,8 +7,8 @@ import sys
 import time
 from functools import partial
 
+import cloudpickle
 import pytest
-from joblib.externals import cloudpickle
 
 from fitball.errors import FitError, MachineError
 from fitball.scheduling import as_completed
