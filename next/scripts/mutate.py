@@ -27,9 +27,9 @@ TESTS = {
     "models/kernels": "hard_cases oracle bounces laws derivatives history models compiled",
     "models": "models own_model grip_slip history bounces laws derivatives oracle",
     "inference/differences": "differences derivatives",
-    "inference/search": "search least_squares",
-    "inference/sampling": "sampling importance",
-    "inference": "density levels priors_joint camera forward noise differences predictive frames first_order profile",
+    "inference": "density levels priors_joint camera forward noise predictive frames first_order profile derived "
+    "verdicts adequacy",
+    "report": "fit_page fit_figures render result",
     "saved": "saved",
     "data/misreading": "misreading read read_faults",
     "data": "table scene kinematics lines bundled read read_faults dialects hostile misreading",
