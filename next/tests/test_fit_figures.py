@@ -191,7 +191,9 @@ def test_profiles_mark_their_intervals(fit):
         )
 
 
-def test_bars_of_regimes_are_shares_of_draws(fit):
+def test_bars_of_regimes_are_shares_of_draws():
+    fit = made_fit()
+    fit.draws.values["mu"][:] = np.random.default_rng(7).uniform(0.2, 0.8, 400)
     axis = figure("regimes", fit).axes[0]
     ends = np.zeros(24)
     for bar in axis.patches:
@@ -206,6 +208,7 @@ def test_bars_of_regimes_are_shares_of_draws(fit):
         for regime, widths in sizes.items():
             share = np.mean([regime_name(code) == regime for code in told[:, int(name) - 1]])
             assert widths[place] == pytest.approx(share)
+    assert sum(0.1 < width < 0.9 for widths in sizes.values() for width in widths) > 5
 
 
 def test_the_regime_map_is_what_the_model_says(fit):
