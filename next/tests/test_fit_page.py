@@ -110,9 +110,9 @@ def test_the_page_has_ten_sections_and_about_fifteen_hundred_words(pooled, monke
 
 DIFFERENCES = pd.DataFrame(
     [{"parameter": "mu", "column": "surface", "low": "clay", "high": "hard", "difference": 0.123, "sd": 0.02,
-      "q025": 0.083, "q975": 0.163, "chance": 0.001},
+      "q025": 0.083, "q975": 0.163, "p": 0.001},
      {"parameter": "cor_10", "column": "surface", "low": "hard", "high": "clay", "difference": 0.01, "sd": 0.02,
-      "q025": -0.03, "q975": 0.05, "chance": 0.8}]
+      "q025": -0.03, "q975": 0.05, "p": 0.8}]
 )  # fmt: skip
 
 
