@@ -1,0 +1,188 @@
+"""Alternatives against whole searches, left-out scores and shifts of constants against real refits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.density import REBOUND, TIMED, TRUTH, near, problem_of, scene_of, table_of
+
+from fitball.data.scene import BallSection, CameraSection, Scene
+from fitball.inference import assumptions as module
+from fitball.inference.assumptions import alternatives, given, left_out
+from fitball.inference.constants import constants
+from fitball.inference.density import log_posterior, pointwise
+from fitball.inference.first_order import first_order, proposal
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.problem import Choices
+from fitball.inference.results import Alternative, Constant, PointFit, Summary
+from fitball.inference.search.best_fit import best_fit
+from fitball.inference.search.objective import Objective, descend
+
+NOISE = {"v_x_sd": 0.2, "v_y_sd": 0.15, "spin_sd": 6.0}
+
+
+def at(problem, x):
+    values = {name: float(one[0]) for name, one in problem.values(x[None]).items()}
+    return PointFit((values,), (0.0,), 0.0, {})
+
+
+def best(problem, start=None, promised=1e-10):
+    x, _, converged = descend(Objective(problem), near(problem, 1, 0.0) if start is None else start[None], promised)
+    assert converged.all()
+    return x[0]
+
+
+def tried(problem, seed=1):
+    point = at(problem, best(problem, promised=1e-6))
+    return {one.choice: one for one in alternatives(problem, point, np.random.default_rng(seed))}
+
+
+@pytest.fixture(scope="module")
+def two_mass():
+    problem = problem_of(table_of(REBOUND, count=30), scene_of(time=True), "two-mass", fix={"k_theta": 19.0})
+    return problem, tried(problem)
+
+
+def test_each_choice_is_changed_by_itself(two_mass):
+    _, found = two_mass
+    assert {*found} == {
+        "normal=inner", "normal=total", "offset=grip", "torsion=free", "inertia=table", "spin=shell",
+        "release=zero_displacement", "noise=student-t",
+    }  # fmt: skip
+    for one in found.values():
+        assert not one.reason
+        assert one.values["k_theta"] == 19.0
+        assert one.instead_of.partition("=")[0] == one.choice.partition("=")[0]
+    assert found["offset=grip"].model == "two-mass+offset=grip"
+    assert "zeta_theta" in found["torsion=free"].summaries
+    # The scale of another kind of noise is another quantity.
+    assert "spin_sd" in found["offset=grip"].summaries
+    assert {"spin_sd", "degrees_of_freedom"}.isdisjoint(found["noise=student-t"].summaries)
+    # Impacts are of the model itself: nothing is surely better, a contact point that is the shell's is worse.
+    assert not any(one.score > 4.0 and one.score > 2.0 * one.error for one in found.values())
+    assert found["spin=shell"].score < -4.0
+
+
+@pytest.mark.parametrize("choice", ["offset=grip", "normal=total"])
+def test_a_quick_fit_is_the_best_of_all_searches(two_mass, choice):
+    problem, found = two_mass
+    posed = build_problem(problem.table, problem.scene, Choices(found[choice].model, fix={"k_theta": 19.0}))
+    whole = best_fit(posed, np.random.default_rng(3))
+    quick = log_posterior(posed, posed.coordinates(found[choice].values)[None])[0]
+    assert quick > whole.log_posterior[0] - 0.02
+    # Not the fit's own values.
+    x = posed.coordinates(at(problem, best(problem)).optima[0])
+    assert log_posterior(posed, x[None])[0] < quick - 0.1
+
+
+def test_a_score_is_that_of_real_refits():
+    problem = problem_of(table_of(REBOUND, count=8, seed=3), None, "grip-slip", fix={**NOISE, "mu": 0.56})
+    x = best(problem)
+    found = left_out(problem, proposal(problem, x))
+    refits = [best(problem.without(np.array([k])), x) for k in range(8)]
+    exact = np.diagonal(pointwise(problem, np.array(refits), REBOUND))
+    inside = pointwise(problem, x[None], REBOUND)[0]
+    np.testing.assert_allclose(found, exact, atol=0.02 * np.max(inside - exact))
+
+
+def test_outliers_ask_for_heavy_tails():
+    table = table_of(REBOUND, count=80)
+    tame, wild = (problem_of(one, None, "grip-slip") for one in (table, with_outliers(table)))
+    tails, none = tried(wild)["noise=student-t"], tried(tame)["noise=student-t"]
+    assert tails.score > 4.0
+    assert abs(none.score) < 4.0
+    # Among five rows nothing is surely worse.
+    few = problem_of(table_of(REBOUND, count=5), None, "grip-slip")
+    assert tried(few)["noise=student-t"].score is None
+    assert tried(few)["noise=student-t"].as_good
+    # What was stated of degrees of freedom is left behind with them.
+    heavy = problem_of(table, None, "grip-slip", noise="student-t", prior={"degrees_of_freedom": "lognormal(5, 0.5)"})
+    assert not tried(heavy)["noise=normal"].reason
+
+
+def with_outliers(table):
+    values = {**table.values, "v_x2": table.values["v_x2"].copy()}
+    values["v_x2"][::8] += 4.0 * (-1.0) ** np.arange(10)
+    return replace(table, values=values)
+
+
+def test_of_long_tables_a_part_says_the_same(monkeypatch):
+    problem = problem_of(table_of(REBOUND, count=400), None, "grip-slip")
+    whole = tried(problem)["noise=student-t"]
+    monkeypatch.setattr(module, "ALTERNATIVES", 100)
+    part = tried(problem)["noise=student-t"]
+    for name in ("mu", "cor_10", "offset"):
+        one, other = whole.summaries[name], part.summaries[name]
+        assert other.sd == pytest.approx(one.sd, rel=0.2)
+        assert abs(other.median - one.median) < 1.0 * one.sd
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "columns", "step"),
+    [
+        ("inertia_ratio", "grip-slip", REBOUND, 0.002),
+        ("ball_radius", "grip-slip", REBOUND, 1e-5),
+        ("ball_mass", "two-mass", TIMED, 1e-4),
+        ("tilt", "grip-slip", REBOUND, 5e-4),
+    ],
+)
+def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
+    table, timed = table_of(columns, count=20), scene_of(time=True).contact_time
+    noises = {item.noise: TRUTH[item.noise] for item in problem_of(table, None, text).observables}
+
+    def posed(value):
+        if name == "tilt":
+            return problem_of(table, Scene(camera=CameraSection(tilt=value)), text, fix=noises)
+        ball = BallSection(**{name.removeprefix("ball_"): value})
+        return problem_of(table, Scene(ball=ball, contact_time=timed), text, fix=noises)
+
+    usual = {"inertia_ratio": 0.56, "ball_radius": 0.03302, "ball_mass": 0.0576, "tilt": 0.0}[name]
+    problem = posed(usual)
+    x = best(problem)
+    first = first_order(problem, at(problem, x))
+    (found,) = (one for one in constants(problem, first) if one.name == name)
+    half = max(found.high - usual, usual - found.low)
+    refits = [best(posed(usual + sign * step), x) for sign in (1.0, -1.0)]
+    sds = np.linalg.norm(first.root, axis=1) * first.sds
+    exact = (refits[0] - refits[1]) / (2.0 * step) * half / sds
+    moved = np.array([found.moves[one] for one in problem.free])
+    np.testing.assert_allclose(moved, exact, atol=0.05 * np.abs(exact).max())
+    assert np.abs(exact).max() > 0.3
+
+
+def test_constants_that_act_nowhere_or_are_fitted_are_none():
+    table = table_of(REBOUND, count=12)
+    for scene, names in ((None, {"ball_radius", "inertia_ratio"}), (scene_of(ball=True), {"ball_radius"})):
+        problem = problem_of(table, scene, "grip-slip", fix=NOISE)
+        found = constants(problem, first_order(problem, at(problem, best(problem))))
+        assert {one.name for one in found} == names
+
+
+def test_what_a_value_is_given():
+    def summary(median, sd=1.0):
+        return Summary(median, median, sd, median - 2.0 * sd, median - sd, median + sd, median + 2.0 * sd)
+
+    def other(choice, instead_of, as_good=True, reason="", **values):
+        return Alternative(choice, instead_of, "", {}, values, 0.0, 0.0, as_good, reason)
+
+    fit = {"mu": summary(0.0), "e_x": summary(0.0)}
+    found = (
+        other("a=2", "a=1", mu=summary(2.5)),
+        other("b=2", "b=1", mu=summary(-1.9)),
+        other("c=2", "c=1", mu=summary(0.0, 3.0)),
+        other("d=2", "d=1", mu=summary(0.0, 0.1)),
+        other("e=2", "e=1", as_good=False, mu=summary(9.0), e_x=summary(9.0)),
+        other("a=3", "a=1", mu=summary(5.0), zeta=summary(9.0)),
+    )
+    held = (Constant("radius", 0.0, 1.0, {"mu": -3.0, "e_x": 0.9}), Constant("mass", 0.0, 1.0, {"mu": 0.2}))
+    assert given(found, held, fit) == {"mu": ("a=1", "c=1", "radius")}
+    missing = other("f=2", "f=1", reason="no answer")
+    assert given((*found, missing), held, fit) == {"mu": ("a=1", "c=1", "radius", "model"), "e_x": ("model",)}
+
+
+def test_a_model_without_choices_is_an_assumption_of_all_values():
+    problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip")
+    point = at(problem, best(problem))
+    found = alternatives(problem, point, np.random.default_rng(1))
+    fit = {name: Summary(*[point.optima[0][name]] * 2, np.inf, *[0.0] * 4) for name in problem.free}
+    assert given(found, (), fit) == dict.fromkeys(problem.free, ("model",))
