@@ -26,14 +26,15 @@ def at(problem, x):
     return PointFit((values,), (0.0,), 0.0, {})
 
 
-def best(problem, start=None, promised=1e-10):
-    x, _, converged = descend(Objective(problem), near(problem, 1, 0.0) if start is None else start[None], promised)
+def best(problem, start=None):
+    x, _, converged = descend(Objective(problem), near(problem, 1, 0.0) if start is None else start[None], 1e-10)
     assert converged.all()
     return x[0]
 
 
 def tried(problem, seed=1):
-    point = at(problem, best(problem, promised=1e-6))
+    # A kink may stop this search, as it may stop any.
+    point = at(problem, descend(Objective(problem), near(problem, 1, 0.0))[0][0])
     return {one.choice: one for one in alternatives(problem, point, np.random.default_rng(seed))}
 
 
