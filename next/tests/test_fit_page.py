@@ -100,28 +100,29 @@ def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
     assert "complaint 2" in to_text(fit_page.report(warned), full=False)
 
 
-def test_the_page_has_ten_sections_and_about_fifteen_hundred_words(pooled, monkeypatch):
-    monkeypatch.setattr(fit_tables, "differences", lambda *_: DIFFERENCES)
+def test_the_page_has_ten_sections_and_about_fifteen_hundred_words(pooled):
     report = fit_page.report(pooled)
     assert sum(1 for _ in report.parts()) == 10 and "24 of 60" in to_text(report)
     words = re.sub(r"<[^>]+>", " ", re.sub(r"(?s)<style>.*?</style>", "", to_page(report, {}))).split()
     assert 1000 < len(words) < 2000
 
 
-DIFFERENCES = pd.DataFrame(
-    [{"parameter": "mu", "column": "surface", "low": "clay", "high": "hard", "difference": 0.123, "sd": 0.02,
-      "q025": 0.083, "q975": 0.163, "p": 0.001},
-     {"parameter": "cor_10", "column": "surface", "low": "hard", "high": "clay", "difference": 0.01, "sd": 0.02,
-      "q025": -0.03, "q975": 0.05, "p": 0.8}]
-)  # fmt: skip
-
-
-def test_differences_between_levels_are_those_of_the_frame(pooled, monkeypatch):
-    monkeypatch.setattr(fit_tables, "differences", lambda *_: DIFFERENCES)
-    rows = fit_tables.difference_table(pooled, fit_tables.differing(pooled)).rows
-    assert [(row["parameter"], row["lowest"], row["highest"]) for row in rows] == [
-        ("mu", "clay", "hard"), ("cor_10", "hard", "clay")]  # fmt: skip
-    assert rows[0]["difference, 95 %"] == "0.123 [0.083, 0.163]" and rows[0][""] == "differs" != rows[1][""]
+def test_differences_between_levels_are_those_of_draws():
+    pooled = made_fit(table_of(60, SURFACES), model="two-mass")
+    shown = {row["parameter"]: row for row in fit_tables.difference_table(pooled).rows}
+    for name, row in shown.items():
+        apart = pooled.draws.values[f"{name}[{row['highest']}]"] - pooled.draws.values[f"{name}[{row['lowest']}]"]
+        value, interval = row["difference, 95 %"].split(" ", 1)
+        assert near(value, np.median(apart))
+        for text, share in zip(ends_of(interval), (0.025, 0.975), strict=True):
+            assert near(text, np.quantile(apart, share))
+        assert (row[""] == "differs") == (20.0 * np.mean(apart <= 0.0) < 0.05)
+    assert {*shown} == {"mu", "cor_10"}
+    # One of 400 draws is no certainty.
+    pooled.draws.values["mu[clay]"][:] += 1.0
+    pooled.draws.point["mu[clay]"] += 1.0
+    row = next(row for row in fit_tables.difference_table(pooled).rows if row["parameter"] == "mu")
+    assert (row["highest"], row["by chance"], row[""]) == ("clay", "< 1 %", "differs")
 
 
 def test_a_point_fit_has_best_values_and_profiles(point):
@@ -147,6 +148,21 @@ def test_what_would_help_most_is_named(fit):
     assert "k_theta" in stiff
     sure = made_fit(table_of(12, drop=True))
     assert "`offset=contact`" in fit_words.useful_next(sure) and "`offset=grip`" in fit_words.useful_next(sure)
+
+
+def test_a_first_screen_answers_in_one_sentence(fit):
+    long = made_fit()
+    words = "It describes 1.5 of them. Residuals: v_x2 0.5 m/s."
+    object.__setattr__(long, "adequacy", replace(fit.adequacy, sentence=words))
+    first, full = (to_text(fit_page.report(long), full=whole) for whole in (False, True))
+    assert "It describes 1.5 of them." in first and "Residuals:" not in first and words in full
+    # Without variants, as of a long table, there is no section of them.
+    long = made_fit()
+    object.__setattr__(long, "alternatives", ())
+    object.__setattr__(long, "constants", ())
+    titles = [section.title for section, _ in fit_page.report(made_fit()).parts()]
+    assert titles.remove("Model assumptions") is None
+    assert titles == [section.title for section, _ in fit_page.report(long).parts()]
 
 
 def test_verdicts_are_counted(pooled):

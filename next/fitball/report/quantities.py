@@ -6,7 +6,7 @@ import numpy as np
 
 from fitball.columns import COLUMNS
 from fitball.inference.fit import Fit
-from fitball.numbers import Unit
+from fitball.numbers import Unit, percent
 from fitball.text import short, visible
 from fitball.values import DataFrame, FloatArray
 
@@ -44,6 +44,11 @@ def middle(frame: DataFrame) -> FloatArray:
     point = frame["point"].to_numpy(np.float64)
     median = frame["median"].to_numpy(np.float64)
     return np.where(np.isfinite(median), median, point)
+
+
+def chance(share: float) -> str:
+    """A probability counted among draws, which are never all that there are; empty for NaN."""
+    return percent(float(np.clip(share, 1e-3, 1.0 - 1e-3)))
 
 
 def records(frame: DataFrame) -> list[dict[str, Any]]:
