@@ -1,0 +1,113 @@
+"""Where compiled kernels are kept, and that processes which start together compile them once; draws over threads."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitball import environment
+from fitball.models.kernels import compiled
+from fitball.models.kernels.batch import bounces
+
+TINY = """
+import logging, sys
+logging.basicConfig(level="INFO", format="SAID %(levelname)s", stream=sys.stdout)
+from fitball.models.kernels.compiled import entry, folder
+from tiny import twice
+print(twice(21), folder())
+"""
+ROW = [0.88, 2e4, 19.0, 0.57, 2.4e-3, 0.0, 0.776, -0.0151, 0.3, 0.7, 0.0576, 0.03302, 0.56]
+
+
+def started(folder, text, cache):
+    """A process that runs `text` in `folder` and keeps what it compiles in `cache`."""
+    (folder / "tiny.py").write_text(
+        "from fitball.models.kernels.compiled import entry\n\n\n@entry\ndef twice(x):\n    return 2 * x\n"
+    )
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    settings = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": path}
+    return subprocess.Popen([sys.executable, "-c", text], env=settings, cwd=folder, stdout=subprocess.PIPE, text=True)
+
+
+def test_processes_that_start_together_compile_once(tmp_path):
+    together = [started(tmp_path, TINY, tmp_path / "cache") for _ in range(2)]
+    said = [one.communicate(timeout=120)[0].split() for one in together]
+    said.append(started(tmp_path, TINY, tmp_path / "cache").communicate(timeout=120)[0].split())
+    assert [words[-2] for words in said] == ["42"] * 3
+    assert sum(words.count("SAID") for words in said) == 1 and "SAID" not in said[2]
+    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
+
+
+def test_a_cache_that_cannot_be_written_is_replaced_and_cleared(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    said = started(tmp_path, TINY, tmp_path / "file" / "cache").communicate(timeout=120)[0].split()
+    assert said.count("WARNING") == 1 and said[-2] == "42"
+    assert not Path(said[-1]).exists()
+
+
+def test_every_source_of_the_kernels_counts(tmp_path, monkeypatch):
+    names = ("compiled.py", "contact.py", "motion.py")
+    for name in names:
+        (tmp_path / name).write_text("x = 1\n")
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    found = []
+    for name in (None, *names):
+        if name:
+            (tmp_path / name).write_text("x = 2\n")
+        found += [compiled.folder.__wrapped__(), compiled.folder.__wrapped__()]
+    assert found[::2] == found[1::2] and len(set(found)) == 4
+
+
+@pytest.mark.parametrize(
+    ("size", "least", "count", "parts"), [(0, 10, 4, 1), (19, 10, 4, 1), (20, 10, 4, 2), (7, 1, 3, 3)]
+)
+def test_parts_are_the_whole(size, least, count, parts):
+    seen = []
+    with environment.threads(count):
+        environment.shared(lambda first, last: seen.append((first, last)), size, least)
+    seen.sort()
+    assert len(seen) == parts and seen[0][0] == 0 and seen[-1][1] == size
+    assert [last for _, last in seen[:-1]] == [first for first, _ in seen[1:]]
+    assert parts == 1 or min(last - first for first, last in seen) >= least
+
+
+def test_an_error_in_a_thread_arrives():
+    def work(first, last):
+        if first:
+            raise FloatingPointError
+
+    with environment.threads(2), pytest.raises(FloatingPointError):
+        environment.shared(work, 10, 1)
+
+
+def test_bounces_do_not_depend_on_threads():
+    rng, states = np.random.default_rng(3), np.array([[14.0, 9.0, 5.0], [12.0, 5.0, 15.0], [100.0, 0.0, -50.0]])
+    rows = np.array(ROW) * rng.uniform(0.98, 1.02, (600, len(ROW)))
+    made = []
+    for count in (1, 2, 3):
+        with environment.threads(count):
+            made.append(bounces(rows, (1, 1, 0, 1, 1, 1), *states[:, None]))
+    assert all(np.array_equal(a, b, equal_nan=True) for one in made[1:] for a, b in zip(made[0], one, strict=True))
+    assert (made[0][2] == 0).mean() > 0.9
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_child_has_threads_of_its_own(tmp_path):
+    text = """
+import os
+from fitball import environment
+def run():
+    seen = []
+    environment.shared(lambda a, b: seen.append(b - a), 10, 5)
+    return seen
+with environment.threads(2):
+    run()
+    child = os.fork()
+    if not child:
+        os._exit(sum(run()))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    assert started(tmp_path, text, tmp_path).communicate(timeout=60)[0].split() == ["10"]
