@@ -72,7 +72,9 @@ def test_every_quantity_choice_and_impact_appears(fit):
         known, unit = fit.summary.loc[name], unit_of(fit, name)
         assert near(row["best fit"], known["point"] * unit.factor)
         assert near(row["median ± sd"].partition(" ± ")[2], known["sd"] * unit.factor)
-        assert row["why"] == known["reason"] and row["prior (SI)"] == known["prior"]
+        assert row["verdict"].hint == known["reason"] and row["prior (SI)"] == known["prior"]
+    whys = [full[name]["why"] for name in ("mu", "e_x", "offset")]
+    assert whys == ["if offset=contact, ball_radius", "", "reason of offset"]
     choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
     assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]
     assert choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.6"

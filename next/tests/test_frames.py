@@ -86,3 +86,20 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
     assert found.loc["offset=grip", ["moved", "reach"]].tolist() == pytest.approx([1.5, 4.0])
     assert found.loc["spin=shell", "quantity"] == "" and pd.isna(found.loc["spin=shell", "moved"])
     assert found.loc["ball_radius", ["moved", "q025", "q975"]].tolist() == pytest.approx([0.5, 0.49, 0.51])
+
+
+def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_one():
+    here = SimpleNamespace(
+        name="mu", kind="model", unit="", meaning="", point=0.5, median=0.5, sd=0.02, q025=0.46, q16=0.48, q84=0.52,
+        q975=0.54, prior="", contraction=0.9, verdict="given", reason="", given=("normal=momentum", "model"),
+    )  # fmt: skip
+    shared = {"instead_of": "normal=momentum", "score": None, "error": None, "reason": ""}
+    shifts = ((0.002, 0.1, True), (0.06, 0.0, True), (0.001, 0.0, True), (0.4, 0.0, False))
+    tried = [
+        SimpleNamespace(**shared, choice=f"normal={k}", as_good=good,
+                        summaries={"mu": Summary(0.5 + by, 0.5 + by, 0.02, 0.46, 0.5, 0.5, 0.54 + end)})
+        for k, (by, end, good) in enumerate(shifts)
+    ]  # fmt: skip
+    row = frames.summary([here], {}, None, frames.variants([here], tried, [])).loc["mu"]
+    # An end by 0.1 is farther than a median by 0.06; a variant that fits worse does not count.
+    assert row["moved"] == pytest.approx(5.0) and row["given"].split("; ")[0] == "normal=momentum"

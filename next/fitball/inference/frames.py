@@ -28,7 +28,8 @@ def summary(
     import pandas as pd
 
     rows = {}
-    moves = dict(zip(zip(tried["rests_on"], tried["quantity"], strict=True), tried["moved"], strict=True))
+    # Of several choices instead of one the farthest, among those that fit equally well.
+    moves = tried[tried["as_good"].astype(bool)].groupby(["rests_on", "quantity"])["reach"].max().to_dict()
     for one in sorted(estimates, key=lambda one: _ORDER.index(one.kind)):
         profile = profiles.get(one.name)
         ends = (np.nan, np.nan) if profile is None else profile.interval_95

@@ -20,7 +20,6 @@ from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.summary import summarise
-from fitball.models.specs import SPECS
 from fitball.priors import ParameterSpec
 
 SHAPE = (2, 25, 8)
@@ -44,7 +43,7 @@ class MadeFit(Fit):
         if name == PACE.name:
             return Quantity(PACE, lambda values: 44.0 + next(iter(values.values())))
         known = {one.spec.name: one.spec for one in self.problem.parameters}
-        return Quantity(known.get(name) or SPECS[name], lambda values: values[name])
+        return Quantity(known[name], lambda values: values[name])
 
 
 def table_of(count=24, surfaces=(), ids=None, drop=False):
