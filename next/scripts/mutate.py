@@ -56,7 +56,7 @@ TESTS = {
     "itf": "itf",
     "units": "units dialects",
     "report": "render fit_page fit_figures result",
-    "": "text_numbers priors columns files result render scheduling cli thread",
+    "": "text_numbers priors columns files result render scheduling cli calibrate",
 }
 COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
             ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is}  # fmt: skip
