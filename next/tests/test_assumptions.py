@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.density import REBOUND, TIMED, TRUTH, near, problem_of, scene_of, table_of
+from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of
 
 from fitball.data.scene import BallSection, CameraSection, Scene
 from fitball.inference import assumptions as module
@@ -98,7 +98,8 @@ def test_outliers_ask_for_heavy_tails():
     assert tried(few)["noise=student-t"].as_good
     # What was stated of degrees of freedom is left behind with them.
     heavy = problem_of(table, None, "grip-slip", noise="student-t", prior={"degrees_of_freedom": "lognormal(5, 0.5)"})
-    assert not tried(heavy)["noise=normal"].reason
+    held = problem_of(table, None, "grip-slip", noise="student-t", fix={"degrees_of_freedom": 5.0})
+    assert not any(tried(one)["noise=normal"].reason for one in (heavy, held))
 
 
 def with_outliers(table):
@@ -123,7 +124,7 @@ def test_of_long_tables_a_part_says_the_same(monkeypatch):
     [
         ("inertia_ratio", "grip-slip", REBOUND, 0.002),
         ("ball_radius", "grip-slip", REBOUND, 1e-5),
-        ("ball_mass", "two-mass", TIMED, 1e-4),
+        ("ball_mass", "two-mass", REBOUND, 1e-4),
         ("tilt", "grip-slip", REBOUND, 5e-4),
     ],
 )
@@ -148,7 +149,7 @@ def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
     exact = (refits[0] - refits[1]) / (2.0 * step) * half / sds
     moved = np.array([found.moves[one] for one in problem.free])
     np.testing.assert_allclose(moved, exact, atol=0.05 * np.abs(exact).max())
-    assert np.abs(exact).max() > 0.3
+    assert np.abs(exact).max() > 0.1
 
 
 def test_constants_that_act_nowhere_or_are_fitted_are_none():
@@ -170,7 +171,7 @@ def test_what_a_value_is_given():
     found = (
         other("a=2", "a=1", mu=summary(2.5)),
         other("b=2", "b=1", mu=summary(-1.9)),
-        other("c=2", "c=1", mu=summary(0.0, 3.0)),
+        other("c=2", "c=1", mu=Summary(0.0, 0.0, 1.0, -6.0, -1.0, 1.0, 2.0)),
         other("d=2", "d=1", mu=summary(0.0, 0.1)),
         other("e=2", "e=1", as_good=False, mu=summary(9.0), e_x=summary(9.0)),
         other("a=3", "a=1", mu=summary(5.0), zeta=summary(9.0)),
