@@ -9,8 +9,8 @@ from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 
 import fitball
 from fitball.data.scene import BallSection, Quantity, Scene
+from fitball.inference import derived
 from fitball.inference import verdict as module
-from fitball.inference.derived import quantities
 from fitball.inference.first_order import first_order
 from fitball.inference.forward import CalibratedRange
 from fitball.inference.problem.build import build_problem
@@ -54,8 +54,8 @@ def judged(problem, **start):
     point, x = fitted(problem, **start)
     states = problem.rows.states
     known = CalibratedRange(states, problem.rows.index, problem.scene.value().radius)
-    derived = quantities(problem.forward, known, problem.scene)
-    return judge(problem, point, first_order(problem, point), profiles(problem, x)[0], derived)
+    asked = derived.quantities(problem.forward, known, problem.scene)
+    return judge(problem, point, first_order(problem, point), profiles(problem, x)[0], asked)
 
 
 def of_line(problem, **start):
@@ -89,7 +89,12 @@ def test_lines_whose_verdict_is_known(function, prior, a, b):
 def test_contraction_is_that_of_a_linear_model():
     problem = dropped(line, fix={"v_y_sd": 0.05, "b": -0.02}, prior={"a": "normal(0.7, 0.004)"})
     point, _ = fitted(problem, a=0.7)
-    linear = module._linear(problem, first_order(problem, point), np.array([[1.0], [-3.0], [0.0]]))
+    spec, first = problem.prior.parameters[0].spec, first_order(problem, point)
+    asked = [
+        derived.Quantity(spec, lambda values: -3.0 * values["a"]),
+        derived.Quantity(spec, lambda values: 0.0 * values["a"]),
+    ]
+    linear = module._linear(problem, first, asked)
     left = 1.0 / (1.0 + 0.004**2 * np.sum((SPEEDS / 0.05) ** 2))
     np.testing.assert_allclose(linear.contraction, [1.0 - left, 1.0 - left, 0.0], atol=1e-6)
     np.testing.assert_allclose(linear.shares[:2, 0], 1.0)
@@ -138,7 +143,7 @@ def test_errors_without_the_contact_time_are_those_of_a_problem_without():
     first = first_order(told, point)
     silent = first_order(replace(told, contact_time=None), point)
     ratio = np.linalg.norm(silent.root, axis=1) / np.linalg.norm(first.root, axis=1)
-    timed = module._linear(told, first, np.eye(len(told.free))).timed
+    timed = module._linear(told, first, ()).timed
     by_name = dict(zip(told.free, timed.tolist(), strict=True))
     assert [by_name[name] for name in first.names] == (ratio > 2.0).tolist()
     assert {name for name, rests in by_name.items() if rests} == {"k_y", "k_theta"}
@@ -190,7 +195,7 @@ def test_a_friction_that_no_impact_feels_leaves_what_follows_from_it():
     assert (found["mu"].verdict, found["e_x"].verdict) == ("one-sided", "identified")
     # At 16 degrees a ball would slide.
     assert "mu" in found["court_pace"].parts
-    assert (found["court_pace"].verdict, found["court_pace"].rule) == ("one-sided", "bounded")
+    assert (found["court_pace"].verdict, found["court_pace"].rule) == ("one-sided", "bounded-part")
 
 
 RANKED = [
@@ -198,13 +203,13 @@ RANKED = [
     ({"missing": True, "freedom": 1.0}, "no-maximum"),
     ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
     ({"interval": (None, None), "contraction": 0.1}, "open"),
-    ({"open": ("mu",), "bounded": ("mu",)}, "open"),
+    ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
     ({"interval": (None, 2.0), "contraction": 0.1}, "bounded"),
-    ({"bounded": ("mu",), "extrapolated": "far"}, "bounded"),
+    ({"bounded": ("mu",), "extrapolated": "far"}, "bounded-part"),
     ({"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"}, "held-off"),
     ({"contraction": 0.19, "extrapolated": "far"}, "unchanged"),
     ({"extrapolated": "far", "missing": True}, "extrapolated"),
-    ({"missing": True}, "no-maximum"),
+    ({"missing": True}, "exact"),
     ({"contraction": 0.2, "interval": (1.0, 2.0)}, "determined"),
 ]
 
@@ -212,7 +217,7 @@ RANKED = [
 @pytest.mark.parametrize(("numbers", "rule"), RANKED)
 def test_the_first_rule_that_holds_decides(numbers, rule):
     spec = problem_of(table_of(REBOUND)).prior.parameters[0].spec
-    made_of = module._judged(Seen(**{"spec": spec, "contraction": 0.9, **numbers}), [], ())
+    made_of = module._judged(Seen(**{"spec": spec, "contraction": 0.9, **numbers}), ())
     assert made_of.rule == rule and made_of.reason.endswith(".") is (rule != "extrapolated")
 
 
