@@ -9,6 +9,7 @@ import pytest
 
 from fitball.data.cells import numbers, read_cells
 from fitball.data.header import Naming, end_of, guess_of, read_header
+from fitball.data.read import load_table
 from fitball.errors import FitballError, InputError, ParameterError
 
 HEADER = [
@@ -376,3 +377,11 @@ def test_a_row_of_names_is_no_row_of_units(tmp_path):
     found, noted = read(written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n"))
     assert found["id"] == ["s", "m"] and "units-row" not in noted
     assert read(written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n"))[0] == {"v_1": [10.0], "theta_1": [1.0]}
+
+
+def test_a_quote_behind_a_separator_and_a_blank_is_a_quote(tmp_path):
+    place = tmp_path / "balls.csv"
+    place.write_text('v_1, "theta_1", v_y2, "who, when"\n17, "20", 4.4, "a, b"\n18, 22, "5.1", "c"\n')
+    table = load_table(place)
+    assert table.values["theta_1"] == pytest.approx(np.radians([20.0, 22.0]))
+    assert table.labels["who, when"] == ("a, b", "c")
