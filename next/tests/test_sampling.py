@@ -8,7 +8,7 @@ from support.line import exact, line_problem
 from fitball.errors import FitError
 from fitball.inference.effort import Effort
 from fitball.inference.sampling import sample as sampling
-from fitball.inference.sampling.chains import run
+from fitball.inference.sampling.chains import _left_behind, run
 from fitball.inference.sampling.convergence import mixing
 from fitball.inference.sampling.importance import Student
 from fitball.inference.sampling.sample import sample
@@ -38,13 +38,16 @@ def check(problem, posterior, size):
     assert np.all(np.abs(posterior.values[where] - centre) < 0.2 * sds)
 
 
-def test_chains_have_the_moments_of_a_known_posterior():
+def test_chains_have_the_moments_of_a_known_posterior(monkeypatch):
     problem, shares = line_problem(), []
     posterior, found = sample(problem, begun(problem), Effort(), lambda stage, share: shares.append((stage, share)))
     assert found.converged and found.complaints == () and found.pareto_k is None
     assert max(found.r_hat.values()) < 1.01 and min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
     assert posterior.values.shape == (4, found.steps - found.warm_up, 16, 2)
     check(problem, posterior, 1000.0)
+    monkeypatch.setattr(sampling, "TARGET_R_HAT", min(found.r_hat.values()))
+    _, worse = sample(problem, begun(problem), Effort(), quiet)
+    assert worse.r_hat == found.r_hat and not worse.converged and len(worse.complaints) == 2
     assert {stage for stage, _ in shares} == {"sampling"} and all(0.0 <= share <= 1.0 for _, share in shares)
 
 
@@ -55,11 +58,11 @@ def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
     assert found.converged and found.r_hat is None and found.pareto_k < 0.7
     assert posterior.values.shape[0] == posterior.values.shape[2] == 1
     check(problem, posterior, min(found.ess_bulk.values()))
-    # A proposal far from it, in a corner from which weights do not find back.
-    monkeypatch.setattr(sampling, "SPARE", 0.01)
-    far = [Student(begun(problem)[0].centre + 3.0, 1e-3 * np.eye(2))]
-    _, found = sample(problem, far, Effort(), quiet)
-    assert not found.converged and found.complaints
+    for name, value in (("RELIABLE", found.pareto_k - 0.01), ("SPARE", 0.3)):
+        with monkeypatch.context() as patch:
+            patch.setattr(sampling, name, value)
+            _, worse = sample(problem, begun(problem), Effort(), quiet)
+        assert not worse.converged and len(worse.complaints) == 1
 
 
 @pytest.mark.parametrize("long", [20, 3000])
@@ -90,6 +93,15 @@ def test_a_long_chain_is_thinned_evenly(monkeypatch):
     assert all(0.2 < rate < 0.9 for rate in made.acceptance)
 
 
+def test_a_walker_that_the_others_left_behind():
+    scores = -0.5 * np.random.default_rng(0).chisquare(5.0, (4, 80, 16))
+    assert not _left_behind(scores).any()
+    scores[1, :, 3] -= 30.0
+    # Low for a while is no reason.
+    scores[2, :50, 5] -= 30.0
+    assert np.argwhere(_left_behind(scores)).tolist() == [[1, 3]]
+
+
 def test_where_no_chain_can_start():
     problem = problem_of(table_of(REBOUND), scene_of(), "two-mass", fix={"mass_ratio": 0.4, "cor_10": 0.9})
     nowhere = [Student(problem.prior.location, np.eye(len(problem.free)))]
@@ -100,8 +112,8 @@ def test_where_no_chain_can_start():
 
 def test_effective_sizes_and_r_hat():
     rng = np.random.default_rng(0)
-    white = rng.standard_normal((4, 1000, 4, 3))
-    found = mixing(("a", "b", "c"), white)
+    white = rng.standard_normal((4, 1000, 4, 4))
+    found = mixing(tuple("abcd"), white)
     size = 4 * 1000 * 4
     assert all(abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values()))
     assert found.reached(0.8 * size, 1.01) and not found.reached(1.2 * size, 1.01)
@@ -110,7 +122,9 @@ def test_effective_sizes_and_r_hat():
         white[:, k, :, 0] = 0.9 * white[:, k - 1, :, 0] + np.sqrt(0.19) * white[:, k, :, 0]
     white[2, :, :, 1] += 1.0
     white[..., 2] = 0.5
-    found = mixing(("a", "b", "c"), white)
+    # Walkers of one ensemble may lie apart: ensembles are compared.
+    white[..., 3] += np.linspace(-2.0, 2.0, 4)
+    found = mixing(tuple("abcd"), white)
     assert found.ess_bulk["a"] == pytest.approx(size / 19.0, rel=0.2) and found.r_hat["a"] < 1.02
     assert found.r_hat["b"] > 1.05 and not found.reached(1.0, 1.05)
-    assert not found.r_hat["c"] < np.inf
+    assert not found.r_hat["c"] < np.inf and found.r_hat["d"] < 1.02 and found.ess_bulk["d"] < 0.1 * size

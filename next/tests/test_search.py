@@ -11,6 +11,7 @@ from fitball.inference import density
 from fitball.inference.search import best_fit as search
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective, constrained_step, descend
+from fitball.models.registry import model
 
 
 def seeded(seed=0):
@@ -51,6 +52,10 @@ def test_the_curvature_of_a_straight_line_is_its_precision():
     gradient, curvature = Objective(problem).linearised(x)
     np.testing.assert_allclose(np.linalg.inv(curvature[0]), covariance, rtol=1e-6)
     np.testing.assert_allclose(x[0] - np.linalg.solve(curvature[0], gradient[0]), centre, rtol=1e-6)
+    # A logarithm of a normal scale has twice the information of a measurement, and nothing in common with the mean.
+    free = line_problem(noise=0.0)
+    _, curvature = Objective(free).linearised(np.array([[0.4, 2.0, np.log(0.3)]]))
+    np.testing.assert_allclose(curvature[0, 2], [0.0, 0.0, 2.0 * 12 + 0.7**-2], rtol=1e-6, atol=1e-6)
 
 
 def test_not_penalised_only_evidence_counts():
@@ -63,11 +68,15 @@ def test_not_penalised_only_evidence_counts():
         evidence -= 0.5 * ((x[:, k] - problem.prior.location[k]) * problem.prior.rate[k]) ** 2
     found = Objective(problem, penalised=False)
     np.testing.assert_allclose(np.diff(found.cost(x)), -np.diff(evidence), rtol=1e-9)
+    pooled = form("levels")
+    at = near(pooled, 2)
+    cost = Objective(pooled, penalised=False).cost(at)
+    np.testing.assert_allclose(cost, -density.log_likelihood(pooled, at)[0], rtol=1e-12)
     wanted = approx_fprime(x[0], lambda q: found.cost(q[None])[0], 1e-7 * problem.prior.width)
     np.testing.assert_allclose(found.linearised(x)[0][0], wanted, atol=2e-5 * np.abs(wanted).max())
 
 
-def test_impacts_that_do_not_count():
+def test_impacts_that_do_not_count(monkeypatch):
     problem = form("camera")
     counted = np.ones((2, 10), dtype=bool)
     counted[0, 3] = counted[1, 5:8] = False
@@ -78,12 +87,18 @@ def test_impacts_that_do_not_count():
         np.testing.assert_allclose(found[0][row], alone[0][0], atol=1e-9 * problem.prior.width.max())
         assert found[1][row] == pytest.approx(alone[1][0], rel=1e-12)
     assert abs(found[1][0] - found[1][1]) > 0.1
+    whole = Objective(problem, counted=counted)
+    cost, (gradient, _) = whole.cost(start), whole.linearised(start)
+    monkeypatch.setattr(density, "AT_ONCE", 50)
+    np.testing.assert_allclose(whole.cost(start), cost, rtol=1e-12)
+    np.testing.assert_allclose(whole.linearised(start)[0], gradient, rtol=1e-9, atol=1e-9)
 
 
 def test_what_is_held_stays_to_the_last_bit():
     problem = form("timed")
-    start = near(problem, len(problem.free))
-    place = np.arange(len(problem.free))
+    start, place = near(problem, len(problem.free)), np.arange(len(problem.free))
+    mu = problem.free.index("mu")
+    start[mu, mu] = np.nextafter(problem.prior.high[mu], 0.0)
     x, cost, _ = descend(Objective(problem, penalised=False, held=place), start)
     np.testing.assert_array_equal(x[place, place], start[place, place])
     top = descend(Objective(problem, penalised=False), x)[1].min()
@@ -149,6 +164,29 @@ def test_no_maximum_of_scipy_is_higher(name):
     for k, item in enumerate(problem.observables):
         wanted = np.sqrt(np.nanmean((problem.rows.y[:, k] - made.mean[0, :, k]) ** 2))
         assert found.rms[item.column.name] == pytest.approx(wanted, rel=1e-12)
+
+
+def test_the_mode_in_which_all_impacts_grip_is_found():
+    # Nothing there depends on friction, and searches from plain draws of the priors end elsewhere.
+    table, rng = table_of(REBOUND, count=20, seed=1), seeded(101)
+    truth = {"mass_ratio": 0.99, "k_y": 2.2e4, "k_theta": 24.0, "mu": 2.0, "eps_10": -7e-4, "eps_slope": 1.4e-4,
+             "cor_10": 0.78, "cor_slope": -0.0156, "v_x_sd": 0.25, "v_y_sd": 0.2, "spin_sd": 8.0}  # fmt: skip
+    made = model("two-mass").rebound(dict(list(truth.items())[:8]), table.impacts)
+    for name, sd in zip(REBOUND, list(truth.values())[8:], strict=True):
+        table.values[name][:] = made.column(name) + sd * rng.standard_normal(20)
+    problem = problem_of(table, scene_of(), "two-mass")
+    known = descend(Objective(problem), problem.coordinates(truth)[None])[1][0]
+    assert best_fit(problem, seeded()).log_posterior[0] > -known - 1e-4
+
+
+def test_a_ridge_is_climbed_by_points_at_random():
+    problem = form("simple")
+    top = problem.coordinates(best_fit(problem, seeded()).optima[0])
+    objective = Objective(problem)
+    beside = top + 0.05 * np.sqrt(np.diagonal(np.linalg.inv(objective.linearised(top[None])[1][0])))
+    found = search._climbed(problem, beside[None], seeded())
+    lowest, begun, ended = objective.cost(np.stack([top, beside, found[0]]))
+    assert begun - lowest > 1e-3 and ended - lowest < 1e-5
 
 
 def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):
