@@ -133,6 +133,22 @@ def test_stiffnesses_are_traded_unless_a_time_was_measured():
     assert {"ball_mass", "inertia_ratio"} <= {*first.names}
     problem = problem_of(table_of(TIMED), None, "two-mass")
     assert first_order(problem, at(problem, near(problem, 1, 0.0)[0])).traded == {}
+    # Of a faster clock and another law of speed the clock is known, since the scene states it.
+    problem = problem_of(table_of(REBOUND), scene_of(camera=True), "two-mass")
+    traded = first_order(problem, at(problem, near(problem, 1, 0.0)[0])).traded
+    assert traded == {"k_y": ("k_theta",), "k_theta": ("k_y",)}
+
+
+def test_levels_that_agree_have_the_prior_of_a_search():
+    problem = problem_of(table_of(REBOUND, labels=("surface",), count=16), None, "grip-slip", fix=NOISE)
+    x = near(problem, 1, 0.0)[0]
+    for level in problem.forward.levels:
+        one, other = (problem.free.index(level.name(label)) for label in level.labels)
+        x[one] = x[other]
+    first = first_order(problem, at(problem, x))
+    found = first.root @ first.root.T * np.outer(first.sds, first.sds)
+    wide = first.proposal.factor @ first.proposal.factor.T
+    np.testing.assert_allclose(found, wide, rtol=1e-6, atol=1e-14)
 
 
 def test_noise_is_known_to_two_measurements_each():
@@ -156,8 +172,8 @@ def test_a_scatter_that_vanishes_has_room():
 
 
 def test_long_tables_are_thinned_and_streamed(monkeypatch):
-    problem = problem_of(table_of(REBOUND, count=400), None, "grip-slip", fix=NOISE)
-    x = best(problem)
+    problem = problem_of(table_of(REBOUND, count=400), scene_of(time=True), "two-mass", fix=NOISE)
+    x = near(problem, 1, 0.0)[0]
     point = at(problem, x)
     exact = first_order(problem, point)
     monkeypatch.setattr(module, "LONG", 100)

@@ -109,6 +109,16 @@ def test_two_optima_the_highest_counts_wherever_the_search_began(c, sd, starts):
     assert at == pytest.approx(np.sqrt(least / 7.0), rel=1e-3)
 
 
+def test_mirrored_wells_are_found_by_every_profile():
+    """The same with both signs changed: each of the two is nothing by itself."""
+    y = SPEEDS * 0.7 + 0.1 * (SPEEDS - 10.0) + noisy(2)
+    problem = dropped(wells, y)
+    found, _ = profiles(problem, from_values(problem, {"a": 1.0, "c": 0.1}, {"a": -1.0, "c": -0.1}))
+    for name in ("a", "c"):
+        low, high = found[name].interval_95
+        assert low == pytest.approx(-high, rel=0.03) and high > 0.1
+
+
 def two_mass(count=21, seed=0, scene=None, sizes=(0.1, 0.1, 4.0), **values):
     """Impacts of a ball with other values."""
     table = table_of(REBOUND, count=count)
@@ -169,6 +179,8 @@ def test_what_was_measured_beside_the_table_stays():
     assert profiles(free, near(free, 1, 0.0))[0]["k_y"].interval_95 == (None, None)
     problem = problem_of(table_of(REBOUND), scene_of(camera=True, time=True), "two-mass")
     found, _ = profiles(problem, near(problem, 1, 0.0))
+    # Eight parameters, of which the contact time shows one; the camera's are stated.
+    assert drops(problem)[1] == pytest.approx(15.0 * np.log1p(stats.t(23).ppf(0.975) ** 2 / 23.0))
     reach = np.sqrt(2.0 * drops(problem)[0])
     # A contact time known to 10 % goes with one over the root of the stiffness.
     low, high = found["k_y"].interval_68
