@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -59,6 +60,18 @@ def test_every_source_of_the_kernels_counts(tmp_path, monkeypatch):
             (tmp_path / name).write_text("x = 2\n")
         found += [compiled.folder.__wrapped__(), compiled.folder.__wrapped__()]
     assert found[::2] == found[1::2] and len(set(found)) == 4
+    # Numba's own setting is as it was for the user's functions.
+    assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
+
+
+def test_work_that_failed_is_not_marked_as_done(tmp_path):
+    mark = tmp_path / "mark"
+    with pytest.raises(FloatingPointError), environment.first_time(mark, "working"):
+        raise FloatingPointError
+    assert not mark.exists()
+    with environment.first_time(mark, "working"):
+        assert not mark.exists()
+    assert mark.exists()
 
 
 @pytest.mark.parametrize(

@@ -102,3 +102,13 @@ def test_anything_within_bounds_is_solved_or_refused(options):
     assert 0.05 < good.mean() < 0.95
     for output in OUTPUTS:
         assert np.array_equal(np.isfinite(getattr(found, output)), good)
+
+
+@pytest.mark.parametrize("eps", [4.6e-3, -4.6e-3])
+def test_an_elastic_ball_that_lands_without_slip_is_held(eps):
+    """All forces begin at zero: only their rates tell that no grip with the offset is possible, and on which side."""
+    chosen = fitball.model("two-mass+normal=total+torsion=free+offset=grip")
+    values = {"mass_ratio": 0.8, "k_y": 2e4, "k_theta": 20.0, "mu": 1e-3, "eps_10": eps, "eps_slope": 0.0}
+    values |= {"cor_10": 1.0, "cor_slope": 0.0, "zeta_theta": 0.3}
+    found = chosen.rebound(values, fitball.impacts(0.0, 10.0))
+    assert f"{found.regime[0]:o}" == "4" and found.v_x2[0] == 0.0 and found.omega_2[0] == 0.0
