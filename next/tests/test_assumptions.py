@@ -35,7 +35,7 @@ def best(problem, start=None):
 def tried(problem, seed=1):
     # A kink may stop this search, as it may stop any.
     point = at(problem, descend(Objective(problem), near(problem, 1, 0.0))[0][0])
-    return {one.choice: one for one in alternatives(problem, point, np.random.default_rng(seed))}
+    return {one.choice: one for one in alternatives(problem, point, np.random.default_rng(seed))[0]}
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +185,6 @@ def test_what_a_value_is_given():
 def test_a_model_without_choices_is_an_assumption_of_all_values():
     problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip")
     point = at(problem, best(problem))
-    found = alternatives(problem, point, np.random.default_rng(1))
+    found, _ = alternatives(problem, point, np.random.default_rng(1))
     fit = {name: Summary(*[point.optima[0][name]] * 2, np.inf, *[0.0] * 4) for name in problem.free}
     assert given(found, (), fit) == dict.fromkeys(problem.free, ("model",))

@@ -235,3 +235,15 @@ def test_labels_are_drawn_as_they_are():
     assert plain("5 $ and $x^2$", 40) == r"5 \$ and \$x^2\$" and "\n" not in plain("a\nb") and len(plain(LONG)) == 18
     one = made_fit(table_of(24, ("a$x", "b")))
     assert symbol(one, "mu[a$x]") == r"$\mu$, a\$x" and symbol(one, "court_pace") == "court pace"
+
+
+def test_a_value_of_which_a_few_draws_are_not_positive_has_no_logarithmic_axis():
+    one = made_fit()
+    draws = one.draws.values["mu"]
+    rng = np.random.default_rng(1)
+    draws[:] = np.exp(rng.normal(0.0, 2.0, len(draws)))
+    draws[:3] = -1e-3, 0.0, -2e-3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        drawn = figure("corner", one)
+    assert drawn.axes[0].get_xlim()[0] < 0.0 < drawn.axes[0].get_xlim()[1]

@@ -1,5 +1,7 @@
 """Searches: cost and slopes, steps within bounds and walls, maxima against scipy's, long tables by parts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, minimize
@@ -37,7 +39,10 @@ def test_cost_is_minus_the_posterior_and_its_slopes_are_right(name):
     problem = form(name)
     x = near(problem)
     objective = Objective(problem)
-    np.testing.assert_allclose(objective.cost(x), -density.log_posterior(problem, x), rtol=1e-12)
+    # Without the spike of the prior where all levels agree, which is none elsewhere.
+    raised = replace(problem, prior=problem.prior.smooth)
+    np.testing.assert_allclose(objective.cost(x), -density.log_posterior(raised, x), rtol=1e-12)
+    assert (name == "levels") == bool(np.any(objective.cost(x) != -density.log_posterior(problem, x)))
     gradient, curvature = objective.linearised(x)
     for row, found in zip(x, gradient, strict=True):
         wanted = approx_fprime(row, lambda q: objective.cost(q[None])[0], 1e-7 * problem.prior.width)
@@ -221,3 +226,21 @@ def test_a_model_without_an_answer():
     with pytest.raises(FitError) as caught:
         best_fit(problem, seeded())
     assert caught.value.code == "no-answer"
+
+
+def test_levels_that_differ_are_not_found_to_agree(monkeypatch):
+    """Two surfaces on which the ball keeps 1.8 m/s more or less: with its spike the prior has the highest density
+    where both agree.
+    """
+    table = table_of(REBOUND, labels=("surface",), count=24)
+    first = np.array(table.labels["surface"]) == table.labels["surface"][0]
+    moved = table.values["v_x2"] + np.where(first, 0.9, -0.9)
+    problem = problem_of(replace(table, values={**table.values, "v_x2": moved}), scene_of())
+
+    def apart():
+        point = best_fit(problem, seeded()).optima[0]
+        return abs(np.subtract(*(point[name] for name in problem.free if name.startswith("mu["))))
+
+    assert apart() > 0.005
+    monkeypatch.setattr(type(problem.prior), "smooth", property(lambda prior: prior))
+    assert apart() < 0.001
