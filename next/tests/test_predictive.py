@@ -122,7 +122,7 @@ def test_a_column_without_a_scatter_of_its_own_follows_from_noisy_velocities():
 def test_blocks_are_one_piece(monkeypatch):
     asked = {"errors": row_errors(made({"v_x1": AT.v_x1, "v_y1": AT.v_y1}, {"v_x1": 0.3}), ("v_x2",))}
     whole = predicted(("v_x2",), **asked)["v_x2"]
-    monkeypatch.setattr(predictive, "AT_ONCE", COUNT)
+    monkeypatch.setattr(predictive, "_BLOCK", COUNT)
     # Sums over other shapes round differently.
     pd.testing.assert_frame_equal(predicted(("v_x2",), **asked)["v_x2"], whole, rtol=1e-12)
 

@@ -332,12 +332,15 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
     # What a caller says goes before the scene.
     turned = fitball.load_table(place, columns={"theta_1": "angle_out", "theta_2": "angle_in"})
     np.testing.assert_allclose(turned.values["theta_1"], np.radians([23, 25]))
-    # New impacts are read as those of the fit, and need no rebound.
-    assert reading_of(by_scene)["columns"] == names | {"theta_2": "angle_out"}
-    new = written(tmp_path, "Vin (mph),angle_in", "38,20", name="new.csv")
-    np.testing.assert_array_equal(
-        fitball.load_table(new, **reading_of(by_scene), rebound=False).values["v_1"], ours.values["v_1"][:1]
-    )
+    # New impacts are read as those of the fit, in its units where they have none, and need no rebound.
+    units = {"v_1": "mph", "theta_1": "deg", "v_2": "km/h", "theta_2": "deg"}
+    named = names | {"theta_2": "angle_out"}
+    assert reading_of(by_scene)["columns"] == {name: f"{their} [{units[name]}]" for name, their in named.items()}
+    for table, head in ((by_scene, "Vin (mph),angle_in"), (by_scene, "Vin,angle_in"), (ours, "v_1,theta_1")):
+        new = fitball.load_table(written(tmp_path, head, "38,20", name="n.csv"), **reading_of(table), rebound=False)
+        np.testing.assert_array_equal(new.values["v_1"], ours.values["v_1"][:1])
+    other = {"v_x1 [m/s]": [10.0], "v_y1 [km/h]": [36.0]}
+    assert fitball.load_table(other, **reading_of(ours), rebound=False).values["v_y1"] == 10.0
 
 
 def test_how_a_table_was_read_is_kept(tmp_path):

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from fitball.columns import STATE
 from fitball.inference.curves import series
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked, predict
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import Alternative, Constant, Diagnostics, Estimate, Profile
-from fitball.values import DataFrame
+from fitball.values import DataFrame, Impacts
 
 _NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
 # Kinds in the order of the page.
@@ -62,14 +63,21 @@ def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> Dat
     )
     asked = Asked(states, rows.index, columns, rows.errors, problem.camera, rows.y, stated)
     found = predict(problem.forward, draws, asked, rng)
+    return laid_out(found, problem.table.labels, states, series=series(problem)[1])
+
+
+def laid_out(found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any) -> DataFrame:
+    """What `predict` found with id, labels, incident state and `more` of each impact (impacts,) before it; a label
+    does not replace a column.
+    """
     speed, angle = states.polar()
     shared: dict[str, Any] = {
-        "id": problem.table.labels["id"],
-        **problem.table.labels,
+        "id": labels["id"],
+        **labels,
         "v_1": speed,
         "theta_1": angle,
-        **{name: getattr(states, name) for name in ("v_x1", "v_y1", "omega_1")},
-        "series": series(problem)[1],
+        **{name: getattr(states, name) for name in STATE},
+        **more,
     }
     places = found.pop("row").to_numpy()
     lead = {"row": places}
