@@ -1,0 +1,74 @@
+"""The port in Python: the kernels' own text, with the arithmetic of IEEE 754 where Python raises an error instead."""
+
+import ast
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fitball.exports.port import face
+from fitball.exports.port.dialects import listed
+from fitball.exports.port.source import Source, Type, fields_of, is_struct
+
+
+def over(a: float, b: float) -> float:
+    """The quotient, of zero too."""
+    if b != 0.0:
+        return a / b
+    return a * math.copysign(math.inf, b) if a != 0.0 else math.nan
+
+
+def exp(x: float) -> float:
+    """The exponential."""
+    return math.inf if x > 709.0 else math.exp(x)
+
+
+def log(x: float) -> float:
+    """The logarithm."""
+    return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
+
+
+def log1p(x: float) -> float:
+    """The logarithm of 1 + x."""
+    return math.log1p(x) if x > -1.0 else -math.inf if x == -1.0 else math.nan
+
+
+def sqrt(x: float) -> float:
+    """The root."""
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+def cos(x: float) -> float:
+    """The cosine."""
+    return math.cos(x) if abs(x) < math.inf else math.nan
+
+
+def sin(x: float) -> float:
+    """The sine."""
+    return math.sin(x) if abs(x) < math.inf else math.nan
+
+
+def whole(x: float) -> int:
+    """A whole number, of no number too."""
+    return int(x) if abs(x) < math.inf else 0
+
+
+HELPERS: Mapping[str, Callable[..., Any]] = {
+    "/": over, "**6": face.sixth, "int": whole, "math.exp": exp, "math.log": log, "math.log1p": log1p,
+    "math.sqrt": sqrt, "math.cos": cos, "math.sin": sin,
+}  # fmt: skip
+
+
+def function_text(source: Source, name: str) -> str:
+    """A function."""
+    return ast.unparse(source.functions[name])
+
+
+def struct_text(kind: Type) -> str:
+    """The class of a named tuple; tuples need none."""
+    fields = (f"    {name}: {item.__name__}" for name, item in fields_of(kind).items())
+    return "\n".join([f"class {kind.__name__}(NamedTuple):", *fields]) if is_struct(kind) else ""
+
+
+def constant_text(name: str, value: Any) -> str:
+    """The definition of a constant."""
+    return f"{name} = [\n{listed(map(repr, value))}]" if isinstance(value, list) else f"{name} = {value!r}"

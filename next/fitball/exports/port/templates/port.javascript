@@ -1,0 +1,27 @@
+/*
+@head@
+ *
+ * Self-test: node bounce.js
+ * For a page and for node; all names are those of the object Bounce.
+ *
+@licence@
+ */
+const Bounce = (function () {
+    "use strict";
+
+    @constants@
+
+    @functions@
+
+    const offered = { rebound, rebound_3d, self_test };
+    offered.@name@ = LEVELS_[@place@];
+    return offered;
+})();
+if (typeof module !== "undefined" && module.exports) {
+    module.exports = Bounce;
+    if (require.main === module) {
+        const worst = Bounce.self_test(), passed = worst <= @tolerance@;
+        console.log(`@impacts@ golden impacts, largest relative difference ${worst.toExponential(1)}: ${passed ? "passed" : "FAILED"}`);
+        process.exitCode = passed ? 0 : 1;
+    }
+}
