@@ -38,7 +38,7 @@ class Format(NamedTuple):
 FORMATS: Mapping[str, Format] = {
     "c": Format("bounce.h", lambda asked: port(asked.sets, "c")),
     "csharp": Format("Bounce.cs", lambda asked: port(asked.sets, "csharp")),
-    "javascript": Format("bounce.mjs", lambda asked: port(asked.sets, "javascript")),
+    "javascript": Format("bounce.js", lambda asked: port(asked.sets, "javascript")),
     "python": Format("bounce.py", lambda asked: port(asked.sets, "python")),
     "golden": Format("golden.csv", lambda asked: port(asked.sets, "golden")),
     "page": Format("bounce.html", lambda asked: page.page(asked.sets, asked.at), at=True),
