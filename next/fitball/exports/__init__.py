@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from fitball.errors import FolderError, Note, ParameterError, suggestion
 from fitball.exports import arviz, engine, page, parameters
 from fitball.exports.parameter_set import ParameterSet, of_fit, of_model
-from fitball.exports.port import port
+from fitball.exports.port import FILES, port
 from fitball.files import ResultFolder, result_folder
 from fitball.inference.fit import Fit
 from fitball.models.model import Model
@@ -35,12 +36,12 @@ class Format(NamedTuple):
     at: bool = False
 
 
+def _port(language: str, asked: Asked) -> str:
+    return port(asked.sets, language)
+
+
 FORMATS: Mapping[str, Format] = {
-    "c": Format("bounce.h", lambda asked: port(asked.sets, "c")),
-    "csharp": Format("Bounce.cs", lambda asked: port(asked.sets, "csharp")),
-    "javascript": Format("bounce.js", lambda asked: port(asked.sets, "javascript")),
-    "python": Format("bounce.py", lambda asked: port(asked.sets, "python")),
-    "golden": Format("golden.csv", lambda asked: port(asked.sets, "golden")),
+    **{name: Format(file, partial(_port, name)) for name, file in FILES.items()},
     "page": Format("bounce.html", lambda asked: page.page(asked.sets, asked.at), at=True),
     "engine": Format("engine.md", lambda asked: engine.engine(asked.sets, asked.at), at=True),
     "json": Format("parameters.json", lambda asked: parameters.as_json(asked.sets, asked.fit)),
