@@ -151,7 +151,7 @@ _KEYS: Mapping[str, _Size | tuple[str, ...] | type] = {
     "camera.court_height": _Size(-0.2, 0.2, "m"), "camera.fps": _Size(1.0, 1e7, "frames/s"),
     "camera.mm_per_px": _Size(1e-4, 1e3, "mm"), "camera.court": _Size(-100.0, 100.0, "m"),
     "camera.y": ("up", "down"), "camera.angles": ("counterclockwise", "clockwise"), "camera.fold": _Size(1, 100),
-    "camera.lasting": _Size(0.0, 0.1, "m"), "camera.row_time": _Size(1e-10, 0.01, "s"),
+    "camera.lasting": _Size(0.0, 0.1, "m"), "camera.row_time": _Size(0.0, 0.01, "s"),
     "flight.drag": _Size(0.01, 3.0), "flight.lift": _Size(-2.0, 2.0), "flight.spin_sd": _Size(0.1, 1e4, "rad/s"),
     "air.density": _Size(0.3, 2.0, "kg/m^3"), "air.temperature": _CELSIUS, "air.pressure": _Size(3e4, 1.2e5, "Pa"),
     "model.name": _TEXT, "prior.*": _TEXT, "fix.*": _Size(-1e300, 1e300), "pool.*": _TEXT, "columns.*": _TEXT,
