@@ -1,0 +1,190 @@
+"""The page with sliders, run by node as by a browser; ArviZ's groups, held against densities of the fit."""
+
+import json
+import math
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import xarray
+from support.made_fit import made_fit, table_of
+
+import fitball
+from fitball.inference.density import log_posterior
+from fitball.inference.sampling.convergence import mixing
+
+SCRIPT = "</script><script>alert(1)</script>"
+LABELS = ("clay", SCRIPT, '"><img src=x onerror=alert(1)>')
+# As much of a browser as the page asks for.
+BROWSER = """
+class Node {
+    constructor(id) { Object.assign(this, { id, value: "", children: [], heard: {}, rows: [], cells: [] }); }
+    get firstChild() { return this.children[0]; }
+    addEventListener(name, call) { this.heard[name] = call; }
+    setAttribute(name, value) { this[name] = value; }
+    appendChild(node) { this.children.push(node); return node; }
+    replaceChildren(...nodes) { this.children = nodes; this.rows = []; }
+    insertRow() { this.rows.push(new Node()); return this.rows.at(-1); }
+    insertCell() { this.cells.push(new Node()); return this.cells.at(-1); }
+    move(value) { this.value = value; this.heard[this.id === "level" ? "change" : "input"](); }
+}
+const nodes = {};
+const document = {
+    getElementById: id => PAGE.includes(id) ? nodes[id] ??= new Node(id) : null,
+    createElementNS: () => new Node(), createElement: () => new Node(),
+};
+"""
+
+
+class Page(HTMLParser):
+    """Scripts, ids, texts of options, and attributes that run code."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.scripts, self.ids, self.options, self.handlers, self.open = [], [], [], [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.open = tag
+        self.ids += [value for name, value in attrs if name == "id"]
+        self.handlers += [name for name, _ in attrs if name.startswith("on")]
+        if tag == "script":
+            self.scripts.append("")
+        if tag == "img":
+            self.handlers.append(tag)
+
+    def handle_endtag(self, tag):
+        self.open = ""
+
+    def handle_data(self, data):
+        if self.open == "script":
+            self.scripts[-1] += data
+        if self.open == "option":
+            self.options.append(data)
+
+
+@pytest.fixture(scope="module")
+def levelled():
+    return fitball.calibrate(table_of(30, surfaces=LABELS), model="grip-slip", point_only=True)
+
+
+def text_of(made):
+    (text,) = made.contents.values()
+    return text
+
+
+def run(page, *lines):
+    """What lines of script print as JSON in the page."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs node")
+    code = "\n".join([f"const PAGE = {json.dumps(page.ids)};", BROWSER, *page.scripts, *lines])
+    done = subprocess.run([node, "-"], input=code, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_names_of_others_are_text_on_the_page(levelled):
+    page = Page(text_of(levelled.export(to="page")))
+    assert len(page.scripts) == 2 and page.handlers == []
+    assert page.options == list(LABELS)
+    nasty = Page(text_of(made_fit(name=SCRIPT).export(to="page")))
+    assert len(nasty.scripts) == 2 and "level" not in nasty.ids
+
+
+def test_the_page_computes_the_rebounds_of_the_model(levelled):
+    page = Page(text_of(levelled.export(to="page", at="v_1=20, theta_1=30, omega_1=10 rev/s")))
+    values = {**levelled.point.optima[0], "mu": 0.3}
+    shown = (
+        "console.log(JSON.stringify("
+        '[state, bounce(state), place("rebound").rows.map(row => row.cells[2].textContent)]))'
+    )
+    state, found, cells = run(page, shown)
+    assert (state["speed"], state["angle"], state["spin"]) == (20.0, 30.0, 600.0)
+    names = [spec.name for spec in fitball.model("grip-slip").parameters]
+    for level, label in enumerate(LABELS[:2]):
+        own = {name: values.get(f"{name}[{label}]", values[name]) for name in names if name != "cor_10"}
+        own["cor_10"] = values.get(f"cor_10[{label}]") or values["cor_10"]
+        impact = fitball.impacts(20.0 * math.cos(math.pi / 6.0), 10.0, 20.0 * math.pi)
+        true = levelled.problem.forward.model.rebound(own, impact)
+        state, found, cells = run(page, f'place("level").move("{level}");' if level else "", shown)
+        assert found["v_x2"] == pytest.approx(true.v_x2[0], rel=1e-12)
+        assert found["omega_2"] == pytest.approx(true.omega_2[0], rel=1e-12)
+        assert float(cells[0].replace("\u2212", "-")) == pytest.approx(true.v_x2[0], abs=0.006)
+    moved = 'place("mu").move("0.3"); place("angle-number").move("12"); place("speed").move("abc");'
+    state, found, _ = run(page, moved, shown)
+    low = {name: values.get(f"{name}[clay]", values[name]) for name in names if name != "cor_10"} | {"mu": 0.3}
+    low["cor_10"] = values.get("cor_10[clay]") or values["cor_10"]
+    angle = math.radians(12.0)
+    impact = fitball.impacts(20.0 * math.cos(angle), 20.0 * math.sin(angle), 20.0 * math.pi)
+    true = levelled.problem.forward.model.rebound(low, impact)
+    assert found["v_x2"] == pytest.approx(true.v_x2[0], rel=1e-12)
+
+
+def test_the_page_says_what_it_does_not_rest_on(levelled):
+    said = 'console.log(JSON.stringify([place("said").className, place("said").children.length]))'
+    usual = run(Page(text_of(levelled.export(to="page"))), said)
+    assert usual == ["lead good", 1]
+    beyond = run(Page(text_of(levelled.export(to="page", at="v_1=60, theta_1=80"))), said)
+    assert beyond == ["lead part", 2]
+    assert run(Page(text_of(levelled.export(to="page"))), 'place("mu").move("0.2");', said) == ["lead part", 2]
+    assert run(Page(text_of(fitball.export(to="page", model="brody"))), said) == ["lead part", 2]
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return made_fit(table_of(20, surfaces=("clay", "grass/new")), name="balls")
+
+
+def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
+    tree, problem = fit.to_datatree(), fit.problem
+    ensembles, steps, walkers, _ = fit.posterior.values.shape
+    draws = tree["posterior"]
+    assert draws.sizes["chain"] == ensembles * walkers and draws.sizes["draw"] == steps
+    assert draws["ensemble"].values.tolist() == [0] * walkers + [1] * walkers
+    assert "cor_10[grass\u2215new]" in draws and draws["offset"].attrs["units"] == "m"
+    chain, step = walkers + 3, 7
+    row = fit.posterior.values[1, step, 3]
+    for k, name in enumerate(problem.free):
+        assert draws[name.replace("/", "\u2215")].values[chain, step] == row[k]
+    q = problem.prior.coordinate(row[None])
+    total = tree["log_likelihood"]["impacts"].values[chain, step].sum()
+    total += sum(one.values[chain, step] for one in tree["log_prior"].data_vars.values())
+    assert total == pytest.approx(log_posterior(problem, q)[0], abs=1e-9)
+    assert tree["sample_stats"]["lp"].values[chain, step] == pytest.approx(total, abs=1e-9)
+    assert tree["constant_data"]["surface"].values.tolist() == list(fit.run.table.labels["surface"])
+
+
+def test_statistics_of_others_are_those_of_the_fit(fit):
+    from arviz_stats.base.array import array_stats
+
+    draws, mine = fit.to_datatree()["posterior"], mixing(fit.problem.free, fit.posterior.values)
+    for name in ("mu[clay]", "e_x", "v_x_sd"):
+        axes = {"chain_axis": 0, "draw_axis": 1}
+        assert array_stats.ess(draws[name].values, method="bulk", **axes) == pytest.approx(mine.ess_bulk[name])
+        nested = array_stats.rhat_nested(draws[name].values, superchain_ids=draws["ensemble"].values, **axes)
+        assert nested == pytest.approx(mine.r_hat[name])
+
+
+def test_replicated_tables_scatter_as_the_noise_says(fit):
+    tree, problem = fit.to_datatree(), fit.problem
+    values = {name: fit.posterior.values[..., k].transpose(0, 2, 1).ravel() for k, name in enumerate(problem.free)}
+    values |= {one.spec.name: np.full(400, one.fixed) for one in problem.parameters if one.fixed is not None}
+    true = problem.forward.rebound(values, problem.rows.states, problem.rows.index)
+    for column, noise in (("v_x2", "v_x_sd"), ("omega_2", "spin_sd")):
+        again = tree["posterior_predictive"][column].values.reshape(400, -1)
+        z = (again - true.column(column)) / values[noise][:, None]
+        # 8,000 normal numbers: five standard errors.
+        assert abs(z.mean()) < 5.0 / math.sqrt(z.size) and abs(z.std() - 1.0) < 5.0 / math.sqrt(2.0 * z.size)
+        assert np.array_equal(tree["observed_data"][column], fit.run.table.values[column], equal_nan=True)
+    before = tree["prior"]["e_x"].values
+    assert abs(before.mean()) < 5.0 * before.std() / math.sqrt(before.size)
+
+
+def test_the_file_is_the_tree(fit, tmp_path):
+    (file,) = fit.export(to="arviz").save(tmp_path)
+    with xarray.open_datatree(file, engine="h5netcdf") as again:
+        xarray.testing.assert_identical(again["posterior"].to_dataset(), fit.to_datatree()["posterior"].to_dataset())
+        assert set(again.children) == set(fit.to_datatree().children)
