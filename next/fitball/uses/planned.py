@@ -1,0 +1,247 @@
+"""What a plan is asked, in words: settings, sensors, targets. Imports: inference, data, base."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from fitball import itf
+from fitball.columns import COLUMNS, REBOUND
+from fitball.data.labels import spelled
+from fitball.data.lines import Span, impacts_of, spans
+from fitball.errors import ParameterError, suggestion
+from fitball.inference.derived import Quantity
+from fitball.inference.fit import Fit
+from fitball.inference.forward import NEW_LEVEL, Values
+from fitball.models.model import Model
+from fitball.numbers import Unit
+from fitball.priors import ParameterSpec, parse_prior
+from fitball.values import FloatArray, Impacts, IntArray
+
+# Steps of a range of which none are given, and settings at most: beyond them a plan takes minutes.
+STEPS: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}
+MOST = 20_000
+# How an impact is measured as those of the table were, and what a sensor is besides a column.
+BEFORE, GAPS, DROP = "as before", "gaps", "drop"
+# Velocities of a rebound, any two of which say the others.
+_VELOCITY = ("v_x2", "v_y2", "v_2", "theta_2")
+_IMPACT = "impact="
+
+
+class Settings(NamedTuple):
+    """Impacts (settings,) that a machine can be set to, their levels (settings, levels), the options that were not
+    given: their ranges are those of the table.
+    """
+
+    impacts: Impacts
+    index: IntArray
+    assumed: tuple[str, ...]
+
+
+class Sensor(NamedTuple):
+    """A way of measuring: `sds` [SI] of columns that are read besides, or better than, before; a `drop` has one
+    impact, of which the vertical speed alone is read.
+    """
+
+    name: str
+    sds: Mapping[str, float]
+    drop: Impacts | None = None
+
+
+def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) -> Settings:
+    """The grid of `words` (speed, angle, spin), by default over the measured range, on every measured surface or
+    those of `level`. Raises ParameterError (`impact`, `not-measured`, `too-many-settings`, those of `levels_of`).
+    """
+    model, states = fit.problem.forward.model, fit.problem.rows.states
+    speed, angle = states.polar()
+    spun = model.tangential and fit.run.table.shows("spin")
+    axes, assumed = list[FloatArray](), list[str]()
+    for option, column, values, varies in (
+        ("speed", "v_1", speed if model.tangential else states.v_y1, True),
+        ("angle", "theta_1", angle if model.tangential else np.array([np.pi / 2.0]), model.tangential),
+        ("spin", "omega_1", states.omega_1 if spun else np.zeros(1), spun),
+    ):
+        span, given = Span(float(values.min()), float(values.max())), words.get(option, "")
+        if given and not varies:
+            text = f"--{option}: the fit has no {COLUMNS[column].title}, since none was measured; leave it out"
+            raise ParameterError(text, "not-measured")
+        if given:
+            span = spans(f"{column}={given}", "value range count")[column]
+        elif varies:
+            assumed.append(option)
+        steps = span.count if span.count > 1 else STEPS[column]
+        axes.append(np.linspace(span.low, span.high, steps if span.high > span.low else 1))
+    keys = measured_levels(fit, level)
+    count = len(keys) * axes[0].size * axes[1].size * axes[2].size
+    if count > MOST:
+        raise ParameterError(f"{count:,} settings: expected at most {MOST:,}; use fewer steps", "too-many-settings")
+    place, fast, steep, spin = (
+        one.ravel() for one in np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij")
+    )
+    along = fast * np.cos(steep) if model.tangential else np.zeros(fast.size)
+    found = Impacts(along, fast * np.sin(steep), spin)
+    return Settings(found, keys[place.astype(np.int64)], tuple(assumed))
+
+
+def measured_levels(fit: Fit, level: Mapping[str, str]) -> IntArray:
+    """The combinations (combinations, levels) of a table, or those with the labels of `level`. Raises ParameterError
+    (`unknown-label-column`, `unknown-label`, `no-such-levels`).
+    """
+    levels, keys = fit.problem.forward.levels, np.unique(fit.problem.rows.index, axis=0)
+    columns = {spelled(one.column): one.column for one in levels}
+    for column, label in level.items():
+        if spelled(column) not in columns:
+            known = suggestion(column, columns.values()) if columns else "it has no levels"
+            raise ParameterError(f"level: no parameter of this fit differs by {column}: {known}", "unknown-label-column")
+        for k, one in enumerate(levels):
+            if spelled(one.column) == spelled(column):
+                place = one.place(label)
+                if place == NEW_LEVEL:
+                    text = f"level: a plan needs a {column} that was fitted: {', '.join(one.labels)}"
+                    raise ParameterError(text, "unknown-label")
+                keys = keys[keys[:, k] == place]
+    if not len(keys):
+        text = f"level: no impact of the table has {' and '.join(level.values())} together"
+        raise ParameterError(text, "no-such-levels")
+    return keys
+
+
+def _predicts(model: Model, name: str) -> bool:
+    """Whether a model says anything of a rebound column."""
+    column = COLUMNS[name]
+    return (model.tangential or not column.tangential) and (model.timed or not column.timed)
+
+
+def sensors_of(fit: Fit, words: Mapping[str, str] | None) -> list[Sensor]:
+    """Measuring as before, then `COLUMN=SD`, `gaps=SHARE` of their usual errors, `drop=HEIGHT`; by default those that
+    the model can answer for and the table has not: the contact time to 0.2 ms, gaps, a drop from 254 cm. Raises
+    ParameterError (`impact`, `sensor`).
+    """
+    model, measured = fit.problem.forward.model, [item.column.name for item in fit.problem.observables]
+    gaps = [name for name in REBOUND if COLUMNS[name].gap and _predicts(model, name)]
+    if words is None:
+        vertical = any(not COLUMNS[name].tangential and not COLUMNS[name].timed for name in measured)
+        usual = {
+            "contact_time": ("0.2 ms", model.timed and "contact_time" not in measured),
+            GAPS: ("1", bool(gaps) and not {*gaps} & {*measured}),
+            DROP: ("254 cm", model.tangential and vertical),
+        }
+        words = {name: text for name, (text, good) in usual.items() if good}
+    found = [Sensor(BEFORE, {})]
+    for name, text in words.items():
+        if name == DROP:
+            height = spans(f"drop_height={text}", "value")["drop_height"].low
+            fall = np.array([itf.fall_speed(height)])
+            found.append(Sensor(name, {}, Impacts(np.zeros(1), fall, np.zeros(1))))
+        elif name == GAPS:
+            share = _share(text)
+            _refuse(model, gaps or [one for one in REBOUND if COLUMNS[one].gap], measured)
+            found.append(Sensor(name, {gap: share * _usual(gap) for gap in gaps}))
+        elif name in REBOUND:
+            _refuse(model, [name], measured)
+            found.append(Sensor(name, {name: spans(f"{name}={text}", "error")[name].low}))
+        else:
+            hint = suggestion(name, (*REBOUND, GAPS, DROP))
+            raise ParameterError(
+                f"sensor {name}={text}: expected COLUMN=SD such as contact_time=0.2ms, gaps=SHARE of their usual "
+                f"errors, or drop=HEIGHT; {hint}",
+                "sensor",
+            )
+    return found
+
+
+def _usual(gap: str) -> float:
+    """The usual error of a column, the median of the prior of its noise."""
+    noise = COLUMNS[gap].noise
+    assert noise is not None
+    return float(parse_prior(noise, noise.prior).quantile(np.array([0.5]))[0])
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = np.nan
+    if not 0.0 < share < np.inf:
+        raise ParameterError(f"sensor gaps={text}: expected a share of the usual errors, such as 0.5", "sensor")
+    return share
+
+
+def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None:
+    """Refuse columns of which the model says nothing, and velocities that follow from those measured before."""
+    for name in names:
+        if not _predicts(model, name):
+            why = "it has no time axis" if COLUMNS[name].timed and not model.timed else "it has vertical motion only"
+            text = f"sensor {name}: {model.text} does not predict the {COLUMNS[name].title}: {why}"
+            raise ParameterError(text, "sensor")
+        known = [one for one in measured if one in _VELOCITY]
+        if name in _VELOCITY and name not in measured and len(known) > 1:
+            raise ParameterError(f"sensor {name}: it follows from {' and '.join(known)}; name these", "sensor")
+
+
+def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]:
+    """Parameters and derived quantities by name (`mu`: on every surface), `impact=v_1=30, theta_1=16 deg`: its
+    rebound; none: all free parameters of the model. `keys` are the combinations of levels that count. Raises
+    ParameterError (`unknown-quantity`, `impact`, `not-measured`, `nothing-free`).
+    """
+    summary, levels = fit.summary, fit.problem.forward.levels
+    left_out = {
+        one.name(label)
+        for k, one in enumerate(levels)
+        for place, label in enumerate(one.labels)
+        if place not in keys[:, k]
+    }
+    names, words = list[str](), list[str]()
+    for item in asked:
+        if item.startswith(_IMPACT) and item not in summary.index:
+            words.append(item.removeprefix(_IMPACT))
+        elif words and "=" in item and item not in summary.index:
+            # Commas separate targets and parts of an impact.
+            words[-1] += f", {item}"
+        else:
+            at_levels = [one for one in summary.index if one.partition("[")[0] == item and one not in left_out]
+            names += [item] if item in summary.index or not at_levels else at_levels
+    if not asked:
+        main = summary.index[summary["kind"].isin(("model", "level"))]
+        names = [name for name in main if name in fit.problem.free and name not in left_out]
+        if not names:
+            raise ParameterError("no parameter of the model is free: name a target", "nothing-free")
+    found = [fit.quantity(name) for name in dict.fromkeys(names)]
+    for number, text in enumerate(words, 1):
+        found += _rebounds(fit, text, keys, f" ({number})" if len(words) > 1 else "")
+    return found
+
+
+def _rebounds(fit: Fit, text: str, keys: IntArray, number: str) -> list[Quantity]:
+    """Velocities and spin after one impact, on each surface."""
+    forward = fit.problem.forward
+    impact, _ = impacts_of(spans(text, "value"))
+    if not forward.model.tangential and (impact.v_x1[0] or impact.omega_1[0]):
+        text = f"impact '{text}': the fit has vertical motion only; name v_y1 alone"
+        raise ParameterError(text, "not-measured")
+
+    def rebound(column: str, key: IntArray, values: Values) -> FloatArray:
+        return forward.rebound(values, impact, key).column(column)[:, 0]
+
+    found = []
+    for key in keys:
+        label = labels_in_words(fit, key)
+        for name in ("v_x2", "v_y2", "omega_2"):
+            if not _predicts(forward.model, name):
+                continue
+            column = COLUMNS[name]
+            spec = ParameterSpec(
+                f"{name}{number}{f'[{label}]' if label else ''}", column.unit, -np.inf, np.inf, "", column.title,
+                column.symbol, handy=column.handy or Unit(column.unit),
+            )  # fmt: skip
+            found.append(Quantity(spec, partial(rebound, name, key[None])))
+    return found
+
+
+def labels_in_words(fit: Fit, key: IntArray) -> str:
+    """Levels (levels,) as `clay, ball A`; "" where there are none."""
+    pairs = zip(fit.problem.forward.levels, key.tolist(), strict=True)
+    return ", ".join({one.column: one.labels[place] for one, place in pairs}.values())
