@@ -37,7 +37,7 @@ class Settings(NamedTuple):
     """
 
     impacts: Impacts
-    index: IntArray
+    levels: IntArray
     assumed: tuple[str, ...]
 
 
@@ -78,9 +78,7 @@ def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) ->
     count = len(keys) * axes[0].size * axes[1].size * axes[2].size
     if count > MOST:
         raise ParameterError(f"{count:,} settings: expected at most {MOST:,}; use fewer steps", "too-many-settings")
-    place, fast, steep, spin = (
-        one.ravel() for one in np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij")
-    )
+    place, fast, steep, spin = (one.ravel() for one in np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij"))
     along = fast * np.cos(steep) if model.tangential else np.zeros(fast.size)
     found = Impacts(along, fast * np.sin(steep), spin)
     return Settings(found, keys[place.astype(np.int64)], tuple(assumed))
@@ -95,7 +93,9 @@ def measured_levels(fit: Fit, level: Mapping[str, str]) -> IntArray:
     for column, label in level.items():
         if spelled(column) not in columns:
             known = suggestion(column, columns.values()) if columns else "it has no levels"
-            raise ParameterError(f"level: no parameter of this fit differs by {column}: {known}", "unknown-label-column")
+            raise ParameterError(
+                f"level: no parameter of this fit differs by {column}: {known}", "unknown-label-column"
+            )
         for k, one in enumerate(levels):
             if spelled(one.column) == spelled(column):
                 place = one.place(label)

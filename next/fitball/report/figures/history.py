@@ -1,0 +1,92 @@
+"""The figure of one impact through time. Imports: style, result, columns."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from fitball.report.quantities import records
+from fitball.report.style import GUIDE, INK, MODEL, PRIOR, few_ticks, legend_above, new_figure
+from fitball.result import Frames
+from fitball.values import DataFrame, Figure
+
+# Pale, so that lines stand out: phases of the contact point.
+_SHADES = {"slide": "#e3eefb", "slide back": "#fbeee0", "grip": "#e2f3e8", "hold": "#f3e6f5", "free": "#eeeeee"}
+_CORE = "#008060"
+
+
+def history(result: Frames) -> Figure:
+    """Compression and forces, with motion along the court also velocities and slip, over the time of the contact,
+    shaded by phase; bands are drawn at the same share of each draw's own contact.
+    """
+    frame, phases, impact = (result.frames[name] for name in ("history", "phases", "impact"))
+    radius, sliding = float(impact["radius"].iloc[0]), len(phases) > 0
+    figure, axes = new_figure(1 + sliding, 2, high=2.5 + 2.1 * sliding, wide=7.5, sharex=True)
+    compression, force, *along = axes.ravel()
+    _draw(compression, frame, "y", MODEL, 1e3)
+    compression.set_title("compression $y$ [mm]")
+    _draw(force, frame, "normal_force", MODEL)
+    force.set_title("force of the court [N]")
+    if sliding:
+        speed, slip = along
+        for sign in (-1.0, 1.0):
+            force.plot(
+                1e3 * frame["time"], sign * frame["friction_limit"], color=GUIDE, linewidth=0.8, linestyle="--"
+            )
+        _draw(force, frame, "friction_force", PRIOR)
+        _draw(speed, frame, "v_x", MODEL)
+        for name, colour in (("omega_shell", PRIOR), ("omega_core", _CORE)):
+            _draw(speed, frame, name, colour, radius)
+        speed.set_title("velocity along the court [m/s]")
+        _flights(speed, frame, result, radius)
+        _draw(slip, frame, "slip", MODEL)
+        slip.set_title(r"slip $v_x - R\,\omega$ [m/s]")
+    for axis in axes.ravel():
+        for row in records(phases):
+            axis.axvspan(1e3 * row["start"], 1e3 * row["end"], color=_SHADES[row["phase"]], linewidth=0, zorder=0)
+        axis.set_xlim(0.0, 1e3 * frame["time"].iloc[-1])
+        axis.grid(visible=False)
+        few_ticks(axis.yaxis)
+    force.axhline(0.0, color=GUIDE, linewidth=0.6)
+    for axis in axes[-1]:
+        axis.set_xlabel("time after landing [ms]")
+    legend_above(figure, _handles(frame, phases))
+    return figure
+
+
+def _draw(axis: Any, frame: DataFrame, name: str, colour: str, factor: float = 1.0) -> None:
+    """A course with its bands."""
+    time = 1e3 * frame["time"]
+    for low, high, shade in (("q025", "q975", 0.15), ("q16", "q84", 0.25)):
+        if f"{name}_{low}" in frame:
+            ends = (factor * frame[f"{name}_{end}"] for end in (low, high))
+            axis.fill_between(time, *ends, color=colour, alpha=shade, linewidth=0)
+    axis.plot(time, factor * frame[name], color=colour, linewidth=1.5)
+
+
+def _flights(axis: Any, frame: DataFrame, result: Frames, radius: float) -> None:
+    """Velocity and surface speed in flight, where they jump at landing and release."""
+    values = result.frames["outcome"].set_index("quantity")["value"]
+    before = result.frames["impact"].iloc[0]
+    ends = ((0.0, before["v_x1"], before["omega_1"]), (frame["time"].iloc[-1], values["v_x2"], values["omega_2"]))
+    for time, speed, spin in ends:
+        for value, colour in ((speed, MODEL), (radius * spin, PRIOR)):
+            axis.plot(
+                1e3 * time, value, "o", color=colour, markerfacecolor="white", markersize=5, clip_on=False, zorder=5
+            )
+
+
+def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
+    found: list[Any] = [Line2D([], [], color=MODEL, label="normal force, velocity" if len(phases) else "best fit")]
+    if len(phases):
+        found += [
+            Line2D([], [], color=PRIOR, label="friction, surface of shell"),
+            Line2D([], [], color=_CORE, label="surface of core"),
+            Line2D([], [], color=GUIDE, linestyle="--", label=r"$\pm\mu F$"),
+            Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="", label="in flight"),
+        ]
+    found += [Patch(color=_SHADES[name], label=name) for name in dict.fromkeys(phases["phase"])]
+    if "y_q025" in frame and np.isfinite(frame["y_q025"]).any():
+        found.append(Patch(color=GUIDE, alpha=0.35, label="68 and 95 %"))
+    return found
