@@ -254,3 +254,16 @@ def test_a_sampler_that_did_not_converge_is_named(fit):
     failed.__dict__["made"] = fit.made
     assert "converge" in parsed(content(failed.export(to="json")))["origin"]
     assert "converge" not in parsed(content(fit.export(to="json")))["origin"]
+
+
+def test_a_surface_and_a_ball_that_no_impact_has_together_are_named():
+    table = table_of(24, surfaces=("clay", "hard"))
+    table["ball"] = np.where(table["surface"] == "hard", "new ball", ["new ball", "new ball", "worn", "worn"] * 6)
+    two = fitball.calibrate(table, model="brody", pool={"mu": "surface", "cor_10": "ball"}, point_only=True)
+    sets = parameter_set.of_fit(two, {})
+    found = {one.label: len(one.impacts) for one in sets}
+    assert found == {"clay, new ball": 6, "clay, worn": 6, "hard, new ball": 12}
+    (apart,) = parameter_set.of_fit(two, {"ball": "worn", "surface": "hard"})
+    best = two.point.optima[0]
+    assert (apart.values["mu"], apart.values["cor_10"]) == (best["mu[hard]"], best["cor_10[worn]"])
+    assert len(apart.impacts) == 24 and "together" in apart.origin and "together" not in sets[0].origin

@@ -98,7 +98,7 @@ function said(before, after) {
     else if (after.extrapolated) words.push(`Extrapolated: v_y1 = ${number(before[1], 1)} m/s; measured were ${range[0].toPrecision(3)} to ${range[1].toPrecision(3)} m/s.`);
     const moved = Object.entries(settings.moved).filter(([name]) => name in state && state[name] !== start[name]);
     if (moved.length) words.push(`Not the ${settings.measured[level] === null ? "set" : "fitted"} ${moved.map(([, words]) => words).join(" and ")}.`);
-    place("said").className = `lead ${after.status > 0 ? "poor" : range === null || after.extrapolated || moved.length ? "part" : "good"}`;
+    place("said").className = `lead ${after.status > 0 ? "poor" : range === null || after.extrapolated || moved.length ? "part" : ""}`.trim();
     place("said").replaceChildren(...words.map(text => Object.assign(document.createElement("p"), { textContent: text })));
     place("thin").textContent = moved.length ? "Thin grey: at the start's friction and restitution." : "";
 }
