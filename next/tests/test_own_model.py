@@ -94,9 +94,11 @@ def test_without_an_answer_it_is_nan_with_a_status():
         return v_x1, np.where(e_y > 0.72, np.nan, e_y * v_y1), omega_1
 
     model = fitball.model_from(f)
-    found = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), Impacts(np.ones(2), np.array([8.0, -8.0]), np.ones(2)))
-    assert found.status.tolist() == [[Status.NO_ANSWER, Status.NO_IMPACT], [Status.OK, Status.NO_IMPACT]]
-    assert np.isnan(found.v_x2).tolist() == [[True, True], [False, True]] and found.v_y2[1, 0] == 4.0
+    states = Impacts(np.ones(3), np.array([8.0, -8.0, 1e-4]), np.ones(3))
+    found = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), states)
+    assert found.status[0].tolist() == [Status.NO_ANSWER, Status.NO_IMPACT, Status.NO_ANSWER]
+    assert found.status[1].tolist() == [Status.OK, Status.NO_IMPACT, Status.OK]
+    assert np.isnan(found.v_x2).tolist() == [[True] * 3, [False, True, False]] and found.v_y2[1, 0] == 4.0
     with pytest.raises(ParameterError) as caught:
         model.rebound({"e_y": 0.8}, STATES)
     assert caught.value.code == "no-answer"
