@@ -226,6 +226,15 @@ def test_an_expected_noise_is_an_exception_from_three_times():
         assert check.found is answer
 
 
+def test_few_impacts_of_a_good_model_are_no_misfit():
+    """Columns with next to no freedom lend each other some: no test may take that for a pattern."""
+    found = [said(table_with(seed=seed, rows=4))[2] for seed in range(40)]
+    assert sum(any(test.found for test in one.tests) for one in found) <= 0.06 * len(found)
+    assert not any(one.answer == "does not describe" for one in found)
+    biased = [said(table_with("bias", seed=seed, rows=8))[2] for seed in range(4)]
+    assert sum(any(test.found for test in one.tests) for one in biased) >= 2
+
+
 # --- films and long tables
 
 
@@ -246,7 +255,8 @@ def test_a_camera_that_is_off_is_named_with_its_size():
     tests = {test.pattern.partition(" ")[0]: test for test in found[False].tests if test.kind == "camera"}
     assert set(tests) == {"scale", "clock", "tilt", "court_height"}
     assert tests["tilt"].found
-    assert tests["tilt"].p == min(test.p for test in tests.values())
+    # Only the height of the court could explain as much.
+    assert sorted(tests.values(), key=lambda test: test.p)[1].p >= tests["tilt"].p
     assert not any(test.kind == "camera" for test in found[True].tests)
 
 

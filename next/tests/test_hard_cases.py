@@ -82,6 +82,21 @@ def test_the_shell_vanishes_smoothly():
     assert np.all(steps[2:] < 0.5 * steps[1:-1])
 
 
+def test_a_shell_of_rounding_alone_has_the_answers_of_a_light_one():
+    """Its twist is so fast that a series of it would have no end."""
+    rng, chosen = np.random.default_rng(4), fitball.model("two-mass")
+    values = {"k_y": 2e4, "k_theta": 20.0, "mu": 0.57, "eps_10": 2e-3, "eps_slope": 0.0, "cor_10": 0.775}
+    names, ratio = ["mass_ratio", *values, "cor_slope"], 1.0 - np.array([1e-9, 1e-12, 1e-14, 1e-15])
+    sets = np.stack([ratio, *(np.full(4, one) for one in (*values.values(), -0.01))], axis=1)
+    angle = rng.uniform(0.2, 1.3, 200)
+    states = fitball.impacts(20.0 * np.cos(angle), 20.0 * np.sin(angle), rng.uniform(-400.0, 400.0, 200))
+    found = chosen.evaluate(names, sets, states)
+    assert np.all(found.status == 0)
+    # What a shell does to the rest goes with the root of its mass.
+    apart = np.max(np.abs(found.v_x2[:3] - found.v_x2[3]), axis=1)
+    assert np.all(apart < 100.0 * np.sqrt(1.0 - ratio[:3]))
+
+
 @pytest.mark.parametrize("options", ["", "+torsion=free", "+offset=grip", "+inertia=table", "+normal=total"])
 def test_anything_within_bounds_is_solved_or_refused(options):
     """Over the whole range of every parameter, its edges included."""
