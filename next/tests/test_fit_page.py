@@ -205,9 +205,10 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     assert [(row["place"], row["impacts"]) for row in rows] == [("", "9"), ("net", "9"), ("", "")]
     assert near(rows[0]["rating, 95 %"], 28.4) and rows[0]["category"] == "slow 67 %, medium-slow 33 %"
     drop = {"surface": "", "label": "", "drops": 6, "speed": 7.06, "cor": 0.745, "cor_q025": 0.741, "cor_q975": 0.749,
-            "rebound": 1.41, "rebound_q025": 1.39, "rebound_q975": 1.43, "passes": 1.0, "ratio": np.nan}  # fmt: skip
+            "rebound": 1.41, "rebound_q025": 1.39, "rebound_q975": 1.43, "passes": 1.0,
+            "ratio": 0.9, "ratio_q025": 0.88, "ratio_q975": 0.92}  # fmt: skip
     kinds = pd.DataFrame([{**drop, "kind": kind} for kind in ("speed", "ball", "mean", "another")])
-    monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame())
+    monkeypatch.undo()
     monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
     fallen = made_fit(table_of(12, drop=True))
     assert "141.0" in lab.lines(fallen)[0] and "> 99 %" in lab.lines(fallen)[0]

@@ -55,10 +55,3 @@ def records(frame: DataFrame) -> list[dict[str, Any]]:
     """Rows as mappings, with the index where that has a name."""
     whole = frame.reset_index() if frame.index.names != [None] else frame
     return [{str(name): cell for name, cell in row.items()} for row in whole.to_dict("records")]
-
-
-def made(frame: DataFrame | None) -> DataFrame:
-    """A frame, an empty one for none."""
-    import pandas as pd
-
-    return pd.DataFrame() if frame is None else frame

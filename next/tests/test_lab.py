@@ -1,0 +1,204 @@
+"""What laboratories rate as measured: against the ITF's formulas, Student's t and least squares by scipy."""
+
+import numpy as np
+import pytest
+from made_tables import made
+from scipy.stats import linregress, t
+from support.made_fit import made_fit, table_of
+
+from fitball import itf
+from fitball.data.read import load_table
+from fitball.data.scene import BallSection, Scene
+from fitball.report import lab as page
+from fitball.uses.lab import drop_test, measured_pace
+
+TEST = itf.pace_impact()
+FALL = np.sqrt(2.0 * 9.80665 * 2.54)
+
+
+def paced(ratings, friction=0.6, speed=30.0, angle=16.0, spin=0.0, polar=False, **labels):
+    """Impacts of the court pace test with these ratings, all of one friction."""
+    angle = np.radians(np.broadcast_to(angle, np.shape(ratings)))
+    v_x1, v_y1 = speed * np.cos(angle), speed * np.sin(angle)
+    # CS 01/02 for the restitution.
+    cor = 0.81 - (np.asarray(ratings) - 100.0 * (1.0 - friction)) / 150.0
+    v_x2, v_y2 = v_x1 - friction * v_y1 * (1.0 + cor), cor * v_y1
+    after = {"v_x2": v_x2, "v_y2": v_y2}
+    if polar:
+        after = {"v_2": np.hypot(v_x2, v_y2), "theta_2": np.arctan2(v_y2, v_x2)}
+    return made({"v_x1": v_x1, "v_y1": v_y1, "omega_1": spin, **after}, labels=labels)
+
+
+def dropped(heights, fall=2.54, **labels):
+    """Drops from a height [m], by speeds."""
+    speeds = np.sqrt(2.0 * 9.80665 * np.broadcast_to(fall, np.shape(heights)))
+    return made({"v_y1": speeds, "v_y2": np.sqrt(2.0 * 9.80665 * np.asarray(heights))}, labels=labels)
+
+
+def row(frame, **wanted):
+    found = frame[np.all([frame[name] == value for name, value in wanted.items()], axis=0)]
+    assert len(found) == 1, frame
+    return found.iloc[0]
+
+
+@pytest.mark.parametrize("polar", [False, True])
+def test_a_court_has_the_rating_and_interval_of_its_impacts(polar):
+    ratings = np.array([36.0, 38.5, 37.0, 35.5, 39.5])
+    found = row(measured_pace(paced(ratings, polar=polar), Scene()), surface="", place="")
+    assert (found["impacts"], found["rating"]) == (5, pytest.approx(37.3, rel=1e-9))
+    wanted = t.interval(0.95, 4, ratings.mean(), ratings.std(ddof=1) / np.sqrt(5))
+    assert (found["q025"], found["q975"]) == pytest.approx(wanted, abs=0.01)
+    medium = np.diff(t.cdf([34.5, 39.5], 4, ratings.mean(), ratings.std(ddof=1) / np.sqrt(5)))
+    assert found["medium"] == pytest.approx(medium[0], abs=0.001)
+    assert sum(found[name] for name in itf.PACE_CATEGORIES) == pytest.approx(1.0)
+    # Ten kelvins colder are 4.5 points.
+    cold = measured_pace(paced(ratings), Scene(ball=BallSection(temperature=13.0)))
+    assert cold["rating"][0] == pytest.approx(37.3 - 4.5, rel=1e-9)
+
+
+def test_only_impacts_within_tolerances_of_a_tennis_ball_count():
+    ratings, far = np.full(8, 37.0) + np.arange(8) % 3, np.arange(8)
+    speed, angle = np.where(far == 0, 32.1, 31.9), np.where(far == 1, 13.9, 14.1)
+    spin = np.where(far == 2, 6.1 * np.pi, -5.9 * np.pi)
+    table = paced(ratings, speed=speed, angle=angle, spin=spin)
+    table.values["v_x2"][3] = np.nan
+    assert measured_pace(table, Scene())["impacts"].tolist() == [4]
+    assert not len(measured_pace(paced(ratings[:2]), Scene()))
+    assert not len(measured_pace(paced(ratings), Scene(ball=BallSection(mass=0.0027, radius=0.02))))
+    assert not len(measured_pace(made({"v_y1": 7.0, "v_y2": [5.0, 5.1, 5.2]}), Scene()))
+
+
+def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_others_theirs():
+    ratings = np.array([44.0, 44.4, 45.0, 40.1, 40.5, 40.9, 36.2, 36.6, 37.0, 20.0, 21.0])
+    surfaces = ("hard",) * 9 + ("clay",) * 2
+    table = paced(ratings, surface=surfaces, location=tuple("AAABBBCCCDD"))
+    found = measured_pace(table, Scene())
+    assert found["surface"].tolist() == ["hard"] * 4 and found["place"].tolist() == ["", "A", "B", "C"]
+    assert found["impacts"].tolist() == [9, 3, 3, 3]
+    # Between places 4 points, within 0.5: each is as measured, the court no better known than by three places.
+    assert found["rating"].tolist() == pytest.approx([40.53, 44.43, 40.5, 36.63], abs=0.5)
+    width = found["q975"] - found["q025"]
+    assert 5.0 < width[0] < np.ptp(t.interval(0.95, 2, 0.0, 3.9 / np.sqrt(3)))
+    # A pooled sd of six degrees of freedom.
+    assert width[1] == pytest.approx(2 * 1.96 * 0.43 / np.sqrt(3), rel=0.25)
+    # Who knows that places are alike says so.
+    alike = measured_pace(table, Scene(), {"rating_spread": "half-normal(0.05)"})
+    assert np.ptp(alike["rating"]) < 0.5 * np.ptp(found["rating"])
+    scene = Scene(prior={"rating_spread": "half-normal(0.05)"})
+    assert alike.equals(measured_pace(table, scene)) and not alike.equals(found)
+
+
+def test_a_drop_test_of_one_ball_is_students():
+    heights = np.array([1.402, 1.395, 1.413, 1.408])
+    cor = np.sqrt(heights / 2.54)
+    found = drop_test(dropped(heights), Scene())
+    assert found["kind"].tolist() == ["mean"]
+    one = found.iloc[0]
+    assert (one["cor"], one["speed"], one["drops"]) == pytest.approx((cor.mean(), FALL, 4), rel=1e-9)
+    wanted = t.interval(0.95, 3, cor.mean(), cor.std(ddof=1) / 2.0)
+    assert (one["cor_q025"], one["cor_q975"]) == pytest.approx(wanted, abs=1e-5)
+    assert one["rebound"] == pytest.approx(2.54 * cor.mean() ** 2, rel=1e-12)
+    assert (one["rebound_q025"], one["rebound_q975"]) == pytest.approx(2.54 * np.square(wanted), abs=1e-4)
+    assert one["passes"] > 0.99
+    few = drop_test(dropped(heights), Scene(ball=BallSection(type="stage-1"))).iloc[0]
+    assert few["passes"] < 0.01
+    # Repeats that agree to every digit say nothing of their noise.
+    same = drop_test(dropped(np.full(3, 1.4)), Scene()).iloc[0]
+    assert np.isnan(same[["cor_q025", "rebound_q975", "passes"]].astype(float)).all()
+    assert same["rebound"] == pytest.approx(1.4, rel=1e-9)
+
+
+def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
+    """Six balls dropped three times; intervals of the second edition's mixed model on the same drops, which had the
+    noise as a parameter.
+    """
+    heights = np.array([140.9, 140.2, 140.8, 142.3, 143.1, 141.4, 140.1, 140.1, 140.5, 141.1, 141.2, 142.4, 140.8,
+                        142.0, 141.4, 140.6, 139.5, 138.3]) / 100.0  # fmt: skip
+    found = drop_test(dropped(heights, ball=tuple("AAABBBCCCDDDEEEFFF")), Scene())
+    mean, another = row(found, kind="mean"), row(found, kind="another")
+    assert (mean["cor"], mean["cor_q025"], mean["cor_q975"]) == pytest.approx((0.74486, 0.7419, 0.74795), abs=4e-4)
+    assert another["passes"] == pytest.approx(0.998, abs=0.004)
+    wide = [one["cor_q975"] - one["cor_q025"] for one in (mean, another)]
+    assert wide[1] > 2.0 * wide[0]
+    balls = found[found["kind"] == "ball"]
+    assert balls["label"].tolist() == list("ABCDEF") and (balls["drops"] == 3).all()
+    own = np.sqrt(heights / 2.54).reshape(6, 3).mean(axis=1)
+    # Each a little nearer to the mean than measured.
+    pulled = (balls["cor"] - 0.74486).to_numpy() / (own - 0.74486)
+    assert np.all((pulled[[1, 5]] > 0.5) & (pulled[[1, 5]] < 1.0))
+    alike = drop_test(
+        dropped(heights, ball=tuple("AAABBBCCCDDDEEEFFF")), Scene(), {"cor_10_spread": "half-normal(1e-4)"}
+    )
+    assert np.ptp(alike[alike["kind"] == "ball"]["cor"]) < 0.1 * np.ptp(own)
+
+
+def test_several_speeds_make_a_line_and_have_values_of_their_own():
+    rng = np.random.default_rng(5)
+    fall = np.repeat([1.0, 1.75, 2.54, 3.2], 3)
+    speeds = np.sqrt(2.0 * 9.80665 * fall)
+    cor = 0.82 - 0.011 * speeds + 0.003 * rng.standard_normal(12)
+    table = made({"v_y1": speeds, "v_y2": cor * speeds})
+    found, line = drop_test(table, Scene()), linregress(speeds, cor)
+    mean = row(found, kind="mean")
+    assert mean["cor"] == pytest.approx(line.intercept + line.slope * FALL, rel=1e-9)
+    rest = np.sqrt(np.sum((cor - line.intercept - line.slope * speeds) ** 2) / 10)
+    error = rest * np.sqrt(1 / 12 + (FALL - speeds.mean()) ** 2 / np.sum((speeds - speeds.mean()) ** 2))
+    assert mean["cor_q975"] - mean["cor_q025"] == pytest.approx(2 * t.ppf(0.975, 10) * error, rel=0.003)
+    own = found[found["kind"] == "speed"]
+    assert own["speed"].to_numpy() == pytest.approx(speeds[::3]) and (own["drops"] == 3).all()
+    assert own["cor"].to_numpy() == pytest.approx(cor.reshape(4, 3).mean(axis=1))
+    # With balls the line is that of each.
+    balls = drop_test(made({"v_y1": speeds, "v_y2": (cor + 0.01 * (np.arange(12) % 3)) * speeds},
+                           labels={"ball": tuple("ABC" * 4)}), Scene())  # fmt: skip
+    assert row(balls, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
+    assert np.diff(balls[balls["kind"] == "ball"]["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
+    # The test's speed was not among them.
+    low = drop_test(dropped([0.57, 0.58, 0.575], fall=1.0), Scene()).iloc[0]
+    assert (
+        low["speed"] == pytest.approx(np.sqrt(2 * 9.80665)) and np.isnan(low["rebound"]) and np.isnan(low["passes"])
+    )
+
+
+def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
+    heights = np.array([1.40, 1.41, 1.405, 1.20, 1.22, 1.21])
+    surfaces = ("Smooth concrete",) * 3 + ("clay",) * 3
+    found = drop_test(dropped(heights, surface=surfaces), Scene())
+    base, clay = row(found, surface="Smooth concrete"), row(found, surface="clay")
+    cor = np.sqrt(heights / 2.54)
+    assert base["passes"] > 0.99 and np.isnan(clay["passes"]) and np.isnan(base["ratio"])
+    assert clay["ratio"] == pytest.approx(cor[3:].mean() / cor[:3].mean(), rel=1e-9)
+    assert clay["ratio_q025"] < clay["ratio"] < clay["ratio_q975"] < 1.0
+    assert np.isnan(drop_test(dropped(heights, surface=("hard",) * 3 + ("clay",) * 3), Scene())["ratio"]).all()
+    # On clay alone no ball passes or fails.
+    alone = drop_test(dropped(heights[:3], surface=("clay",) * 3), Scene())
+    assert np.isnan(alone["passes"][0]) and alone["surface"][0] == ""
+    assert np.isnan(drop_test(dropped(heights[:3]), Scene(surface={"name": "clay"}))["passes"][0])
+    # At another speed a ratio would be of speeds.
+    fall = np.repeat([2.54, 1.0], 3)
+    other = drop_test(dropped(heights * fall / 2.54, fall=fall, surface=surfaces), Scene())
+    assert np.isnan(other["ratio"]).all() and other["cor"].tolist() == pytest.approx([cor[:3].mean(), cor[3:].mean()])
+
+
+def test_what_is_no_drop_test_has_none():
+    assert not len(drop_test(load_table("wang_all"), Scene()))
+    assert not len(drop_test(made({"v_x1": 5.0, "v_y1": 7.0, "v_y2": [5.0, 5.1]}), Scene()))
+    marble = drop_test(dropped([1.4, 1.41, 1.42]), Scene(ball=BallSection(mass=0.005, radius=0.01))).iloc[0]
+    assert marble["cor"] > 0.7 and np.isnan(marble["rebound"])
+
+
+def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
+    fit = made_fit(table_of(24, ("clay", "hard")))
+    summary = fit.summary.rename(index={"court_pace": "court_pace[clay]"})
+    summary.loc["court_pace[hard]"] = summary.loc["court_pace[clay]"]
+    numbers = ["point", "median", "q025", "q975"]
+    summary.loc["court_pace[hard]", numbers] = np.nan
+    rule = fit.quantity("court_pace").rule
+    hard = fit.quantity("court_pace")._replace(rule=lambda values: np.nan * rule(values))
+    fit.__dict__["summary"] = summary
+    monkeypatch.setattr(
+        type(fit), "quantity", lambda self, name: hard if "hard" in name else hard._replace(rule=rule)
+    )
+    lines = page.lines(fit)
+    assert len(lines) == 2 and "clay" in lines[0] and "fast" in lines[0]
+    assert "hard" in lines[1] and not any(name in lines[1] for name in ("slow", "medium", "fast"))
+    assert len(page.section(fit).blocks[0].rows) == 2
