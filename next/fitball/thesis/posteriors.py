@@ -1,0 +1,211 @@
+"""Free fits of three models to Wang's impacts; where the thesis's values lie in them. Imports: ranking, inference."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.stats import gaussian_kde
+
+from fitball.data.kinematics import balances
+from fitball.data.read import load_data
+from fitball.environment import threads
+from fitball.inference.effort import Effort
+from fitball.inference.first_order import first_order
+from fitball.inference.fit import draws_of
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.problem import Choices
+from fitball.inference.sampling.sample import sample
+from fitball.inference.search.best_fit import best_fit
+from fitball.inference.search.least_squares import least_squares
+from fitball.models.model import Model
+from fitball.models.registry import model
+from fitball.models.specs import SPECS
+from fitball.models.types import Rebound, Status
+from fitball.progress import Progress
+from fitball.thesis.appendices import damping
+from fitball.thesis.computation import thesis_rebound
+from fitball.thesis.printed import C1, C2, INCH, STIFFNESS, TORSION
+from fitball.thesis.ranking import OWN, tied_split
+from fitball.values import Ball, DataFrame, FloatArray, Impacts
+
+TABLE = "wang_all"
+MODELS = ("two-mass", "thesis-exact", "thesis")
+# Parameters of the computation; what a case sets freely, and Eq. (53).
+PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "cor_10", "cor_slope")
+LAW = ("mu", "cor_10", "cor_slope")
+JOINT, OFFSET = ("mass_ratio", "k_y", "k_theta"), ("C1", "C2")
+# Draws behind a density, of which a level is known to a per cent or so; and draws that are kept for figures.
+DENSITY, KEPT = 3_000, 500
+_LAW = model("brody")
+# Nominal errors of the tables, with which a model-free offset has one.
+ERRORS = {"v_x2": 0.25, "v_y2": 0.25, "omega_2": 10.0}
+
+
+def solve(
+    ball: Ball, names: Sequence[str], values: FloatArray, impacts: Impacts, _cor: FloatArray | None = None
+) -> Rebound:
+    """Rebounds of the thesis's own computation as `Model.solve` has them: with the damping of Chapter V, the law of
+    restitution and the inertia of core and shell of the other models.
+    """
+    given = {name: values[:, [k]] for k, name in enumerate(names)}
+    law = _LAW.evaluate(LAW, np.hstack([given[name] for name in LAW]), impacts)
+    cor, ratio, k_y = law.v_y2 / impacts.v_y1, given["mass_ratio"], given["k_y"]
+    found = thesis_rebound(
+        impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, mass=ball.mass, radius=ball.radius,
+        inertia=ball.inertia_ratio * ball.mass * ball.radius**2, inertia_split=tied_split(ratio), mass_ratio=ratio,
+        k_y=k_y, k_theta=given["k_theta"], mu=given["mu"], c_y=damping(cor, ratio, k_y, ball.mass),
+        eps=given["eps_10"] + given["eps_slope"] * (impacts.v_y1 - 10.0),
+    )  # fmt: skip
+    status = np.where(np.isfinite(found.omega_2), Status.OK, Status.TORSION_TOO_SOFT)
+    status = np.where(law.status == Status.OK, status, law.status).astype(np.int64)
+    times, none = np.broadcast_to(found.contact_time, status.shape), np.full(status.shape, np.nan)
+    return Rebound(found.v_x2, law.v_y2, found.omega_2, times, none, none, none, np.zeros_like(status), status)
+
+
+def computation() -> Model:
+    """The thesis's own computation as a model, slips included; for reproduction only."""
+    return Model("thesis", "thesis", Ball(), {}, tuple(SPECS[name] for name in PARAMETERS), solve, timed=True)
+
+
+class Fitted(NamedTuple):
+    """A free fit: its model, draws of its parameters with C1 and C2 in the thesis's units, rms residuals, chi-square
+    of least squares, whether the sampler converged.
+    """
+
+    model: Model
+    draws: dict[str, FloatArray]
+    rms: Mapping[str, float]
+    chi_square: float
+    converged: bool
+
+
+def fitted(name: str, progress: Progress) -> Fitted:
+    """Fit one of MODELS to Wang's impacts by the road of `calibrate`, without its judgements."""
+    effort, own = Effort(), computation() if name == "thesis" else None
+    progress(f"fitting {name}", 0.0)
+    # The computation is numpy, whose short calls no thread hastens.
+    with threads(1 if own else None):
+        problem = build_problem(*load_data(TABLE, None, False), Choices(name), own)
+        point = best_fit(problem, effort.stream("search"))
+        begin = [first_order(problem, point).proposal]
+        posterior, found = sample(problem, begin, effort, lambda _stage, share: progress(f"fitting {name}", share))
+        draws = dict(draws_of(problem, point, posterior, effort).values)
+    slope, at_10 = draws["eps_slope"] / INCH, draws["eps_10"] / INCH
+    draws |= {"C1": slope, "C2": at_10 - 10.0 * slope}
+    square = least_squares(problem, point).chi_square
+    return Fitted(problem.forward.model, draws, point.rms, square, found.converged)
+
+
+def fits_frame(fits: Mapping[str, Fitted]) -> DataFrame:
+    """How well each free fit does."""
+    return pd.DataFrame([
+        {"model": name, "converged": one.converged, "chi_square": one.chi_square}
+        | {f"rms {key}": value for key, value in one.rms.items()}
+        for name, one in fits.items()
+    ])  # fmt: skip
+
+
+def parameters_frame(fits: Mapping[str, Fitted], names: list[str], values: Mapping[str, FloatArray]) -> DataFrame:
+    """Median and 95 % interval of each fit in the thesis's units, beside Table 9 and Eq. (53)."""
+    rows = []
+    for name, unit, scale in (
+        ("mass_ratio", "", 1.0), ("k_y", "lb/in", STIFFNESS), ("k_theta", "lb in/rad", TORSION), ("mu", "", 1.0),
+        ("C1", "in/(m/s)", 1.0), ("C2", "in", 1.0),
+    ):  # fmt: skip
+        printed = dict(zip(names, _values(values, name) / scale, strict=True))
+        for key, one in fits.items():
+            low, median, high = np.quantile(one.draws[name] / scale, (0.025, 0.5, 0.975))
+            rows.append({"parameter": name, "unit": unit, "model": key, "q025": low, "median": median, "q975": high}
+                        | printed)  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _values(values: Mapping[str, FloatArray], name: str) -> FloatArray:
+    """Values of the cases by the names of `Fitted.draws`."""
+    if name == "C1":
+        return values["eps_slope"] / INCH
+    return values["eps_10"] / INCH - 10.0 * values["eps_slope"] / INCH if name == "C2" else values[name]
+
+
+def places_frame(fits: Mapping[str, Fitted], names: list[str], values: Mapping[str, FloatArray]) -> DataFrame:
+    """Where cases and Eq. (53) lie in each posterior: the `level` of the highest-density region on whose edge the
+    point is, the shares of draws below it, and of how many draws the model still has answers with it (`answered`).
+    """
+    rows = []
+    for key, one in fits.items():
+        rng = Effort().stream("density")
+        for k, point in enumerate([*names, "Eq. (53)"]):
+            for group in (JOINT, OFFSET):
+                # The three cases share Eq. (53).
+                if (group == OFFSET) == (point in ("Eq. (53)", OWN)) or point == OWN:
+                    at = {name: _values(values, name)[k % len(names)] for name in group}
+                    level = credible_level([one.draws[name] for name in group], [*at.values()], group == JOINT, rng)
+                    below = {f"{name}_below": float(np.mean(one.draws[name] < value)) for name, value in at.items()}
+                    rows.append(
+                        {"model": key, "point": point, "level": level, **below, "answered": _answered(one, at)}
+                    )
+    return pd.DataFrame(rows)
+
+
+def credible_level(
+    draws: Sequence[FloatArray], point: Sequence[float], log: bool, rng: np.random.Generator
+) -> float:  # fmt: skip
+    """Probability of the highest-density region of `draws` on whose edge `point` is; `log`: positive quantities."""
+    known, here = np.array(draws), np.array(point)[:, np.newaxis]
+    if log:
+        known, here = np.log(known), np.log(here)
+    chosen = known[:, rng.choice(known.shape[1], min(DENSITY, known.shape[1]), replace=False)]
+    density = gaussian_kde(chosen)
+    return float(np.mean(density(chosen) > density(here)))
+
+
+def _answered(one: Fitted, at: Mapping[str, float]) -> float:
+    """Share of draws of which, with these values in place, the model answers every impact."""
+    if not set(at) <= set(PARAMETERS):
+        return np.nan
+    table, _ = load_data(TABLE, None, False)
+    names = [spec.name for spec in one.model.parameters]
+    columns = [np.full_like(one.draws[name], at[name]) if name in at else one.draws[name] for name in names]
+    status = one.model.evaluate(names, np.stack(columns, axis=1)[::10], table.impacts).status
+    return float(np.mean((status == Status.OK).all(axis=1)))
+
+
+def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
+    """The offset of each impact [in] that angular momentum gives without any model, with its sd, Eq. (53), and the
+    line of each fit.
+    """
+    table, scene = load_data(TABLE, None, False)
+    frame, v_y1 = balances(table, scene.value(), ERRORS), table.impacts.v_y1
+    lines = {
+        f"{name} [in]": np.median(one.draws["C1"]) * v_y1 + np.median(one.draws["C2"]) for name, one in fits.items()
+    }
+    made = {"id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1}
+    made |= {
+        "offset [in]": frame["offset [m]"].to_numpy() / INCH,
+        "sd [in]": frame["offset_sd [m]"].to_numpy() / INCH,
+    }
+    return pd.DataFrame(made | {"Eq. (53) [in]": C1 * v_y1 + C2} | lines)
+
+
+def slope_of(offsets: DataFrame) -> tuple[float, float]:
+    """Slope of a weighted line through the model-free offsets [in/(m/s)], and its standard error."""
+    (slope, _), covariance = np.polyfit(
+        offsets["v_y1 [m/s]"], offsets["offset [in]"], 1, w=1.0 / offsets["sd [in]"], cov="unscaled"
+    )
+    return float(slope), float(np.sqrt(covariance[0, 0]))
+
+
+def draws_frame(fits: Mapping[str, Fitted]) -> DataFrame:
+    """Some draws of each fit."""
+    scales = {"mass_ratio": 1.0, "k_y [lb/in]": STIFFNESS, "k_theta [lb in/rad]": TORSION, "C1": 1.0, "C2": 1.0}
+    return pd.concat(
+        [
+            pd.DataFrame({"model": key} | {
+                head: one.draws[head.partition(" ")[0]][:: len(one.draws["mu"]) // KEPT] / scale
+                for head, scale in scales.items()
+            })
+            for key, one in fits.items()
+        ],
+        ignore_index=True,
+    )  # fmt: skip
