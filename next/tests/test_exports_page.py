@@ -12,6 +12,7 @@ import xarray
 from support.made_fit import made_fit, table_of
 
 import fitball
+from fitball.data.scene import Quantity, Scene
 from fitball.inference.density import log_posterior
 from fitball.inference.sampling.convergence import mixing
 
@@ -155,6 +156,23 @@ def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
     assert total == pytest.approx(log_posterior(problem, q)[0], abs=1e-9)
     assert tree["sample_stats"]["lp"].values[chain, step] == pytest.approx(total, abs=1e-9)
     assert tree["constant_data"]["surface"].values.tolist() == list(fit.run.table.labels["surface"])
+
+
+def test_a_stated_contact_time_is_evidence_beside_the_impacts():
+    timed = made_fit(scene=Scene(contact_time=Quantity(4.5e-3, 2e-4)), model="two-mass")
+    tree, row = timed.to_datatree(), timed.posterior.values[0, 4, 2]
+    total = log_posterior(timed.problem, timed.problem.prior.coordinate(row[None]))[0]
+    assert tree["sample_stats"]["lp"].values[2, 4] == pytest.approx(total, abs=1e-9)
+    assert set(tree["log_prior"].data_vars) == {"priors", "contact_time"}
+    summed = sum(one.values[2, 4] for one in tree["log_prior"].data_vars.values())
+    assert summed + tree["log_likelihood"]["impacts"].values[2, 4].sum() == pytest.approx(total, abs=1e-9)
+
+
+def test_of_too_many_numbers_every_kth_step_is_kept(fit, monkeypatch):
+    monkeypatch.setattr("fitball.exports.arviz.ENTRIES", 3000)
+    whole, thin = fit.posterior.values, fit.to_datatree()["posterior"]
+    assert thin.sizes["draw"] == 9
+    assert np.array_equal(thin["e_x"].values[1], whole[0, ::3, 1, fit.posterior.names.index("e_x")])
 
 
 def test_statistics_of_others_are_those_of_the_fit(fit):

@@ -148,11 +148,16 @@ def test_no_parameter_has_a_name_that_means_something_else(tmp_path, name):
 
 
 def test_what_is_no_function_or_has_a_taken_name(tmp_path):
+    # Draws are stored along a dimension of this name.
+    def drawn(v_x1, v_y1, omega_1, ball, draw="uniform(0, 1)"):
+        return v_x1, draw * v_y1, omega_1
+
     for call in (
         lambda: fitball.model_from(np.add),
         lambda: fitball.model_from(sliding, name="grip-slip"),
         lambda: fitball.model(str(tmp_path / "none.py:f")),
         lambda: fitball.model_from(eval("lambda v_x1, v_y1, omega_1, ball, e='uniform(0, 1)': (v_x1, v_y1, e)")),
+        lambda: fitball.model_from(drawn),
     ):
         with pytest.raises(ModelError) as caught:
             call()

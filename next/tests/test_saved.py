@@ -53,6 +53,7 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
     with xarray.open_dataset(place, group="posterior", engine="h5netcdf") as draws:
         values = fit.posterior.values
         assert draws["mu"].dims == ("chain", "draw")
+        assert draws.coords["ensemble"].values.tolist() == np.repeat([0, 1], values.shape[2]).tolist()
         np.testing.assert_array_equal(
             draws["mu"][values.shape[2] + 3], values[1, :, 3, fit.posterior.names.index("mu")]
         )
