@@ -21,7 +21,7 @@ VIEWS = {5000.0: (0.25, 0.35), 1500.0: (0.5, 0.35), 400.0: (0.8, 0.5), 0.0: (1.2
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera and how it errs; `noise`, `lasting` [m], `lasting_time`, `row_time` [s, s/px]. Shares of all frames."""
+    """A camera and how it errs: `noise`, `lasting` [m], `lasting_time` [s], `row_time` [s/px], shares of frames."""
 
     fps: float = 1000.0
     noise: float = 1e-3
@@ -58,7 +58,7 @@ def bounces(count, rng):
 
 
 def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
-    """Path from zero as a function of times up to `until` of either sign, lift as Cross and Lindsey (2014) found it."""
+    """Path from zero by times up to `until` of either sign, with the lift that Cross and Lindsey (2014) found."""
     ratio = RADIUS * omega / np.hypot(v_x, v_y)
     lift = ratio / (0.981 + 2.022 * abs(ratio)) + extra
     k = air * DENSITY * np.pi * RADIUS**2 / (2.0 * MASS)
@@ -74,7 +74,10 @@ def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
 def course(nine, drag, extra, end, ahead):
     """Places and turn (times, 3) of a ball that lands at time 0; of the contact a cubic between both flights."""
     v_x1, v_y1, omega_1, v_x2, v_y2, omega_2, late, way, turn = nine
-    before, after = flight(v_x1, -v_y1, omega_1, drag, extra[0], -0.4), flight(v_x2, v_y2, omega_2, drag, extra[1], 0.4)
+    before, after = (
+        flight(v_x1, -v_y1, omega_1, drag, extra[0], -0.4),
+        flight(v_x2, v_y2, omega_2, drag, extra[1], 0.4),
+    )
     early = flight(v_x2, v_y2, omega_2, drag, extra[1], -0.02)
 
     def released(t):
@@ -91,7 +94,7 @@ def course(nine, drag, extra, end, ahead):
         cubic = s * (1.0 - s) ** 2 * np.array([v_x1, -v_y1, omega_1]) * end + s**2 * (3.0 - 2.0 * s) * ends[0]
         cubic = cubic + s**2 * (s - 1.0) * (ends[1] - ends[0]) * 1e6 * end
         found = np.where(t[:, None] < 0.0, found, np.where(t[:, None] < end, cubic, released(np.maximum(t, end))))
-        return found + [0.0, RADIUS, 0.0]
+        return found + np.array([0.0, RADIUS, 0.0])
 
     return at
 
@@ -103,7 +106,7 @@ def waves(t, lasting, rng):
 
 
 def filmed(truth, camera, rng, contact=None, ahead=None):
-    """The long table that a camera makes of impacts `truth` (impacts, 9): metres, or pixels with a rolling shutter."""
+    """The long table that a camera makes of impacts (impacts, 9): metres, or pixels with a rolling shutter."""
     width, height = next(size for least, size in VIEWS.items() if camera.fps >= least)
     pieces, whole = [], 2.0 * np.pi / camera.fold
     for k, nine in enumerate(truth):
@@ -116,7 +119,10 @@ def filmed(truth, camera, rng, contact=None, ahead=None):
         for _ in range(5 if camera.row_time else 1):
             places = at(t)
             x, y = places[:, 0] / camera.scale, places[:, 1] / camera.scale
-            x, y = np.cos(camera.tilt) * x - np.sin(camera.tilt) * y, np.sin(camera.tilt) * x + np.cos(camera.tilt) * y
+            x, y = (
+                np.cos(camera.tilt) * x - np.sin(camera.tilt) * y,
+                np.sin(camera.tilt) * x + np.cos(camera.tilt) * y,
+            )
             y = y + camera.court_height
             # A row lower in the picture is read later.
             t = taken + camera.row_time * (height - y) / (1e-3 * camera.mm_per_px)
@@ -142,11 +148,16 @@ def filmed(truth, camera, rng, contact=None, ahead=None):
 
 
 def scores(film, truth):
-    """By how many stated sds the nine of each impact found are off (impacts, 9), NaN where not measured; the errors."""
+    """Errors of the nine of impacts found (impacts, 9) over their stated sds, NaN where not measured, and alone."""
     frame = film.impacts
     rows = truth[[int(name) - 1 for name in frame.index]]
     values, sds = (
-        np.column_stack([frame.get(f"{name}{end} [{unit}]", np.full(len(frame), np.nan)) for name, unit in zip(NINE, UNITS)])
+        np.column_stack(
+            [
+                frame.get(f"{name}{end} [{unit}]", np.full(len(frame), np.nan))
+                for name, unit in zip(NINE, UNITS, strict=True)
+            ]
+        )
         for end in ("", "_sd")
     )
     return (values - rows) / sds, values - rows
