@@ -1,0 +1,154 @@
+"""Ports compiled and run: lines of parameters, an impact in the plane and one in three dimensions, to rebounds."""
+
+import functools
+import shutil
+import subprocess
+import types
+
+import numpy as np
+import pytest
+
+from fitball.exports.port import FILES, port
+
+OUTPUTS = (
+    "v_x2", "v_y2", "omega_2", "contact_time", "gap_time", "gap_path", "gap_turn", "regime", "status", "extrapolated",
+)  # fmt: skip
+C = """#include "bounce.h"
+#include <stdio.h>
+#include <string.h>
+int main(void)
+{
+    double x[64];
+    int n = (int)(sizeof(fitball_Parameters) / sizeof(double)), k = 0;
+    fitball_Parameters p;
+    fitball_Rebound r;
+    fitball_Rebound3 s;
+    while (scanf("%lf", &x[k]) == 1) {
+        if (++k < n + 12)
+            continue;
+        memcpy(&p, x, sizeof p);
+        double *i = x + n;
+        fitball_Vector v = {i[3], i[4], i[5]}, w = {i[6], i[7], i[8]}, u = {i[9], i[10], i[11]};
+        r = fitball_rebound(i[0], i[1], i[2], p);
+        s = fitball_rebound_3d(v, w, u, p);
+        printf("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g ", r.v_x2, r.v_y2, r.omega_2,
+               r.contact_time, r.gap_time, r.gap_path, r.gap_turn, (double)r.regime, (double)r.status,
+               (double)r.extrapolated);
+        printf("%.17g %.17g %.17g %.17g %.17g %.17g\\n", s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x,
+               s.spin.y, s.spin.z);
+        k = 0;
+    }
+    return 0;
+}
+"""
+CSHARP = """using System;
+using System.Globalization;
+static class Run
+{
+    static void Main()
+    {
+        CultureInfo culture = CultureInfo.InvariantCulture;
+        var make = typeof(Bounce.Parameters).GetConstructors()[0];
+        int n = make.GetParameters().Length;
+        string line;
+        while ((line = Console.ReadLine()) != null) {
+            double[] x = Array.ConvertAll(line.Split(' '), text => double.Parse(text, culture));
+            object[] first = new object[n];
+            Array.Copy(x, first, n);
+            double[] i = new double[12];
+            Array.Copy(x, n, i, 0, 12);
+            var p = (Bounce.Parameters)make.Invoke(first);
+            var r = Bounce.rebound(i[0], i[1], i[2], p);
+            var s = Bounce.rebound_3d(new Bounce.Vector(i[3], i[4], i[5]), new Bounce.Vector(i[6], i[7], i[8]),
+                                      new Bounce.Vector(i[9], i[10], i[11]), p);
+            double[] y = { r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn, r.regime,
+                           r.status, r.extrapolated ? 1 : 0, s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x,
+                           s.spin.y, s.spin.z };
+            Console.WriteLine(string.Join(" ", Array.ConvertAll(y, one => one.ToString("R", culture))));
+        }
+    }
+}
+"""
+JAVASCRIPT = """const Bounce = require("./bounce.js");
+const names = Object.keys(Bounce[process.argv[2]]), n = names.length;
+for (const line of require("fs").readFileSync(0, "utf8").trim().split("\\n")) {
+    const x = line.split(" ").map(Number), i = x.slice(n);
+    const p = Object.fromEntries(names.map((name, k) => [name, x[k]]));
+    const vector = (k) => ({ x: i[k], y: i[k + 1], z: i[k + 2] });
+    const r = Bounce.rebound(i[0], i[1], i[2], p), s = Bounce.rebound_3d(vector(3), vector(6), vector(9), p);
+    console.log([...Object.values(r).map(Number), ...Object.values(s.velocity), ...Object.values(s.spin)].join(" "));
+}
+"""
+# What runs first, how a file is compiled, how a self-test is, and the driver.
+RUNS = {
+    "c": ("gcc", "gcc -std=c99 -Wall -Wextra -Werror -pedantic -O0 -x c {} -lm -o run", ("run.c", C)),
+    "c++": ("g++", "g++ -std=c++11 -Wall -Wextra -Werror -pedantic -O0 -x c++ {} -lm -o run", ("run.c", C)),
+    "csharp": ("mcs", "mcs -warnaserror -out:run.exe {}", ("Run.cs", CSHARP)),
+    "javascript": ("node", "", ("run.js", JAVASCRIPT)),
+}
+LANGUAGES = ("c", "c++", "csharp", "javascript", "python")
+
+
+def module(text):
+    """The port in Python, as a module."""
+    made = types.ModuleType("bounce")
+    exec(compile(text, "bounce.py", "exec"), vars(made))
+    return made
+
+
+def in_python(made, lines):
+    """Rebounds of lines (lines, numbers) by the port in Python."""
+    found, count = [], len(made.Parameters._fields)
+    for line in lines.tolist():
+        row, impact = made.Parameters(*line[:count]), line[count:]
+        vectors = (made.Vector(*impact[k : k + 3]) for k in (3, 6, 9))
+        flat, spatial = made.rebound(*impact[:3], row), made.rebound_3d(*vectors, row)
+        found.append([*map(float, flat), *spatial.velocity, *spatial.spin])
+    return np.array(found)
+
+
+def compiled(folder, language, text, driver=True):
+    """The command that runs the port in `text` with its driver, or its self-test. Skips without a compiler."""
+    tool, command, (name, source) = RUNS[language]
+    if shutil.which(tool) is None:
+        pytest.skip(f"{tool} is not installed")
+    own = FILES["c" if language == "c++" else language]
+    (folder / own).write_text(text, encoding="utf-8")
+    (folder / name).write_text(source, encoding="utf-8")
+    define = {"csharp": "-define:FITBALL_SELF_TEST "}.get(language, "-DFITBALL_SELF_TEST ")
+    given = name if driver else define + own
+    if driver and language == "csharp":
+        given = f"{name} {own}"
+    if command:
+        subprocess.run(command.format(given).split(), cwd=folder, check=True, timeout=120)
+    runs = {"csharp": ["mono", "run.exe"], "javascript": ["node", name if driver else own]}
+    return runs.get(language, ["./run"])
+
+
+def run(folder, language, sets, lines):
+    """OUTPUTS, velocity and spin in space (lines, 16) of lines (lines, numbers)."""
+    text = port(sets, "c" if language == "c++" else language)
+    if language == "python":
+        return in_python(module(text), lines)
+    command = compiled(folder, language, text)
+    given = "\n".join(" ".join(map(repr, line)) for line in lines.tolist())
+    if language == "javascript":
+        command = [*command, "BALL"]
+    done = subprocess.run(command, cwd=folder, input=given, capture_output=True, text=True, check=True, timeout=120)
+    return np.array([[float(number) for number in line.split()] for line in done.stdout.splitlines()])
+
+
+@functools.cache
+def reference(text):
+    """The port in Python of a model at its typical values."""
+    return module(port([typical(text)], "python"))
+
+
+def typical(text, label="", **changes):
+    """The parameter set of a model at its typical values."""
+    import fitball
+    from fitball.exports.parameter_set import ParameterSet
+
+    model = fitball.model(text)
+    values = {spec.name: spec.typical for spec in model.parameters} | changes
+    return ParameterSet(label, model, values, "Typical values.", {})

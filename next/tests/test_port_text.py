@@ -1,0 +1,183 @@
+"""The text of a port: nothing that a user wrote becomes code, names are free, what has no translation is refused."""
+
+import re
+import subprocess
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from support import ports
+from support.ports import LANGUAGES
+
+import fitball
+from fitball.errors import FitballError
+from fitball.exports.port import FILES, dialects, port, source, translate
+
+HOSTILE = (
+    "*/ #error evil /*", '"""\nraise SystemExit(9)\n"""', "\n#error evil", "\r\nevil();", "??/\n#error evil",
+    "\\\n#error", "</script><script>alert(1)</script>", "\u2028evil()\u2029evil()", "\u202eevil\u202c",
+    "\\u002a/ evil", "@functions@", "{evil}", "${evil}", "`evil`", "'''\nevil", "\x0cevil\x0bevil", "\x00\x1a",
+    "-->evil<!--", "evil\x85evil",
+)  # fmt: skip
+
+
+def code_of(language, text):
+    """A port without its comments, as a compiler sees it: an escaped line end is none, nor a trigraph for one."""
+    if language == "python":
+        return re.sub(r"(?m)^ *#.*\n", "", text)
+    return re.sub(r"(?s)/\*.*?\*/", "", text.replace("??/", "\\").replace("\\\n", ""))
+
+
+@pytest.mark.parametrize("language", [*FILES][:4])
+def test_no_text_of_a_user_becomes_code(language):
+    plain = ports.typical("grip-slip", "clay")
+    wanted = code_of(language, port([plain], language))
+    for text in HOSTILE:
+        made = port([replace(plain, label=f"clay{text}", origin=text, sources={"mu": text, text: text})], language)
+        assert not re.search('[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e<>`"]', made.split("MIT License")[0][5:])
+        # A name is made of the label, of letters and digits alone.
+        code = code_of(language, made)
+        assert code.replace(re.search(r"CLAY[A-Z0-9_]*", code)[0], "CLAY") == wanted
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_port_of_hostile_labels_compiles_and_passes(tmp_path, language):
+    sets = [replace(ports.typical("grip-slip", text), origin=text, sources={"mu": text}) for text in HOSTILE]
+    text = port(sets, "c" if language == "c++" else language)
+    if language == "python":
+        assert ports.module(text).self_test() < 1e-13
+        return
+    command = ports.compiled(tmp_path, language, text, driver=False)
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=60)
+
+
+def test_names_of_labels():
+    named = {
+        "clay": "CLAY", "Clay": "CLAY_2", "clay!": "CLAY_3", "7 up": "BALL_7_UP", "Gras\u00e9 (wet)": "GRASE_WET",
+        "\u8349\u5730": "BALL", "self test": "SELF_TEST_2", "": "BALL_2", "x" * 90: "X" * 40, "_levels_": "LEVELS",
+        "clay, worn": "CLAY_WORN",
+    }  # fmt: skip
+    sets = [ports.typical("grip-slip", label, mu=0.01 * k) for k, label in enumerate(named, 1)]
+    made, names = ports.module(port(sets, "python")), named.values()
+    assert [getattr(made, name).mu for name in names] == pytest.approx([0.01 * k for k in range(1, 12)])
+
+
+def test_what_cannot_be_ported():
+    def own(v_x1, v_y1, omega_1, ball, e="uniform(0, 1)"):
+        return v_x1, e * v_y1, omega_1
+
+    one = ports.typical("two-mass")
+    for sets, code in (
+        ([replace(one, model=fitball.model_from(own), values={"e": 0.5})], "own-model"),
+        ([one, ports.typical("grip-slip")], "mixed-models"),
+        ([ports.typical("two-mass", mass_ratio=0.5)], "no-answer"),
+        ([ports.typical("two-mass", mu=-1.0)], "out-of-bounds"),
+    ):  # fmt: skip
+        for language in FILES:
+            with pytest.raises(FitballError) as found:
+                port(sets, language)
+            assert found.value.code == code
+
+
+class Pair(NamedTuple):
+    one: float
+    two: int
+
+
+def text_constant(x: float) -> float:
+    return x + len("text")
+
+
+def truth_of_a_number(x: float) -> float:
+    return x or 1.0
+
+
+def whole_quotient(x: float, n: int) -> float:
+    return x + n / 2
+
+
+def twice_in_the_middle(x: float) -> bool:
+    return 0.0 < abs(x) < 1.0
+
+
+def float_for_int(x: float) -> Pair:
+    return Pair(x, x)
+
+
+def power(x: float) -> float:
+    return x**2.5
+
+
+def moving_end(n: int) -> int:
+    k = 0
+    for k in range(n):
+        n = k + 1
+    return k
+
+
+def undefined(x: float) -> float:
+    return x + y if x > 0.0 else z  # noqa: F821
+
+
+def keyword(x: float) -> float:
+    return min(x, 1.0, key=abs)
+
+
+def array(x: np.ndarray) -> float:
+    return x[0]
+
+
+def never_stored(x: float) -> float:
+    while x < 1.0:
+        x = x + later  # noqa: F821
+    return x
+
+
+def translation_of(function):
+    made = source.collected((function,), {}, {}, dialects.C.helpers)
+    return translate.translated(made, function.__name__, dialects.C)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        text_constant, truth_of_a_number, whole_quotient, twice_in_the_middle, float_for_int, power, moving_end,
+        undefined, keyword, array, never_stored,
+    ],
+)  # fmt: skip
+def test_what_has_no_translation_is_refused(function):
+    with pytest.raises(source.UnportableError):
+        translation_of(function)
+
+
+def swapped(a: float, b: float, n: int) -> Pair:
+    """Swaps, chains of comparisons, choices of tuples, loops that end early, words that are reserved elsewhere."""
+    event, default, total = 0.0, 0, 0
+    for k in range(2, n):
+        if k % 7 == 6:
+            break
+        if k // 2 == 2:
+            continue
+        a, b = b, a + 0.5 * k
+        total += k
+    event, default = (a, 3) if 0.0 <= b < 10.0 else (b, 4)
+    total |= default << 40
+    return Pair(event if event > 0 else -1, total)
+
+
+def test_statements_are_translated_as_python_does_them(tmp_path):
+    made = source.collected((swapped,), {}, {}, dialects.C.helpers)
+    structs = "\n".join(map(dialects.C.definition, made.compounds))
+    cases = [(a, b, n) for a in (-3.0, 0.5) for b in (-1.0, 2.0, 30.0) for n in (0, 3, 6, 40)]
+    prints = "".join(
+        f'p = fitball_swapped({a}, {b}, {n}); printf("%.17g %lld\\n", p.one, (long long)p.two);' for a, b, n in cases
+    )
+    head = port([ports.typical("grip-slip")], "c").split("typedef")[0]
+    text = f"{head}{structs}\n{translate.translated(made, 'swapped', dialects.C)}\n#include <stdio.h>\n"
+    command = ports.compiled(
+        tmp_path, "c", f"{text}int main(void) {{ fitball_Pair p; {prints} return 0; }}\n#endif\n", driver=False
+    )
+    done = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True, timeout=60)
+    found = [line.split() for line in done.stdout.splitlines()]
+    assert [(float(one), int(two)) for one, two in found] == [tuple(swapped(*case)) for case in cases]
