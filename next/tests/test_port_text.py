@@ -161,7 +161,9 @@ def swapped(a: float, b: float, n: int) -> Pair:
             continue
         a, b = b, a + 0.5 * k
         total += k
-    event, default = (a, 3) if 0.0 <= b < 10.0 else (b, 4)
+    early = a > 1.0
+    early |= b < -0.5
+    event, default = (a, 3) if early or 0.0 <= b < 10.0 else (b, 4)
     total |= default << 40
     return Pair(event if event > 0 else -1, total)
 
