@@ -3,7 +3,9 @@
 Owns: the public names, loaded when first asked for; what is not here is not public. Imports: version.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 from fitball.version import __version__
@@ -25,6 +27,17 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 __all__ = ["__version__", *_HOME_OF]
+
+
+class _Package(ModuleType):
+    """Of this package: importing the room `fitball.batch` or `fitball.bench` does not hide the verb of that name."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME_OF and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:

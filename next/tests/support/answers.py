@@ -1,4 +1,4 @@
-"""Makes the answers of `data/hard_cases.csv` anew, by the Taylor oracle with fifty digits (some minutes).
+"""Makes the answers of `datasets/bench` anew, by the Taylor oracle with fifty digits (some minutes).
 
 `python -m support.answers [NAME ...]`, from the folder of the tests. Inputs stay; besides the answers the file says
 by how much one rounding of each input together moves them, over their scales (`rounding`): nobody can promise less.
@@ -7,12 +7,13 @@ by how much one rounding of each input together moves them, over their scales (`
 import csv
 import sys
 from decimal import Decimal, localcontext
-from pathlib import Path
 
 from support import taylor
 from support.taylor import OUTPUTS
 
-PLACE = Path(__file__).parent.parent / "data" / "hard_cases.csv"
+from fitball.data.bundled import folder
+
+PLACE, SCENES = (folder() / "bench" / f"{name}.csv" for name in ("hard_cases", "scenes"))
 IMPACT = ("v_x1", "v_y1", "omega_1")
 PARAMETERS = (
     "mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "cor_10", "cor_slope", "zeta_theta", "inertia_split",
@@ -55,8 +56,14 @@ def sensitivity(options, values, impact, answer):
 
 
 def main():
-    """Rewrite the file, of all cases or those named."""
-    with PLACE.open(encoding="utf-8", newline="") as file:
+    """Rewrite the files, of all cases or those named."""
+    for place in (PLACE, SCENES):
+        rewrite(place)
+
+
+def rewrite(place):
+    """One of them."""
+    with place.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in [row for row in rows if row["name"] in sys.argv[1:] or len(sys.argv) == 1]:
         options, impact = options_of(row), [float(row[name]) for name in IMPACT]
@@ -68,7 +75,7 @@ def main():
             row |= {"regime": f"{answer.regime(1e-12):o}"}
             row |= {"rounding": f"{sensitivity(options, values, impact, answer):.1e}"}
         print(row["name"], row["status"], row["regime"], row["rounding"], flush=True)
-    with PLACE.open("w", encoding="utf-8", newline="") as file:
+    with place.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
