@@ -1,0 +1,84 @@
+"""A stored fit run again: the same to the last digit, or as far off as its note says; its table is not needed."""
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball.cli import main
+from fitball.errors import FitballError
+from fitball.saved.pair import read
+
+
+def law(v_x1, v_y1, omega_1, ball, cor_10="uniform(0, 1)"):
+    """Restitution alone."""
+    return v_x1, cor_10 * v_y1, omega_1
+
+
+def note_of(fit):
+    (text,) = (note.text for note in fit.notes if note.code == "run-again")
+    return text
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A fit of a table that is gone, with choices of its own."""
+    place = tmp_path_factory.mktemp("again")
+    table = fitball.load_table("wang_zero_spin.csv").to_frame()
+    table.to_csv(place / "balls.csv", index=False)
+    words = ["--model", "grip-slip", "--prior", "mu=normal(0.6, 0.1)", "--fix", "cor_slope=-0.01", "--seed", "3"]
+    assert main(["calibrate", str(place / "balls.csv"), *words, "--out", str(place / "fit"), "--no-figures"]) == 0
+    (place / "balls.csv").unlink()
+    return place / "fit"
+
+
+def test_a_stored_fit_gives_the_same_again_whatever_the_defaults_are_now(folder, capsys, monkeypatch):
+    from fitball.inference.problem import build
+
+    stored = read(folder)
+    monkeypatch.setattr(build, "VELOCITY_SD", 2.5)
+    assert main(["calibrate", str(folder), "--no-figures"]) == 0
+    assert "last digit" in capsys.readouterr().out
+    again = read(folder / "calibrate")
+    assert again == stored and again.run.key == stored.run.key
+    assert note_of(again)
+
+
+def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
+    stored = read(folder)
+    other = fitball.calibrate(folder, seed=4, progress=False)
+    assert other.run.effort.seed == 4 and other.run.choices == stored.run.choices
+    moved = other.moved_from(stored)
+    name = max(moved, key=moved.get)
+    away = abs(other.parameters[name].median - stored.parameters[name].median)
+    assert moved[name] == pytest.approx(away / max(other.parameters[name].sd, stored.parameters[name].sd))
+    assert 0.0 < moved[name] < 0.5 and f" {name} " in note_of(other) and "last digit" not in note_of(other)
+    varied = fitball.calibrate(folder, prior={"cor_slope": "normal(-0.01, 0.02)"}, point_only=True, progress=False)
+    assert varied.run.choices.fix == {} and varied.run.choices.prior.keys() == {"mu", "cor_slope"}
+    assert varied.run.known["mu"] == stored.run.known["mu"] and varied.status == "point only"
+    shares = varied.moved_from(stored)
+    one, before = varied.parameters["cor_slope"].point, stored.parameters["cor_slope"].point
+    assert shares["cor_slope"] == pytest.approx(abs(one - before) / max(abs(one), abs(before)))
+    # Another model keeps what it has of choices.
+    brody = fitball.calibrate(folder, model="brody", point_only=True, progress=False)
+    assert brody.problem.forward.model.name == "brody" and brody.run.choices.fix == {"cor_slope": -0.01}
+    np.testing.assert_array_equal(brody.run.table.values["v_x2"], stored.run.table.values["v_x2"])
+
+
+def test_a_function_of_ones_own_is_passed_again(tmp_path):
+    own = fitball.model_from(law)
+    stored = fitball.calibrate("wang_zero_spin.csv", model=own, point_only=True, progress=False)
+    stored.save(tmp_path / "fit", figures=False)
+    with pytest.raises(FitballError) as caught:
+        fitball.calibrate(tmp_path / "fit", progress=False)
+    assert caught.value.code == "own-model"
+    again = fitball.calibrate(tmp_path / "fit", model=own, progress=False)
+    assert "last digit" in note_of(again)
+
+
+def test_a_stored_table_is_not_read_otherwise(folder, capsys):
+    words = ["--flip", "omega_2", "--out", str(folder.parent / "other")]
+    assert main(["calibrate", str(folder), *words]) == 2
+    assert "flip" in capsys.readouterr().err and not (folder.parent / "other").exists()
+    with pytest.raises(FitballError) as caught:
+        fitball.calibrate(folder, columns={"v_1": "speed"})
+    assert caught.value.code == "stored-table"
