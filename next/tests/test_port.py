@@ -121,6 +121,9 @@ def test_every_impact_has_an_answer(text):
         v_x, v_y, omega = 10.0 ** rng.uniform(-9.0, 3.0, 3) * (rng.choice([-1.0, 1.0]), 1.0, rng.choice([-1.0, 1.0]))
         found = made.rebound(float(v_x), float(v_y), float(omega), made.Parameters(*line[:count].tolist()))
         assert found.status >= 0 and np.isfinite([found.v_x2, found.omega_2]).all() and 0.0 <= found.v_y2 <= v_y
+        velocity, spin = made.Vector(float(v_x), 0.3 * v_y, float(-v_y)), made.Vector(omega, -omega, 1.0)
+        space = made.rebound_3d(velocity, spin, made.Vector(0.0, 0.0, 3.0), made.Parameters(*line[:count].tolist()))
+        assert space.status >= 0 and np.isfinite([*space.velocity, *space.spin]).all() and space.velocity.z >= 0.0
 
 
 @pytest.mark.parametrize("text", MODELS)
@@ -134,6 +137,8 @@ def test_a_ball_that_does_not_come_leaves_as_it_came_and_no_number_has_no_answer
     for impact in ((np.nan, 1.0, 0.0), (0.0, np.inf, 0.0), (0.0, 1.0, -np.inf), (0.0, -np.inf, 1.0)):
         found = made.rebound(*impact, made.BALL)
         assert found.status == -1 and np.isnan([found.v_x2, found.v_y2, found.omega_2]).all()
+    nowhere = made.rebound_3d(made.Vector(1, 2, -3), made.Vector(0, 0, 0), made.Vector(0, 0, 0), made.BALL)
+    assert nowhere.status == -1 and np.isnan([*nowhere.velocity, *nowhere.spin]).all()
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
