@@ -7,6 +7,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.lines import Line2D
 
+from fitball.numbers import fixed
 from fitball.report.style import FAINT, MARKERS, MODEL, MOVED, SERIES, few_ticks, legend_above, new_figure
 from fitball.result import Frames
 from fitball.values import DataFrame, Figure, FloatArray
@@ -45,7 +46,7 @@ def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
         axis.set_facecolor(FAINT)
         axis.pcolormesh(_edges(angles), _edges(speeds), np.ma.masked_invalid(mine), cmap=_SHADES, norm=norm)
         _draw_numbers(axis, plan[plan["omega_1"] == spin])
-        axis.set_title(f"{spin + 0.0:.0f} rad/s")
+        axis.set_title(f"{fixed(spin, 0)} rad/s")
         axis.grid(visible=False)
         axis.set_xlim(*_edges(angles)[[0, -1]])
         axis.set_ylim(*_edges(speeds)[[0, -1]])
@@ -89,7 +90,7 @@ def _lines(best: DataFrame, plan: DataFrame) -> Figure:
         mine = best[best["omega_1"] == spin]
         axis.plot(factor * mine[over], mine["gain"], color=colour, marker=MARKERS[k % len(MARKERS)], markersize=4)
         handles.append(
-            Line2D([], [], color=colour, marker=MARKERS[k % len(MARKERS)], label=f"{spin + 0.0:.0f} rad/s")
+            Line2D([], [], color=colour, marker=MARKERS[k % len(MARKERS)], label=f"{fixed(spin, 0)} rad/s")
         )
     for _, rows in plan.groupby(over):
         place = float(rows[over].iloc[0])

@@ -14,6 +14,8 @@ from fitball.values import DataFrame, Figure
 # Pale, so that lines stand out: phases of the contact point.
 _SHADES = {"slide": "#e3eefb", "slide back": "#fbeee0", "grip": "#e2f3e8", "hold": "#f3e6f5", "free": "#eeeeee"}
 _CORE = "#008060"
+# Slip [m/s] that the axis shows at least.
+_LEAST_SLIP = 0.1
 
 
 def history(result: Frames) -> Figure:
@@ -42,6 +44,9 @@ def history(result: Frames) -> Figure:
         _flights(speed, frame, result, radius)
         _draw(slip, frame, "slip", MODEL)
         slip.set_title(r"slip $v_x - R\,\omega$ [m/s]")
+        # Of a ball that grips throughout rounding would fill the panel.
+        low, high = slip.get_ylim()
+        slip.set_ylim(min(low, -_LEAST_SLIP), max(high, _LEAST_SLIP))
     for axis in axes.ravel():
         for row in records(phases):
             axis.axvspan(1e3 * row["start"], 1e3 * row["end"], color=_SHADES[row["phase"]], linewidth=0, zorder=0)
@@ -78,7 +83,7 @@ def _flights(axis: Any, frame: DataFrame, result: Frames, radius: float) -> None
 
 
 def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
-    found: list[Any] = [Line2D([], [], color=MODEL, label="normal force, velocity" if len(phases) else "best fit")]
+    found: list[Any] = [Line2D([], [], color=MODEL, label="normal force, velocity" if len(phases) else "model")]
     if len(phases):
         found += [
             Line2D([], [], color=PRIOR, label="friction, surface of shell"),

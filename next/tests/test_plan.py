@@ -1,0 +1,281 @@
+"""Plans: gains against closed forms and nested Monte Carlo, sensors and settings together, a table to fill in."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.made_fit import made_fit, table_of
+
+import fitball
+from fitball.data.read import load_data
+from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.errors import ParameterError
+from fitball.inference.forward import Draws
+from fitball.inference.problem.build import build_problem
+from fitball.report import plan as page
+from fitball.report.style import saved, styled
+from fitball.result import Result
+
+NOISE = {"v_x_sd": 0.3, "v_y_sd": 0.2, "spin_sd": 6.0}
+GRID = {"speed": "15..25:3", "angle": "20..60:3", "spin": "-100..200:2"}
+
+
+def linear(v_x1, v_y1, omega_1, ball, a="normal(0.6, 0.1)", e="normal(0.75, 0.1)", c="normal(0.5, 0.2)"):
+    """Linear in its parameters, which share no column of all."""
+    return a * v_x1 + 0.1 * e * v_y1, e * v_y1, c * omega_1 + 20.0 * a * v_y1
+
+
+def drawn(fit, spread, names, count=4000, logs=False, seed=3):
+    """The fit with normal draws about its point: sds `spread` of values, or of logarithms, each correlated with the
+    next by 0.5.
+    """
+    rng = np.random.default_rng(seed)
+    z = rng.standard_normal((count, len(names)))
+    z[:, 1:] = 0.5 * z[:, :-1] + np.sqrt(0.75) * z[:, 1:]
+    point, values = fit.draws.point, {name: np.full(count, one) for name, one in fit.draws.point.items()}
+    for k, name in enumerate(names):
+        values[name] = point[name] * np.exp(spread[k] * z[:, k]) if logs else point[name] + spread[k] * z[:, k]
+    best = {name: np.array([one]) for name, one in point.items()}
+    fit.__dict__["made"] = SimpleNamespace(problem=fit.problem, draws=Draws(point, values, best))
+    return fit
+
+
+@pytest.fixture(scope="module")
+def straight():
+    fit = made_fit(model="grip-slip", fix=NOISE)
+    model = fitball.model_from(linear)
+    problem = build_problem(fit.run.table, fit.run.scene, fit.run.choices, model)
+    point = {"a": 0.6, "e": 0.75, "c": 0.5, **NOISE}
+    fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=Draws(point, {}, {}))
+    kinds = {"a": "model", "e": "model", "c": "model", **dict.fromkeys(NOISE, "noise")}
+    fit.__dict__["summary"] = pd.DataFrame({"kind": kinds}).rename_axis("name")
+    return drawn(fit, (0.04, 0.02, 0.1), ("a", "e", "c"))
+
+
+def slopes(row):
+    """Of (v_x2, v_y2, omega_2) with (a, e, c), in units of noise."""
+    v_x1, v_y1 = row["v_1"] * np.cos(row["theta_1"]), row["v_1"] * np.sin(row["theta_1"])
+    made = np.array([[v_x1, 0.1 * v_y1, 0.0], [0.0, v_y1, 0.0], [20.0 * v_y1, 0.0, row["omega_1"]]])
+    return made / np.array([[0.3], [0.2], [6.0]])
+
+
+def covariance(fit):
+    return np.cov(np.stack([fit.draws.values[name] for name in "aec"]))
+
+
+def left(known, rows):
+    """The covariance after impacts with these slopes."""
+    return np.linalg.inv(np.linalg.inv(known) + sum(row.T @ row for row in rows))
+
+
+def about(known, rows, towards):
+    """The gain, in closed form."""
+    now, then = (towards @ one @ towards.T for one in (known, left(known, rows)))
+    return 0.5 * (np.linalg.slogdet(now)[1] - np.linalg.slogdet(then)[1])
+
+
+@pytest.mark.parametrize(("target", "towards"), [((), np.eye(3)), ("a,c", np.eye(3)[[0, 2]]),
+                                                 ("impact=v_1=20,theta_1=30 deg", None)])  # fmt: skip
+def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards):
+    if towards is None:
+        along = {"v_1": 20.0, "theta_1": np.pi / 6, "omega_1": 0.0}
+        towards = slopes(along) * np.array([[0.3], [0.2], [6.0]])
+        # Without spin its spin follows from the velocities.
+        towards = towards[:2]
+    found, known = fitball.plan(straight, target=target, sensor={}, count=4, **GRID), covariance(straight)
+    grid = found.frames["gains"]
+    for _, row in grid.iloc[::4].iterrows():
+        assert row["as before"] == pytest.approx(about(known, [slopes(row)], towards), rel=1e-6)
+    chosen = found.frames["plan"]
+    made = [slopes(row) for _, row in chosen.iterrows()]
+    for k in range(len(chosen)):
+        assert chosen["total"][k] == pytest.approx(about(known, made[: k + 1], towards), rel=1e-6)
+        best = max(about(known, [*made[:k], slopes(row)], towards) for _, row in grid.iterrows())
+        assert chosen["total"][k] == pytest.approx(best, rel=1e-6)
+    sds = np.sqrt(np.diag(towards @ left(known, made) @ towards.T))
+    columns = [name for name in chosen if name.startswith("sd(")][: len(sds)]
+    # The sd of draws has one degree of freedom more than their covariance.
+    np.testing.assert_allclose(chosen.loc[3, columns].to_numpy(float), sds, rtol=2e-4)
+    own = straight.problem.rows.states
+    states = [{"v_1": v, "theta_1": t, "omega_1": w} for v, t, w in zip(*own.polar(), own.omega_1, strict=True)]
+    again = [np.sqrt(4 / len(states)) * slopes(one) for one in states]
+    batch = found.frames["sensors"].set_index("sensor")["batch"]
+    assert batch["repeats"] == pytest.approx(about(known, again, towards), rel=1e-6)
+
+
+def test_a_noise_is_learned_by_its_own_information(straight):
+    fit = made_fit()
+    drawn(fit, (0.2,), ("v_x_sd",), logs=True)
+    chosen = fitball.plan(fit, target="v_x_sd", sensor={}, count=3, **GRID).frames["plan"]
+    size = np.var(np.log(fit.draws.values["v_x_sd"]), ddof=1)
+    np.testing.assert_allclose(chosen["total"], 0.5 * np.log1p(2.0 * size * np.arange(1, 4)), rtol=1e-6)
+
+
+def nested(fit, row, columns, rng, outer=2000):
+    """Mutual information of parameters and a measurement, by draws within draws, and its standard error."""
+    model, values = fit.problem.forward.model, fit.draws.values
+    state = fitball.impacts(row["v_1"] * np.cos(row["theta_1"]), row["v_1"] * np.sin(row["theta_1"]), row["omega_1"])
+    made = model.rebound({spec.name: values[spec.name] for spec in model.parameters}, state)
+    noise = {"v_x2": "v_x_sd", "v_y2": "v_y_sd", "omega_2": "spin_sd"}
+    seen = np.stack([made.column(name)[:, 0] / fit.draws.point[noise[name]] for name in columns], axis=1)
+    places = rng.integers(len(seen), size=outer)
+    y = seen[places] + rng.standard_normal((outer, len(columns)))
+    logs = np.stack([-0.5 * ((one - seen) ** 2).sum(axis=1) for one in y])
+    highest = logs.max(axis=1)
+    evidence = highest + np.log(np.exp(logs - highest[:, None]).mean(axis=1))
+    gains = -0.5 * ((y - seen[places]) ** 2).sum(axis=1) - evidence
+    return gains.mean(), gains.std() / np.sqrt(outer)
+
+
+def test_gains_agree_with_nested_monte_carlo(straight):
+    rng, columns = np.random.default_rng(5), ("v_x2", "v_y2", "omega_2")
+    bent = drawn(made_fit(fix=NOISE), (0.03, 0.05, 0.04, 0.01), ("mu", "e_x", "offset", "cor_10"), logs=True)
+    for fit in (straight, bent):
+        grid = fitball.plan(fit, sensor={}, **GRID).frames["gains"]
+        for place in (0, 7, 16):
+            found, error = nested(fit, grid.iloc[place], columns, rng)
+            # A mean of 4,000 draws within is too low by some thousandths.
+            assert grid["as before"][place] == pytest.approx(found, abs=3.0 * error + 0.02)
+        assert np.ptp(grid["as before"]) > 0.3
+
+
+def test_errors_of_states_widen_what_is_measured(straight):
+    frame = table_of()
+    frame["v_x1_sd"], frame["omega_1_sd"] = 0.4, 9.0
+    fit = made_fit(frame, fix=NOISE)
+    problem = build_problem(fit.run.table, fit.run.scene, fit.run.choices, fitball.model_from(linear))
+    fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=straight.draws)
+    fit.__dict__["summary"] = straight.summary
+    found, known = fitball.plan(fit, sensor={}, **GRID), covariance(straight)
+    for _, row in found.frames["gains"].iterrows():
+        moved = np.array([[0.6 * 0.4 / 0.3, 0.0], [0.0, 0.0], [0.0, 0.5 * 9.0 / 6.0]])
+        root = np.linalg.cholesky(np.eye(3) + moved @ moved.T)
+        expected = about(known, [np.linalg.solve(root, slopes(row))], np.eye(3))
+        # The effect of states depends on the parameters at each draw.
+        assert row["as before"] == pytest.approx(expected, rel=0.01)
+    assert {"v_x1_sd [m/s]", "omega_1_sd [rad/s]"} <= {*page.to_fill_in(found)}
+
+
+@pytest.fixture(scope="module")
+def elastic():
+    fit = made_fit(model="two-mass", fix=NOISE)
+    names = ("mass_ratio", "k_y", "k_theta", "mu")
+    return drawn(fit, (0.02, 0.3, 0.3, 0.04), names, logs=True)
+
+
+def test_the_headline_names_the_sensor_that_helps(elastic):
+    found = fitball.plan(elastic, target="k_y", sensor={"contact_time": "0.05 ms"}, **GRID)
+    batch = found.frames["sensors"].set_index("sensor")["batch"]
+    assert batch["as before"] < 0.5 < 1.5 < batch["contact_time"]
+    assert set(found.frames["plan"]["sensor"]) == {"contact_time"}
+    assert "contact_time to 0.05" in found.report().splitlines()[3]
+    # One that reads no better than before is not worth its name.
+    same = fitball.plan(elastic, target="mu", sensor={"v_y2": "0.2"}, **GRID)
+    assert set(same.frames["plan"]["sensor"]) == {"as before"}
+    assert set(same.frames["others"]["sensor"]) == {"v_y2"}
+    one = {"target": "k_y", "count": 1, **GRID}
+    times = [
+        fitball.plan(elastic, sensor={"contact_time": sd}, **one).frames["plan"]["gain"][0]
+        for sd in ("0.1 ms", "0.2 ms")
+    ]
+    assert batch["contact_time"] > times[0] > times[1]
+
+
+def test_gaps_depend_on_the_height_of_the_court(elastic):
+    def gain(share, height):
+        scene = Scene() if height is None else Scene(camera=CameraSection(court_height=Quantity(0.0, height)))
+        fit = drawn(made_fit(model="two-mass", fix=NOISE, scene=scene), (0.3,), ("k_y",), logs=True)
+        return fitball.plan(fit, target="k_y", sensor={"gaps": share}, count=1, **GRID).frames["plan"]["gain"][0]
+
+    known = [gain("1", height) for height in (1e-6, 1e-3, None)]
+    assert known[0] > known[1] > known[2] > 0.1
+    assert gain("0.5", None) > known[2]
+
+
+def test_settings_and_targets_on_levels():
+    fit = made_fit(table_of(36, ("clay", "hard")))
+    found = fitball.plan(fit, target="mu", sensor={}, **GRID)
+    assert [*found.frames["targets"].index] == ["mu[clay]", "mu[hard]"] and len(found.frames["gains"]) == 36
+    one = fitball.plan(fit, target="mu", level={"Surface": "HARD"}, sensor={"drop": "254 cm"}, **GRID)
+    assert [*one.frames["targets"].index] == ["mu[hard]"] and set(one.frames["gains"]["surface"]) == {"hard"}
+    drop = one.frames["others"]
+    np.testing.assert_allclose(drop["v_1"], np.sqrt(2 * 9.80665 * 2.54))
+    assert drop["theta_1"][0] == pytest.approx(np.pi / 2) and drop["gain"].max() < 1e-3
+
+
+def test_the_table_is_filled_in_and_read_beside_the_fitted_one(straight):
+    fit = made_fit(table_of(36, ("clay", "hard")))
+    found = fitball.plan(fit, sensor={}, count=4, **GRID)
+    table, chosen = page.to_fill_in(found), found.frames["plan"]
+    assert (table[["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]] == "").all(axis=None)
+    point = fit.problem.forward.at_level(fit.draws.best, {"surface": "clay"})
+    states = fitball.impacts(chosen["v_1"] * np.cos(chosen["theta_1"]), chosen["v_1"] * np.sin(chosen["theta_1"]),
+                             chosen["omega_1"])  # fmt: skip
+    made = fit.problem.forward.model.rebound({name: one[0] for name, one in point.items()}, states)
+    for name in ("v_x2", "v_y2", "omega_2"):
+        table[f"{name} [{'rad/s' if name == 'omega_2' else 'm/s'}]"] = getattr(made, name)
+    both, _ = load_data([table_of(36, ("clay", "hard")), table], None, True)
+    assert len(both) == 40
+    np.testing.assert_allclose(both.impacts.v_x1[36:], states.v_x1, atol=1e-5)
+    np.testing.assert_allclose(both.values["omega_2"][36:], made.omega_2)
+    assert both.labels["surface"][36:] == tuple(chosen["surface"])
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fit")
+    made_fit(fix=NOISE).save(folder, figures=False)
+    return fitball.load_fit(folder)
+
+
+def test_derived_quantities_and_impacts_are_targets(stored):
+    found = fitball.plan(stored, target="court_pace,mu,impact=v_1=30, theta_1=16", sensor={}, count=1, **GRID)
+    assert [*found.frames["targets"].index] == ["court_pace", "mu", "v_x2", "v_y2", "omega_2"]
+    assert (found.frames["targets"]["as before"] < found.frames["targets"]["now"]).all()
+
+
+@pytest.mark.parametrize(("asked", "code"), [
+    ({"target": "muu"}, "unknown-quantity"), ({"target": "v_x_sd"}, "fixed"), ({"count": 0}, "count"),
+    ({"target": "impact=v_1=20"}, "impact"), ({"speed": "fast"}, "impact"), ({"speed": "40..10"}, "impact"),
+    ({"sensor": {"contact_time": "0.2ms"}}, "sensor"), ({"sensor": {"sonar": "1"}}, "sensor"),
+    ({"sensor": {"gaps": "much"}}, "sensor"), ({"sensor": {"v_x2": "-1"}}, "impact"),
+    ({"sensor": {"v_2": "0.1"}}, "sensor"), ({"sensor": {"drop": "5 kg"}}, "impact"),
+    ({"level": {"surface": "clay"}}, "unknown-label-column"),
+    ({"angle": "10..60:1000", "speed": "10..20:1000"}, "too-many-settings"),
+])  # fmt: skip
+def test_what_cannot_be_planned_is_said_by_code(stored, asked, code):
+    with pytest.raises(ParameterError) as caught:
+        fitball.plan(stored, **asked)
+    assert caught.value.code == code
+
+
+def test_fits_that_cannot_be_planned_from():
+    for fit, asked, code in (
+        (made_fit(sampled=False), {}, "point-fit"),
+        (made_fit(table_of(12, drop=True)), {"angle": "20..30"}, "not-measured"),
+        (made_fit(table_of(12, drop=True)), {"target": "impact=v_1=20, theta_1=30"}, "not-measured"),
+        (made_fit(table_of(36, ("clay", "hard"))), {"level": {"surface": "new"}}, "unknown-label"),
+    ):
+        with pytest.raises(ParameterError) as caught:
+            fitball.plan(fit, **asked)
+        assert caught.value.code == code
+
+
+@pytest.mark.parametrize("ranges", [GRID, {"speed": "15..25:4", "angle": "30", "spin": "0..100:2"}])
+def test_the_map_shows_gains_and_places(straight, ranges):
+    found: Result = fitball.plan(straight, sensor={}, count=2, **ranges)
+    figure = styled(page.figures(found)["gains"])
+    assert saved(figure).startswith(b"\x89PNG")
+    if ranges is GRID:
+        grid = found.frames["gains"]
+        shown = np.concatenate([np.ravel(axis.collections[0].get_array()) for axis in figure.axes[:2]])
+        np.testing.assert_allclose(np.sort(shown), np.sort(grid["as before"]), rtol=1e-12)
+
+
+def test_a_drop_test_is_planned_over_its_speed():
+    fit = made_fit(table_of(12, drop=True))
+    found = fitball.plan(fit, count=2)
+    assert (found.frames["plan"]["theta_1"] == np.pi / 2).all() and found.frames["gains"]["v_1"].nunique() == 6
+    assert [*page.to_fill_in(found)] == ["id", "v_y1 [m/s]", "v_y2 [m/s]", "sensor"]
+    assert saved(styled(page.figures(found)["gains"])).startswith(b"\x89PNG")

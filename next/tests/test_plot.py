@@ -1,0 +1,97 @@
+"""Figures of a stored fit, drawn into its folder: names, formats, what is there stays."""
+
+import pytest
+from support.made_fit import made_fit, table_of
+
+import fitball
+from fitball import cli, files
+from fitball.errors import FitballError
+from fitball.report.figures import FIGURES
+
+STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fits") / "balls"
+    made_fit().save(folder, figures=False)
+    return folder
+
+
+@pytest.mark.parametrize("form", STARTS)
+def test_figures_are_written_beside_the_fit(stored, capsys, form):
+    before = {place.name: place.read_bytes() for place in stored.iterdir() if place.suffix not in (".png", ".svg")}
+    assert cli.main(["plot", str(stored / "fit.json"), "forest", "regime_map", "--format", form, "--quiet"]) == 0
+    written = capsys.readouterr().out.split()
+    assert written == [str(stored / f"{name}.{form}") for name in ("forest", "regime_map")]
+    first = [(stored / f"{name}.{form}").read_bytes() for name in ("forest", "regime_map")]
+    assert all(one.startswith(STARTS[form]) for one in first)
+    assert {name: (stored / name).read_bytes() for name in before if not name.startswith(".")} == {
+        name: one for name, one in before.items() if not name.startswith(".")
+    }
+    # Again, in place of the first.
+    assert cli.main(["plot", str(stored), "forest", "regime_map", "--format", form]) == 0
+    assert [(stored / f"{name}.{form}").read_bytes() for name in ("forest", "regime_map")] == first
+    assert fitball.load_fit(stored).run.table.name == "balls"
+
+
+def test_without_names_all_that_there_is_data_for(tmp_path):
+    made_fit(table_of(12, drop=True), sampled=False).save(tmp_path / "drop", figures=False)
+    found = fitball.plot(tmp_path / "drop")
+    assert found.names == ("curves", "profiles", "predictive", "residuals") or "forest" in found.names
+    assert {*FIGURES} - {*found.names} >= {"corner", "trace", "regimes", "regime_map"}
+    assert [note.code for note in found.notes] == ["not-drawn"]
+    places = found.save(tmp_path / "other")
+    assert [place.name for place in places] == [f"{name}.png" for name in found.names]
+    assert fitball.plot(made_fit(), "curves,corner").names == ("curves", "corner")
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        (("curve",), "unknown-figure"), (("curves", "history"), "unknown-figure"), (("trace",), "no-such-data"),
+        (("curves", "--format", "gif"), "format"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_drawn_is_said_by_code(tmp_path, asked, code):
+    made_fit(sampled=False).save(tmp_path / "fit", figures=False)
+    before = sorted(place.name for place in (tmp_path / "fit").iterdir())
+    form = asked[-1] if "--format" in asked else "png"
+    with pytest.raises(FitballError) as caught:
+        fitball.plot(tmp_path / "fit", asked[: len(asked) - 2 * ("--format" in asked)], format=form)
+    assert caught.value.code == code
+    assert cli.main(["plot", str(tmp_path / "fit"), *asked]) == 2
+    assert sorted(place.name for place in (tmp_path / "fit").iterdir()) == before
+
+
+def test_a_folder_without_a_fit_is_said_and_not_made(tmp_path, capsys):
+    for verb in (["plot"], ["plan"], ["simulate", "--impact", "v_1=20, theta_1=30"]):
+        assert cli.main([verb[0], str(tmp_path / "none"), *verb[1:]]) == 2
+        assert str(tmp_path / "none") in capsys.readouterr().err
+        with pytest.raises(FitballError) as caught:
+            getattr(fitball, verb[0])(tmp_path / "none", **({"impact": "v_1=20, theta_1=30"} if verb[1:] else {}))
+        assert caught.value.code == "no-fit"
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_run_that_writes_into_the_folder_is_waited_for(stored, monkeypatch):
+    monkeypatch.setattr(files, "WAIT", 0.2)
+    with files.result_folder(stored):
+        assert cli.main(["plot", str(stored), "forest"]) == 2
+    assert cli.main(["plot", str(stored), "forest", "--quiet"]) == 0
+
+
+def test_a_plan_and_a_simulation_go_below_the_fit(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    made_fit(model="two-mass").save("fit", figures=False)
+    words = ["--speed", "15..25:2", "--angle", "20..60:2", "--spin", "0", "--count", "1", "--sensor"]
+    assert cli.main(["plan", "fit", "--target", "mu", *words, "contact_time=0.1ms", "--quiet"]) == 0
+    assert cli.main(["simulate", "fit", "--impact", "v_1=20, theta_1=30", "--quiet"]) == 0
+    assert {"to_fill_in.csv", "plan.csv", "gains.png", "report.html"} <= {
+        p.name for p in (tmp_path / "fit/plan").iterdir()
+    }
+    assert {"history.csv", "history.png", "report.html"} <= {p.name for p in (tmp_path / "fit/simulate").iterdir()}
+    capsys.readouterr()
+    assert cli.main(["simulate", "fit", "--impact", "v_1=20, theta_1=30"]) == 2
+    assert cli.main(["simulate", "--impact", "v_1=20, theta_1=30", "--json", "--out", "by_hand"]) == 0
+    assert '"contact_time"' in capsys.readouterr().out

@@ -1,0 +1,132 @@
+"""One impact through time: balances of momentum, phases, bands of draws, values by hand, the figure."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.made_fit import made_fit, table_of
+
+import fitball
+from fitball.errors import FitballError
+from fitball.models.types import regime_name
+from fitball.report.style import saved, styled
+from fitball.uses.simulate import DRAWS
+
+IMPACT = "v_1=20, theta_1=35 deg, omega_1=-1000 rpm"
+MASS, RADIUS, RATIO = 0.0576, 0.03302, 0.56
+
+
+def by_hand(impact=IMPACT, model="two-mass+normal=total", **fix):
+    return fitball.simulate(model=model, impact=impact, fix=fix)
+
+
+def integral(frame, name):
+    """By Simpson's rule: courses have corners where phases change."""
+    from scipy.integrate import simpson
+
+    return simpson(frame[name], x=frame["time"])
+
+
+@pytest.mark.parametrize("model", ["two-mass+normal=total", "thesis-exact"])
+def test_forces_change_the_momentum_of_the_ball(model):
+    found = by_hand(model=model)
+    frame, outcome = found.frames["history"], found.frames["outcome"].set_index("quantity")["value"]
+    along, down = 20 * np.cos(np.radians(35)), 20 * np.sin(np.radians(35))
+    # Friction has a kink at each phase.
+    assert integral(frame, "friction_force") == pytest.approx(MASS * (outcome["v_x2"] - along), rel=2e-3)
+    if "total" in model:
+        assert integral(frame, "normal_force") == pytest.approx(MASS * (outcome["v_y2"] + down), rel=1e-4)
+    assert (frame["friction_force"].abs() <= frame["friction_limit"].abs() * (1 + 1e-9) + 1e-9).all()
+    np.testing.assert_allclose(frame["slip"], frame["v_x"] - RADIUS * frame["omega_shell"], atol=1e-9)
+
+
+def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
+    found = by_hand()
+    phases, time = found.frames["phases"], found.frames["history"]["time"].iloc[-1]
+    state = fitball.impacts(20 * np.cos(np.radians(35)), 20 * np.sin(np.radians(35)), -1000 * np.pi / 30)
+    values = found.frames["parameters"].set_index("parameter")["value"].to_dict()
+    model = fitball.model("two-mass+normal=total")
+    made = model.rebound(values, state)
+    assert ", ".join(phases["phase"]) == regime_name(int(made.regime[0])) and len(phases) > 1
+    assert time == pytest.approx(made.contact_time[0]) and phases["start"][0] == 0.0
+    np.testing.assert_array_equal(phases["start"][1:], phases["end"][:-1])
+    edge = phases["end"][0]
+    around = model.history(values, state, np.array([edge * (1 - 1e-6), edge]))
+    assert 0.0 < around.courses["slip"][0] < 1e-3 and abs(around.courses["slip"][1]) < 1e-9
+
+
+def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
+    fit = made_fit(table_of(36, ("clay", "hard")), model="two-mass")
+    found = fitball.simulate(fit, impact=IMPACT, level={"surface": "Hard"})
+    frame, outcome = found.frames["history"], found.frames["outcome"].set_index("quantity")
+    draws = fit.draws.values
+    names = [spec.name for spec in fit.problem.forward.model.parameters]
+    at = {name: draws.get(f"{name}[hard]", draws.get(name)) for name in names}
+    rows = np.linspace(0, 399, DRAWS).astype(int)
+    state = fitball.impacts(20 * np.cos(np.radians(35)), 20 * np.sin(np.radians(35)), -1000 * np.pi / 30)
+    model, slips = fit.problem.forward.model, []
+    times = model.rebound({name: one[rows] for name, one in at.items()}, state).contact_time[:, 0]
+    for row, time in zip(rows, times, strict=True):
+        one = model.history({name: values[row] for name, values in at.items()}, state, np.array([0.25, 0.5]) * time)
+        slips.append(one.courses["slip"])
+    ends = np.quantile(slips, [0.025, 0.84], axis=0)
+    np.testing.assert_allclose(frame.loc[[60, 120], "slip_q025"], ends[0], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(frame.loc[[60, 120], "slip_q84"], ends[1], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(outcome.loc["contact_time", "q975"], np.quantile(times, 0.975))
+    assert "extrapolated" not in {note.code for note in found.notes}
+    far = fitball.simulate(fit, impact="v_1=60, theta_1=35", level={"surface": "hard"})
+    assert "extrapolated" in {note.code for note in far.notes}
+
+
+def test_draws_without_an_answer_are_left_out_and_said():
+    fit = made_fit(model="two-mass")
+    ratio, rng = fit.draws.values["mass_ratio"], np.random.default_rng(2)
+    for share, banded in ((0.3, True), (0.7, False)):
+        # COR cannot exceed the mass ratio.
+        ratio[:] = np.where(rng.uniform(size=400) < share, 0.4, 0.87)
+        found = fitball.simulate(fit, impact=IMPACT)
+        assert [note.code for note in found.notes] == ["no-answer"]
+        assert (found.frames["history"]["y_q025"].notna() == banded).all()
+
+
+def test_values_by_hand_are_numbers_or_published_ones():
+    found = by_hand(mu="literature:clay", k_y="1e4").frames["parameters"].set_index("parameter")["value"]
+    assert found["mu"] == pytest.approx(0.73) and found["k_y"] == 1e4
+    assert found["k_theta"] == fitball.model("two-mass").specs["k_theta"].typical
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ({"impact": "v_1=20"}, "impact"), ({"impact": "v_1=10..20, theta_1=30"}, "impact"),
+        ({"model": "brody"}, "no-history"),
+        ({"fix": {"muu": "0.5"}}, "unknown-parameter"), ({"fix": {"mu": "much"}}, "not-a-number"),
+        ({"fix": {"mu": "-1"}}, "out-of-bounds"), ({"level": {"surface": "clay"}}, "fit-and-values"),
+        ({"fit": made_fit, "fix": {"mu": "0.5"}}, "fit-and-values"), ({"fit": made_fit}, "no-history"),
+        ({"fit": lambda: made_fit(table_of(36, ("a", "b")), model="two-mass")}, "label-missing"),
+        ({"fit": lambda: made_fit(table_of(12, drop=True))}, "not-measured"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_followed_is_said_by_code(asked, code):
+    options = {"impact": IMPACT, **asked}
+    fit = options.pop("fit", str)()
+    with pytest.raises(FitballError) as caught:
+        fitball.simulate(fit, **options)
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize("case", ["fit", "drop", "point", "values"])
+def test_the_figure_shows_the_courses(case):
+    drop = made_fit(table_of(12, drop=True), model="two-mass+normal=total")
+    found = {
+        "fit": lambda: fitball.simulate(made_fit(model="two-mass"), impact=IMPACT),
+        "drop": lambda: fitball.simulate(drop, impact="v_y1=7"),
+        "point": lambda: fitball.simulate(made_fit(model="two-mass", sampled=False), impact=IMPACT),
+        "values": by_hand,
+    }[case]()
+    figure, frame = styled(found._layout.figures(found)["history"]), found.frames["history"]
+    assert saved(figure).startswith(b"\x89PNG") and len(figure.axes) == (2 if case == "drop" else 4)
+    line = figure.axes[0].lines[0].get_xydata()
+    np.testing.assert_allclose(line, 1e3 * frame[["time", "y"]].to_numpy())
+    assert len(figure.axes[0].collections) == (2 if case in ("fit", "drop") else 0)
+    assert found.report().splitlines()[0].startswith("two-mass")
+    assert isinstance(found.frames["phases"], pd.DataFrame) and found.frames["phases"].empty == (case == "drop")
