@@ -1,0 +1,106 @@
+"""What `track` writes: files that `calibrate` reads as they are, a page and figures, the command line."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.films import Camera, bounces, filmed
+
+import fitball
+from fitball import cli
+from fitball.data.read import load_data
+from fitball.data.scene import CameraSection, Scene
+from fitball.tracks.types import NINE
+
+HOSTILE = "<script>alert(1)</script>\x1b[31m=1+1"
+
+
+@pytest.fixture(scope="module")
+def film():
+    rng = np.random.default_rng(20)
+    table = filmed(bounces(7, rng), Camera(240, fold=2), rng)
+    # A film in which spins are sure in some impacts, ambiguous in others, and one clip has no bounce.
+    table.loc[table["id"] == "7", "y [m]"] = 0.1
+    table["surface"] = HOSTILE
+    scene = Scene(camera=CameraSection(fps=240.0, court=0.0), columns={"x": "x [m]"})
+    return fitball.track(table, scene=scene, progress=False)
+
+
+def test_calibrate_reads_what_track_writes(film, tmp_path):
+    places = {place.name for place in film.save(tmp_path / "out", figures=False)}
+    assert places >= {"impacts.csv", "impacts.toml", "tracks.csv", "spins.csv", "session.csv", "report.html"}
+    table, scene = load_data([tmp_path / "out" / "impacts.csv"], None, True)
+    assert scene == film.scene and not scene.columns
+    assert scene.camera.tilt.sd == pytest.approx(np.radians(0.3), rel=1e-3)
+    sure = film.impacts["omega_1 [rad/s]"].notna()
+    assert 1 < sure.sum() < len(film.impacts) == 6
+    assert [*table.values] == list(NINE) and len(table) == sure.sum() == len(film.table)
+    for name in NINE:
+        np.testing.assert_array_equal(table.values[name], film.table.values[name])
+        np.testing.assert_array_equal(table.sd[name], film.table.sd[name])
+    matrix = table.covariance(NINE[3:])
+    assert np.all(np.linalg.eigvalsh(matrix / np.sqrt(np.einsum("rii,rjj->rij", matrix, matrix)))[:, 0] > 0.0)
+    fit = fitball.calibrate(tmp_path / "out" / "impacts.csv", model="grip-slip", point_only=True, progress=False)
+    assert {"scale", "clock", "tilt"} <= {*fit.parameters} and fit.parameters["mu"].point == pytest.approx(
+        0.56, abs=0.05
+    )
+
+
+def test_frames_of_the_film_are_told_one_by_one(film):
+    own = film.tracks[film.tracks["id"] == "1"]
+    assert [*own["role"].unique()] == ["before", "contact", "after"]
+    contact = own["role"] == "contact"
+    assert own.loc[contact, ["outlier", "residual_x [m]"]].isna().all(axis=None)
+    flying = own.loc[~contact]
+    assert flying["outlier"].between(0.0, 1.0).all() and flying["residual_y [m]"].abs().median() < 2e-3
+    assert set(film.refused) == {"7"}
+    assert sum(film.spins["used"] == "yes") == film.impacts["omega_1 [rad/s]"].notna().sum()
+
+
+def test_the_page_says_what_was_found_and_runs_nothing(film):
+    html, text = film._repr_html_(), film.report()
+    assert "<script>alert" not in html and "\x1b" not in text
+    for word in ("6 impacts", "gap_time", "court_height", "no minimum"):
+        assert word in text
+    # Most doubtful impacts first: those without sure spins have pictures.
+    shown = film._report.pictures()
+    open_ = [k for k, name in enumerate(film.impacts["omega_1 [rad/s]"].isna()) if name]
+    assert {f"track-{k + 1}" for k in open_} <= {*shown} and "session" in shown
+    for name in shown:
+        axes = film.plot(name).axes
+        assert axes and all(axis.lines or axis.collections for axis in axes)
+    # A figure of each impact; rings are its outliers.
+    own = film.tracks[film.tracks["id"] == "1"]
+    rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
+    assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
+
+
+def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(9)
+    filmed(bounces(3, rng), Camera(500), rng).to_csv("clip.csv", index=False)
+    (tmp_path / "clip.toml").write_text("[camera]\nfps = 500.0\ncourt = 0.0\n")
+    assert cli.main(["track", "clip.csv", "--json", "--no-figures"]) == 0
+    found = json.loads(capsys.readouterr().out)["frames"]
+    assert len(found["impacts"]) == 3 and len(found["session"]) == 1
+    again = pd.read_csv("fits/clip/track/impacts.csv")
+    assert again["v_x1 [m/s]"].tolist() == [row["v_x1 [m/s]"] for row in found["impacts"]]
+    # What is stated on the line holds over the scene.
+    assert cli.main(["track", "clip.csv", "--fps", "25", "--out", "x"]) == 2
+    assert "frames/s" in capsys.readouterr().err and not (tmp_path / "x").exists()
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["track", "clip.csv", "--scale", "2"])
+    assert caught.value.code == 2
+    assert cli.main(["track"]) == 2
+
+
+def test_the_estimator_is_not_loaded_before_it_is_needed():
+    code = (
+        "import sys, fitball, fitball.cli; fitball.cli.make_parser(); print('fitball.tracks.session' in sys.modules)"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+    )
