@@ -241,7 +241,7 @@ def test_derived_quantities_and_impacts_are_targets(stored):
     ({"sensor": {"contact_time": "0.2ms"}}, "sensor"), ({"sensor": {"sonar": "1"}}, "sensor"),
     ({"sensor": {"gaps": "much"}}, "sensor"), ({"sensor": {"v_x2": "-1"}}, "impact"),
     ({"sensor": {"v_2": "0.1"}}, "sensor"), ({"sensor": {"drop": "5 kg"}}, "impact"),
-    ({"level": {"surface": "clay"}}, "unknown-label-column"),
+    ({"level": {"surface": "clay"}}, "unknown-level"),
     ({"angle": "10..60:1000", "speed": "10..20:1000"}, "too-many-settings"),
 ])  # fmt: skip
 def test_what_cannot_be_planned_is_said_by_code(stored, asked, code):

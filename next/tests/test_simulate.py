@@ -102,6 +102,7 @@ def test_values_by_hand_are_numbers_or_published_ones():
         ({"fix": {"muu": "0.5"}}, "unknown-parameter"), ({"fix": {"mu": "much"}}, "not-a-number"),
         ({"fix": {"mu": "-1"}}, "out-of-bounds"), ({"level": {"surface": "clay"}}, "fit-and-values"),
         ({"fit": made_fit, "fix": {"mu": "0.5"}}, "fit-and-values"), ({"fit": made_fit}, "no-history"),
+        ({"fit": made_fit, "level": {"surface": "clay"}}, "unknown-level"),
         ({"fit": lambda: made_fit(table_of(36, ("a", "b")), model="two-mass")}, "label-missing"),
         ({"fit": lambda: made_fit(table_of(12, drop=True))}, "not-measured"),
     ],

@@ -86,23 +86,18 @@ def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) ->
 
 def measured_levels(fit: Fit, level: Mapping[str, str]) -> IntArray:
     """The combinations (combinations, levels) of a table, or those with the labels of `level`. Raises ParameterError
-    (`unknown-label-column`, `unknown-label`, `no-such-levels`).
+    (`unknown-level`, `unknown-label`, `no-such-levels`).
     """
-    levels, keys = fit.problem.forward.levels, np.unique(fit.problem.rows.index, axis=0)
-    columns = {spelled(one.column): one.column for one in levels}
-    for column, label in level.items():
-        if spelled(column) not in columns:
-            known = suggestion(column, columns.values()) if columns else "it has no levels"
-            raise ParameterError(
-                f"level: no parameter of this fit differs by {column}: {known}", "unknown-label-column"
-            )
-        for k, one in enumerate(levels):
-            if spelled(one.column) == spelled(column):
-                place = one.place(label)
-                if place == NEW_LEVEL:
-                    text = f"level: a plan needs a {column} that was fitted: {', '.join(one.labels)}"
-                    raise ParameterError(text, "unknown-label")
-                keys = keys[keys[:, k] == place]
+    forward, keys = fit.problem.forward, np.unique(fit.problem.rows.index, axis=0)
+    forward.check_columns(level)
+    asked = {spelled(column): label for column, label in level.items()}
+    for k, one in enumerate(forward.levels):
+        if (label := asked.get(spelled(one.column))) is not None:
+            place = one.place(label)
+            if place == NEW_LEVEL:
+                text = f"level: a plan needs a {one.column} that was fitted: {', '.join(one.labels)}"
+                raise ParameterError(text, "unknown-label")
+            keys = keys[keys[:, k] == place]
     if not len(keys):
         text = f"level: no impact of the table has {' and '.join(level.values())} together"
         raise ParameterError(text, "no-such-levels")
