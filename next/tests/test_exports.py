@@ -182,6 +182,8 @@ def test_an_engine_with_the_same_ball_makes_no_error():
     # It grips there: the friction is the model's own, which other impacts need.
     assert found.grips and found.mu == 0.5 and max(found.rms.values()) < 1e-12
     assert max(map(abs, found.errors.values())) < 1e-12
+    # Without slip any friction would do.
+    assert engine.settings(one, fitball.impacts(0.0, 9.0, 0.0), 0.4).mu == 0.5
     softer = engine.settings(one, fitball.impacts(8.0, 9.0, 10.0), 0.4)
     assert softer.rms["omega_2"] > 1.0
 
