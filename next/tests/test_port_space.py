@@ -83,12 +83,12 @@ def _spatial(made, parameters, v, w, v_y, normal):
 )  # fmt: skip
 def test_bounce_in_space(text, share, sidespin, speed, spin):
     made, rng, v_y, radius = ports.reference(text), np.random.default_rng(1), 12.0, 0.03302
-    one = ports.typical(text)
+    one = ports.typical(text, eps_slope=2e-4)
     call = one.model.kernel_call(one.values)
     v = v_y * rng.uniform(0.2, 4.0, (40, 1)) * np.array([[0.8, -0.6]])
     along, across = v / np.linalg.norm(v, axis=1, keepdims=True), np.array([[0.6, 0.8]])
     w = v_y / radius * (rng.uniform(-1.0, 1.5, (40, 1)) * along + sidespin * rng.uniform(-1.0, 1.0, (40, 1)) * across)
-    parameters = made.BALL._replace(eps_10=share * made.BALL.eps_10)
+    parameters = made.BALL._replace(eps_10=share * made.BALL.eps_10, eps_slope=share * 2e-4)
     wanted = _integrated(call, v, w, v_y, 500, share)
     found = _spatial(made, parameters, v, w, v_y, np.array([2.0, -1.0, 3.0]))
     assert np.abs(found[0] - wanted[0]).max() < speed and np.abs(found[1] - wanted[1]).max() < spin
