@@ -125,3 +125,17 @@ def test_without_sidespin_it_is_the_bounce_in_the_plane(text, omega):
     (velocity,), (spin,) = _spatial(made, made.BALL, v, w, 9.0, normal)
     assert velocity == pytest.approx(flat.v_x2 * v[0] / 6.0, abs=1e-11)
     assert spin == pytest.approx(flat.omega_2 * v[0] / 6.0, abs=1e-9)
+
+
+def test_a_grip_of_the_rigid_ball_is_linear_in_slip_and_offset():
+    made, rng = ports.reference("grip-slip"), np.random.default_rng(3)
+    v_y, mass, a, radius = 12.0, 0.0576, 0.56, 0.03302
+    ball, travel = made.BALL._replace(mu=3.0), np.array([0.6, 0.8])
+    v = rng.uniform(2.0, 12.0, (20, 1)) * travel
+    w = rng.uniform(-300.0, 300.0, (20, 2))
+    found = _spatial(made, ball, v, w, v_y, np.array([0.0, 0.0, 1.0]))
+    # Restitution has its outside truth in other tests.
+    push = ball.offset * mass * (v_y + made.rebound(0.0, v_y, 0.0, ball).v_y2) * travel
+    impulse = mass * a / (1.0 + a) * ((1.0 + ball.e_x) * (v - radius * w) + push / (a * mass * radius))
+    assert found[0] == pytest.approx(v - impulse / mass, abs=1e-11)
+    assert found[1] == pytest.approx(w + (radius * impulse - push) / (a * mass * radius**2), abs=1e-9)
