@@ -104,6 +104,13 @@ def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards)
     assert batch["repeats"] == pytest.approx(about(known, again, towards), rel=1e-6)
 
 
+def test_a_drop_shows_the_vertical_speed_alone(straight):
+    found = fitball.plan(straight, sensor={"drop": "1 m"}, count=1, **GRID).frames["others"].iloc[0]
+    fall = {"v_1": np.sqrt(2 * 9.80665), "theta_1": np.pi / 2, "omega_1": 0.0}
+    assert found["sensor"] == "drop" and found["v_1"] == pytest.approx(fall["v_1"])
+    assert found["gain"] == pytest.approx(about(covariance(straight), [slopes(fall)[1:2]], np.eye(3)), rel=1e-6)
+
+
 def test_a_noise_is_learned_by_its_own_information(straight):
     fit = made_fit()
     drawn(fit, (0.2,), ("v_x_sd",), logs=True)
@@ -170,8 +177,9 @@ def test_the_headline_names_the_sensor_that_helps(elastic):
     assert batch["as before"] < 0.5 < 1.5 < batch["contact_time"]
     assert set(found.frames["plan"]["sensor"]) == {"contact_time"}
     assert "contact_time to 0.05" in found.report().splitlines()[3]
-    # One that reads no better than before is not worth its name.
-    same = fitball.plan(elastic, target="mu", sensor={"v_y2": "0.2"}, **GRID)
+    # One that reads hardly better than before is not worth its name.
+    same = fitball.plan(elastic, target="mu", sensor={"v_y2": "0.199"}, **GRID)
+    assert same.frames["sensors"]["batch"][1] > same.frames["sensors"]["batch"][0]
     assert set(same.frames["plan"]["sensor"]) == {"as before"}
     assert set(same.frames["others"]["sensor"]) == {"v_y2"}
     one = {"target": "k_y", "count": 1, **GRID}
@@ -199,26 +207,26 @@ def test_settings_and_targets_on_levels():
     assert [*found.frames["targets"].index] == ["mu[clay]", "mu[hard]"] and len(found.frames["gains"]) == 36
     one = fitball.plan(fit, target="mu", level={"Surface": "HARD"}, sensor={"drop": "254 cm"}, **GRID)
     assert [*one.frames["targets"].index] == ["mu[hard]"] and set(one.frames["gains"]["surface"]) == {"hard"}
-    drop = one.frames["others"]
-    np.testing.assert_allclose(drop["v_1"], np.sqrt(2 * 9.80665 * 2.54))
-    assert drop["theta_1"][0] == pytest.approx(np.pi / 2) and drop["gain"].max() < 1e-3
+    assert one.frames["others"]["gain"].max() < 1e-3
 
 
-def test_the_table_is_filled_in_and_read_beside_the_fitted_one(straight):
-    fit = made_fit(table_of(36, ("clay", "hard")))
-    found = fitball.plan(fit, sensor={}, count=4, **GRID)
+@pytest.mark.parametrize("polar", [False, True])
+def test_the_table_is_filled_in_and_read_beside_the_fitted_one(polar):
+    frame = table_of(36, ("clay", "hard"))
+    if polar:
+        v_x1, v_y1 = frame.pop("v_x1"), frame.pop("v_y1")
+        frame["v_1"], frame["theta_1 [deg]"] = np.hypot(v_x1, v_y1), np.degrees(np.arctan2(v_y1, v_x1))
+    found = fitball.plan(made_fit(frame), sensor={}, count=4, **GRID)
     table, chosen = page.to_fill_in(found), found.frames["plan"]
-    assert (table[["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]] == "").all(axis=None)
-    point = fit.problem.forward.at_level(fit.draws.best, {"surface": "clay"})
-    states = fitball.impacts(chosen["v_1"] * np.cos(chosen["theta_1"]), chosen["v_1"] * np.sin(chosen["theta_1"]),
-                             chosen["omega_1"])  # fmt: skip
-    made = fit.problem.forward.model.rebound({name: one[0] for name, one in point.items()}, states)
-    for name in ("v_x2", "v_y2", "omega_2"):
-        table[f"{name} [{'rad/s' if name == 'omega_2' else 'm/s'}]"] = getattr(made, name)
-    both, _ = load_data([table_of(36, ("clay", "hard")), table], None, True)
+    empty = ["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]
+    assert (table[empty] == "").all(axis=None)
+    v_x1 = chosen["v_1"] * np.cos(chosen["theta_1"])
+    # What the ball does is of no account here, but no energy may be gained.
+    table[empty] = np.column_stack([0.5 * v_x1, 0.6 * chosen["v_1"] * np.sin(chosen["theta_1"]), 10.0 * v_x1])
+    both, _ = load_data([frame, table], None, True)
     assert len(both) == 40
-    np.testing.assert_allclose(both.impacts.v_x1[36:], states.v_x1, atol=1e-5)
-    np.testing.assert_allclose(both.values["omega_2"][36:], made.omega_2)
+    np.testing.assert_allclose(both.impacts.v_x1[36:], v_x1, atol=1e-5)
+    np.testing.assert_allclose(both.values["omega_2"][36:], 10.0 * v_x1)
     assert both.labels["surface"][36:] == tuple(chosen["surface"])
 
 

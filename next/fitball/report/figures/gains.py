@@ -39,7 +39,7 @@ def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
     rows = -(-len(spins) // across)
     figure, axes = new_figure(rows, across, high=0.9 + 2.1 * rows, wide=max(4.0, 0.9 + 1.8 * across), sharex=True,
                               sharey=True)  # fmt: skip
-    norm = Normalize(0.0, float(best["gain"].max()))
+    norm = Normalize(float(best["gain"].min()), float(best["gain"].max()))
     for axis, spin in zip(axes.ravel(), spins, strict=False):
         mine = best[best["omega_1"] == spin].pivot_table(index="v_1", columns="theta_1", values="gain", dropna=False)
         angles, speeds = np.degrees(mine.columns.to_numpy(np.float64)), mine.index.to_numpy(np.float64)
@@ -59,7 +59,7 @@ def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
     for axis in axes[:, 0]:
         axis.set_ylabel("speed [m/s]")
     bar = figure.colorbar(ScalarMappable(norm, _SHADES), ax=axes, shrink=0.85, pad=0.02)
-    bar.set_label(f"gain of one impact [nats], {sensor}")
+    bar.set_label(f"gain [nats], {sensor}")
     return figure
 
 
