@@ -4,17 +4,19 @@ Imports: first_order, derived, density, models.specs, itf, problem, results, bas
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import radians
 
 import numpy as np
 
 from fitball import itf
+from fitball.inference.density import STEP as GRADIENT
 from fitball.inference.density import cells
+from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
 from fitball.inference.first_order import FirstOrder
-from fitball.inference.problem.camera import CAMERA_SPECS
+from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
 from fitball.inference.problem.joint_prior import Parameter
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import Constant
@@ -34,30 +36,55 @@ STEP = 0.01
 NOTHING = 1e-3
 
 
-def constants(problem: Problem, first: FirstOrder) -> tuple[Constant, ...]:
-    """Held constants of ball and camera that move anything: the shift of a refit."""
+def constants(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) -> tuple[Constant, ...]:
+    """Held constants of ball and camera that move anything: the shift of a refit; of derived quantities also what the
+    constant does to them itself.
+    """
     kept = np.unique(first.rows)
     part, place = problem.part(kept), np.searchsorted(kept, first.rows)
     x, sds = first.proposal.centre[None], np.linalg.norm(first.root, axis=1)
+    along, spread = _gradients(problem, first, derived)
     found = []
     for name, value, low, high in _ranges(problem):
 
         def seen(at: FloatArray, name: str = name) -> FloatArray:
-            """Predictions, and the mean contact time (constants, impacts + 1, columns)."""
-            made = [cells(_with(part, name, float(one)), x) for one in at[:, 0]]
-            means = [np.where(one.possible, one.mean[0], np.nan) for one in made]
-            times = [np.full((1, one.mean.shape[2]), one.time[0]) for one in made]
-            return np.concatenate([np.stack(means), np.stack(times)], axis=1)
+            """Predictions and the mean contact time (constants, (impacts + 1) columns), then derived quantities."""
+            rows = []
+            for one in at[:, 0].tolist():
+                posed = _with(part, name, one)
+                made, values = cells(posed, x), posed.values(x)
+                mean = np.where(made.possible, made.mean[0], np.nan)
+                rows.append([mean.ravel(), made.time, *(each.rule(values) for each in derived)])
+            return np.stack([np.concatenate(row) for row in rows])
 
         step, ends = np.array([STEP * (high - low)]), np.array([np.inf])
         rate = central(seen, np.array([[value]]), step, -ends, ends)[1][0, 0] * max(high - value, value - low)
-        moves = first.moves(-np.sum(first.whitening * rate[:-1][place], axis=1))
+        mean, time, own = np.split(rate, [rate.size - len(derived) - 1, rate.size - len(derived)])
+        moves = first.moves(-np.sum(first.whitening * mean.reshape(len(kept), -1)[place], axis=1))
         if problem.contact_time is not None:
-            time = first.slopes[first.residual.size]
-            moves = moves - first.root @ (first.root.T @ time) * (rate[-1, 0] / problem.contact_time[1])
-        if np.abs(moves / sds).max() > NOTHING:
-            found.append(Constant(name, low, high, dict(zip(first.names, (moves / sds).tolist(), strict=True))))
+            row = first.slopes[first.residual.size]
+            moves = moves - first.root @ (first.root.T @ row) * (time[0] / problem.contact_time[1])
+        whole = dict(zip(first.names, (moves / sds).tolist(), strict=True))
+        further = np.divide(own + along @ moves, spread, out=np.zeros(len(derived)), where=spread > 0.0)
+        whole |= {one.spec.name: by for one, by in zip(derived, further.tolist(), strict=True) if np.isfinite(by)}
+        if max(map(abs, whole.values())) > NOTHING:
+            found.append(Constant(name, low, high, whole))
     return tuple(found)
+
+
+def _gradients(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) -> tuple[FloatArray, FloatArray]:
+    """Of derived quantities the slopes (quantities, parameters), in sds of priors, and the standard errors."""
+    prior, x = problem.prior, first.proposal.centre[None]
+    if not derived:
+        return np.zeros((0, len(first.names))), np.zeros(0)
+
+    def all_of(q: FloatArray) -> FloatArray:
+        values = problem.values(q)
+        return np.stack([one.rule(values) for one in derived], axis=1)
+
+    rates = central(all_of, x, GRADIENT * prior.width, prior.low, prior.high)[1][0].T
+    along = rates[:, [problem.free.index(name) for name in first.names]] * first.sds
+    return along, np.linalg.norm(along @ first.root, axis=1)
 
 
 def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
@@ -68,17 +95,20 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
     ball, stated = problem.scene.value(), problem.scene.ball_sd()
     limits = zip((ball.mass, ball.radius), itf.TOLERANCES.values(), strict=True)
     tennis = all(low <= one <= high for one, (low, high) in limits)
-    known = itf.TOLERANCES if tennis else {}
+    tolerated = itf.TOLERANCES if tennis else {}
     for name in BALL_PARAMETERS:
         key = name.removeprefix("ball_")
         value, sd = held.get(name, float(getattr(ball, key))), stated.get(key)
         if key == "inertia_ratio" and tennis and sd is None:
             sd = INERTIA_SD
-        low, high = known.get(name, ROUND if key == "inertia_ratio" else (value, value))
+        low, high = tolerated.get(name, ROUND if key == "inertia_ratio" else (value, value))
         if sd is not None:
             low, high = value - STATED * sd, value + STATED * sd
         if name not in problem.free and low <= value <= high and low < high:
             yield name, value, low, high
+    known = {item.spec.name.partition("[")[0] for item in problem.parameters}
+    if problem.forward.model.tangential and "tilt" not in known:
+        held["tilt"] = 0.0
     for name, value in held.items():
         reach = CAMERA.get(name.partition("[")[0])
         if reach is not None:
@@ -86,8 +116,12 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
 
 
 def _with(problem: Problem, name: str, value: float) -> Problem:
-    """The problem with another value of a constant."""
-    spec = {**SPECS, **CAMERA_SPECS}[name.partition("[")[0]]
-    others = tuple(item for item in problem.parameters if item.spec.name != name)
-    held = Parameter(replace(spec, name=name), parse_prior(spec, spec.prior), value)
-    return replace(problem, parameters=(*others, held))
+    """The problem with another value of a constant; of a camera that nobody stated, of all sessions."""
+    key, camera, names = name.partition("[")[0], problem.camera, [name]
+    if key in CAMERA_SPECS and (camera is None or key not in camera.keys):
+        camera = camera or CameraModel((), ("",), np.zeros(len(problem.rows.y), dtype=np.int64))
+        camera, names = camera._replace(keys=(*camera.keys, key)), [camera.name(key, one) for one in camera.sessions]
+    spec = {**SPECS, **CAMERA_SPECS}[key]
+    held = [Parameter(replace(spec, name=one), parse_prior(spec, spec.prior), value) for one in names]
+    others = tuple(item for item in problem.parameters if item.spec.name not in names)
+    return replace(problem, parameters=(*others, *held), camera=camera)
