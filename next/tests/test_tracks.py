@@ -133,6 +133,19 @@ def test_a_court_that_is_taken_too_high_lengthens_gaps_as_geometry_says():
     assert np.median(shift) == pytest.approx(1.0, abs=0.02)
 
 
+def test_a_court_that_may_be_tilted_is_less_certain_where_balls_land_far_apart():
+    camera = Camera(1000)
+    table, _ = film_of(camera)
+    far = {str(k + 1): place for k, place in enumerate((-2.0, -1.0, -0.5, 0.0, 0.0, 0.5, 1.0, 3.0))}
+    plain, apart = (
+        tracked(one, camera).impacts
+        for one in (table, table.assign(**{"x [m]": table["x [m]"] + table["id"].map(far)}))
+    )
+    slope = 1.0 / plain["v_y1 [m/s]"] + 1.0 / plain["v_y2 [m/s]"]
+    more = apart["gap_time_sd [s]"] ** 2 - plain["gap_time_sd [s]"] ** 2
+    np.testing.assert_allclose(more, (np.radians(0.3) * np.array([*far.values()]) * slope) ** 2, rtol=0.05, atol=1e-9)
+
+
 def test_a_court_that_is_not_stated_is_found_by_the_contacts():
     rng = np.random.default_rng(3)
     camera = Camera(1000, court_height=0.4)

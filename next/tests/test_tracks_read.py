@@ -158,6 +158,12 @@ def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
     assert [track.id for track in read(both, fps=FPS)[0]] == ["positions-1", "positions-2"]
 
 
+def test_times_of_playback_count_frames_that_are_missing():
+    kept = np.array([k for k in range(len(X)) if k % 5 not in (2, 3)])
+    table = pd.DataFrame({"t": np.round(FRAME / 30.0, 3), "x [m]": X, "y [m]": Y}).iloc[kept]
+    same(read(table, fps=FPS)[0][0], kept)
+
+
 def test_a_rolling_shutter_reads_lower_rows_later():
     table = ONE.drop(columns=["x [m]", "y [m]"]).assign(**{"x [px]": 1e3 * X / MM, "y [px]": -1e3 * Y / MM})
     (still,), (late,) = (read(table, fps=FPS, mm_per_px=MM, y="down", row_time=tau)[0] for tau in (0.0, 1e-6))
