@@ -36,6 +36,10 @@ class _Package(ModuleType):
         if not (name in _HOME_OF and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Functions that travel to other processes may name it.
+        return import_module, (self.__name__,)
+
 
 sys.modules[__name__].__class__ = _Package
 

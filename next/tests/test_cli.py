@@ -62,7 +62,7 @@ def test_every_option_has_words():
         shared = cli.help_of(cli.verbs.calibrate).arguments
         own = cli.help_of(verb)
         assert own.summary
-        names = set(cli.inspect.signature(verb).parameters) - {"progress"}
+        names = set(cli.parameters_of(verb)) - {"progress"}
         assert names <= set(own.arguments) | set(shared)
 
 

@@ -11,12 +11,11 @@ import sys
 from collections.abc import Mapping
 
 import numpy as np
-import pandas as pd
 from scipy.stats import binom
 
 import fitball
-from fitball.data.read import load_table
 from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
 from fitball.inference.density import log_posterior
 from fitball.inference.first_order import first_order
 from fitball.inference.problem.build import build_problem
@@ -55,7 +54,8 @@ def groups_of(true: Mapping[str, float], rng: np.random.Generator) -> dict[str, 
     made = fitball.model("grip-slip").rebound({name: true[name] for name in list(PRIORS)[:5]}, states)
     for name, noise in (("v_x2", "v_x_sd"), ("v_y2", "v_y_sd"), ("omega_2", "spin_sd")):
         columns[name] = getattr(made, name) + true[noise] * rng.standard_normal(ROWS)
-    problem = build_problem(load_table(pd.DataFrame(columns)), Scene(), Choices("grip-slip", prior=dict(PRIORS)))
+    table = ImpactTable("made", columns, {}, {}, {"id": tuple(map(str, range(ROWS)))})
+    problem = build_problem(table, Scene(), Choices("grip-slip", prior=dict(PRIORS)))
     begin = first_order(problem, best_fit(problem, rng)).proposal
     x, log_weights, _ = importance(lambda q: log_posterior(problem, q), [begin], rng, DRAWS)
     chosen = x[rng.choice(len(x), DRAWS, p=np.exp(log_weights - np.logaddexp.reduce(log_weights)))]

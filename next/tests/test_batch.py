@@ -1,0 +1,271 @@
+"""Many tables: names, what fails, what is kept, laboratory tests and populations over them."""
+
+import json
+import os
+import signal
+import sys
+from importlib import import_module
+
+import cloudpickle
+import numpy as np
+import pandas as pd
+import pytest
+from support.made_fit import made_fit, table_of
+
+import fitball
+from fitball.batch import Batch, page, rows
+from fitball.batch.tables import named, safe
+from fitball.cli import main
+from fitball.errors import FolderError, MachineError, ModelError, ParameterError
+from fitball.report.render import to_text
+
+# Workers cannot import this file: what it defines travels whole.
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+GOOD = [f"court {k}" for k in range(1, 4)]
+
+
+class Deadly:
+    """A table that ends the process that reads it, but for ours."""
+
+    def __init__(self):
+        self.ours = os.getpid()
+
+    @property
+    def iloc(self):
+        return None if os.getpid() == self.ours else os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.fixture
+def courts(tmp_path, monkeypatch):
+    """Three good tables, one broken, one empty, and what is no table."""
+    folder = tmp_path / "courts"
+    folder.mkdir()
+    for k, name in enumerate(GOOD):
+        table_of(8 + k).to_csv(folder / f"{name}.csv", index=False)
+    (folder / "broken.csv").write_text("v_1,theta_1,v_y2\n17,much,5\n18,200,5\n")
+    (folder / "empty.csv").write_text("")
+    (folder / "notes.md").write_text("not a table")
+    monkeypatch.chdir(tmp_path)
+    return folder
+
+
+OPTIONS = {"model": "brody", "point_only": True, "progress": False, "figures": "none"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
+def test_a_table_that_ends_its_process_is_a_failed_row(courts):
+    found = fitball.batch([courts / "court 1.csv", Deadly()], cores=2, **OPTIONS)
+    assert found.tables["code"].to_dict() == {"court 1": "", "table": "worker-died"}
+    # As calibrate does, whatever the processes.
+    alone = fitball.calibrate(courts / "court 1.csv", **OPTIONS)
+    assert found["court 1"] == alone and found["court 1"].run.key == alone.run.key
+
+
+def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, capsys):
+    found = fitball.batch([courts], out="all", cores=1, **OPTIONS)
+    assert list(found.tables.index) == ["broken", *GOOD, "empty"]
+    codes = dict.fromkeys(GOOD, "") | {"broken": "not-a-number", "empty": "empty"}
+    assert found.tables["code"].to_dict() == codes
+    assert found.exit_code == 1 and set(found.failed) == {"broken", "empty"}
+    for name in found.failed:
+        with pytest.raises(KeyError):
+            found[name]
+    with pytest.raises(KeyError):
+        found["court 9"]
+    places = {name: courts.parent / "all" / name / "fit.json" for name in GOOD}
+    assert sorted((courts.parent / "all").glob("*/fit.json")) == sorted(places.values())
+    again = fitball.load_batch("all")
+    assert again["court 2"] == found["court 2"] and again["court 2"].run.table.name == "court 2"
+    assert found.tables.loc["court 2", "mu"] == again["court 2"].parameters["mu"].point
+    pd.testing.assert_frame_equal(again.tables, found.tables.loc[GOOD], check_dtype=False)
+    # Files are of the numbers; without the deadly one, in this process, nothing is made again but what was damaged.
+    csv = pd.read_csv("all/batch.csv", index_col="table")
+    assert csv["mu"].tolist() == pytest.approx(found.tables["mu"].tolist(), rel=1e-15, nan_ok=True)
+    record = json.loads(places["court 1"].read_text())
+    places["court 1"].write_text(json.dumps({**record, "headline": "edited"}))
+    places["court 3"].unlink()
+    (places["court 3"].parent / ".fitball-0.partial").write_text("half")
+    before = {name: place.stat().st_mtime_ns for name, place in places.items() if name != "court 3"}
+    words = [
+        "batch",
+        "courts",
+        "--out",
+        "all",
+        "--model",
+        OPTIONS["model"],
+        "--point-only",
+        "--as-read",
+        "--cores",
+        "1",
+    ]
+    assert main([*words, "--no-figures"]) == 1
+    made = {name for name, place in places.items() if place.stat().st_mtime_ns != before.get(name)}
+    assert made == {"court 1", "court 3"}
+    assert not list(places["court 3"].parent.glob("*.partial"))
+    text = capsys.readouterr().out
+    assert "3 of 5 tables" in text and "broken" in text and str(courts.parent) not in text
+    assert "edited" not in places["court 1"].read_text()
+
+
+def test_fits_of_other_data_are_kept_unless_they_are_to_be_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plain = {"model": "grip-slip", "point_only": True, "progress": False, "cores": 1, "figures": "none"}
+    tables = {"a": table_of(8), "b: clay": table_of(9)}
+    first = fitball.batch(tables, **plain)
+    assert list(first.tables.index) == ["a", "b_ clay"] and first.exit_code == 0 and first.folder.name == "batch"
+    kept = (first.folder / "a" / "fit.json").read_bytes()
+    tables["a"] = table_of(10)
+    second = fitball.batch(tables, **plain)
+    assert second.tables["code"].tolist() == ["older-result", ""]
+    assert (first.folder / "a" / "fit.json").read_bytes() == kept
+    third = fitball.batch(tables, overwrite=True, all_files=True, **plain)
+    assert third.tables["impacts"].tolist() == [10, 9] and third["a"].run.table.name == "table"
+    assert all((first.folder / name / "report.html").exists() for name in third.tables.index)
+    assert (first.folder / "report.html").exists() and not list(first.folder.glob("*.png"))
+    # A folder of another result is none of a batch.
+    with pytest.raises(FolderError) as caught:
+        fitball.batch(tables, out=first.folder / "a", **plain)
+    assert caught.value.code == "older-result"
+
+
+def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
+    def ball(v_x1, v_y1, omega_1, ball, cor="normal(0.75, 0.1)"):
+        return v_x1, cor * v_y1, omega_1
+
+    own = fitball.model_from(ball)
+    found = fitball.batch({"a": table_of(8)}, out=tmp_path, **OPTIONS | {"model": own})
+    assert found["a"] == fitball.load_batch(tmp_path, own)["a"]
+    with pytest.raises(ModelError) as caught:
+        fitball.load_batch(tmp_path)
+    assert caught.value.code == "own-model"
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "code"),
+    [
+        ({"model": "no-model"}, ModelError, "unknown-model"),
+        ({"figures": "some"}, ParameterError, "figures"),
+        ({"scene": "none.toml"}, fitball.FitballError, "scene"),
+        ({"data": []}, ParameterError, "no-tables"),
+        ({"data": ["*.nothing"]}, ParameterError, "no-tables"),
+        ({"cores": -1}, ParameterError, "effort"),
+    ],
+)
+def test_what_all_tables_would_fail_for_is_said_at_once(options, kind, code, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(kind) as caught:
+        fitball.batch(**{"data": ["wang_all"], "progress": False} | options)
+    assert caught.value.code == code and not (tmp_path / "fits").exists()
+    with pytest.raises(TypeError):
+        fitball.batch(["wang_all"], no_option=1)
+    with pytest.raises(FolderError) as caught:
+        fitball.load_batch(tmp_path)
+    assert caught.value.code == "no-batch"
+
+
+def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
+    monkeypatch.setattr(import_module("fitball.batch"), "calibrate", lambda *_: 1 / 0)
+    found = fitball.batch({"a": table_of(8)}, out=tmp_path / "x", model="grip-slip", progress=False, cores=1)
+    assert found.tables["code"].tolist() == ["fault-of-fitball"]
+    assert issubclass(MachineError, fitball.FitballError)
+    # What names the package travels to workers.
+    assert cloudpickle.loads(cloudpickle.dumps(fitball)) is fitball
+
+
+def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for place in ("a/one.csv", "b/one.csv", "b/One.txt", "b/two.csv", "b/two.xlsx", "b/notes.toml", "b/con.csv",
+                  "b/caf\u00e9.csv", "b/v1.2: x.csv", "out/old/one.csv"):  # fmt: skip
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).touch()
+    found = named(["a", "b/*", "./a/one.csv", "wang_all"], tmp_path / "out")
+    assert list(found) == [
+        "a-one", "b-One_txt", "caf\u00e9", "con_", "b-one_csv", "b-two_csv", "b-two_xlsx", "v1_2_ x", "wang_all"
+    ]  # fmt: skip
+    assert len({name.casefold() for name in found}) == len(found) == 9
+    assert found["a-one"].endswith("one.csv") and not any("out" in str(one) for one in found.values())
+    assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
+    assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == ["book-one", "book-two", "book"]
+    frames = named([table_of(3), table_of(4)], tmp_path)
+    assert list(frames) == ["table-1", "table-2"]
+    assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
+    for name in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
+        made = safe(name)
+        assert made and len(made.encode()) <= 101 and not set(made) & set('<>:"/\\|?*.\n') and made == made.strip()
+        assert made.casefold() not in ("nul", "lpt1")
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Five courts and a broken table, of fits that nobody fitted; verdicts go in turn."""
+    frames = [table_of(18, ("clay", "hard"))] + [table_of(14 + k) for k in range(4)]
+    kept = [rows.kept(f"court {k}", made_fit(frame)) for k, frame in enumerate(frames)]
+    drops = table_of(9, drop=True).assign(ball=list("aaabbbccc"))
+    drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
+    drops["v_y2"] = 0.745 * drops["v_y1"] * (1.0 + 2e-3 * np.sin(np.arange(9)))
+    kept.append(rows.kept("drops", made_fit(drops)))
+    kept.append(rows.failed("bad", MachineError("out of memory", "memory")))
+    from fitball.batch import _batch
+
+    return _batch(None, kept, None)
+
+
+def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
+    tables = made.tables
+    assert tables.loc["court 1", "mu_verdict"] == "given" and np.isnan(tables.loc["court 0", "mu"])
+    assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
+    drop = tables.loc["drops"]
+    assert drop["cor_measured"] == pytest.approx(0.745, abs=1e-3)
+    assert drop["rebound_measured [m]"] == pytest.approx(2.54 * drop["cor_measured"] ** 2, rel=1e-3)
+    assert drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
+    assert drop["mean_passes"] > 0.99 and 0.5 < drop["another_passes"] <= 1.0
+    assert (
+        tables.loc["bad", "code"] == "memory" and tables.loc["bad"].drop(["outcome", "code", "reason"]).isna().all()
+    )
+
+
+def test_a_court_of_the_test_has_its_measured_rating():
+    states = fitball.impacts(np.full(6, 30.0 * np.cos(np.radians(16))), np.full(6, 30.0 * np.sin(np.radians(16))))
+    truth = {"mu": 0.6, "e_x": 0.1, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.012}
+    after = fitball.model("grip-slip").rebound(truth, states)
+    frame = pd.DataFrame({
+        "v_x1": states.v_x1, "v_y1": states.v_y1, "omega_1": states.omega_1, "v_x2": after.v_x2,
+        "v_y2": after.v_y2 + 0.05 * np.sin(np.arange(6)), "omega_2": after.omega_2, "surface": "clay",
+    })  # fmt: skip
+    row = rows.kept("court", made_fit(frame)).row
+    assert row["pace_measured_category"] in ("slow", "medium-slow", "medium", "medium-fast", "fast")
+    assert row["pace_measured_q025"] < row["pace_measured"] < row["pace_measured_q975"]
+    assert row["label:surface"] == "clay"
+
+
+def test_populations_are_of_what_three_tables_determine(made):
+    found = made.populations
+    assert (found["tables"] >= 3).all() and "mu" in found.index and "mu[clay]" not in found.index
+    for name, one in found.iterrows():
+        drawn, groups = made.population(name), made.of(name)
+        assert one["tables"] == len(groups) == len(drawn.each)
+        assert one["mean"] == pytest.approx(np.median(drawn.centre), rel=1e-12)
+        assert one["mean_q025"] < one["mean"] < one["mean_q975"] and one["new_q025"] < one["mean_q025"]
+    # In SI; the fits have the same draws.
+    assert found.loc["mu", "mean"] == pytest.approx(made.tables.loc["court 1", "mu"], abs=0.01)
+    assert found.loc["mu", "relative"] and found.loc["mu", "spread"] < 0.05
+    for name, code in (("nothing", "unknown-quantity"), ("mu[clay]", "too-few-tables")):
+        with pytest.raises(ParameterError) as caught:
+            made.population(name)
+        assert caught.value.code == code
+
+
+def test_the_page_has_every_table_and_its_figure_every_interval(made):
+    text = to_text(page.report(made), full=True)
+    assert all(name in text for name in made.tables.index) and "6 of 7 tables" in text
+    assert len(to_text(page.report(made), full=False).splitlines()) <= 40
+    figure = made.plot("tables")
+    panels = [axis for axis in figure.axes if axis.get_title(loc="left") or axis.get_title()]
+    assert len(panels) == min(len(made.populations), 6)
+    first = next(iter(made.populations.index))
+    dots = np.concatenate([line.get_ydata() for line in panels[0].lines if line.get_marker() == "o"])
+    unit = made.of(first)[0].handy.factor
+    column = next(head for head in made.tables.columns if head.partition(" [")[0] == first)
+    assert sorted(dots) == pytest.approx(sorted(unit * made.tables[column].dropna()))
+    none = Batch(None, made.tables, made.populations.iloc[:0], {})
+    assert not page.figures(none)
