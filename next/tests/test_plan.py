@@ -41,16 +41,19 @@ def drawn(fit, spread, names, count=4000, logs=False, seed=3):
     return fit
 
 
-@pytest.fixture(scope="module")
-def straight():
-    fit = made_fit(model="grip-slip", fix=NOISE)
-    model = fitball.model_from(linear)
-    problem = build_problem(fit.run.table, fit.run.scene, fit.run.choices, model)
-    point = {"a": 0.6, "e": 0.75, "c": 0.5, **NOISE}
+def linear_fit(frame=None, **choices):
+    fit = made_fit(frame, **{"fix": NOISE, **choices})
+    problem = build_problem(fit.run.table, fit.run.scene, fit.run.choices, fitball.model_from(linear))
+    point = {item.spec.name: item.fixed for item in problem.parameters} | {"a": 0.6, "e": 0.75, "c": 0.5}
     fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=Draws(point, {}, {}))
-    kinds = {"a": "model", "e": "model", "c": "model", **dict.fromkeys(NOISE, "noise")}
+    kinds = {name: "model" if name in "aec" else "noise" for name in point}
     fit.__dict__["summary"] = pd.DataFrame({"kind": kinds}).rename_axis("name")
     return drawn(fit, (0.04, 0.02, 0.1), ("a", "e", "c"))
+
+
+@pytest.fixture(scope="module")
+def straight():
+    return linear_fit()
 
 
 def slopes(row):
@@ -111,7 +114,7 @@ def test_a_drop_shows_the_vertical_speed_alone(straight):
     assert found["gain"] == pytest.approx(about(covariance(straight), [slopes(fall)[1:2]], np.eye(3)), rel=1e-6)
 
 
-def test_a_noise_is_learned_by_its_own_information(straight):
+def test_a_noise_is_learned_by_its_own_information():
     fit = made_fit()
     drawn(fit, (0.2,), ("v_x_sd",), logs=True)
     chosen = fitball.plan(fit, target="v_x_sd", sensor={}, count=3, **GRID).frames["plan"]
@@ -147,14 +150,11 @@ def test_gains_agree_with_nested_monte_carlo(straight):
         assert np.ptp(grid["as before"]) > 0.3
 
 
-def test_errors_of_states_widen_what_is_measured(straight):
+def test_errors_of_states_widen_what_is_measured():
     frame = table_of()
     frame["v_x1_sd"], frame["omega_1_sd"] = 0.4, 9.0
-    fit = made_fit(frame, fix=NOISE)
-    problem = build_problem(fit.run.table, fit.run.scene, fit.run.choices, fitball.model_from(linear))
-    fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=straight.draws)
-    fit.__dict__["summary"] = straight.summary
-    found, known = fitball.plan(fit, sensor={}, **GRID), covariance(straight)
+    fit = linear_fit(frame)
+    found, known = fitball.plan(fit, sensor={}, **GRID), covariance(fit)
     for _, row in found.frames["gains"].iterrows():
         moved = np.array([[0.6 * 0.4 / 0.3, 0.0], [0.0, 0.0], [0.0, 0.5 * 9.0 / 6.0]])
         root = np.linalg.cholesky(np.eye(3) + moved @ moved.T)
@@ -162,6 +162,32 @@ def test_errors_of_states_widen_what_is_measured(straight):
         # The effect of states depends on the parameters at each draw.
         assert row["as before"] == pytest.approx(expected, rel=0.01)
     assert {"v_x1_sd [m/s]", "omega_1_sd [rad/s]"} <= {*page.to_fill_in(found)}
+
+
+def test_an_impact_is_measured_as_the_nearest_of_the_table():
+    frame = table_of(40)
+    # Errors that differ from row to row, and a column that is missing in some.
+    frame["v_x2_sd"] = np.linspace(0.1, 0.8, 40)
+    frame.loc[::4, "omega_2"] = np.nan
+    fit = linear_fit(frame, fix={"v_y_sd": 0.2, "spin_sd": 6.0, "v_x_sd": 0.3})
+    found, known = fitball.plan(fit, sensor={}, **GRID), covariance(fit)
+    state = fit.problem.rows.states
+    whole = np.flatnonzero(np.arange(40) % 4)
+    for _, row in found.frames["gains"].iterrows():
+        v_x1, v_y1 = row["v_1"] * np.cos(row["theta_1"]), row["v_1"] * np.sin(row["theta_1"])
+        turn = fit.problem.forward.model.ball.radius * (state.omega_1 - row["omega_1"])
+        away = np.hypot(np.hypot(state.v_x1 - v_x1, state.v_y1 - v_y1), turn)
+        sd = frame["v_x2_sd"][whole[away[whole].argmin()]]
+        row_slopes = slopes(row) * np.array([[0.3 / np.hypot(0.3, sd)], [1.0], [1.0]])
+        assert row["as before"] == pytest.approx(about(known, [row_slopes], np.eye(3)), rel=1e-6)
+
+
+def test_heavy_tails_say_less():
+    fit = linear_fit(noise="student-t", fix={**NOISE, "degrees_of_freedom": 5.0})
+    found, known = fitball.plan(fit, sensor={}, **GRID).frames["gains"], covariance(fit)
+    for _, row in found.iloc[::5].iterrows():
+        # Fisher information of t over that of a normal density: (nu + 1)/(nu + 3).
+        assert row["as before"] == pytest.approx(about(known, [np.sqrt(6 / 8) * slopes(row)], np.eye(3)), rel=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -241,6 +267,7 @@ def test_derived_quantities_and_impacts_are_targets(stored):
     found = fitball.plan(stored, target="court_pace,mu,impact=v_1=30, theta_1=16", sensor={}, count=1, **GRID)
     assert [*found.frames["targets"].index] == ["court_pace", "mu", "v_x2", "v_y2", "omega_2"]
     assert (found.frames["targets"]["as before"] < found.frames["targets"]["now"]).all()
+    assert fitball.verbs.names("k_theta/k_y[clay, A],mu") == ["k_theta/k_y[clay, A]", "mu"]
 
 
 @pytest.mark.parametrize(("asked", "code"), [
@@ -279,6 +306,10 @@ def test_the_map_shows_gains_and_places(straight, ranges):
         grid = found.frames["gains"]
         shown = np.concatenate([np.ravel(axis.collections[0].get_array()) for axis in figure.axes[:2]])
         np.testing.assert_allclose(np.sort(shown), np.sort(grid["as before"]), rtol=1e-12)
+        marks = {text.get_text(): text.xy for axis in figure.axes[:2] for text in axis.texts}
+        for number, row in enumerate(found.frames["plan"].itertuples(), 1):
+            place = next(xy for words, xy in marks.items() if str(number) in words.split(","))
+            np.testing.assert_allclose(place, [np.degrees(row.theta_1), row.v_1])
 
 
 def test_a_drop_test_is_planned_over_its_speed():

@@ -1,5 +1,8 @@
 """Figures of a stored fit, drawn into its folder: names, formats, what is there stays."""
 
+import threading
+import time
+
 import pytest
 from support.made_fit import made_fit, table_of
 
@@ -75,10 +78,21 @@ def test_a_folder_without_a_fit_is_said_and_not_made(tmp_path, capsys):
 
 
 def test_a_run_that_writes_into_the_folder_is_waited_for(stored, monkeypatch):
-    monkeypatch.setattr(files, "WAIT", 0.2)
+    held = threading.Event()
+
+    def run():
+        with files.result_folder(stored):
+            held.set()
+            time.sleep(1.0)
+
+    other = threading.Thread(target=run)
+    other.start()
+    held.wait()
+    assert cli.main(["plot", str(stored), "forest", "--quiet"]) == 0
+    other.join()
+    monkeypatch.setattr(files, "WAIT", 0.1)
     with files.result_folder(stored):
         assert cli.main(["plot", str(stored), "forest"]) == 2
-    assert cli.main(["plot", str(stored), "forest", "--quiet"]) == 0
 
 
 def test_a_plan_and_a_simulation_go_below_the_fit(tmp_path, monkeypatch, capsys):

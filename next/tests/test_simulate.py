@@ -130,4 +130,12 @@ def test_the_figure_shows_the_courses(case):
     np.testing.assert_allclose(line, 1e3 * frame[["time", "y"]].to_numpy())
     assert len(figure.axes[0].collections) == (2 if case in ("fit", "drop") else 0)
     assert found.report().splitlines()[0].startswith("two-mass")
+    if case != "drop":
+        state, values = found.frames["impact"].iloc[0], found.frames["outcome"].set_index("quantity")["value"]
+        dots = [line.get_ydata()[0] for line in figure.axes[2].lines if line.get_marker() == "o"]
+        radius = state["radius"]
+        flight = [state["v_x1"], radius * state["omega_1"], values["v_x2"], radius * values["omega_2"]]
+        np.testing.assert_allclose(dots, flight)
+        widths = [patch.get_width() for patch in figure.axes[0].patches]
+        np.testing.assert_allclose(widths, 1e3 * (found.frames["phases"]["end"] - found.frames["phases"]["start"]))
     assert isinstance(found.frames["phases"], pd.DataFrame) and found.frames["phases"].empty == (case == "drop")
