@@ -11,6 +11,7 @@ import fitball
 from fitball.data.scene import CameraSection, Quantity, Scene
 from fitball.errors import InputError
 from fitball.tracks import flight
+from fitball.tracks.spins import lines
 
 # The cameras of the study: rates, noise, outliers, marks.
 CAMERAS = [
@@ -82,6 +83,18 @@ def test_spins_are_sure_or_empty_never_wrong(study):
         second = own["omega_2 [rad/s]"] - truth[int(name) - 1, 5]
         assert np.min(np.hypot(first, second)) < 15.0
         assert len(own) > 1 and own["probability"].sum() <= 1.0 + 1e-9 and set(own["used"]) == {"no"}
+
+
+def test_angles_of_a_mark_leave_spins_apart_by_whole_turns():
+    d, rng = np.arange(-12.0, 0.0) / 240.0, np.random.default_rng(2)
+    phi = (0.4 + 1000.0 * d + 0.03 * rng.standard_normal(d.size)) % np.pi
+    found = lines(d, phi, 2, 0.03, 0.05, 420.0)
+    turns = (np.array([one.omega for one in found]) - 1000.0) / (np.pi * 240.0)
+    # Of a table-tennis ball, to four sds of its spins: 1000 - 754 n rad/s.
+    assert sorted(np.round(turns)) == [-3, -2, -1, 0] and np.abs(turns - np.round(turns)).max() < 5e-3
+    assert np.ptp([one.log for one in found]) < 1e-6
+    for one in found:
+        assert np.sqrt(one.covariance[1, 1]) == pytest.approx(0.03 / np.sqrt(12 * np.var(d)), rel=0.1)
 
 
 def test_noise_and_outliers_of_a_session_are_those_of_the_film(study):
