@@ -100,6 +100,11 @@ def test_help_needs_no_heavy_package():
     assert "--as-read" in made.stdout
 
 
+def test_the_package_runs_as_a_module():
+    made = subprocess.run([sys.executable, "-P", "-m", "fitball", "--version"], capture_output=True, text=True)
+    assert made.returncode == 0 and made.stdout.startswith("fitball ")
+
+
 def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
     def hungry(data, *, scene=""):
         raise MemoryError("2.9 GiB")
