@@ -1,5 +1,6 @@
 """The text of a port: nothing that a user wrote becomes code, names are free, what has no translation is refused."""
 
+import math
 import re
 import subprocess
 from dataclasses import replace
@@ -12,7 +13,7 @@ from support.ports import LANGUAGES
 
 import fitball
 from fitball.errors import FitballError
-from fitball.exports.port import FILES, dialects, port, source, translate
+from fitball.exports.port import FILES, dialects, port, python, source, translate
 
 HOSTILE = (
     "*/ #error evil /*", '"""\nraise SystemExit(9)\n"""', "\n#error evil", "\r\nevil();", "??/\n#error evil",
@@ -165,21 +166,36 @@ def swapped(a: float, b: float, n: int) -> Pair:
     early |= b < -0.5
     event, default = (a, 3) if early or 0.0 <= b < 10.0 else (b, 4)
     total |= default << 40
-    return Pair(event if event > 0 else -1, total)
+    return Pair(event if event > 0 else -1, total + n // 2)
 
 
-def test_statements_are_translated_as_python_does_them(tmp_path):
-    made = source.collected((swapped,), {}, {}, dialects.C.helpers)
-    structs = "\n".join(map(dialects.C.definition, made.compounds))
+@pytest.mark.parametrize("language", ["c", "javascript"])
+def test_statements_are_translated_as_python_does_them(tmp_path, language):
+    dialect = {"c": dialects.C, "javascript": dialects.JAVASCRIPT}[language]
+    made = source.collected((swapped,), {}, {}, dialect.helpers)
+    text = translate.translated(made, "swapped", dialect)
     cases = [(a, b, n) for a in (-3.0, 0.5) for b in (-1.0, 2.0, 30.0) for n in (0, 3, 6, 40)]
-    prints = "".join(
-        f'p = fitball_swapped({a}, {b}, {n}); printf("%.17g %lld\\n", p.one, (long long)p.two);' for a, b, n in cases
-    )
-    head = port([ports.typical("grip-slip")], "c").split("typedef")[0]
-    text = f"{head}{structs}\n{translate.translated(made, 'swapped', dialects.C)}\n#include <stdio.h>\n"
-    command = ports.compiled(
-        tmp_path, "c", f"{text}int main(void) {{ fitball_Pair p; {prints} return 0; }}\n#endif\n", driver=False
-    )
+    if language == "c":
+        head = port([ports.typical("grip-slip")], "c").split("typedef")[0]
+        structs = "\n".join(map(dialect.definition, made.compounds))
+        text = f"{head}{structs}\n{text}\n#include <stdio.h>\nint main(void)"
+        one = 'p = fitball_swapped({}, {}, {}); printf("%.17g %lld\\n", p.one, (long long)p.two);'
+        text += f"{{ fitball_Pair p; {' '.join(one.format(*case) for case in cases)} return 0; }}\n#endif\n"
+    else:
+        text += "".join(f"\nconsole.log(Object.values(swapped({a}, {b}, {n})).join(' '));" for a, b, n in cases)
+    command = ports.compiled(tmp_path, language, text, driver=False)
     done = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True, timeout=60)
     found = [line.split() for line in done.stdout.splitlines()]
     assert [(float(one), int(two)) for one, two in found] == [tuple(swapped(*case)) for case in cases]
+
+
+@pytest.mark.parametrize("name", ["exp", "log", "log1p", "sqrt", "cos", "sin"])
+def test_functions_of_the_port_in_python_are_those_of_ieee_754(name):
+    ends = (0.0, -0.5, -1.0, -2.0, 3.0, 709.0, 709.7, 710.0, 1e300, math.inf, -math.inf, math.nan)
+    with np.errstate(all="ignore"):
+        for x in ends:
+            wanted = getattr(np, name)(x)
+            assert python.HELPERS[f"math.{name}"](x) == pytest.approx(wanted, rel=1e-15, nan_ok=True)
+            for y in ends:
+                assert python.over(x, y) == pytest.approx(np.float64(x) / np.float64(y), rel=1e-15, nan_ok=True)
+    assert python.whole(-2.7) == -2 and isinstance(python.whole(math.nan), int)

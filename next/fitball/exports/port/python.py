@@ -19,7 +19,10 @@ def over(a: float, b: float) -> float:
 
 def exp(x: float) -> float:
     """The exponential."""
-    return math.inf if x > 709.0 else math.exp(x)
+    try:
+        return math.exp(x)
+    except OverflowError:
+        return math.inf
 
 
 def log(x: float) -> float:
