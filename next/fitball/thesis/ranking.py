@@ -77,7 +77,7 @@ def case_values(fix: Mapping[str, float]) -> tuple[list[str], dict[str, FloatArr
         spec = SPECS[name]
         if not spec.lower <= value <= spec.upper:
             ends = f"expected a value from {spec.lower:g} to {spec.upper:g}"
-            raise ParameterError(f"fix: read {name} = {value:g} {spec.unit}; {ends}", "out-of-bounds")
+            raise ParameterError(f"fix: read {name} = {value:g} {spec.unit}".rstrip() + f"; {ends}", "out-of-bounds")
     if not fix:
         return names, values
     own = dict(fix)
