@@ -19,10 +19,8 @@ def over(a: float, b: float) -> float:
 
 def exp(x: float) -> float:
     """The exponential."""
-    try:
-        return math.exp(x)
-    except OverflowError:
-        return math.inf
+    # The logarithm of the largest double.
+    return math.inf if x > 709.782712893384 else math.exp(x)
 
 
 def log(x: float) -> float:
