@@ -150,14 +150,19 @@ def test_gains_agree_with_nested_monte_carlo(straight):
         assert np.ptp(grid["as before"]) > 0.3
 
 
-def test_errors_of_states_widen_what_is_measured():
+@pytest.mark.parametrize("together", [False, True])
+def test_errors_of_states_widen_what_is_measured(together):
     frame = table_of()
     frame["v_x1_sd"], frame["omega_1_sd"] = 0.4, 9.0
+    # Of an error of 0.3 m/s, correlated by 0.6, so much follows from that of the state; the rest adds to the scatter.
+    follows, rest = (0.6 * 0.3 / 0.4, 0.3 * 0.8) if together else (0.0, 0.0)
+    if together:
+        frame["v_x2_sd"], frame["corr(v_x1,v_x2)"] = 0.3, 0.6
     fit = linear_fit(frame)
     found, known = fitball.plan(fit, sensor={}, **GRID), covariance(fit)
     for _, row in found.frames["gains"].iterrows():
-        moved = np.array([[0.6 * 0.4 / 0.3, 0.0], [0.0, 0.0], [0.0, 0.5 * 9.0 / 6.0]])
-        root = np.linalg.cholesky(np.eye(3) + moved @ moved.T)
+        moved = np.array([[(0.6 - follows) * 0.4 / 0.3, 0.0], [0.0, 0.0], [0.0, 0.5 * 9.0 / 6.0]])
+        root = np.linalg.cholesky(np.eye(3) + moved @ moved.T + np.diag([(rest / 0.3) ** 2, 0.0, 0.0]))
         expected = about(known, [np.linalg.solve(root, slopes(row))], np.eye(3))
         # The effect of states depends on the parameters at each draw.
         assert row["as before"] == pytest.approx(expected, rel=0.01)
@@ -227,13 +232,56 @@ def test_gaps_depend_on_the_height_of_the_court(elastic):
     assert gain("0.5", None) > known[2]
 
 
+def test_draws_that_do_not_give_the_target_are_left_out():
+    fit = drawn(made_fit(model="two-mass", fix=NOISE), (0.1,), ("mu",), logs=True)
+    ratio, rng = fit.draws.values["mass_ratio"], np.random.default_rng(2)
+    # COR cannot exceed the mass ratio.
+    ratio[:] = np.where(rng.uniform(size=4000) < 0.3, 0.4, 0.87)
+    asked = {"target": "impact=v_1=20, theta_1=30", "sensor": {}, "count": 1, **GRID}
+    assert 0.1 < fitball.plan(fit, **asked).frames["plan"]["gain"][0] < 5.0
+    ratio[:] = np.where(rng.uniform(size=4000) < 0.7, 0.4, 0.87)
+    with pytest.raises(ParameterError) as caught:
+        fitball.plan(fit, **asked)
+    assert caught.value.code == "no-answer"
+
+
+def test_planned_impacts_are_filmed_as_the_last_were():
+    frame = table_of()
+    frame["session"] = ["monday"] * 12 + ["tuesday"] * 12
+    fit = made_fit(frame, fix=NOISE, scene=Scene(camera=CameraSection(tilt=Quantity(0.0, 0.02))))
+    drawn(fit, (0.02, 0.02), ("tilt[monday]", "tilt[tuesday]"))
+    gains = fitball.plan(fit, target="tilt[tuesday]", sensor={}, count=1, **GRID).frames["plan"]["gain"]
+    # Of the two correlated ones the last is seen.
+    assert gains[0] > fitball.plan(fit, target="tilt[monday]", sensor={}, count=1, **GRID).frames["plan"]["gain"][0]
+
+
+def test_the_range_of_the_table_is_where_plans_are_unless_asked(straight):
+    assert "range-of-table" in {note.code for note in fitball.plan(straight, sensor={}, count=1).notes}
+    far = fitball.plan(straight, sensor={}, count=1, **{**GRID, "speed": "60"})
+    assert "range-of-table" not in {note.code for note in far.notes} and far.frames["plan"]["outside"].all()
+    near = fitball.plan(straight, sensor={}, count=1, speed="20", angle="40", spin="0")
+    assert not near.frames["plan"]["outside"].any()
+
+
 def test_settings_and_targets_on_levels():
     fit = made_fit(table_of(36, ("clay", "hard")))
+    fit.draws.values["mu[hard]"][:] = 0.5 + 2.0 * (fit.draws.values["mu[hard]"] - 0.5)
     found = fitball.plan(fit, target="mu", sensor={}, **GRID)
     assert [*found.frames["targets"].index] == ["mu[clay]", "mu[hard]"] and len(found.frames["gains"]) == 36
     one = fitball.plan(fit, target="mu", level={"Surface": "HARD"}, sensor={"drop": "254 cm"}, **GRID)
     assert [*one.frames["targets"].index] == ["mu[hard]"] and set(one.frames["gains"]["surface"]) == {"hard"}
     assert one.frames["others"]["gain"].max() < 1e-3
+    both = fitball.plan(fit, target="mu[hard]", sensor={}, **GRID)
+    axes = styled(page.figures(both)["gains"]).axes
+    best = (
+        both.frames["gains"].round({"v_1": 9, "theta_1": 9}).groupby(["v_1", "theta_1", "omega_1"])["as before"].max()
+    )
+    shown = np.concatenate([np.ravel(axis.collections[0].get_array()) for axis in axes[:2]])
+    np.testing.assert_allclose(np.sort(shown), np.sort(best))
+    batches = [frames["sensors"].set_index("sensor")["batch"]["repeats"] for frames in (one.frames, both.frames)]
+    assert batches[0] > 1.2 * batches[1]
+    sds = fitball.plan(fit, target="impact=v_1=20, theta_1=20", sensor={}, count=1, **GRID).frames["targets"]["now"]
+    assert sds["v_x2[hard]"] > 1.2 * sds["v_x2[clay]"]
 
 
 @pytest.mark.parametrize("polar", [False, True])

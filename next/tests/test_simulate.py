@@ -130,6 +130,7 @@ def test_the_figure_shows_the_courses(case):
     np.testing.assert_allclose(line, 1e3 * frame[["time", "y"]].to_numpy())
     assert len(figure.axes[0].collections) == (2 if case in ("fit", "drop") else 0)
     assert found.report().splitlines()[0].startswith("two-mass")
+    assert ("no-band" in {note.code for note in found.notes}) == (case == "point")
     if case != "drop":
         state, values = found.frames["impact"].iloc[0], found.frames["outcome"].set_index("quantity")["value"]
         dots = [line.get_ydata()[0] for line in figure.axes[2].lines if line.get_marker() == "o"]
