@@ -138,3 +138,10 @@ def test_shares_of_regimes_and_of_answers():
     assert found["slide"] == pytest.approx(least / 0.9, abs=1e-3) and found.sum() == pytest.approx(1.0)
     one = predict(forward, known, Asked(at, None, ("v_x2",)), np.random.default_rng(1)).iloc[0]
     assert one["solved"] == pytest.approx(0.9, abs=1e-3) and "cor_10" in one["reason"] and one["regime"] == "slide"
+    # What follows from noisy velocities is that of draws with an answer.
+    scatter = {"v_x_sd": np.full(4001, 0.4), "v_y_sd": np.full(4001, 0.2)}
+    noises = []
+    for kept in (np.arange(4001), np.flatnonzero(mu <= 0.9)):
+        some = Draws({}, {name: value[kept] for name, value in (values | scatter).items()}, known.best)
+        noises.append(predict(forward, some, Asked(at, None, ("theta_2",)), np.random.default_rng(1))["noise"][0])
+    assert noises[0] == pytest.approx(noises[1], rel=1e-12) and 0.005 < noises[0] < 0.1
