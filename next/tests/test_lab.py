@@ -9,6 +9,10 @@ from support.made_fit import made_fit, table_of
 from fitball import itf
 from fitball.data.read import load_table
 from fitball.data.scene import BallSection, Scene
+from fitball.inference.derived import quantities
+from fitball.inference.forward import CalibratedRange
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.problem import Choices
 from fitball.report import lab as page
 from fitball.uses.lab import drop_test, measured_pace
 
@@ -202,3 +206,13 @@ def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
     assert len(lines) == 2 and "clay" in lines[0] and "fast" in lines[0]
     assert "hard" in lines[1] and not any(name in lines[1] for name in ("slow", "medium", "fast"))
     assert len(page.section(fit).blocks[0].rows) == 2
+
+
+def test_drops_on_several_surfaces_have_a_restitution_each_in_the_model():
+    heights = 1.4 + 0.005 * np.sin(np.arange(12.0)) - 0.2 * (np.arange(12) > 5)
+    table = dropped(heights, surface=("concrete",) * 6 + ("clay",) * 6, ball=tuple("aaabbb" * 2))
+    problem = build_problem(table, Scene(), Choices())
+    assert [(level.parameter, level.labels) for level in problem.forward.levels] == [("cor_10", ("concrete", "clay"))]
+    states = CalibratedRange(problem.rows.states, problem.rows.index, problem.forward.model.ball.radius)
+    names = [one.spec.name for one in quantities(problem.forward, states, Scene())]
+    assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {*names} and "rebound_254cm" not in names
