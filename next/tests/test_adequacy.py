@@ -57,6 +57,8 @@ def table_with(fault="", seed=5, rows=24):
         restitution = np.full(rows, 0.77)
     elif fault == "surfaces":
         friction = np.where(clay, 0.75, 0.5)
+    elif fault == "law":
+        friction = 0.6 * (np.abs(incident[0] - RADIUS * incident[2]) / 14.0) ** -0.35
     elif fault == "group":
         noise[1] += 0.4 * clay
     elif fault == "incidence":
@@ -151,6 +153,7 @@ def test_how_many_are_far_off_is_the_least_of_beta_bounds():
 FAULTS = {
     "bias": ("bias", "v_x2"), "growth": ("growth", ""), "drift": ("drift", ""), "surfaces": ("parameter", ""),
     "group": ("group", "v_y2"), "wild": ("outlier", "omega_2"), "incidence": ("linked", ""),
+    "law": ("law", ""),
 }  # fmt: skip
 
 
