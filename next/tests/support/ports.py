@@ -18,53 +18,47 @@ C = """#include "bounce.h"
 #include <string.h>
 int main(void)
 {
-    double x[64];
-    int n = (int)(sizeof(fitball_Parameters) / sizeof(double)), k = 0;
+    double x[64], *i = x + sizeof(fitball_Parameters) / sizeof(double);
     fitball_Parameters p;
-    fitball_Rebound r;
-    fitball_Rebound3 s;
-    while (scanf("%lf", &x[k]) == 1) {
-        if (++k < n + 12)
+    for (int k = 0; scanf("%lf", &x[k]) == 1; k++) {
+        if (&x[k] < i + 11)
             continue;
         memcpy(&p, x, sizeof p);
-        double *i = x + n;
         fitball_Vector v = {i[3], i[4], i[5]}, w = {i[6], i[7], i[8]}, u = {i[9], i[10], i[11]};
-        r = fitball_rebound(i[0], i[1], i[2], p);
-        s = fitball_rebound_3d(v, w, u, p);
-        printf("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g ", r.v_x2, r.v_y2, r.omega_2,
-               r.contact_time, r.gap_time, r.gap_path, r.gap_turn, (double)r.regime, (double)r.status,
-               (double)r.extrapolated);
-        printf("%.17g %.17g %.17g %.17g %.17g %.17g\\n", s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x,
-               s.spin.y, s.spin.z);
-        k = 0;
+        fitball_Rebound r = fitball_rebound(i[0], i[1], i[2], p);
+        fitball_Rebound3 s = fitball_rebound_3d(v, w, u, p);
+        double y[] = {r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn,
+                      (double)r.regime, (double)r.status, (double)r.extrapolated,
+                      s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x, s.spin.y, s.spin.z};
+        for (k = 0; k < 16; k++)
+            printf(k < 15 ? "%.17g " : "%.17g\\n", y[k]);
+        k = -1;
     }
     return 0;
 }
 """
 CSHARP = """using System;
 using System.Globalization;
+using System.Linq;
 static class Run
 {
+    static Bounce.Vector vector(double[] i, int k) { return new Bounce.Vector(i[k], i[k + 1], i[k + 2]); }
+
     static void Main()
     {
         CultureInfo culture = CultureInfo.InvariantCulture;
         var make = typeof(Bounce.Parameters).GetConstructors()[0];
         int n = make.GetParameters().Length;
-        string line;
-        while ((line = Console.ReadLine()) != null) {
-            double[] x = Array.ConvertAll(line.Split(' '), text => double.Parse(text, culture));
-            object[] first = new object[n];
-            Array.Copy(x, first, n);
-            double[] i = new double[12];
-            Array.Copy(x, n, i, 0, 12);
-            var p = (Bounce.Parameters)make.Invoke(first);
+        for (string line; (line = Console.ReadLine()) != null;) {
+            double[] x = line.Split(' ').Select(text => double.Parse(text, culture)).ToArray();
+            double[] i = x.Skip(n).ToArray();
+            var p = (Bounce.Parameters)make.Invoke(x.Take(n).Cast<object>().ToArray());
             var r = Bounce.rebound(i[0], i[1], i[2], p);
-            var s = Bounce.rebound_3d(new Bounce.Vector(i[3], i[4], i[5]), new Bounce.Vector(i[6], i[7], i[8]),
-                                      new Bounce.Vector(i[9], i[10], i[11]), p);
+            var s = Bounce.rebound_3d(vector(i, 3), vector(i, 6), vector(i, 9), p);
             double[] y = { r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn, r.regime,
                            r.status, r.extrapolated ? 1 : 0, s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x,
                            s.spin.y, s.spin.z };
-            Console.WriteLine(string.Join(" ", Array.ConvertAll(y, one => one.ToString("R", culture))));
+            Console.WriteLine(string.Join(" ", y.Select(one => one.ToString("R", culture))));
         }
     }
 }
