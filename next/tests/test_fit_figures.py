@@ -146,7 +146,9 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
     one.draws.values["k_y"][:] = 2e4 * np.exp(np.random.default_rng(6).standard_normal(400))
     drawn, names = figure("corner", one), parameters.cornered(one)
     assert "k_theta" not in names and "k_y" in names
-    grid = np.array(drawn.axes).reshape(len(names), -1)
+    # Panels are on and below the diagonal.
+    grid = np.full((len(names), len(names)), None)
+    grid[np.tril_indices(len(names))] = drawn.axes
     for k, name in enumerate(names):
         if name == "k_y":
             # An axis of logarithms.
