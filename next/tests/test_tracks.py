@@ -211,6 +211,7 @@ def test_films_that_cannot_be_are_refused():
     for change, said, code in (
         (lambda t: t, {"fps": 30.0}, "gravity"),
         (lambda t: t, {"fps": 2000.0}, "gravity"),
+        (lambda t: t, {"fps": 4.0, "court": None}, "gravity"),
         (lambda t: t.assign(**{"y [m]": -t["y [m]"]}), {}, "gravity"),
         (lambda t: t.assign(**{"angle [rad]": -t["angle [rad]"]}), {}, "misread"),
         (lambda t: t.assign(**{"x [m]": -t["x [m]"]}), {}, "misread"),
@@ -222,6 +223,9 @@ def test_films_that_cannot_be_are_refused():
             tracked(change(table.copy()), camera, **said)
         assert caught.value.code == code
     assert "gravity" in {note.code for note in tracked(table, camera, as_read=True, fps=100.0).notes}
+    # Marks that turn the other way: of most impacts such spins are not taken, whatever their angles say.
+    other = tracked(table.assign(**{"angle [rad]": -table["angle [rad]"]}), camera, as_read=True)
+    assert (other.spins["used"] == "yes").sum() < 4 and len({*other.spins["id"]}) == 8
 
 
 def test_one_bad_clip_leaves_the_others():
