@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy import stats
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
+from support.fits import at
 
 from fitball.data.table import ImpactTable
 from fitball.inference import adequacy as module
 from fitball.inference import first_order as thinning
 from fitball.inference.adequacy import EXCEPT, adequacy, farthest
 from fitball.inference.first_order import first_order
-from fitball.inference.results import PointFit
 from fitball.inference.search.objective import Objective, descend
 
 # Another grip-slip, after Walton and Cross; its constants are those of the tables in the corpus.
@@ -76,10 +76,6 @@ def said(table, text="grip-slip", **choices):
     point = at(problem, descend(Objective(problem), start[None])[0][0])
     first = first_order(problem, point)
     return problem, first, adequacy(problem, point, first)
-
-
-def at(problem, x):
-    return PointFit(({name: float(one[0]) for name, one in problem.values(x[None]).items()},), (0.0,), 0.0, {})
 
 
 def kinds(found):

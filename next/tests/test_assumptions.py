@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of
+from support.fits import NOISE, at, best
 
 from fitball.data.scene import BallSection, CameraSection, Scene
 from fitball.inference import assumptions as module
@@ -16,22 +17,9 @@ from fitball.inference.first_order import first_order, proposal
 from fitball.inference.forward import CalibratedRange
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
-from fitball.inference.results import Alternative, Constant, PointFit, Summary
+from fitball.inference.results import Alternative, Constant, Summary
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective, descend
-
-NOISE = {"v_x_sd": 0.2, "v_y_sd": 0.15, "spin_sd": 6.0}
-
-
-def at(problem, x):
-    values = {name: float(one[0]) for name, one in problem.values(x[None]).items()}
-    return PointFit((values,), (0.0,), 0.0, {})
-
-
-def best(problem, start=None):
-    x, _, converged = descend(Objective(problem), near(problem, 1, 0.0) if start is None else start[None], 1e-10)
-    assert converged.all()
-    return x[0]
 
 
 def tried(problem, seed=1):

@@ -54,12 +54,12 @@ def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(table, 
 
 
 def test_what_values_rest_on_depends_on_no_seed_and_needs_no_chain():
-    fits = [fitball.calibrate("wang_all", seed=seed, point_only=seed > 2, progress=False) for seed in (1, 2, 3)]
+    fits = [fitball.calibrate("wang_all", seed=seed, point_only=seed > 1, progress=False) for seed in (1, 2)]
     judged = [{one.name: (one.verdict, one.given) for one in fit.reported} for fit in fits]
-    assert judged[0] == judged[1] == judged[2]
+    assert judged[0] == judged[1]
     # Table of choices: the offset rests on where it acts, friction and stiffness on more than the data say.
-    assert "offset=contact" in fits[2].parameters["eps_10"].given
-    assert fits[2].parameters["cor_10"].verdict == "identified"
+    assert "offset=contact" in fits[1].parameters["eps_10"].given
+    assert fits[1].parameters["cor_10"].verdict == "identified"
 
 
 def test_check_prints_every_fault_as_json(tmp_path, capsys):

@@ -7,16 +7,11 @@ from support.density import log_posterior as written_out
 
 from fitball.data.scene import CameraSection, Quantity, Scene
 from fitball.inference.density import log_posterior
-from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
+from fitball.inference.problem.camera import CameraModel
 from fitball.models.types import Rebound, Status
 from fitball.values import Impacts
 
 KEYS = ("scale", "clock", "tilt", "court_height")
-MEASURED = Impacts(np.array([12.0, 25.0]), np.array([8.0, 4.0]), np.array([-50.0, 300.0]))
-BOUNCED = {
-    "v_x2": [9.0, 20.0], "v_y2": [6.0, 3.2], "omega_2": [150.0, 500.0], "contact_time": [4.6e-3, 4.6e-3],
-    "gap_time": [4.8e-3, 4.8e-3], "gap_path": [0.05, 0.11], "gap_turn": [0.3, 1.9],
-}  # fmt: skip
 
 
 def rebound_of(**columns):
@@ -29,18 +24,6 @@ def camera(**settings):
     """Camera of one session, and its values of one draw."""
     held = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0, **settings}
     return CameraModel(KEYS, ("",), np.zeros(2, np.int64)), {name: np.array([value]) for name, value in held.items()}
-
-
-def test_lengths_and_times_that_are_wrong_scale_what_has_them():
-    known, values = camera(scale=1.02, clock=1.01)
-    true = known.true(values, MEASURED)
-    np.testing.assert_allclose(true.v_x1[0], MEASURED.v_x1 * 1.02 / 1.01)
-    np.testing.assert_allclose(true.v_y1[0], MEASURED.v_y1 * 1.02 / 1.01)
-    np.testing.assert_allclose(true.omega_1[0], MEASURED.omega_1 / 1.01)
-    seen = known.seen(values, MEASURED, rebound_of(**BOUNCED))
-    units = {"v_x2": 1.01 / 1.02, "v_y2": 1.01 / 1.02, "omega_2": 1.01, "gap_time": 1 / 1.01, "gap_path": 1 / 1.02}
-    for name, given in BOUNCED.items():
-        np.testing.assert_allclose(getattr(seen, name)[0], np.array(given) * units.get(name, 1.0), err_msg=name)
 
 
 @pytest.mark.parametrize("height", [-2e-3, 3e-3])
@@ -95,23 +78,6 @@ def test_what_does_not_reach_the_court_has_no_answer():
     assert problem.seen(values, away, np.array([0])).status.tolist() == [[Status.NO_IMPACT], [Status.NO_IMPACT]]
 
 
-def test_sessions_have_cameras_of_their_own():
-    table = table_of(TIMED, labels=("session",))
-    problem = problem_of(table, scene_of(camera=True), "two-mass")
-    assert {"scale[a]", "scale[b]", "court_height[b]"} <= {*problem.free}
-    assert all(item.measured for item in problem.parameters if item.spec.name.partition("[")[0] in KEYS)
-    values = dict(problem.values(problem.prior.draw(np.random.default_rng(0), 3)))
-    values |= {f"{key}[{day}]": np.full(3, float(key in ("scale", "clock"))) for key in KEYS for day in "ab"}
-    plain = problem.seen(values)
-    moved = problem.seen(values | {"court_height[b]": np.full(3, 2e-3)})
-    other = np.array(table.labels["session"]) == "b"
-    np.testing.assert_array_equal(moved.gap_time[:, ~other], plain.gap_time[:, ~other])
-    late = 2e-3 / problem.rows.states.v_y1 + 2e-3 / plain.v_y2
-    np.testing.assert_allclose((plain.gap_time - moved.gap_time)[:, other], late[:, other], rtol=1e-9)
-    rows = np.array([1, 2])
-    np.testing.assert_array_equal(problem.take(rows).seen(values).gap_time, plain.gap_time[:, rows])
-
-
 @pytest.mark.parametrize("key", KEYS)
 def test_of_a_camera_of_which_one_thing_is_stated_all_else_is_right(key):
     known = Scene(camera=CameraSection(**{key: Quantity(float(key in ("scale", "clock")), 0.003)}))
@@ -121,15 +87,6 @@ def test_of_a_camera_of_which_one_thing_is_stated_all_else_is_right(key):
     found = log_posterior(problem, problem.coordinates(at)[None])[0]
     assert found == pytest.approx(written_out(problem, at), rel=1e-10)
     assert abs(written_out(problem, at, ("camera",)) - found) > 1e-3
-
-
-def test_bounds_and_units_of_a_camera():
-    ends = {name: (spec.lower, spec.upper, spec.possible, spec.unit) for name, spec in CAMERA_SPECS.items()}
-    assert ends == {
-        "scale": (0.2, 5.0, (0.0, np.inf), ""), "clock": (0.2, 5.0, (0.0, np.inf), ""),
-        "tilt": (-0.3, 0.3, (-np.inf, np.inf), "rad"), "court_height": (-0.2, 0.2, (-np.inf, np.inf), "m"),
-    }  # fmt: skip
-    assert (CAMERA_SPECS["tilt"].handy.factor, CAMERA_SPECS["court_height"].handy.factor) == (np.degrees(1.0), 1e3)
 
 
 def test_what_is_stated_asked_for_and_idle():

@@ -6,12 +6,10 @@ import sys
 from pathlib import Path
 
 import numba
-import numpy as np
 import pytest
 
 from fitball import environment
 from fitball.models.kernels import compiled
-from fitball.models.kernels.batch import bounces
 
 TINY = """
 import logging, sys
@@ -20,7 +18,6 @@ from fitball.models.kernels.compiled import entry, folder
 from tiny import twice
 print(twice(21), folder())
 """
-ROW = [0.88, 2e4, 19.0, 0.57, 2.4e-3, 0.0, 0.776, -0.0151, 0.3, 0.7, 0.0576, 0.03302, 0.56]
 
 
 def started(folder, text, cache):
@@ -94,17 +91,6 @@ def test_an_error_in_a_thread_arrives():
 
     with environment.threads(2), pytest.raises(FloatingPointError):
         environment.shared(work, 10, 1)
-
-
-def test_bounces_do_not_depend_on_threads():
-    rng, states = np.random.default_rng(3), np.array([[14.0, 9.0, 5.0], [12.0, 5.0, 15.0], [100.0, 0.0, -50.0]])
-    rows = np.array(ROW) * rng.uniform(0.98, 1.02, (600, len(ROW)))
-    made = []
-    for count in (1, 2, 3):
-        with environment.threads(count):
-            made.append(bounces(rows, (1, 1, 0, 1, 1, 1), *states[:, None]))
-    assert all(np.array_equal(a, b, equal_nan=True) for one in made[1:] for a, b in zip(made[0], one, strict=True))
-    assert (made[0][2] == 0).mean() > 0.9
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")

@@ -6,25 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
+from support.fits import NOISE, at, best
 
 from fitball.inference import first_order as module
 from fitball.inference.density import cells
 from fitball.inference.first_order import first_order, proposal
-from fitball.inference.results import PointFit
-from fitball.inference.search.objective import Objective, descend
-
-NOISE = {"v_x_sd": 0.2, "v_y_sd": 0.15, "spin_sd": 6.0}
-
-
-def at(problem, x):
-    values = {name: float(one[0]) for name, one in problem.values(x[None]).items()}
-    return PointFit((values,), (0.0,), 0.0, {})
-
-
-def best(problem, start=None):
-    x, _, converged = descend(Objective(problem), near(problem, 1, 0.0) if start is None else start[None])
-    assert converged.all()
-    return x[0]
+from fitball.inference.search.objective import Objective
 
 
 def by_scipy(problem, x):

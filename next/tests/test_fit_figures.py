@@ -11,7 +11,7 @@ from support.made_fit import made_fit, table_of
 import fitball
 from fitball.models.types import regime_name
 from fitball.report.figures import FIGURES, drawable, parameters, predictions, shared
-from fitball.report.quantities import plain, symbol
+from fitball.report.quantities import symbol
 from fitball.report.style import MODEL, MOVED, PRIOR, saved, styled
 
 LONG = "a very long label of a surface that nobody would call short"
@@ -231,12 +231,6 @@ def test_the_regime_map_is_what_the_model_says(fit):
             assert names[int(array[row, column])] == regime
             seen.add(regime)
     assert len(seen) > 1
-
-
-def test_labels_are_drawn_as_they_are():
-    assert plain("5 $ and $x^2$", 40) == r"5 \$ and \$x^2\$" and "\n" not in plain("a\nb") and len(plain(LONG)) == 18
-    one = made_fit(table_of(24, ("a$x", "b")))
-    assert symbol(one, "mu[a$x]") == r"$\mu$, a\$x" and symbol(one, "court_pace") == "court pace"
 
 
 def test_a_value_of_which_a_few_draws_are_not_positive_has_no_logarithmic_axis():

@@ -1,4 +1,4 @@
-"""Courses of one impact: forces and velocities are integrals of each other, and the end is the rebound."""
+"""Courses of one impact: forces and velocities are integrals of each other, phases those of the rebound."""
 
 from itertools import pairwise
 
@@ -109,24 +109,11 @@ def split(ratio):
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case[3] for case in CASES])
-def test_the_end_is_the_rebound(case):
+def test_phases_of_a_course_are_those_of_the_rebound(case):
     model, values, impact, rebound = solved(case)
-    found = model.history(values, impact, np.linspace(0.0, float(rebound.contact_time[0]), 2001))
-    codes = found.phase[np.r_[True, np.diff(found.phase) != 0]]
-    packed = sum(int(phase) << 3 * k for k, phase in enumerate(codes))
+    phase = model.history(values, impact, np.linspace(0.0, float(rebound.contact_time[0]), 2001)).phase
+    packed = sum(int(one) << 3 * k for k, one in enumerate(phase[np.r_[True, np.diff(phase) != 0]]))
     assert fitball.regime_name(rebound.regime[0]) == case[3] == fitball.regime_name(packed)
-    last = {name: column[-1] for name, column in found.courses.items()}
-    share = values.get("inertia_split") or split(values["mass_ratio"])
-    mean = share * last["omega_core"] + (1.0 - share) * last["omega_shell"]
-    spin = last["omega_shell"] if "shell" in case[0] or "thesis" in case[0] else mean
-    assert spin == pytest.approx(rebound.omega_2[0], rel=1e-12)
-    # With normal=momentum the core picks the shell up.
-    picked = values["mass_ratio"] if model.below else 1.0
-    assert -last["v_y"] * picked == pytest.approx(rebound.v_y2[0], rel=1e-12)
-    # What landing took from the ball, by friction of the shell that stops.
-    stopped = (1.0 - values["mass_ratio"]) * BALL.mass * impact.v_y1[0] if model.below else 0.0
-    assert abs(found.courses["v_x"][0] - impact.v_x1[0]) * BALL.mass <= values["mu"] * stopped * (1.0 + 1e-12)
-    assert found.courses["v_y"][0] == impact.v_y1[0] and last["v_x"] == pytest.approx(rebound.v_x2[0], rel=1e-13)
 
 
 def test_what_has_no_courses_says_so_by_code():

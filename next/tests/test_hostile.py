@@ -12,10 +12,10 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pandas
 import pyarrow.parquet
 import pytest
+from support.workbooks import cell, ods, packed, row, xlsx
 
 from fitball.data import records
 from fitball.data.cells import numbers, read_cells
@@ -51,36 +51,14 @@ peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM
 print(json.dumps([found, int(peak.split()[1]) / 1e6]))
 """
 HEAD = b"v_y1,v_y2\n"
-SHEET = '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>{}</sheetData></worksheet>'
 GOOD = "".join(
     f'<row r="{k}"><c r="A{k}" t="inlineStr"><is><t>{cell}</t></is></c></row>' for k, cell in ((1, "v_y1"), (2, 5))
 )
-
-
-ROW = "<table:table-row{}>", "</table:table-row>"
-CELL = '<table:table-cell office:value-type="string"{}><text:p>v_y1</text:p></table:table-cell>'
-BLANK = "<table:table-cell{}/>"
+FIRST, LONE = row(cell("v_y1")), "<table:table-cell{}/>"
 COLUMNS, ROWS = ' table:number-columns-repeated="16384"', ' table:number-rows-repeated="1048571"'
 # First and last row, first and last column.
 REACH = np.array([0, 10**6, 0, 16_000], "<u4").tobytes()
 LARGE = ["too-large", None]
-
-
-def packed(parts):
-    place = io.BytesIO()
-    with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as book:
-        for name, data in parts.items():
-            book.writestr(name, data)
-    return place.getvalue()
-
-
-def xlsx(rows):
-    """A workbook whose sheet holds these rows."""
-    book = io.BytesIO()
-    openpyxl.Workbook().save(book)
-    with zipfile.ZipFile(book) as file:
-        parts = {name: file.read(name) for name in file.namelist()}
-    return packed(parts | {"xl/worksheets/sheet1.xml": SHEET.format(rows)})
 
 
 def lying(data):
@@ -88,18 +66,6 @@ def lying(data):
     with zipfile.ZipFile(io.BytesIO(data)) as book:
         size = max(member.file_size for member in book.infolist())
     return data.replace(size.to_bytes(4, "little"), (10).to_bytes(4, "little"))
-
-
-def ods(rows):
-    parts = ("office", "table", "text")
-    spaces = " ".join(f'xmlns:{part}="urn:oasis:names:tc:opendocument:xmlns:{part}:1.0"' for part in parts)
-    return packed({
-        "mimetype": "application/vnd.oasis.opendocument.spreadsheet",
-        "META-INF/manifest.xml": "<manifest/>",
-        "content.xml": f"<office:document-content {spaces}><office:body><office:spreadsheet>"
-        f'<table:table table:name="t">{CELL.join(ROW).format("", "")}{rows}</table:table>'
-        "</office:spreadsheet></office:body></office:document-content>",
-    })  # fmt: skip
 
 
 def parquet(table):
@@ -132,9 +98,9 @@ CASES = {
     "bomb.xlsx": (lambda: xlsx(f'<row><c t="inlineStr"><is><t>{"x" * 70_000_000}</t></is></c></row>'), LARGE),
     "liar.xlsx": (lambda: lying(xlsx(f'<row><c t="str"><v>{"x" * 70_000_000}</v></c></row>')), LARGE),
     "reach.xlsb": (lambda: packed({"xl/worksheets/sheet1.bin": b"\x94\x01\x10" + REACH}), LARGE),
-    "columns.ods": (lambda: ods(CELL.join(ROW).format("", COLUMNS)), LARGE),
-    "rows.ods": (lambda: ods(CELL.join(ROW).format(ROWS, "")), LARGE),
-    "empty.ods": (lambda: ods(BLANK.join(ROW).format(ROWS, COLUMNS)), ["read", 0]),
+    "columns.ods": (lambda: ods(FIRST + row(cell("v_y1", COLUMNS))), LARGE),
+    "rows.ods": (lambda: ods(FIRST + row(cell("v_y1"), ROWS)), LARGE),
+    "empty.ods": (lambda: ods(FIRST + row(LONE.format(COLUMNS), ROWS)), ["read", 0]),
     "rows.parquet": (lambda: parquet(pyarrow.table({"v_y1": np.full(2_000_001, 5.0)})), LARGE),
     "text.parquet": (lambda: parquet(repeated_text()), LARGE),
 }  # fmt: skip

@@ -5,19 +5,10 @@ import pytest
 from made_tables import bundled, made
 
 from fitball.data.bundled import printed
-from fitball.data.kinematics import BALANCES, balances, counted, slopes, velocity
+from fitball.data.kinematics import BALANCES, balances, slopes, velocity
 from fitball.values import Ball
 
 FULL = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
-
-
-@pytest.mark.parametrize(
-    ("present", "counting"),
-    [("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"), ("v_x2 v_2 theta_2", "v_2 theta_2"), ("theta_2 v_y2", "v_y2 theta_2"),
-     ("v_2 v_x2", "v_x2 v_2"), ("theta_2 v_x1 v_y1", "theta_2"), ("omega_2", "")],
-)  # fmt: skip
-def test_each_information_counts_once(present, counting):
-    assert counted(present.split(), "2") == tuple(counting.split())
 
 
 def test_any_two_columns_give_the_velocity():

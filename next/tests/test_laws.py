@@ -1,12 +1,12 @@
 """Laws that every rebound keeps, whatever solves it: a table of laws, each run on all models it holds for."""
 
 from dataclasses import dataclass, fields
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from support import answers, bounces, runge_kutta, taylor
+from scipy.optimize import brentq
+from support import answers, bounces, taylor
 from support.taylor import OUTPUTS
 
 import fitball
@@ -15,7 +15,6 @@ from fitball.values import Ball, Impacts
 
 BALL = Ball()
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 OFFSETS = ("eps_10", "eps_slope", "offset")
 MIRRORED = str.maketrans("12", "21")
 
@@ -205,10 +204,12 @@ def a_ball_is_still_pressed_in_where_its_force_ends(case):
     share = case.columns["mass_ratio"][:, None] if momentum else 1.0
     riding = BALL.mass * (case.columns["mass_ratio"][:, None] if case.options["normal"] != "total" else 1.0)
     e = found.v_y2 / case.at.v_y1 / share
-    # The closed form of the test's own is that of an underdamped ball.
+    # -ln e = 2 b cot b, zeta = cos b, of an underdamped ball.
     slow = ok & (e > np.exp(-2.0)) & (e < 1.0 - 1e-6)
     assert slow.mean() > 0.5
-    zeta = np.vectorize(lambda kept: runge_kutta.damping_of(kept, True))(np.where(slow, e, 0.5))
+    zeta = np.vectorize(
+        lambda kept: np.cos(brentq(lambda b: 2.0 * b / np.tan(b) + np.log(kept), 1e-9, 0.5 * np.pi, xtol=1e-15))
+    )(np.where(slow, e, 0.5))
     wanted = 2.0 * zeta / share / np.sqrt(case.columns["k_y"][:, None] / riding)
     # What is late is the difference of two times.
     np.testing.assert_allclose(late[slow], wanted[slow], rtol=1e-12, atol=1e-15 * found.contact_time[slow].max())
@@ -263,27 +264,6 @@ def a_course_is_that_of_the_oracle(case):
                 assert abs(found[name][k] - exact) < 1e-12 * scale, (name, k)
 
 
-def gaps_are_what_the_motion_adds_up_to(case):
-    """Gauss's rule over the courses from phase to phase, where they are smooth; then the flight after them."""
-    for draw, place in ((3, 2), (8, 5)):
-        values = {name: float(column[draw]) for name, column in case.columns.items()}
-        state = [float(column[place]) for column in (case.at.v_x1, case.at.v_y1, case.at.omega_1)]
-        found = case.model.rebound(values, fitball.impacts(*state))
-        ends = np.cumsum([0.0, *(lasted for _, lasted in taylor.solve(case.options, values, state).phases)])
-        path = turn = 0.0
-        solid, thin = 0.4 * 0.97**2 * values.get("mass_ratio", 0.5), 2.0 / 3.0 * (1.0 - values.get("mass_ratio", 0.5))
-        split = values.get("inertia_split", solid / (solid + thin))
-        for low, high in pairwise(ends):
-            times = 0.5 * (low + high) + 0.5 * (high - low) * NODES
-            at = case.model.history(values, fitball.impacts(*state), times).courses
-            weights = 0.5 * (high - low) * WEIGHTS
-            path += weights @ at["v_x"]
-            turn += weights @ (split * at["omega_core"] + (1.0 - split) * at["omega_shell"])
-        late = found.gap_time[0] - found.contact_time[0]
-        assert path + found.v_x2[0] * late == pytest.approx(found.gap_path[0], rel=1e-9, abs=1e-13)
-        assert turn + found.omega_2[0] * late == pytest.approx(found.gap_turn[0], rel=1e-9, abs=1e-11)
-
-
 def _is(**wanted):
     return lambda case: case.timed and not case.oracle and all(case.options[k] in v for k, v in wanted.items())
 
@@ -309,7 +289,6 @@ LAWS = {
     restitution_follows_the_one_law: lambda case: not case.oracle,
     a_ball_that_grips_throughout_rolls_its_path: TIMED,
     a_course_is_that_of_the_oracle: _is(),
-    gaps_are_what_the_motion_adds_up_to: _is(),
 }
 
 
@@ -333,12 +312,3 @@ def test_a_grip_that_holds_to_the_end_ends_with_the_contact():
     states = fitball.impacts(rng.uniform(3.0, 17.0, 60), rng.uniform(4.0, 17.0, 60), rng.uniform(-200.0, 200.0, 60))
     found = fitball.model("thesis-exact").rebound(values, states)
     assert np.all(np.isfinite(found.omega_2)) and np.all(np.isfinite(found.v_x2))
-
-
-def test_spin_of_a_drop_comes_from_the_offset_alone():
-    """A ball dropped without spin that grips at once: the offset turns it as angular momentum demands."""
-    values = {"mu": 0.5, "e_x": 0.0, "offset": 2e-3, "cor_10": 0.76, "cor_slope": 0.0}
-    found = fitball.model("grip-slip").rebound(values, fitball.impacts(0.0, 10.0, 0.0))
-    assert found.regime[0] == 3
-    wanted = -2e-3 * BALL.mass * 1.76 * 10.0 / (INERTIA + BALL.mass * BALL.radius**2)
-    np.testing.assert_allclose([found.omega_2[0], found.v_x2[0] / BALL.radius], wanted, rtol=1e-13)

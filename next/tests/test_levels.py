@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import integrate, optimize, stats
-from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of, truth_of
+from scipy import integrate, stats
+from support.density import REBOUND, near, problem_of, table_of
 
 from fitball.data.scene import BallSection, Scene
 from fitball.errors import ParameterError
@@ -44,14 +44,6 @@ def test_the_spread_is_integrated_out():
     assert np.abs(PRIOR._replace(spreads=few).log_density(PLACES[:3]) - exact).max() > 0.05
 
 
-def test_the_sum_over_spreads_is_that_of_scipy():
-    def mixture(q):
-        normal = [stats.multivariate_normal(np.full(3, CENTRE), t**2 * np.eye(3) + WIDTH**2).pdf(q) for t in SPREADS]
-        return np.log(np.mean(normal))
-
-    np.testing.assert_allclose(PRIOR.log_density(PLACES), [mixture(q) for q in PLACES], rtol=1e-10)
-
-
 def test_levels_that_nearly_agree_have_a_finite_density():
     q = CENTRE + np.array([[0.0, 0.0, 0.0], [40.0, -40.0, 3.0]])
     assert np.isfinite(PRIOR.log_density(q)).all() and np.isfinite(PRIOR.pull(q)[1]).all()
@@ -67,22 +59,6 @@ def test_the_pull_is_the_gradient():
     # Of one spread it is the precision of that normal density.
     one = PRIOR._replace(spreads=np.array([0.2])).pull(PLACES)[1][0]
     np.testing.assert_allclose(one, np.linalg.inv(0.04 * np.eye(3) + WIDTH**2), rtol=1e-12)
-
-
-def test_the_maximum_for_searches_does_not_pool_levels_that_differ():
-    """Six levels three standard errors apart: their density is highest where all agree, a spike without mass."""
-    found, error = CENTRE + 0.2 * np.array([-1.2, -0.6, -0.1, 0.3, 0.7, 1.3]), 0.07
-    prior = PRIOR._replace(places=slice(0, 6))
-
-    def highest(own):
-        def cost(q):
-            return 0.5 * np.sum((q - found) ** 2) / error**2 - own.log_density(q[None])[0]
-
-        starts = (found, found.mean() + 1e-6 * found)
-        return min((optimize.minimize(cost, start) for start in starts), key=lambda made: made.fun).x
-
-    assert np.ptp(highest(prior.smooth)) > 0.6 * np.ptp(found)
-    assert np.ptp(highest(prior)) < 0.1 * np.ptp(found)
 
 
 def test_draws_of_the_prior():
@@ -215,13 +191,6 @@ def test_labels_by_any_spelling_and_what_is_refused():
         with pytest.raises(ParameterError) as caught:
             forward.levels_of(labels, 2)
         assert caught.value.code == code
-
-
-def test_noise_of_a_column():
-    problem = problem_of(table_of(REBOUND), scene_of())
-    values = problem.values(problem.coordinates(truth_of(problem))[None])
-    np.testing.assert_allclose(problem.forward.column_sd("v_x2", values, 0.3), np.hypot(TRUTH["v_x_sd"], 0.3))
-    assert np.isnan(problem.forward.column_sd("v_2", values)).all()
 
 
 def test_the_distance_to_a_hull():

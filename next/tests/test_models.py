@@ -2,7 +2,6 @@
 
 import csv
 import math
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +11,6 @@ import pytest
 import fitball
 from fitball import environment
 from fitball.errors import FitballError
-from fitball.models import grip_slip
-from fitball.models.kernels import phases
 from fitball.models.registry import MODELS, candidates, variants
 from fitball.models.specs import BALL_PARAMETERS, NAMES
 from fitball.models.types import REASONS, Status
@@ -217,24 +214,6 @@ def test_the_ball_is_the_models_or_a_parameter():
             for a, b in zip(arrays(found), arrays(other.rebound(values, STATES)), strict=True):
                 np.testing.assert_array_equal(a, b)
         assert abs(found.v_x2 - model.rebound(values, STATES).v_x2).max() > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("text", "entry"), [("two-mass+torsion=free", phases), ("thesis-exact", phases), ("brody", grip_slip)]
-)
-def test_a_port_has_the_kernel_and_its_constants(text, entry):
-    model, values = fitball.model(text), typical(text, ball_radius=0.0331)
-    call = model.kernel_call(values)
-    named = dict(zip(call.columns, call.row, strict=True))
-    assert call.entry is entry.bounce and values.items() <= named.items()
-    # A worker gets the same.
-    assert (
-        pickle.loads(pickle.dumps(model)) == model and pickle.loads(pickle.dumps(model)).kernel_call(values) == call
-    )
-    out, regime, _ = model.solve.batch(np.array([call.row]), call.flags, 15.0, 8.0, -100.0)
-    wanted = model.rebound(values, IMPACT)
-    assert out[:3, 0, 0].tolist() == [wanted.v_x2[0], wanted.v_y2[0], wanted.omega_2[0]]
-    assert regime[0, 0] == wanted.regime[0]
 
 
 def test_a_measured_restitution_replaces_the_law():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from fitball.columns import COLUMNS
 from fitball.errors import ParameterError
 from fitball.priors import ParameterSpec, parse_prior
 
@@ -67,22 +66,6 @@ def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
     assert mass == pytest.approx(0.98, abs=1e-7)
     assert list(prior.log_density(np.array([prior.lower - 1e-9, prior.upper + 1e-9]))) == [-np.inf, -np.inf]
     assert np.all(np.isfinite(prior.log_density(prior.coordinate(prior.quantile(np.array([0.001, 1.0]))))))
-
-
-def test_draws_follow_the_density():
-    shares = np.random.default_rng(3).uniform(size=20_000)
-    draws = prior_of("normal(0.1, 0.2)").quantile(shares)
-    assert stats.kstest(draws, normal(0.0, 5.0, 0.1, 0.2).cdf).pvalue > 1e-3
-    # Negative control: a prior with another width is noticed.
-    assert stats.kstest(draws, normal(0.0, 5.0, 0.1, 0.22).cdf).pvalue < 1e-3
-
-
-@pytest.mark.parametrize("name", [name for name, column in COLUMNS.items() if column.noise])
-def test_noises_of_columns_begin_within_a_factor_of_four(name):
-    spec = COLUMNS[name].noise
-    low, middle, high = parse_prior(spec).quantile(np.array([0.025, 0.5, 0.975]))
-    assert spec.lower < low < middle < high < spec.upper
-    assert 3.5 < middle / low < 4.5 and 3.5 < high / middle < 4.5
 
 
 @pytest.mark.parametrize(

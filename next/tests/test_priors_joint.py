@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import integrate, stats
-from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of, truth_of
+from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of
 
 from fitball.data.scene import BallSection, Quantity, Scene
 from fitball.errors import FitError, ModelError, ParameterError
@@ -55,17 +55,6 @@ def test_draws_follow_the_priors():
         drawn = values[:, problem.free.index(name)]
         assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
         assert stats.kstest(drawn * 1.25, law.cdf).pvalue < 1e-3
-
-
-def test_the_pull_is_the_gradient_of_the_joint_density():
-    problem = problem_of(table_of(REBOUND, "sd", labels=("surface",)), scene_of(), noise="student-t")
-    q = near(problem, 3)
-    gradient, curvature = problem.prior.pull(q)
-    for k, width in enumerate(problem.prior.width):
-        step = 1e-5 * width * np.eye(q.shape[1])[k]
-        exact = (problem.prior.log_density(q - step) - problem.prior.log_density(q + step)) / 2e-5
-        np.testing.assert_allclose(gradient[:, k] * width, exact, rtol=1e-5, atol=1e-7)
-    assert np.linalg.eigvalsh(curvature).min() >= 0.0
 
 
 def test_widths_are_sds():
@@ -260,11 +249,3 @@ def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
         with pytest.raises(ParameterError) as caught:
             Effort(**wrong)
         assert caught.value.code == "effort"
-
-
-def test_values_by_name_and_back():
-    problem = problem_of(table_of(REBOUND), fix={"e_x": 0.1})
-    at = truth_of(problem)
-    values = problem.values(problem.coordinates(at)[None])
-    assert values["e_x"].tolist() == [0.1]
-    assert {name: float(values[name][0]) for name in at} == pytest.approx(at, rel=1e-14)

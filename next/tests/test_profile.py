@@ -4,15 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_tables import made
 from scipy import stats
 from scipy.optimize import minimize
 from support.density import REBOUND, near, problem_of, scene_of, table_of, truth_of
+from support.fits import bounded, drops_of, line
 
-import fitball
-from fitball.data.scene import Scene
-from fitball.inference.problem.build import build_problem
-from fitball.inference.problem.problem import Choices
 from fitball.inference.profile import drops, profiles
 from fitball.inference.search.objective import Objective, descend
 
@@ -20,18 +16,12 @@ SPEEDS = np.linspace(5.0, 17.0, 7)
 DESIGN = np.stack([SPEEDS, SPEEDS - 10.0], axis=1)
 
 
-def line(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="normal(0, 10)"):
-    return v_x1, a * v_y1 + b * (v_y1 - 10.0), omega_1
-
-
 def wells(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", c="normal(0, 10)"):
     return v_x1, v_y1 * (0.7 + 0.1 * (a * a - 1.0)) + c * a * (v_y1 - 10.0), omega_1
 
 
 def dropped(function, y, speeds=SPEEDS, **choices):
-    """Of a model of vertical speeds."""
-    table = made({"v_x1": 0.0 * speeds, "v_y1": speeds, "omega_1": 0.0 * speeds, "v_y2": y})
-    return build_problem(table, Scene(), Choices(**choices), fitball.model_from(function))
+    return drops_of(function, speeds, y, **choices)
 
 
 def from_values(problem, *rows):
@@ -158,10 +148,6 @@ def test_along_a_wall_the_profile_is_scipys():
     assert held[wall] < held[k]
     low, high = profile.interval_95
     assert low < 0.78 < high
-
-
-def bounded(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="uniform(0, 1)"):
-    return v_x1, a * v_y1 + b * (v_y1 - 10.0), omega_1
 
 
 def test_a_best_value_at_its_bound_is_open_there():

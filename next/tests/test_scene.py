@@ -183,16 +183,6 @@ def test_a_scene_made_in_python_has_the_same_limits(parts, key):
     assert [*refused(lambda: Scene(**parts))] == [key]
 
 
-def test_balls_of_games_and_laboratories_are_welcome():
-    balls = {
-        "table tennis": (2.7e-3, 0.02, 0.66), "golf": (0.0459, 0.0213, 0.4), "basketball": (0.62, 0.12, 0.65),
-        "bowling": (7.2, 0.108, 0.4), "steel shot": (3.3e-5, 1e-3, 0.4), "foam": (0.01, 0.035, 0.4),
-    }  # fmt: skip
-    for mass, radius, ratio in balls.values():
-        section = BallSection(Quantity(mass, 0.02 * mass), Quantity(radius, 0.01 * radius), Quantity(ratio, 0.01))
-        assert Scene(ball=section).value() == Ball(mass, radius, ratio)
-
-
 def test_every_noise_of_the_registry_may_be_held_or_nominal():
     for column in COLUMNS.values():
         if column.noise:

@@ -6,9 +6,9 @@ import unicodedata
 import numpy as np
 import pytest
 
-from fitball.errors import Fault, FolderError, InputError, MachineError, ParameterError, enough_memory, suggestion
+from fitball.errors import Fault, FolderError, InputError, MachineError, ParameterError, enough_memory
 from fitball.numbers import Unit, percent, signed
-from fitball.text import listed, one_line, short, visible
+from fitball.text import one_line, short, visible
 from fitball.values import Ball, Impacts, impacts
 
 PLAIN, MS = Unit(""), Unit("ms", 1e3)
@@ -85,12 +85,6 @@ def test_one_line_keeps_both_ends_of_what_is_long():
     assert short("a" * 30 + "b" * 30, 12) == "aaaaaa...bbb"
 
 
-def test_lists_in_words():
-    assert [listed(x) for x in ([], ["a"], ["a", "b"], "abc")] == ["", "a", "a and b", "a, b and c"]
-    assert listed("abc", "or") == "a, b or c"
-    assert listed(map(str, range(1000)), most=3) == "0, 1, 2 and 997 more"
-
-
 # Errors.
 
 
@@ -104,17 +98,6 @@ def test_all_faults_are_kept_and_their_message_is_bounded():
     assert "rows 3, 63, 123, 183, 243, 303 and 1,661 more (first: line 4), column 'c3': read '3'" in text
 
 
-def test_each_fault_has_its_place():
-    one = InputError("t.csv", [Fault("missing", "no v_y1")])
-    assert str(one) == "t.csv: no v_y1"
-    several = InputError(
-        "t.csv", [Fault("a", "x", 2), Fault("a", "y", 2, 3, "v_1"), Fault("a", "z", line=7), Fault("a", "w")]
-    )
-    assert str(several).split("\n  - ") == [
-        "t.csv: 4 faults", "row 2: x", "row 2 (line 3), column 'v_1': y", "line 7: z", "w",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("error", [FolderError("a\x1b", "b"), InputError("t", [Fault("a", "x", 2)], ["h"])])
 def test_an_error_of_another_process_is_the_same(error):
     back = pickle.loads(pickle.dumps(error))
@@ -126,12 +109,6 @@ def test_running_out_of_memory_is_an_error_in_words():
     with pytest.raises(MachineError, match="memory") as caught, enough_memory():
         np.empty(2**50)
     assert caught.value.code == "memory"
-
-
-def test_suggestions():
-    assert suggestion("mass_ration", ["mu", "mass_ratio"]) == "did you mean 'mass_ratio'?"
-    assert suggestion("x", ["mu", "k_y"]) == "known: mu, k_y"
-    assert len(suggestion("x", map(str, range(10_000)))) < 500
 
 
 # Values.

@@ -1,10 +1,11 @@
 """Units against their definitions and the spellings that people use; what is none is refused."""
 
 from fractions import Fraction
-from math import pi
+from math import degrees, inf, pi
 
 import pytest
 
+from fitball.columns import COLUMNS
 from fitball.errors import ParameterError
 from fitball.units import factor_of, symbol_of
 
@@ -91,3 +92,13 @@ def test_what_is_no_unit_of_a_quantity_is_refused(text, si, code):
         factor_of(text, si)
     assert caught.value.code == code
     assert len(str(caught.value)) < 400
+
+
+def test_units_of_columns_and_of_their_noises_agree():
+    factors = {"deg": degrees(1.0), "ms": 1e3, "mm": 1e3}
+    for column in COLUMNS.values():
+        assert column.unit in EXACT
+        assert not column.handy or column.handy.factor == pytest.approx(factors[column.handy.name], rel=1e-15)
+        if column.noise:
+            assert (column.noise.unit, column.noise.handy) == (column.unit, column.handy)
+            assert 0.0 < column.noise.lower < column.noise.upper < inf

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_tables import made
 from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
+from support.fits import at, bounded, drops_of, line
 
 import fitball
 from fitball.data.scene import BallSection, Quantity, Scene
@@ -13,23 +14,13 @@ from fitball.inference import derived
 from fitball.inference import verdict as module
 from fitball.inference.first_order import first_order
 from fitball.inference.forward import CalibratedRange
-from fitball.inference.problem.build import build_problem
-from fitball.inference.problem.problem import Choices
 from fitball.inference.profile import profiles
-from fitball.inference.results import Adequacy, Judgement, PointFit
+from fitball.inference.results import Adequacy, Judgement
 from fitball.inference.search.objective import Objective, descend
 from fitball.inference.verdict import Seen, judge, qualified
 
 SPEEDS = np.linspace(5.0, 17.0, 9)
 NOISE = 0.05 * np.random.default_rng(1).standard_normal(9)
-
-
-def line(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="normal(0, 10)"):
-    return v_x1, a * v_y1 + b * (v_y1 - 10.0), omega_1
-
-
-def bounded(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="uniform(0, 1)"):
-    return v_x1, a * v_y1 + b * (v_y1 - 10.0), omega_1
 
 
 def idle(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="normal(0, 1)"):
@@ -38,15 +29,13 @@ def idle(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="normal(0, 1)"):
 
 def dropped(function, y=None, speeds=SPEEDS, **choices):
     y = 0.7 * speeds - 0.02 * (speeds - 10.0) + NOISE[: speeds.size] if y is None else y
-    table = made({"v_x1": 0.0 * speeds, "v_y1": speeds, "omega_1": 0.0 * speeds, "v_y2": y})
-    return build_problem(table, Scene(), Choices(**choices), fitball.model_from(function))
+    return drops_of(function, speeds, y, **choices)
 
 
 def fitted(problem, **start):
     x, _, converged = descend(Objective(problem), problem.coordinates(start)[None])
     assert converged.all()
-    values = {name: float(one[0]) for name, one in problem.values(x).items()}
-    return PointFit((values,), (0.0,), 0.0, {}), x
+    return at(problem, x[0]), x
 
 
 def judged(problem, **start):

@@ -43,17 +43,12 @@ def table_of(columns, errors="", gaps=False, labels=(), count=10, seed=0):
             values[name][k % 3 :: 4] = np.nan
     stated = {"": (), "sd": columns, "corr": (*values,)}[errors]
     sd = {name: np.where(np.isnan(values[name]), np.nan, SDS[name] * rng.uniform(0.5, 1.5, count)) for name in stated}
-    corr = {}
-    if errors == "corr":
-        for one, other, r in (
-            ("v_x1", "v_x2", 0.6),
-            ("omega_1", "omega_2", -0.5),
-            ("v_x2", "v_y2", 0.3),
-            ("v_x1", "v_y1", 0.4),
-        ):
-            corr[f"{one},{other}"] = r * rng.uniform(0.5, 1.0, count)
-        if "gap_path" in columns:
-            corr["v_y1,gap_path"] = np.full(count, 0.5)
+    pairs = (
+        {"v_x1,v_x2": 0.6, "omega_1,omega_2": -0.5, "v_x2,v_y2": 0.3, "v_x1,v_y1": 0.4} if errors == "corr" else {}
+    )
+    corr = {pair: r * rng.uniform(0.5, 1.0, count) for pair, r in pairs.items()}
+    if pairs and "gap_path" in columns:
+        corr["v_y1,gap_path"] = np.full(count, 0.5)
     texts = {"id": tuple(str(k + 1) for k in range(count))}
     texts |= {name: tuple("ab"[k % 2] for k in range(count)) for name in labels}
     return ImpactTable("made", values, sd, corr, texts)
@@ -61,12 +56,8 @@ def table_of(columns, errors="", gaps=False, labels=(), count=10, seed=0):
 
 def scene_of(camera=False, time=False, ball=False):
     """A scene that states these."""
-    seen = CameraSection(
-        scale=Quantity(1.0, 0.01),
-        clock=Quantity(1.0, 0.001),
-        tilt=Quantity(0.0, 0.005),
-        court_height=Quantity(0.0, 0.003),
-    )
+    known = {"scale": (1.0, 0.01), "clock": (1.0, 0.001), "tilt": (0.0, 0.005), "court_height": (0.0, 0.003)}
+    seen = CameraSection(**{key: Quantity(*both) for key, both in known.items()})
     return Scene(
         camera=seen if camera else None, contact_time=Quantity(5e-3, 5e-4) if time else None,
         ball=BallSection(mass=Quantity(0.0577, 2e-4), inertia_ratio=Quantity(0.56, 0.01)) if ball else BallSection(),
@@ -118,16 +109,8 @@ def log_prior_of_levels(problem, level, values):
     log = family == "lognormal"
     assert log or family == "normal"
     centre = np.log(float(a)) if log else float(a)
-    general = (
-        0.3
-        if log
-        else 0.3
-        * float(
-            stats.truncnorm.ppf(
-                0.5, (spec.lower - centre) / float(b), (spec.upper - centre) / float(b), centre, float(b)
-            )
-        )
-    )
+    ends = ((end - centre) / float(b) for end in (spec.lower, spec.upper))
+    general = 0.3 if log else 0.3 * float(stats.truncnorm.ppf(0.5, *ends, centre, float(b)))
     half = stats.t(freedom, 0.0, scale)
     most = half.cdf(20.0 * general) - 0.5
     spreads = half.ppf(0.5 + most * (np.arange(64) + 0.5) / 64)
@@ -162,13 +145,8 @@ def seen_by(problem, values, k, state):
     if made.status[0, 0]:
         return None
     v_2, omega_2 = c / s * turn @ [made.v_x2[0, 0], made.v_y2[0, 0]], c * made.omega_2[0, 0]
-    found = {
-        "v_x2": v_2[0],
-        "v_y2": v_2[1],
-        "omega_2": omega_2,
-        "v_2": np.hypot(*v_2),
-        "theta_2": np.arctan2(*v_2[::-1]),
-    }
+    found = {"v_x2": v_2[0], "v_y2": v_2[1], "v_2": np.hypot(*v_2), "theta_2": np.arctan2(*v_2[::-1])}
+    found["omega_2"] = omega_2
     path, r = made.gap_path[0, 0] / s, h + made.gap_path[0, 0] / s * np.sin(tau)
     found["contact_time"] = made.contact_time[0, 0]
     found["gap_time"] = made.gap_time[0, 0] / c - h / state[1] - r / v_2[1]
@@ -193,16 +171,11 @@ def log_posterior(problem, values, without=()):
     """At values by name; -inf without an answer. Parts are left `without`, to see that they matter: "priors",
     "levels", "camera", "errors", "correlations", "contact time".
     """
-    table, at_levels = (
-        problem.table,
-        {level.name(label) for level in problem.forward.levels for label in level.labels},
-    )
+    table = problem.table
+    at_levels = {level.name(label) for level in problem.forward.levels for label in level.labels}
     values = {item.spec.name: item.fixed for item in problem.parameters if item.fixed is not None} | values
-    known = {
-        n: v
-        for n, v in values.items()
-        if "camera" not in without or n.partition("[")[0] not in ("scale", "clock", "tilt", "court_height")
-    }
+    ours = ("scale", "clock", "tilt", "court_height") if "camera" in without else ()
+    known = {name: value for name, value in values.items() if name.partition("[")[0] not in ours}
     total = 0.0
     for item in problem.parameters:
         if item.fixed is None and item.spec.name not in at_levels and "priors" not in without:
