@@ -29,10 +29,11 @@ def drawn(text):
     model, rng = fitball.model(text), np.random.default_rng(5)
     names = [spec.name for spec in model.parameters]
     options = dict(bounces.DEFAULT) | dict(model.options)
-    made = [bounces.random_bounce(rng, options, wide=k % 2 == 1) for k in range(300)]
-    others = {"e_x": rng.uniform(-0.5, 0.9, 300), "offset": 0.01 * rng.standard_normal(300)}
-    values = [{**found, **{name: column[k] for name, column in others.items()}} for k, (found, _) in enumerate(made)]
-    impacts = [impact for _, impact in made]
+    values, impacts = [], []
+    for k in range(300):
+        one, impact = bounces.random_bounce(rng, options, wide=k % 2 == 1)
+        values.append({**one, "e_x": rng.uniform(-0.5, 0.9), "offset": 0.01 * rng.standard_normal()})
+        impacts.append(impact)
     with answers.PLACE.open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             if text == "+".join(filter(None, ["two-mass", row["options"]])):
@@ -144,7 +145,7 @@ def test_a_ball_that_does_not_come_leaves_as_it_came_and_no_number_has_no_answer
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_self_test_passes_and_sees_a_wrong_constant(tmp_path, language):
     sets = [ports.typical("two-mass", "clay"), ports.typical("two-mass", "hard court", mu=0.4)]
-    text = port(sets, "c" if language == "c++" else language)
+    text = ports.text_of(sets, language)
     wrong, count = re.subn(r"(CORE_RADIUS_RATIO_\D+)0\.97\b", r"\g<1>0.98", text)
     assert count == 1
     if language == "python":

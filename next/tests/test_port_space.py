@@ -100,11 +100,7 @@ def test_spin_about_the_normal_stays_and_turned_axes_turn_the_answer(text):
     for _ in range(50):
         turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         turn *= np.linalg.det(turn)
-        velocity, spin, normal = (
-            np.array([9.0, -4.0, 7.0]) * rng.standard_normal(3),
-            200 * rng.standard_normal(3),
-            rng.standard_normal(3),
-        )
+        velocity, spin, normal = np.array([[9.0], [200.0], [1.0]]) * rng.standard_normal((3, 3))
         answers = []
         for axes in (np.eye(3), turn):
             vectors = (made.Vector(*map(float, axes @ one)) for one in (velocity, spin, normal))

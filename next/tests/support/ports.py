@@ -8,6 +8,8 @@ import types
 import numpy as np
 import pytest
 
+import fitball
+from fitball.exports.parameter_set import ParameterSet
 from fitball.exports.port import FILES, port
 
 OUTPUTS = (
@@ -64,7 +66,7 @@ static class Run
 }
 """
 JAVASCRIPT = """const Bounce = require("./bounce.js");
-const names = Object.keys(Bounce[process.argv[2]]), n = names.length;
+const names = Object.keys(Bounce.BALL), n = names.length;
 for (const line of require("fs").readFileSync(0, "utf8").trim().split("\\n")) {
     const x = line.split(" ").map(Number), i = x.slice(n);
     const p = Object.fromEntries(names.map((name, k) => [name, x[k]]));
@@ -81,6 +83,11 @@ RUNS = {
     "javascript": ("node", "", ("run.js", JAVASCRIPT)),
 }
 LANGUAGES = ("c", "c++", "csharp", "javascript", "python")
+
+
+def text_of(sets, language):
+    """The port in a language; that in C is C++ too."""
+    return port(sets, "c" if language == "c++" else language)
 
 
 def module(text):
@@ -109,11 +116,10 @@ def compiled(folder, language, text, driver=True):
     own = FILES["c" if language == "c++" else language]
     (folder / own).write_text(text, encoding="utf-8")
     (folder / name).write_text(source, encoding="utf-8")
-    define = {"csharp": "-define:FITBALL_SELF_TEST "}.get(language, "-DFITBALL_SELF_TEST ")
-    given = name if driver else define + own
-    if driver and language == "csharp":
-        given = f"{name} {own}"
+    define = "-define:" if language == "csharp" else "-D"
+    given = f"{name} {own}" if language == "csharp" else name
     if command:
+        given = given if driver else f"{define}FITBALL_SELF_TEST {own}"
         subprocess.run(command.format(given).split(), cwd=folder, check=True, timeout=120)
     runs = {"csharp": ["mono", "run.exe"], "javascript": ["node", name if driver else own]}
     return runs.get(language, ["./run"])
@@ -121,13 +127,11 @@ def compiled(folder, language, text, driver=True):
 
 def run(folder, language, sets, lines):
     """OUTPUTS, velocity and spin in space (lines, 16) of lines (lines, numbers)."""
-    text = port(sets, "c" if language == "c++" else language)
+    text = text_of(sets, language)
     if language == "python":
         return in_python(module(text), lines)
     command = compiled(folder, language, text)
     given = "\n".join(" ".join(map(repr, line)) for line in lines.tolist())
-    if language == "javascript":
-        command = [*command, "BALL"]
     done = subprocess.run(command, cwd=folder, input=given, capture_output=True, text=True, check=True, timeout=120)
     return np.array([[float(number) for number in line.split()] for line in done.stdout.splitlines()])
 
@@ -140,9 +144,6 @@ def reference(text):
 
 def typical(text, label="", **changes):
     """The parameter set of a model at its typical values."""
-    import fitball
-    from fitball.exports.parameter_set import ParameterSet
-
     model = fitball.model(text)
     values = {spec.name: spec.typical for spec in model.parameters} | changes
     return ParameterSet(label, model, values, "Typical values.", {})
