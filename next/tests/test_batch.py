@@ -186,6 +186,7 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     assert found["a-one"].endswith("one.csv") and not any("out" in str(one) for one in found.values())
     assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
     assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == ["book-one", "book-two", "book"]
+    assert list(named(["**/one.csv"], tmp_path / "out")) == ["a-one", "b-one"]
     frames = named([table_of(3), table_of(4)], tmp_path)
     assert list(frames) == ["table-1", "table-2"]
     assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
@@ -213,6 +214,8 @@ def made():
 def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     tables = made.tables
     assert tables.loc["court 1", "mu_verdict"] == "given" and np.isnan(tables.loc["court 0", "mu"])
+    own = made_fit(table_of(14)).parameters["cor_10"]
+    assert tables.loc["court 1", "cor_10"] == own.median != own.point
     assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
     drop = tables.loc["drops"]
     assert drop["cor_measured"] == pytest.approx(0.745, abs=1e-3)
@@ -232,7 +235,9 @@ def test_a_court_of_the_test_has_its_measured_rating():
         "v_x1": states.v_x1, "v_y1": states.v_y1, "omega_1": states.omega_1, "v_x2": after.v_x2,
         "v_y2": after.v_y2 + 0.05 * np.sin(np.arange(6)), "omega_2": after.omega_2, "surface": "clay",
     })  # fmt: skip
-    row = rows.kept("court", made_fit(frame)).row
+    kept = rows.kept("court", made_fit(frame))
+    row, group = kept.row, kept.quantities["pace_measured"].group
+    assert 2.0 * 1.96 * group.width == pytest.approx(row["pace_measured_q975"] - row["pace_measured_q025"], rel=1e-9)
     assert row["pace_measured_category"] in ("slow", "medium-slow", "medium", "medium-fast", "fast")
     assert row["pace_measured_q025"] < row["pace_measured"] < row["pace_measured_q975"]
     assert row["label:surface"] == "clay"

@@ -73,6 +73,8 @@ def test_an_interim_prior_is_divided_out():
         mean = sd**2 * (value / error**2 + 0.45 / 0.06**2)
         drawn = rng.permutation(mean + sd * norm.ppf((np.arange(4000) + 0.5) / 4000))
         groups.append(drawn_group(drawn, prior.logpdf))
+        # Places with their width have the variance of the draws, one in ten of which count.
+        assert np.hypot(groups[-1].places.std(), groups[-1].width) == pytest.approx(drawn[::10].std(), rel=1e-9)
         left.append(groups[-1]._replace(interim=np.zeros_like(groups[-1].interim)))
     exact = hierarchy([measured(value, error) for value in values], half_t(0.2), rng)
     divided, control = (hierarchy(one, half_t(0.2), rng) for one in (groups, left))

@@ -13,10 +13,12 @@ from fitball.inference.derived import quantities
 from fitball.inference.forward import CalibratedRange
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
+from fitball.priors import ParameterSpec, parse_prior
 from fitball.report import lab as page
-from fitball.uses.lab import drop_test, measured_pace
+from fitball.uses.lab import drop_test, means, measured_pace
 
 TEST = itf.pace_impact()
+SPREAD = ParameterSpec("spread", "", 0.0, np.inf, "half-t(0.1, 4)", "", "")
 FALL = np.sqrt(2.0 * 9.80665 * 2.54)
 
 
@@ -134,6 +136,27 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
         dropped(heights, ball=tuple("AAABBBCCCDDDEEEFFF")), Scene(), {"cor_10_spread": "half-normal(1e-4)"}
     )
     assert np.ptp(alike[alike["kind"] == "ball"]["cor"]) < 0.1 * np.ptp(own)
+
+
+def test_balls_dropped_once_are_students_and_another_lies_among_them():
+    cor = np.array([0.741, 0.747, 0.738, 0.744, 0.749])
+    found = drop_test(dropped(2.54 * cor**2, ball=tuple("ABCDE")), Scene())
+    assert found["kind"].tolist() == ["mean", "another"]
+    for kind, error in (("mean", np.sqrt(0.2)), ("another", np.sqrt(1.2))):
+        one, wanted = row(found, kind=kind), t.interval(0.95, 4, cor.mean(), error * cor.std(ddof=1))
+        assert (one["cor_q025"], one["cor_q975"]) == pytest.approx(wanted, abs=5e-5), kind
+
+
+def test_the_error_of_a_slope_is_one_for_all_groups():
+    rng, group, spread = np.random.default_rng(6), np.repeat(np.arange(4), 6), parse_prior(SPREAD)
+    x, values = np.tile(np.linspace(-1.0, 1.0, 6), 4), 0.1 * rng.standard_normal(24)
+    near, far = (means(values, group, spread, np.random.default_rng(1), x + away) for away in (0.0, 20.0))
+    slopes = np.linalg.lstsq(np.column_stack([np.eye(4)[group], x]), values, rcond=None)
+    error = np.sqrt(slopes[1][0] / (24 - 5) / np.sum(x**2))
+    # Seen from far away the level is as sure as the slope.
+    assert far.mean.std() == pytest.approx(np.hypot(20.0 * error, near.mean.std()), rel=0.04)
+    assert far.point == pytest.approx(near.point - 20.0 * slopes[0][-1], abs=0.01)
+    assert np.corrcoef(far.each)[0, 1] > 0.95 > np.corrcoef(near.each)[0, 1]
 
 
 def test_several_speeds_make_a_line_and_have_values_of_their_own():
