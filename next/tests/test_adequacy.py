@@ -139,9 +139,23 @@ def test_how_many_are_far_off_is_the_least_of_beta_bounds():
     own *= np.sqrt(15.0 / np.sum(own**2))
     largest = np.cumsum(np.sort(own**2)[::-1][:3]) / 15.0
     bounds = [comb(18, k) * stats.beta.sf(largest[k - 1], k / 2, (15 - k) / 2) for k in (1, 2, 3)]
-    assert farthest(own, 15.0) == (3, pytest.approx(3.0 * min(bounds), rel=1e-9))
+    assert farthest(largest, 18, 15.0) == (3, pytest.approx(3.0 * min(bounds), rel=1e-9))
     assert 3.0 * bounds[2] < 1e-3 < bounds[0]
-    assert farthest(own[:7], 5.0)[0] == 1
+
+
+def test_of_noise_alone_no_few_are_far_off():
+    """In 900 columns of 24 rows: their residuals, each over its own sd, have more squares than there is freedom."""
+    problem, first, _ = said(table_with("", 5))
+    point = at(problem, problem.coordinates({name: START[name] for name in problem.free}))
+    rng, least = np.random.default_rng(4), []
+    for _ in range(300):
+        clean = first._replace(residual=first.after_refit(rng.standard_normal(first.residual.size)))
+        least += [test.p for test in adequacy(problem, point, clean).tests if test.kind == "outlier"]
+    assert len(least) == 900 and min(least) > 2e-3
+    residual = first.residual.copy()
+    residual[np.argmax(np.abs(residual))] *= 20.0
+    wild = adequacy(problem, point, first._replace(residual=first.after_refit(residual))).tests
+    assert min(test.p for test in wild if test.kind == "outlier") < 2e-3
 
 
 # --- each fault by its name
