@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
 from support.fits import at
+from support.misread import TENNIS, bounce
 
 from fitball.data.table import ImpactTable
 from fitball.inference import adequacy as module
@@ -16,23 +17,10 @@ from fitball.inference.adequacy import EXCEPT, adequacy, farthest
 from fitball.inference.first_order import first_order
 from fitball.inference.search.objective import Objective, descend
 
-# Another grip-slip, after Walton and Cross; its constants are those of the tables in the corpus.
-MASS, RADIUS, OFFSET, TANGENTIAL = 0.0576, 0.03302, 2e-3, 0.15
-INERTIA = 0.56 * MASS * RADIUS**2
 START = {
     "mu": 0.6, "e_x": 0.15, "offset": 2e-3, "cor_10": 0.77, "cor_slope": -0.012, "v_x_sd": 0.3, "v_y_sd": 0.2,
     "spin_sd": 8.0, "degrees_of_freedom": 8.0,
 }  # fmt: skip
-
-
-def bounced(incident, friction=0.6, restitution=None):
-    """Rebounds (3, rows) of impacts (3, rows)."""
-    v_x, v_y, spin = incident
-    restitution = 0.77 - 0.012 * (v_y - 10.0) if restitution is None else restitution
-    normal, slip = MASS * (1.0 + restitution) * v_y, v_x - RADIUS * spin
-    grip = ((1.0 + TANGENTIAL) * slip + RADIUS * OFFSET * normal / INERTIA) / (1.0 / MASS + RADIUS**2 / INERTIA)
-    along = np.clip(grip, -friction * normal, friction * normal)
-    return np.stack([v_x - along / MASS, restitution * v_y, spin + (RADIUS * along - OFFSET * normal) / INERTIA])
 
 
 def table_with(fault="", seed=5, rows=24):
@@ -58,12 +46,12 @@ def table_with(fault="", seed=5, rows=24):
     elif fault == "surfaces":
         friction = np.where(clay, 0.75, 0.5)
     elif fault == "law":
-        friction = 0.6 * (np.abs(incident[0] - RADIUS * incident[2]) / 14.0) ** -0.35
+        friction = 0.6 * (np.abs(incident[0] - TENNIS[1] * incident[2]) / 14.0) ** -0.35
     elif fault == "group":
         noise[1] += 0.4 * clay
     elif fault == "incidence":
         seen = incident + np.array([[0.9], [0.0], [0.0]]) * rng.standard_normal((3, rows))
-    made = bounced(incident, friction, restitution) + noise
+    made = np.stack(bounce(*incident, TENNIS, (friction, 0.15, 2e-3, restitution, 0.0))) + noise
     labels = {"id": tuple(f"r{k}" for k in range(rows)), "group": tuple("clay" if one else "hard" for one in clay)}
     names = ("v_x1", "v_y1", "omega_1", *REBOUND)
     return ImpactTable("made", dict(zip(names, [*seen, *made], strict=True)), {}, {}, labels)

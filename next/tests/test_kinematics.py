@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_tables import bundled, made
+from support import misread
 
 from fitball.data.bundled import printed
 from fitball.data.kinematics import BALANCES, balances, slopes, velocity
@@ -54,22 +55,12 @@ def test_energy_lost_is_that_of_the_printed_table():
     np.testing.assert_allclose(found[:1], wanted[:1], rtol=0.06)
 
 
-def bounced(v_x1, v_y1, omega_1, cor, e_x, eps, ball):
-    """A rebound made from impulses: the tangential one gives `e_x`, the normal one acts at lever `eps`."""
-    inertia = ball.inertia_ratio * ball.mass * ball.radius**2
-    normal = ball.mass * (1 + cor) * v_y1
-    # J reduces slip by J (1/M + R^2/I), the lever turns the ball by -eps N / I.
-    slip = (1 + e_x) * (v_x1 - ball.radius * omega_1) + ball.radius * eps * normal / inertia
-    along = slip / (1 / ball.mass + ball.radius**2 / inertia)
-    spin = omega_1 + (ball.radius * along - eps * normal) / inertia
-    return dict(zip(FULL, (v_x1, v_y1, omega_1, v_x1 - along / ball.mass, cor * v_y1, spin), strict=True))
-
-
 def test_balances_recover_the_impulses_that_made_a_bounce():
     ball, rng = Ball(0.058, 0.0335, 0.55), np.random.default_rng(3)
     cor, e_x, eps = rng.uniform(0.5, 0.8, 20), rng.uniform(-0.3, 0.3, 20), rng.uniform(-1e-3, 3e-3, 20)
     before = rng.uniform(8, 16, 20), rng.uniform(6, 12, 20), rng.uniform(-200, 100, 20)
-    columns = bounced(*before, cor, e_x, eps, ball)
+    after = misread.bounce(*before, (ball.mass, ball.radius, ball.inertia_ratio), (99.0, e_x, eps, cor, 0.0))
+    columns = dict(zip(FULL, (*before, *after), strict=True))
     found = balances(made(columns), ball)
     np.testing.assert_allclose(found["cor"], cor, rtol=1e-13)
     np.testing.assert_allclose(found["e_x"], e_x, atol=1e-12)

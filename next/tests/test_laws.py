@@ -1,16 +1,14 @@
 """Laws that every rebound keeps, whatever solves it: a table of laws, each run on all models it holds for."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from support import answers, bounces, taylor
 from support.taylor import OUTPUTS
 
 import fitball
-from fitball.models.types import Rebound, Status
 from fitball.values import Ball, Impacts
 
 BALL = Ball()
@@ -21,15 +19,11 @@ MIRRORED = str.maketrans("12", "21")
 
 @dataclass(frozen=True)
 class Case:
-    """A model, or the oracle in its place, with random parameters (draws,), and impacts from a crawl to a smash, with
-    and against the spin.
-    """
+    """A model with random parameters (draws,), and impacts from a crawl to a smash, with and against the spin."""
 
-    name: str
     model: Any
     columns: dict
     at: Impacts
-    oracle: bool
 
     @property
     def options(self):
@@ -41,16 +35,8 @@ class Case:
 
     def rebound(self, at=None, **changes):
         """Rebounds (draws, impacts), parameters changed where the model has them."""
-        columns, at = {key: changes.get(key, old) + 0.0 * old for key, old in self.columns.items()}, at or self.at
-        if not self.oracle:
-            return self.model.evaluate([*columns], np.stack([*columns.values()], axis=1), at)
-        rows = [dict(zip(columns, row, strict=True)) for row in np.stack([*columns.values()], axis=1)]
-        states = list(zip(at.v_x1, at.v_y1, at.omega_1, strict=True))
-        found = [[taylor.solve(self.options, row, state) for state in states] for row in rows]
-        made = {name: np.array([[getattr(one, name) for one in row] for row in found]) for name in OUTPUTS}
-        made["regime"] = np.array([[one.regime() for one in row] for row in found])
-        made["status"] = np.array([[Status[one.status] for one in row] for row in found])
-        return Rebound(**{field.name: made[field.name] for field in fields(Rebound)})
+        columns = {key: changes.get(key, old) + 0.0 * old for key, old in self.columns.items()}
+        return self.model.evaluate([*columns], np.stack([*columns.values()], axis=1), at or self.at)
 
     def solved(self, **changes):
         """Rebounds, and which there are."""
@@ -71,25 +57,20 @@ class Case:
         return float(np.max(((np.abs(v_x) + BALL.radius * np.abs(omega)) / self.size)[where], initial=0.0))
 
 
-def case_of(name, options, oracle=False):
+def case_of(name, options):
     rng = np.random.default_rng(11)
     model = fitball.model(name if options is None else bounces.text_of(options))
-    drawn = [bounces.random_bounce(rng, options or bounces.DEFAULT)[0] for _ in range(6 if oracle else 200)]
+    drawn = [bounces.random_bounce(rng, options or bounces.DEFAULT)[0] for _ in range(200)]
     for row in drawn:
         # e_x and offset of grip-slip and brody, which have no mass ratio to stay below.
         row |= {"e_x": rng.uniform(-0.3, 0.6), "offset": 3e-3 * rng.standard_normal()}
     columns = {spec.name: np.array([row[spec.name] for row in drawn]) for spec in model.parameters}
-    count = 4 if oracle else 20
-    at = Impacts(
-        rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-1.0, 1.6, count), 10.0 ** rng.uniform(0.0, 1.5, count),
-        rng.uniform(-600.0, 600.0, count),
-    )  # fmt: skip
-    return Case(f"{'oracle of ' if oracle else ''}{model.text}", model, columns, at, oracle)
+    along = rng.choice([-1.0, 1.0], 20) * 10.0 ** rng.uniform(-1.0, 1.6, 20)
+    return Case(model, columns, Impacts(along, 10.0 ** rng.uniform(0.0, 1.5, 20), rng.uniform(-600.0, 600.0, 20)))
 
 
 CASES = [case_of("", options) for options in bounces.COMPOSITIONS]
 CASES += [case_of(name, None) for name in ("grip-slip", "brody")]
-CASES += [case_of("", options, oracle=True) for options in (bounces.DEFAULT, bounces.THESIS_EXACT)]
 
 
 def nothing_changes_along_the_court_without_friction(case):
@@ -193,28 +174,6 @@ def no_output_jumps_from_regime_to_regime(case):
         assert np.max(np.abs(np.diff(getattr(found, name)[0], 2))) / scale < 20.0 * (angle[1] - angle[0])
 
 
-def a_ball_is_still_pressed_in_where_its_force_ends(case):
-    """By `2 zeta e v/omega_y`, which the flight of speed v_y2 makes up; not where displacement ends."""
-    found, ok = case.solved()
-    late = found.gap_time - found.contact_time
-    if case.options["release"] == "zero_displacement":
-        assert np.abs(late / found.contact_time)[ok].max() < 1e-13
-        return
-    momentum = case.options["normal"] == "momentum"
-    share = case.columns["mass_ratio"][:, None] if momentum else 1.0
-    riding = BALL.mass * (case.columns["mass_ratio"][:, None] if case.options["normal"] != "total" else 1.0)
-    e = found.v_y2 / case.at.v_y1 / share
-    # -ln e = 2 b cot b, zeta = cos b, of an underdamped ball.
-    slow = ok & (e > np.exp(-2.0)) & (e < 1.0 - 1e-6)
-    assert slow.mean() > 0.5
-    zeta = np.vectorize(
-        lambda kept: np.cos(brentq(lambda b: 2.0 * b / np.tan(b) + np.log(kept), 1e-9, 0.5 * np.pi, xtol=1e-15))
-    )(np.where(slow, e, 0.5))
-    wanted = 2.0 * zeta / share / np.sqrt(case.columns["k_y"][:, None] / riding)
-    # What is late is the difference of two times.
-    np.testing.assert_allclose(late[slow], wanted[slow], rtol=1e-12, atol=1e-15 * found.contact_time[slow].max())
-
-
 def restitution_follows_the_one_law(case):
     """Written out in the oracle; in (0, c), while the speed of rebound grows, from a crawl to beyond any serve."""
     speeds = np.geomspace(1e-3, 1e3, 25)
@@ -265,7 +224,7 @@ def a_course_is_that_of_the_oracle(case):
 
 
 def _is(**wanted):
-    return lambda case: case.timed and not case.oracle and all(case.options[k] in v for k, v in wanted.items())
+    return lambda case: case.timed and all(case.options[k] in v for k, v in wanted.items())
 
 
 def _is_whole(case):
@@ -284,9 +243,8 @@ LAWS = {
     angular_momentum_about_the_contact_point_is_kept: _is_whole,
     a_stiff_joint_is_a_rigid_ball: _is(normal=["total"], torsion=["matched"]),
     landing_on_a_massless_shell_has_no_impulse: _is(normal=["momentum"], torsion=["matched"]),
-    no_output_jumps_from_regime_to_regime: lambda case: not case.oracle,
-    a_ball_is_still_pressed_in_where_its_force_ends: TIMED,
-    restitution_follows_the_one_law: lambda case: not case.oracle,
+    no_output_jumps_from_regime_to_regime: ANY,
+    restitution_follows_the_one_law: ANY,
     a_ball_that_grips_throughout_rolls_its_path: TIMED,
     a_course_is_that_of_the_oracle: _is(),
 }
@@ -295,7 +253,7 @@ LAWS = {
 @pytest.mark.parametrize(
     ("law", "case"),
     [(law, case) for law, holds in LAWS.items() for case in CASES if holds(case)],
-    ids=lambda one: one.name if isinstance(one, Case) else one.__name__,
+    ids=lambda one: one.model.text if isinstance(one, Case) else one.__name__,
 )
 def test_law(law, case):
     law(case)

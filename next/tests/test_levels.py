@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import integrate, stats
-from support.density import REBOUND, near, problem_of, table_of
+from support.density import REBOUND, problem_of, table_of
 
 from fitball.data.scene import BallSection, Scene
 from fitball.errors import ParameterError
@@ -159,23 +159,6 @@ def test_draws_of_a_problem_lie_within_the_bounds_and_have_new_levels():
         {**problem.values(q), **more}, Impacts(*np.array([[14.0], [8.0], [0.0]])), np.full((1, 2), NEW_LEVEL)
     )
     assert np.isfinite(made.v_y2[made.status == 0]).all() and np.mean(made.status == 0) > 0.9
-
-
-def test_rebounds_are_those_of_the_model_at_each_level():
-    problem = problem_of(table_of(REBOUND, labels=("surface",)))
-    q = near(problem, 4)
-    values, given, forward = problem.values(q), problem.rows.states, problem.forward
-    made, names = forward.rebound(values, given, problem.rows.index), [s.name for s in forward.model.parameters]
-    for label in "ab":
-        rows = np.flatnonzero(np.array(problem.table.labels["surface"]) == label)
-        at = forward.at_level(values, {"Surface": label.upper()})
-        exact = forward.model.evaluate(names, np.stack([at[n] for n in names], axis=1), given.take(rows))
-        for name, array in vars(exact).items():
-            np.testing.assert_array_equal(getattr(made, name)[:, rows], array)
-    assert np.ptp(made.v_x2, axis=0).max() > 0.01
-    # Each draw with states of its own.
-    moved = Impacts(*(np.tile(one, (4, 1)) for one in (given.v_x1, given.v_y1, given.omega_1)))
-    np.testing.assert_array_equal(forward.rebound(values, moved, problem.rows.index).v_x2, made.v_x2)
 
 
 def test_labels_by_any_spelling_and_what_is_refused():

@@ -83,6 +83,7 @@ def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
 CLUSTER = """
 import os, sys
 from distributed import LocalCluster
+from fitball import scheduling
 from fitball.errors import FitError, ParameterError
 from fitball.scheduling import as_completed
 
@@ -99,6 +100,7 @@ if __name__ == "__main__":
         assert made.pop(3).code == "three" and [made[k][1] for k in (0, 1, 2, 4)] == [0, 1, 4, 16]
         assert {made[k][0] for k in made} == {worker.pid for worker in cluster.workers.values()}
         assert dict(as_completed(os.path.exists, ["here", "there"], address=address)) == {0: True, 1: False}
+    scheduling._PATIENCE = 0.5
     try:
         list(as_completed(square, [1], address="nonsense"))
     except ParameterError as error:

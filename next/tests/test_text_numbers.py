@@ -9,7 +9,7 @@ import pytest
 from fitball.errors import Fault, FolderError, InputError, MachineError, ParameterError, enough_memory
 from fitball.numbers import Unit, percent, signed
 from fitball.text import one_line, short, visible
-from fitball.values import Ball, Impacts, impacts
+from fitball.values import Ball, impacts
 
 PLAIN, MS = Unit(""), Unit("ms", 1e3)
 
@@ -121,15 +121,6 @@ def test_a_ball_that_cannot_be_is_refused(wrong):
     with pytest.raises(ParameterError) as caught:
         Ball(**wrong)
     assert caught.value.code == "ball"
-
-
-def test_impacts_are_broadcast_and_parts_of_draws_taken():
-    one = impacts(3.0, [4.0, 8.0])
-    assert len(one) == 2 and list(one.omega_1) == [0.0, 0.0]
-    speed, angle = one.polar()
-    assert speed[0] == 5.0 and np.tan(angle[0]) == pytest.approx(4.0 / 3.0)
-    draws = Impacts(np.zeros((3, 2)), np.ones((3, 2)), np.arange(6.0).reshape(3, 2))
-    assert len(draws) == 2 and draws.take(np.array([1])).omega_1.tolist() == [[1.0], [3.0], [5.0]]
 
 
 @pytest.mark.parametrize(
