@@ -67,11 +67,9 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     codes = dict.fromkeys(GOOD, "") | {"broken": "not-a-number", "empty": "empty"}
     assert found.tables["code"].to_dict() == codes
     assert found.exit_code == 1 and set(found.failed) == {"broken", "empty"}
-    for name in found.failed:
+    for name in ("broken", "court 9"):
         with pytest.raises(KeyError):
             found[name]
-    with pytest.raises(KeyError):
-        found["court 9"]
     places = {name: courts.parent / "all" / name / "fit.json" for name in GOOD}
     assert sorted((courts.parent / "all").glob("*/fit.json")) == sorted(places.values())
     again = fitball.load_batch("all")
@@ -86,19 +84,8 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     places["court 3"].unlink()
     (places["court 3"].parent / ".fitball-0.partial").write_text("half")
     before = {name: place.stat().st_mtime_ns for name, place in places.items() if name != "court 3"}
-    words = [
-        "batch",
-        "courts",
-        "--out",
-        "all",
-        "--model",
-        OPTIONS["model"],
-        "--point-only",
-        "--as-read",
-        "--cores",
-        "1",
-    ]
-    assert main([*words, "--no-figures"]) == 1
+    words = "batch courts --out all --model brody --point-only --as-read --cores 1 --no-figures"
+    assert main(words.split()) == 1
     made = {name for name, place in places.items() if place.stat().st_mtime_ns != before.get(name)}
     assert made == {"court 1", "court 3"}
     assert not list(places["court 3"].parent.glob("*.partial"))
@@ -141,19 +128,15 @@ def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "kind", "code"),
+    ("options", "code"),
     [
-        ({"model": "no-model"}, ModelError, "unknown-model"),
-        ({"figures": "some"}, ParameterError, "figures"),
-        ({"scene": "none.toml"}, fitball.FitballError, "scene"),
-        ({"data": []}, ParameterError, "no-tables"),
-        ({"data": ["*.nothing"]}, ParameterError, "no-tables"),
-        ({"cores": -1}, ParameterError, "effort"),
+        ({"model": "no-model"}, "unknown-model"), ({"figures": "some"}, "figures"), ({"scene": "none.toml"}, "scene"),
+        ({"data": []}, "no-tables"), ({"data": ["*.nothing"]}, "no-tables"), ({"cores": -1}, "effort"),
     ],
-)
-def test_what_all_tables_would_fail_for_is_said_at_once(options, kind, code, tmp_path, monkeypatch):
+)  # fmt: skip
+def test_what_all_tables_would_fail_for_is_said_at_once(options, code, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(kind) as caught:
+    with pytest.raises(fitball.FitballError) as caught:
         fitball.batch(**{"data": ["wang_all"], "progress": False} | options)
     assert caught.value.code == code and not (tmp_path / "fits").exists()
     with pytest.raises(TypeError):
@@ -167,7 +150,6 @@ def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
     monkeypatch.setattr(import_module("fitball.batch"), "calibrate", lambda *_: 1 / 0)
     found = fitball.batch({"a": table_of(8)}, out=tmp_path / "x", model="grip-slip", progress=False, cores=1)
     assert found.tables["code"].tolist() == ["fault-of-fitball"]
-    assert issubclass(MachineError, fitball.FitballError)
     # What names the package travels to workers.
     assert cloudpickle.loads(cloudpickle.dumps(fitball)) is fitball
 
@@ -222,9 +204,8 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     assert drop["rebound_measured [m]"] == pytest.approx(2.54 * drop["cor_measured"] ** 2, rel=1e-3)
     assert drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
     assert drop["mean_passes"] > 0.99 and 0.5 < drop["another_passes"] <= 1.0
-    assert (
-        tables.loc["bad", "code"] == "memory" and tables.loc["bad"].drop(["outcome", "code", "reason"]).isna().all()
-    )
+    bad = tables.loc["bad"]
+    assert bad["code"] == "memory" and bad.drop(["outcome", "code", "reason"]).isna().all()
 
 
 def test_a_court_of_the_test_has_its_measured_rating():

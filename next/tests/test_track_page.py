@@ -44,9 +44,7 @@ def test_calibrate_reads_what_track_writes(film, tmp_path):
     matrix = table.covariance(NINE[3:])
     assert np.all(np.linalg.eigvalsh(matrix / np.sqrt(np.einsum("rii,rjj->rij", matrix, matrix)))[:, 0] > 0.0)
     fit = fitball.calibrate(tmp_path / "out" / "impacts.csv", model="grip-slip", point_only=True, progress=False)
-    assert {"scale", "clock", "tilt"} <= {*fit.parameters} and fit.parameters["mu"].point == pytest.approx(
-        0.56, abs=0.05
-    )
+    assert {"scale", "clock", "tilt"} <= {*fit.parameters} and abs(fit.parameters["mu"].point - 0.56) < 0.05
 
 
 def test_frames_of_the_film_are_told_one_by_one(film):
@@ -91,16 +89,9 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
     # What is stated on the line holds over the scene.
     assert cli.main(["track", "clip.csv", "--fps", "25", "--out", "x"]) == 2
     assert "frames/s" in capsys.readouterr().err and not (tmp_path / "x").exists()
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["track", "clip.csv", "--scale", "2"])
-    assert caught.value.code == 2
     assert cli.main(["track"]) == 2
 
 
 def test_the_estimator_is_not_loaded_before_it_is_needed():
-    code = (
-        "import sys, fitball, fitball.cli; fitball.cli.make_parser(); print('fitball.tracks.session' in sys.modules)"
-    )
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
-    )
+    code = "import sys, fitball.cli as cli; cli.make_parser(); sys.exit('fitball.tracks.session' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
