@@ -2,41 +2,24 @@
 
 import json
 
-import numpy as np
 import pytest
+from support.made_fit import TRUTH, table_of
 
 import fitball
 from fitball.cli import main
 from fitball.saved.pair import read
 
-TRUTH = {"mu": 0.6, "e_x": 0.12, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.015}
 
-
-@pytest.fixture
-def table(tmp_path):
-    """A file of what grip-slip itself says, without noise, some impacts sliding and some gripping."""
-    import pandas as pd
-
-    rng = np.random.default_rng(3)
-    speed, angle = rng.uniform(10.0, 30.0, 24), rng.uniform(0.25, 1.2, 24)
-    states = fitball.impacts(speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-200.0, 200.0, 24))
-    made = fitball.model("grip-slip").rebound(TRUTH, states)
-    columns = {"v_x1": states.v_x1, "v_y1": states.v_y1, "omega_1": states.omega_1,
-               "v_x2": made.v_x2, "v_y2": made.v_y2, "omega_2": made.omega_2}  # fmt: skip
-    place = tmp_path / "balls.csv"
-    pd.DataFrame(columns).to_csv(place, index=False)
-    return place
-
-
-def test_a_table_of_the_model_itself_gives_its_parameters(table):
-    fit = fitball.calibrate(table, model="grip-slip", point_only=True, progress=False)
+def test_a_table_of_the_model_itself_gives_its_parameters(tmp_path):
+    table_of(scatter=0.0).to_csv(tmp_path / "balls.csv", index=False)
+    fit = fitball.calibrate(tmp_path / "balls.csv", model="grip-slip", point_only=True, progress=False)
     for name, value in TRUTH.items():
         # Scatter is no less than its bound, against which priors pull.
         assert fit.parameters[name].point == pytest.approx(value, abs=1e-5), name
     assert fit.status == "point only" and fit.exit_code == 0
 
 
-def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(table, tmp_path, capsys):
+def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_path, capsys):
     words = ["calibrate", "wang_zero_spin.csv", "--model", "grip-slip", "--out", str(tmp_path / "fit"), "--seed", "2"]
     assert main(words) == 0
     assert "mu" in capsys.readouterr().out

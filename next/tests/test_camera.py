@@ -37,15 +37,9 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
     before, after = turned @ [v_1[0], -v_1[1]], turned @ v_2
     known, values = camera(tilt=tilt, court_height=height, scale=scale)
     measured = Impacts(np.array([before[0]]), np.array([-before[1]]), np.array([omega_1]))
-    bounced = {
-        "v_x2": v_2[0],
-        "v_y2": v_2[1],
-        "omega_2": omega_2,
-        "contact_time": time,
-        "gap_time": time,
-        "gap_path": path,
-    }
-    seen = known.seen(values, measured, rebound_of(**bounced, gap_turn=turn))
+    bounced = {"v_x2": v_2[0], "v_y2": v_2[1], "omega_2": omega_2, "contact_time": time, "gap_time": time}
+    bounced |= {"gap_path": path, "gap_turn": turn}
+    seen = known.seen(values, measured, rebound_of(**bounced))
     back = known.true(values, measured)
     np.testing.assert_allclose([back.v_x1[0, 0], back.v_y1[0, 0], back.omega_1[0, 0]], [*v_1, omega_1], rtol=1e-14)
     np.testing.assert_allclose([seen.v_x2[0, 0], seen.v_y2[0, 0]], after, rtol=1e-14)
@@ -58,7 +52,7 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
     angle = turn + (release - time) * omega_2 - landing * omega_1
     assert seen.gap_turn[0, 0] == pytest.approx(angle, rel=1e-12)
     # Without height and tilt it is another time.
-    level = known.seen(camera(scale=scale)[1], measured, rebound_of(**bounced, gap_turn=turn))
+    level = known.seen(camera(scale=scale)[1], measured, rebound_of(**bounced))
     assert abs(level.gap_time[0, 0] - seen.gap_time[0, 0]) > 1e-4
 
 

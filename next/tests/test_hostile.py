@@ -134,10 +134,11 @@ def test_cells_are_counted_as_they_are_read(tmp_path, monkeypatch):
         assert caught.value.code == "too-large"
 
 
-def test_rows_beyond_a_chunk_are_read_in_order_and_exactly(tmp_path):
-    values = np.random.default_rng(1).normal(10.0, 3.0, (120_000, 2))
+def test_rows_beyond_a_chunk_are_read_in_order_and_exactly(tmp_path, monkeypatch):
+    monkeypatch.setattr("fitball.data.cells._CHUNK", 2000)
+    values = np.random.default_rng(1).normal(10.0, 3.0, (2400, 2))
     pandas.DataFrame(values, columns=["v_x1", "v_y1"]).to_csv(tmp_path / "t.csv", index=False)
     cells = read_cells(tmp_path / "t.csv", lambda name: float(name.startswith("v_")))
     found = numbers(cells, {"v_x1": 0, "v_y1": 1})
     np.testing.assert_array_equal(np.column_stack([*found.values()]), values)
-    np.testing.assert_array_equal(cells.lines, np.arange(120_000) + 2)
+    np.testing.assert_array_equal(cells.lines, np.arange(2400) + 2)

@@ -64,16 +64,9 @@ def test_it_is_a_model_like_grip_slip():
 
 def test_parameters_of_fitball_keep_their_meaning_and_others_have_the_bounds_of_their_priors():
     def f(
-        v_x1,
-        v_y1,
-        omega_1,
-        ball,
-        mu="uniform(0.2, 1)",
-        keep="uniform(-1, 2)",
-        b_1="lognormal(3, 1)",
-        c="half-t(1, 4)",
+        v_x1, v_y1, omega_1, ball, mu="uniform(0.2, 1)", k="uniform(-1, 2)", b_1="lognormal(3, 1)", c="half-t(1, 4)"
     ):
-        return v_x1 * mu, v_y1 * keep, omega_1 * b_1 * c
+        return v_x1 * mu, v_y1 * k, omega_1 * b_1 * c
 
     mu, keep, b_1, c = fitball.model_from(f).parameters
     assert (mu.lower, mu.upper, mu.unit, mu.meaning) == (0.0, 5.0, "", SPECS["mu"].meaning)

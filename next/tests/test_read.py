@@ -225,21 +225,16 @@ def test_correlations_that_no_errors_can_have_are_faults_of_their_rows():
 
 def test_drop_heights_are_the_speeds_of_free_fall():
     """Against motion step by step, and sds against random draws."""
-    drops = {
-        "drop_height [in]": ["100 ± 0.5"] * 2,
-        "rebound_height [cm]": [140, 138],
-        "rebound_height_sd [mm]": [5, 5],
-    }
-    table = fitball.load_table(drops)
+    heights = {"rebound_height [cm]": [140, 138], "rebound_height_sd [mm]": [5, 5]}
+    table = fitball.load_table({"drop_height [in]": ["100 ± 0.5"] * 2, **heights})
     speed, height, step = 0.0, 2.54, 1e-5
     while height > 0.0:
         height -= speed * step + 0.5 * 9.80665 * step**2
         speed += 9.80665 * step
     assert list(table.values) == ["v_y1", "v_y2"] and not table.shows("tangential")
     np.testing.assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
-    np.testing.assert_allclose(
-        table.values["v_y2"] / table.impacts.v_y1, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14
-    )
+    cor = table.values["v_y2"] / table.impacts.v_y1
+    np.testing.assert_allclose(cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
     drawn = np.sqrt(2 * 9.80665 * (1.40 + 0.005 * np.random.default_rng(3).standard_normal(400_000)))
     assert table.sd["v_y2"][0] == pytest.approx(drawn.std(), rel=0.01)
     assert table.sd["v_y1"][0] == pytest.approx(0.5 * 0.0127 / 2.54 * speed, rel=1e-3)
@@ -253,14 +248,8 @@ def test_a_rebound_cell_without_a_number_is_a_gap(tmp_path, cell):
 
 
 def test_rows_without_incident_state_or_rebound_are_left_out(tmp_path):
-    lines = [
-        "id,surface," + HEAD,
-        "a,clay,14,,0,9,5,250",
-        "b,hard," + ROWS[0],
-        "c,hard,12,8,NA,8,7,250",
-        "d,clay," + ROWS[1],
-    ]
-    table = fitball.load_table(written(tmp_path, *lines, "e,hard,12,8,0,,-,"))
+    good, gaps = [f"b,hard,{ROWS[0]}", f"d,clay,{ROWS[1]}"], ["a,clay,14,,0,9,5,250", "c,hard,12,8,NA,8,7,250"]
+    table = fitball.load_table(written(tmp_path, f"id,surface,{HEAD}", *gaps, *good, "e,hard,12,8,0,,-,"))
     assert table.labels == {"id": ("b", "d"), "surface": ("hard", "clay")} and codes(table) == ["rows-left-out"]
     np.testing.assert_array_equal(table.impacts.v_y1, [4.8, 6.1])
     # To predict an impact its rebound need not be known.
@@ -380,9 +369,8 @@ def test_doubts_are_refused_or_noted():
     """Spins of the other sign, alone and behind a good table."""
     good = simulated(30, 0.1, 1)
     good.attrs["name"] = "good"
-    wrong = simulated(30, 0.1).assign(
-        omega_1=lambda frame: -frame["omega_1"], omega_2=lambda frame: -frame["omega_2"]
-    )
+    wrong = misread.times(-1, *misread.SPINS)(simulated(30, 0.1))
+    wrong = pd.DataFrame(wrong)
     wrong.attrs["name"] = "wrong"
     with pytest.raises(InputError) as caught:
         load_data([good, wrong], None, False)

@@ -61,11 +61,8 @@ def test_a_page_is_well_formed_complete_and_needs_nothing_else():
     assert not page.open and page.links == ["data:image/png;base64,cG5n"]
     assert page.tags.count("details") == 2 and page.tags.count("table") == 2 and page.tags.count("figure") == 1
     # 2 heads, 2 and 300 rows.
-    assert (
-        page.tags.count("tr") == 304
-        and {"400 rows.", "299.0", "all.csv"} < {*page.texts}
-        and "300.0" not in page.texts
-    )
+    assert page.tags.count("tr") == 304 and "300.0" not in page.texts
+    assert {"400 rows.", "299.0", "all.csv"} < {*page.texts}
     assert "... and 700 more: " in page.texts
     assert "fitball calibrate  'a  b'\n" in page.texts and "v_x2" in page.texts and "a & b|c" in page.texts
     assert "script" not in page.tags and any(HOSTILE[:25] in text for text in page.texts)

@@ -46,20 +46,21 @@ class MadeFit(Fit):
         return Quantity(known[name], lambda values: values[name])
 
 
-def table_of(count=24, surfaces=(), ids=None, drop=False):
+TRUTH = {"mu": 0.6, "e_x": 0.12, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.015}
+
+
+def table_of(count=24, surfaces=(), ids=None, drop=False, scatter=1.0):
     """A frame of what grip-slip says, with noise: impacts on surfaces in turn, or drops."""
     rng = np.random.default_rng(3)
     speed, angle = rng.uniform(15.0, 25.0, count), rng.uniform(0.25, 1.2, count)
     spin = rng.uniform(-200.0, 200.0, count)
     still = 0.0 if drop else 1.0
     states = fitball.impacts(still * speed * np.cos(angle), speed * np.sin(angle), still * spin)
-    made = fitball.model("grip-slip").rebound(
-        {"mu": 0.6, "e_x": 0.12, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.015}, states
-    )
+    made = fitball.model("grip-slip").rebound(TRUTH, states)
     table = {"id": ids or [str(k + 1) for k in range(count)], "v_y1": states.v_y1}
     table |= {} if drop else {"v_x1": states.v_x1, "omega_1": states.omega_1}
     for name, noise in (("v_y2", 0.3), *(() if drop else (("v_x2", 0.3), ("omega_2", 6.0)))):
-        table[name] = getattr(made, name) + noise * rng.standard_normal(count)
+        table[name] = getattr(made, name) + scatter * noise * rng.standard_normal(count)
     surface = {"surface": [surfaces[k % len(surfaces)] for k in range(count)]} if surfaces else {}
     return pd.DataFrame(table | surface)
 
