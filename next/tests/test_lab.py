@@ -235,3 +235,13 @@ def test_drops_on_several_surfaces_have_a_restitution_each_in_the_model():
     states = CalibratedRange(problem.rows.states, problem.rows.index, problem.forward.model.ball.radius)
     names = [one.spec.name for one in quantities(problem.forward, states, Scene())]
     assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {*names} and "rebound_254cm" not in names
+
+
+@pytest.mark.parametrize(("column", "head"), [("surface", "surface"), ("location", "place")])
+def test_ratings_by_the_model_are_called_after_what_differs(column, head, monkeypatch):
+    fit = made_fit(table_of(24, ("A", "B")).rename(columns={"surface": column}))
+    fit.__dict__["summary"] = fit.summary.rename(index={"court_pace": "court_pace[A]"})
+    own = fit.quantity("court_pace")
+    monkeypatch.setattr(type(fit), "quantity", lambda *_: own)
+    assert page.section(fit).blocks[0].rows[0][head] == "A"
+    assert len(page.lines(fit)) == 1 and " of A, by the model" in page.lines(fit)[0]
