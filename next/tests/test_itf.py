@@ -21,13 +21,6 @@ def test_ratings_are_rounded_before_their_category():
     assert itf.pace_categories(np.array([37.0]))["medium"] == 1.0
 
 
-def test_the_impact_of_the_test():
-    impacts = itf.pace_impact()
-    speed, angle = impacts.polar()
-    assert (speed.item(), np.degrees(angle.item())) == pytest.approx((30.0, 16.0), rel=1e-14)
-    assert impacts.omega_1.tolist() == [0.0] and len(impacts) == 1
-
-
 def test_a_fall_keeps_its_energy():
     """m g h is m v^2/2; 100 inches make 7.06 m/s."""
     assert itf.fall_speed(1.3) ** 2 / 2.0 == pytest.approx(1.3 * 9.80665, rel=1e-14)
