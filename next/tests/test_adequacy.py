@@ -70,9 +70,6 @@ def kinds(found):
     return {(test.kind, test.column) for test in found.tests if test.found}
 
 
-# --- exact where the model is linear
-
-
 def line(bend=0.0, rows=12):
     """A drop test under a nearly straight restitution: two parameters of wide priors, one column, two groups."""
     speed = np.linspace(4.0, 16.0, rows)
@@ -146,8 +143,6 @@ def test_of_noise_alone_no_few_are_far_off():
     assert min(test.p for test in wild if test.kind == "outlier") < 2e-3
 
 
-# --- each fault by its name
-
 FAULTS = {
     "bias": ("bias", "v_x2"), "growth": ("growth", ""), "drift": ("drift", ""), "surfaces": ("parameter", ""),
     "group": ("group", "v_y2"), "wild": ("outlier", "omega_2"), "incidence": ("linked", ""),
@@ -200,9 +195,6 @@ def test_columns_of_few_measurements_are_not_vouched_for_by_others():
     assert found.unseen["omega_2"] > 0.6 > found.unseen["v_y2"]
 
 
-# --- the size of the noise
-
-
 @pytest.mark.parametrize(
     ("stated", "answer"), [(0.2, "describes"), (0.14, "describes except"), (0.06, "does not describe")]
 )
@@ -234,9 +226,6 @@ def test_few_impacts_of_a_good_model_are_no_misfit():
     assert not any(one.answer == "does not describe" for one in found)
     biased = [said(table_with("bias", seed=seed, rows=8))[2] for seed in range(4)]
     assert sum(any(test.found for test in one.tests) for one in biased) >= 2
-
-
-# --- films and long tables
 
 
 def test_a_camera_that_is_off_is_named_with_its_size():

@@ -6,7 +6,7 @@ from made_tables import bundled, made
 from scipy import stats
 from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 
-from fitball.data.scene import BallSection, Quantity, Scene
+from fitball.data.scene import BallSection, Scene
 from fitball.inference.derived import anchored, differences, parameter, quantities
 from fitball.inference.forward import CalibratedRange, Draws
 
@@ -144,10 +144,3 @@ def test_the_surfaces_farthest_apart_and_the_chance_of_it():
     assert row["p"] == pytest.approx(2.0 * 3.0 * law.cdf(0.0), rel=0.1)
     none = differences(problem.forward, Draws(point, {name: np.empty(0) for name in point}, {})).loc["mu"]
     assert none["difference"] == pytest.approx(0.1) and np.isnan(none["p"]) and np.isnan(none["sd"])
-
-
-def test_uncertain_balls_are_judged_by_their_value():
-    scene = Scene(ball=BallSection(mass=Quantity(0.0577, 2e-4)))
-    problem = problem_of(table_of(REBOUND), scene, "grip-slip")
-    values = at(problem, {**SLIDING, "ball_mass": 0.06})
-    assert np.isfinite(found_in(problem)["court_pace"].rule(values)).all()

@@ -279,9 +279,6 @@ def test_correlations_and_deviations_of_columns(tmp_path):
     np.testing.assert_allclose([found["v_1_sd"][0], found["theta_1"][0]], [SI["mph"], np.pi / 6])
 
 
-# ---- names of one's own, and slips
-
-
 def test_names_and_units_of_ones_own(tmp_path):
     plain = written(tmp_path, "Vin,angle_in,v_2,Belag\n38,20,42,clay\n", "plain.csv")
     said = {"v_1": "vin [mph]", "theta_1": "angle_in [rad]", "v_2": "v_2 [km/h]", "surface": "Belag"}

@@ -36,8 +36,6 @@ def refused(code, *words, **more):
     assert caught.value.code == code
 
 
-# One run at a time.
-
 HOLD = "with result_folder(Path(sys.argv[1])):\n    print(1, flush=True)\n    sys.stdin.read()"
 MANY = (
     "for k in range(20):\n"
@@ -64,8 +62,6 @@ def test_of_many_processes_at_once_the_folder_holds_the_result_of_one(tmp_path):
     (own,) = set(names(tmp_path / "c")) - {"fit.json", "summary.csv"}
     assert {place.read_text() for place in (tmp_path / "c").glob("[!.]*")} == {f"{own} 19"}
 
-
-# Killed, refused, full.
 
 KILL = (
     "with result_folder(Path(sys.argv[1]), record='fit.json') as folder:\n"
@@ -162,9 +158,6 @@ def test_what_is_compiled_has_a_folder_without_a_cache_or_home(tmp_path, monkeyp
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setenv(variable, "/dev/null")
     assert cache_folder.__wrapped__().parent == tmp_path
-
-
-# CSV and JSON.
 
 
 def test_csv_keeps_every_digit_and_no_formula():

@@ -20,10 +20,6 @@ from fitball.values import Ball, Impacts
 with (Path(__file__).parent / "data" / "bounces.csv").open(encoding="utf-8") as file:
     BOUNCES = list(csv.DictReader(file))
 TEXTS = list(dict.fromkeys(row["text"] for row in BOUNCES))
-TWO_MASS = {
-    "mass_ratio": 0.87, "k_y": 2.0e4, "k_theta": 20.0, "mu": 0.56, "eps_10": 2.4e-3, "eps_slope": 1e-4,
-    "cor_10": 0.776, "cor_slope": -0.0158,
-}  # fmt: skip
 DROP = {"k_y": 2.0e4, "cor_10": 0.776, "cor_slope": -0.0158}
 IMPACT = fitball.impacts(15.0, 8.0, -100.0)
 STATES = fitball.impacts([15.0, 20.0, 5.0, 0.0], [8.0, 6.0, 11.0, 4.0], [-100.0, 200.0, 400.0, 0.0])
@@ -105,7 +101,7 @@ def test_a_comparison_tries_what_can_differ_there():
 
 
 def rebound(**changes):
-    return fitball.model().rebound({**TWO_MASS, **changes}, IMPACT)
+    return fitball.model().rebound(typical("two-mass", **changes), IMPACT)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +117,10 @@ def rebound(**changes):
         (lambda: rebound(mu="much"), "parameters"),
         (lambda: rebound(mu=[[0.5]]), "parameters"),
         (lambda: rebound(mu=[0.5, 0.6], k_y=[1e4] * 3), "parameters"),
-        (lambda: fitball.model().rebound({**TWO_MASS, "mu": [0.5, 0.6]}, Impacts(*np.ones((3, 3, 1)))), "parameters"),
+        (
+            lambda: fitball.model().rebound(typical("two-mass", mu=[0.5, 0.6]), Impacts(*np.ones((3, 3, 1)))),
+            "parameters",
+        ),
         (lambda: rebound(mu=-0.1), "out-of-bounds"),
         (lambda: rebound(mu=[0.5, 5.1]), "out-of-bounds"),
         (lambda: rebound(mu=np.nan), "out-of-bounds"),

@@ -175,9 +175,6 @@ def test_slow_impacts_swapped_are_found_together():
     assert [fault.code for fault in caught.value.faults] == ["misread"]
 
 
-# ---- signs, heights, gaps, labels
-
-
 @pytest.mark.parametrize(
     ("head", "rows", "name"),
     [("v_x1,v_y1,v_x2,v_y2", ("10,6,7,-4", "10,6,8,-5"), "v_y2"),
@@ -300,9 +297,6 @@ def test_rows_that_repeat_others_are_noted():
     assert codes(fitball.load_table({"v_y1": [7.05] * 6, "v_y2": [5.2, 5.3] * 3})) == []
 
 
-# ---- names, scenes, several tables
-
-
 def test_names_of_ones_own_by_option_and_scene(tmp_path):
     rows, names = ("38;20;42;23;1", "40;22;43;25;1"), {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout"}
     place = written(tmp_path, "Vin (mph);angle_in;Vout [km/h];angle_out;speed", *rows)
@@ -392,9 +386,6 @@ def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     assert "... and 460 more" in long.report()
     faults = check(written(tmp_path, "v_x1,v_y1", "5,?"), None, False).data["faults"]
     assert faults["row"].tolist() == [None, 1] and faults["line"].tolist() == [1, 2]
-
-
-# ---- force records
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.03, 0.05, 0.1, 0.15])

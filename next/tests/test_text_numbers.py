@@ -58,8 +58,6 @@ def test_a_share_is_all_or_none_only_where_it_is():
     assert ends == ["0 %", "< 1 %", "> 99 %", "100 %", "130 %", ""]
 
 
-# Text.
-
 # All planes with letters, and that of tags; the others have ideographs and private letters alone.
 EVERYTHING = "".join(map(chr, [*range(0x20000), *range(0xE0000, 0xE0200)]))
 DIRECTIONS = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
@@ -85,9 +83,6 @@ def test_one_line_keeps_both_ends_of_what_is_long():
     assert short("a" * 30 + "b" * 30, 12) == "aaaaaa...bbb"
 
 
-# Errors.
-
-
 def test_all_faults_are_kept_and_their_message_is_bounded():
     faults = [Fault("not-a-number", f"read '{k}'", k, k + 1, f"c{k % 60}") for k in range(100_000)]
     error = InputError("t\x1b.csv", faults, ["flip v_x1"])
@@ -109,9 +104,6 @@ def test_running_out_of_memory_is_an_error_in_words():
     with pytest.raises(MachineError, match="memory") as caught, enough_memory():
         np.empty(2**50)
     assert caught.value.code == "memory"
-
-
-# Values.
 
 
 @pytest.mark.parametrize(
