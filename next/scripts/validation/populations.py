@@ -5,8 +5,6 @@ intervals contain them, a new table and the tables: with the interim priors divi
 must fail. Exit code 1 if the one is not within binomial limits, or the other is.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 
