@@ -54,7 +54,6 @@ def test_what_cannot_be_ported():
     one = ports.typical("two-mass")
     for sets, code in (
         ([replace(one, model=fitball.model_from(own), values={"e": 0.5})], "own-model"),
-        ([one, ports.typical("grip-slip")], "mixed-models"),
         ([ports.typical("two-mass", mass_ratio=0.5)], "no-answer"),
         ([ports.typical("two-mass", mu=-1.0)], "out-of-bounds"),
     ):  # fmt: skip
@@ -88,7 +87,7 @@ def test_what_has_no_translation_is_refused(tmp_path, body):
         )
 
 
-@pytest.mark.parametrize("name", ["exp", "log", "log1p", "sqrt", "cos", "sin"])
+@pytest.mark.parametrize("name", ["exp", "log", "sqrt"])
 def test_functions_of_the_port_in_python_are_those_of_ieee_754(name):
     ends = (0.0, -0.5, -1.0, -2.0, 3.0, 709.0, 709.7, 710.0, 1e300, math.inf, -math.inf, math.nan)
     with np.errstate(all="ignore"):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from fitball.errors import FolderError, Note, ParameterError, suggestion
 from fitball.exports import arviz, engine, page, parameters
-from fitball.exports.parameter_set import ParameterSet, of_fit, of_model
+from fitball.exports.parameter_set import of_fit, of_model
 from fitball.exports.port import FILES, port
 from fitball.files import ResultFolder, result_folder
 from fitball.inference.fit import Fit
@@ -19,35 +18,25 @@ from fitball.result import Result
 from fitball.text import listed
 
 
-class Asked(NamedTuple):
-    """What is exported: values on each surface with each ball, the fit that they are of, an impact in words."""
-
-    sets: Sequence[ParameterSet]
-    fit: Fit | None
-    at: str
-
-
 class Format(NamedTuple):
-    """The `file` of a format and who makes it; `measured`: of a whole fit, no less; `at`: takes an impact."""
+    """The `file` of a format; who makes it of sets, the fit or None and an impact in words; `measured`: of a whole
+    fit, no less; `at`: takes an impact.
+    """
 
     file: str
-    make: Callable[[Any], str | bytes]
+    make: Callable[..., str | bytes]
     measured: bool = False
     at: bool = False
 
 
-def _port(language: str, asked: Asked) -> str:
-    return port(asked.sets, language)
-
-
 FORMATS: Mapping[str, Format] = {
-    **{name: Format(file, partial(_port, name)) for name, file in FILES.items()},
-    "page": Format("bounce.html", lambda asked: page.page(asked.sets, asked.at), at=True),
-    "engine": Format("engine.md", lambda asked: engine.engine(asked.sets, asked.at), at=True),
-    "json": Format("parameters.json", lambda asked: parameters.as_json(asked.sets, asked.fit)),
-    "latex": Format("parameters.tex", lambda asked: parameters.as_latex(asked.fit), measured=True),
-    "markdown": Format("parameters.md", lambda asked: parameters.as_markdown(asked.fit), measured=True),
-    "arviz": Format("arviz.nc", lambda asked: arviz.netcdf(asked.fit), measured=True),
+    **{name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name)) for name, file in FILES.items()},
+    "page": Format("bounce.html", lambda sets, _fit, at: page.page(sets, at), at=True),
+    "engine": Format("engine.md", lambda sets, _fit, at: engine.engine(sets, at), at=True),
+    "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
+    "latex": Format("parameters.tex", lambda _sets, fit, _at: parameters.as_latex(fit), measured=True),
+    "markdown": Format("parameters.md", lambda _sets, fit, _at: parameters.as_markdown(fit), measured=True),
+    "arviz": Format("arviz.nc", lambda _sets, fit, _at: arviz.netcdf(fit), measured=True),
 }
 
 
@@ -67,8 +56,7 @@ class Exported(Result):
         return "\n".join(str(content).removesuffix("\n") for content in self.contents.values())
 
     def _repr_html_(self) -> str:
-        names = listed(self.contents)
-        return f"<p>{names}: save(folder) writes it.</p>"
+        return f"<p>{listed(self.contents)}: save(folder) writes it.</p>"
 
     def json(self) -> dict[str, Any]:
         """The texts by name."""
@@ -88,8 +76,8 @@ class Exported(Result):
         if there:
             remedy = "replace it with --overwrite (overwrite=True), or name another folder"
             raise FolderError(f"{folder.path / there[0]}: is there already; {remedy}", "older-result")
-        encoded = {name: text.encode() if isinstance(text, str) else text for name, text in self.contents.items()}
-        return tuple(folder.write(name, content) for name, content in encoded.items())
+        texts = {name: text.encode() if isinstance(text, str) else text for name, text in self.contents.items()}
+        return tuple(folder.write(name, text) for name, text in texts.items())
 
 
 def export(source: Fit | Model, to: str, *, level: Mapping[str, str], fix: Mapping[str, Any], at: str) -> Exported:
@@ -113,4 +101,4 @@ def export(source: Fit | Model, to: str, *, level: Mapping[str, str], fix: Mappi
         if found:
             raise ParameterError(fault, "not-for-this-format")
     sets = (of_model(source, fix),) if isinstance(source, Model) else of_fit(source, level)
-    return Exported({form.file: form.make(Asked(sets, fit, at))})
+    return Exported({form.file: form.make(sets, fit, at)})

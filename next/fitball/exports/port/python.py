@@ -28,24 +28,9 @@ def log(x: float) -> float:
     return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
 
 
-def log1p(x: float) -> float:
-    """The logarithm of 1 + x."""
-    return math.log1p(x) if x > -1.0 else -math.inf if x == -1.0 else math.nan
-
-
 def sqrt(x: float) -> float:
     """The root."""
     return math.sqrt(x) if x >= 0.0 else math.nan
-
-
-def cos(x: float) -> float:
-    """The cosine."""
-    return math.cos(x) if abs(x) < math.inf else math.nan
-
-
-def sin(x: float) -> float:
-    """The sine."""
-    return math.sin(x) if abs(x) < math.inf else math.nan
 
 
 def whole(x: float) -> int:
@@ -53,9 +38,9 @@ def whole(x: float) -> int:
     return int(x) if abs(x) < math.inf else 0
 
 
+# Cosines, sines and log1p of what is finite have no errors, and kernels have no others, whatever the impact.
 HELPERS: Mapping[str, Callable[..., Any]] = {
-    "/": over, "**6": face.sixth, "int": whole, "math.exp": exp, "math.log": log, "math.log1p": log1p,
-    "math.sqrt": sqrt, "math.cos": cos, "math.sin": sin,
+    "/": over, "**6": face.sixth, "int": whole, "math.exp": exp, "math.log": log, "math.sqrt": sqrt,
 }  # fmt: skip
 
 
