@@ -128,6 +128,27 @@ def test_how_many_are_far_off_is_the_least_of_beta_bounds():
     assert 3.0 * bounds[2] < 1e-3 < bounds[0]
 
 
+def test_growth_is_a_likelihood_ratio():
+    """Of normal densities whose sds are a power of the speed, the power on a grid, by scipy."""
+    problem, first, found = said(table_with("growth", 5))
+    speed, left = problem.rows.states.polar()[0][first.rows], 1.0 - np.sum(first.basis**2, axis=1)
+    best = {0: -np.inf, 1: -np.inf}
+    for power in np.linspace(-4.0, 4.0, 1601):
+        density = 0.0
+        for k in range(3):
+            own = first.column == k
+            z, sd = first.residual[own] / np.sqrt(left[own]), speed[own] ** power
+            density += stats.norm.logpdf(z, scale=sd * np.sqrt(np.mean((z / sd) ** 2))).sum()
+        best[1] = max(best[1], density)
+        if abs(power) < 1e-9:
+            best[0] = density
+    alone = stats.chi2.sf(2.0 * (best[1] - best[0]) * left.mean(), 1)
+    tested, shares = [test.kind for test in found.tests], module.SHARES
+    times = module.OF_PATTERNS * sum(shares[kind] for kind in {*tested}) / shares["growth"]
+    (growth,) = (test for test in found.tests if test.kind == "growth")
+    assert growth.found and growth.p == pytest.approx(alone * times, rel=1e-2) and "increases" in growth.pattern
+
+
 def test_of_noise_alone_no_few_are_far_off():
     """In 900 columns of 24 rows: their residuals, each over its own sd, have more squares than there is freedom."""
     problem, first, _ = said(table_with("", 5))
