@@ -23,6 +23,13 @@ def made(values, sd=None, corr=None, name="made", **parts):
     return ImpactTable(name, whole(values), whole(sd), pairs, labels, **parts)
 
 
+def written(folder, text, name="t.csv"):
+    """A file of a text or bytes."""
+    place = folder / name
+    place.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return place
+
+
 def bundled(name, columns):
     """Some columns of a bundled table as a table, with its stated errors and correlations."""
     with place_of(name).open(encoding="utf-8", newline="") as file:

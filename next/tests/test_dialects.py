@@ -5,6 +5,7 @@ import random
 import numpy as np
 import pandas
 import pytest
+from made_tables import written
 from support import workbooks
 
 from fitball.data.cells import numbers, read_cells
@@ -45,12 +46,6 @@ def read(source, columns=None, **optional):
     factor = {name: header.factors.get(name, header.factors.get(name.removesuffix("_sd"))) for name in found}
     values = {name: column * factor[name] for name, column in found.items()}
     return values | {name: cells.text(k) for name, k in header.labels.items()}, [note.code for note in cells.notes]
-
-
-def written(tmp_path, text, name="t.csv"):
-    place = tmp_path / name
-    place.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return place
 
 
 def faults_of(source, columns=None):

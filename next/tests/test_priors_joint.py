@@ -216,7 +216,6 @@ def test_summaries_of_draws():
 
 
 def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
-    assert Effort() == Effort(1, False, 20_000, None) and Effort(0, max_steps=100, cores=1).cores == 1
     effort = Effort(seed=3)
     first = effort.stream("search").random(4)
     effort.stream("chains").random(100)

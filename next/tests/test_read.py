@@ -2,6 +2,7 @@
 
 import hashlib
 
+import made_tables
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,9 +20,7 @@ ROWS = ["15.6,4.8,-5,11.1,4.2,239", "14.0,6.1,0,9.5,5.0,250", "13.1,7.7,3,8.2,6.
 
 
 def written(folder, *lines, name="t.csv"):
-    place = folder / name
-    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return place
+    return made_tables.written(folder, "\n".join(lines) + "\n", name)
 
 
 def codes(table):

@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from made_tables import written
 
 import fitball
 from fitball.data.read import check
@@ -15,12 +16,6 @@ GOOD = {
     "v_x1": "12", "v_y1": "5", "omega_1": "0", "v_x2": "9.5", "v_y2": "4", "omega_2": "200", "contact_time": "0.005",
     "v_y2_sd": "0.1", "omega_1_sd": "3",
 }  # fmt: skip
-
-
-def written(folder, text):
-    place = folder / "t.csv"
-    place.write_text(text, encoding="utf-8", newline="")
-    return place
 
 
 def placed(faults):

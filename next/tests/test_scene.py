@@ -6,6 +6,7 @@ import tomllib
 import msgspec
 import numpy as np
 import pytest
+from made_tables import written
 
 from fitball.columns import COLUMNS
 from fitball.data.bundled import descriptions, place_of
@@ -56,9 +57,7 @@ row_time = 1.5e-5
 
 
 def scene_of(tmp_path, text):
-    place = tmp_path / "t.toml"
-    place.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return load_scene(None, place)
+    return load_scene(None, written(tmp_path, text, "t.toml"))
 
 
 def refused(make):
