@@ -282,9 +282,8 @@ def test_by_the_command_line(tmp_path, capsys, table):
     assert main([*words, "--json", "--cores", "1"]) == 0
     rows = json.loads(capsys.readouterr().out)["frames"]["models"]
     assert [row["model"] for row in rows] == ["grip-slip", "brody"]
-    assert {"models.csv", "left_out.csv", "quantities.csv", "scores.png", "report.html"} <= {
-        one.name for one in (tmp_path / "c").iterdir()
-    }
+    written = {one.name for one in (tmp_path / "c").iterdir()}
+    assert {"models.csv", "left_out.csv", "quantities.csv", "scores.png", "report.html"} <= written
     assert pd.read_csv(tmp_path / "c" / "left_out.csv").shape[0] == 36
     assert main(["compare", str(place), "--models", "brody", "--out", str(tmp_path / "d")]) == 2
     assert not (tmp_path / "d").exists()

@@ -62,9 +62,8 @@ def new_table(count, rng, fit, errors):
     values = {name: column[draw] for name, column in fit.draws.values.items()}
     true = fitball.impacts(*(getattr(picked, name) + sd * rng.standard_normal(count) for name, sd in errors.items()))
     states = [fitball.impacts(true.v_x1[k], true.v_y1[k], true.omega_1[k]) for k in range(count)]
-    made = [
-        fit.problem.forward.rebound({n: v[k : k + 1] for n, v in values.items()}, states[k]) for k in range(count)
-    ]
+    forward = fit.problem.forward
+    made = [forward.rebound({n: v[k : k + 1] for n, v in values.items()}, states[k]) for k in range(count)]
     table = {name: getattr(picked, name) for name in errors}
     noise = {"v_x2": "v_x_sd", "v_y2": "v_y_sd", "omega_2": "spin_sd"}
     for name in REBOUND:
@@ -104,9 +103,7 @@ def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
 
 
 def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit):
-    frame = pd.DataFrame(
-        {"v_1": [17.0, 20.0], "theta_1": [25.0, 40.0], "omega_1": [100.0, 0.0], "omega_1_sd": [5.0, 5.0]}
-    )
+    frame = pd.DataFrame({"v_1": [17.0, 20.0], "theta_1": [25.0, 40.0], "omega_1": [100.0, 0.0], "omega_1_sd": 5.0})
     whole = fit.predict(frame).frames["predictions"]
     alone = fit.predict(frame.iloc[1:]).frames["predictions"]
     words = fit.predict(impact="v_1=17, theta_1=25 deg, omega_1=100±5 rad/s").frames["predictions"]
@@ -239,9 +236,7 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
 def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     one = fit.predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     many = fit.predict(impact="v_1=15..60:4, theta_1=30 deg, omega_1=0")
-    assert (
-        page.report(one).summary[0].lines[0].tone == "good" and page.report(many).summary[0].lines[0].tone == "part"
-    )
+    assert [page.report(found).summary[0].lines[0].tone for found in (one, many)] == ["good", "part"]
     table = next(block for block in page.report(many).summary if getattr(block, "rows", None))
     assert [row["remark"] for row in table.rows] == ["", "extrapolated", "extrapolated", "extrapolated"]
     assert all(len(result.plot("rebounds").get_axes()) == 4 for result in (one, many))
@@ -249,9 +244,7 @@ def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     frame = point.frames["predictions"]
     assert frame[["median", "new_q025"]].isna().all(axis=None) and frame["point"].notna().all()
     assert "theta_2" in point.report() and point.plot("rebounds").get_axes()
-    hostile = fit.predict(
-        pd.DataFrame({"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]})
-    )
+    hostile = fit.predict({"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]})
     assert "\x1b" not in hostile.report() and hostile.plot("rebounds").get_axes()
 
 
@@ -275,9 +268,8 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
         assert main(["predict", str(tmp_path / name), str(tmp_path / table), "--json"]) == 0
         made.append(pd.DataFrame(json.loads(capsys.readouterr().out)["frames"]["predictions"]))
     np.testing.assert_allclose(made[0]["point"].astype(float), made[1]["point"].astype(float), rtol=1e-5)
-    assert {"predictions.csv", "report.html", "rebounds.png"} <= {
-        place.name for place in (tmp_path / "ours" / "predict").iterdir()
-    }
+    written = {place.name for place in (tmp_path / "ours" / "predict").iterdir()}
+    assert {"predictions.csv", "report.html", "rebounds.png"} <= written
     assert main(["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]) == 2
     assert not (tmp_path / "x").exists()
     refused("own-model", lambda: fitball.load_fit(tmp_path / "ours", "brody"))
@@ -286,9 +278,7 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
 def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
     table_of(10).to_csv(tmp_path / "balls.csv", index=False)
     place = tmp_path / "mine.py"
-    place.write_text(
-        "def roll(v_x1, v_y1, omega_1, ball, k='normal(0.6, 0.2)'):\n    return k * v_x1, 0.7 * v_y1, v_x1\n"
-    )
+    place.write_text("def roll(v_x1, v_y1, omega_1, ball, k='normal(0.6, 0.2)'):\n    return k * v_x1, v_y1, v_x1\n")
     own = f"{place}:roll"
     fitball.calibrate(tmp_path / "balls.csv", model=own, point_only=True, progress=False).save(tmp_path / "fit")
     made = fitball.predict(tmp_path / "fit", impact="v_x1=10, v_y1=7", model=own)
