@@ -153,9 +153,11 @@ def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
     scene = Scene(camera=CameraSection(fps=FPS))
     tracks, _ = read_tracks([tmp_path / "a.csv", tmp_path / "b.csv"], scene, {})
     assert [track.id for track in tracks] == ["1 (1)", "1 (2)"]
-    # Without ids a clock that starts again begins a clip.
-    both = pd.concat([ONE, TWO]).drop(columns="id")
-    assert [track.id for track in read(both, fps=FPS)[0]] == ["positions-1", "positions-2"]
+    # Without ids a clock that starts again begins a clip, whatever is missing between.
+    both = pd.concat([ONE, TWO], ignore_index=True).drop(columns="id").astype({"frame": float})
+    for last in (FRAME[-1], np.nan):
+        both.loc[len(ONE) - 1, "frame"] = last
+        assert [track.id for track in read(both, fps=FPS)[0]] == ["positions-1", "positions-2"]
 
 
 def test_times_of_playback_count_frames_that_are_missing():

@@ -66,7 +66,7 @@ JUDGED = ("mu", "eps_10", "cor_10", "cor_slope", "k_theta", "k_y")
 BALL = fitball.model("two-mass")
 NOISES = {name: column.noise for name, column in COLUMNS.items() if column.noise is not None}
 SPECS = {spec.name: spec for spec in (*BALL.parameters, *NOISES.values())}
-ROWS, ENOUGH, Z68, Z95 = 21, 500.0, 0.9945, 1.9600
+ROWS, ENOUGH = 21, 500.0
 
 
 def covered(camera: Any, said: Mapping[str, float], seed: int, count: int) -> tuple[FloatArray, int, int]:
@@ -139,34 +139,17 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--films", type=int, default=0, metavar="N", help="films of 8 impacts of each camera")
-    parser.add_argument(
-        "--fits", type=int, default=0, metavar="N", help="films of 21 impacts to be fitted, each rate"
-    )
+    parser.add_argument("--fits", type=int, default=0, metavar="N", help="films of 21 impacts to be fitted")
     asked = parser.parse_args()
     for number, (name, camera, said) in enumerate(CAMERAS if asked.films else ()):
         z, sure, wrong = covered(camera, said, number + 1, asked.films)
-        shares = (
-            100.0 * np.array([np.sum(np.abs(z) < level, axis=0) for level in (Z68, Z95)]) / np.isfinite(z).sum(axis=0)
-        )
-        print(
-            f"{name:27s}",
-            len(z),
-            "impacts,",
-            sure,
-            "spins sure,",
-            wrong,
-            "wrong;",
-            *shares.round().astype(int),
-            flush=True,
-        )
+        inside = np.array([np.sum(np.abs(z) < level, axis=0) for level in (0.9945, 1.96)])
+        shares = (100.0 * inside / np.isfinite(z).sum(axis=0)).round().astype(int)
+        print(f"{name:27s} {len(z)} impacts, {sure} spins sure, {wrong} wrong;", *shares, flush=True)
     for fps in (240.0, 1000.0) if asked.fits else ():
         found = [road(fps, number) for number in range(asked.fits)]
         held = np.sum([one for one in found if not isinstance(one, str)], axis=0)
-        print(
-            f"{fps:g}/s:",
-            dict(zip(JUDGED, held.tolist(), strict=True)),
-            *(one for one in found if isinstance(one, str)),
-        )
+        print(f"{fps:g}/s:", [*zip(JUDGED, held, strict=True)], *(one for one in found if isinstance(one, str)))
 
 
 if __name__ == "__main__":
