@@ -14,10 +14,8 @@ from fitball.values import Ball, impacts
 
 # Captions of Figs 36 to 44: c_y [lb s/in] of cases 1 to 3 for zero spin, topspin, backspin.
 CAPTIONS = {
-    "zero": (0.0225, 0.0239, 0.0185),
-    "topspin": (0.0211, 0.0224, 0.0173),
-    "backspin": (0.0262, 0.0277, 0.0215),
-}
+    "zero": (0.0225, 0.0239, 0.0185), "topspin": (0.0211, 0.0224, 0.0173), "backspin": (0.0262, 0.0277, 0.0215),
+}  # fmt: skip
 FREE = {"mass_ratio": 0.88, "k_y": 19300.0, "k_theta": 18.0, "mu": 0.567, "eps_10": 0.0024, "eps_slope": 0.0}
 FREE |= {"ball_mass": 0.0576, "ball_radius": 0.03302, "inertia_ratio": 0.56}
 

@@ -228,15 +228,6 @@ def test_films_that_cannot_be_are_refused():
     assert (other.spins["used"] == "yes").sum() < 4 and len({*other.spins["id"]}) == 8
 
 
-def test_one_bad_clip_leaves_the_others():
-    camera = Camera(500)
-    table, truth = film_of(camera)
-    lost = (table["id"] != "3") | (table["frame"] < table[table["id"] == "3"]["frame"].median() - 8)
-    film = tracked(table[lost], camera)
-    assert set(film.refused) == {"3"} and len(film.impacts) == 7
-    assert within(scores(film, truth)[0], 2.6) > 0.9
-
-
 def test_several_bounces_of_a_clip_and_sessions_apart():
     camera = Camera(500)
     table, _ = film_of(camera, 6)

@@ -3,13 +3,9 @@
 from support.taylor import DEFAULT
 
 OPTIONS = {
-    "normal": ("momentum", "total", "inner"),
-    "offset": ("contact", "grip"),
-    "torsion": ("matched", "free"),
-    "inertia": ("tied", "table"),
-    "spin": ("mean", "shell"),
-    "release": ("zero_force", "zero_displacement"),
-}
+    "normal": ("momentum", "total", "inner"), "offset": ("contact", "grip"), "torsion": ("matched", "free"),
+    "inertia": ("tied", "table"), "spin": ("mean", "shell"), "release": ("zero_force", "zero_displacement"),
+}  # fmt: skip
 THESIS_EXACT = {**DEFAULT, "normal": "inner", "offset": "grip", "spin": "shell", "release": "zero_displacement"}
 # The default, the thesis's, and each option away from the default.
 COMPOSITIONS = [DEFAULT, THESIS_EXACT] + [

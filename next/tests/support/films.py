@@ -151,13 +151,7 @@ def scores(film, truth):
     """Errors of the nine of impacts found (impacts, 9) over their stated sds, NaN where not measured, and alone."""
     frame = film.impacts
     rows = truth[[int(name) - 1 for name in frame.index]]
-    values, sds = (
-        np.column_stack(
-            [
-                frame.get(f"{name}{end} [{unit}]", np.full(len(frame), np.nan))
-                for name, unit in zip(NINE, UNITS, strict=True)
-            ]
-        )
-        for end in ("", "_sd")
-    )
+    none = np.full(len(frame), np.nan)
+    heads = [[f"{name}{end} [{unit}]" for name, unit in zip(NINE, UNITS, strict=True)] for end in ("", "_sd")]
+    values, sds = (np.column_stack([frame.get(head, none) for head in part]) for part in heads)
     return (values - rows) / sds, values - rows
