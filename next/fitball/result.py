@@ -20,8 +20,8 @@ from fitball.values import DataFrame, Figure
 
 class Result:
     """Base of what verbs return: `Frames`, `Fit`, `Film`, `Exported`, `Batch`. `page` is the address of a module with
-    `report(result) -> Report`, `figures(result) -> {name: () -> Figure}`, `files(result) -> {name: () -> bytes}`;
-    `record` is the file written last.
+    `report(result) -> Report`, `figures(result) -> {name: () -> Figure}` and, where there are others than frames and
+    page, `files(result) -> {name: () -> bytes}`; `record` is the file written last.
     """
 
     page: ClassVar[str] = ""
@@ -89,7 +89,7 @@ class Result:
         style, drawable = import_module("fitball.report.style"), self._layout.figures(self) if figures else {}
         shown = self._report.pictures(every=figures == "all")
         images = {name: style.saved(self.plot(name)) for name in shown if name in drawable}
-        contents = {name: make() for name, make in self._layout.files(self).items()}
+        contents = {name: make() for name, make in getattr(self._layout, "files", lambda _: {})(self).items()}
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
         contents["report.html"] = _renderer().to_page(self._report, images, command).encode()

@@ -132,6 +132,7 @@ def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
     [
         ({"model": "no-model"}, "unknown-model"), ({"figures": "some"}, "figures"), ({"scene": "none.toml"}, "scene"),
         ({"data": []}, "no-tables"), ({"data": ["*.nothing"]}, "no-tables"), ({"cores": -1}, "effort"),
+        ({"max_steps": 0}, "effort"),
     ],
 )  # fmt: skip
 def test_what_all_tables_would_fail_for_is_said_at_once(options, code, tmp_path, monkeypatch):

@@ -22,7 +22,7 @@ def test_the_answers_are_those_of_the_oracle():
     rows = [scene.rows.iloc[-1] for name, scene in SCENES.items() if name != bench.HARD]
     assert len(rows) == 4
     for row in rows:
-        values = {name: float(row[name]) for name in bench.PARAMETERS}
+        values = {spec.name: float(row[spec.name]) for spec in fitball.model().parameters}
         made = taylor.solve({}, values, [float(row[name]) for name in answers.IMPACT], kind=taylor.FIFTY)
         assert [float(made.v_x2), float(made.omega_2)] == [row["v_x2"], row["omega_2"]]
         assert f"{made.regime(1e-12):o}" == str(int(row["regime"]))

@@ -78,8 +78,3 @@ def report(result: Drawn) -> Report:
 def figures(result: Drawn) -> Mapping[str, Callable[[], Figure]]:
     """Those that were asked for."""
     return {name: partial(FIGURES[name], result.fit) for name in result.names}
-
-
-def files(_result: Drawn) -> Mapping[str, Callable[[], bytes]]:
-    """Figures alone."""
-    return {}

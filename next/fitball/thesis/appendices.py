@@ -44,9 +44,14 @@ def wang() -> DataFrame:
     return table
 
 
+def headed(name: str) -> str:
+    """How tables head a column."""
+    return f"{name} [{OUTPUTS.get(name, 'm/s')}]"
+
+
 def column(name: str) -> FloatArray:
     """A column of Wang's impacts, (21,)."""
-    return wang()[f"{name} [{OUTPUTS.get(name, 'm/s')}]"].to_numpy(np.float64)
+    return wang()[headed(name)].to_numpy(np.float64)
 
 
 def cor() -> FloatArray:
@@ -71,8 +76,8 @@ def by_computation(values: Outputs, restitution: FloatArray, c_y: FloatArray | N
     """Rebounds (sets, 21) of Wang's impacts by the thesis's computation; `c_y` (sets, 21) or that of Chapter V."""
     sets = {name: value[:, np.newaxis] for name, value in values.items()}
     c_y = damping(restitution, sets["mass_ratio"], sets["k_y"]) if c_y is None else c_y
-    incident = wang()["incident"].to_numpy(np.float64)
-    found = computed(sets, column("v_x1"), column("v_y1"), incident, restitution, c_y)
+    here = states()
+    found = computed(sets, here.v_x1, here.v_y1, here.omega_1, restitution, c_y)
     return _with_angle(found.v_x2, found.v_y2, found.omega_2)
 
 
@@ -99,7 +104,7 @@ def _with_angle(v_x2: FloatArray, v_y2: FloatArray, omega_2: FloatArray) -> dict
 def as_printed(rows: DataFrame) -> dict[str, FloatArray]:
     """Outputs of Appendix C, (7, 21), with the measured V_y2: two tables carry each other's."""
     sets = rows.sort_values("case", kind="stable")
-    v_x2, omega_2 = (sets[f"{name} [{OUTPUTS[name]}]"].to_numpy(np.float64).reshape(7, 21) for name in SCALES)
+    v_x2, omega_2 = (sets[headed(name)].to_numpy(np.float64).reshape(7, 21) for name in SCALES)
     return _with_angle(v_x2, np.broadcast_to(column("v_y2"), v_x2.shape), omega_2)
 
 
@@ -116,9 +121,8 @@ def causes(rows: DataFrame, name: str) -> list[str]:
 def judged_c() -> DataFrame:
     """Appendix C computed again, with the causes of deviations; `unlisted` is any without one."""
     rows = recomputed(appendix_c())
-    for name, unit in (("v_x2", "m/s"), ("omega_2", "rad/s")):
-        size = rows[f"{name} [{unit}]"].abs()
-        off = rows[f"{name}_error"].abs() > np.maximum(ROUNDING, 100.0 * HALF_DIGIT / size)
+    for name in SCALES:
+        off = rows[f"{name}_error"].abs() > np.maximum(ROUNDING, 100.0 * HALF_DIGIT / rows[headed(name)].abs())
         listed = np.array(causes(rows, name), dtype=object)
         rows[f"{name}_cause"] = np.where(off, np.where(listed != "", listed, "unlisted"), "")
     return rows
@@ -201,6 +205,7 @@ def _change(rows: DataFrame, base: Outputs, found: Mapping[str, Any]) -> dict[st
     """Of outputs that differ from the base: rms changes, and rows that agree with print."""
     new = {name: np.asarray(found.get(name, base[name]), dtype=np.float64) for name in ("v_x2", "v_y2", "omega_2")}
     moved = {name: math.sqrt(np.nanmean((value - base[name]) ** 2)) for name, value in new.items()}
-    errors = {f"{name}_error": 100.0 * (new[name] / rows[f"{name} [{OUTPUTS[name]}]"] - 1.0) for name in SCALES}
-    made = {f"{name} [{OUTPUTS.get(name, 'm/s')}]": value for name, value in moved.items()}
-    return made | {"rows within 0.1 %": within(rows.assign(**errors), LIMITS[0])}
+    errors = {f"{name}_error": 100.0 * (new[name] / rows[headed(name)] - 1.0) for name in SCALES}
+    return {headed(name): value for name, value in moved.items()} | {
+        "rows within 0.1 %": within(rows.assign(**errors), LIMITS[0])
+    }

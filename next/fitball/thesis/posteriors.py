@@ -19,20 +19,17 @@ from fitball.inference.sampling.sample import sample
 from fitball.inference.search.best_fit import best_fit
 from fitball.models.model import Model
 from fitball.models.registry import model
-from fitball.models.specs import SPECS
 from fitball.models.types import Rebound, Status
 from fitball.progress import Progress
-from fitball.thesis.appendices import damping
-from fitball.thesis.computation import thesis_rebound
-from fitball.thesis.printed import C1, C2, INCH, STIFFNESS, TORSION
+from fitball.thesis.appendices import SCALES, damping
+from fitball.thesis.printed import C1, C2, INCH, STIFFNESS, TORSION, computed
 from fitball.thesis.ranking import OWN, tied_split
 from fitball.values import Ball, DataFrame, FloatArray, Impacts
 
 TABLE = "wang_all"
 MODELS = ("two-mass", "thesis-exact", "thesis")
-# Parameters of the computation; what a case sets freely, and Eq. (53).
-PARAMETERS = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "cor_10", "cor_slope")
 LAW = ("mu", "cor_10", "cor_slope")
+# What a case sets freely, and Eq. (53).
 JOINT, OFFSET = ("mass_ratio", "k_y", "k_theta"), ("C1", "C2")
 # Steps of each ensemble for the computation, whose joint is rarely very stiff: some 500 effective draws of that.
 RARE = 1_000
@@ -40,7 +37,7 @@ RARE = 1_000
 DENSITY, KEPT = 3_000, 500
 _LAW = model("brody")
 # Nominal errors of the tables, with which a model-free offset has one.
-ERRORS = {"v_x2": 0.25, "v_y2": 0.25, "omega_2": 10.0}
+ERRORS = {**SCALES, "v_y2": 0.25}
 
 
 def solve(
@@ -51,13 +48,11 @@ def solve(
     """
     given = {name: values[:, [k]] for k, name in enumerate(names)}
     law = _LAW.evaluate(LAW, np.hstack([given[name] for name in LAW]), impacts)
-    cor, ratio, k_y = law.v_y2 / impacts.v_y1, given["mass_ratio"], given["k_y"]
-    found = thesis_rebound(
-        impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, mass=ball.mass, radius=ball.radius,
-        inertia=ball.inertia_ratio * ball.mass * ball.radius**2, inertia_split=tied_split(ratio), mass_ratio=ratio,
-        k_y=k_y, k_theta=given["k_theta"], mu=given["mu"], c_y=damping(cor, ratio, k_y, ball.mass),
-        eps=given["eps_10"] + given["eps_slope"] * (impacts.v_y1 - 10.0),
-    )  # fmt: skip
+    cor, ratio = law.v_y2 / impacts.v_y1, given["mass_ratio"]
+    given |= {"inertia_split": tied_split(ratio), "inertia_ratio": np.array(ball.inertia_ratio)}
+    given |= {"ball_mass": np.array(ball.mass), "ball_radius": np.array(ball.radius)}
+    c_y = damping(cor, ratio, given["k_y"], ball.mass)
+    found = computed(given, impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, c_y, ball.mass)
     status = np.where(np.isfinite(found.omega_2), Status.OK, Status.TORSION_TOO_SOFT)
     status = np.where(law.status == Status.OK, status, law.status).astype(np.int64)
     times, none = np.broadcast_to(found.contact_time, status.shape), np.full(status.shape, np.nan)
@@ -66,15 +61,14 @@ def solve(
 
 def computation() -> Model:
     """The thesis's own computation as a model, slips included; for reproduction only."""
-    return Model("thesis", "thesis", Ball(), {}, tuple(SPECS[name] for name in PARAMETERS), solve, timed=True)
+    return Model("thesis", "thesis", Ball(), {}, model("two-mass").parameters, solve, timed=True)
 
 
 class Fitted(NamedTuple):
-    """A free fit: its model, draws of its parameters with C1 and C2 in the thesis's units, rms residuals at the best,
-    and of all parameters the largest R-hat and the least number of effective draws.
+    """A free fit: draws of its parameters with C1 and C2 in the thesis's units, rms residuals at the best, and of all
+    parameters the largest R-hat and the least number of effective draws.
     """
 
-    model: Model
     draws: dict[str, FloatArray]
     rms: Mapping[str, float]
     r_hat: float
@@ -93,10 +87,14 @@ def fitted(name: str, progress: Progress) -> Fitted:
         begin = [first_order(problem, point).proposal]
         posterior, found = sample(problem, begin, effort, lambda _stage, share: progress(f"fitting {name}", share))
         draws = dict(draws_of(problem, point, posterior, effort).values)
-    slope, at_10 = draws["eps_slope"] / INCH, draws["eps_10"] / INCH
-    draws |= {"C1": slope, "C2": at_10 - 10.0 * slope}
     effective = min(*found.ess_bulk.values(), *found.ess_tail.values())
-    return Fitted(problem.forward.model, draws, point.rms, max((found.r_hat or {}).values()), effective)
+    return Fitted(with_line(draws), point.rms, max((found.r_hat or {}).values()), effective)
+
+
+def with_line(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Parameters, and C1 and C2 of their offset as in Eq. (53)."""
+    slope = values["eps_slope"] / INCH
+    return {**values, "C1": slope, "C2": values["eps_10"] / INCH - 10.0 * slope}
 
 
 def fits_frame(fits: Mapping[str, Fitted]) -> DataFrame:
@@ -110,12 +108,12 @@ def fits_frame(fits: Mapping[str, Fitted]) -> DataFrame:
 
 def parameters_frame(fits: Mapping[str, Fitted], names: list[str], values: Mapping[str, FloatArray]) -> DataFrame:
     """Median and 95 % interval of each fit in the thesis's units, beside Table 9 and Eq. (53)."""
-    rows = []
+    rows, values = [], with_line(values)
     for name, unit, scale in (
         ("mass_ratio", "", 1.0), ("k_y", "lb/in", STIFFNESS), ("k_theta", "lb in/rad", TORSION), ("mu", "", 1.0),
         ("C1", "in/(m/s)", 1.0), ("C2", "in", 1.0),
     ):  # fmt: skip
-        printed = dict(zip(names, _values(values, name) / scale, strict=True))
+        printed = dict(zip(names, values[name] / scale, strict=True))
         for key, one in fits.items():
             low, median, high = np.quantile(one.draws[name] / scale, (0.025, 0.5, 0.975))
             rows.append({"parameter": name, "unit": unit, "model": key, "q025": low, "median": median, "q975": high}
@@ -123,36 +121,25 @@ def parameters_frame(fits: Mapping[str, Fitted], names: list[str], values: Mappi
     return pd.DataFrame(rows)
 
 
-def _values(values: Mapping[str, FloatArray], name: str) -> FloatArray:
-    """Values of the cases by the names of `Fitted.draws`."""
-    if name == "C1":
-        return values["eps_slope"] / INCH
-    return values["eps_10"] / INCH - 10.0 * values["eps_slope"] / INCH if name == "C2" else values[name]
-
-
 def places_frame(fits: Mapping[str, Fitted], names: list[str], values: Mapping[str, FloatArray]) -> DataFrame:
     """Where cases and Eq. (53) lie in each posterior: the `level` of the highest-density region on whose edge the
-    point is, the shares of draws below it, and of how many draws the model still has answers with it (`answered`).
+    point is, and the shares of draws below it.
     """
-    rows = []
+    rows, values = [], with_line(values)
     for key, one in fits.items():
         rng = Effort().stream("density")
         for k, point in enumerate([*names, "Eq. (53)"]):
             for group in (JOINT, OFFSET):
                 # The three cases share Eq. (53).
                 if (group == OFFSET) == (point in ("Eq. (53)", OWN)) or point == OWN:
-                    at = {name: _values(values, name)[k % len(names)] for name in group}
+                    at = {name: values[name][k % len(names)] for name in group}
                     level = credible_level([one.draws[name] for name in group], [*at.values()], group == JOINT, rng)
                     below = {f"{name}_below": float(np.mean(one.draws[name] < value)) for name, value in at.items()}
-                    rows.append(
-                        {"model": key, "point": point, "level": level, **below, "answered": _answered(one, at)}
-                    )
+                    rows.append({"model": key, "point": point, "level": level, **below})
     return pd.DataFrame(rows)
 
 
-def credible_level(
-    draws: Sequence[FloatArray], point: Sequence[float], log: bool, rng: np.random.Generator
-) -> float:  # fmt: skip
+def credible_level(draws: Sequence[FloatArray], point: Sequence[float], log: bool, rng: np.random.Generator) -> float:
     """Probability of the highest-density region of `draws` on whose edge `point` is; `log`: positive quantities."""
     known, here = np.array(draws), np.array(point)[:, np.newaxis]
     if log:
@@ -160,17 +147,6 @@ def credible_level(
     chosen = known[:, rng.choice(known.shape[1], min(DENSITY, known.shape[1]), replace=False)]
     density = gaussian_kde(chosen)
     return float(np.mean(density(chosen) > density(here)))
-
-
-def _answered(one: Fitted, at: Mapping[str, float]) -> float:
-    """Share of draws of which, with these values in place, the model answers every impact."""
-    if not set(at) <= set(PARAMETERS):
-        return np.nan
-    table, _ = load_data(TABLE, None, False)
-    names = [spec.name for spec in one.model.parameters]
-    columns = [np.full_like(one.draws[name], at[name]) if name in at else one.draws[name] for name in names]
-    status = one.model.evaluate(names, np.stack(columns, axis=1)[::10], table.impacts).status
-    return float(np.mean((status == Status.OK).all(axis=1)))
 
 
 def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
@@ -182,11 +158,10 @@ def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
     lines = {
         f"{name} [in]": np.median(one.draws["C1"]) * v_y1 + np.median(one.draws["C2"]) for name, one in fits.items()
     }
-    made = {"id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1}
-    made |= {
-        "offset [in]": frame["offset [m]"].to_numpy() / INCH,
-        "sd [in]": frame["offset_sd [m]"].to_numpy() / INCH,
-    }
+    made = {
+        "id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1,
+        "offset [in]": frame["offset [m]"].to_numpy() / INCH, "sd [in]": frame["offset_sd [m]"].to_numpy() / INCH,
+    }  # fmt: skip
     return pd.DataFrame(made | {"Eq. (53) [in]": C1 * v_y1 + C2} | lines)
 
 

@@ -47,22 +47,18 @@ def ranking() -> DataFrame:
     }
     rng = Effort().stream("bootstrap")
     drawn = np.concatenate([rng.integers(0, 7, (SAMPLES, 7)) + 7 * k for k in range(len(MEAN_COR))], axis=1)
+    case_of = {number: str(case) for case, number in SET_OF_CASE.items()}
     found: list[dict[str, Any]] = []
     for source, outputs in sources.items():
         missed = appendices.misses(outputs)
         order = np.argsort(np.argsort(squares(missed)[:, drawn].mean(axis=2), axis=0), axis=0)
         found += [
-            {"set": int(row["case"]), "case": case_of(int(row["case"])), "mass_ratio": row["mass_ratio"],
+            {"set": int(row["case"]), "case": case_of.get(int(row["case"]), ""), "mass_ratio": row["mass_ratio"],
              "k_y [lb/in]": row["k_y [lb/in]"], "source": source, **_rms(missed, k),
              "first": float(np.mean(order[k] == 0)), "among_three": float(np.mean(order[k] < 3))}
             for k, row in enumerate(first.to_dict("records"))
         ]  # fmt: skip
     return pd.DataFrame(found)
-
-
-def case_of(number: int) -> str:
-    """The case of Table 9 that a set of Appendix C is, or nothing."""
-    return next((str(case) for case, one in SET_OF_CASE.items() if one == number), "")
 
 
 def case_values(fix: Mapping[str, float]) -> tuple[list[str], dict[str, FloatArray]]:
