@@ -228,6 +228,13 @@ def test_films_that_cannot_be_are_refused():
     assert (other.spins["used"] == "yes").sum() < 4 and len({*other.spins["id"]}) == 8
 
 
+def test_a_clip_that_ends_soon_after_the_bounce_leaves_the_others():
+    table, truth = film_of(Camera(500))
+    landed = table.loc[table[table["id"] == "3"]["y [m]"].idxmin(), "frame"]
+    film = tracked(table[(table["id"] != "3") | (table["frame"] < landed + 4)], Camera(500))
+    assert set(film.refused) == {"3"} and len(film.impacts) == 7 and within(scores(film, truth)[0], 2.6) > 0.9
+
+
 def test_several_bounces_of_a_clip_and_sessions_apart():
     camera = Camera(500)
     table, _ = film_of(camera, 6)
