@@ -25,6 +25,8 @@ def film():
     # A film in which spins are sure in some impacts, ambiguous in others, and one clip has no bounce.
     table.loc[table["id"] == "7", "y [m]"] = 0.1
     table["surface"] = HOSTILE
+    # Of a frame "name" is a column, of a file what it is called.
+    table = table.rename(columns={"id": "name"})
     scene = Scene(camera=CameraSection(fps=240.0, court=0.0), columns={"x": "x [m]"})
     return fitball.track(table, scene=scene, progress=False)
 
