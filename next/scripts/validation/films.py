@@ -149,7 +149,8 @@ def main() -> None:
     for fps in (240.0, 1000.0) if asked.fits else ():
         found = [road(fps, number) for number in range(asked.fits)]
         held = np.sum([one for one in found if not isinstance(one, str)], axis=0)
-        print(f"{fps:g}/s:", [*zip(JUDGED, held, strict=True)], *(one for one in found if isinstance(one, str)))
+        shown = dict(zip(JUDGED, held.tolist(), strict=True))
+        print(f"{fps:g}/s:", shown, *(one for one in found if isinstance(one, str)))
 
 
 if __name__ == "__main__":
