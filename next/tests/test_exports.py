@@ -165,6 +165,11 @@ def test_an_engine_with_the_same_ball_makes_no_error():
     assert softer.rms["omega_2"] > 1.0
 
 
+def test_an_impact_outside_of_the_measured_ones_is_noted_for_each_surface(levelled):
+    notes = [content(levelled.export(to="engine", at=f"v_1={v},theta_1=40")).count("\n- ") for v in (18, 60)]
+    assert notes[1] - notes[0] == len(LABELS)
+
+
 def test_a_drop_test_has_restitution_alone():
     one = parameter_set.of_model(fitball.model("two-mass+normal=total", tangential=False), {"cor_10": 0.7})
     text = engine.engine([one], "v_y1=10")

@@ -70,6 +70,8 @@ def run(page, *lines):
 def test_names_of_others_are_text_on_the_page(levelled):
     page, nasty = Page(levelled.export(to="page")), Page(made_fit(name=SCRIPT).export(to="page"))
     assert page.options == list(LABELS) and "level" not in nasty.ids
+    # A column of values for each.
+    assert re.search('<th class="left">parameter</th>(.*?)</tr>', page.text)[1].count("<th") == len(LABELS) + 1
     for one in (page, nasty):
         assert one.text.count("<script") == 2 == len(one.scripts) and "<img" not in one.text
 
