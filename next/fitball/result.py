@@ -20,8 +20,8 @@ from fitball.values import DataFrame, Figure
 
 class Result:
     """Base of what verbs return: `Frames`, `Fit`, `Film`, `Exported`, `Batch`. `page` is the address of a module with
-    `report(result) -> Report`, `figures(result) -> {name: () -> Figure}` and, where there are others than frames and
-    page, `files(result) -> {name: () -> bytes}`; `record` is the file written last.
+    `report(result) -> Report` and, where there are any, `figures(result) -> {name: () -> Figure}` and, besides frames
+    and page, `files(result) -> {name: () -> bytes}`; `record` is the file written last.
     """
 
     page: ClassVar[str] = ""
@@ -42,6 +42,10 @@ class Result:
     def _layout(self) -> Any:
         return import_module(self.page)
 
+    def _made(self, kind: str) -> Mapping[str, Any]:
+        made: Mapping[str, Any] = getattr(self._layout, kind, lambda _: {})(self)
+        return made
+
     @cached_property
     def _report(self) -> Any:
         return self._layout.report(self)
@@ -57,7 +61,7 @@ class Result:
 
     def plot(self, name: str) -> Figure:
         """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`) with those it has."""
-        figures = self._layout.figures(self)
+        figures = self._made("figures")
         if name not in figures:
             raise ParameterError(f"no figure '{name}': {suggestion(name, figures)}", "unknown-figure")
         figure: Figure = import_module("fitball.report.style").styled(figures[name])
@@ -86,10 +90,10 @@ class Result:
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), overwrite=overwrite, record=self.record) as held:
                 return self.save(held, figures=figures, command=command)
-        style, drawable = import_module("fitball.report.style"), self._layout.figures(self) if figures else {}
+        style, drawable = import_module("fitball.report.style"), self._made("figures") if figures else {}
         shown = self._report.pictures(every=figures == "all")
         images = {name: style.saved(self.plot(name)) for name in shown if name in drawable}
-        contents = {name: make() for name, make in getattr(self._layout, "files", lambda _: {})(self).items()}
+        contents = {name: make() for name, make in self._made("files").items()}
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
         contents["report.html"] = _renderer().to_page(self._report, images, command).encode()

@@ -129,13 +129,12 @@ def places_frame(fits: Mapping[str, Fitted], names: list[str], values: Mapping[s
     for key, one in fits.items():
         rng = Effort().stream("density")
         for k, point in enumerate([*names, "Eq. (53)"]):
-            for group in (JOINT, OFFSET):
-                # The three cases share Eq. (53).
-                if (group == OFFSET) == (point in ("Eq. (53)", OWN)) or point == OWN:
-                    at = {name: values[name][k % len(names)] for name in group}
-                    level = credible_level([one.draws[name] for name in group], [*at.values()], group == JOINT, rng)
-                    below = {f"{name}_below": float(np.mean(one.draws[name] < value)) for name, value in at.items()}
-                    rows.append({"model": key, "point": point, "level": level, **below})
+            # The three cases share Eq. (53).
+            for group in {OWN: (JOINT, OFFSET), "Eq. (53)": (OFFSET,)}.get(point, (JOINT,)):
+                at = {name: values[name][k % len(names)] for name in group}
+                level = credible_level([one.draws[name] for name in group], [*at.values()], group == JOINT, rng)
+                below = {f"{name}_below": float(np.mean(one.draws[name] < value)) for name, value in at.items()}
+                rows.append({"model": key, "point": point, "level": level, **below})
     return pd.DataFrame(rows)
 
 
@@ -155,14 +154,15 @@ def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
     """
     table, scene = load_data(TABLE, None, False)
     frame, v_y1 = balances(table, scene.value(), ERRORS), table.impacts.v_y1
-    lines = {
-        f"{name} [in]": np.median(one.draws["C1"]) * v_y1 + np.median(one.draws["C2"]) for name, one in fits.items()
+    made = {"id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1}
+    made |= {
+        "offset [in]": frame["offset [m]"].to_numpy() / INCH,
+        "sd [in]": frame["offset_sd [m]"].to_numpy() / INCH,
     }
-    made = {
-        "id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1,
-        "offset [in]": frame["offset [m]"].to_numpy() / INCH, "sd [in]": frame["offset_sd [m]"].to_numpy() / INCH,
-    }  # fmt: skip
-    return pd.DataFrame(made | {"Eq. (53) [in]": C1 * v_y1 + C2} | lines)
+    lines = {"Eq. (53)": (C1, C2)} | {key: (one.draws["C1"], one.draws["C2"]) for key, one in fits.items()}
+    return pd.DataFrame(
+        made | {f"{key} [in]": np.median(c1) * v_y1 + np.median(c2) for key, (c1, c2) in lines.items()}
+    )
 
 
 def slope_of(offsets: DataFrame) -> tuple[float, float]:
@@ -176,13 +176,9 @@ def slope_of(offsets: DataFrame) -> tuple[float, float]:
 def draws_frame(fits: Mapping[str, Fitted]) -> DataFrame:
     """Some draws of each fit."""
     scales = {"mass_ratio": 1.0, "k_y [lb/in]": STIFFNESS, "k_theta [lb in/rad]": TORSION, "C1": 1.0, "C2": 1.0}
-    return pd.concat(
-        [
-            pd.DataFrame({"model": key} | {
-                head: one.draws[head.partition(" ")[0]][:: len(one.draws["mu"]) // KEPT] / scale
-                for head, scale in scales.items()
-            })
-            for key, one in fits.items()
-        ],
-        ignore_index=True,
-    )  # fmt: skip
+    made = []
+    for key, one in fits.items():
+        step = len(one.draws["mu"]) // KEPT
+        some = {head: one.draws[head.partition(" ")[0]][::step] / scale for head, scale in scales.items()}
+        made.append(pd.DataFrame({"model": key} | some))
+    return pd.concat(made, ignore_index=True)
