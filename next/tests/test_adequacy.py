@@ -149,6 +149,28 @@ def test_growth_is_a_likelihood_ratio():
     assert growth.found and growth.p == pytest.approx(alone * times, rel=1e-2) and "increases" in growth.pattern
 
 
+def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
+    """Shares of the variance by least squares without the farthest rows, one of them at the end, where it pulls."""
+    problem, first, _ = line(rows=24)
+    residual = first.residual.copy()
+    residual[[4, 23]] += 9.0 * np.std(residual)
+    spoilt = first._replace(residual=first.after_refit(residual))
+    point = at(problem, problem.coordinates({"cor_10": 0.76, "cor_slope": -0.012, "v_y_sd": 0.05}))
+    tests = adequacy(problem, point, spoilt).tests
+    (found,) = (test for test in tests if test.kind == "outlier")
+    design, left = first.slopes[:24, :2], 1.0 - np.sum(first.basis**2, axis=1)
+    order = np.argsort(-np.abs(spoilt.residual) / np.sqrt(left))
+
+    def rest(kept):
+        return np.linalg.lstsq(design[kept], residual[kept], rcond=None)[1][0]
+
+    shares = np.array([1.0 - rest(order[k:]) / rest(order) for k in range(1, 5)])
+    alone = farthest(shares, 24, float(left[:24].sum()))[1]
+    tested = {test.kind for test in tests}
+    times = module.OF_PATTERNS * sum(module.SHARES[kind] for kind in tested) / module.SHARES["outlier"]
+    assert found.found and found.p == pytest.approx(alone * times, rel=0.02)
+
+
 def test_of_noise_alone_no_few_are_far_off():
     """In 900 columns of 24 rows: their residuals, each over its own sd, have more squares than there is freedom."""
     problem, first, _ = said(table_with("", 5))

@@ -10,6 +10,9 @@ from support.line import exact, line_problem
 
 from fitball.errors import FitError
 from fitball.inference import density
+from fitball.inference.calibrate import _beside
+from fitball.inference.effort import Effort
+from fitball.inference.results import Posterior
 from fitball.inference.search import best_fit as search
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective, constrained_step, descend
@@ -242,5 +245,15 @@ def test_levels_that_differ_are_not_found_to_agree(monkeypatch):
         return abs(np.subtract(*(point[name] for name in problem.free if name.startswith("mu["))))
 
     assert apart() > 0.005
+    # A draw where both agree, higher than any other, is no reason to search there.
+    point = best_fit(problem, seeded())
+    agreeing = problem.coordinates(point.optima[0])[None]
+    names = [k for k, name in enumerate(problem.free) if name.startswith(("mu[", "cor_10["))]
+    for one, other in zip(names[::2], names[1::2], strict=True):
+        agreeing[0, [one, other]] = agreeing[0, [one, other]].mean() + np.array([0.0, 1e-9])
+    height = density.log_posterior(problem, agreeing)
+    assert height[0] > point.log_posterior[0] + 0.01
+    drawn = Posterior(problem.free, problem.prior.value(agreeing)[None, None], height[None, None])
+    assert _beside(problem, point, drawn, Effort()) is point
     monkeypatch.setattr(type(problem.prior), "smooth", property(lambda prior: prior))
     assert apart() < 0.001
