@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from fitball.errors import Note, ParameterError, suggestion
-from fitball.files import ResultFolder, csv_bytes, result_folder
+from fitball.files import ResultFolder, csv_bytes, result_folder, with_index
 from fitball.values import DataFrame, Figure
 
 
@@ -112,8 +112,7 @@ def _rows(frame: DataFrame) -> list[dict[str, Any]]:
     import numpy as np
     import pandas as pd
 
-    table = frame.reset_index() if frame.index.names != [None] else frame
-    known = table.replace([np.inf, -np.inf], np.nan).astype(object)
+    known = with_index(frame).replace([np.inf, -np.inf], np.nan).astype(object)
     rows = known.where(pd.notna(known), None).to_dict("records")
     return [{str(head): cell for head, cell in row.items()} for row in rows]
 

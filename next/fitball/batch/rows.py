@@ -65,7 +65,7 @@ def kept(name: str, fit: Fit) -> Kept:
         row[f"{one.name}_verdict"] = one.verdict
         if one.kind in _KINDS and (group := group_of(fit, one.name)) is not None:
             spec = fit.quantity(one.name).spec
-            handy, short = spec.handy or Unit(spec.unit), one.meaning.partition(",")[0]
+            handy, short = spec.shown, one.meaning.partition(",")[0]
             found[one.name] = Quantity(group, spread_prior(fit, one.name), is_log(spec), spec.unit, handy, short)
     for tested, handy, meaning, (value, low, high) in _tested(fit, row):
         unit = "m" if handy.name else ""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from fitball.columns import COLUMNS
+from fitball.files import with_index
 from fitball.inference.fit import Fit
 from fitball.numbers import Unit, percent
 from fitball.text import short, visible
@@ -18,13 +19,12 @@ _LABEL = 18
 
 def unit_of(fit: Fit, name: str) -> Unit:
     """The unit in which people read a parameter or derived quantity."""
-    spec = fit.quantity(name).spec
-    return spec.handy or Unit(spec.unit)
+    return fit.quantity(name).spec.shown
 
 
 def column_unit(name: str) -> Unit:
     """The unit in which people read a column."""
-    return COLUMNS[name].handy or Unit(COLUMNS[name].unit)
+    return COLUMNS[name].shown
 
 
 def plain(text: str, most: int = _LABEL) -> str:
@@ -53,5 +53,4 @@ def chance(share: float) -> str:
 
 def records(frame: DataFrame) -> list[dict[str, Any]]:
     """Rows as mappings, with the index where that has a name."""
-    whole = frame.reset_index() if frame.index.names != [None] else frame
-    return [{str(name): cell for name, cell in row.items()} for row in whole.to_dict("records")]
+    return [{str(name): cell for name, cell in row.items()} for row in with_index(frame).to_dict("records")]

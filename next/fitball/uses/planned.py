@@ -17,7 +17,6 @@ from fitball.inference.derived import Quantity
 from fitball.inference.fit import Fit
 from fitball.inference.forward import NEW_LEVEL, Values
 from fitball.models.model import Model
-from fitball.numbers import Unit
 from fitball.priors import ParameterSpec, parse_prior
 from fitball.values import FloatArray, Impacts, IntArray
 
@@ -230,7 +229,7 @@ def _rebounds(fit: Fit, text: str, keys: IntArray, number: str) -> list[Quantity
             column = COLUMNS[name]
             spec = ParameterSpec(
                 f"{name}{number}{f'[{label}]' if label else ''}", column.unit, -np.inf, np.inf, "", column.title,
-                column.symbol, handy=column.handy or Unit(column.unit),
+                column.symbol, handy=column.shown,
             )  # fmt: skip
             found.append(Quantity(spec, partial(rebound, name, key[None])))
     return found
