@@ -5,23 +5,18 @@ Imports: first_order, derived, density, models.specs, itf, problem, results, bas
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import radians
 
 import numpy as np
 
 from fitball import itf
-from fitball.inference.density import STEP as GRADIENT
 from fitball.inference.density import cells
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
-from fitball.inference.first_order import FirstOrder
-from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
-from fitball.inference.problem.joint_prior import Parameter
+from fitball.inference.first_order import FirstOrder, gradients
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import Constant
-from fitball.models.specs import BALL_PARAMETERS, SPECS
-from fitball.priors import parse_prior
+from fitball.models.specs import BALL_PARAMETERS
 from fitball.values import FloatArray
 
 # Stated sds that are a range. Sd of I/(M R^2) of a tennis ball: the bifilar test (0.5625), a thick shell (0.56) and
@@ -40,10 +35,11 @@ def constants(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) 
     """Held constants of ball and camera that move anything: the shift of a refit; of derived quantities also what the
     constant does to them itself.
     """
-    kept = np.unique(first.rows)
-    part, place = problem.part(kept), np.searchsorted(kept, first.rows)
-    x, sds = first.proposal.centre[None], np.linalg.norm(first.root, axis=1)
-    along, spread = _gradients(problem, first, derived)
+    kept, place = np.unique(first.rows, return_inverse=True)
+    part, x, sds = problem.part(kept), first.proposal.centre, np.linalg.norm(first.root, axis=1)
+    fitted = [problem.free.index(name) for name in first.names]
+    along = gradients(problem, x, derived)[:, fitted] * first.sds
+    spread = np.linalg.norm(along @ first.root, axis=1)
     found = []
     for name, value, low, high in _ranges(problem):
 
@@ -51,8 +47,8 @@ def constants(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) 
             """Predictions and the mean contact time (constants, (impacts + 1) columns), then derived quantities."""
             rows = []
             for one in at[:, 0].tolist():
-                posed = _with(part, name, one)
-                made, values = cells(posed, x), posed.values(x)
+                posed = part.holding(name, one)
+                made, values = cells(posed, x[None]), posed.values(x[None])
                 mean = np.where(made.possible, made.mean[0], np.nan)
                 rows.append([mean.ravel(), made.time, *(each.rule(values) for each in derived)])
             return np.stack([np.concatenate(row) for row in rows])
@@ -70,21 +66,6 @@ def constants(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) 
         if max(map(abs, whole.values())) > NOTHING:
             found.append(Constant(name, low, high, whole))
     return tuple(found)
-
-
-def _gradients(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) -> tuple[FloatArray, FloatArray]:
-    """Of derived quantities the slopes (quantities, parameters), in sds of priors, and the standard errors."""
-    prior, x = problem.prior, first.proposal.centre[None]
-    if not derived:
-        return np.zeros((0, len(first.names))), np.zeros(0)
-
-    def all_of(q: FloatArray) -> FloatArray:
-        values = problem.values(q)
-        return np.stack([one.rule(values) for one in derived], axis=1)
-
-    rates = central(all_of, x, GRADIENT * prior.width, prior.low, prior.high)[1][0].T
-    along = rates[:, [problem.free.index(name) for name in first.names]] * first.sds
-    return along, np.linalg.norm(along @ first.root, axis=1)
 
 
 def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
@@ -113,15 +94,3 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
         reach = CAMERA.get(name.partition("[")[0])
         if reach is not None:
             yield name, value, value - reach, value + reach
-
-
-def _with(problem: Problem, name: str, value: float) -> Problem:
-    """The problem with another value of a constant; of a camera that nobody stated, of all sessions."""
-    key, camera, names = name.partition("[")[0], problem.camera, [name]
-    if key in CAMERA_SPECS and (camera is None or key not in camera.keys):
-        camera = camera or CameraModel((), ("",), np.zeros(len(problem.rows.y), dtype=np.int64))
-        camera, names = camera._replace(keys=(*camera.keys, key)), [camera.name(key, one) for one in camera.sessions]
-    spec = {**SPECS, **CAMERA_SPECS}[key]
-    held = [Parameter(replace(spec, name=one), parse_prior(spec, spec.prior), value) for one in names]
-    others = tuple(item for item in problem.parameters if item.spec.name not in names)
-    return replace(problem, parameters=(*others, *held), camera=camera)
