@@ -73,6 +73,7 @@ def test_every_option_has_words():
         ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
         # Two sheets are two tables; the number of a descriptor is another in each call.
         ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
+        ("calibrate", {"data": ["...csv"], "model": ".."}, "fits/_/_"),
         ("calibrate", {"data": ["/dev/fd/63"], "model": ""}, "fits/pipe/default"),
         ("calibrate", {"data": [""], "model": ""}, "fits/calibrate"),
         ("predict", {"fit": "fits/b/default", "data": "new.csv"}, "fits/b/default/predict"),

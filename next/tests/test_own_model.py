@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fitball
+from fitball.data.scene import Scene
 from fitball.errors import FitballError, ModelError, ParameterError
 from fitball.inference.noise import KINDS
 from fitball.inference.problem.camera import CAMERA_SPECS
@@ -158,6 +159,13 @@ def test_what_is_no_function_or_has_a_taken_name(tmp_path):
     with pytest.raises(ModelError) as caught:
         fitball.model("mine.py:f", offset="grip")
     assert caught.value.code == "unknown-option"
+
+
+def test_a_scene_is_data_and_runs_no_file(tmp_path):
+    address = written(tmp_path, f"open({str(tmp_path / 'ran')!r}, 'w').close()")
+    with pytest.raises(ModelError) as caught:
+        fitball.calibrate("wang_zero_spin.csv", scene=Scene(model={"name": address}))
+    assert caught.value.code == "own-model" and not (tmp_path / "ran").exists()
 
 
 def test_a_file_is_read_as_it_is_now_and_known_by_the_source_of_its_function(tmp_path):

@@ -66,8 +66,8 @@ class CameraSection(Section, frozen=True):
 class Scene(Section, frozen=True):
     """What is known; SI, every section may be left out. `surface` has name, court, mu; `measurement` for each noise
     parameter NAME (held) or nominal_NAME (median of its prior), `noise`, `ignore`, `flip`; `flight` drag, lift,
-    spin_sd and `air` of a film; `model` a name as `--model` takes it; `laboratory` and `source` texts for reports.
-    Raises InputError (`scene`) with each key that no ball, court or instrument has.
+    spin_sd and `air` of a film; `model` a name as `--model` takes it, but no file to run; `laboratory` and `source`
+    texts for reports. Raises InputError (`scene`) with each key that no ball, court or instrument has.
     """
 
     ball: BallSection = BallSection()
