@@ -169,7 +169,7 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     assert found["a-one"].endswith("one.csv") and not any("out" in str(one) for one in found.values())
     assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
     assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == ["book-one", "book-two", "book"]
-    assert list(named(["**/one.csv"], tmp_path / "out")) == ["a-one", "b-one"]
+    assert list(named("**/one.csv", tmp_path / "out")) == ["a-one", "b-one"]
     frames = named([table_of(3), table_of(4)], tmp_path)
     assert list(frames) == ["table-1", "table-2"]
     assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
