@@ -56,8 +56,8 @@ def two_courts() -> Problem:
 
 
 def gaps() -> Problem:
-    """Every second impact of the bundled table of a camera: gaps, uncertain incidence, correlated errors, constants of
-    camera and ball.
+    """Every second impact of the bundled table of a camera: gaps, uncertain incidence, correlated errors, constants
+    of camera and ball.
     """
     table, scene = load_data(["synthetic_gaps.csv"], None, as_read=True)[:2]
     return build_problem(table.take(np.arange(0, len(table), 2)), scene, Choices())
