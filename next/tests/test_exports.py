@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 from support.made_fit import made_fit, table_of
 
@@ -165,6 +166,14 @@ def test_an_engine_with_the_same_ball_makes_no_error():
     assert softer.rms["omega_2"] > 1.0
 
 
+@pytest.mark.parametrize("e", [0.02, 0.1353, 0.75, 1.0])
+def test_the_spring_of_mujoco_parts_at_the_restitution_when_its_force_ends(e):
+    stiffness, damping = engine.spring(e, 0.005)
+    pressed, speed = expm(0.005 * np.array([[0.0, 1.0], [-stiffness, -damping]])) @ [0.0, 1.0]
+    assert speed == pytest.approx(-e, rel=1e-9)
+    assert stiffness * pressed + damping * speed == pytest.approx(0.0, abs=1e-9 * stiffness * 0.005)
+
+
 def test_an_impact_outside_of_the_measured_ones_is_noted_for_each_surface(levelled):
     notes = [content(levelled.export(to="engine", at=f"v_1={v},theta_1=40")).count("\n- ") for v in (18, 60)]
     assert notes[1] - notes[0] == len(LABELS)
@@ -172,8 +181,9 @@ def test_an_impact_outside_of_the_measured_ones_is_noted_for_each_surface(levell
 
 def test_a_drop_test_has_restitution_alone():
     one = parameter_set.of_model(fitball.model("two-mass+normal=total", tangential=False), {"cor_10": 0.7})
-    text = engine.engine([one], "v_y1=10")
+    text, numbers = engine.engine([one], "v_y1=10"), parsed(engine.as_json([one], "v_y1=10"))["sets"][0]
     assert "0.7000" in text and "| friction mu |" not in text
+    assert numbers["settings"][0]["e"] == pytest.approx(0.7) and numbers["settings"][0]["mu"] is None
     with pytest.raises(FitballError) as caught:
         engine.engine([one], "v_1=10, theta_1=30")
     assert caught.value.code == "impact"

@@ -33,6 +33,7 @@ FORMATS: Mapping[str, Format] = {
     **{name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name)) for name, file in FILES.items()},
     "page": Format("bounce.html", lambda sets, _fit, at: page.page(sets, at), at=True),
     "engine": Format("engine.md", lambda sets, _fit, at: engine.engine(sets, at), at=True),
+    "engine-json": Format("engine.json", lambda sets, _fit, at: engine.as_json(sets, at), at=True),
     "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
     "latex": Format("parameters.tex", lambda _sets, fit, _at: parameters.as_latex(fit), measured=True),
     "markdown": Format("parameters.md", lambda _sets, fit, _at: parameters.as_markdown(fit), measured=True),
