@@ -67,6 +67,18 @@ def test_predictions_have_a_row_for_each_impact_and_column(fit):
     assert found["surface"].tolist() == [*table.labels["surface"]] * 3
 
 
+def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monkeypatch):
+    found, impacts = fit.regimes, fit.predictions.drop_duplicates("row")
+    assert found.groupby("row")["share"].sum().tolist() == pytest.approx([1.0] * 40)
+    most = found.sort_values("share").groupby("row").last()
+    assert most["regime"].tolist() == impacts["regime"].tolist() and most["id"].tolist() == impacts["id"].tolist()
+    sd = float(fit.draws.best["v_y_sd"][0])
+    np.testing.assert_allclose(fit.balances["cor_sd"], sd / impacts["v_y1"], rtol=1e-12)
+    # Of a long table some.
+    monkeypatch.setattr(frames, "PREDICTED", 3)
+    assert [*dict.fromkeys(frames.regimes(fit.problem, fit.draws)["row"])] == [0, 20, 39]
+
+
 def test_a_point_fit_has_curves_without_bands():
     drawn = curves((made := made_fit(sampled=False)).problem, made.draws)
     assert drawn[["q025", "q16", "median", "q84", "q975"]].isna().all(axis=None) and drawn["point"].notna().all()

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from fitball.columns import STATE
+from fitball.data import kinematics
+from fitball.inference import predictive
 from fitball.inference.curves import series
+from fitball.inference.effort import PREDICTED
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked, predict
 from fitball.inference.problem.problem import Problem
@@ -20,6 +23,8 @@ from fitball.values import DataFrame, Impacts
 _NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
 # Kinds in the order of the page.
 _ORDER = ("model", "level", "derived", "noise", "ball", "camera")
+# Draws of which shares are taken: the error of a share is 0.025 at most.
+_REGIMES = 400
 
 
 def summary(
@@ -56,14 +61,39 @@ def _of(known: Mapping[str, float], one: Estimate) -> float:
 
 def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> DataFrame:
     """A row an impact and measured column."""
-    columns = tuple(item.column.name for item in problem.observables)
-    rows, states = problem.rows, problem.rows.states
+    found = predict(problem.forward, draws, _asked(problem), rng)
+    return laid_out(found, problem.table.labels, problem.rows.states, series=series(problem)[1])
+
+
+def _asked(problem: Problem) -> Asked:
+    """The rows of the fit's own table."""
+    rows, columns = problem.rows, tuple(item.column.name for item in problem.observables)
     stated = np.stack(
         [np.where(item.stated, rows.sd[:, k], 0.0) for k, item in enumerate(problem.observables)], axis=1
     )
-    asked = Asked(states, rows.index, columns, rows.errors, problem.camera, rows.y, stated)
-    found = predict(problem.forward, draws, asked, rng)
-    return laid_out(found, problem.table.labels, states, series=series(problem)[1])
+    return Asked(rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, stated)
+
+
+def regimes(problem: Problem, draws: Draws) -> DataFrame:
+    """A row an impact and sequence of slip and grip, with its share of _REGIMES draws that have an answer (without
+    draws of the best fit); of a long table PREDICTED impacts, evenly spread.
+    """
+    count = len(problem.table)
+    rows = np.unique(np.linspace(0, count - 1, min(count, PREDICTED)).round().astype(np.int64))
+    some = {name: column[:: max(1, len(column) // _REGIMES)] for name, column in draws.values.items()}
+    found = predictive.regimes(problem.forward, draws._replace(values=some), _asked(problem).part(rows))
+    found["row"] = rows[found["row"]]
+    found.insert(1, "id", np.asarray(problem.table.labels["id"])[found["row"]])
+    return found
+
+
+def balances(problem: Problem, draws: Draws) -> DataFrame:
+    """A row an impact: what conservation laws say of it without a model, with errors as stated or as fitted."""
+    noise = {
+        item.column.name: float(np.ravel(problem.forward.column_sd(item.column.name, draws.best))[0])
+        for item in problem.observables
+    }
+    return kinematics.balances(problem.table, problem.scene.value(), noise)
 
 
 def laid_out(found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any) -> DataFrame:
