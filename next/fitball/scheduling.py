@@ -9,6 +9,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from threading import Thread
+from time import sleep
 from typing import Any
 
 from fitball import environment
@@ -120,10 +122,18 @@ def _client(address: str) -> Any:
 
 
 def _begin() -> None:
-    """Only the process that asks acts on Ctrl-C, and ends the others. Loky takes growth since the first item for a
-    leak, and would replace the worker under the next.
+    """Only the process that asks acts on Ctrl-C, and ends the others; if it is killed, they end themselves. Loky
+    takes growth since the first item for a leak, and would replace the worker under the next.
     """
     from joblib.externals.loky import process_executor
 
     process_executor._USE_PSUTIL = False
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_outlive, args=(os.getppid(),), daemon=True).start()
+
+
+def _outlive(parent: int) -> None:
+    """End this process soon after its parent, whose place another takes (on Windows none does)."""
+    while os.getppid() == parent:
+        sleep(1.0)
+    os._exit(1)

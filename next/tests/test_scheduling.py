@@ -79,6 +79,25 @@ def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
             os.kill(int((tmp_path / "0").read_text()), 0)
 
 
+WAITING = """
+import time
+from fitball.scheduling import as_completed
+def waits(item):
+    print(item, flush=True)
+    time.sleep(300)
+list(as_completed(waits, [1, 2], 2))
+"""
+
+
+@POSIX
+def test_workers_end_with_the_process_that_asked():
+    made = subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    assert sorted(made.stdout.readline() for _ in range(2)) == [b"1\n", b"2\n"]
+    made.kill()
+    # Workers write to the same pipe: it ends with the last of them.
+    made.communicate(timeout=120)
+
+
 # A program of its own: a thread of a cluster that dies here, by a warning taken for an error, would be waited for.
 CLUSTER = """
 import os, sys
