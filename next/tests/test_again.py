@@ -26,7 +26,9 @@ def folder(tmp_path_factory):
     table = fitball.load_table("wang_zero_spin.csv").to_frame()
     table.to_csv(place / "balls.csv", index=False)
     words = ["--model", "grip-slip", "--prior", "mu=normal(0.6, 0.1)", "--fix", "cor_slope=-0.01", "--seed", "3"]
-    assert main(["calibrate", str(place / "balls.csv"), *words, "--out", str(place / "fit"), "--no-figures"]) == 0
+    assert (
+        main(["calibrate", str(place / "balls.csv"), *words, "--out", str(place / "fit"), "--figures", "none"]) == 0
+    )
     (place / "balls.csv").unlink()
     return place / "fit"
 
@@ -36,7 +38,7 @@ def test_a_stored_fit_gives_the_same_again_whatever_the_defaults_are_now(folder,
 
     stored = read(folder)
     monkeypatch.setattr(build, "VELOCITY_SD", 2.5)
-    assert main(["calibrate", str(folder), "--no-figures"]) == 0
+    assert main(["calibrate", str(folder / "fit.json"), "--figures", "none"]) == 0
     assert "last digit" in capsys.readouterr().out
     again = read(folder / "calibrate")
     assert again == stored and again.run.key == stored.run.key

@@ -49,12 +49,12 @@ def courts(tmp_path, monkeypatch):
     return folder
 
 
-OPTIONS = {"model": "brody", "point_only": True, "progress": False, "figures": "none"}
+OPTIONS = {"model": "brody", "point_only": True, "progress": False}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
 def test_a_table_that_ends_its_process_is_a_failed_row(courts):
-    found = fitball.batch([courts / "court 1.csv", Deadly()], cores=2, **OPTIONS)
+    found = fitball.batch([courts / "court 1.csv", Deadly()], cores=2, figures="none", **OPTIONS)
     assert found.tables["code"].to_dict() == {"court 1": "", "table": "worker-died"}
     # As calibrate does, whatever the processes.
     alone = fitball.calibrate(courts / "court 1.csv", **OPTIONS)
@@ -62,7 +62,7 @@ def test_a_table_that_ends_its_process_is_a_failed_row(courts):
 
 
 def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, capsys):
-    found = fitball.batch([courts], out="all", cores=1, **OPTIONS)
+    found = fitball.batch([courts], out="all", cores=1, figures="none", **OPTIONS)
     assert list(found.tables.index) == ["broken", *GOOD, "empty"]
     codes = dict.fromkeys(GOOD, "") | {"broken": "not-a-number", "empty": "empty"}
     assert found.tables["code"].to_dict() == codes
@@ -84,7 +84,7 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     places["court 3"].unlink()
     (places["court 3"].parent / ".fitball-0.partial").write_text("half")
     before = {name: place.stat().st_mtime_ns for name, place in places.items() if name != "court 3"}
-    words = "batch courts --out all --model brody --point-only --as-read --cores 1 --no-figures"
+    words = "batch courts --out all --model brody --point-only --as-read --cores 1 --figures none"
     assert main(words.split()) == 1
     made = {name for name, place in places.items() if place.stat().st_mtime_ns != before.get(name)}
     assert made == {"court 1", "court 3"}

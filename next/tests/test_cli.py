@@ -42,6 +42,10 @@ def test_options_are_those_of_the_signature():
         (("calibrate", "a.csv", "--seed", "1.5"), "--seed"),
         (("calibrate", "a.csv", "--see", "1"), "--seed"),
         (("calibrate", "a.csv", "--over"), "--overwrite"),
+        (("calibrate", "a.csv", "--no-figures"), "--figures"),
+        (("predict", "fit", "a.csv", "b.csv"), "b.csv"),
+        # What is unknown is said before what is missing.
+        (("simulate", "--map"), "--map"),
         (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
         (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),
         (("calibrate", "a.csv", "--prior", "mu"), "mu"),
@@ -85,9 +89,14 @@ def test_where_a_result_goes(verb, asked, folder):
     assert cli.default_folder(verb, asked).as_posix() == folder
 
 
-def test_what_is_of_a_fit_goes_below_it(tmp_path):
+def test_what_is_of_a_fit_goes_below_it_and_beside_what_is_there(tmp_path):
     asked = {"data": [str(tmp_path)], "model": ""}
-    assert cli.default_folder("calibrate", asked) == tmp_path / "calibrate"
+    place = cli.default_folder("calibrate", asked)
+    assert place == tmp_path / "calibrate" == cli.beside(place)
+    for name in ("calibrate", "calibrate-2"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "report.html").touch()
+    assert cli.beside(place) == tmp_path / "calibrate-3"
 
 
 def test_help_needs_no_heavy_package():

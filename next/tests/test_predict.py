@@ -255,7 +255,7 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
     theirs = pd.DataFrame(theirs | {"v_y2": known.v_y2, "omega_2 [rpm]": -known.omega_2 * 30 / np.pi})
     theirs.to_csv(tmp_path / "theirs.csv", index=False)
     known.drop(columns="id").to_csv(tmp_path / "ours.csv", index=False)
-    options = ["--model", "brody", "--point-only", "--no-figures", "--quiet"]
+    options = ["--model", "brody", "--point-only", "--figures", "none", "--quiet"]
     named = ["--columns", "v_x1=Vin [km/h],v_y1=down,omega_1=spin,v_x2=Vout [km/h]", "--flip", "omega_1,omega_2"]
     for name, more in (("theirs", named), ("ours", [])):
         assert main(["calibrate", str(tmp_path / f"{name}.csv"), *more, *options, "--out", str(tmp_path / name)]) == 0

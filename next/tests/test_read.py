@@ -379,7 +379,9 @@ def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     shown = check("wang_all", None, False)
     assert not shown.failed and shown.data["faults"].empty and shown.data["doubts"].empty
     assert shown.data["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * ["disagreement"]
-    assert {"wang_all", "synthetic_gaps"} <= {*check(None, None, False).data["bundled"]["table"]}
+    offered = check(None, None, False)
+    assert {"wang_all", "synthetic_gaps"} <= {*offered.data["bundled"]["table"]}
+    assert all(key in offered.report() for key in ("mu=literature:clay", *offered.data["priors"]["key"]))
     # Of a long table what is printed and what not are all of it.
     long = check({"v_y1": np.linspace(4, 6, 500), "v_y2": np.linspace(3, 4.5, 500)}, None, True)
     assert "... and 460 more" in long.report()

@@ -83,7 +83,7 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
     rng = np.random.default_rng(9)
     filmed(bounces(3, rng), Camera(500), rng).to_csv("clip.csv", index=False)
     (tmp_path / "clip.toml").write_text("[camera]\nfps = 500.0\ncourt = 0.0\n")
-    assert cli.main(["track", "clip.csv", "--json", "--no-figures"]) == 0
+    assert cli.main(["track", "clip.csv", "--json", "--figures", "none"]) == 0
     found = json.loads(capsys.readouterr().out)["frames"]
     assert len(found["impacts"]) == 3 and len(found["session"]) == 1
     again = pd.read_csv("fits/clip/track/impacts.csv")

@@ -24,10 +24,11 @@ from fitball.text import listed
 
 
 def is_fit(source: Any) -> bool:
-    """Whether a source is a fit or the folder of one."""
+    """Whether a source is a fit, the folder of one, or the record there."""
     # Unlike that of Path, this answers for a name too long for the system.
     named = isinstance(source, str | Path)
-    return isinstance(source, Fit) or (named and os.path.exists(os.path.join(source, pair.RECORD)))  # noqa: PTH110, PTH118
+    inside = named and os.path.exists(os.path.join(source, pair.RECORD))  # noqa: PTH110, PTH118
+    return isinstance(source, Fit) or inside or (named and Path(source).name == pair.RECORD)
 
 
 def run_again(
