@@ -1,0 +1,51 @@
+"""Measure the numbers of README.md and the paper anew between their marks: `python scripts/readme.py`.
+
+Needs fitball installed (the environment of scripts/test) and a quiet machine; takes some two minutes.
+"""
+
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES, FIGURE = (ROOT / "README.md", ROOT / "docs/paper/paper.md"), ROOT / "docs/curves.png"
+MARKED = re.compile(r"(<!-- measured: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def printed(work: str, *words: str) -> str:
+    """What a verb prints."""
+    command = [Path(sys.executable).with_name("fitball"), *words]
+    return subprocess.run(command, cwd=work, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def paragraph(text: str) -> str:
+    """The answer below a report's title, in one line."""
+    return " ".join(text.split("\n\n")[1].split())
+
+
+def measured(work: str) -> dict[str, str]:
+    """Every block by its name."""
+    wang = printed(work, "calibrate", "wang_all.csv")
+    shutil.copy(Path(work, "fits/wang_all/default/curves.png"), FIGURE)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    printed(work, "calibrate", "wang_zero_spin.csv")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = sum(after[:2]) - sum(before[:2])
+    return {
+        "wang": f"```text\n{wang}\n```",
+        "first": f"`fitball calibrate wang_zero_spin.csv` takes {spent:.0f} s of CPU, figures and page included.",
+        "bench": paragraph(printed(work, "bench")),
+        "thesis": paragraph(printed(work, "rederive")),
+    }
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        found = measured(folder)
+    for page in PAGES:
+        old = page.read_text(encoding="utf-8")
+        page.write_text(MARKED.sub(lambda one: f"{one[1]}{found[one[2]]}\n{one[3]}", old), encoding="utf-8")
