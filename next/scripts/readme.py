@@ -18,13 +18,13 @@ MARKED = re.compile(r"(<!-- measured: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 def printed(work: str, *words: str) -> str:
     """What a verb prints."""
-    command = [Path(sys.executable).with_name("fitball"), *words]
-    return subprocess.run(command, cwd=work, capture_output=True, text=True, check=True).stdout.strip()
+    command = [str(Path(sys.executable).with_name("fitball")), *words]
+    return subprocess.run(command, cwd=work, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
 
 
 def paragraph(text: str) -> str:
-    """The answer below a report's title, in one line."""
-    return " ".join(text.split("\n\n")[1].split())
+    """The answer below a report's title, a line each sentence."""
+    return re.sub(r"(?<=\.) (?=[A-Z])", "\n", " ".join(text.split("\n\n")[1].split()))
 
 
 def measured(work: str) -> dict[str, str]:
