@@ -56,7 +56,7 @@ def test_scores_and_predictions_of_a_line_are_those_in_closed_form(weighted):
     if weighted:
         # From a proposal that is far too wide: without their weights draws would be no posterior.
         about = left_out.proposal(problem, best[0])
-        draws = left_out.drawn(problem, [about._replace(factor=8.0 * about.factor)], Effort(), 1500.0, "here")
+        draws = left_out.drawn(problem, [replace(about, factor=8.0 * about.factor)], Effort(), 1500.0, "here")
     found = leave_one_out(problem, best, draws, ("v_x2",), Effort())
     mean, scores = exact_scores(problem)
     assert not found.refitted.all() and found.settled.all()

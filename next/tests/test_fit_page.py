@@ -68,7 +68,8 @@ def test_every_quantity_choice_and_impact_appears(fit):
     for name, row in full.items():
         known, unit = fit.summary.loc[name], unit_of(fit, name)
         assert near(row["best fit"], known["point"] * unit.factor)
-        assert near(row["median ± sd"].partition(" ± ")[2], known["sd"] * unit.factor)
+        for text, end in zip(ends_of(row["68 %"]), ("q16", "q84"), strict=True):
+            assert near(text, known[end] * unit.factor)
         assert row["verdict"].hint == known["reason"] and row["prior (SI)"] == known["prior"]
     whys = [full[name]["why"] for name in ("mu", "e_x", "offset")]
     assert whys == ["if offset=contact, ball_radius", "", "reason of offset"]
@@ -140,7 +141,7 @@ def test_methods_have_every_value_with_its_unit(fit, point):
     text = fit_words.methods(fit)
     for name in fit.summary.index[fit.summary["kind"] == "model"]:
         row, unit = fit.summary.loc[name], unit_of(fit, name)
-        assert f"{name} = {unit.estimate(row['median'], row['sd'])} {unit.interval(row['q025'], row['q975'])}" in text
+        assert f"{name} = {unit.with_interval(row['median'], row['q025'], row['q975'])}" in text
     assert "24 impacts" in text and "2 independent ensembles of 8 walkers and 25 steps" in text
     assert "ensemble" not in fit_words.methods(point)
 
