@@ -59,6 +59,14 @@ def test_standard_deviations_have_their_units(tmp_path):
         np.testing.assert_allclose(table.sd[name], numbers, rtol=1e-15, err_msg=name)
 
 
+def test_correlations_in_a_file_beside_the_table_are_asked_for(tmp_path):
+    place = written(tmp_path, HEAD, *ROWS)
+    (tmp_path / "t_covariance.csv").touch()
+    with pytest.raises(InputError) as caught:
+        fitball.load_table(place)
+    assert caught.value.code == "covariance-file" and len(fitball.load_table(place, ignore="corr").impacts) == 4
+
+
 @pytest.mark.parametrize(
     ("columns", "counted"),
     [
