@@ -16,7 +16,7 @@ import fitball
 from fitball.data.scene import Quantity, Scene
 from fitball.exports import parameter_set
 from fitball.inference.density import log_posterior
-from fitball.inference.sampling.convergence import mixing
+from fitball.inference.sampling.convergence import Mixing
 
 SCRIPT = "</script><script>alert(1)</script>"
 LABELS = ("clay", SCRIPT, '"><img src=x onerror=alert(1)>')
@@ -147,7 +147,7 @@ def test_of_too_many_numbers_every_kth_step_is_kept(fit, monkeypatch):
 def test_statistics_of_others_are_those_of_the_fit(fit):
     from arviz_stats.base.array import array_stats
 
-    draws, mine = fit.to_datatree()["posterior"], mixing(fit.problem.free, fit.posterior.values)
+    draws, mine = fit.to_datatree()["posterior"], Mixing(fit.problem.free, fit.posterior.values)
     for name in ("mu[clay]", "e_x", "v_x_sd"):
         axes = {"chain_axis": 0, "draw_axis": 1}
         assert array_stats.ess(draws[name].values, method="bulk", **axes) == pytest.approx(mine.ess_bulk[name])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_tables import made
 from scipy import integrate, stats
 from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of
 
@@ -13,6 +14,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
+from fitball.inference.problem.row_errors import row_errors
 from fitball.inference.summary import bands, summarise
 from fitball.models.registry import model
 
@@ -192,6 +194,13 @@ def test_tables_that_cannot_be_fitted():
         problem_of(tied, fix={"v_x_sd": 0.0, "spin_sd": 0.0})
     assert caught.value.code == "singular-errors"
     assert problem_of(corr, fix={"v_x_sd": 0.0, "spin_sd": 0.0}).known["spin_sd"] == "0.0"
+    # Whichever side of nothing rounding leaves.
+    for sd in np.linspace(0.05, 0.3, 12):
+        given = made(
+            {"v_x1": [20.0, 21.0], "v_y1": 8.0, "v_x2": 15.0}, {"v_x1": 0.13, "v_x2": sd}, {("v_x1", "v_x2"): 1}
+        )
+        with pytest.raises(FitError):
+            row_errors(given, ("v_x2",), ("v_x2",))
 
 
 def test_choices_for_another_model():

@@ -9,7 +9,7 @@ from fitball.errors import FitError
 from fitball.inference.effort import Effort
 from fitball.inference.sampling import sample as sampling
 from fitball.inference.sampling.chains import _left_behind, run
-from fitball.inference.sampling.convergence import mixing
+from fitball.inference.sampling.convergence import Mixing
 from fitball.inference.sampling.importance import Student
 from fitball.inference.sampling.sample import sample
 from fitball.inference.search.best_fit import best_fit
@@ -113,7 +113,7 @@ def test_where_no_chain_can_start():
 def test_effective_sizes_and_r_hat():
     rng = np.random.default_rng(0)
     white = rng.standard_normal((4, 1000, 4, 4))
-    found = mixing(tuple("abcd"), white)
+    found = Mixing(tuple("abcd"), white)
     size = 4 * 1000 * 4
     assert all(abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values()))
     assert found.reached(0.8 * size, 1.01) and not found.reached(1.2 * size, 1.01)
@@ -124,7 +124,7 @@ def test_effective_sizes_and_r_hat():
     white[..., 2] = 0.5
     # Walkers of one ensemble may lie apart: ensembles are compared.
     white[..., 3] += np.linspace(-2.0, 2.0, 4)
-    found = mixing(tuple("abcd"), white)
+    found = Mixing(tuple("abcd"), white)
     assert found.ess_bulk["a"] == pytest.approx(size / 19.0, rel=0.2) and found.r_hat["a"] < 1.02
     assert found.r_hat["b"] > 1.05 and not found.reached(1.0, 1.05)
     assert not found.r_hat["c"] < np.inf and found.r_hat["d"] < 1.02 and found.ess_bulk["d"] < 0.1 * size
