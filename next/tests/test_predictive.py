@@ -127,14 +127,15 @@ def test_blocks_are_one_piece(monkeypatch):
     pd.testing.assert_frame_equal(predicted(("v_x2",), **asked)["v_x2"], whole, rtol=1e-12)
 
 
-def test_regimes_and_shares_of_answers():
+def test_shares_of_regimes_and_of_answers():
     """A ball slides while mu is less than what rolling takes: a/(1 + a) u/((1 + COR) v_y1)."""
     mu, at = np.linspace(0.0, 1.0, 4001), fitball.impacts(20.0, 8.0)
     values = {"mu": mu, "cor_10": np.where(mu > 0.9, 0.0, 0.75), "cor_slope": np.zeros(4001)}
     known = Draws({}, values, {name: value[1000:1001] for name, value in values.items()})
     forward = ForwardModel(fitball.model("brody"), KINDS["normal"])
-    # Of the draws with an answer 57 % slide, and 43 % at 15 m/s.
-    assert [*regimes(forward, known, Asked(fitball.impacts([20.0, 15.0], 8.0), None, ()))] == ["slide", "grip"]
+    found = regimes(forward, known, Asked(at, None, ("v_x2",))).set_index("regime")["share"]
+    least = 0.56 / 1.56 * 20.0 / (1.75 * 8.0)
+    assert found["slide"] == pytest.approx(least / 0.9, abs=1e-3) and found.sum() == pytest.approx(1.0)
     one = predict(forward, known, Asked(at, None, ("v_x2",)), np.random.default_rng(1)).iloc[0]
     assert one["solved"] == pytest.approx(0.9, abs=1e-3) and "cor_10" in one["reason"] and one["regime"] == "slide"
     # What follows from noisy velocities is that of draws with an answer.

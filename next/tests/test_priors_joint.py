@@ -231,7 +231,7 @@ def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
     np.testing.assert_array_equal(effort.stream("search").random(4), first)
     others = np.stack([effort.stream("chains").random(4), Effort(seed=4).stream("search").random(4)])
     assert np.all(np.abs(others - first) > 1e-6)
-    for wrong in ({"seed": -1}, {"max_steps": 10}, {"cores": 0}):
+    for wrong in ({"seed": -1}, {"max_steps": 10}, {"cores": 0}, {"seed": 1.5}, {"seed": "one"}):
         with pytest.raises(ParameterError) as caught:
             Effort(**wrong)
         assert caught.value.code == "effort"
