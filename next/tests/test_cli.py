@@ -75,6 +75,7 @@ def test_every_option_has_words():
     [
         ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
         ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
+        ("calibrate", {"data": ["fits/clip/track/impacts.csv"], "model": ""}, "fits/clip/default"),
         # Two sheets are two tables; the number of a descriptor is another in each call.
         ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
         ("calibrate", {"data": ["...csv"], "model": ".."}, "fits/_/_"),
