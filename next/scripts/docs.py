@@ -28,37 +28,33 @@ from fitball.models.specs import BALL_PARAMETERS, SPECS
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/tutorials").glob("*.md"))]
-MOST_WORDS, SECONDS = 16_000, 3_600
+MOST_WORDS = 16_000
 _PART = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _FENCE = re.compile(r"^(`{3,})(\S*) ?(.*)\n((?:.*\n)*?)\1$", re.MULTILINE)
-_CODE = re.compile(r"[a-z]+(-[a-z]+)*")
-# How calls carry codes: a fault, a note, or an error by its class.
-_CALLS = {"fault": "Fault", "_fault": "Fault", "refusal": "Fault", "note": "Note"}
 # A page as a program: line n of the page is its line n, so that tracebacks lead there.
 _RUN = """import subprocess, sys
-from pathlib import Path
 def _sh(code, wanted):
     print("$ " + code.rstrip().replace("\\n", "\\n$ "), flush=True)
     got = subprocess.run(["bash", "-euo", "pipefail", "-c", code]).returncode
     if got != wanted:
         raise SystemExit(f"exit code {got}, expected {wanted}: {code}")
-exec(compile(sys.argv[2], sys.argv[1], "exec"))
+exec(compile(sys.argv[2], sys.argv[1], "exec"), {"__name__": "__main__", "_sh": _sh})
 """
 
 
 def table(heads: str, rows: Iterable[Iterable[object]]) -> str:
     """A table of Markdown."""
     lines = [heads.split("|"), ["---"] * (heads.count("|") + 1), *rows]
-    return "".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+    return "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
 
 
 def columns() -> str:
     """Columns of numbers."""
     rows = []
     for one in COLUMNS.values():
-        unit, factor = ("deg", 57.29577951308232) if one.unit == "rad" else (one.unit, 1.0)
-        low, high = (f"{limit * factor:.4g}" for limit in one.limits)
-        rows.append((f"`{one.name}`", one.title, unit, f"{low} to {high}", one.opposite))
+        unit, factor = ("deg", 57.29577951) if one.unit == "rad" else (one.unit, 1.0)
+        limits = " to ".join(f"{limit * factor:.4g}" for limit in one.limits)
+        rows.append((f"`{one.name}`", one.title, unit, limits, one.opposite))
     return table("column|means|without a unit|limits|`--flip` reads it", rows)
 
 
@@ -94,18 +90,18 @@ def options() -> str:
             value, means = words.arguments.get(name) or shared.get(name) or ("", "")
             flag = f"--{name.replace('_', '-')} " if one.kind is one.KEYWORD_ONLY else ""
             rows += [(f"`{(flag + value).strip()}`", means)] * (name != "progress")
-        listed = table("argument|means", rows) if rows else ""
-        parts += [f"### {verb.__name__}", words.summary, words.text, listed.rstrip()]
+        listed = [table("argument|means", rows).rstrip()] * bool(rows)
+        parts += [f"### {verb.__name__}", words.summary, *filter(None, [words.text]), *listed]
     common = table("option|means", ((f"`--{name}`", means) for name, means in cli.COMMON.items()))
-    return "\n\n".join([*filter(None, parts), "### Every verb", common])
+    return "\n\n".join([*parts, "### Every verb", common])
 
 
 def parameters() -> str:
     """Parameters of models, with their default priors."""
     of, rows = {name: {spec.name for spec in model(name).parameters} for name in MODELS}, []
     for name, one in SPECS.items():
-        of_ball = "all, with an sd in the scene" if name in BALL_PARAMETERS else "two-mass with other options"
-        models = ", ".join(text for text, names in of.items() if name in names) or of_ball
+        rest = "all, with an sd in the scene" if name in BALL_PARAMETERS else "two-mass with other options"
+        models = ", ".join(text for text, names in of.items() if name in names) or rest
         rows.append((f"`{name}`", one.meaning, one.unit, f"`{one.prior}`", models))
     return table("parameter|means|unit|default prior|models", rows)
 
@@ -121,23 +117,20 @@ def priors() -> str:
 
 def codes() -> str:
     """Codes of errors, faults and notes, as calls have them."""
-    found: dict[str, set[str]] = {}
+    found, calls = dict[str, set[str]](), {"fault": "Fault", "_fault": "Fault", "refusal": "Fault", "note": "Note"}
     for place in Path(cli.__file__).parent.rglob("*.py"):
         for call in (node for node in ast.walk(ast.parse(place.read_text("utf-8"))) if isinstance(node, ast.Call)):
             name = getattr(call.func, "id", getattr(call.func, "attr", ""))
             texts = [one.value for one in call.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
-            if (kind := _CALLS.get(name, name)) in ("Fault", "Note") or kind.endswith("Error"):
-                found.setdefault(kind, set()).update([text for text in texts if _CODE.fullmatch(text)][:1])
+            if (kind := calls.get(name, name)) in ("Fault", "Note") or kind.endswith("Error"):
+                found.setdefault(kind, set()).update(filter(re.compile(r"[a-z]+(-[a-z]+)*").fullmatch, texts[:2]))
     rows = ((kind, ", ".join(f"`{one}`" for one in sorted(found[kind]))) for kind in sorted(found) if found[kind])
     return table("carried by|codes", rows)
 
 
-MAKERS = {one.__name__: one for one in (columns, units, scene, options, parameters, priors, codes)}
-
-
 def generated(text: str) -> str:
     """A page with its generated parts made anew."""
-    return _PART.sub(lambda part: part[1] + MAKERS[part[2]]() + part[3], text)
+    return _PART.sub(lambda part: part[1] + globals()[part[2]]() + part[3], text)
 
 
 def anchors(page: Path) -> set[str]:
@@ -163,11 +156,10 @@ def check() -> int:
         faults = ["generated parts are out of date: run scripts/docs.py"] * (generated(text) != text)
         faults += dead_links(page, text)
         words, bad = len(_PART.sub("", text).split()), bad + len(faults)
-        whole += words if "/" in name else 0
+        whole += words * ("/" in name)
         print(f"{words:6} {name}", *faults, sep="\n       ")
-    bad += whole > MOST_WORDS
     print(f"{whole} words in docs/ of at most {MOST_WORDS}; {bad} faults")
-    return bad
+    return bad + (whole > MOST_WORDS)
 
 
 def run(page: Path, folder: Path) -> bool:
@@ -178,15 +170,14 @@ def run(page: Path, folder: Path) -> bool:
     for block in _FENCE.finditer(text):
         line, language, more, code = text.count("\n", 0, block.start()) + 1, block[2], block[3].strip(), block[4]
         if "." in more:
-            lines[line] = f"Path({more!r}).write_text({code!r}, encoding='utf-8')"
+            lines[line] = f"open({more!r}, 'w', encoding='utf-8').write({code!r})"
         elif language == "python" and more != "show":
             lines[line : line + code.count("\n")] = code.splitlines()
         elif language == "sh" and more != "show":
             lines[line] = f"_sh({code!r}, {int(more.removeprefix('exit=') or 0)})"
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    made = {**os.environ, "PATH": path, "MPLBACKEND": "agg", "COLUMNS": "100"}
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     command = [sys.executable, "-P", "-c", _RUN, str(page), "\n".join(lines)]
-    return subprocess.run(command, cwd=folder, env=made, timeout=SECONDS, check=False).returncode != 0
+    return subprocess.run(command, cwd=folder, env={**os.environ, "PATH": path}, timeout=3600).returncode != 0
 
 
 def main() -> int:
@@ -197,9 +188,9 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, metavar="DIR")
     parser.add_argument("pages", nargs="*", type=Path, metavar="PAGE", help="to run (default: all)")
     asked = parser.parse_args()
+    bad, failed = check() if asked.check else 0, []
     for page in () if asked.check or asked.run else PAGES:
         page.write_text(generated(page.read_text("utf-8")), "utf-8")
-    bad, failed = check() if asked.check else 0, []
     with tempfile.TemporaryDirectory() as made:
         for page in asked.pages or PAGES if asked.run else ():
             print(f"==== {page.stem}", flush=True)
