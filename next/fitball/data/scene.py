@@ -168,9 +168,12 @@ _SAME = {"inertia": "inertia_ratio"}
 _LIGHTEST, _DENSEST = 1.2, 22_600.0
 
 
-def load_scene(table: Path | None, given: str | Path | None = None) -> Scene:
-    """The scene in `given`, else beside the table, else all defaults. Raises InputError (`scene`) with all faults."""
-    place = Path(given) if given else None if table is None else table.with_suffix(".toml")
+def load_scene(table: str | Path | None, given: str | Path | None = None) -> Scene:
+    """The scene in `given`, else beside the table, or that file itself if it is a .toml, else all defaults. Raises
+    InputError (`scene`) with all faults.
+    """
+    given = given or (table if table and Path(table).suffix == ".toml" else None)
+    place = Path(given) if given else None if table is None else Path(table).with_suffix(".toml")
     if place is None or not (given or os.path.lexists(place)):
         return Scene()
     try:
