@@ -112,8 +112,8 @@ def _rows(frame: DataFrame) -> list[dict[str, Any]]:
     import numpy as np
     import pandas as pd
 
-    known = with_index(frame).replace([np.inf, -np.inf], np.nan).astype(object)
-    rows = known.where(pd.notna(known), None).to_dict("records")
+    known = with_index(frame).astype(object)
+    rows = known.where(pd.notna(known) & ~known.isin([np.inf, -np.inf]), None).to_dict("records")
     return [{str(head): cell for head, cell in row.items()} for row in rows]
 
 
