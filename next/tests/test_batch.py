@@ -127,19 +127,7 @@ def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
     assert caught.value.code == "own-model"
 
 
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ({"model": "no-model"}, "unknown-model"), ({"figures": "some"}, "figures"), ({"scene": "none.toml"}, "scene"),
-        ({"data": []}, "no-tables"), ({"data": ["*.nothing"]}, "no-tables"), ({"cores": -1}, "effort"),
-        ({"max_steps": 0}, "effort"),
-    ],
-)  # fmt: skip
-def test_what_all_tables_would_fail_for_is_said_at_once(options, code, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(fitball.FitballError) as caught:
-        fitball.batch(**{"data": ["wang_all"], "progress": False} | options)
-    assert caught.value.code == code and not (tmp_path / "fits").exists()
+def test_what_is_no_option_and_no_batch(tmp_path):
     with pytest.raises(TypeError):
         fitball.batch(["wang_all"], no_option=1)
     with pytest.raises(FolderError) as caught:

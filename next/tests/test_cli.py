@@ -1,11 +1,24 @@
 """The command line as a frame: what a signature says, mistakes of words, what is imported for help."""
 
+import shlex
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
+from support.made_fit import made_fit, table_of
 
 from fitball import cli
+from fitball.errors import FitballError
+from fitball.saved import pair
+
+DATA = Path(__file__).parent / "data"
+TABLES = {
+    "t.csv": "surface,v_x1,v_y1,omega_1,v_x2,v_y2,omega_2\nclay,15.6,4.8,0,11.1,4.2,239\nhard,16,5,0,11.3,4.3,245\n",
+    "d.csv": "v_y1,v_y2\n5,4\n6,4.7\n7,5.5\n", "n.csv": "surface,v_x1,v_y1\nice,15,5\n",
+    "x.csv": "t,x [m],y [m]\n0,0.1,0.5\n0.01,0.2,0.4\n", "x.mp4": "\0\0\0 ftypisom",
+}  # fmt: skip
 
 
 def _parsed(*words):
@@ -55,6 +68,32 @@ def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, 
     code, said = _exit(capsys, *words)
     assert code == 2
     assert named in said
+
+
+def _outcome(line):
+    try:
+        return str(cli.run(vars(cli.make_parser().parse_args(shlex.split(line))), ""))
+    except FitballError as error:
+        return error.code
+    except SystemExit as end:
+        return {2: "words"}[end.code]
+
+
+def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    surfaces = table_of(36, ("clay", "hard"))
+    fits = {"F": made_fit(surfaces), "P": made_fit(sampled=False), "D": made_fit(table_of(12, drop=True))}
+    for name, fit in (fits | {"T": made_fit(surfaces, model="two-mass")}).items():
+        Path(name).mkdir()
+        for file, content in pair.files(fit).items():
+            Path(name, file).write_bytes(content())
+    for name, text in TABLES.items():
+        Path(name).write_text(text)
+    before = sorted(Path().rglob("*"))
+    wanted = tomllib.loads((DATA / "mistakes.toml").read_text(encoding="utf-8"))["verb"]
+    lines = {f"{verb} {words}": code for verb, mistakes in wanted.items() for words, code in mistakes}
+    assert {line: _outcome(line) for line in lines} == lines and {*wanted} == {*cli.VERBS}
+    assert sorted(Path().rglob("*")) == before
 
 
 def test_a_negative_value_is_no_option():

@@ -96,34 +96,6 @@ def test_published_and_set_values_become_a_set_with_their_sources():
     assert one["measured"] is None and {*values} - {*one["remarks"]} == {"ball_mass", "ball_radius", "inertia_ratio"}
 
 
-BRODY = {"to": "json", "model": "brody"}
-
-
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ({"to": "c", "model": "x"}, "unknown-model"), ({"to": "cpp", "model": "brody"}, "unknown-format"),
-        ({**BRODY, "to": "latex"}, "not-for-this-format"), ({**BRODY, "at": "v_y1=8"}, "not-for-this-format"),
-        ({**BRODY, "level": {"surface": "clay"}}, "not-for-this-format"), ({"to": "c"}, "fit-or-model"),
-        ({**BRODY, "fix": {"m": 1.0}}, "unknown-parameter"), ({**BRODY, "fix": {"mu": "much"}}, "not-a-number"),
-        ({**BRODY, "fix": {"mu": "literature:x"}}, "unknown-key"), ({**BRODY, "fix": {"mu": "nan"}}, "out-of-bounds"),
-        ({"to": "json", "model": "two-mass", "fix": {"cor_10": 0.99}}, "no-answer"),
-        ({**BRODY, "to": "engine", "at": "v_1=8"}, "impact"), ({"to": "json", "fit": "nowhere"}, "no-fit"),
-        ({**BRODY, "to": "engine", "at": "v_1=8..9:3,theta_1=20"}, "impact"),
-        ({"to": "json", "fix": {"mu": 0.5}, "fit": "levelled"}, "not-for-this-format"),
-        ({"to": "latex", "level": {"surface": "clay"}, "fit": "levelled"}, "not-for-this-format"),
-        ({"to": "json", "level": {"surface": "sand"}, "fit": "levelled"}, "unknown-label"),
-        ({"to": "json", "level": {"ball": "clay"}, "fit": "levelled"}, "unknown-label"),
-        ({"to": "arviz", "fit": "levelled"}, "no-draws"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_exported_has_a_code(levelled, options, code):
-    given = {**options, "fit": levelled} if options.get("fit") == "levelled" else options
-    with pytest.raises(FitballError) as caught:
-        fitball.export(**given)
-    assert caught.value.code == code
-
-
 def cost(one, point, e, inertia, mu):
     """Kinetic energy over mass of the difference between Brody's ball of another inertia and a set's rebound."""
     ball = Ball(one.values["ball_mass"], one.values["ball_radius"], inertia)

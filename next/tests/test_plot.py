@@ -8,7 +8,6 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball import cli, files
-from fitball.errors import FitballError
 from fitball.report.figures import FIGURES
 
 STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -45,31 +44,6 @@ def test_without_names_all_that_there_is_data_for(tmp_path):
     places = found.save(tmp_path / "other")
     assert [place.name for place in places] == [f"{name}.png" for name in found.names]
     assert fitball.plot(made_fit(), "curves,corner").names == ("curves", "corner")
-
-
-@pytest.mark.parametrize(
-    ("asked", "form", "code"),
-    [
-        (["curves", "history"], "png", "unknown-figure"),
-        (["trace"], "png", "no-such-data"),
-        (["curves"], "gif", "format"),
-    ],
-)
-def test_what_cannot_be_drawn_is_said_by_code(tmp_path, asked, form, code):
-    made_fit(sampled=False).save(tmp_path / "fit", figures=False)
-    before = sorted(place.name for place in (tmp_path / "fit").iterdir())
-    with pytest.raises(FitballError) as caught:
-        fitball.plot(tmp_path / "fit", asked, format=form)
-    assert caught.value.code == code
-    assert cli.main(["plot", str(tmp_path / "fit"), *asked, "--format", form]) == 2
-    assert sorted(place.name for place in (tmp_path / "fit").iterdir()) == before
-
-
-def test_a_folder_without_a_fit_is_said_and_not_made(tmp_path, capsys):
-    for verb, *more in (["plot"], ["plan"], ["simulate", "--impact", "v_1=20, theta_1=30"]):
-        assert cli.main([verb, str(tmp_path / "none"), *more]) == 2
-        assert str(tmp_path / "none") in capsys.readouterr().err
-    assert not any(tmp_path.iterdir())
 
 
 def test_a_run_that_writes_into_the_folder_is_waited_for(stored, monkeypatch):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.errors import ParameterError
 from fitball.models.types import Status
 from fitball.thesis import appendices, posteriors, ranking
 from fitball.thesis.printed import DAMPING, INCH, STIFFNESS
@@ -157,21 +156,6 @@ def test_the_computation_as_a_model_is_the_computation():
     np.testing.assert_allclose(made.v_y2[0], cor * states.v_y1, rtol=1e-13)
     soft = np.array([[*(values | {"k_theta": 1e-3}).values(), *law.values()]])
     assert np.all(model.evaluate([*values, *law], soft, states).status == Status.TORSION_TOO_SOFT)
-
-
-@pytest.mark.parametrize(
-    ("fix", "code"),
-    [
-        ({"cor_10": 0.7}, "unknown-parameter"),
-        ({"mass_ratio": 1.2}, "out-of-bounds"),
-        ({"k_theta": 0.01}, "no-answer"),
-    ],
-)
-def test_bad_sets_are_refused_before_any_fit(monkeypatch, fix, code):
-    monkeypatch.setattr(posteriors, "fitted", lambda *_: pytest.fail("fitted"))
-    with pytest.raises(ParameterError) as error:
-        fitball.rederive(fix=fix, progress=False)
-    assert error.value.code == code
 
 
 def test_page_figures_and_files(found, tmp_path):

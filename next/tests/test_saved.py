@@ -84,6 +84,17 @@ def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
     assert code == "changed" or pair.key_of(tmp_path) == code * (code == "other-version")
 
 
+@pytest.mark.parametrize("part", ["status", "adequacy"])
+def test_a_fit_with_other_fields_is_refused_too(tmp_path, part):
+    place = written(made_fit(), tmp_path)
+    content = json.loads((place / "fit.json").read_text()) | {part: [1]}
+    content["digest"] = pair._digest(content, (place / "fit.nc").read_bytes())
+    (place / "fit.json").write_text(json.dumps(content))
+    with pytest.raises(FolderError) as caught:
+        pair.read(place)
+    assert caught.value.code == "no-fit"
+
+
 def test_what_is_no_fit_says_so(tmp_path):
     with pytest.raises(FolderError) as caught:
         pair.read(tmp_path / "none")

@@ -108,7 +108,9 @@ def test_where_a_scene_comes_from(tmp_path):
     # What is beside the table and no file is not passed over.
     table.with_suffix(".toml").unlink()
     table.with_suffix(".toml").symlink_to("nowhere")
-    for given in (None, tmp_path / "absent.toml", tmp_path):
+    # One that never ends is read to a limit.
+    (tmp_path / "large.toml").write_text("#" * 1_000_001)
+    for given in (None, tmp_path / "absent.toml", tmp_path / "large.toml", tmp_path):
         assert [*refused(lambda given=given: load_scene(table, given))] == [None]
 
 

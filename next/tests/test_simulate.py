@@ -5,7 +5,6 @@ import pytest
 from support.made_fit import made_fit, table_of
 
 import fitball
-from fitball.errors import FitballError
 from fitball.models.types import regime_name
 from fitball.report.style import saved, styled
 from fitball.uses.simulate import DRAWS
@@ -86,27 +85,6 @@ def test_values_by_hand_are_numbers_or_published_ones():
     found = by_hand(mu="literature:clay", k_y="1e4").frames["parameters"].set_index("parameter")["value"]
     assert found["mu"] == pytest.approx(0.73) and found["k_y"] == 1e4
     assert found["k_theta"] == fitball.model("two-mass").specs["k_theta"].typical
-
-
-@pytest.mark.parametrize(
-    ("asked", "code"),
-    [
-        ({"impact": "v_1=20"}, "impact"), ({"impact": "v_1=10..20, theta_1=30"}, "impact"),
-        ({"model": "brody"}, "no-history"),
-        ({"fix": {"muu": "0.5"}}, "unknown-parameter"), ({"fix": {"mu": "much"}}, "not-a-number"),
-        ({"fix": {"mu": "-1"}}, "out-of-bounds"), ({"level": {"surface": "clay"}}, "fit-and-values"),
-        ({"fit": made_fit, "fix": {"mu": "0.5"}}, "fit-and-values"), ({"fit": made_fit}, "no-history"),
-        ({"fit": made_fit, "level": {"surface": "clay"}}, "unknown-level"),
-        ({"fit": lambda: made_fit(table_of(36, ("a", "b")), model="two-mass")}, "label-missing"),
-        ({"fit": lambda: made_fit(table_of(12, drop=True))}, "not-measured"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_followed_is_said_by_code(asked, code):
-    options = {"impact": IMPACT, **asked}
-    fit = options.pop("fit", str)()
-    with pytest.raises(FitballError) as caught:
-        fitball.simulate(fit, **options)
-    assert caught.value.code == code
 
 
 @pytest.mark.parametrize("case", ["fit", "drop", "point", "values"])

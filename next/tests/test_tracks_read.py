@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 from support.films import RADIUS, Camera, bounces, filmed
 
-import fitball
 from fitball.data.scene import BallSection, CameraSection, Scene
-from fitball.errors import FitballError, InputError
+from fitball.errors import InputError
 from fitball.tracks.read import read_tracks, scene_of
 
 MISTAKES = tomllib.loads((Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8"))
@@ -180,20 +179,3 @@ def test_mistakes_are_told_by_place(tmp_path, case):
     found = [(one.code, one.row, one.line, one.column) for one in caught.value.faults]
     found = [" ".join("-" if part is None else str(part) for part in parts) for parts in found]
     assert sorted(found) == sorted(case["faults"])
-
-
-@pytest.mark.parametrize(
-    ("source", "options", "code"),
-    [
-        ("none.csv", {}, "not-found"), ("clip.mp4", {}, "film"), ("clip.csv", {"columns": {"x_1": "x"}}, "columns"),
-        ("clip.csv", {"ball_diameter": "66"}, "length"), ("clip.csv", {"ball_diameter": "66 ell"}, "unknown-unit"),
-        ("clip.csv", {"fps": -5.0}, "scene"), ("clip.csv", {"mm_per_px": 1e9}, "scene"),
-    ],
-)  # fmt: skip
-def test_mistakes_of_options(tmp_path, monkeypatch, source, options, code):
-    monkeypatch.chdir(tmp_path)
-    ONE.to_csv("clip.csv", index=False)
-    Path("clip.mp4").write_bytes(b"\0\0\0 ftypisom")
-    with pytest.raises(FitballError) as caught:
-        fitball.track(source, progress=False, **options)
-    assert caught.value.code == code

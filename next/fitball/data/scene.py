@@ -162,6 +162,8 @@ _MEANT = {
     "kg": {"g": 1e-3}, "m": {"mm": 1e-3, "cm": 1e-2}, "s": {"ms": 1e-3}, "kg m^2": {"g cm^2": 1e-7},
     "m/s": {"cm/s": 1e-2}, "rad": {"deg": pi / 180.0}, "rad/s": {"rpm": pi / 30.0}, "Pa": {"hPa": 1e2},
 }  # fmt: skip
+# The most that is read of a file: one that never ends is none.
+_BYTES = 1_000_000
 # Two keys of one quantity, beside NAME and nominal_NAME.
 _SAME = {"inertia": "inertia_ratio"}
 # Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come down.
@@ -178,7 +180,7 @@ def load_scene(table: str | Path | None, given: str | Path | None = None) -> Sce
         return Scene()
     try:
         # Dates become texts.
-        tree = msgspec.to_builtins(tomllib.loads(place.read_bytes().decode("utf-8-sig")))
+        tree = msgspec.to_builtins(tomllib.loads(_content(place).decode("utf-8-sig")))
         _refuse(_faults(tree))
         return msgspec.convert(tree, Scene)
     except InputError as error:
@@ -191,6 +193,14 @@ def load_scene(table: str | Path | None, given: str | Path | None = None) -> Sce
         words = one_line(str(getattr(error, "strerror", "") or error))
         faults = (Fault("scene", f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"),)
     raise InputError(str(place), faults)
+
+
+def _content(place: Path) -> bytes:
+    with place.open("rb") as file:
+        content = file.read(_BYTES + 1)
+    if len(content) > _BYTES:
+        raise ValueError(f"more than {_BYTES:,} bytes")
+    return content
 
 
 def _fault(key: str, message: str) -> Fault:

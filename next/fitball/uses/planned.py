@@ -179,7 +179,7 @@ def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None
 def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]:
     """Parameters and derived quantities by name (`mu`: on every surface), `impact=v_1=30, theta_1=16 deg`: its
     rebound; none: all free parameters of the model. `keys` are the combinations of levels that count. Raises
-    ParameterError (`unknown-quantity`, `impact`, `not-measured`, `nothing-free`).
+    ParameterError (`unknown-quantity`, `fixed`, `impact`, `not-measured`, `nothing-free`).
     """
     summary, levels = fit.summary, fit.problem.forward.levels
     left_out = {
@@ -204,6 +204,8 @@ def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]
         if not names:
             raise ParameterError("no parameter of the model is free: name a target", "nothing-free")
     found = [fit.quantity(name) for name in dict.fromkeys(names)]
+    if held := [one.spec.name for one in found if one.spec.name not in summary.index]:
+        raise ParameterError(f"target {held[0]}: it is held in this fit; name one that is not", "fixed")
     for number, text in enumerate(words, 1):
         found += _rebounds(fit, text, keys, f" ({number})" if len(words) > 1 else "")
     return found
