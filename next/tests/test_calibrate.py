@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from support.made_fit import TRUTH, table_of
 
@@ -27,7 +28,7 @@ def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_pat
     assert made >= {"report.html", "fit.json", "fit.nc", "summary.csv", "corner.png", "curves.png", "references.bib"}
     fit = read(tmp_path / "fit")
     again = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=2, progress=False)
-    assert fit == again and fit.run.key == again.run.key
+    assert fit == again and fit.run.key == again.run.key and fit.run.packages["numpy"] == np.__version__
     # Another seed gives other draws of the same posterior.
     other = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=3, progress=False)
     moved = fit.moved_from(other)

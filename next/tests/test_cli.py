@@ -57,7 +57,6 @@ def test_options_are_those_of_the_signature():
         (("calibrate", "a.csv", "--over"), "--overwrite"),
         (("calibrate", "a.csv", "--no-figures"), "--figures"),
         (("predict", "fit", "a.csv", "b.csv"), "b.csv"),
-        # What is unknown is said before what is missing.
         (("simulate", "--map"), "--map"),
         (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
         (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),

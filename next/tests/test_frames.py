@@ -72,9 +72,7 @@ def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monk
     assert found.groupby("row")["share"].sum().tolist() == pytest.approx([1.0] * 40)
     most = found.sort_values("share").groupby("row").last()
     assert most["regime"].tolist() == impacts["regime"].tolist() and most["id"].tolist() == impacts["id"].tolist()
-    sd = float(fit.draws.best["v_y_sd"][0])
-    np.testing.assert_allclose(fit.balances["cor_sd"], sd / impacts["v_y1"], rtol=1e-12)
-    # Of a long table some.
+    np.testing.assert_allclose(fit.balances["cor_sd"], fit.draws.best["v_y_sd"][0] / impacts["v_y1"], rtol=1e-12)
     monkeypatch.setattr(frames, "PREDICTED", 3)
     assert [*dict.fromkeys(frames.regimes(fit.problem, fit.draws)["row"])] == [0, 20, 39]
 

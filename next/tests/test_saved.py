@@ -66,7 +66,6 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
     [
         ("fit.json", b'"point": 0.56', b'"point": 0.57', "changed"),
         ("fit.json", b'"version": 1', b'"version": 2', "other-version"),
-        # As the second edition wrote it.
         ("fit.json", b'"version": 1', b'"schema_version": 8', "other-version"),
         ("fit.json", b'"kind": "fitball fit"', b'"kind": "other"', "no-fit"),
         ("fit.json", b"{", b"", "no-fit"),
@@ -80,7 +79,6 @@ def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
     with pytest.raises(FolderError) as caught:
         pair.read(tmp_path)
     assert caught.value.code == code
-    # A batch makes a damaged one again, and keeps one that it cannot read.
     assert code == "changed" or pair.key_of(tmp_path) == code * (code == "other-version")
 
 

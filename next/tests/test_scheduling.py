@@ -79,14 +79,8 @@ def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
             os.kill(int((tmp_path / "0").read_text()), 0)
 
 
-WAITING = """
-import time
-from fitball.scheduling import as_completed
-def waits(item):
-    print(item, flush=True)
-    time.sleep(300)
-list(as_completed(waits, [1, 2], 2))
-"""
+WAITING = """import time, fitball.scheduling
+list(fitball.scheduling.as_completed(lambda k: (print(k, flush=True), time.sleep(300)), [1, 2], 2))"""
 
 
 @POSIX
