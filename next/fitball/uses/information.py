@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitball.columns import COLUMNS, STATE
+from fitball.columns import COLUMNS
 from fitball.data.scene import Quantity as Stated
 from fitball.errors import ParameterError
 from fitball.inference.derived import Quantity
@@ -139,8 +139,7 @@ class _Measured:
         def shown(rows: FloatArray) -> FloatArray:
             states = impacts
             if errors is not None:
-                away = np.einsum("ikl,dl->dik", errors.axes, rows[:, self.size :])
-                states = Impacts(*(getattr(impacts, name) + away[:, :, k] for k, name in enumerate(STATE)))
+                states = impacts.moved(np.einsum("ikl,dl->dik", errors.axes, rows[:, self.size :]))
             seen = asked.shown(problem.forward, known.values(rows[:, : self.size]), states)
             return np.stack([seen.column(name) for name in columns], axis=2)
 
