@@ -12,7 +12,6 @@ import numpy as np
 
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked
-from fitball.inference.problem.camera import CameraModel
 from fitball.inference.problem.problem import Problem
 from fitball.inference.summary import bands
 from fitball.models.types import Status
@@ -38,69 +37,63 @@ class Series(NamedTuple):
     like: int
 
 
+class _Places(NamedTuple):
+    """Speeds and spins (impacts,), and the radius that makes these speeds."""
+
+    speed: FloatArray
+    spin: FloatArray
+    radius: float
+
+    def near(self, rows: IntArray, speed: float, spin: float, share: float) -> IntArray:
+        """Of rows those near a speed and spin."""
+        away = self.radius * np.abs(self.spin[rows] - spin)
+        return rows[np.maximum(np.abs(self.speed[rows] - speed), away) <= share * speed]
+
+    def crowd(self, rows: IntArray) -> tuple[float, float, IntArray]:
+        """A round speed and spin with as many of `rows` near them as at any of those tried."""
+        tried = rows[np.unique(np.linspace(0, rows.size - 1, _TRIED).round().astype(np.int64))]
+        near = max((self.near(rows, self.speed[k], self.spin[k], _NEAR) for k in tried), key=len)
+        middle = float(np.median(self.speed[near]))
+        middle = _rounded(middle, _NEAR * middle)
+        turning = _rounded(float(np.median(self.spin[near])), _NEAR * middle / self.radius)
+        # Of two impacts far apart the rounded middle may lie near neither.
+        round_near = self.near(rows, middle, turning, _NEAR)
+        return middle, turning, round_near if round_near.size else near
+
+
 def series(problem: Problem) -> tuple[tuple[Series, ...], IntArray]:
     """The curves of a table, and of each impact (impacts,) the nearest: of its own level, if that has one, by speed,
-    and spin as the speed of the surface.
+    and spin as the speed of the surface. A drop test has one a level.
     """
-    speed, spin, levels = _states(problem)
-    tangential, keys = problem.forward.model.tangential, np.unique(levels)
-    left, found = {int(key): np.flatnonzero(levels == key) for key in keys}, list[Series]()
-    while left and len(found) < _MOST:
-        drawn = {int(levels[one.like]) for one in found}
-        crowds = {key: _crowd(problem, rows) for key, rows in left.items()}
+    forward, states = problem.forward, problem.rows.states
+    tangential, radius = forward.model.tangential, forward.model.ball.radius
+    places, every = _Places(states.polar()[0], states.omega_1, radius), np.arange(len(states))
+    levels = np.unique(problem.rows.index, axis=0, return_inverse=True)[1].ravel()
+    left, found, drawn = {int(key): every[levels == key] for key in np.unique(levels)}, list[Series](), set[int]()
+    crowds = {key: places.crowd(rows) if tangential else (math.nan, 0.0, rows) for key, rows in left.items()}
+    while crowds and len(found) < _MOST:
         # First every level, then where most impacts are.
         key = max(crowds, key=lambda key: (key not in drawn, crowds[key][2].size))
-        middle, turning, near = crowds[key]
+        middle, turning, near = crowds.pop(key)
         if key in drawn and near.size < _FEWEST:
-            del left[key]
             continue
-        found.append(Series(_name(problem, int(near[0])), middle, turning, int(near[0])))
-        # What lies a little further off would make another curve like this one; a drop test has one a level.
-        rest = np.setdiff1d(left.pop(key), _near(problem, np.arange(len(speed)), middle, turning, 2.0 * _NEAR))
-        if rest.size and tangential:
-            left[key] = rest
+        drawn.add(key)
+        labels = (own.labels[k] for own, k in zip(forward.levels, problem.rows.index[near[0]], strict=True))
+        found.append(Series(", ".join(dict.fromkeys(labels)), middle, turning, int(near[0])))
+        if tangential:
+            # What lies a little further off would make another curve like this one.
+            left[key] = np.setdiff1d(left[key], places.near(every, middle, turning, 2.0 * _NEAR))
+            if left[key].size:
+                crowds[key] = places.crowd(left[key])
     found.sort(key=lambda one: (one.name, one.spin, one.speed))
-    radius = problem.forward.model.ball.radius
-    away = np.stack([np.hypot(radius * (spin - one.spin), speed - one.speed if tangential else 0.0) for one in found])
+    away = np.stack(
+        [
+            np.hypot(radius * (places.spin - one.spin), places.speed - one.speed if tangential else 0.0)
+            for one in found
+        ]
+    )
     other = np.stack([levels != levels[one.like] for one in found])
     return tuple(found), np.where(other & ~other.all(axis=0), np.inf, away).argmin(axis=0)
-
-
-def _states(problem: Problem) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Speeds, spins and places of the combination of levels (impacts,)."""
-    states = problem.rows.states
-    _, levels = np.unique(problem.rows.index, axis=0, return_inverse=True)
-    return states.polar()[0], states.omega_1, levels.ravel()
-
-
-def _name(problem: Problem, row: int) -> str:
-    """The labels of an impact's levels, each once."""
-    forward, index = problem.forward, problem.rows.index[row]
-    return ", ".join(dict.fromkeys(own.labels[k] for own, k in zip(forward.levels, index, strict=True)))
-
-
-def _near(problem: Problem, rows: IntArray, speed: float, spin: float, share: float) -> IntArray:
-    """Of rows those near a speed and spin; in a drop test all."""
-    if not problem.forward.model.tangential:
-        return rows
-    own, turning, _ = _states(problem)
-    away = problem.forward.model.ball.radius * np.abs(turning[rows] - spin)
-    return rows[np.maximum(np.abs(own[rows] - speed), away) <= share * speed]
-
-
-def _crowd(problem: Problem, rows: IntArray) -> tuple[float, float, IntArray]:
-    """A round speed and spin with as many of `rows` near them as at any of those tried."""
-    speed, spin, _ = _states(problem)
-    if not problem.forward.model.tangential:
-        return math.nan, 0.0, rows
-    tried = rows[np.unique(np.linspace(0, rows.size - 1, _TRIED).round().astype(np.int64))]
-    near = max((_near(problem, rows, speed[k], spin[k], _NEAR) for k in tried), key=len)
-    middle = float(np.median(speed[near]))
-    middle = _rounded(middle, _NEAR * middle)
-    turning = _rounded(float(np.median(spin[near])), _NEAR * middle / problem.forward.model.ball.radius)
-    # Of two impacts far apart the rounded middle may lie near neither.
-    round_near = _near(problem, rows, middle, turning, _NEAR)
-    return middle, turning, round_near if round_near.size else near
 
 
 def _rounded(value: float, tolerance: float) -> float:
@@ -124,12 +117,10 @@ def curves(problem: Problem, draws: Draws) -> DataFrame:
     names = {one.name for one in found}
     for k, one in enumerate(found):
         along = _range(place, tangential)
-        shown = Asked(
-            _along(one, along),
-            np.tile(problem.rows.index[one.like], (_POINTS, 1)),
-            columns,
-            camera=_camera(problem, one),
-        )
+        index = np.tile(problem.rows.index[one.like], (_POINTS, 1))
+        # What is drawn beside measurements is what the camera of their session shows.
+        camera = None if problem.camera is None else problem.camera.take(np.full(_POINTS, one.like))
+        shown = Asked(_along(one, along), index, columns, camera=camera)
         best = shown.shown(problem.forward, draws.best, shown.impacts)
         drawn = shown.shown(problem.forward, values if count else draws.best, shown.impacts)
         own = place[which == k]
@@ -164,8 +155,3 @@ def _along(one: Series, along: FloatArray) -> Impacts:
     if math.isnan(one.speed):
         return Impacts(np.zeros(_POINTS), along, spin)
     return Impacts(one.speed * np.cos(along), one.speed * np.sin(along), spin)
-
-
-def _camera(problem: Problem, one: Series) -> CameraModel | None:
-    """What is drawn beside measurements is what the camera of their session shows."""
-    return None if problem.camera is None else problem.camera.take(np.full(_POINTS, one.like))

@@ -17,10 +17,9 @@ from fitball.inference.effort import PREDICTED
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked, predict
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results import Alternative, Constant, Diagnostics, Estimate, Profile
+from fitball.inference.results import Alternative, Constant, Diagnostics, Estimate, Profile, Summary
 from fitball.values import DataFrame, Impacts
 
-_NUMBERS = ("point", "median", "sd", "q025", "q16", "q84", "q975")
 # Kinds in the order of the page.
 _ORDER = ("model", "level", "derived", "noise", "ball", "camera")
 # Draws of which shares are taken: the error of a share is 0.025 at most.
@@ -43,7 +42,7 @@ def summary(
         order = sorted(moved, key=lambda given: -moved[given] if np.isfinite(moved[given]) else np.inf)
         rows[one.name] = {
             "kind": one.kind, "unit": one.unit, "meaning": one.meaning,
-            **{name: getattr(one, name) for name in _NUMBERS},
+            **{name: getattr(one, name) for name in Summary.__struct_fields__},
             "prior": one.prior, "contraction": one.contraction,
             "profile_low": -np.inf if ends[0] is None else ends[0],
             "profile_high": np.inf if ends[1] is None else ends[1],
@@ -100,23 +99,16 @@ def laid_out(found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impa
     """What `predict` found with id, labels, incident state and `more` of each impact (impacts,) before it; a label
     does not replace a column.
     """
+    import pandas as pd
+
     speed, angle = states.polar()
-    shared: dict[str, Any] = {
-        "id": labels["id"],
-        **labels,
-        "v_1": speed,
-        "theta_1": angle,
-        **{name: getattr(states, name) for name in STATE},
-        **more,
-    }
+    shared: dict[str, Any] = {"id": labels["id"], **labels, "v_1": speed, "theta_1": angle}
+    shared |= {**{name: getattr(states, name) for name in STATE}, **more}
     places = found.pop("row").to_numpy()
-    lead = {"row": places}
-    for name, column in shared.items():
-        if name not in found.columns:
-            lead[name] = np.asarray(column)[places]
-    for place, (name, values) in enumerate(lead.items()):
-        found.insert(place, name, values)
-    return found
+    lead = {
+        name: np.asarray(column)[places] for name, column in shared.items() if name not in ("row", *found.columns)
+    }
+    return pd.concat([pd.DataFrame({"row": places} | lead), found], axis=1)
 
 
 def variants(estimates: Sequence[Estimate], tried: Sequence[Alternative], held: Sequence[Constant]) -> DataFrame:
