@@ -230,6 +230,25 @@ def test_three_outliers_do_not_hide_each_other_and_students_t_allows_them():
     assert said(table_with("wild"), noise="student-t")[2].answer == "describes"
 
 
+def test_a_pattern_moves_what_follows_from_parameters_that_it_moves_little():
+    """Drops from one height, one of two balls higher: in sds of the rebound, by a regression with that ball."""
+    speed, high = np.linspace(7.0, 7.1, 12), np.arange(12) % 2
+    values = {"v_y1": speed, "v_y2": 0.74 * speed + 0.1 * high + 0.01 * np.sin(5.0 * speed)}
+    labels = {"id": tuple("abcdefghijkl"), "group": tuple("xy"[k] for k in high)}
+    problem, first, _ = said(ImpactTable("drops", values, {}, {}, labels))
+    point = at(problem, first.proposal.centre)
+    found = adequacy(problem, point, first, problem.derived)
+    padded = np.zeros((2, len(first.slopes)))
+    padded[:, :12] = first.residual, first.direction("v_y2", 1.0 * high)
+    designs = first.slopes, np.column_stack([first.slopes, padded[1]])
+    without, both = (np.linalg.lstsq(design, padded[0], rcond=None)[0][:2] for design in designs)
+    # A drop from 254 cm lands with 7.06 m/s, as the seventh does.
+    rate = first.slopes[6]
+    sd = np.sqrt(rate @ np.linalg.inv(first.slopes.T @ first.slopes) @ rate)
+    assert found.moved["cor_254cm"] == pytest.approx(abs(rate @ (both - without)) / sd, rel=0.05)
+    assert found.moved["cor_254cm"] > 1.0 > 2.0 * max(found.moved["cor_10"], found.moved["cor_slope"])
+
+
 def test_columns_of_few_measurements_are_not_vouched_for_by_others():
     table = table_with()
     values = {**table.values, "omega_2": np.where(np.arange(24) < 5, table.values["omega_2"], np.nan)}

@@ -13,9 +13,7 @@ from fitball.inference import assumptions as module
 from fitball.inference.assumptions import alternatives, given, left_out
 from fitball.inference.constants import constants
 from fitball.inference.density import log_posterior, pointwise
-from fitball.inference.derived import quantities
 from fitball.inference.first_order import first_order, proposal
-from fitball.inference.forward import CalibratedRange
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.results import Alternative, Constant, Summary
@@ -137,8 +135,7 @@ def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
     problem = posed(usual)
     x = best(problem)
     first = first_order(problem, at(problem, x))
-    known = CalibratedRange(problem.rows.states, problem.rows.index, problem.scene.value().radius)
-    derived = quantities(problem.forward, known, problem.scene)
+    derived = problem.derived
     (found,) = (one for one in constants(problem, first, derived) if one.name == name)
     half = max(found.high - usual, usual - found.low)
     refits = [best(posed(usual + sign * step), x) for sign in (1.0, -1.0)]

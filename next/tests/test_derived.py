@@ -7,8 +7,8 @@ from scipy import stats
 from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 
 from fitball.data.scene import BallSection, Scene
-from fitball.inference.derived import anchored, differences, parameter, quantities
-from fitball.inference.forward import CalibratedRange, Draws
+from fitball.inference.derived import anchored, differences, parameter
+from fitball.inference.forward import Draws
 
 # Fitted by the second edition to wang_all.csv.
 WANG = {
@@ -17,13 +17,8 @@ WANG = {
 }  # fmt: skip
 
 
-def known_of(problem):
-    return CalibratedRange(problem.rows.states, problem.rows.index, problem.scene.value().radius)
-
-
 def found_in(problem):
-    made_of = quantities(problem.forward, known_of(problem), problem.scene)
-    return {one.spec.name: one for one in made_of}
+    return {one.spec.name: one for one in problem.derived}
 
 
 def at(problem, values):
@@ -90,7 +85,7 @@ def test_a_drop_test_is_rated_by_its_rebound():
 def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median():
     slow = np.linspace(0.8, 2.7, 8)
     problem = grip_slip(2.0 * slow, slow)
-    assert anchored(problem.forward, known_of(problem)) == {"cor_10"}
+    assert anchored(problem.forward, problem.calibrated) == {"cor_10"}
     cor = found_in(problem)["cor_median"]
     values = at(problem, {**SLIDING, "cor_slope": -0.01})
     states = problem.rows.states
@@ -98,13 +93,13 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
     assert cor.rule(values)[0] == pytest.approx(np.interp(1.75, slow, rebound), rel=1e-4)
     assert not cor.extrapolated
     problem = problem_of(table_of(REBOUND), scene_of(time=True), "two-mass")
-    assert anchored(problem.forward, known_of(problem)) == frozenset()
+    assert anchored(problem.forward, problem.calibrated) == frozenset()
     table = made(
         {"v_x1": 2.0 * slow, "v_y1": slow, "omega_1": 0.0, "v_x2": slow, "v_y2": 0.7 * slow, "omega_2": slow}
     )
     problem = problem_of(table, None, "two-mass")
     found = found_in(problem)
-    assert anchored(problem.forward, known_of(problem)) == {"cor_10", "eps_10"}
+    assert anchored(problem.forward, problem.calibrated) == {"cor_10", "eps_10"}
     offset = found["eps_median"].rule(at(problem, {**WANG, "eps_slope": 1e-4}))
     assert offset[0] == pytest.approx(0.00237668043 + (1.75 - 10.0) * 1e-4)
 
@@ -114,7 +109,7 @@ def test_each_level_has_its_own_and_is_judged_by_itself():
     v_y = np.concatenate([np.linspace(1.0, 3.0, 8), np.linspace(7.0, 12.0, 8)])
     problem = grip_slip(3.0 * v_y, v_y, labels=both)
     assert {level.parameter for level in problem.forward.levels} == {"mu", "cor_10"}
-    assert anchored(problem.forward, known_of(problem)) == {"cor_10[clay]"}
+    assert anchored(problem.forward, problem.calibrated) == {"cor_10[clay]"}
     found = found_in(problem)
     assert {*found} == {"cor_median[clay]", "cor_median[hard]", "court_pace[clay]", "court_pace[hard]"}
     own = {"mu[clay]": 0.3, "mu[hard]": 0.25, "cor_10[clay]": 0.7, "cor_10[hard]": 0.8}

@@ -9,8 +9,6 @@ from support.made_fit import made_fit, table_of
 from fitball import itf
 from fitball.data.read import load_table
 from fitball.data.scene import BallSection, Scene
-from fitball.inference.derived import quantities
-from fitball.inference.forward import CalibratedRange
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.priors import ParameterSpec, parse_prior
@@ -232,8 +230,7 @@ def test_drops_on_several_surfaces_have_a_restitution_each_in_the_model():
     table = dropped(heights, surface=("concrete",) * 6 + ("clay",) * 6, ball=tuple("aaabbb" * 2))
     problem = build_problem(table, Scene(), Choices())
     assert [(level.parameter, level.labels) for level in problem.forward.levels] == [("cor_10", ("concrete", "clay"))]
-    states = CalibratedRange(problem.rows.states, problem.rows.index, problem.forward.model.ball.radius)
-    names = [one.spec.name for one in quantities(problem.forward, states, Scene())]
+    names = [one.spec.name for one in problem.derived]
     assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {*names} and "rebound_254cm" not in names
 
 

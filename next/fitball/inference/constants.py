@@ -13,7 +13,7 @@ from fitball import itf
 from fitball.inference.density import cells
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
-from fitball.inference.first_order import FirstOrder, gradients
+from fitball.inference.first_order import FirstOrder, slopes_of_all
 from fitball.inference.problem.problem import Problem
 from fitball.inference.results import Constant
 from fitball.models.specs import BALL_PARAMETERS
@@ -36,11 +36,9 @@ def constants(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) 
     constant does to them itself.
     """
     kept, place = np.unique(first.rows, return_inverse=True)
-    part, x, sds = problem.part(kept), first.proposal.centre, np.linalg.norm(first.root, axis=1)
-    fitted = [problem.free.index(name) for name in first.names]
-    along = gradients(problem, x, derived)[:, fitted] * first.sds
-    spread = np.linalg.norm(along @ first.root, axis=1)
-    found = []
+    part, x, along = problem.part(kept), first.proposal.centre, slopes_of_all(problem, first, derived)
+    spread, found = np.linalg.norm(along @ first.root, axis=1), []
+    names = [*first.names, *(one.spec.name for one in derived)]
     for name, value, low, high in _ranges(problem):
 
         def seen(at: FloatArray, name: str = name) -> FloatArray:
@@ -60,9 +58,9 @@ def constants(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) 
         if problem.contact_time is not None:
             row = first.slopes[first.residual.size]
             moves = moves - first.root @ (first.root.T @ row) * (time[0] / problem.contact_time[1])
-        whole = dict(zip(first.names, (moves / sds).tolist(), strict=True))
-        further = np.divide(own + along @ moves, spread, out=np.zeros(len(derived)), where=spread > 0.0)
-        whole |= {one.spec.name: by for one, by in zip(derived, further.tolist(), strict=True) if np.isfinite(by)}
+        further = along @ moves + np.concatenate([np.zeros(len(first.names)), own])
+        further = np.divide(further, spread, out=np.zeros(len(names)), where=spread > 0.0)
+        whole = {name: by for name, by in zip(names, further.tolist(), strict=True) if np.isfinite(by)}
         if max(map(abs, whole.values())) > NOTHING:
             found.append(Constant(name, low, high, whole))
     return tuple(found)
