@@ -180,7 +180,7 @@ def test_tables_have_the_rounded_numbers_and_a_note_for_each_doubt(fit):
     row = next(line for line in latex.split("\n") if r"$\mu$" in line)
     value, sd = (float(number) for number in re.search(r"\$([\d.]+) \\pm ([\d.]+)", row).groups())
     assert value == pytest.approx(one.median, abs=0.6 * 10 ** -len(str(value).partition(".")[2]))
-    assert sd == pytest.approx(one.sd, rel=0.06)
+    assert sd == pytest.approx(one.half, rel=0.06)
     assert f"{value} ± {sd}" in markdown
     for verdict, mark in (("given", "a"), ("conditional", "b"), ("one-sided", "d"), ("prior-dominated", "e")):
         name = next(each.name for each in fit.parameters.values() if each.verdict == verdict)

@@ -11,6 +11,7 @@ import fitball
 from fitball.inference import frames
 from fitball.inference.curves import curves, series
 from fitball.inference.results import Alternative, Summary
+from fitball.inference.summary import summarise
 
 SHOWN = ("v_x2", "v_y2", "omega_2")
 
@@ -84,7 +85,7 @@ def test_a_point_fit_has_curves_without_bands():
 
 
 def test_what_another_choice_moves_is_in_sds_of_the_fit():
-    here = SimpleNamespace(name="mu", sd=0.02, median=0.5, q025=0.46, q975=0.54)
+    here = SimpleNamespace(name="mu", half=0.02, median=0.5, q025=0.46, q975=0.54)
     there = Summary(0.53, 0.53, 0.03, 0.45, 0.5, 0.56, 0.62)
     shared = {"instead_of": "offset=contact", "score": None, "error": None, "as_good": True}
     parts = {name: SimpleNamespace(**shared, choice=name, reason=reason, summaries={"mu": there})
@@ -92,6 +93,8 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
     assert {*shared, "choice", "reason", "summaries"} <= {*Alternative.__struct_fields__}
     held = SimpleNamespace(name="ball_radius", low=0.032, high=0.034, moves={"mu": -0.5})
     found = frames.variants([here], [*parts.values()], [held]).set_index("choice")
+    far = np.append(np.random.default_rng(1).normal(0.5, 0.02, 4000), np.full(20, 50.0))
+    assert summarise(far, 0.5).half == pytest.approx(0.02, rel=0.05) and summarise(far, 0.5).sd > 1.0
     # (0.53 - 0.5)/0.02, and (0.62 - 0.54)/0.02 at the far end.
     assert found.loc["offset=grip", ["moved", "reach"]].tolist() == pytest.approx([1.5, 4.0])
     assert found.loc["spin=shell", "quantity"] == "" and pd.isna(found.loc["spin=shell", "moved"])
@@ -100,8 +103,8 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
 
 def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_one():
     here = SimpleNamespace(
-        name="mu", kind="model", unit="", meaning="", point=0.5, median=0.5, sd=0.02, q025=0.46, q16=0.48, q84=0.52,
-        q975=0.54, prior="", contraction=0.9, verdict="given", reason="", given=("normal=momentum", "model"),
+        name="mu", kind="model", unit="", meaning="", point=0.5, median=0.5, sd=0.02, half=0.02, q025=0.46, q16=0.48,
+        q84=0.52, q975=0.54, prior="", contraction=0.9, verdict="given", reason="", given=("normal=momentum", "model"),
     )  # fmt: skip
     shared = {"instead_of": "normal=momentum", "score": None, "error": None, "reason": ""}
     shifts = ((0.002, 0.1, True), (0.06, 0.0, True), (0.001, 0.0, True), (0.4, 0.0, False))

@@ -125,10 +125,10 @@ def variants(estimates: Sequence[Estimate], tried: Sequence[Alternative], held: 
         }  # fmt: skip
         for name, there in choice.summaries.items() if not choice.reason else ():
             moved = reach = np.nan
-            if name in own and own[name].sd > 0.0:
+            if name in own and own[name].half > 0.0:
                 here = own[name]
-                moved = abs(there.median - here.median) / here.sd
-                reach = max(moved, (here.q025 - there.q025) / here.sd, (there.q975 - here.q975) / here.sd)
+                moved = abs(there.median - here.median) / here.half
+                reach = max(moved, (here.q025 - there.q025) / here.half, (there.q975 - here.q975) / here.half)
             ends = {"median": there.median, "q025": there.q025, "q975": there.q975, "moved": moved, "reach": reach}
             rows.append({**shared, "quantity": name, **ends})
         if choice.reason:
@@ -136,7 +136,7 @@ def variants(estimates: Sequence[Estimate], tried: Sequence[Alternative], held: 
     for constant in held:
         for name, moved in constant.moves.items():
             here = own[name]
-            ends = {"q025": here.median - abs(moved) * here.sd, "q975": here.median + abs(moved) * here.sd}
+            ends = {"q025": here.median - abs(moved) * here.half, "q975": here.median + abs(moved) * here.half}
             rows.append(
                 {"choice": constant.name, "instead_of": "", "rests_on": constant.name, "low": constant.low,
                  "high": constant.high, "score": np.nan, "error": np.nan, "as_good": True, "reason": "",

@@ -130,4 +130,4 @@ def _estimate(spec, known, kind, prior, verdict, rests=()):
 
 def _shifted(one, sds):
     ends = (one.point, one.median, 0.0, one.q025, one.q16, one.q84, one.q975)
-    return results.Summary(*(end + sds * one.sd for end in ends))
+    return results.Summary(*(end + sds * one.half for end in ends))
