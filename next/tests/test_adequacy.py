@@ -214,6 +214,10 @@ def test_answers():
     _, _, few = said(table_with(rows=6))
     assert few.answer == "undecided"
     assert min(few.unseen.values()) > 0.6
+    # What a bend of the restitution looks like once its slope is fitted.
+    for fix, alike in (({}, True), ({"cor_slope": -0.012}, False)):
+        tests = said(table_with(seed=1), fix=fix)[2].tests
+        assert ["v_y1" in one.pattern for one in tests if (one.kind, one.column) == ("bias", "v_y2")] == [alike]
 
 
 def test_the_remedy_of_surfaces_removes_the_fault():

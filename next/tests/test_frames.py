@@ -104,7 +104,8 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
 def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_one():
     here = SimpleNamespace(
         name="mu", kind="model", unit="", meaning="", point=0.5, median=0.5, sd=0.02, half=0.02, q025=0.46, q16=0.48,
-        q84=0.52, q975=0.54, prior="", contraction=0.9, verdict="given", reason="", given=("normal=momentum", "model"),
+        q84=0.52, q975=0.54, prior="", contraction=0.9, verdict="given", reason="",
+        given=("normal=momentum", "model"),
     )  # fmt: skip
     shared = {"instead_of": "normal=momentum", "score": None, "error": None, "reason": ""}
     shifts = ((0.002, 0.1, True), (0.06, 0.0, True), (0.001, 0.0, True), (0.4, 0.0, False))
