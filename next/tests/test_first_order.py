@@ -156,6 +156,9 @@ def test_a_scatter_that_vanishes_has_room():
     known = (2.0 / np.sum(stated**-4.0)) ** 0.25
     found = np.sqrt((proposal(problem, x).factor[k] ** 2).sum())
     assert 0.3 * known < found < 1.5 * known
+    # Where the column is withheld its half-t prior alone says how far: scale 0.25, four degrees of freedom.
+    alone = proposal(problem.only(("v_y2", "omega_2")), x).factor[k]
+    assert np.sqrt((alone**2).sum()) == pytest.approx(0.25 / np.sqrt(1.25), rel=1e-3)
 
 
 def test_long_tables_are_thinned_and_streamed(monkeypatch):
