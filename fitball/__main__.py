@@ -1,9 +1,8 @@
-"""`python -m fitball`."""
-
-from __future__ import annotations
+"""`python -m fitball` is the command line. Imports: cli."""
 
 import sys
 
-from fitball.cli.main import main
+from fitball.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,188 +1,132 @@
-"""The errors of fitball, one class for each kind.
+"""Errors that a user can correct, and notes that a user should read. Imports: text.
 
-Every error that a user can cause is a `FitballError`: the command line prints its message without a
-traceback and exits with 2. The message says what was read, where, what was expected and what to do.
+One class for each kind of remedy; each error, fault and note has a stable `code`. Tests and programs look at codes
+and places, never at sentences.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from numbers import Integral
+from typing import Any
 
-from fitball.visible import folded, kind_of, one_line
-from fitball.wording import option, spoken
+from fitball.text import listed, one_line, visible
+
+# Rows of a kind of fault that are named one by one, and lines of a message.
+_ROWS, _LINES = 6, 40
+# How alike a known name is that is probably meant: one slip in a name of three letters.
+_ALIKE = 0.7
 
 
 class FitballError(Exception):
-    """Base of all errors that a user can correct."""
+    """Printed without traceback, exit code 2. It says what was read, where, what was expected, and what to do."""
 
+    def __init__(self, message: str, code: str) -> None:
+        # It may quote a file or an option.
+        super().__init__(visible(message))
+        self.code = code
 
-class ModelError(FitballError):
-    """An unknown model or closure, or a combination that does not exist."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        # It may come from another process.
+        return type(self), (str(self), self.code)
 
 
 class ParameterError(FitballError):
-    """A parameter value or prior that is unknown, out of bounds or impossible for the model."""
+    """A value, prior, unit, label, option or name that is unknown, out of bounds or impossible."""
 
 
-def check_whole(**numbers: object) -> None:
-    """Raise ParameterError unless each is a whole number, not negative; None is the default."""
-    for name, value in numbers.items():
-        if value is not None and (isinstance(value, bool) or not isinstance(value, Integral) or value < 0):
-            raise ParameterError(f"{name} = {value!r}: expected a whole number, 0 or more")
-
-
-class UnitError(FitballError):
-    """A unit that is unknown, or of another quantity."""
-
-
-class SceneError(FitballError):
-    """A scene file (TOML) that cannot be used."""
-
-
-def fault_list(source: str, count: int, lines: Iterable[str]) -> str:
-    """The message that lists the faults of a file."""
-    return _bulleted(f"{one_line(source)}: {count} fault{'s' if count != 1 else ''}", lines)
-
-
-class ResultFolderError(FitballError):
-    """A result folder that cannot be written, read or resumed."""
-
-
-class MemoryShortageError(FitballError):
-    """Work that does not fit into the memory of the machine."""
-
-
-class EnvironmentSettingError(FitballError):
-    """A setting of the environment that fitball cannot run with."""
-
-
-@contextmanager
-def enough_memory() -> Iterator[None]:
-    """Raise MemoryShortageError when the code inside runs out of memory."""
-    try:
-        yield
-    except MemoryError as error:
-        raise MemoryShortageError(
-            f"not enough memory on this machine ({str(error) or 'nothing left'}): fit fewer rows or models at once, "
-            + spoken(
-                "with fewer --cores and --walkers, or calibrate with --point-only, which needs the least",
-                "with fewer cores and walkers, or calibrate with point_only=True, which needs the least",
-            )
-        ) from None
-
-
-class TrackError(FitballError):
-    """Positions of a ball in which there is no impact."""
+class ModelError(FitballError):
+    """A model or option that does not exist or cannot do this; a function of one's own that cannot be used."""
 
 
 class FitError(FitballError):
     """A fit that is impossible with this input."""
 
 
+class FolderError(FitballError):
+    """A file or result folder that cannot be written, locked or read, is of another version, or was changed."""
+
+
+class MachineError(FitballError):
+    """Too little memory, or a setting of the environment with which fitball cannot run."""
+
+
 @dataclass(frozen=True)
 class Fault:
-    """One fault of an input file.
+    """One fault of an input file; `row` counts rows of data, `line` lines of the file, both from 1."""
 
-    `row` counts data rows from 1 (the header is not a row), `line` counts lines of the file from 1.
-    Either is None for a fault without a row.
-    """
-
+    code: str
     message: str
     row: int | None = None
     line: int | None = None
     column: str | None = None
 
-    def __str__(self) -> str:
-        where = []
-        if self.row is not None:
-            where.append(f"row {self.row}" + (f" (line {self.line})" if self.line is not None else ""))
-        elif self.line is not None:
-            where.append(f"line {self.line}")
-        if self.column is not None:
-            where.append(f"column '{self.column}'")
-        return one_line(f"{', '.join(where)}: {self.message}" if where else self.message)
 
-
-# Rows of a kind of fault that are named one by one.
-ROWS_NAMED = 6
-
-
-class TableError(FitballError):
-    """An impact table that cannot be used, with every fault; the message has one line for each kind. `hints` are
-    readings that fit better.
-    """
+class InputError(FitballError):
+    """A table, scene or film that cannot be used: all faults, and readings that explain the data better (`hints`)."""
 
     def __init__(self, source: str, faults: Iterable[Fault], hints: Sequence[str] = ()) -> None:
-        self.source = source
-        self.faults = tuple(faults)
-        self.hints = tuple(hints)
-        lines = _grouped(self.faults)
-        if len(lines) == 1 and lines[0] == self.faults[0].message:
-            message = f"{one_line(source)}: {lines[0]}"
+        self.source, self.faults, self.hints = one_line(source), tuple(faults), tuple(hints)
+        lines = _folded(self.faults)
+        if len(self.faults) == 1:
+            message = f"{self.source}: {lines[0]}"
         else:
-            message = fault_list(source, len(self.faults), folded((line, line) for line in lines))
+            message = "\n  - ".join([f"{self.source}: {len(self.faults):,} faults", *lines])
         if self.hints:
-            message += "\n" + _bulleted("possible reasons (these readings fit the data much better):", self.hints)
-        super().__init__(message)
+            head = "\nOther readings fit the data much better:"
+            message += "\n  - ".join([head, *(one_line(hint, 400) for hint in self.hints)])
+        super().__init__(message, self.faults[0].code)
 
-    def __reduce__(self) -> tuple[type[TableError], tuple[str, tuple[Fault, ...], tuple[str, ...]]]:
-        # It may come from another process.
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.source, self.faults, self.hints)
 
 
-def _grouped(faults: Sequence[Fault]) -> list[str]:
-    """One line for each kind of fault: a single fault, or the rows of several and the first in full."""
-    kinds: dict[tuple[str | None, str, bool], list[Fault]] = {}
-    for fault in faults:
-        kinds.setdefault((fault.column, kind_of(fault.message), fault.row is None), []).append(fault)
-    return [line for members in kinds.values() for line in _lines(members)]
+def _folded(faults: Sequence[Fault]) -> list[str]:
+    """One line for each kind of fault of the rows of a column, and one for each other fault."""
+    kinds: dict[object, list[Fault]] = {}
+    for k, fault in enumerate(faults):
+        kinds.setdefault(k if fault.row is None else (fault.column, fault.code), []).append(fault)
+    lines = [_line(members) for members in kinds.values()]
+    more = len(lines) - _LINES
+    return lines if more <= 0 else [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
 
 
-def _lines(members: Sequence[Fault]) -> list[str]:
+def _line(members: Sequence[Fault]) -> str:
+    """Where, and the message of the first."""
     first = members[0]
-    if len(members) == 1 or first.row is None:
-        return [str(fault) for fault in members]
-    line = f"line {first.line}" if first.line is not None else ""
-    if len(members) <= ROWS_NAMED:
-        where = f"rows {', '.join(str(fault.row) for fault in members)}" + (f" (first: {line})" if line else "")
-    else:
-        where = f"{len(members):,} rows (first: row {first.row}{', ' + line if line else ''})"
-    column = f", column '{first.column}'" if first.column is not None else ""
-    return [one_line(f"{where}{column}: {first.message}")]
+    row = "" if first.row is None else f"row {first.row}"
+    line = "" if first.line is None else f"line {first.line}"
+    where = f"{row} ({line})" if row and line else row + line
+    if len(members) > 1:
+        rows = listed((str(member.row) for member in members), most=_ROWS)
+        where = f"rows {rows} (first: {line or row})"
+    column = "" if first.column is None else f"{'key' if first.code == 'scene' else 'column'} '{first.column}'"
+    return one_line(": ".join(filter(None, [", ".join(filter(None, [where, column])), first.message])), 400)
 
 
-EXPLAINED = "another reading fits the data much better than the header:"
+@dataclass(frozen=True)
+class Note:
+    """A sentence on what was assumed, left out or doubted; it stopped nothing."""
+
+    code: str
+    text: str
 
 
-class ReadingError(FitballError):
-    """A table that other readings fit much better than its header, or with copied rows, as `head` says; `readings`
-    have the numbers, and what to do.
-    """
-
-    def __init__(self, source: str, readings: Sequence[str], head: str = EXPLAINED) -> None:
-        self.source, self.head = source, head
-        self.readings = tuple(readings)
-        super().__init__(
-            _bulleted(f"{one_line(source)}: {head}", self.readings)
-            + f"\n  if the table is right, pass {option('as_read')}"
-        )
-
-    def __reduce__(self) -> tuple[type[ReadingError], tuple[str, tuple[str, ...], str]]:
-        return type(self), (self.source, self.readings, self.head)
+@contextmanager
+def enough_memory() -> Iterator[None]:
+    """Raise MachineError (`memory`) where the code inside runs out of memory."""
+    try:
+        yield
+    except MemoryError as error:
+        remedy = "fit fewer rows or models at once, use fewer cores, or fit without the posterior (--point-only)"
+        text = f"not enough memory on this machine ({str(error) or 'nothing is left'}): {remedy}"
+        raise MachineError(text, "memory") from None
 
 
-def _bulleted(head: str, lines: Iterable[str]) -> str:
-    return "\n".join([head, *(f"  - {line}" for line in lines)])
-
-
-def suggestion(name: object, known: Iterable[str]) -> str:
-    """The nearest known spelling, or the list of all if none is near."""
-    choices = sorted(known)
-    near = get_close_matches(str(name), choices, n=1, cutoff=0.6)
-    if near:
-        return f"did you mean '{near[0]}'?"
-    return "known: " + ", ".join(choices)
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """`did you mean 'mu'?`, or the list of what is known."""
+    choices = list(dict.fromkeys(known))
+    bare = {choice.lstrip("-"): choice for choice in choices}
+    near = get_close_matches(name.lstrip("-"), bare, n=1, cutoff=_ALIKE)
+    near = [bare[one] for one in near] or [choice for choice in choices if name and choice.startswith(name)]
+    return f"did you mean '{near[0]}'?" if near else f"known: {one_line(', '.join(choices), 400)}"

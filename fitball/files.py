@@ -1,155 +1,162 @@
-"""Files written whole or not at all: under a random name in their folder, opened exclusively, then renamed.
+"""Files and result folders, whole or not at all, one run at a time. Imports: errors, text.
 
-A reader sees the old file or the new one. What a file holds is made before it is opened, HDF5 too: that library ends
-the process where it cannot write.
+Owns: temporary name and rename, CSV and JSON text, the lock of a folder (filelock). Nobody else writes files.
 """
 
 from __future__ import annotations
 
-import errno
+import json
 import os
 import re
 import secrets
-import shutil
-import stat
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
 
-from fitball.errors import ResultFolderError
+from fitball.errors import FolderError
+from fitball.text import one_line
 
-# Files that a killed run leaves behind; whoever writes in the folder next removes them (`report.form.folders`).
-LEFTOVERS = ".fitball-*.partial"
-FULL = {
-    errno.ENOSPC: "the disk is full",
-    errno.EDQUOT: "the quota of this user is used up",
-    errno.EFBIG: "larger than the limit for files (ulimit -f)",
-}
-KINDS = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
-# The descriptors that a path names: a file that one leads to is written on, not replaced.
-STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
-DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
-_WRITTEN: ContextVar[list[Path] | None] = ContextVar("_WRITTEN", default=None)
+# While a run holds a folder it has the first; the second lists what fitball wrote there, so that no file of an older
+# result is taken for one of the next; the third is what a killed run leaves.
+_LOCK, _WRITTEN, _PARTIAL = ".fitball.lock", ".fitball-files", ".fitball-*.partial"
+# How long figures wait for a run that writes into the folder of their fit [s].
+WAIT = 60.0
+# How cells begin that spreadsheets compute (OWASP, "CSV Injection"), and the numbers among them.
+_FORMULA = re.compile(r"'*[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
-def write_whole(path: Path, parts: Iterable[bytes | memoryview], *, named: bool = False) -> None:
-    """Write a file of these parts, in place of a regular file or a symbolic link, with the permissions of the umask.
+@dataclass(frozen=True)
+class ResultFolder:
+    """A folder whose lock this process holds; only `result_folder` makes one. `record` ends a result."""
 
-    A path that the user `named` is taken as a shell does: the file that a link leads to is replaced, pipes and
-    character devices are written into. Raises ResultFolderError when the system refuses, or where something lies that
-    is no file; BrokenPipeError when the reader of a pipe has left.
-    """
-    if named and is_stream(path):
-        _write_stream(path, parts)
-        return
-    place = linked(path) if named else path
-    refuse_special(place)
-    temporary, asked = place.with_name(f".fitball-{secrets.token_hex(8)}.partial"), 0
-    try:
-        # Exclusive: what lies there by that name, a link too, is not touched.
-        file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    path: Path
+    record: str = ""
+
+    def write(self, name: str, content: bytes) -> Path:
+        """Write a file whole; its place. Raises FolderError (`not-written`)."""
+        place = self.path / name
+        partial = place.with_name(f".fitball-{secrets.token_hex(8)}.partial")
         try:
-            for part in parts:
-                asked += len(part)
-                _write(file, part)
-        finally:
-            os.close(file)
-        temporary.replace(place)
-    except BaseException as error:
-        temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise ResultFolderError(refusal(path, error, asked)) from None
-        raise
-    written = _WRITTEN.get()
-    if written is not None:
-        written.append(place)
+            # Files for other programs are put into any folder, which no result ever clears.
+            if self.record or (self.path / _WRITTEN).exists():
+                with (self.path / _WRITTEN).open("a", encoding="utf-8") as written:
+                    written.write(f"{name}\n")
+            try:
+                # Exclusive: what lies there by that name, a link too, is not touched.
+                with partial.open("xb") as file:
+                    file.write(content)
+                    file.flush()
+                    # Else a machine that loses power may keep the name and lose the content.
+                    os.fsync(file.fileno())
+                partial.replace(place)
+            finally:
+                partial.unlink(missing_ok=True)
+        except OSError as error:
+            raise _refused(place, error, "not-written") from None
+        return place
+
+    def below(self, name: str) -> ResultFolder:
+        """A folder in this one, under the same lock. Raises FolderError (`no-folder`)."""
+        place = self.path / name
+        try:
+            place.mkdir(exist_ok=True)
+            for partial in place.glob(_PARTIAL):
+                partial.unlink(missing_ok=True)
+        except OSError as error:
+            raise _refused(place, error, "no-folder") from None
+        return ResultFolder(place)
+
+    def clear(self) -> None:
+        """Remove the older result, nothing without `record`; other files stay. Raises FolderError (`not-written`)."""
+        if not self.record:
+            return
+        try:
+            # The record first: without it nothing passes for a result.
+            (self.path / self.record).unlink(missing_ok=True)
+            # A last line that is cut off names no file.
+            names = (self.path / _WRITTEN).read_text(encoding="utf-8").split("\n")[:-1]
+            for name in dict.fromkeys([*names, _WRITTEN]):
+                # The list may come from anywhere: names of this folder only.
+                if name == PurePosixPath(name).name and name not in ("", ".."):
+                    (self.path / name).unlink(missing_ok=True)
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise _refused(self.path, error, "not-written") from None
 
 
 @contextmanager
-def all_or_none() -> Iterator[None]:
-    """Files written meanwhile are removed again when not all can be: no part of a result is left."""
-    outer = _WRITTEN.get()
-    written: list[Path] = []
-    before = _WRITTEN.set(written)
-    try:
-        yield
-    except BaseException:
-        for place in written:
-            place.unlink(missing_ok=True)
-        raise
-    finally:
-        _WRITTEN.reset(before)
-    if outer is not None:
-        outer.extend(written)
-
-
-def linked(path: Path) -> Path:
-    """Where a symbolic link leads; any other path as it is."""
-    return Path(os.path.realpath(path)) if path.is_symlink() else path
-
-
-def refuse_special(path: Path) -> None:
-    """Raise ResultFolderError where something lies that is neither a regular file nor a symbolic link."""
-    try:
-        mode = path.lstat().st_mode
-    except OSError:
-        # Nothing is there, or whoever opens it is told why it cannot be.
-        return
-    if not stat.S_ISREG(mode) and not stat.S_ISLNK(mode):
-        kind = next((words for is_kind, words in KINDS if is_kind(mode)), "a device")
-        raise ResultFolderError(f"{path}: is {kind}; only regular files are replaced: name another, or move it away")
-
-
-def is_stream(path: Path) -> bool:
-    """Whether a path that a user named is written into and holds nothing to replace: a pipe, a terminal or another
-    character device, a descriptor of this process such as `/dev/stdout`.
+def result_folder(
+    path: Path, *, overwrite: bool = False, record: str = "", wait: float = 0.0
+) -> Iterator[ResultFolder]:
+    """Make and lock a folder. An older result, with `record` as the file written last, is refused unless `overwrite`
+    and stays until `clear`, so that a run that fails loses nothing. `wait` [s] for another run. Raises FolderError
+    (`folder-in-use`, `older-result`, `no-folder`).
     """
-    if _descriptor(path) is not None:
-        return True
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(path / _LOCK, timeout=wait)
     try:
-        mode = path.stat().st_mode
-    except OSError:
-        return False
-    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
-
-
-def refusal(path: Path, error: OSError, asked: int) -> str:
-    """Why a file of (at least) so many bytes was not written."""
-    if error.errno not in FULL:
-        return f"{path}: cannot be written: {error.strerror or error}"
-    needed = f"it needs at least {asked:,} bytes" if asked else "there is no space for another file"
-    free = f", {shutil.disk_usage(path.parent).free:,} are free" if error.errno == errno.ENOSPC and asked else ""
-    return f"{path}: {FULL[error.errno]}: {needed}{free}; it was not written: free some space, or name another place"
-
-
-def _write(file: int, part: bytes | memoryview) -> None:
-    rest = memoryview(part).cast("B")
-    while rest:
-        rest = rest[os.write(file, rest) :]
-
-
-def _descriptor(path: Path) -> int | None:
-    text = os.fspath(path)
-    found = DESCRIPTOR.fullmatch(text)
-    return int(found[1]) if found else STREAMS.get(text) if os.name == "posix" else None
-
-
-def _write_stream(path: Path, parts: Iterable[bytes | memoryview]) -> None:
-    """All parts, once all are made."""
-    parts, number = list(parts), _descriptor(path)
-    # What was printed stands before it.
-    print(end="", flush=True)
-    try:
-        # A pipe without a reader waits for one, as everywhere.
-        file = os.open(path, os.O_WRONLY | getattr(os, "O_NOCTTY", 0)) if number is None else os.dup(number)
-        try:
-            for part in parts:
-                _write(file, part)
-        finally:
-            os.close(file)
-    except BrokenPipeError:
-        raise
+        missing = [place for place in (path, *path.parents) if not place.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        text = f"{path}: another run of fitball writes into this folder; wait until it ends, or name another folder"
+        raise FolderError(text, "folder-in-use") from None
     except OSError as error:
-        raise ResultFolderError(refusal(path, error, sum(map(len, parts)))) from None
+        raise _refused(path, error, "no-folder") from None
+    try:
+        for partial in path.glob(_PARTIAL):
+            partial.unlink(missing_ok=True)
+        if record and (path / record).exists() and not overwrite:
+            remedy = "replace it with --overwrite (overwrite=True), or name another folder"
+            raise FolderError(f"{path}: has {record} of an older run; {remedy}", "older-result")
+        yield ResultFolder(path, record)
+    finally:
+        # Before the release: who waits for a lock that is unlinked looks again. Windows removes no open file.
+        if os.name == "posix":
+            (path / _LOCK).unlink(missing_ok=True)
+        lock.release()
+        # Folders that were made for nothing; those that hold something stay.
+        with suppress(OSError):
+            for place in missing:
+                place.rmdir()
+
+
+def _refused(place: Path, error: OSError, code: str) -> FolderError:
+    what = "be written" if code == "not-written" else "be a result folder"
+    text = f"{one_line(str(place))}: cannot {what}: {error.strerror or error}; change that, or name another folder"
+    return FolderError(text, code)
+
+
+def with_index(frame: DataFrame) -> DataFrame:
+    """A frame with its index as first column, where that has a name."""
+    return frame.reset_index() if frame.index.names != [None] else frame
+
+
+def csv_bytes(frame: DataFrame) -> bytes:
+    """A frame as CSV, its index where that has a name: every digit of a number, empty cells for what is missing, and
+    no text that a spreadsheet would compute.
+    """
+    table = with_index(frame).rename(columns=_guarded)
+    texts = table.columns[[kind.kind not in "biuf" for kind in table.dtypes]]
+    table[texts] = table[texts].map(_guarded)
+    return table.to_csv(index=False, lineterminator="\n").encode()
+
+
+def _guarded(cell: Any) -> Any:
+    """A text that a spreadsheet would compute, guards aside, with one guard more."""
+    if isinstance(cell, str) and _FORMULA.match(cell) and not _NUMBER.fullmatch(cell):
+        return f"'{cell}"
+    return cell
+
+
+def json_bytes(content: Any) -> bytes:
+    """Lines of JSON, the last one ended. Raises ValueError for NaN and infinity, which JSON has not."""
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()

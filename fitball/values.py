@@ -1,229 +1,101 @@
-"""The two values that all rooms share: a ball, and the states of incident balls.
-
-They are here, beside `errors`, because tables and scenes (`data`) and solvers (`models`) both need them and do not
-import each other.
-"""
+"""The two values that all rooms share, a ball and states of incident balls, and names of types. Imports: errors."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
-from numbers import Real
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitball.errors import ParameterError
 
-FloatArray = NDArray[np.float64]
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Figure
+    from pandas import DataFrame as DataFrame
+else:
+    # Neither package is imported for a name in a signature.
+    Figure = DataFrame = Any
 
-# Wang's balls as the thesis describes them: 0.127 lb and 1.3 in (Jafri 2004, Appendix B); the
-# inertia from its bifilar test (Table 8), I/(M R^2) = 0.56, agrees with thick-shell theory.
-WANG_MASS = 0.0576
-WANG_RADIUS = 0.03302
-WANG_INERTIA_RATIO = 0.56
-# Beyond any ball, and far from where products of masses and lengths overflow or vanish.
-SMALLEST, LARGEST = 1e-30, 1e6
-# Quotients are told apart from infinity below this; numbers of tables times it are doubles still.
-FARTHEST = 1e150
-
-
-def numbers(name: str, values: ArrayLike) -> FloatArray:
-    """`values` as float64, NaN where they are masked. Raises ParameterError for what are no numbers."""
-    try:
-        if isinstance(values, np.ma.MaskedArray):
-            return np.ma.filled(values.astype(np.float64), np.nan)
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ParameterError(f"{name}: read {reprlib.repr(values)}, expected a number or an array of them") from None
-
-
-def quotient(top: ArrayLike, bottom: ArrayLike) -> FloatArray:
-    """`top / bottom`: infinite with its sign where it is beyond FARTHEST, as over zero. NaN for zero by zero and
-    infinity by infinity; nothing overflows.
-    """
-    above, below = np.asarray(top, dtype=np.float64), np.asarray(bottom, dtype=np.float64)
-    far = np.abs(above) > np.abs(below) * FARTHEST
-    result = np.where(far, np.copysign(np.inf, above) * np.copysign(1.0, below), np.nan)
-    return np.divide(above, below, out=result, where=~far & (np.abs(below) > 0.0) & np.isfinite(above))
-
-
-def same(one: object, other: object) -> bool:
-    """Whether two frozen values are equal through and through: arrays number by number, NaN to NaN."""
-    if is_dataclass(one) and not isinstance(one, type):
-        if type(one) is not type(other):
-            return False
-        return all(same(getattr(one, item.name), getattr(other, item.name)) for item in fields(one) if item.compare)
-    if isinstance(one, np.ndarray):
-        kind = one.dtype.kind
-        return isinstance(other, np.ndarray) and np.array_equal(one, other, equal_nan=kind in "fc")
-    if isinstance(one, Mapping):
-        if not isinstance(other, Mapping) or one.keys() != other.keys():
-            return False
-        return all(same(value, other[key]) for key, value in one.items())
-    if isinstance(one, tuple | list):
-        return isinstance(other, type(one)) and len(one) == len(other) and all(map(same, one, other))
-    return bool(one == other)
+# Far beyond any ball, and far from where products of masses and lengths overflow or vanish.
+_SMALLEST, _LARGEST = 1e-30, 1e6
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A tennis ball: `mass` [kg], outer `radius` [m], central moment of `inertia` [kg m^2].
+    """A ball: `mass` [kg], outer `radius` [m], moment of inertia over M R^2. Raises ParameterError (`ball`).
 
-    Raises ParameterError for values that are not positive and finite, or absurd. Too large is an inertia above
-    that of a ring of the same mass and radius.
+    The defaults are Wang's balls: 0.127 lb and 1.3 in (Jafri 2004, Appendix B), and the inertia of the bifilar test
+    (Table 8), which agrees with the theory of thick shells.
     """
 
-    mass: float = WANG_MASS
-    radius: float = WANG_RADIUS
-    inertia: float = WANG_INERTIA_RATIO * WANG_MASS * WANG_RADIUS**2
+    mass: float = 0.0576
+    radius: float = 0.03302
+    inertia_ratio: float = 0.56
 
     def __post_init__(self) -> None:
-        for name in ("mass", "radius", "inertia"):
+        # No body has more inertia than a ring of its mass and radius.
+        for name, largest in (("mass", _LARGEST), ("radius", _LARGEST), ("inertia_ratio", 1.0)):
             value = getattr(self, name)
-            if not (isinstance(value, Real) and SMALLEST <= value <= LARGEST):  # type: ignore[operator]
-                raise ParameterError(
-                    f"ball {name} = {value!r}: expected a number from {SMALLEST:g} to {LARGEST:g}, in SI units"
-                )
-        if self.inertia > self.mass * self.radius**2:
-            raise ParameterError(
-                f"ball inertia = {self.inertia:g} kg m^2 exceeds M R^2 = {self.mass * self.radius**2:g}: "
-                "no body of that mass and radius has it; check the units (SI)"
-            )
-
-    @property
-    def inertia_ratio(self) -> float:
-        """I/(M R^2), dimensionless."""
-        return self.inertia / (self.mass * self.radius**2)
+            if not isinstance(value, int | float) or not _SMALLEST <= value <= largest:
+                wanted = f"expected a number above 0 and at most {largest:g}, in SI (inertia_ratio is I/(M R^2))"
+                raise ParameterError(f"ball: read {name} = {reprlib.repr(value)}; {wanted}", "ball")
 
 
 @dataclass(frozen=True, eq=False)
 class Impacts:
-    """Incident states, one entry per impact, all of shape (impacts,).
+    """Incident states: `v_x1` [m/s] along the court, `v_y1` [m/s] towards it (positive), `omega_1` [rad/s], topspin
+    positive. All (impacts,), or (draws, impacts) where every draw of parameters has states of its own.
 
-    `v_x1` [m/s] along the court, `v_y1` [m/s] towards the court (positive), `omega_1` [rad/s] with
-    topspin positive. `cor` is each impact's own measured coefficient of restitution, needed only by
-    the closure `cor="measured"`. Raises ParameterError on NaN, on unequal lengths, on `v_y1 <= 0`.
+    Unchecked: a camera or an error may make `v_y1 <= 0`, which has no answer; `impacts()` refuses it.
     """
 
     v_x1: FloatArray
     v_y1: FloatArray
     omega_1: FloatArray
-    cor: FloatArray | None = field(default=None)
-
-    def __post_init__(self) -> None:
-        names = ["v_x1", "v_y1", "omega_1"] + (["cor"] if self.cor is not None else [])
-        for name in names:
-            array = np.array(numbers(name, getattr(self, name)), ndmin=1)
-            if array.ndim != 1:
-                raise ParameterError(f"{name} has shape {array.shape}: expected one value per impact")
-            bad = np.flatnonzero(~np.isfinite(array))
-            if bad.size:
-                raise ParameterError(f"{name}[{bad[0]}] = {array[bad[0]]}: expected finite numbers")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        lengths = {name: getattr(self, name).shape[0] for name in names}
-        if len(set(lengths.values())) != 1:
-            raise ParameterError(f"incident columns differ in length: {lengths}")
-        slow = np.flatnonzero(self.v_y1 <= 0.0)
-        if slow.size:
-            raise ParameterError(
-                f"v_y1[{slow[0]}] = {self.v_y1[slow[0]]}: expected a positive speed towards the court"
-            )
 
     def __len__(self) -> int:
-        return int(self.v_x1.shape[0])
+        return int(self.v_x1.shape[-1])
 
-    def __eq__(self, other: object) -> bool:
-        return same(self, other) if isinstance(other, Impacts) else NotImplemented
+    def polar(self) -> tuple[FloatArray, FloatArray]:
+        """Speed [m/s], and angle between velocity and court [rad], 0 to pi."""
+        return np.hypot(self.v_x1, self.v_y1), np.arctan2(self.v_y1, self.v_x1)
 
-    def __hash__(self) -> int:
-        return hash((self.v_x1.tobytes(), self.v_y1.tobytes(), self.omega_1.tobytes()))
+    def moved(self, errors: FloatArray) -> Impacts:
+        """The impacts with errors (..., impacts, 3)."""
+        return Impacts(self.v_x1 + errors[..., 0], self.v_y1 + errors[..., 1], self.omega_1 + errors[..., 2])
 
-    @staticmethod
-    def polar(
-        speed: FloatArray | float, angle: FloatArray, omega_1: FloatArray, cor: FloatArray | None = None
-    ) -> Impacts:
-        """Impacts at a speed [m/s] and an angle to the court [rad], above pi/2 against the direction of x."""
-        return Impacts(speed * np.cos(angle), speed * np.sin(angle), omega_1, cor)
-
-    @property
-    def speed(self) -> FloatArray:
-        """Speed of flight [m/s], (impacts,)."""
-        return np.asarray(np.hypot(self.v_x1, self.v_y1))
-
-    @property
-    def angle(self) -> FloatArray:
-        """Between the velocity and the court [rad], 0 to pi, (impacts,)."""
-        return np.asarray(np.arctan2(self.v_y1, self.v_x1))
-
-    def take(self, rows: NDArray[np.int64]) -> Impacts:
-        """The impacts with these row numbers."""
-        cor = None if self.cor is None else self.cor[rows]
-        return Impacts(self.v_x1[rows], self.v_y1[rows], self.omega_1[rows], cor)
-
-    def states(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-        """`(v_x1, v_y1, omega_1, cor)` as rows (1, impacts) that all draws of parameters share."""
-        return self.v_x1[None], self.v_y1[None], self.omega_1[None], None if self.cor is None else self.cor[None]
+    def take(self, rows: IntArray) -> Impacts:
+        """The impacts with these row numbers, of every draw."""
+        return Impacts(self.v_x1[..., rows], self.v_y1[..., rows], self.omega_1[..., rows])
 
 
-@dataclass(frozen=True)
-class OwnImpacts:
-    """Incident states of which every draw of parameters has its own: all (draws, impacts), otherwise as `Impacts`."""
-
-    v_x1: FloatArray
-    v_y1: FloatArray
-    omega_1: FloatArray
-    cor: FloatArray | None = field(default=None)
-
-    def __post_init__(self) -> None:
-        for name in ("v_x1", "v_y1", "omega_1") + (("cor",) if self.cor is not None else ()):
-            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
-            if array.shape != self.v_x1.shape or array.ndim != 2:
-                raise ParameterError(f"{name} has shape {array.shape}: expected (draws, impacts)")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        # Written so that NaN is refused too.
-        if not np.all(self.v_y1 > 0.0):
-            raise ParameterError("v_y1 has a speed that is not towards the court")
-
-    def __len__(self) -> int:
-        return int(self.v_x1.shape[1])
-
-    def take(self, rows: NDArray[np.int64]) -> OwnImpacts:
-        """Of every draw the impacts with these row numbers."""
-        cor = None if self.cor is None else self.cor[:, rows]
-        return OwnImpacts(self.v_x1[:, rows], self.v_y1[:, rows], self.omega_1[:, rows], cor)
-
-    def among(self, draws: NDArray[np.int64], rows: NDArray[np.int64]) -> OwnImpacts:
-        """Single impacts (pairs, 1): of each of `draws` that with the row number beside it."""
-        cor = None if self.cor is None else self.cor[draws, rows, None]
-        return OwnImpacts(
-            self.v_x1[draws, rows, None], self.v_y1[draws, rows, None], self.omega_1[draws, rows, None], cor
-        )
-
-    def of_draws(self, draws: NDArray[np.int64]) -> OwnImpacts:
-        """The impacts of some of the draws."""
-        cor = None if self.cor is None else self.cor[draws]
-        return OwnImpacts(self.v_x1[draws], self.v_y1[draws], self.omega_1[draws], cor)
-
-    def states(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-        """`(v_x1, v_y1, omega_1, cor)`, each (draws, impacts)."""
-        return self.v_x1, self.v_y1, self.omega_1, self.cor
-
-
-def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0, cor: ArrayLike | None = None) -> Impacts:
-    """Make impacts from numbers or arrays in SI units (m/s, m/s, rad/s); single numbers are broadcast.
-
-    Raises ParameterError as `Impacts` does, and when the shapes cannot be broadcast to one length.
-
-    >>> len(fitball.impacts(v_x1=15.0, v_y1=[6.0, 8.0]))
-    2
+def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0) -> Impacts:
+    """Impacts (impacts,) from numbers or arrays in SI, broadcast. Raises ParameterError (`impacts`) on NaN, unequal
+    shapes, and `v_y1 <= 0`.
     """
-    given = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": omega_1} | ({"cor": cor} if cor is not None else {})
+    given = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": omega_1}
+    arrays = {name: _numbers(name, values) for name, values in given.items()}
+    shapes = {name: array.shape for name, array in arrays.items()}
+    lengths = {array.size for array in arrays.values()} - {1}
+    if len(lengths) > 1 or any(len(shape) > 1 for shape in shapes.values()):
+        raise ParameterError(f"impacts: read shapes {shapes}; expected one number for each impact", "impacts")
+    v_x, v_y, omega = (np.array(array) for array in np.broadcast_arrays(*map(np.atleast_1d, arrays.values())))
+    return Impacts(v_x, v_y, omega)
+
+
+def _numbers(name: str, values: ArrayLike) -> FloatArray:
+    """Finite numbers, of `v_y1` positive ones; masked is missing."""
     try:
-        arrays = np.broadcast_arrays(*[numbers(name, value) for name, value in given.items()])
-    except ValueError as error:
-        raise ParameterError(f"impacts: {error}") from None
-    return Impacts(*[np.array(array, dtype=np.float64, ndmin=1) for array in arrays])
+        array = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(f"{name}: read {reprlib.repr(values)}; expected numbers", "impacts") from None
+    good = np.isfinite(array) & ((name != "v_y1") | (array > 0.0))
+    for place in np.flatnonzero(~good)[:1]:
+        wanted = "a positive speed towards the court" if name == "v_y1" else "a finite number"
+        raise ParameterError(f"{name}: read {array.flat[place]} for impact {place + 1}; expected {wanted}", "impacts")
+    return array

@@ -1,8 +1,12 @@
-"""Compiles the kernels of a fit where the disk has none of them, so that the first fit does not wait for them."""
+"""Compiles all kernels once, so that processes that start together find them on disk."""
 
-from dataclasses import replace
+import numpy as np
 
-from fitball.bench.problems import posed
-from fitball.inference.calibrate import compile_ahead
+import fitball
 
-compile_ahead(replace(posed("wang_zero_spin"), threads=2))
+if __name__ == "__main__":
+    for text in ("brody", "two-mass"):
+        model, impact = fitball.model(text), fitball.impacts(15.0, 8.0)
+        values = {spec.name: spec.typical for spec in model.parameters}
+        model.rebound(values, impact)
+    model.history(values, impact, np.zeros(1))

@@ -1,8 +1,7 @@
-# Sourced by scripts/fitball and scripts/test: makes .venv once, with the pinned versions, keeps it current, and has the
-# kernels compiled in it.
-# Needs nothing but a Python of version 3.11 or newer. Sets `root` and `venv`.
+# Sourced by run and scripts/test: makes .venv once with the pinned versions, and installs the built package in it anew
+# whenever its sources change. Needs nothing but a Python of version 3.11 or newer. Sets `root` and `venv`.
 
-root=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
+root=$(CDPATH= cd -- "$(dirname -- "${environment:-$0}")/.." && pwd)
 venv="$root/.venv"
 
 fail() {
@@ -12,8 +11,7 @@ fail() {
 
 find_python() {
     for candidate in "${FITBALL_PYTHON:-}" python3.13 python3.12 python3.11 python3 python; do
-        [ -n "$candidate" ] || continue
-        command -v "$candidate" >/dev/null 2>&1 || continue
+        [ -n "$candidate" ] && command -v "$candidate" >/dev/null 2>&1 || continue
         if "$candidate" -c 'import sys; sys.exit(not sys.version_info >= (3, 11))' 2>/dev/null; then
             printf '%s\n' "$candidate"
             return
@@ -23,60 +21,49 @@ find_python() {
         "Install one, or name it: FITBALL_PYTHON=/path/to/python3 $0"
 }
 
-# What the environment was made from; one process, no Python.
-fingerprint() {
-    cat "$root/pyproject.toml" "$root/requirements.lock" | cksum
+# What the environment and the package in it were made from.
+packages() {
+    cksum <"$root/requirements.lock"
 }
 
-# The same pinned packages as pip's, in a tenth of the time. It fails where only pip knows the way to them: uv reads
-# none of pip's settings.
-make_with_uv() {
-    command -v uv >/dev/null 2>&1 || return
-    printf 'fitball: making %s with uv (once; some seconds) ...\n' "$venv" >&2
-    uv venv --quiet --clear --python "$python" "$venv" || return
-    set -- uv pip install --quiet --python "$venv/bin/python" --no-deps
-    "$@" --requirement "$root/requirements.lock" && "$@" --no-build-isolation --editable "$root"
+sources() {
+    (cd "$root" && find fitball datasets pyproject.toml README.md -type f ! -name '*.pyc' -exec cksum {} + | sort | cksum)
 }
 
-make_with_pip() {
-    printf 'fitball: making %s with pip (once; about a minute) ...\n' "$venv" >&2
+made_from() {
+    [ -f "$venv/$1.stamp" ] && [ "$(cat "$venv/$1.stamp")" = "$2" ]
+}
+
+make_environment() {
+    python=$(find_python) || exit 2
+    printf 'fitball: making %s (once; about a minute) ...\n' "$venv" >&2
     "$python" -m venv --clear "$venv" ||
         fail "fitball: '$python -m venv' failed; on Debian and Ubuntu install the package python3-venv."
-    set -- "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps
-    "$@" --requirement "$root/requirements.lock" ||
-        fail "fitball: the pinned packages could not be installed; the lines above say why."
-    "$@" --no-build-isolation --editable "$root" ||
-        fail "fitball: the project itself could not be installed; the lines above say why."
+    "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps \
+        --requirement "$root/requirements.lock" 2>"$venv/pip.log" ||
+        { cat "$venv/pip.log" >&2; fail "fitball: the pinned packages could not be installed; the lines above say why."; }
+    packages >"$venv/packages.stamp"
 }
 
-compile_kernels() {
-    [ -z "${FITBALL_NO_COMPILE:-}" ] || return 0
-    printf 'fitball: compiling its kernels on two cores (once; some ten seconds; FITBALL_NO_COMPILE=1 leaves it to the first fit) ...\n' >&2
-    "$venv/bin/python" "$root/scripts/compile_kernels.py" ||
-        printf 'fitball: that failed, see above; the first fit tries again.\n' >&2
+install_package() {
+    rm -f "$venv/sources.stamp"
+    wheel=$(mktemp -d)
+    "$venv/bin/python" -m pip wheel --quiet --no-input --disable-pip-version-check --no-deps --no-build-isolation \
+        --no-index --wheel-dir "$wheel" "$root" &&
+        "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps --no-index \
+            --force-reinstall "$wheel"/*.whl || fail "fitball: the package could not be built; the lines above say why."
+    rm -rf "$wheel"
+    sources >"$venv/sources.stamp"
 }
 
-build_environment() {
-    python=$(find_python) || exit 2
-    rm -f "$venv/fitball.stamp"
-    make_with_uv || make_with_pip
-    fingerprint >"$venv/fitball.stamp.new" && mv "$venv/fitball.stamp.new" "$venv/fitball.stamp"
-    compile_kernels
-}
-
-current() {
-    [ -f "$venv/fitball.stamp" ] && [ "$(cat "$venv/fitball.stamp")" = "$(fingerprint)" ]
-}
-
+# Of two calls at once the second waits for the first.
 ensure_environment() {
-    current && return
-    # Two first calls at once: the second waits for the first.
+    made_from packages "$(packages)" && made_from sources "$(sources)" && return
     if command -v flock >/dev/null 2>&1; then
         exec 9>"$root/.venv.lock"
         flock 9
-        current || build_environment
-        exec 9>&-
-    else
-        build_environment
     fi
+    made_from packages "$(packages)" || make_environment
+    made_from sources "$(sources)" || install_package
+    exec 9>&-
 }

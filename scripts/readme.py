@@ -1,74 +1,51 @@
-"""Write the numbers and tables of README.md and docs/ between their marks, from the code and from what `fits/` keeps.
+"""Measure the numbers of README.md and the paper anew between their marks: `python scripts/readme.py`.
 
-`python scripts/readme.py` renders; with `--measure` it first fits Wang's tables, compares the models and re-derives
-the thesis (some minutes), and keeps the figures in `fits/readme/`. Speed comes from `fitball bench`, coverage from
-`scripts/validate`; both keep what they found in `fits/`.
+Needs fitball installed (the environment of scripts/test) and a quiet machine; takes some two minutes.
 """
 
-from __future__ import annotations
-
-import argparse
 import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
-import quoted
-from measured import ROOT, kept, measure
-
-MARKED = re.compile(
-    r"<!-- (?P<name>[\w-]+): written by scripts/readme.py -->\n(?P<old>.*?)<!-- end of (?P=name) -->", re.DOTALL
-)
+ROOT = Path(__file__).resolve().parent.parent
+PAGES, FIGURE = (ROOT / "README.md", ROOT / "docs/paper/paper.md"), ROOT / "docs/curves.png"
+MARKED = re.compile(r"(<!-- measured: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def blocks() -> dict[str, str]:
-    """Every block by the name in its marks."""
-    numbers = kept()
-    quoting = (
-        *(quoted.wang, quoted.wang_short, quoted.compared, quoted.together, quoted.stiffness, quoted.film),
-        quoted.thesis,
-    )
-    others = (
-        *(quoted.references, quoted.trust_line, quoted.tracks_line),
-        *(quoted.validation, quoted.trust, quoted.faults, quoted.plan, quoted.population, quoted.few, quoted.gaps),
-        *(
-            quoted.tracks,
-            quoted.priors,
-            quoted.speed,
-            quoted.speed_line,
-            quoted.densities,
-            quoted.samplers,
-            quoted.tables,
-        ),
-    )
-    written = {block.__name__: block(numbers) for block in quoting} | {block.__name__: block() for block in others}
-    return {name.replace("_", "-"): text for name, text in written.items()}
+def printed(work: str, *words: str) -> str:
+    """What a verb prints."""
+    command = [str(Path(sys.executable).with_name("fitball")), *words]
+    return subprocess.run(command, cwd=work, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
 
 
-def pages() -> list[Path]:
-    """Every file that may hold blocks."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+def paragraph(text: str) -> str:
+    """The answer below a report's title, a line each sentence."""
+    return re.sub(r"(?<=\.) (?=[A-Z])", "\n", " ".join(text.split("\n\n")[1].split()))
 
 
-def updated(text: str, content: dict[str, str]) -> str:
-    """A page with every block between its marks. Raises KeyError of a block that nobody writes."""
-    return MARKED.sub(
-        lambda found: (
-            f"<!-- {found['name']}: written by scripts/readme.py -->\n{content[found['name']]}\n"
-            f"<!-- end of {found['name']} -->"
-        ),
-        text,
-    )
-
-
-def main() -> None:
-    """Measure, if asked to, and write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--measure", action="store_true", help="measure again first")
-    if parser.parse_args().measure:
-        measure()
-    content = blocks()
-    for page in pages():
-        page.write_text(updated(page.read_text(encoding="utf-8"), content), encoding="utf-8")
+def measured(work: str) -> dict[str, str]:
+    """Every block by its name."""
+    wang = printed(work, "calibrate", "wang_all.csv")
+    shutil.copy(Path(work, "fits/wang_all/default/curves.png"), FIGURE)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    printed(work, "calibrate", "wang_zero_spin.csv")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = sum(after[:2]) - sum(before[:2])
+    return {
+        "wang": f"```text\n{wang}\n```",
+        "first": f"`fitball calibrate wang_zero_spin.csv` takes {spent:.0f} s of CPU, figures and page included.",
+        "bench": paragraph(printed(work, "bench")),
+        "thesis": paragraph(printed(work, "rederive")),
+    }
 
 
 if __name__ == "__main__":
-    main()
+    with tempfile.TemporaryDirectory() as folder:
+        found = measured(folder)
+    for page in PAGES:
+        old = page.read_text(encoding="utf-8")
+        page.write_text(MARKED.sub(lambda one: f"{one[1]}{found[one[2]]}\n{one[3]}", old), encoding="utf-8")

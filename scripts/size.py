@@ -1,87 +1,56 @@
-"""How large is the house? Lines and modules by room: code, imports, docstrings, blank and comments apart; templates
-and JavaScript beside. `python scripts/size.py`; `tests/test_house.py` holds the totals under `CEILINGS`.
+"""How large is the house? Lines and modules by room beside their budgets: `python scripts/size.py`.
+
+A budget is a promise: a room goes over it only by what another gives back. `tests/test_house.py` holds the ceilings.
 """
 
-from __future__ import annotations
-
-import ast
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# Growth is a decision: who raises one of these says in the commit what for, see CONTRIBUTING.
-CEILINGS: Mapping[str, int] = {
-    "lines of fitball": 68_800, "modules of fitball": 308, "lines of scripts": 6_300, "lines of tests": 39_700,
+LINES, MODULES, TEST_LINES, SCRIPT_LINES = 26_000, 160, 13_000, 2_000
+BUDGETS: Mapping[str, int] = {
+    "base": 850, "data": 2_300, "models": 2_300, "tracks": 1_200, "inference": 5_100, "uses": 2_300, "saved": 250,
+    "report": 4_200, "exports": 1_900, "thesis": 800, "bench": 350, "verbs": 1_200,
 }  # fmt: skip
-KINDS = ("code", "imports", "docstrings", "comments", "blank")
+# Modules at the top of the package, and the room that has them; `batch` is counted with the verbs, as budgeted.
+VERBS = ("batch", "scheduling.py", "result.py", "itf.py", "verbs.py", "cli.py")
 
 
-def kinds_of(text: str) -> Counter[str]:
-    """Lines of a module by kind; each line is of one."""
-    kinds = ["blank" if not line.strip() else "code" for line in text.splitlines()]
-    for k, line in enumerate(text.splitlines()):
-        if line.lstrip().startswith("#"):
-            kinds[k] = "comments"
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            kinds[node.lineno - 1 : node.end_lineno] = ["imports"] * _length(node)
-        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
-            said = node.body[0]
-            kinds[said.lineno - 1 : said.end_lineno] = ["docstrings"] * _length(said)
-    return Counter(kinds)
+def lines_of(place: Path) -> int:
+    """Lines of a file, blank ones included."""
+    return len(place.read_text(encoding="utf-8").splitlines())
 
 
-def _length(node: ast.stmt) -> int:
-    return (node.end_lineno or node.lineno) - node.lineno + 1
+def room_of(place: Path) -> str:
+    """The room of a file of the package."""
+    first = place.relative_to(ROOT / "fitball").parts[0]
+    return "verbs" if first in VERBS else first if first in BUDGETS else "base"
 
 
-def room_of(place: Path, top: Path) -> str:
-    """The first folder below the top that a file lies in, with the second where rooms are nested."""
-    parts = place.relative_to(top).parts[:-1]
-    return "/".join((top.name, *parts[:2]))
+def sizes() -> dict[str, tuple[int, int]]:
+    """Lines and modules by room; templates of all kinds count with their rooms' lines."""
+    found = dict.fromkeys(BUDGETS, (0, 0))
+    for place in sorted((ROOT / "fitball").rglob("*")):
+        if place.suffix == ".py" or (place.parent.name == "templates" and place.is_file()):
+            room = room_of(place)
+            lines, modules = found[room]
+            found[room] = lines + lines_of(place), modules + (place.suffix == ".py")
+    return found
 
 
-def measured(top: Path) -> dict[str, Counter[str]]:
-    """By room lines of each kind, `lines` in all and `modules`, and what is no Python as `others`."""
-    rooms: dict[str, Counter[str]] = {}
-    for place in sorted(top.rglob("*")):
-        if place.suffix == ".py":
-            kinds = kinds_of(place.read_text(encoding="utf-8"))
-            found = kinds + Counter(lines=kinds.total(), modules=1)
-        elif place.suffix in (".j2", ".js", ".css", ".sh") or (place.is_file() and not place.suffix):
-            found = Counter(others=len(place.read_text(encoding="utf-8").splitlines()))
-        else:
-            continue
-        rooms.setdefault(room_of(place, top), Counter()).update(found)
-    return rooms
-
-
-def totals() -> dict[str, int]:
-    """What `CEILINGS` limits; the scripts without an ending count with those in Python."""
-    tops = {name: sum(measured(ROOT / name).values(), Counter[str]()) for name in ("fitball", "scripts", "tests")}
-    return {
-        "lines of fitball": tops["fitball"]["lines"], "modules of fitball": tops["fitball"]["modules"],
-        "lines of scripts": tops["scripts"]["lines"] + tops["scripts"]["others"],
-        "lines of tests": tops["tests"]["lines"],
-    }  # fmt: skip
-
-
-def table(rooms: Mapping[str, Counter[str]]) -> Iterable[str]:
-    """A line a room, and one of all."""
-    heads = ("modules", "lines", *KINDS, "others")
-    yield f"{'room':<34}" + "".join(f"{head:>11}" for head in heads)
-    for name, found in [*rooms.items(), ("all", sum(rooms.values(), Counter[str]()))]:
-        yield f"{name:<34}" + "".join(f"{found[head]:>11,}" for head in heads)
-
-
-def main() -> None:
-    """Print it."""
-    for name in ("fitball", "scripts", "tests"):
-        print("\n".join([*table(measured(ROOT / name)), ""]))
-    for what, found in totals().items():
-        print(f"{what}: {found:,}, at most {CEILINGS[what]:,}")
+def total(folder: str) -> int:
+    """Lines of all Python and shell below a folder."""
+    texts = (
+        p for p in (ROOT / folder).rglob("*") if p.suffix in (".py", ".sh", ".toml") or (p.is_file() and not p.suffix)
+    )
+    return sum(lines_of(p) for p in texts)
 
 
 if __name__ == "__main__":
-    main()
+    found = sizes()
+    print(f"{'room':12} {'lines':>7} {'budget':>7} {'modules':>8}")
+    for room, (lines, modules) in found.items():
+        print(f"{room:12} {lines:7} {BUDGETS[room]:7} {modules:8}")
+    print(f"{'package':12} {sum(n for n, _ in found.values()):7} {LINES:7} {sum(m for _, m in found.values()):8}")
+    print(f"{'tests':12} {total('tests'):7} {TEST_LINES:7}")
+    print(f"{'scripts':12} {total('scripts'):7} {SCRIPT_LINES:7}")

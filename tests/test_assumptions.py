@@ -1,356 +1,217 @@
-"""What rests on an assumption: quick posteriors against closed forms, ranges over assumptions against truths."""
-
-from __future__ import annotations
+"""Alternatives against whole searches, left-out scores and shifts of constants against real refits."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
-import pandas as pd
 import pytest
-from samples import TWO_MASS, drop_table, linear_problem, problem_of, synthetic
-from scipy.stats import norm
+from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of
+from support.fits import NOISE, at, best
 
-import fitball
-from fitball.data.read import load_table
-from fitball.inference.adequacy.made_tables import loo_pit
-from fitball.inference.assemble import qualified
-from fitball.inference.assumptions.look import ROWS, Compared, Fitted, alternatives, assumptions_generator, look
-from fitball.inference.identifiability.information import about
-from fitball.inference.identifiability.verdict import Judgement
-from fitball.inference.likelihood.posterior import pointwise
-from fitball.inference.point.point_fit import maximum_posterior
-from fitball.inference.prediction.new_impacts import predict_new, with_assumptions
-from fitball.inference.results.assumptions import MOVED, Summary, elpd_difference, reach, span, summary
-from fitball.inference.results.fitted_model import FittedModel
-from fitball.inference.results.results import Posterior, Verdict
-from fitball.inference.sampling.importance import equal_draws, importance_posterior, smoothed_elpd
-from fitball.values import Ball
-
-COURT = {"e_x": 0.1, "offset": 0.002, "cor_10": 0.77, "cor_slope": -0.012}
-GRIPS_OFF_CENTRE = {**TWO_MASS, "mu": 0.53, "eps_10": 5.5e-3}
+from fitball.data.scene import BallSection, CameraSection, Scene
+from fitball.inference import assumptions as module
+from fitball.inference.assumptions import alternatives, given, left_out
+from fitball.inference.constants import constants
+from fitball.inference.density import log_posterior, pointwise
+from fitball.inference.first_order import first_order, proposal
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.problem import Choices
+from fitball.inference.results import Alternative, Constant, Summary
+from fitball.inference.sampling.importance import importance
+from fitball.inference.search.best_fit import best_fit
+from fitball.inference.search.objective import Objective, descend
 
 
-def looked(problem, near):
-    """The look at a fit whose search begins `near` its optimum."""
-    point = maximum_posterior(problem, np.array([[near[name] for name in problem.free_names]]))
-    return look(problem, point, None, assumptions_generator(1))
-
-
-def names(problem):
-    rng = np.random.default_rng(3)
-    probes = problem.to_coordinates(problem.prior.draw(rng, 200))
-    return [change.name for change in alternatives(problem, probes)]
-
-
-def of_other_closure(seed):
-    """A table whose balls feel the offset while they grip only, fitted as if they felt it throughout."""
-    problem = problem_of("wang_all.csv", without=("contact_time",))
-    truth = {name: GRIPS_OFF_CENTRE[name] for name in problem.free_names}
-    made = synthetic(problem_of("wang_all.csv", without=("contact_time",), closures={"offset": "grip"}), truth, seed)
-    return problem_of(made.table, scene=problem.scene), truth
-
-
-def closed_form(problem):
-    """Of a line with a noise of 0.05: mean and covariance of its coefficients, and what all others predict of each
-    measurement, less that: a residual and a variance that follow from its leverage.
-    """
-    speeds, measured = problem.impacts.v_y1, problem.observables[0].observed
-    design = np.stack([speeds, speeds * (speeds - 10.0)], axis=1) / 0.05
-    covariance = np.linalg.inv(design.T @ design)
-    mean = covariance @ design.T @ (measured / 0.05)
-    leverage = np.einsum("ij,jk,ik->i", design, covariance, design)
-    return (
-        mean,
-        covariance,
-        norm((measured - 0.05 * design @ mean) / (leverage - 1.0), 0.05 / np.sqrt(1.0 - leverage)),
-    )
+def tried(problem, seed=1):
+    # A kink may stop this search, as it may stop any.
+    point = at(problem, descend(Objective(problem), near(problem, 1, 0.0))[0][0])
+    return {one.choice: one for one in alternatives(problem, point, np.random.default_rng(seed))[0]}
 
 
 @pytest.fixture(scope="module")
-def deceived():
-    problem, truth = of_other_closure(5)
-    return looked(problem, TWO_MASS), truth
+def two_mass():
+    problem = problem_of(table_of(REBOUND, count=30), scene_of(time=True), "two-mass", fix={"k_theta": 19.0})
+    return problem, tried(problem)
 
 
-def test_a_linear_normal_posterior_and_its_left_out_scores_are_those_of_the_closed_form():
-    problem = linear_problem(drop_table(np.random.default_rng(8)), v_y_sd=0.05)
-    mean, covariance, left_out = closed_form(problem)
-    # So far away that several rounds are needed, whose proposals differ in place and size.
-    start = problem.to_coordinates((mean + 6.0 * np.sqrt(np.diag(covariance)) * np.array([1.0, -1.0]))[None, :])
-    draws = importance_posterior(problem, [about(problem, start[0])], np.random.default_rng(2))
-    assert len(draws.values) > 600
-    assert problem.free_names == ("cor_10", "cor_slope")
-    assert draws.effective >= 400.0
-    for k in range(2):
-        sd = np.sqrt(covariance[k, k])
-        told = summary(draws.values[:, k], np.exp(draws.log_weights))
-        assert told.sd == pytest.approx(sd, rel=0.15)
-        wanted = norm.ppf([0.025, 0.5, 0.975], mean[k], sd)
-        np.testing.assert_allclose([told.q025, told.median, told.q975], wanted, atol=0.35 * sd)
-    exact = left_out.logpdf(0.0)
-    whole, scored = pointwise(problem, draws.values, ["v_y2"])
-    elpd, _k = smoothed_elpd(whole, scored, 1.0, draws.log_weights)
-    np.testing.assert_allclose(elpd, exact, atol=0.25)
-    # Weights left out of the score, or of the posterior, show.
-    unweighted, _k = smoothed_elpd(whole, scored, 1.0)
-    assert np.abs(unweighted - exact).max() > np.abs(elpd - exact).max()
+def test_each_choice_is_changed_by_itself(two_mass):
+    _, found = two_mass
+    assert {*found} == {
+        "normal=inner", "normal=total", "offset=grip", "torsion=free", "inertia=table", "spin=shell",
+        "release=zero_displacement", "noise=student-t",
+    }  # fmt: skip
+    for one in found.values():
+        assert not one.reason
+        assert one.values["k_theta"] == 19.0
+        assert one.instead_of.partition("=")[0] == one.choice.partition("=")[0]
+    assert found["offset=grip"].model == "two-mass+offset=grip"
+    assert "zeta_theta" in found["torsion=free"].summaries
+    # The scale of another kind of noise is another quantity.
+    assert "spin_sd" in found["offset=grip"].summaries
+    assert {"spin_sd", "degrees_of_freedom"}.isdisjoint(found["noise=student-t"].summaries)
+    # Impacts are of the model itself: nothing is surely better, a contact point that is the shell's is worse.
+    assert not any(one.score > 4.0 and one.score > 2.0 * one.error for one in found.values())
+    assert found["spin=shell"].score < -4.0
 
 
-def test_an_impact_whose_weights_are_not_to_be_trusted_is_refitted():
-    """The one fast impact of a drop test, off the line of the others: its score, and its place among predictions,
-    against the conjugate normal.
-    """
-    rng = np.random.default_rng(3)
-    speeds = np.append(np.linspace(4.0, 6.0, 8), 9.0)
-    measured = (0.76 - 0.014 * (speeds - 10.0)) * speeds + 0.05 * rng.standard_normal(9) + 0.4 * (speeds == 9.0)
-    table = drop_table(rng)
-    table = replace(
-        table,
-        impacts=fitball.impacts(v_x1=0.0 * speeds, v_y1=speeds, omega_1=0.0),
-        measurements=(replace(table.measurement("v_y2"), values=measured),),
+@pytest.mark.parametrize("choice", ["offset=grip", "normal=total"])
+def test_a_quick_fit_is_the_best_of_all_searches(two_mass, choice):
+    problem, found = two_mass
+    posed = build_problem(problem.table, problem.scene, Choices(found[choice].model, fix={"k_theta": 19.0}))
+    whole = best_fit(posed, np.random.default_rng(3))
+    quick = log_posterior(posed, posed.coordinates(found[choice].values)[None])[0]
+    assert quick > whole.log_posterior[0] - 0.02
+    # Not the fit's own values.
+    x = posed.coordinates(at(problem, best(problem)).optima[0])
+    assert log_posterior(posed, x[None])[0] < quick - 0.1
+
+
+def test_a_score_is_that_of_real_refits():
+    problem = problem_of(table_of(REBOUND, count=8, seed=3), None, "grip-slip", fix={**NOISE, "mu": 0.56})
+    x = best(problem)
+    found = left_out(problem, proposal(problem, x))
+    exact, rng = np.empty(8), np.random.default_rng(1)
+    for k in range(8):
+        others = problem.without(np.array([k]))
+        q, weights, _ = importance(partial(log_posterior, others), [proposal(others, best(others, x))], rng, 3000.0)
+        exact[k] = np.logaddexp.reduce(weights + pointwise(problem, q, REBOUND)[:, k])
+    inside = pointwise(problem, x[None], REBOUND)[0]
+    np.testing.assert_allclose(found, exact, atol=0.05 * np.max(inside - exact))
+
+
+def test_outliers_ask_for_heavy_tails():
+    table = table_of(REBOUND, count=80)
+    tame, wild = (problem_of(one, None, "grip-slip") for one in (table, with_outliers(table)))
+    tails, none = tried(wild)["noise=student-t"], tried(tame)["noise=student-t"]
+    assert tails.score > 4.0
+    assert abs(none.score) < 4.0
+    # Among five rows nothing is surely worse.
+    few = problem_of(table_of(REBOUND, count=5), None, "grip-slip")
+    assert tried(few)["noise=student-t"].score is None
+    assert tried(few)["noise=student-t"].as_good
+    # What was stated of degrees of freedom is left behind with them.
+    heavy = problem_of(table, None, "grip-slip", noise="student-t", prior={"degrees_of_freedom": "lognormal(5, 0.5)"})
+    held = problem_of(table, None, "grip-slip", noise="student-t", fix={"degrees_of_freedom": 5.0})
+    assert not any(tried(one)["noise=normal"].reason for one in (heavy, held))
+
+
+def with_outliers(table):
+    values = {**table.values, "v_x2": table.values["v_x2"].copy()}
+    values["v_x2"][::8] += 4.0 * (-1.0) ** np.arange(10)
+    return replace(table, values=values)
+
+
+def test_of_long_tables_a_part_says_the_same(monkeypatch):
+    problem = problem_of(table_of(REBOUND, count=400), None, "grip-slip")
+    whole = tried(problem)["noise=student-t"]
+    monkeypatch.setattr(module, "ALTERNATIVES", 100)
+    part = tried(problem)["noise=student-t"]
+    for name in ("mu", "cor_10", "offset"):
+        one, other = whole.summaries[name], part.summaries[name]
+        assert other.sd == pytest.approx(one.sd, rel=0.2)
+        assert abs(other.median - one.median) < 1.0 * one.sd
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "columns", "step"),
+    [
+        ("inertia_ratio", "grip-slip", REBOUND, 0.002),
+        ("ball_radius", "grip-slip", REBOUND, 1e-5),
+        ("ball_mass", "two-mass", REBOUND, 1e-4),
+        ("tilt", "grip-slip", REBOUND, 5e-4),
+    ],
+)
+def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
+    table, timed = table_of(columns, count=20), scene_of(time=True).contact_time
+    noises = {item.noise: TRUTH[item.noise] for item in problem_of(table, None, text).observables}
+
+    def posed(value):
+        if name == "tilt":
+            return problem_of(table, Scene(camera=CameraSection(tilt=value)), text, fix=noises)
+        ball = BallSection(**{name.removeprefix("ball_"): value})
+        return problem_of(table, Scene(ball=ball, contact_time=timed), text, fix=noises)
+
+    usual = {"inertia_ratio": 0.56, "ball_radius": 0.03302, "ball_mass": 0.0576, "tilt": 0.0}[name]
+    problem = posed(usual)
+    x = best(problem)
+    first = first_order(problem, at(problem, x))
+    derived = problem.derived
+    (found,) = (one for one in constants(problem, first, derived) if one.name == name)
+    half = max(found.high - usual, usual - found.low)
+    refits = [best(posed(usual + sign * step), x) for sign in (1.0, -1.0)]
+    sds = np.linalg.norm(first.root, axis=1) * first.sds
+    exact = (refits[0] - refits[1]) / (2.0 * step) * half / sds
+    moved = np.array([found.moves[one] for one in problem.free])
+    np.testing.assert_allclose(moved, exact, atol=0.05 * np.abs(exact).max())
+    assert np.abs(exact).max() > 0.1
+    # What follows from parameters moves with them, and by what the constant does to it itself.
+    root, small = first.root * first.sds[:, None], 1e-3 * np.diag(sds)
+    for one in derived:
+        up, down = (posed(usual + sign * step).values(x[None]) for x, sign in zip(refits, (1.0, -1.0), strict=True))
+        ends = [problem.values(x + sign * small) for sign in (1.0, -1.0)]
+        slope = (one.rule(ends[0]) - one.rule(ends[1])) / (2e-3 * sds)
+        expected = (one.rule(up) - one.rule(down))[0] / (2.0 * step) * half / np.linalg.norm(slope @ root)
+        assert found.moves[one.spec.name] == pytest.approx(expected, abs=0.05 * np.abs(exact).max())
+    assert "court_pace" in found.moves
+
+
+def test_constants_that_act_nowhere_or_are_fitted_are_none():
+    table = table_of(REBOUND, count=12)
+    for scene, names in (
+        (None, {"ball_radius", "inertia_ratio", "tilt"}),
+        (scene_of(ball=True), {"ball_radius", "tilt"}),
+    ):
+        problem = problem_of(table, scene, "grip-slip", fix=NOISE)
+        found = constants(problem, first_order(problem, at(problem, best(problem))), ())
+        assert {one.name for one in found} == names
+
+
+def test_ends_of_intervals_do_not_hang_on_single_draws(two_mass):
+    """Those of two streams, 95 % ends of heavy tails among them, agree far better than what a choice must move."""
+    problem, found = two_mass
+    other = tried(problem, seed=2)
+    for name in ("offset=grip", "normal=total"):
+        for one, here in found[name].summaries.items():
+            there = other[name].summaries[one]
+            assert abs(here.q025 - there.q025) < here.sd and abs(here.q975 - there.q975) < here.sd
+
+
+def test_a_choice_whose_draws_are_not_reliable_was_not_tried(monkeypatch):
+    problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip", fix=NOISE)
+    fit = dict.fromkeys(problem.free, Summary(0.0, 0.0, 1.0, -2.0, -1.0, 1.0, 2.0))
+    for reliable in (0.7, -1.0):
+        monkeypatch.setattr(module, "RELIABLE", reliable)
+        found = tried(problem)
+        (one,) = (each for each in found.values() if each.choice == "noise=student-t")
+        assert bool(one.reason) == (reliable < 0.0) and bool(one.summaries) != bool(one.reason)
+    assert given((one,), (), fit) == dict.fromkeys(problem.free, ("model",))
+
+
+def test_what_a_value_is_given():
+    def summary(median, sd=1.0):
+        return Summary(median, median, sd, median - 2.0 * sd, median - sd, median + sd, median + 2.0 * sd)
+
+    def other(choice, instead_of, as_good=True, reason="", **values):
+        return Alternative(choice, instead_of, "", {}, values, 0.0, 0.0, as_good, reason)
+
+    fit = {"mu": summary(0.0), "e_x": summary(0.0)}
+    found = (
+        other("a=2", "a=1", mu=summary(2.5)),
+        other("b=2", "b=1", mu=summary(-1.9)),
+        other("c=2", "c=1", mu=Summary(0.0, 0.0, 1.0, -6.0, -1.0, 1.0, 2.0)),
+        other("d=2", "d=1", mu=summary(0.0, 0.1)),
+        other("e=2", "e=1", as_good=False, mu=summary(9.0), e_x=summary(9.0)),
+        other("a=3", "a=1", mu=summary(5.0), zeta=summary(9.0)),
     )
-    problem = linear_problem(table, v_y_sd=0.05)
-    mean, covariance, left_out = closed_form(problem)
-    values = mean + rng.standard_normal((2000, 2)) @ np.linalg.cholesky(covariance).T
-    whole, scored = pointwise(problem, values, ["v_y2"])
-    alone, pareto_k = smoothed_elpd(whole, scored, 1.0)
-    exact = left_out.logpdf(0.0)
-    assert pareto_k[8] > 0.7
-    assert abs(alone[8] - exact[8]) > 1.0
-    np.testing.assert_allclose(Fitted(problem, equal_draws(values)).elpd(rng), exact, atol=0.3)
-    posterior = Posterior(problem.free_names, values.reshape(2, 10, 100, 2), np.zeros((2, 10, 100)), values)
-    np.testing.assert_allclose(loo_pit(problem, posterior, rng)[0], left_out.cdf(0.0), atol=0.08)
+    held = (Constant("radius", 0.0, 1.0, {"mu": -3.0, "e_x": 0.9}), Constant("mass", 0.0, 1.0, {"mu": 0.2}))
+    assert given(found, held, fit) == {"mu": ("a=1", "c=1", "radius")}
+    missing = other("f=2", "f=1", reason="no answer")
+    assert given((*found, missing), held, fit) == {"mu": ("a=1", "c=1", "radius", "model"), "e_x": ("model",)}
 
 
-def test_every_choice_that_acts_is_changed_one_at_a_time(tmp_path):
-    assert names(problem_of("wang_all.csv")) == [
-        "release=zero_displacement", "normal=inner", "normal=total", "offset=grip", "spin=shell", "inertia=table",
-        "torsion=free", "torsion=rigid", "cor=mean", "cor=saturating", "noise=student-t",
-    ]  # fmt: skip
-    # `repeat` states all priors, among them that of a noise which a model that is told v_y2 has not.
-    assert "cor=measured" not in names(problem_of("wang_all.csv", priors={"v_y_sd": "lognormal(0.25, 0.7)"}))
-    assert names(problem_of("wang_all.csv", noise="student-t"))[-1] == "noise=normal"
-    assert names(problem_of("wang_all.csv", "brody")) == ["cor=saturating", "noise=student-t"]
-    # A ball that turns as one has neither a twist nor a split of its inertia; without spin it is such a ball.
-    rigid = names(problem_of("wang_all.csv", closures={"torsion": "rigid"}))
-    assert not {"spin=shell", "inertia=table"} & set(rigid)
-    spinless = tmp_path / "spinless.csv"
-    spinless.write_text("v_x1,v_y1,v_x2,v_y2\n12,5,9,4\n12,7,8,5.4\n11,9,7,6.8\n14,6,10,4.7\n", encoding="utf-8")
-    changed = ["release=zero_displacement", "cor=mean", "cor=saturating", "noise=student-t"]
-    assert names(problem_of(spinless)) == changed
-    assert "cor=mean" in names(problem_of(drop_table(np.random.default_rng(1))))
-    # A model that is told a column has no score to set beside one that is not.
-    told = names(problem_of("wang_all.csv", closures={"cor": "measured"}))
-    assert told
-    assert not [name for name in told if name.startswith("cor=")]
-
-
-def test_knowledge_of_a_parameter_that_an_alternative_lacks_is_left_behind():
-    problem = problem_of(
-        "wang_all.csv", closures={"torsion": "free"}, priors={"zeta_theta": "lognormal(0.4, 0.5)"}, fix={"k_y": 2e4}
-    )
-    probes = problem.to_coordinates(problem.prior.draw(np.random.default_rng(1), 20))
-    posed = {change.name: change.problem for change in alternatives(problem, probes)}
-    assert "zeta_theta" not in posed["torsion=matched"].free_names
-    assert "k_y" not in posed["torsion=matched"].free_names
-    kept = {item.name: item.prior.text for item in posed["offset=grip"].free}
-    assert kept["zeta_theta"] == "lognormal(0.4, 0.5)"
-
-
-def test_an_alternative_is_the_same_problem_where_defaults_are_stated():
-    """As `repeat` states them: of a ball that turns as one the stiffness acts nowhere, stated or not."""
-    silent = problem_of("wang_all.csv", without=("contact_time",))
-    stated = problem_of(
-        "wang_all.csv", without=("contact_time",), priors={item.name: item.prior.text for item in silent.free}
-    )
-    probes = silent.to_coordinates(silent.prior.draw(np.random.default_rng(1), 20))
-    for one, other in zip(alternatives(silent, probes), alternatives(stated, probes), strict=True):
-        assert (one.name, one.problem.free_names) == (other.name, other.problem.free_names)
-
-
-def test_the_range_over_assumptions_holds_a_truth_that_the_assumed_closure_misses(deceived):
-    found, truth = deceived
-    eps = found.parameters["eps_10"]
-    assert not eps.own.q025 < truth["eps_10"] < eps.own.q975
-    assert eps.q025 < truth["eps_10"] < eps.q975
-    assert "offset=contact" in eps.given
-    assert eps.shift > MOVED
-    grips = next(item for item in found.alternatives if item.name == "offset=grip")
-    assert grips.as_good
-    assert grips.difference.value > 0.0
-    # What the table refuses takes no part: a joint that does not twist lies far from all others.
-    rigid = next(item for item in found.alternatives if item.name == "torsion=rigid")
-    assert not rigid.as_good
-    assert rigid.name not in {item.by for item in found.parameters.values()}
-
-
-def test_the_same_seed_sees_the_same(deceived):
-    found, _truth = deceived
-    assert looked(of_other_closure(5)[0], TWO_MASS) == found
-
-
-def test_of_balls_that_slide_throughout_friction_rests_on_no_twist_nor_release():
-    """Their rebound is algebraic in friction, offset and restitution: only what the court feels counts."""
-    problem = problem_of("wang_all.csv")
-    shallow = replace(
-        problem.table,
-        impacts=fitball.impacts(v_x1=np.linspace(24.0, 34.0, 21), v_y1=np.linspace(4.0, 7.0, 21), omega_1=20.0),
-    )
-    truth = {name: TWO_MASS[name] for name in problem.free_names} | {"mu": 0.4, "mass_ratio": 0.92}
-    table = synthetic(replace(problem, table=shallow, impacts=shallow.impacts), truth, 3).table
-    found = looked(problem_of(table, scene=problem.scene), truth)
-    own = found.parameters["mu"].own
-    by_name = {item.name: item for item in found.alternatives}
-    for name in ("torsion=rigid", "torsion=free", "inertia=table", "normal=total"):
-        assert by_name[name].as_good, name
-        assert abs(by_name[name].parameters["mu"].median - own.median) < 0.5 * own.sd, name
-    # Without the landing impulse the same friction force asks for a larger coefficient.
-    assert by_name["normal=inner"].parameters["mu"].median > own.median + own.sd
-    assert found.parameters["mu"].given == ("normal=momentum",)
-
-
-def test_of_few_impacts_no_alternative_is_refused():
-    """Less data is no stronger verdict: with five rows scores mean nothing, and what moves a value still does."""
-    table = replace(load_table("wang_all.csv"), redundant=())
-    rows = np.array([0, 4, 8, 12, 16])
-    part = replace(
-        table,
-        impacts=table.impacts.take(rows),
-        ids=tuple(map(str, range(5))),
-        labels={},
-        measurements=tuple(replace(item, values=item.values[rows]) for item in table.measurements),
-    )
-    problem = problem_of(part)
-    found = looked(problem, TWO_MASS | {"velocity_sd": 0.3})
-    assert found.examined
-    assert len(found.as_good) == len(found.alternatives) > 8
-    assert all(item.difference is None for item in found.alternatives)
-    told = Judgement(0.9, Verdict.IDENTIFIED, "")
-    given = {name for name in problem.free_names if qualified(name, told, None, found)[0] is Verdict.GIVEN}
-    assert {"mu", "eps_10"} <= given
-
-
-def test_of_long_tables_and_many_parameters_all_is_to_first_order():
-    """Against the hat matrix, where it is exact but for squares of leverages; and like is held against like."""
-    problem = linear_problem(drop_table(np.random.default_rng(8), ROWS + 40), v_y_sd=0.05)
-    mean, covariance, left_out = closed_form(problem)
-    exact = left_out.logpdf(0.0)
-    point = maximum_posterior(problem, mean[None, :])
-    linear = Compared(problem, point, None, np.random.default_rng(1)).linear
-    np.testing.assert_allclose(linear.elpd(np.random.default_rng(1)), exact, atol=0.05)
-    for k in range(2):
-        assert linear.parameters(problem.noise)[problem.free_names[k]].sd == pytest.approx(
-            np.sqrt(covariance[k, k]), rel=0.1
-        )
-    found = look(problem, point, None, assumptions_generator(1))
-    assert found.examined
-    assert all(item.difference is not None for item in found.alternatives)
-
-
-def test_what_could_not_be_examined_is_said_in_the_verdict(deceived):
-    found, _truth = deceived
-    told = Judgement(0.9, Verdict.IDENTIFIED, "")
-    missing = replace(found, alternatives=(), parameters={}, missing="a reason")
-    assert qualified("cor_10", told, None, missing) == (Verdict.UNEXAMINED, ())
-    unsettled = replace(found.alternatives[0], difference=None, reason="a reason", unsettled=True)
-    partly = replace(found, alternatives=(unsettled, *found.alternatives[1:]))
-    assert qualified("cor_10", told, None, partly) == (Verdict.UNEXAMINED, ())
-    assert qualified("eps_10", told, None, partly)[0] is Verdict.GIVEN
-    assert qualified("cor_10", replace(told, verdict=Verdict.ONE_SIDED), None, missing)[0] is Verdict.ONE_SIDED
-
-
-def test_a_value_rests_on_a_choice_where_another_moves_it_or_widens_it():
-    own = Summary(1.0, 0.1, 0.8, 1.2)
-    moved, wide, still = Summary(1.25, 0.1, 1.05, 1.45), Summary(1.0, 0.25, 0.5, 1.5), Summary(1.1, 0.1, 0.9, 1.3)
-    assert reach(own, moved) == pytest.approx(2.5)
-    assert reach(own, wide) == pytest.approx(3.0)
-    assert reach(own, still) == pytest.approx(1.0)
-    # A narrower one within the interval moves nothing.
-    assert reach(own, Summary(1.0, 0.01, 0.98, 1.02)) == 0.0
-    found = span(own, [("a=2", "a=1", moved), ("b=2", "b=1", wide), ("c=2", "c=1", still), ("a=3", "a=1", wide)])
-    assert found.given == ("b=1", "a=1")
-    assert (found.low, found.high, found.q025, found.q975) == (1.0, 1.25, 0.5, 1.5)
-    assert (found.by, found.shift) == ("a=2", pytest.approx(2.5))
-    assert span(own, []).given == ()
-
-
-def test_a_difference_is_sure_beyond_two_errors_and_four():
-    rng = np.random.default_rng(1)
-    one, other = rng.standard_normal(30), rng.standard_normal(30)
-    made = elpd_difference(one, other)
-    assert made.value == pytest.approx(one.sum() - other.sum())
-    assert made.se == pytest.approx(np.sqrt(30.0) * np.std(one - other, ddof=1))
-    assert not replace(made, value=-3.9, se=0.1).sure
-    assert not replace(made, value=-9.0, se=4.6).sure
-    assert replace(made, value=-9.0, se=4.4).sure
-
-
-def test_identified_becomes_given_where_an_assumption_moves_it(deceived):
-    found, _truth = deceived
-    told = Judgement(0.9, Verdict.IDENTIFIED, "")
-    assert qualified("eps_10", told, None, found)[0] is Verdict.GIVEN
-    assert qualified("cor_10", told, None, found) == (Verdict.IDENTIFIED, ())
-    assert qualified("eps_10", replace(told, verdict=Verdict.ONE_SIDED), None, found) == (Verdict.ONE_SIDED, ())
-
-
-def test_a_prediction_moves_over_the_alternatives_that_are_as_good_and_no_others(deceived):
-    found, truth = deceived
-    problem = of_other_closure(5)[0]
-    names = tuple(truth)
-    point = np.array([found.parameters[name].own.median for name in names])
-    fitted = FittedModel(
-        "two-mass", dict(problem.model.options), problem.model.ball, True, names, point, np.empty((0, len(names))),
-        problem.impacts,
-    )  # fmt: skip
-    steep = fitball.impacts(v_x1=8.0, v_y1=12.0, omega_1=-50.0)
-    prediction = predict_new(fitted, steep)
-    moved = with_assumptions(prediction, fitted, found).output("omega_2")
-    spins = [float(moved.point[0])]
-    for item in found.alternatives:
-        closure, _, option = item.name.partition("=")
-        there = fitball.model("two-mass", ball=fitted.ball, **{} if closure == "noise" else {closure: option})
-        values = {name: item.values[name] for name in there.parameter_names}
-        spin = float(there.rebound(values, steep).omega_2[0])
-        spins += [spin] if item.as_good else []
-    np.testing.assert_allclose(moved.over[:, 0], [min(spins), max(spins)])
-    assert moved.over[1, 0] > moved.over[0, 0]
-    assert with_assumptions(prediction, fitted, None) is prediction
-
-
-def test_what_is_told_of_the_fit_itself_is_what_its_estimates_tell(grip_slip_fit):
-    """From every draw: those that are scored are fewer, and their median is another."""
-    found = grip_slip_fit.assumptions.parameters
-    assert set(found) == {item.name for item in grip_slip_fit.estimates}
-    for item in grip_slip_fit.estimates:
-        own = found[item.name].own
-        assert (own.median, own.q025, own.q975) == pytest.approx(
-            (item.median, item.q025, item.q975), abs=0.01 * item.sd
-        )
-
-
-def two_courts(rng, noise=0.05, each=30):
-    parts = []
-    for surface, mu in (("clay", 0.7), ("hard", 0.55)):
-        angle, speed = np.radians(rng.uniform(14.0, 60.0, each)), rng.uniform(12.0, 30.0, each)
-        before = fitball.impacts(speed * np.cos(angle), speed * np.sin(angle), rng.normal(0.0, 60.0, each))
-        columns = before.__dict__ | fitball.model("grip-slip").rebound({**COURT, "mu": mu}, before).__dict__
-        made = {name: np.ravel(columns[name]) for name in ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")}
-        for name, sd in {"v_x2": noise, "v_y2": noise, "omega_2": 40.0 * noise}.items():
-            made[name] = made[name] + sd * rng.standard_normal(each)
-        parts.append(pd.DataFrame({"surface": surface, **made}))
-    return pd.concat(parts, ignore_index=True)
-
-
-def test_what_a_constant_moves_at_a_level_is_what_refits_move_it_by():
-    """A point fit: spreads and places are not linear, and draws of both about the point are far from the data."""
-    table = two_courts(np.random.default_rng(5))
-    fit = fitball.calibrate(table, "grip-slip", point_only=True, cores=1)
-    (constant,) = (item for item in fit.assumptions.constants if item.name == "inertia_ratio")
-    ends = []
-    for ratio in (constant.low, constant.high):
-        scene = fitball.Scene(ball=Ball(0.0576, 0.03302, ratio * 0.0576 * 0.03302**2))
-        ends.append(fitball.calibrate(table, "grip-slip", scene=scene, point_only=True, cores=1).summary()["point"])
-    for name in ("mu[clay]", "mu[hard]"):
-        low, high = constant.parameters[name]
-        assert 0.5 < (high - low) / (ends[1][name] - ends[0][name]) < 1.5
-    assert all(20.0 < rating < 60.0 for ends in constant.court_pace.values() for rating in ends)
+def test_a_model_without_choices_is_an_assumption_of_all_values():
+    problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip")
+    point = at(problem, best(problem))
+    found, _ = alternatives(problem, point, np.random.default_rng(1))
+    fit = {name: Summary(*[point.optima[0][name]] * 2, np.inf, *[0.0] * 4) for name in problem.free}
+    assert given(found, (), fit) == dict.fromkeys(problem.free, ("model",))

@@ -1,288 +1,289 @@
-"""Comparison of models: scores against closed forms, synthetic truths with a negative control, the candidates."""
+"""Comparisons: leave-one-out of a line in closed form, ArviZ, scipy; choices, failures and interruptions."""
 
-from __future__ import annotations
-
-import itertools
 import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from samples import TWO_MASS, drop_table, linear_problem, problem_of, search_briefly
-from validation.harness import SCHEDULE
+from arviz_stats.base.array import array_stats
+from scipy import optimize, stats
+from support import line
+from support.made_fit import table_of
 
-from fitball.data.read import load_table
-from fitball.data.scene import Scene, load_scene
-from fitball.data.table import Measurement
-from fitball.errors import FitError, ModelError
-from fitball.inference.calibrate import run
-from fitball.inference.comparison.candidates import build_candidates, default_names, parse_name
-from fitball.inference.comparison.compare import compare
-from fitball.inference.comparison.results import published_sets
+import fitball
+from fitball.cli import main
+from fitball.data.read import load_data
+from fitball.data.scene import Scene
+from fitball.inference.density import pointwise
 from fitball.inference.effort import Effort
-from fitball.inference.point.point_fit import maximum_posterior, starting_points
-from fitball.inference.prediction.outputs import root_mean_square
-from fitball.inference.results.results import RunStatus
-from fitball.inference.sampling.ensembles import Schedule
-from fitball.report.compare.document import words
-from fitball.report.compare.rows import json_content
-from fitball.report.form.files import json_text
-from fitball.scheduling.engine import engine
-from fitball.thesis import judgement
-from fitball.thesis.printed_tables import chapter_five_predictions
+from fitball.inference.problem.problem import Choices
+from fitball.report import compare as page
+from fitball.uses import compare, left_out
+from fitball.uses.left_out import Weighted, held_out, leave_one_out
+
+ONE = Choices(pool={"all": "none"})
 
 
-def synthetic_table(model, seed, **truth):
-    """Wang's incident conditions with rebounds of `model` and noise of 0.25 m/s and 8 rad/s."""
-    problem = problem_of("wang_all.csv", model=model)
-    rng = np.random.default_rng(seed)
-    truth |= {"v_x_sd": 0.25, "v_y_sd": 0.25, "spin_sd": 8.0}
-    values = np.array([[truth[name] for name in problem.free_names]])
-    rebound = problem.rebound(values)
-    assert not np.any(rebound.status)
-    noise = {"v_x2": 0.25, "v_y2": 0.25, "omega_2": 8.0}
-    measured = {name: getattr(rebound, name)[0] + sd * rng.standard_normal(21) for name, sd in noise.items()}
-    return replace(
-        problem.table, measurements=tuple(Measurement(*item) for item in measured.items()), redundant=(), labels={}
-    )
+def posed(y=None, **more):
+    """The problem of a line, with other measurements, its maximum, and independent draws of its posterior."""
+    problem = line.line_problem(**more)
+    if y is not None:
+        problem = replace(problem, rows=replace(problem.rows, y=y(problem.rows.y.copy())))
+    centre, covariance = line.exact(problem)
+    draws = np.random.default_rng(4).multivariate_normal(centre, covariance, 4000)
+    q, best = problem.prior.coordinate(draws), problem.prior.coordinate(centre[None])
+    return problem, best, Weighted(q, np.full(4000, -np.log(4000)), 1.0, True)
 
 
-@pytest.fixture
-def duel(monkeypatch):
-    """A function that compares models by densities alone: the refits without some impacts have tests of their own."""
-    search_briefly(monkeypatch)
-    monkeypatch.setattr("fitball.inference.comparison.compare.make_folds", lambda _table, _rng: ((), []))
-    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
-    return compared
+def without(problem, rows):
+    """Mean and sd (impacts,) of what a line predicts of rows that it was not fitted to, in closed form."""
+    kept = np.setdiff1d(np.arange(len(problem.rows.y)), rows)
+    centre, covariance = line.exact(problem.part(kept))
+    design = np.column_stack([problem.rows.states.v_x1[rows], np.ones(len(rows))])
+    return design @ centre, np.sqrt(np.einsum("ri,ij,rj->r", design, covariance, design) + line.SD**2)
 
 
-def compared(table, *models):
-    scene = load_scene("wang_all.csv")
-    effort = Effort(seed=3, max_steps=500, ensembles=2, ess=400.0, cores=1)
-    return compare(table, build_candidates(table, scene, models), effort, engine(1), quick=True)
+def exact_scores(problem):
+    found = [without(problem, np.array([row])) for row in range(len(problem.rows.y))]
+    mean, sd = (np.concatenate(part) for part in zip(*found, strict=True))
+    return mean, stats.norm.logpdf(problem.rows.y[:, 0], mean, sd)
 
 
-COR = {"cor_10": 0.76, "cor_slope": -0.014}
+@pytest.mark.parametrize("weighted", [False, True])
+def test_scores_and_predictions_of_a_line_are_those_in_closed_form(weighted):
+    problem, best, draws = posed()
+    if weighted:
+        # From a proposal that is far too wide: without their weights draws would be no posterior.
+        about = left_out.proposal(problem, best[0])
+        draws = left_out.drawn(problem, [replace(about, factor=8.0 * about.factor)], Effort(), 1500.0, "here")
+    found = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    mean, scores = exact_scores(problem)
+    assert not found.refitted.all() and found.settled.all()
+    np.testing.assert_allclose(found.elpd, scores, atol=0.06 if weighted else 0.03)
+    # Means without an impact, known to some hundredths of their sds.
+    np.testing.assert_allclose(found.predicted[:, 0], mean, atol=(0.15 if weighted else 0.1) * line.SD)
+    # Those with it lie elsewhere.
+    fitted = line.exact(problem)[0] @ np.stack([problem.rows.states.v_x1, np.ones(12)])
+    assert np.abs(fitted - mean).max() > 0.3 * line.SD
 
 
-@pytest.mark.parametrize(
-    ("name", "truth"),
-    [
-        ("grip-slip", {"mu": 0.55, "e_x": 0.25, "offset": 2.5e-3, **COR}),
-        ("two-mass", {**TWO_MASS, "k_y": 2.5e4, "k_theta": 16.0, "mass_ratio": 0.88, **COR}),
-    ],
-)
-def test_data_of_a_model_prefer_it_to_brody(duel, name, truth):
-    found = duel(synthetic_table(name, 5, **truth), "brody", name)
-    gap = found.elpd_difference(name, "brody")
-    assert gap.value > 4.0
-    assert gap.sure
-    assert found.models[0].name == found.simplest.name == name
-    assert found.stacking[name] > 0.8
-    # What the table refuses takes part in the mixture by its weight, and in no range.
-    friction = found.assumptions["mu"]
-    assert friction.as_good == (name,)
-    assert (friction.span.low, friction.span.high) == (friction.by_model[name].median,) * 2
-    assert set(friction.by_model) == {name, "brody"}
-    assert "e_x" not in found.assumptions
+def test_scores_are_those_of_arviz(monkeypatch):
+    monkeypatch.setattr(left_out, "REFIT", np.inf)
+    problem, best, draws = posed()
+    found = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    likelihood = pointwise(problem, draws.q, ("v_x2",))
+    elpd, k, _ = array_stats.loo(likelihood.T[:, None], chain_axis=-2, draw_axis=-1, r_eff=1.0)
+    np.testing.assert_allclose(found.elpd, elpd, rtol=1e-12)
+    np.testing.assert_allclose(found.k, k, rtol=1e-9)
 
 
-def test_data_of_brody_do_not_pay_for_more_parameters(duel):
-    """The negative control: the same comparison on data without restitution or offset along the court."""
-    found = duel(synthetic_table("brody", 7, mu=0.55, **COR), "brody", "grip-slip")
-    assert not found.elpd_difference("grip-slip", "brody").sure
-    assert found.simplest.name == "brody"
-    friction = found.assumptions["mu"]
-    assert set(friction.as_good) == {"brody", "grip-slip"}
-    assert friction.weight == pytest.approx(1.0)
-    for level, name in ((0.025, "q025"), (0.5, "median"), (0.975, "q975")):
-        below = 0.0
-        for score in found.models:
-            column = score.fit.posterior.draws[:, score.fit.posterior.names.index("mu")]
-            below += found.stacking[score.name] * np.mean(column <= getattr(friction.stacked, name))
-        assert below == pytest.approx(level, abs=0.02)
+def far(y):
+    """The impact at the end of the line lies six sds beside it."""
+    y[np.argmax(line.line_problem().rows.states.v_x1), 0] += 6.0 * line.SD
+    return y
 
 
-def test_an_interrupted_comparison_keeps_what_is_done(brief):
-    table, scene = drop_table(np.random.default_rng(1), count=4), Scene()
-    candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean", "two-mass"))
-    effort = Effort(seed=1, max_steps=100, ensembles=2, cores=1)
+def test_an_impact_without_which_weights_are_unreliable_is_refitted(monkeypatch):
+    problem, best, draws = posed(far)
+    found, (_, scores) = leave_one_out(problem, best, draws, ("v_x2",), Effort()), exact_scores(problem)
+    row = np.argmax(problem.rows.states.v_x1)
+    assert found.settled.all()
+    np.testing.assert_array_equal(found.refitted, found.k > left_out.REFIT)
+    assert found.k[row] > 0.7
+    assert found.refitted[row] and not found.refitted.all()
+    np.testing.assert_allclose(found.elpd, scores, atol=0.1)
+    # Without a refit the score is wrong.
+    monkeypatch.setattr(left_out, "REFIT", np.inf)
+    wrong = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    assert not wrong.refitted.any() and abs(wrong.elpd[row] - scores[row]) > 0.5
 
-    def stop(at):
-        def report(stage):
-            if stage.endswith(at):
-                raise KeyboardInterrupt
 
-        return report
+def test_long_tables_are_scored_by_parts(monkeypatch):
+    problem, best, draws = posed()
+    whole = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    monkeypatch.setattr(left_out, "ENTRIES", 4000 * 5)
+    monkeypatch.setattr(left_out, "FEWEST", 4000)
+    part = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    np.testing.assert_allclose(part.elpd, whole.elpd, rtol=1e-12)
+    # Fewer draws, evenly spread, are less sure.
+    monkeypatch.setattr(left_out, "FEWEST", 1000)
+    thinned = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    assert 0.0 < np.abs(thinned.elpd - whole.elpd).max() < 0.1
 
-    found = compare(table, candidates, effort, engine(1), quick=True, report=stop("(2 of 3 done)"))
-    assert found.status is RunStatus.INTERRUPTED
-    (missing,) = {item.name for item in candidates.candidates} - {item.name for item in found.models}
-    assert f"interrupted: {missing} not compared" in found.notes
+
+@pytest.mark.parametrize("chain", [False, True])
+def test_weighted_draws_and_draws_of_chains_are_those_of_the_posterior(chain, monkeypatch):
+    problem, best, _ = posed()
+    if chain:
+        weighted = left_out.importance
+        monkeypatch.setattr(left_out, "importance", lambda *given: (*weighted(*given)[:2], np.inf))
+    made = left_out.drawn(problem, [left_out.proposal(problem, best[0])], Effort(), 2000.0, "here")
+    centre, covariance = line.exact(problem)
+    values, weights = problem.prior.value(made.q), np.exp(made.weights)
+    assert made.settled and weights.sum() == pytest.approx(1.0) and (np.ptp(weights) > 0.0) is not chain
+    assert (made.efficiency < 0.9) is chain
+    sd = np.sqrt(np.diagonal(covariance))
+    assert np.abs(weights @ values - centre).max() < 0.1 * sd.max()
+    np.testing.assert_allclose(np.sqrt(weights @ (values - centre) ** 2), sd, rtol=0.08)
+
+
+def test_labels_left_out_are_predicted_by_the_maximum_without_them():
+    problem, best, _ = posed()
+    folds = [np.arange(3), np.arange(3, 12)]
+    at, predicted = held_out(problem, best, folds)
+    for rows, own in zip(folds, at, strict=True):
+        np.testing.assert_allclose(predicted[rows, 0], without(problem, rows)[0], atol=2e-3 * line.SD)
+        kept = np.setdiff1d(np.arange(12), rows)
+        np.testing.assert_allclose(problem.prior.value(own[None])[0], line.exact(problem.part(kept))[0], atol=2e-3)
+
+
+def test_stacking_is_the_best_mixture():
+    elpd = np.random.default_rng(2).normal(-3.0, 1.0, (40, 4))
+    elpd[:, 3] -= 6.0
+    weights, gap = compare.stacking(elpd)
+
+    def loss(free):
+        # Softmax: on the simplex whatever the numbers.
+        shares = np.exp(free - free.max())
+        return -np.mean(np.log(np.exp(elpd) @ (shares / shares.sum())))
+
+    best = min(optimize.minimize(loss, start, tol=1e-12).fun for start in np.eye(4))
+    assert weights.sum() == pytest.approx(1.0) and weights[3] < 1e-3 and gap < compare.GAP
+    assert -np.mean(np.log(np.exp(elpd) @ weights)) == pytest.approx(best, abs=2e-6)
+    # Equal models share; scores far apart overflow nothing.
+    np.testing.assert_allclose(compare.stacking(np.full((5, 2), -800.0))[0], 0.5)
+    np.testing.assert_allclose(compare.stacking(np.array([[0.0, -2000.0]] * 5))[0], [1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def table():
+    """What grip-slip says, on two surfaces that are alike."""
+    return table_of(18, surfaces=("hard", "clay"))
+
+
+@pytest.fixture(scope="module")
+def compared(table):
+    return fitball.compare(table, models="grip-slip,brody", pool={"all": "none"}, cores=1, progress=False)
+
+
+def test_the_model_that_made_the_table_predicts_best(compared):
+    models = compared.frames["models"]
+    first, second = models.to_dict("records")
+    assert (first["model"], first["simplest"], second["model"]) == ("grip-slip", True, "brody")
+    assert second["worse"] and first["weight"] > 0.95 and not first["worse"] and first["difference"] == 0.0
+    wide = compared.frames["left_out"].pivot_table(index="id", columns="model", values="elpd")
+    less = wide["brody"] - wide["grip-slip"]
+    assert second["difference"] == pytest.approx(less.sum())
+    assert second["error"] == pytest.approx(np.sqrt(18) * less.std(ddof=1))
+    assert first["elpd"] == pytest.approx(wide["grip-slip"].sum())
+    # Noises were 0.3 m/s and 6 rad/s; one of 18 impacts more is left than was fitted.
+    assert 0.2 < first["rms_v_x2"] < 0.45 and 4.0 < first["rms_omega_2_without_surface"] < 9.0
+    assert second["rms_v_x2"] > 2.0 * first["rms_v_x2"]
+    values = compared.frames["quantities"].set_index(["name", "model"])
+    assert abs(values.loc[("mu", "grip-slip"), "median"] - 0.6) < 3.0 * values.loc[("mu", "grip-slip"), "sd"]
+    assert compared.exit_code == 0
+
+
+def test_equal_comparisons_are_equal_whatever_the_processes(table, compared):
+    again = fitball.compare(table, models=["brody", "grip-slip"], pool={"all": "none"}, cores=2, progress=False)
+    assert again.json()["frames"] == compared.json()["frames"]
+
+
+def test_priors_and_fixed_values_count_in_every_model_that_has_them(table):
+    known = load_data([table], Scene(), True)
+    choices = Choices("", {"e_x": 0.1}, {"mu": "normal(0.3, 0.001)"}, {"all": "none"}, "student-t")
+    grip, brody = compare.problems_of(*known, choices, ["grip-slip", "brody"], False)
+    assert "e_x" not in grip.free and "degrees_of_freedom" in brody.free
+    made = compare.compare([grip, brody], Effort(cores=1), lambda _stage, _share: None)
+    values = made.frames["quantities"].set_index(["name", "model"])
+    for model in ("grip-slip", "brody"):
+        assert values.loc[("mu", model), "median"] == pytest.approx(0.3, abs=0.005)
+    assert ("e_x", "grip-slip") not in values.index
+
+
+def refused(code, table, **asked):
+    with pytest.raises(fitball.FitballError) as caught:
+        fitball.compare(table, progress=False, **asked)
+    assert caught.value.code == code
+
+
+def test_what_cannot_be_compared_is_refused(table):
+    refused("one-model", table, models="brody")
+    refused("model-twice", table, models="two-mass,two-mass+offset=contact")
+    refused("unknown-model", table, models="two-mass,tow-mass")
+    refused("unknown-parameter", table, models="brody,grip-slip", fix={"eps_10": 0.0})
+    refused("unknown-parameter", table, models="brody,grip-slip", prior={"mue": "normal(0.5, 0.1)"})
+    refused("too-few-impacts", table.iloc[:2], models="brody,grip-slip")
+    refused("one-model", table[["v_y1", "v_y2"]])
+
+
+def never(v_x1, v_y1, omega_1, ball, a="normal(0, 1)"):
+    return np.where(v_y1 > 15.0, np.nan, v_x1), v_y1, omega_1
+
+
+def test_a_model_that_cannot_be_fitted_leaves_the_others(table):
+    known = load_data([table], Scene(), True)
+    problems = compare.problems_of(*known, ONE, ["grip-slip", "brody"], False)
+    own = compare.build_problem(*known, ONE, fitball.model_from(never))
+    made = compare.compare([*problems, own], Effort(cores=1), lambda _stage, _share: None)
+    assert set(made.frames["models"]["model"]) == {"grip-slip", "brody"} and made.exit_code == 1
+    assert [note.code for note in made.notes].count("not-fitted") == 1
+    with pytest.raises(fitball.FitballError) as caught:
+        compare.compare([own, problems[0]], Effort(cores=1), lambda _stage, _share: None)
+    assert caught.value.code == "one-model"
+
+
+def test_interrupted_it_returns_what_is_done(table, monkeypatch):
+    known = load_data([table], Scene(), True)
+    problems = compare.problems_of(*known, ONE, ["grip-slip", "brody", "thesis-exact"], False)
+    order = compare.as_completed
+
+    def stops(after):
+        def some(make, items, cores):
+            for place, item in list(order(make, items[1:], 1))[:after]:
+                yield place + 1, item
+            raise KeyboardInterrupt
+
+        return some
+
+    monkeypatch.setattr(compare, "as_completed", stops(2))
+    made = compare.compare(problems, Effort(), lambda _stage, _share: None)
+    assert set(made.frames["models"]["model"]) == {"grip-slip", "brody"}
+    assert made.exit_code == 1 and "interrupted" in {note.code for note in made.notes}
+    monkeypatch.setattr(compare, "as_completed", stops(1))
     with pytest.raises(KeyboardInterrupt):
-        compare(table, candidates, effort, engine(1), quick=True, report=stop("(1 of 3 done)"))
+        compare.compare(problems, Effort(), lambda _stage, _share: None)
 
 
-def test_fewer_draws_take_fewer_steps_after_the_warm_up_of_the_validation():
-    assert Schedule.for_ess(1000.0) == Schedule()
-    assert Schedule.for_ess(400.0) == Schedule(warm_up=160, first_check=240, target_ess=400.0)
-    least, more = Schedule.for_ess(10.0), Schedule.for_ess(4000.0)
-    assert (least.warm_up, least.first_check) == (SCHEDULE.warm_up, 240)
-    assert (more.warm_up, more.first_check, more.target_ess) == (SCHEDULE.warm_up, SCHEDULE.first_check, 4000.0)
+def test_what_not_all_predict_is_not_scored(table):
+    timed = table.assign(contact_time=0.005)
+    known = load_data([timed], Scene(), True)
+    problems = compare.problems_of(*known, ONE, ["thesis-exact", "brody"], False)
+    columns = compare._common(problems)
+    assert columns == ("v_x2", "v_y2", "omega_2")
+    notes = [note for note in compare._remarks(problems, columns, {}, 0.0) if note.code == "not-scored"]
+    assert len(notes) == 1 and "contact_time" in notes[0].text
 
 
-# --- the candidates
+def test_few_impacts_have_no_recommendation_and_pages_say_so(table, compared):
+    few = fitball.compare(table.iloc[:5], models="brody,grip-slip", pool={"all": "none"}, cores=1, progress=False)
+    assert not few.frames["models"][["simplest", "worse"]].any(axis=None)
+    assert "few-impacts" in {note.code for note in few.notes}
+    for result in (few, compared):
+        assert page.report(result).summary[0].lines[0].tone == ("part" if result is few else "good")
+        assert "brody" in result.report() and result.plot("scores").get_axes()
 
 
-def test_default_ladders():
-    wang = load_table("wang_all.csv")
-    names, said = default_names(wang)
-    assert not said
-    candidates = build_candidates(wang, load_scene("wang_all.csv"), names)
-    assert len(candidates.candidates) == 4 + 8
-    assert candidates.columns == ("v_x2", "v_y2", "omega_2")
-    assert not candidates.notes
-    for first, second in itertools.combinations(candidates.candidates, 2):
-        assert (first.problem.model.name, first.problem.model.options) != (
-            second.problem.model.name,
-            second.problem.model.options,
-        )
-    drop = drop_table(np.random.default_rng(0))
-    names, said = default_names(drop)
-    assert names == ("two-mass", "two-mass+cor=mean")
-    assert "along the court" in said[0]
-    spinless = replace(wang, measurements=wang.measurements[:2], incident_columns=("v_x1", "v_y1"))
-    names, said = default_names(spinless)
-    assert names == ("brody", "grip-slip", "two-mass+cor=mean")
-    assert "without spin" in said[0]
-    assert len(build_candidates(spinless, load_scene("wang_all.csv"), names).candidates) == 3
-
-
-def test_a_model_that_equals_another_here_is_left_out():
-    drop = drop_table(np.random.default_rng(0))
-    candidates = build_candidates(drop, Scene(), ("two-mass", "two-mass+normal=total", "two-mass+cor=mean"))
-    assert [candidate.name for candidate in candidates.candidates] == ["two-mass", "two-mass+cor=mean"]
-    assert candidates.notes == ("two-mass+normal=total is two-mass on this table and is not fitted again",)
-
-
-def test_only_common_columns_are_scored():
-    table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    candidates = build_candidates(table, scene, ("grip-slip", "two-mass+cor=measured"))
-    assert candidates.columns == ("v_x2", "omega_2")
-    assert any(note.startswith("v_y2 ") and "left out of all scores" in note for note in candidates.notes)
-    assert any("takes as an input each measured v_y2" in note for note in candidates.notes)
-    # The wall mass_ratio >= COR is there without a COR parameter.
-    problem = candidates.candidates[1].problem
-    best = maximum_posterior(problem, starting_points(problem, np.random.default_rng(0), 4))
-    assert best.values["mass_ratio"] >= problem.impacts.cor.max()
-    assert wall_of(problem, best.values) == pytest.approx(problem.impacts.cor.max(), rel=1e-9)
-    drop = replace(table, measurements=(table.measurement("v_y2"),))
-    with pytest.raises(FitError, match="predicts none of the measured columns"):
-        build_candidates(drop, scene, ("grip-slip", "two-mass+cor=measured"))
-
-
-@pytest.mark.parametrize(
-    ("names", "error", "message"),
-    [
-        (("thesis", "brody"), ModelError, "is not ranked"),
-        (("brody",), FitError, "at least two different models"),
-        (("brody", "brody"), ModelError, "named twice"),
-        (("brody", "grip-slop"), ModelError, "did you mean 'grip-slip'"),
-        (("brody", "two-mass+torsion"), ModelError, "expected CLOSURE=OPTION"),
-        (("brody", "two-mass+torsion=free+torsion=rigid"), ModelError, "given twice"),
-        (("brody", "two-mass+torsion=fre"), ModelError, "did you mean 'free'"),
-        (("brody+cor=mean", "two-mass"), ModelError, "unknown option 'mean' of closure cor"),
-    ],
-)
-def test_bad_ladders(names, error, message):
-    table = load_table("wang_zero_spin.csv")
-    with pytest.raises(error, match=message):
-        build_candidates(table, load_scene(table.source), names)
-
-
-def test_names_of_models():
-    assert parse_name("two-mass + torsion=free+cor=mean") == ("two-mass", {"torsion": "free", "cor": "mean"})
-
-
-def test_published_sets_score_as_the_ranking_of_the_thesis_does():
-    found = {item.name: item for item in published_sets(load_table("wang_all.csv"))}
-    assert len(found) == 10
-    own = {f"Table 9, case {case}": judgement.errors(one) for case, one in chapter_five_predictions().items()}
-    for name, errors in own.items():
-        for output in ("v_x2", "omega_2"):
-            assert root_mean_square(found[name].errors[output]) == pytest.approx(root_mean_square(errors[output]))
-    # Figures of the README's section on the thesis.
-    assert root_mean_square(found["Table 9, case 3"].errors["omega_2"]) == pytest.approx(128.4, abs=0.1)
-    best = found["Appendix C, 5: M1/M = 2/3, k_y = 80 lb/in"]
-    assert best.given_columns == ("v_y2",)
-    assert root_mean_square(best.errors["omega_2"]) == pytest.approx(23.04, abs=0.01)
-    part = {item.name: item for item in published_sets(load_table("wang_topspin.csv"))}
-    np.testing.assert_allclose(part["Table 9, case 1"].errors["v_x2"], found["Table 9, case 1"].errors["v_x2"][7:14])
-
-
-def test_published_sets_need_wangs_data():
-    table = load_table("wang_zero_spin.csv")
-    moved = tuple(replace(item, values=item.values + 0.5 * (item.name == "omega_2")) for item in table.measurements)
-    assert published_sets(replace(table, measurements=moved)) == ()
-    assert len(published_sets(table)) == 10
-
-
-# --- words
-
-
-def test_a_pareto_k_without_a_number_is_null_in_json(brief):
-    table, scene = drop_table(np.random.default_rng(1)), Scene()
-    candidates = build_candidates(table, scene, ("brody", "two-mass+cor=mean"))
-    found = compare(table, candidates, Effort(seed=1, max_steps=100, ensembles=2, cores=1), engine(1), quick=True)
-    first = found.models[0]
-    k = first.loo.pareto_k.copy()
-    k[0] = np.inf
-    broken = replace(first, loo=replace(first.loo, pareto_k=k))
-    assert broken.loo.doubtful[0] == 0
-    content = json.loads(json_text(json_content(replace(found, models=(broken, *found.models[1:])), "words")))
-    assert content["models"][0]["pareto_k"]["d0"] is None
-
-
-def test_words_of_a_duel(monkeypatch, brief):
-    """The paragraph on Wang's zero-spin impacts, from chains too short to converge: signs, units, counts."""
-    table, scene = load_table("wang_zero_spin.csv"), load_scene("wang_zero_spin.csv")
-    monkeypatch.setattr("fitball.inference.comparison.compare.criteria", lambda _problem, _starts: None)
-    effort = Effort(seed=1, max_steps=150, ensembles=2, cores=1)
-    found = compare(
-        table, build_candidates(table, scene, ("brody", "two-mass+torsion=rigid")), effort, engine(1), quick=True
-    )
-    change = found.rms_difference("two-mass+torsion=rigid", "brody", "v_x2")
-    rms = {item.name: item.out_of_sample()["v_x2"] for item in found.models}
-    assert change.value == pytest.approx(rms["two-mass+torsion=rigid"] - rms["brody"])
-    assert change.q05 <= change.value <= change.q95
-    assert change.q95 < 0.0
-    text = words(found)
-    assert "two-mass+torsion=rigid has 4 more than brody" in text
-    assert f"v_x2 {change.value:.2f} [" in text or f"v_x2 {change.value:.1f} [" in text
-    assert "omega_2 +" in text
-    assert "With 7 impacts" in text
-
-
-def test_the_wanted_effective_sample_size_is_heeded():
-    problem = linear_problem(drop_table(np.random.default_rng(2)))
-    fit = run(problem, Effort(seed=1, ess=1e6, max_steps=750, ensembles=2))
-    assert fit.status is RunStatus.NOT_CONVERGED
-    assert "target 1000000" in fit.diagnostics.complaints[0]
-    assert fit.diagnostics.steps == 750
-    assert run(problem, Effort(seed=1, ess=100.0, max_steps=750, ensembles=2)).status is RunStatus.CONVERGED
-
-
-def wall_of(problem, values):
-    """The least mass ratio that the model's linear constraints allow."""
-    walls = [wall for wall in problem.linear_constraints if wall.lower_bound_of == "mass_ratio"]
-    return max(
-        sum(factor * values[name] for name, factor in wall.coefficients.items() if name != "mass_ratio") - wall.bound
-        for wall in walls
-    )
-
-
-@pytest.mark.parametrize(("cor", "expected"), [("mean", 0.8), ("line", 0.8 - 0.01 * (4.81 - 10.0))])
-def test_the_wall_of_the_mass_ratio_follows_the_restitution_that_is_fitted(cor, expected):
-    """Not the measured one, which the table carries along whether or not a model asks for it."""
-    problem = problem_of("wang_all.csv", closures={"cor": cor})
-    assert wall_of(problem, {"cor_10": 0.8, "cor_slope": -0.01}) == pytest.approx(expected, rel=1e-9)
+def test_by_the_command_line(tmp_path, capsys, table):
+    place = tmp_path / "hits.csv"
+    table.to_csv(place, index=False)
+    words = ["compare", str(place), "--models", "brody,grip-slip", "--pool", "all=none", "--out", str(tmp_path / "c")]
+    assert main([*words, "--json", "--cores", "1"]) == 0
+    rows = json.loads(capsys.readouterr().out)["frames"]["models"]
+    assert [row["model"] for row in rows] == ["grip-slip", "brody"]
+    written = {one.name for one in (tmp_path / "c").iterdir()}
+    assert {"models.csv", "left_out.csv", "quantities.csv", "scores.png", "report.html"} <= written
+    assert pd.read_csv(tmp_path / "c" / "left_out.csv").shape[0] == 36
+    assert main(["compare", str(place), "--models", "brody", "--out", str(tmp_path / "d")]) == 2
+    assert not (tmp_path / "d").exists()

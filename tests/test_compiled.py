@@ -1,101 +1,112 @@
-"""What a cold start compiles: each kernel once, without ways in that nobody takes."""
+"""Where compiled kernels are kept, and that processes which start together compile them once; draws over threads."""
 
-from __future__ import annotations
-
-import math
 import os
 import subprocess
 import sys
+from pathlib import Path
 
-import numpy as np
+import numba
+import pytest
 
-import fitball
-from fitball.models.kernels import bounce, contact, derivative, dual, phases
-from fitball.models.kernels.compiled import compiled, inner
-from fitball.values import Impacts
+from fitball import environment
+from fitball.models.kernels import compiled
 
-
-@inner
-def part(x: float, count: int, careful: bool) -> float:
-    return x * count if careful else x
-
-
-@compiled
-def whole(x: float, count: int) -> float:
-    careful = False
-    for _ in range(3):
-        x = part(x, 2, careful) + part(x, count, True) + part(x, 3, x > 1.0)
-        careful = x > 2.0
-    return x
-
-
-def test_constants_are_compiled_for_no_more_than_others():
-    # 1 + 2 + 1; twice that, twice, thrice; and again.
-    assert whole(1.0, 2) == 4.0 * 7.0 * 7.0
-    assert len(part.overloads) <= 1 == len(whole.signatures)
-
-
-def test_a_kernel_for_kernels_is_python_to_python():
-    kernels = (dual.exp, contact.zero_force_release)
-    # Other tests of this process may have compiled what calls them.
-    before = [list(kernel.signatures) for kernel in kernels]
-    assert whole(0.5, 2) > 0.0 and part(1.5, 2, True) == 3.0
-    assert dual.exp(1.0) == math.exp(1.0) and contact.zero_force_release(0.5)[0] > 0.0
-    assert [list(kernel.signatures) for kernel in kernels] == before
-
-
-def test_every_kind_of_array_is_served_by_one_kernel(wang_impacts, draw_priors):
-    chosen = fitball.model("two-mass")
-    values = draw_priors(chosen, np.random.default_rng(1), 2)
-    columns = [np.array(column) for column in (wang_impacts.v_x1, wang_impacts.v_y1, wang_impacts.omega_1)]
-    strided = [np.repeat(column, 2)[::2] for column in columns]
-    for impacts in (wang_impacts, Impacts(*columns), Impacts(*strided), Impacts(*columns, np.full(21, 0.7))):
-        chosen.evaluate(chosen.parameter_names, values, impacts)
-        chosen.jacobian(chosen.parameter_names, values, impacts)
-    assert len(bounce.bounce_batch.signatures) == len(derivative.jacobian_batch.signatures) == 1
-    # What these call was not needed, or was compiled here.
-    for kernel in (bounce.bounce, phases.two_mass_contact, phases.search):
-        assert len(kernel.overloads) <= 1, kernel.py_func.__name__
-
-
-def test_what_only_kernels_call_is_linked_and_has_no_machine_code_of_its_own():
-    space = {"__name__": __name__, "inner": inner, "compiled": compiled}
-    exec("@inner\ndef third(x):\n    return x / 3.0\n\n@compiled\ndef ninth(x):\n    return third(third(x))\n", space)
-    assert space["ninth"](18.0) == 2.0
-    (apart,), (entry,) = space["third"].overloads.values(), space["ninth"].overloads.values()
-    assert apart.library.get_pointer_to_function(apart.fndesc.llvm_func_name) == 0
-    assert entry.library.get_pointer_to_function(entry.fndesc.llvm_func_name) != 0
-
-
-TOGETHER = """
-import numpy as np
-from dataclasses import replace
-from fitball.inference.calibrate import compile_ahead
-from fitball.environment import when_compiling
-from fitball.models.two_mass import KERNELS, to_be_compiled
-from fitball.bench.problems import posed
-told = []
-when_compiling(lambda compiling: told.append(compiling.kernel) if compiling else None)
-print(len(to_be_compiled()))
-problem = replace(posed("wang_zero_spin"), threads=2)
-compile_ahead(problem)
-chosen = problem.model
-values = np.array([[spec.typical for spec in chosen.parameters]])
-chosen.jacobian(chosen.parameter_names, values, problem.impacts)
-print(len(told) > 0, sum(len(kernel.signatures) for kernel in KERNELS.values()))
+TINY = """
+import logging, sys
+logging.basicConfig(level="INFO", format="SAID %(levelname)s", stream=sys.stdout)
+from fitball.models.kernels.compiled import entry, folder
+from tiny import twice
+print(twice(21), folder())
 """
 
 
-def test_processes_compile_what_a_fit_calls(tmp_path):
-    """Each its share; the process that fits reads from disk what the others compiled."""
-    told = [
-        subprocess.run(
-            [sys.executable, "-c", TOGETHER], capture_output=True, text=True, check=True,
-            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-        ).stdout.split()
-        for _ in range(2)
-    ]  # fmt: skip
-    assert told == [["3", "True", "3"], ["0", "False", "3"]]
-    # No kernel that two compiled is kept: the files of one would stand in the index of the other.
-    kept = {file.name.partition("-")[0].partition(".")[2] for file in tmp_path.rglob("*.nbc")}
-    assert kept == {"bounce_each", "bounce_batch", "jacobian_batch"}
+def started(folder, text, cache):
+    """A process that runs `text` in `folder` and keeps what it compiles in `cache`."""
+    (folder / "tiny.py").write_text(
+        "from fitball.models.kernels.compiled import entry\n\n\n@entry\ndef twice(x):\n    return 2 * x\n"
+    )
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    settings = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": path}
+    return subprocess.Popen([sys.executable, "-c", text], env=settings, cwd=folder, stdout=subprocess.PIPE, text=True)
+
+
+def test_processes_that_start_together_compile_once(tmp_path):
+    together = [started(tmp_path, TINY, tmp_path / "cache") for _ in range(2)]
+    said = [one.communicate(timeout=120)[0].split() for one in together]
+    said.append(started(tmp_path, TINY, tmp_path / "cache").communicate(timeout=120)[0].split())
+    assert [words[-2] for words in said] == ["42"] * 3
+    assert sum(words.count("SAID") for words in said) == 1 and "SAID" not in said[2]
+    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
+
+
+def test_a_cache_that_cannot_be_written_is_replaced_and_cleared(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    said = started(tmp_path, TINY, tmp_path / "file" / "cache").communicate(timeout=120)[0].split()
+    assert said.count("WARNING") == 1 and said[-2] == "42"
+    assert not Path(said[-1]).exists()
+
+
+def test_every_source_of_the_kernels_counts(tmp_path, monkeypatch):
+    names = ("compiled.py", "contact.py", "motion.py")
+    for name in names:
+        (tmp_path / name).write_text("x = 1\n")
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    found = []
+    for name in (None, *names):
+        if name:
+            (tmp_path / name).write_text("x = 2\n")
+        found += [compiled.folder.__wrapped__(), compiled.folder.__wrapped__()]
+    assert found[::2] == found[1::2] and len(set(found)) == 4
+    # Numba's own setting is as it was for the user's functions.
+    assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
+
+
+def test_work_that_failed_is_not_marked_as_done(tmp_path):
+    mark = tmp_path / "mark"
+    with pytest.raises(FloatingPointError), environment.first_time(mark, "working"):
+        raise FloatingPointError
+    assert not mark.exists()
+    with environment.first_time(mark, "working"):
+        assert not mark.exists()
+    assert mark.exists()
+
+
+@pytest.mark.parametrize(
+    ("size", "least", "count", "parts"), [(0, 10, 4, 1), (19, 10, 4, 1), (20, 10, 4, 2), (7, 1, 3, 3)]
+)
+def test_parts_are_the_whole(size, least, count, parts):
+    seen = []
+    with environment.threads(count):
+        environment.shared(lambda first, last: seen.append((first, last)), size, least)
+    seen.sort()
+    assert len(seen) == parts and seen[0][0] == 0 and seen[-1][1] == size
+    assert [last for _, last in seen[:-1]] == [first for first, _ in seen[1:]]
+    assert parts == 1 or min(last - first for first, last in seen) >= least
+
+
+def test_an_error_in_a_thread_arrives():
+    def work(first, last):
+        if first:
+            raise FloatingPointError
+
+    with environment.threads(2), pytest.raises(FloatingPointError):
+        environment.shared(work, 10, 1)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_child_has_threads_of_its_own(tmp_path):
+    text = """
+import os
+from fitball import environment
+def run():
+    seen = []
+    environment.shared(lambda a, b: seen.append(b - a), 10, 5)
+    return seen
+with environment.threads(2):
+    run()
+    child = os.fork()
+    if not child:
+        os._exit(sum(run()))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    assert started(tmp_path, text, tmp_path).communicate(timeout=60)[0].split() == ["10"]

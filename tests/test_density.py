@@ -1,178 +1,202 @@
-"""The density of many draws, against densities of scipy over rebounds made one by one."""
+"""The density of a problem against one written out in scipy, over all its forms."""
 
-from __future__ import annotations
-
-import re
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
-from samples import polar_problem, problem_of
 from scipy import stats
-from test_missing_cells import GAPPY, WANG
+from support.density import (
+    REBOUND,
+    TIMED,
+    covariance_of,
+    log_posterior,
+    near,
+    problem_of,
+    scene_of,
+    seen_by,
+    table_of,
+    truth_of,
+)
 
-import fitball
-from fitball.data.table import Measurement
-from fitball.errors import ParameterError
-from fitball.inference.likelihood.posterior import densities, log_posterior
-from fitball.inference.problem import problem as asked
-from fitball.models.kernels.bounce import bounce_batch
+from fitball.inference import density
+from fitball.inference.density import cells, factors, log_likelihood, pointwise, slopes, terms
+from fitball.inference.problem import row_errors
 
-SCENE = fitball.load_scene("wang_all.csv")
-WEIGHED = replace(SCENE, ball_sd={"mass": 0.002, "inertia_ratio": 0.02})
-STATED = 0.2 + 0.01 * np.arange(21)
-TIMED = replace(
-    GAPPY,
-    measurements=(
-        *(replace(item, sd=np.where(item.measured, STATED, np.nan)) for item in GAPPY.measurements[:1]),
-        *GAPPY.measurements[1:],
-        Measurement("contact_time", np.where(np.arange(21) % 2, 4.6e-3, np.nan)),
-    ),
-)  # fmt: skip
-LEVELS = {"pool": {"mu": "group", "cor_10": "group"}, "offsets": "group"}
-CASES = {
-    "plain": lambda _folder: problem_of(WANG, scene=SCENE),
-    "Student-t": lambda _folder: problem_of(WANG, scene=SCENE, noise="student-t"),
-    "missing cells, stated sd, contact times": lambda _folder: problem_of(TIMED, scene=SCENE),
-    "levels and offsets": lambda _folder: problem_of(GAPPY, scene=SCENE, noise="student-t", **LEVELS),
-    "the ball's own": lambda _folder: problem_of(WANG, scene=WEIGHED, fix={"mu": 0.5}),
-    "measured restitution": lambda _folder: problem_of(WANG, scene=SCENE, closures={"cor": "measured"}),
-    "algebraic": lambda _folder: problem_of(GAPPY, "grip-slip", scene=WEIGHED, pool={"mu": "group"}),
-    "speeds and angles": polar_problem,
-}
-DISTRIBUTIONS = {"uniform": False, "normal": True, "loguniform": False, "lognormal": True}
+FORMS = list(
+    product(("normal", "student-t"), (False, True), ("", "sd", "corr"), (False, True), (False, True), (False, True))
+)
 
 
-def log_prior(parameter, value):
-    """From the words of the prior, with respect to its coordinate."""
-    family, a, b = re.match(r"([\w-]+)\((\S+), (\S+)\)", parameter.prior.text).groups()
-    if family == "half-t":
-        bell, high = stats.t(float(b), 0.0, float(a)), parameter.spec.upper
-        return bell.logpdf(value) - np.log(bell.cdf(high) - bell.cdf(max(parameter.spec.lower, 0.0)))
-    low, high, a, b = parameter.spec.lower, parameter.spec.upper, float(a), float(b)
-    if family.startswith("log"):
-        value, low, high, a = np.log(value), np.log(low) if low > 0.0 else -np.inf, np.log(high), np.log(a)
-        b = np.log(b) if family == "loguniform" else b
-    if family.endswith("uniform"):
-        low, high = max(low, a), min(high, b)
-        return stats.uniform(low, high - low).logpdf(value)
-    return stats.truncnorm((low - a) / b, (high - a) / b, a, b).logpdf(value)
+def form(noise, gaps, errors, camera, levels, timed):
+    labels = (*(("surface",) if levels else ()), *(("session",) if camera and levels else ()))
+    table = table_of(TIMED if timed else REBOUND, errors, gaps, labels)
+    scene = scene_of(camera, timed, ball=levels and not camera)
+    return problem_of(table, scene, "two-mass" if timed else "grip-slip", noise=noise)
 
 
-def at_impact(problem, k, known):
-    """The model's parameters at impact `k` of the table, those of its levels among them."""
-    own = {name: known[name] for name in problem.model_names}
-    for item in problem.pooling:
-        label = item.labels[item.index[k]]
-        shift = known[f"{item.parameter}_spread"] * known[f"{item.parameter}_place[{label}]"]
-        own[item.parameter] = known[item.parameter] * np.exp(shift) if item.log else known[item.parameter] + shift
-    return own
+def named(problem, q):
+    return {name: float(array[0]) for name, array in problem.values(q[None]).items()}
 
 
-def oracle(problem, values):
-    """Prior, scene and likelihood of one draw, cell by cell; the last None where an impact has no answer."""
-    known = {item.name: item.fixed for item in problem.parameters} | dict(
-        zip(problem.free_names, values, strict=True)
-    )
-    prior = sum(log_prior(item, value) for item, value in zip(problem.free, values, strict=True))
-    times, likelihood = [], 0.0
-    for k in range(len(problem.impacts)):
-        try:
-            rebound = problem.model.rebound(at_impact(problem, k, known), problem.impacts.take(np.array([k])))
-        except ParameterError:
-            return prior, 0.0, None
-        times.append(rebound.contact_time[0])
-        v_x, v_y = rebound.v_x2[0], rebound.v_y2[0]
-        said = {
-            "v_x2": v_x, "v_y2": v_y, "omega_2": rebound.omega_2[0], "contact_time": times[-1],
-            "v_2": np.sqrt(v_x**2 + v_y**2), "theta_2": np.angle(v_x + 1j * v_y),
-        }  # fmt: skip
-        for item in problem.observables:
-            measured = problem.table.measurement(item.name)
-            if np.isnan(measured.values[k]):
-                continue
-            sd = known[item.noise]
-            if item.name == "theta_2" and item.noise == "velocity_sd":
-                sd = sd / said["v_2"]
-            if measured.sd is not None:
-                sd = np.hypot(sd, measured.sd[k])
-            bias = 0.0
-            if problem.group_bias is not None:
-                bias = known[f"{item.name}_offset[{problem.table.labels[problem.group_bias.column][k]}]"]
-            noise = stats.norm if problem.noise.name == "normal" else stats.t(known["degrees_of_freedom"])
-            likelihood += noise.logpdf((measured.values[k] - bias - said[item.name]) / sd) - np.log(sd)
-    scene = 0.0
-    if problem.contact_time is not None:
-        scene = stats.norm(*problem.contact_time).logpdf(np.mean(times))
-    return prior, scene, likelihood
+@pytest.mark.parametrize("of", FORMS, ids=lambda of: "-".join(map(str, of)))
+def test_the_posterior_is_that_of_scipy(of):
+    problem = form(*of)
+    assert bool(problem.forward.levels) is of[4]
+    assert (problem.rows.errors is not None) is (of[2] == "corr")
+    q = np.vstack([near(problem, 1), problem.prior.draw(np.random.default_rng(3), 1)])
+    exact = [log_posterior(problem, named(problem, row)) for row in q]
+    np.testing.assert_allclose(density.log_posterior(problem, q), exact, rtol=1e-10, atol=1e-8)
+    assert np.isfinite(exact[0])
 
 
-def drawn(problem, count=400):
-    values = problem.prior.draw(np.random.default_rng(3), count)
-    return values, problem.to_coordinates(values)
+def test_every_part_of_it_matters():
+    problem = form("normal", True, "corr", True, True, True)
+    at = truth_of(problem)
+    whole = log_posterior(problem, at)
+    assert density.log_posterior(problem, problem.coordinates(at)[None])[0] == pytest.approx(whole, rel=1e-10)
+    for part in ("priors", "levels", "camera", "errors", "correlations", "contact time"):
+        assert abs(log_posterior(problem, at, (part,)) - whole) > 1e-2, part
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_density_is_that_of_scipy_over_single_rebounds(case, tmp_path):
-    problem = CASES[case](tmp_path)
-    values, coordinates = drawn(problem)
-    total, parts, before = log_posterior(problem, coordinates), densities(problem, values), densities(
-        problem, values, measured=False
-    )  # fmt: skip
-    possible, impossible = np.flatnonzero(np.isfinite(total))[:5], np.flatnonzero(np.isinf(total))[:3]
-    assert possible.size == 5
-    for k in (*possible, *impossible):
-        prior, scene, likelihood = oracle(problem, values[k])
-        if likelihood is None:
-            assert total[k] == -np.inf
-            assert not parts.possible[k]
-            assert not before.possible[k]
-            continue
-        assert parts.possible[k]
-        assert before.possible[k]
-        np.testing.assert_allclose(
-            (total[k], parts.scene[k], parts.likelihood[k], before.scene[k], before.likelihood[k]),
-            (prior + scene + likelihood, scene, likelihood, scene, 0.0), rtol=1e-10, atol=1e-9,
-        )  # fmt: skip
-    # Rebounds were asked of the kernel as elsewhere: nothing was compiled twice.
-    assert len(bounce_batch.signatures) <= 1
+@pytest.mark.parametrize("errors", ["sd", "corr"])
+def test_stated_errors_alone_where_scatter_is_held_at_nothing(errors):
+    problem = problem_of(table_of(REBOUND, errors), scene_of(), fix={"v_x_sd": 0.0, "spin_sd": 0.0})
+    q = near(problem, 2)
+    exact = [log_posterior(problem, named(problem, row)) for row in q]
+    np.testing.assert_allclose(density.log_posterior(problem, q), exact, rtol=1e-9)
+
+
+def test_errors_of_a_long_table_are_made_in_parts(monkeypatch):
+    table = table_of(TIMED, "corr", gaps=True)
+    whole = row_errors.row_errors(table, TIMED)
+    monkeypatch.setattr(row_errors, "PART", 3)
+    for one, other in zip(whole, row_errors.row_errors(table, TIMED), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert row_errors.row_errors(replace(table, sd={}, corr={}), TIMED) is None
+
+
+def test_speeds_and_angles_have_noises_of_their_own():
+    table = table_of(("v_2", "theta_2", "omega_2"))
+    problem = problem_of(table, scene_of())
+    assert [item.noise for item in problem.observables] == ["speed_sd", "angle_sd", "spin_sd"]
+    q = near(problem)
+    exact = [log_posterior(problem, named(problem, row)) for row in q]
+    np.testing.assert_allclose(density.log_posterior(problem, q), exact, rtol=1e-10)
 
 
 def test_outside_the_bounds_and_without_a_number_there_is_no_density():
-    problem = CASES["plain"](None)
-    _, coordinates = drawn(problem)
-    good = coordinates[np.argmax(log_posterior(problem, coordinates))]
-    trials = np.tile(good, (3 * problem.dimension + 1, 1))
-    low, high = problem.prior.limits
-    for k in range(problem.dimension):
-        trials[3 * k : 3 * k + 3, k] = low[k] - 1e-9, high[k] + 1e-9 * abs(high[k]), np.nan
-    scores = log_posterior(problem, trials)
+    problem = problem_of(table_of(REBOUND), scene_of())
+    good, prior = problem.coordinates(truth_of(problem)), problem.prior
+    trials = np.tile(good, (3 * good.size + 1, 1))
+    for k in range(good.size):
+        trials[3 * k : 3 * k + 3, k] = prior.low[k] - 1e-9, prior.high[k] + 1e-9 * abs(prior.high[k]), np.nan
+    scores = density.log_posterior(problem, trials)
     assert np.isfinite(scores[-1])
     np.testing.assert_array_equal(scores[:-1], -np.inf)
 
 
-def test_levels_beyond_the_bounds_of_their_parameter_have_no_density():
-    problem = problem_of(WANG, "grip-slip", scene=SCENE, pool={"mu": "group"})
-    values, _ = drawn(problem)
-    values[:, problem.free_names.index("mu_spread")] = 2.0
-    values[:, problem.free_names.index("mu_place[topspin]")] = np.linspace(-6.0, 6.0, len(values))
-    mu = values[:, problem.free_names.index("mu")]
-    shift = 2.0 * np.linspace(-6.0, 6.0, len(values))
-    level = mu * np.exp(shift) if problem.pooling[0].log else mu + shift
-    low, high = problem.pooling[0].bounds
-    outside = (level < low) | (level > high)
-    assert 0 < np.count_nonzero(outside) < len(values)
-    possible = densities(problem, values).possible
-    assert possible.any()
-    assert not possible[outside].any()
+def test_a_draw_without_an_answer_has_no_density():
+    problem = problem_of(table_of(TIMED), scene_of(time=True), "two-mass")
+    # COR above the mass ratio: the core would return faster than it came.
+    q = problem.coordinates({**truth_of(problem), "mass_ratio": 0.6})[None]
+    assert np.isfinite(problem.prior.log_density(q))[0]
+    assert density.log_posterior(problem, q)[0] == -np.inf
+    # Withheld measurements leave the impact, which must be possible still.
+    assert density.log_posterior(problem.without(np.arange(10)), q)[0] == -np.inf
 
 
-def test_a_draws_density_depends_on_no_other_draw_and_on_no_thread(monkeypatch):
-    problem = CASES["levels and offsets"](None)
-    _, coordinates = drawn(problem, 800)
-    whole = log_posterior(problem, coordinates)
-    apart = np.concatenate([log_posterior(problem, part) for part in np.array_split(coordinates, 7)])
-    np.testing.assert_array_equal(whole, apart)
-    monkeypatch.setattr(asked, "LARGE_BATCH", 10)
-    np.testing.assert_array_equal(whole, log_posterior(replace(problem, threads=2), coordinates))
-    np.testing.assert_array_equal(whole[:1], log_posterior(replace(problem, threads=2), coordinates[:1]))
+@pytest.mark.parametrize("errors", ["sd", "corr"])
+def test_parts_of_a_long_table_and_other_draws_change_nothing(errors, monkeypatch):
+    problem = form("student-t", True, errors, True, True, True)
+    q = near(problem, 7)
+    whole, alone = density.log_posterior(problem, q), [density.log_posterior(problem, row[None])[0] for row in q]
+    np.testing.assert_allclose(alone, whole, rtol=1e-13)
+    points = pointwise(problem, q, TIMED)
+    monkeypatch.setattr(density, "AT_ONCE", 50)
+    assert len(list(density.parts(problem, 7))) > 1
+    np.testing.assert_allclose(density.log_posterior(problem, q), whole, rtol=1e-13)
+    np.testing.assert_array_equal(pointwise(problem, q, TIMED), points)
+    np.testing.assert_allclose(points.sum(axis=1), log_likelihood(problem, q)[0], rtol=1e-12)
+
+
+def test_some_columns_of_an_impact_whatever_the_others():
+    problem = form("normal", False, "corr", False, False, False)
+    q, some = near(problem, 1), [0, 2]
+    made, found = cells(problem, q), pointwise(problem, q, ("v_x2", "omega_2"))
+    factor = factors(problem, q)[0]
+    whole = factor @ factor.swapaxes(1, 2)
+    exact = [
+        stats.multivariate_normal(made.mean[0, k, some], whole[k][np.ix_(some, some)]).logpdf(problem.rows.y[k, some])
+        for k in range(10)
+    ]
+    np.testing.assert_allclose(found[0], exact, rtol=1e-10)
+    # Given v_y2 it is another density.
+    given = terms(problem, made, problem.values(q))[0][:, some].sum(axis=1)
+    assert np.abs(given - exact).max() > 1e-3
+
+
+def test_withheld_and_chosen_impacts():
+    problem = form("normal", True, "corr", True, True, True)
+    q, rows = near(problem, 2), np.array([3, 7])
+    points = pointwise(problem, q, TIMED)
+    np.testing.assert_array_equal(pointwise(problem.take(rows), q, TIMED), points[:, rows])
+    assert problem.take(rows).table.labels["id"] == ("4", "8")
+    points[:, rows] = 0.0
+    np.testing.assert_array_equal(pointwise(problem.without(rows), q, TIMED), points)
+
+
+def integrated(problem, values, k, sign=1.0):
+    """Log likelihood of the k-th impact by Gauss-Hermite quadrature over its true state."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(10)
+    stated = covariance_of(problem.table, REBOUND, k)
+    u, across, own = stated[:3, :3], stated[3:, :3], stated[3:, 3:]
+    follows, root = sign * across @ np.linalg.inv(u), np.linalg.cholesky(u)
+    scatter = np.diag([values[name] ** 2 for name in ("v_x_sd", "v_y_sd", "spin_sd")])
+    grid = np.stack(np.meshgrid(nodes, nodes, nodes), axis=-1).reshape(-1, 3)
+    share = np.stack(np.meshgrid(weights, weights, weights), axis=-1).reshape(-1, 3).prod(axis=1) / weights.sum() ** 3
+    read = np.array([problem.table.values[name][k] for name in ("v_x1", "v_y1", "omega_1")])
+    gaps = []
+    for t in grid @ root.T:
+        made = seen_by(problem, values, k, read + t)
+        gaps.append([problem.table.values[name][k] - made[name] for name in REBOUND] + follows @ t)
+    rest = stats.multivariate_normal(np.zeros(3), own - across @ np.linalg.inv(u) @ across.T + scatter)
+    return np.log(share @ rest.pdf(np.array(gaps)))
+
+
+def test_sigma_points_against_the_integral_over_true_states():
+    problem = problem_of(table_of(REBOUND, "corr", count=4), scene_of())
+    at = truth_of(problem) | {"v_x_sd": 0.05, "v_y_sd": 0.05, "spin_sd": 3.0}
+    found = pointwise(problem, problem.coordinates(at)[None], REBOUND)[0]
+    exact, turned = (np.array([integrated(problem, at, k, sign) for k in range(4)]) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(found, exact, atol=0.03)
+    assert np.abs(found - turned).max() > 0.3
+
+
+@pytest.mark.parametrize("errors", ["sd", "corr"])
+def test_slopes_are_those_of_the_density(errors):
+    problem = form("normal", True, errors, True, True, True)
+    q = problem.coordinates(truth_of(problem))
+    made, rate = slopes(problem, q[None])
+    np.testing.assert_allclose(made.z, cells(problem, q[None]).z, rtol=1e-13)
+    value, sd = problem.contact_time
+    found = -np.einsum("ic,kic->k", made.z[0], rate.z[0]) - rate.log_sd[0].sum(axis=(1, 2))
+    found -= (made.time[0] - value) / sd**2 * rate.time[0] + problem.prior.pull(q[None])[0][0]
+    # Of the density itself by differences of the fourth order.
+    for k, width in enumerate(problem.prior.width):
+        step = 1e-4 * width * np.eye(q.size)[k]
+        ends = density.log_posterior(problem, q + np.outer((-2, -1, 1, 2), step))
+        exact = (ends[0] - 8.0 * ends[1] + 8.0 * ends[2] - ends[3]) / 12e-4
+        assert found[k] * width == pytest.approx(exact, rel=1e-4, abs=1e-3), problem.free[k]
+
+
+def test_a_slope_at_a_bound_is_one_sided():
+    problem = problem_of(table_of(REBOUND), scene_of())
+    q = problem.coordinates(truth_of(problem) | {"e_x": 1.0})
+    made, rate = slopes(problem, q[None])
+    k = problem.free.index("e_x")
+    assert problem.prior.high[k] == q[k]
+    back = q - 1e-5 * problem.prior.width * np.eye(q.size)[k]
+    exact = (made.z[0] - cells(problem, back[None]).z[0]) / (1e-5 * problem.prior.width[k])
+    np.testing.assert_allclose(rate.z[0, k], exact, rtol=1e-9)
+    assert np.abs(exact).max() > 1.0

@@ -1,274 +1,287 @@
-"""Predictions of new impacts: against independent Monte Carlo, at the command line, and where they must warn."""
+"""Predictions of new impacts: coverage with stated errors, levels, ranges, scores; readings and refusals."""
 
-from __future__ import annotations
-
-import math
+import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import stats
+from support.made_fit import made_fit, table_of
 
 import fitball
-from fitball.data.lines import parse_impact
-from fitball.errors import ModelError, ParameterError
-from fitball.inference.prediction.new_impacts import BATCH, impacts_seen, predict_new, scores
-from fitball.inference.prediction.reach import calibrated_range, hull_distances
-from fitball.inference.problem.observables import Observable
-from fitball.inference.results.fitted_model import FittedModel
-from fitball.report.predict.rows import prediction_csv_rows, prediction_json, remarks_on
+from fitball import environment
+from fitball.cli import main
+from fitball.inference import predictive
+from fitball.inference.forward import Draws
+from fitball.inference.results import Alternative
+from fitball.report import predict as page
+from fitball.uses.predict import table_in_words
 
-NAMES = ("mu", "e_x", "offset", "cor_10", "cor_slope", "velocity_sd", "spin_sd")
-BALL = fitball.Ball()
-CENTRE = np.array([0.6, 0.1, 2e-3, 0.75, -0.015, 0.4, 12.0])
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+REBOUND = ("v_x2", "v_y2", "omega_2")
 
 
-def fitted_grip_slip(draws=3000, spread=0.05, names=NAMES, **changes):
-    """A grip-slip model with draws around CENTRE, calibrated on a box of impacts."""
-    rng = np.random.default_rng(7)
-    values = CENTRE * (1.0 + spread * rng.standard_normal((draws, len(NAMES))))
-    kept = [NAMES.index(name) for name in names]
-    corners = np.array([[x, y, w] for x in (8.0, 16.0) for y in (5.0, 15.0) for w in (-100.0, 100.0)])
-    made = FittedModel("grip-slip", {}, BALL, True, names, CENTRE[kept], values[:, kept], fitball.impacts(*corners.T))
-    return replace(made, **changes)
+def known_fit(*given, tried=(), **more):
+    """A fit with these variants."""
+    made = made_fit(*given, **more)
+    known = replace(made, alternatives=tried)
+    known.__dict__["made"] = made.made
+    return known
 
 
-def bounce(values, v_x, v_y, omega):
-    """Cross (2002): the algebraic bounce written anew, one impact, many draws."""
-    mu, e_x, offset, cor_10, slope = values.T[:5]
-    mass, radius, inertia = BALL.mass, BALL.radius, BALL.inertia
-    cor = cor_10 + slope * (v_y - 10.0)
-    push = mass * (1.0 + cor) * v_y
-    # Grip: (1 + e_x) of the slip is undone by the impulse J and its torque, with the normal force ahead by offset.
-    reach = 1.0 / mass + radius**2 / inertia
-    impulse = ((1.0 + e_x) * (v_x - radius * omega) + radius * offset * push / inertia) / reach
-    impulse = np.minimum(np.maximum(impulse, -mu * push), mu * push)
-    return v_x - impulse / mass, cor * v_y, omega + (radius * impulse - offset * push) / inertia
+@pytest.fixture(scope="module")
+def fit():
+    return known_fit()
 
 
-def test_intervals_against_direct_monte_carlo():
-    fitted = fitted_grip_slip(draws=40_000)
-    found = predict_new(fitted, fitball.impacts([12.0, 15.0], [9.0, 6.0], [20.0, -50.0]), seed=3)
-    rng = np.random.default_rng(99)
-    for k, impact in enumerate([(12.0, 9.0, 20.0), (15.0, 6.0, -50.0)]):
-        v_x, v_y, omega = bounce(fitted.draws, *impact)
-        truth = {
-            "v_x2": v_x,
-            "v_y2": v_y,
-            "omega_2": omega,
-            "v_2": np.hypot(v_x, v_y),
-            "theta_2": np.arctan(v_y / v_x),
-        }
-        sd = dict.fromkeys(truth, fitted.draws[:, 5]) | {"omega_2": fitted.draws[:, 6]}
-        sd["theta_2"] = sd["theta_2"] / truth["v_2"]
-        for name, values in truth.items():
-            item = found.output(name)
-            np.testing.assert_allclose(item.rebound[:, k], np.quantile(values, LEVELS), rtol=1e-10)
-            # Half a million independent measurements against forty thousand: the standard error of the difference
-            # is 0.014 sd at the ends of 95 %, less inside.
-            which = rng.integers(len(values), size=500_000)
-            measured = values[which] + sd[name][which] * rng.standard_normal(which.size)
-            errors = (item.measured[:, k] - np.quantile(measured, LEVELS)) / measured.std()
-            assert np.all(np.abs(errors) < 0.06), (name, errors)
-            assert item.sd[k] == pytest.approx(measured.std(), rel=0.02)
-            assert item.mean[k] == pytest.approx(measured.mean(), abs=0.03 * measured.std())
+@pytest.fixture(scope="module")
+def surfaces():
+    """A fit to clay, hit slowly, and hard, hit fast: surfaces in turn, clay even rows."""
+    frame = table_of(surfaces=("clay", "hard"))
+    fast = frame.loc[1::2, ["v_x1", "v_y1", "v_x2", "v_y2"]] * 1.6
+    frame.loc[1::2, ["v_x1", "v_y1", "v_x2", "v_y2"]] = fast
+    fit = known_fit(frame)
+    draws, prior, rng = fit.draws, fit.problem.prior, np.random.default_rng(6)
+    beyond = prior.beyond(prior.coordinate(np.stack([draws.values[name] for name in fit.problem.free], axis=1)), rng)
+    best = {name: np.median(column, keepdims=True) for name, column in beyond.items()}
+    fit.made.draws = Draws(draws.point, {**draws.values, **beyond}, {**draws.best, **best})
+    return fit
 
 
-def test_intervals_nest_and_noise_widens():
-    found = predict_new(fitted_grip_slip(), fitball.impacts([9.0, 12.0, 15.0], [6.0, 9.0, 14.0], [0.0, 90.0, -90.0]))
-    assert [item.name for item in found.outputs] == ["v_x2", "v_y2", "v_2", "theta_2", "omega_2"]
-    for item in found.outputs:
-        assert np.all(np.diff(item.rebound, axis=0) > 0.0)
-        assert np.all(np.diff(item.measured, axis=0) > 0.0)
-        for low, high in ((0, 4), (1, 3)):
-            assert np.all(item.measured[low] < item.rebound[low])
-            assert np.all(item.measured[high] > item.rebound[high])
-    assert all(sum(shares.values()) == pytest.approx(1.0) for shares in found.regimes)
+def rows_of(result, column):
+    frame = result.frames["predictions"]
+    return frame[frame["column"] == column].reset_index(drop=True)
 
 
-def test_seed_moves_the_noise_only_and_batches_do_not_matter():
-    fitted = fitted_grip_slip(draws=40)
-    rng = np.random.default_rng(0)
-    many = fitball.impacts(*(rng.uniform(low, high, BATCH + 3) for low, high in ((8, 16), (5, 15), (-100, 100))))
-    first, again, other = (predict_new(fitted, many, seed=seed) for seed in (1, 1, 2))
-    for a, b, c in zip(first.outputs, again.outputs, other.outputs, strict=True):
-        assert a.measured.tobytes() == b.measured.tobytes() != c.measured.tobytes()
-        assert a.rebound.tobytes() == c.rebound.tobytes()
-    last = fitball.impacts(*(getattr(many, name)[-1] for name in ("v_x1", "v_y1", "omega_1")))
-    alone = predict_new(fitted, last)
-    assert alone.output("v_x2").rebound[:, 0].tobytes() == first.output("v_x2").rebound[:, -1].tobytes()
+def new_table(count, rng, fit, errors):
+    """Impacts within the fit's range whose states are measured with `errors`, each with the rebound of a draw of the
+    posterior at its true state, and noise; what a laboratory would have.
+    """
+    known, draw = fit.problem.rows.states, rng.integers(len(next(iter(fit.draws.values.values()))), size=count)
+    picked = known.take(rng.integers(len(known), size=count))
+    values = {name: column[draw] for name, column in fit.draws.values.items()}
+    true = fitball.impacts(*(getattr(picked, name) + sd * rng.standard_normal(count) for name, sd in errors.items()))
+    states = [fitball.impacts(true.v_x1[k], true.v_y1[k], true.omega_1[k]) for k in range(count)]
+    forward = fit.problem.forward
+    made = [forward.rebound({n: v[k : k + 1] for n, v in values.items()}, states[k]) for k in range(count)]
+    table = {name: getattr(picked, name) for name in errors}
+    noise = {"v_x2": "v_x_sd", "v_y2": "v_y_sd", "omega_2": "spin_sd"}
+    for name in REBOUND:
+        exact = np.array([getattr(one, name)[0, 0] for one in made])
+        table[name] = exact + values[noise[name]] * rng.standard_normal(count)
+    return pd.DataFrame(table)
 
 
-def test_without_draws_only_the_point():
-    found = predict_new(fitted_grip_slip(draws=0), fitball.impacts(12.0, 9.0, 20.0))
-    assert found.draws == 0
-    for item, value in zip(
-        (found.output(name) for name in ("v_x2", "v_y2", "omega_2")),
-        bounce(CENTRE[None], 12.0, 9.0, 20.0),
-        strict=True,
-    ):
-        assert item.point[0] == pytest.approx(value[0], rel=1e-12)
-        assert item.rebound is item.measured is item.sd is None
+def test_intervals_hold_with_errors_of_the_incident_state_and_do_not_without(fit):
+    errors = {"v_x1": 0.6, "v_y1": 0.5, "omega_1": 12.0}
+    table = new_table(400, np.random.default_rng(11), fit, errors)
+    stated = table.assign(**{f"{name}_sd": sd for name, sd in errors.items()})
+    # What is left outside of 95 % of 400 is so much, but once in a thousand.
+    low, high = stats.binom.ppf([5e-4, 1.0 - 5e-4], 400, 0.95) / 400
+    good, blind = (fit.predict(one).frames["scores"].set_index("column") for one in (stated, table))
+    for name in REBOUND:
+        assert low <= good.loc[name, "within_95"] <= high, name
+        assert blind.loc[name, "within_95"] < low, name
+        assert good.loc[name, "rms_z"] < blind.loc[name, "rms_z"]
 
 
-def test_unknown_noise_gives_no_measurement_but_stated_noise_does():
-    fitted = fitted_grip_slip(names=NAMES[:6])
-    impacts = fitball.impacts([12.0, 13.0], 9.0, 20.0)
-    found = predict_new(fitted, impacts)
-    assert found.output("omega_2").measured is None
-    assert found.output("v_x2").measured is not None
-    stated = Observable("omega_2", np.array([200.0, 210.0]), np.array([1.0, 50.0]), None)
-    item = predict_new(fitted, impacts, [stated]).output("omega_2")
-    inner = item.rebound[4] - item.rebound[0]
-    outer = item.measured[4] - item.measured[0]
-    assert outer[0] < 1.2 * inner[0]
-    assert outer[1] > 150.0
+def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
+    known = table_of()
+    mine = fit.predict(known.iloc[:10])
+    scores = mine.frames["scores"].set_index("column")
+    assert list(scores.index) == list(REBOUND) and (scores["seen"] == 10).all() and (scores["impacts"] == 10).all()
+    one = rows_of(mine, "v_x2")
+    off = known["v_x2"].iloc[:10].to_numpy() - one["median"].to_numpy()
+    assert scores.loc["v_x2", "bias"] == pytest.approx(off.mean())
+    assert scores.loc["v_x2", "rms"] == pytest.approx(np.sqrt((off**2).mean()))
+    # The same impacts by speed and angle are known again; others, or other rebounds, are not.
+    polar = known.assign(v_1=np.hypot(known.v_x1, known.v_y1), theta_1=np.degrees(np.arctan2(known.v_y1, known.v_x1)))
+    assert fit.predict(polar.drop(columns=["v_x1", "v_y1"])).frames["scores"]["seen"].tolist() == [24] * 3
+    other = known.assign(v_y2=known["v_y2"] + [0.1, *[0.0] * 23])
+    assert fit.predict(other).frames["scores"]["seen"].tolist() == [23] * 3
+    assert fit.predict(known.drop(columns=list(REBOUND))).frames["scores"].empty
 
 
-def test_draws_that_cannot_be_solved_are_told_with_the_reason():
-    fitted = fitted_grip_slip()
-    raised = fitted.draws.copy()
-    raised[: len(raised) // 4, 3] = 1.2
-    raised[:, 4] = -0.01
-    found = predict_new(replace(fitted, draws=raised), fitball.impacts([12.0, 12.0], [9.0, 100.0], 0.0))
-    (reason, share), = found.failures[0].items()  # fmt: skip
-    assert share == pytest.approx(0.25)
-    assert "(0, 1]" in reason
-    v_y = bounce(raised[len(raised) // 4 :], 12.0, 9.0, 0.0)[1]
-    np.testing.assert_allclose(found.output("v_y2").rebound[:, 0], np.quantile(v_y, LEVELS), rtol=1e-10)
-    assert sum(found.regimes[0].values()) == pytest.approx(1.0)
-    assert set(found.regimes[0]) <= {"slide", "slide back", "grip"}
-    # At 100 m/s the line has no restitution left for all but the raised quarter, which keeps 0.3.
-    assert sum(found.failures[1].values()) == pytest.approx(0.75)
-    np.testing.assert_allclose(found.unsolved, [0.25, 0.75])
-    # Intervals of the rest where they are most, none of a minority; the same in words, in CSV and in JSON.
-    assert found.withheld.tolist() == [False, True]
-    for output in found.outputs:
-        for array in (output.rebound, output.measured, output.mean, output.sd):
-            assert np.all(np.isnan(array[..., 1])) and not np.any(np.isnan(array[..., 0]))
-    remarks = [" ".join(remarks_on(found, row)) for row in (0, 1)]
-    assert "25 % of the draws" in remarks[0] and "no intervals" not in remarks[0]
-    assert "75 % of the draws" in remarks[1] and "no intervals" in remarks[1]
-    rows = prediction_csv_rows(found, ("a", "b"))
-    assert [row["intervals"] for row in rows] == ["the draws that can be solved", "withheld"]
-    assert [row["failed"] for row in rows] == pytest.approx([0.25, 0.75])
-    assert rows[1]["v_y2_median [m/s]"] is None and rows[0]["v_y2_median [m/s]"] is not None
-    told = prediction_json(found, ("a", "b"), (), ())["impacts"]
-    assert [item["intervals"] for item in told] == ["the draws that can be solved", "withheld"]
-    assert told[1]["outputs"]["v_y2"]["median"] is None
+def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit):
+    frame = pd.DataFrame({"v_1": [17.0, 20.0], "theta_1": [25.0, 40.0], "omega_1": [100.0, 0.0], "omega_1_sd": 5.0})
+    whole = fit.predict(frame).frames["predictions"]
+    alone = fit.predict(frame.iloc[1:]).frames["predictions"]
+    words = fit.predict(impact="v_1=17, theta_1=25 deg, omega_1=100±5 rad/s").frames["predictions"]
+    numbers = ["point", "median", "sd", "q025", "new_q975", "noise", "distance"]
+    for row, single in ((0, words), (1, alone)):
+        same = whole[whole["row"] == row][numbers].to_numpy()
+        np.testing.assert_allclose(single[numbers].to_numpy(), same, rtol=1e-9)
+    grid = table_in_words("v_x1=10..12:3, v_y1=6..8 m/s:2, omega_1=50")
+    assert len(grid) == 6 and not grid.sd and set(grid.impacts.v_y1) == {6.0, 8.0}
+    assert table_in_words("v_1=20±1, theta_1=45 deg").sd["v_x1"] == pytest.approx(np.sqrt(0.5))
 
 
-def test_hull_distance_of_a_cube_a_plane_and_a_point():
-    cube = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
-    places = np.array([[0.5, 0.5, 0.5], [2.0, 0.5, 0.5], [2.0, 2.0, 0.5], [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
-    np.testing.assert_allclose(
-        hull_distances(cube, places), [0.0, 1.0, math.sqrt(2.0), math.sqrt(3.0), 0.0], atol=1e-12
-    )
-    flat = cube[cube[:, 2] == 0.0] * 1e3
-    np.testing.assert_allclose(hull_distances(flat, np.array([[500.0, 500.0, 7.0]])), [7.0], rtol=1e-9)
-    np.testing.assert_allclose(hull_distances(cube[:1], np.array([[3.0, 4.0, 0.0]])), [5.0], rtol=1e-9)
+def test_columns_are_those_that_the_model_predicts(fit):
+    frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0]}).frames["predictions"]
+    assert frame["column"].tolist() == ["v_x2", "v_y2", "theta_2", "omega_2"]
+    frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0], "v_2": [10.0]}).frames["predictions"]
+    assert "v_2" in frame["column"].tolist()
+    drop = known_fit(table_of(drop=True), model="two-mass")
+    assert drop.predict(impact="v_y1=7").frames["predictions"]["column"].tolist() == ["v_y2", "contact_time"]
 
 
-def test_range_flags_say_which_quantity_and_by_how_much():
-    known = fitball.impacts([16.0, 12.0, 6.0], [5.0, 12.0, 16.0], [-100.0, 0.0, 100.0])
-    new = fitball.impacts(
-        [12.0, 12.0, 12.0, 12.0, 20.0], [12.0, 18.0, 12.0, 12.0, 5.0], [0.0, 0.0, 150.0, -130.0, 0.0]
-    )
-    found = calibrated_range(known, new, 0.033, True, ("COR",))
-    np.testing.assert_allclose(found.beyond["v_y1"], [0.0, 2.0, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(found.beyond["omega_1"], [0.0, 0.0, 50.0, -30.0, 0.0])
-    assert found.beyond["theta_1"][4] == pytest.approx(math.atan2(5.0, 20.0) - math.atan2(5.0, 16.0))
-    assert found.outside.tolist() == [False, True, True, True, True]
-    itself = calibrated_range(known, known, 0.033, True, ())
-    assert not itself.outside.any()
-    np.testing.assert_allclose(itself.hull_distance, 0.0, atol=1e-12)
-    # Every quantity within its limits, and yet new: half as fast at the middle angle.
-    slow = calibrated_range(known, fitball.impacts(6.0, 6.0, 0.0), 0.033, True, ())
-    assert all(column[0] == 0.0 for column in slow.beyond.values())
-    assert slow.new_combination[0]
-    assert slow.outside[0]
-    drop = calibrated_range(fitball.impacts(0.0, [3.0, 9.0]), fitball.impacts(0.0, [2.0, 5.0]), 0.033, False, ())
-    assert drop.hull_distance is None
-    assert drop.outside.tolist() == [True, False]
+def test_levels_by_column_by_option_and_new(surfaces):
+    states = pd.DataFrame({"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "surface": ["Clay", "hard"]})
+    by_column = rows_of(surfaces.predict(states), "v_x2")
+    bare = states.drop(columns="surface")
+    for row, label in enumerate(("clay", "hard")):
+        by_option = rows_of(surfaces.predict(bare, level={"surface": label}), "v_x2")
+        np.testing.assert_array_equal(by_option["median"], [by_column["median"][row]] * 2)
+        assert set(by_option["surface"]) == {label} and by_column["surface"][row] == label
+    new = surfaces.predict(bare.iloc[:1], level={"surface": "new"})
+    # A surface of which nothing was measured is less sure than either.
+    assert rows_of(new, "v_x2")["sd"][0] > 1.5 * by_column["sd"].max()
+    assert "new-level" in {note.code for note in new.notes}
 
 
-def test_a_drop_test_predicts_the_vertical_motion_and_nothing_else():
-    names, values = ("k_y", "cor_10", "cor_slope", "velocity_sd"), np.array([2e4, 0.75, -0.01, 0.1])
-    known = fitball.impacts(0.0, [3.0, 9.0])
-    drop = FittedModel("two-mass", {"normal": "total"}, BALL, False, names, values, values[None, :], known)
-    found = predict_new(drop, fitball.impacts(0.0, [5.0, 10.0]))
-    assert [item.name for item in found.outputs] == ["v_y2", "contact_time"]
-    np.testing.assert_allclose(found.output("v_y2").point, [5.0 * 0.8, 10.0 * 0.75])
-    assert found.regimes == ({}, {})
-    assert found.range.outside.tolist() == [False, True]
+def refused(code, call):
+    with pytest.raises(fitball.FitballError) as caught:
+        call()
+    assert caught.value.code == code
+    return caught.value
 
 
-def test_validation_counts_what_it_says():
-    fitted = fitted_grip_slip()
-    impacts = fitball.impacts(np.full(4, 12.0), 9.0, 20.0)
-    plain = predict_new(fitted, impacts)
-    mean, sd = plain.output("v_y2").mean, plain.output("v_y2").sd
-    observed = mean + sd * np.array([0.0, 0.5, -1.5, 3.0])
-    found = predict_new(fitted, impacts, [Observable("v_y2", observed, None, "velocity_sd")])
-    (score,) = scores(found)
-    assert (score.output, score.impacts, score.within_68, score.within_95) == ("v_y2", 4, 0.5, 0.75)
-    np.testing.assert_allclose(found.output("v_y2").z, [0.0, 0.5, -1.5, 3.0], atol=0.1)
-    assert score.rms_z == pytest.approx(math.sqrt((0.25 + 2.25 + 9.0) / 4), rel=0.05)
-    assert score.bias == pytest.approx(np.mean(observed - found.output("v_y2").rebound[2]))
-    assert impacts_seen(fitted.impacts, fitball.impacts([8.0, 9.0], [5.0, 5.0], [100.0, 100.0])) == 1
+def test_what_cannot_be_predicted_is_refused(fit, surfaces, tmp_path):
+    state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
+    refused("no-impacts", lambda: fit.predict())
+    refused("no-impacts", lambda: fit.predict(state, impact="v_y1=7"))
+    refused("impact", lambda: fit.predict(impact="v_1=17"))
+    refused("impact", lambda: fit.predict(impact="v_1=17, theta_1=200 deg"))
+    refused("label-missing", lambda: surfaces.predict(state))
+    refused("unknown-label", lambda: surfaces.predict(state, level={"surface": "grass"}))
+    refused("unknown-label", lambda: surfaces.predict(state | {"surface": ["grass"]}))
+    refused("unknown-level", lambda: surfaces.predict(state, level={"court": "clay"}))
+    refused("unknown-level", lambda: fit.predict(state, level={"surface": "clay"}))
+    refused("level-twice", lambda: surfaces.predict(state | {"surface": ["clay"]}, level={"surface": "hard"}))
+    error = refused("not-a-number", lambda: fit.predict({"v_x1": [1.0, "x"], "v_y1": [1, 2], "omega_1": [0, 0]}))
+    assert [(fault.row, fault.column) for fault in error.faults] == [(2, "v_x1")]
+    refused("not-found", lambda: fit.predict(tmp_path / "none.csv"))
+    refused("no-fit", lambda: fitball.predict(tmp_path, impact="v_y1=7"))
 
 
-def test_measured_restitution_needs_its_column():
-    fitted = FittedModel(
-        "two-mass", {"cor": "measured"}, BALL, True, ("mass_ratio",), np.array([0.9]), np.empty((0, 1)),
-        fitball.impacts(10.0, 10.0),
+def test_extrapolation_is_judged_within_the_surface(surfaces):
+    """An impact as the fastest on hard is far from all on clay."""
+    known = surfaces.run.table
+    fast = int(np.argmax(known.impacts.polar()[0]))
+    state = {name: [float(getattr(known.impacts, name)[fast])] * 3 for name in ("v_x1", "v_y1", "omega_1")}
+    assert known.labels["surface"][fast] == "hard"
+    found = rows_of(surfaces.predict(state | {"surface": ["hard", "clay", "new"]}), "v_x2")
+    assert found["outside"].tolist() == [False, True, False]
+    assert found["distance"][0] < 1e-6 < 3.0 < found["distance"][1]
+
+
+def test_the_range_over_variants_that_fit_equally_well(fit):
+    base = dict(fit.draws.point)
+    moved = {"mu": 0.3, "e_x": 0.3}
+
+    def alternative(choice, as_good, reason="", **values):
+        return Alternative(choice, "noise=normal", "grip-slip", {**base, **values}, {}, 0.0, 1.0, as_good, reason)
+
+    tried = (
+        alternative("one", True, **moved), alternative("other", True, e_x=0.2), alternative("worse", False, mu=0.05),
+        alternative("none", True, reason="no answer", mu=0.01),
     )  # fmt: skip
-    with pytest.raises(ModelError, match="v_y2 of every impact"):
-        predict_new(fitted, fitball.impacts(10.0, 10.0))
+    known = known_fit(tried=tried)
+    state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
+    found = rows_of(known.predict(state), "v_x2")
+    model, at = fit.problem.forward.model, fitball.impacts(15.0, 8.0, 0.0)
+    free = {spec.name: base[spec.name] for spec in model.parameters}
+    each = [float(model.rebound({**free, **change}, at).v_x2[0]) for change in ({}, moved, {"e_x": 0.2})]
+    assert found["variant_low"][0] == pytest.approx(min(each), rel=1e-12)
+    assert found["variant_high"][0] == pytest.approx(max(each), rel=1e-12) and max(each) > min(each) + 0.1
+    assert rows_of(fit.predict(state), "v_x2")["variant_low"].isna().all()
 
 
-@pytest.mark.parametrize(
-    ("text", "speed", "degrees", "spin"),
-    [
-        ("v=38 mph, theta=18 deg, spin=950 rpm top", 38 * 0.44704, 18.0, 950 * math.pi / 30),
-        ("v=61.2km/h,theta=0.3 rad,spin=950rpm back", 17.0, math.degrees(0.3), -950 * math.pi / 30),
-        ("v=17, theta=18, omega=-100", 17.0, 18.0, -100.0),
-        ("v_1=17 m/s, theta_1=18 deg", 17.0, 18.0, 0.0),
-        ("v_x=3, v_y=4, omega=2 rev/s topspin", 5.0, math.degrees(math.atan2(4, 3)), 4 * math.pi),
-        ("v_y=5 m/s", 5.0, 90.0, 0.0),
-        ("v_x=3, v_y=4, spin=180 deg/s backspin", 5.0, math.degrees(math.atan2(4, 3)), -math.pi),
-        ("v_x1=-3, v_y1=4, omega_1=1e2", 5.0, math.degrees(math.atan2(4, -3)), 100.0),
-    ],
-)
-def test_an_impact_in_words(text, speed, degrees, spin):
-    found = parse_impact(text)
-    assert math.hypot(found.v_x1[0], found.v_y1[0]) == pytest.approx(speed, rel=1e-12)
-    assert math.degrees(math.atan2(found.v_y1[0], found.v_x1[0])) == pytest.approx(degrees, rel=1e-12)
-    assert found.omega_1[0] == pytest.approx(spin, rel=1e-12)
+def test_no_new_measurement_where_its_error_is_not_known():
+    """The fit knows what columns scatter beyond their stated errors; a new table without these has no intervals."""
+    fit = known_fit(table_of().assign(v_x2_sd=0.2))
+    state = pd.DataFrame({"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "v_x2": [9.0, 9.5]})
+    bare, stated = fit.predict(state), fit.predict(state.assign(v_x2_sd=[0.1, 0.5]))
+    assert rows_of(bare, "v_x2")[["new_q025", "noise"]].isna().all(axis=None)
+    assert rows_of(bare, "v_y2")["new_q025"].notna().all() and "unknown-noise" in {n.code for n in bare.notes}
+    wide = rows_of(stated, "v_x2")["noise"]
+    scatter = np.sqrt(np.mean(fit.draws.values["v_x_sd"] ** 2))
+    np.testing.assert_allclose(wide, np.hypot(scatter, [0.1, 0.5]), rtol=1e-9)
+    # Errors of states beside it change nothing in that.
+    both = fit.predict(state.assign(v_y1_sd=0.3))
+    assert rows_of(both, "v_x2")["new_q025"].isna().all() and rows_of(both, "v_y2")["new_q025"].notna().all()
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "expected NAME=VALUE UNIT"),
-        ("v=38 mph", "read v_1; expected v and theta"),
-        ("v=38 mhp, theta=18", "did you mean 'mph'"),
-        ("v=38 deg, theta=18", "measures angle"),
-        ("v=fast, theta=18", "read 'fast', expected a number"),
-        ("speed=38, theta=18", "unknown quantity 'speed'"),
-        ("v=38, theta=18, v=37", "given twice"),
-        ("v=38, theta=18, v_x=3", "expected v and theta"),
-        ("v=38, theta=0", "between 0 and 180 deg"),
-        ("v=-3, theta=10", "positive speed v"),
-        ("v_x=3, v_y=-2", "positive speed v_y"),
-        ("v=38, theta=18, spin=-9 rpm top", "either a sign or top/back"),
-        ("v=38, theta=18, spin=9 rpm up", "unknown"),
-        ("v=1e999, theta=18", "finite"),
-        ("spin=100", "no velocity"),
-    ],
-)
-def test_a_bad_impact_is_quoted(text, words):
-    with pytest.raises(ParameterError) as caught:
-        parse_impact(text)
-    assert words in str(caught.value)
-    assert f"impact '{text}'" in str(caught.value)
+def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, monkeypatch):
+    rng = np.random.default_rng(3)
+    table = {"v_x1": rng.uniform(8, 20, 300), "v_y1": rng.uniform(4, 12, 300), "omega_1": rng.uniform(-100, 100, 300)}
+    whole = fit.predict(table).frames["predictions"]
+    monkeypatch.setattr(predictive, "_BLOCK", 7 * len(fit.draws.values["mu"]))
+    for cores in (1, 3):
+        with environment.threads(cores):
+            pd.testing.assert_frame_equal(fit.predict(table).frames["predictions"], whole, rtol=1e-12)
+    monkeypatch.setattr(predictive, "_FEWEST", 40)
+    monkeypatch.setattr(predictive, "PREDICTED", 4)
+    fewer = fit.predict(table).frames["predictions"]
+    count = predictive.PREDICTING * 4 // 300
+    chosen = (np.arange(count) * 400) // count
+    values = {name: column[chosen] for name, column in fit.draws.values.items()}
+    known = known_fit()
+    known.__dict__["made"] = type(fit.made)(problem=fit.problem, draws=Draws(fit.draws.point, values, fit.draws.best))
+    monkeypatch.setattr(predictive, "PREDICTED", 20_000)
+    np.testing.assert_array_equal(known.predict(table).frames["predictions"]["q975"], fewer["q975"])
+    assert len(values["mu"]) == count < len(fit.draws.values["mu"])
+
+
+def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
+    one = fit.predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
+    many = fit.predict(impact="v_1=15..60:4, theta_1=30 deg, omega_1=0")
+    assert [page.report(found).summary[0].lines[0].tone for found in (one, many)] == ["good", "part"]
+    table = next(block for block in page.report(many).summary if getattr(block, "rows", None))
+    assert [row["remark"] for row in table.rows] == ["", "extrapolated", "extrapolated", "extrapolated"]
+    assert all(len(result.plot("rebounds").get_axes()) == 4 for result in (one, many))
+    point = known_fit(sampled=False).predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
+    frame = point.frames["predictions"]
+    assert frame[["median", "new_q025"]].isna().all(axis=None) and frame["point"].notna().all()
+    assert "theta_2" in point.report() and point.plot("rebounds").get_axes()
+    hostile = fit.predict({"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]})
+    assert "\x1b" not in hostile.report() and hostile.plot("rebounds").get_axes()
+
+
+def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
+    """Names, units and signs of the fit's own file, of which the spin counts backwards; by the command line."""
+    known = table_of(16)
+    theirs = {"Vin": known.v_x1 * 3.6, "down": known.v_y1, "spin": -known.omega_1, "Vout": known.v_x2 * 3.6}
+    theirs = pd.DataFrame(theirs | {"v_y2": known.v_y2, "omega_2 [rpm]": -known.omega_2 * 30 / np.pi})
+    theirs.to_csv(tmp_path / "theirs.csv", index=False)
+    known.drop(columns="id").to_csv(tmp_path / "ours.csv", index=False)
+    options = ["--model", "brody", "--point-only", "--figures", "none", "--quiet"]
+    named = ["--columns", "v_x1=Vin [km/h],v_y1=down,omega_1=spin,v_x2=Vout [km/h]", "--flip", "omega_1,omega_2"]
+    for name, more in (("theirs", named), ("ours", [])):
+        assert main(["calibrate", str(tmp_path / f"{name}.csv"), *more, *options, "--out", str(tmp_path / name)]) == 0
+    # Without rebounds, and without a unit in the header.
+    theirs[["Vin", "down", "spin"]].iloc[:4].to_csv(tmp_path / "new.csv", index=False)
+    known[["v_x1", "v_y1", "omega_1"]].iloc[:4].to_csv(tmp_path / "same.csv", index=False)
+    capsys.readouterr()
+    made = []
+    for name, table in (("theirs", "new.csv"), ("ours", "same.csv")):
+        assert main(["predict", str(tmp_path / name), str(tmp_path / table), "--json"]) == 0
+        made.append(pd.DataFrame(json.loads(capsys.readouterr().out)["frames"]["predictions"]))
+    np.testing.assert_allclose(made[0]["point"].astype(float), made[1]["point"].astype(float), rtol=1e-5)
+    written = {place.name for place in (tmp_path / "ours" / "predict").iterdir()}
+    assert {"predictions.csv", "report.html", "rebounds.png"} <= written
+    assert main(["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]) == 2
+    assert not (tmp_path / "x").exists()
+    refused("own-model", lambda: fitball.load_fit(tmp_path / "ours", "brody"))
+
+
+def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
+    table_of(10).to_csv(tmp_path / "balls.csv", index=False)
+    place = tmp_path / "mine.py"
+    place.write_text("def roll(v_x1, v_y1, omega_1, ball, k='normal(0.6, 0.2)'):\n    return k * v_x1, v_y1, v_x1\n")
+    own = f"{place}:roll"
+    fitball.calibrate(tmp_path / "balls.csv", model=own, point_only=True, progress=False).save(tmp_path / "fit")
+    made = fitball.predict(tmp_path / "fit", impact="v_x1=10, v_y1=7", model=own)
+    best = fitball.load_fit(tmp_path / "fit", own).point.optima[0]["k"]
+    assert rows_of(made, "v_x2")["point"][0] == pytest.approx(10.0 * best, rel=1e-12)
+    refused("own-model", lambda: fitball.predict(tmp_path / "fit", impact="v_x1=10, v_y1=7"))

@@ -1,336 +1,338 @@
-"""From records of cells to columns of text: which record is the header, whether units are in the row below it, which
-rows follow, and which of these are totals of others. The result has faults, for which a table is refused, and
-notices.
+"""Any source -> header and columns of text or numbers: layout, units below the header, decimal signs, ±. Imports:
+records, base.
+
+What was assumed is noted, what may be two things is refused. Columns are arrays, never objects a cell.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
+import os
 import re
-import statistics
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import isfinite, nan
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
 
-from fitball.data.table import Notice
-from fitball.errors import Fault, TableError
+import numpy as np
+from numpy.typing import NDArray
 
-# Cells, and the line they start on (None where there are no lines).
-Record = tuple[int | None, tuple[str, ...]]
-Texts = tuple[str, ...]
+from fitball.data import records
+from fitball.data.records import Known, Record, refusal, shown
+from fitball.errors import Fault, InputError, Note
+from fitball.text import listed, one_line
+from fitball.units import symbol_of
+from fitball.values import FloatArray, IntArray
 
-# What a spreadsheet shows where a formula has no value, in English and German: no comment, though it begins like one.
-FORMULA_ERROR = re.compile(
-    r"#(?:N/?A|NV|VALUE!|WERT!|DIV/0!|REF!|BEZUG!|NAME\?|NUM!|ZAHL!|NULL!)(?![\w!?])", re.IGNORECASE
-)
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Where rows of a table stand: their `numbers` from 1, and the `lines` they start on (None without lines)."""
-
-    numbers: tuple[int, ...]
-    lines: tuple[int | None, ...]
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def take(self, places: Iterable[int]) -> Rows:
-        """The rows at these places."""
-        kept = list(places)
-        return Rows(tuple(self.numbers[k] for k in kept), tuple(self.lines[k] for k in kept))
+PARQUET = (".parquet", ".pq")
+# Faults that are kept one by one, and cells that are put into arrays at once.
+_FAULTS, _CHUNK = 10_000, 100_000
 
 
-@dataclass(frozen=True)
-class RawTable:
-    """Header and columns as text, all as long as the `rows` and as many as the header. `data` is the file's bytes,
-    `notes` say what was assumed or passed over.
+@dataclass
+class Cells:
+    """A table as it is written. `names` are the cells of the header, none empty, with the units of a row below it in
+    brackets; `columns`, in that order, are arrays (rows,) of text, or of numbers where the source has numbers. `rows`
+    are numbers of the rows of data from 1, `lines` those of the file (None in memory), `header` is the header's line.
+    `sha256` is that of the file's bytes, or of names and cells in memory.
+
+    Collects `notes` on what was assumed and `faults`, for which the table is refused.
     """
 
-    header: Texts
-    header_line: int | None
-    rows: Rows
-    columns: tuple[Texts, ...]
-    data: bytes
-    faults: tuple[Fault, ...]
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Vocabulary:
-    """How a header is recognised: `worth` of a cell (1 for a known column, less for a possible one, 0
-    for any other text), and whether a text `is_unit`.
-    """
-
-    worth: Callable[[str], float]
-    is_unit: Callable[[str], bool]
-
-
-def refusal(source: str, message: str, line: int | None = None) -> TableError:
-    """The error of a file that cannot be taken apart."""
-    return TableError(source, [Fault(message, line=line)])
-
-
-# Faults that are kept one by one: a table of millions of cells may have one in each.
-MOST_FAULTS = 100_000
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Faults and notices of a table, one check after the other adds to them. Places of rows count among `rows`, those
-    that are left of it; `line` is that of its header, `more` counts faults beyond those that are kept.
-    """
-
-    rows: Rows
-    line: int | None
+    source: str
+    sha256: str
+    names: list[str]
+    columns: list[NDArray[Any]]
+    rows: IntArray
+    lines: IntArray | None = None
+    header: int | None = None
+    notes: list[Note] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
-    notices: list[Notice] = field(default_factory=list)
-    more: Counter[str] = field(default_factory=Counter)
 
-    @staticmethod
-    def from_raw(raw: RawTable) -> Findings:
-        """What was found when the cells were read."""
-        return Findings(raw.rows, raw.header_line, list(raw.faults), [Notice(text) for text in raw.notes])
+    def text(self, place: int) -> list[str]:
+        """The cells of the column at a place as text; whole numbers without a point."""
+        column = self.columns[place]
+        return column.tolist() if column.dtype.kind == "T" else [shown(cell) for cell in column.tolist()]
 
-    def among(self, places: Iterable[int]) -> Findings:
-        """The same findings, where the rows at these places alone are left."""
-        return replace(self, rows=self.rows.take(places))
+    def note(self, code: str, text: str) -> None:
+        """Add a note."""
+        self.notes.append(Note(code, text))
 
-    def fault(self, message: str, column: str | None = None, place: int | None = None) -> None:
-        """Add a fault of the row at a `place`, or without one of the whole table."""
-        if len(self.faults) >= MOST_FAULTS:
-            self.more["faults"] += 1
-            return
-        number, line = (None, None) if place is None else (self.rows.numbers[place], self.rows.lines[place])
-        self.faults.append(Fault(message, number, line, column))
+    def fault(self, code: str, message: str, column: str | None = None, place: int | None = None) -> None:
+        """Add a fault of the row at a place, or of the header."""
+        row = None if place is None else int(self.rows[place])
+        line = self.header if place is None else None if self.lines is None else int(self.lines[place])
+        self.add(Fault(code, message, row, line, column))
 
-    def header_fault(self, message: str, column: str | None = None) -> None:
-        """Add a fault of the header."""
-        self.faults.append(Fault(message, line=self.line, column=column))
+    def add(self, fault: Fault) -> None:
+        """Add a fault; the first 10,000 are kept."""
+        if len(self.faults) < _FAULTS:
+            self.faults.append(fault)
+        elif len(self.faults) == _FAULTS:
+            self.faults.append(Fault("more-faults", f"the first {_FAULTS:,} faults; there are more"))
 
-    def notice(self, message: str, *columns: str, place: int | None = None, kind: str = "") -> None:
-        """Add a notice about `columns`, or about them in the row at a `place`; for `kind` see `Notice`."""
-        row = None if place is None else self.rows.numbers[place]
-        self.notices.append(Notice(message, row, columns, kind))
-
-    def refuse(self, source: str, hints: tuple[str, ...] = ()) -> None:
-        """Raise TableError if there is a fault: header first, then row by row, as one works through a file."""
-        untold = [Fault(f"{self.more['faults']:,} more faults, which are not listed")] if self.more else []
+    def refuse(self, hints: Sequence[str] = ()) -> None:
+        """Raise InputError if there are faults, those of the header first, then row by row."""
         if self.faults:
-            raise TableError(source, sorted(self.faults + untold, key=lambda fault: fault.row or 0), hints)
+            faults = sorted(self.faults, key=lambda one: (one.code == "more-faults", one.row or 0))
+            raise InputError(self.source, faults, hints)
 
 
-# Records among which the header is looked for.
-_REACH = 60
-# What a name that is probably meant must be worth to make a header of a record.
-_LEAST = 0.5
-_NUMBER = re.compile(r"[+\-\u2212\u2013]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
-_BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
-_SHOWN = 60
+def file_and_sheet(source: str) -> tuple[str, str]:
+    """A file, and the sheet that is named behind `#`, unless a file has that name."""
+    # Unlike that of Path, this answers for a name too long for the system.
+    file, _, sheet = (source, "", "") if os.path.isfile(source) else source.partition("#")  # noqa: PTH113
+    return file, sheet
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell looks like a number, whatever its decimal sign."""
-    return _NUMBER.fullmatch(cell) is not None
+def read_cells(source: Any, known: Known, name: str = "") -> Cells:
+    """The cells of a file (text with any separator in UTF-8, UTF-16 or Windows-1252; a workbook, of which
+    `book.xlsx#sheet` chooses a sheet; Parquet), of a DataFrame, whose index counts if it has a name, or of a mapping
+    of columns; `name` is what faults call these two. `known` says what a header cell is worth (`Naming.worth`).
 
-
-def find_header(records: Sequence[Record], vocabulary: Vocabulary) -> tuple[int, float]:
-    """The place of the first record whose names are worth most, and what they are; the first of all, worth nothing,
-    where no record has any.
+    Raises InputError where a source cannot be taken apart: `not-found`, `empty`, `too-large`, `encoding`, `quotes`,
+    `above-header`, `not-a-workbook`, `no-sheet`, `several-sheets`, `not-parquet`, `no-pyarrow`, `not-a-table`. Faults
+    that leave the rest readable are in `faults`: `row-length`, `summary-row`.
     """
-    worths = [sum(map(vocabulary.worth, cells)) for _, cells in records[:_REACH]]
-    best = max(worths, default=0.0)
-    return (worths.index(best), best) if best >= _LEAST else (0, 0.0)
-
-
-def laid_out(
-    source: str, records: Sequence[Record], vocabulary: Vocabulary, data: bytes, notes: Sequence[str] = ()
-) -> RawTable:
-    """Header and columns of records; rows of another shape than the header's are faults, notes say what was ignored.
-
-    Raises TableError if there are numbers above the header.
-    """
-    at, _worth = find_header(records, vocabulary)
-    line, header = records[at]
-    told = [*notes, *_above(source, records[:at], len(header))]
-    rest, first = records[at + 1 :], 1
-    faults: list[Fault] = []
-    if rest and _is_units(rest[0][1], header, vocabulary):
-        header = _with_units(header, rest[0], vocabulary, faults)
-        rest = rest[1:]
-        told.append("the units were read from the row below the header")
-        # In a DataFrame, which has no lines, they are a row as any other.
-        first += line is None
-    width = _width(header, rest)
-    numbers, lines, kept = list[int](), list[int | None](), list[Texts]()
-    empty, again = 0, list[str]()
-    summed = summaries([cells for _, cells in rest])
-    for number, (place, cells) in enumerate(rest, start=first):
-        fitted = _fitted(cells, width)
-        if not any(cells):
-            empty += 1
-        elif cells == records[at][1]:
-            again.append(f"in row {number}" if place is None else f"in line {place}")
-        elif number - first in summed:
-            word = summed[number - first]
-            message = f"begins with '{word}', as a row below a table that sums it up; expected impacts: delete it"
-            faults.append(Fault(message, row=number, line=place))
-        elif len(fitted) != width:
-            hint = "; if commas separate cells and decimals too, write decimal points" if len(fitted) > width else ""
-            if len(fitted) == width + 1:
-                hint += "; if the first column is the index of a data frame, name it 'id'"
-            message = f"read {len(fitted)} cells, expected {width} as in the header{hint}"
-            faults.append(Fault(message, row=number, line=place))
-        else:
-            numbers.append(number)
-            lines.append(place)
-            kept.append(fitted)
-    if again:
-        more = f" and {len(again) - 1} more times" if len(again) > 1 else ""
-        told.append(f"the header is repeated {again[0]}{more}; ignored")
-    if empty:
-        told.append(f"{empty} empty row{'s' if empty > 1 else ''} ignored")
-    columns = tuple(zip(*kept, strict=True)) or ((),) * width
-    return RawTable(
-        header[:width], line, Rows(tuple(numbers), tuple(lines)), columns, data, tuple(faults), tuple(told)
-    )
-
-
-def _width(header: tuple[str, ...], rest: Sequence[Record]) -> int:
-    """Columns, those at the right end left out that have neither name nor cell."""
-    width = len(header)
-    while width > 1 and not header[width - 1] and not any(any(cells[width - 1 :]) for _, cells in rest):
-        width -= 1
-    return width
-
-
-def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
-    """Cells without empty ones beyond the header."""
-    count = len(cells)
-    while count > width and not cells[count - 1]:
-        count -= 1
-    return cells[:count]
-
-
-def _above(source: str, records: Sequence[Record], width: int) -> list[str]:
-    """A note on the lines above the header. Raises TableError where one looks like a row of the table."""
-    told = []
-    for line, cells in records:
-        numbers = sum(map(is_number, cells))
-        if numbers >= 2 and 2 * numbers > width:
-            raise refusal(
-                source,
-                f"read a row of {numbers} numbers above the header; expected the header first: move it up, or "
-                "delete rows that are not of this table",
-                line,
-            )
-        text = " ".join(cell for cell in cells if cell)
-        if text and not text.lower().startswith("sep="):
-            told.append(f"'{text[:_SHOWN]}{'...' if len(text) > _SHOWN else ''}'")
-    if not told:
-        return []
-    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
-    return [f"ignored above the header: {', '.join(told[:3])}{more}"]
-
-
-def _is_units(cells: Sequence[str], header: Sequence[str], vocabulary: Vocabulary) -> bool:
-    """Whether a row holds units: no number, units for at least half of what is filled in, one under a name."""
-    filled = [cell for cell in cells if cell not in _BLANKS]
-    if not filled or any(is_number(cell) for cell in filled):
-        return False
-    named = [cell for cell, name in zip(cells, header, strict=False) if vocabulary.worth(name) > 0.0]
-    units = [cell for cell in filled if vocabulary.is_unit(_bare(cell))]
-    return 2 * len(units) >= len(filled) and any(cell in units for cell in named)
-
-
-def _bare(cell: str) -> str:
-    """A unit without its brackets."""
-    return cell[1:-1].strip() if cell[:1] in "[({" and cell[-1:] in "])}" and len(cell) > 1 else cell
-
-
-def _with_units(
-    header: tuple[str, ...], record: Record, vocabulary: Vocabulary, faults: list[Fault]
-) -> tuple[str, ...]:
-    """The header with the units of the row below it. A unit may be in both places."""
-    line, units = record
-    cells = list(header)
-    for index, (name, unit) in enumerate(zip(header, units, strict=False)):
-        if unit in _BLANKS or vocabulary.worth(name) == 0.0:
-            continue
-        if "[" not in name and "(" not in name:
-            cells[index] = f"{name} [{_bare(unit)}]"
-        elif _bare(unit) not in name:
-            message = f"read the unit '{unit}' below '{name}'; expected one unit for each column: delete one of them"
-            faults.append(Fault(message, line=line, column=name))
-    return tuple(cells)
-
-
-# How rows begin that sum up a table, in English, German and French, and what their numbers are.
-_STATISTICS: Mapping[str, Callable[[Sequence[float]], float]] = {
-    r"mean|average|avg|mittel(?:wert)?|durchschnitt|moyenne": statistics.fmean,
-    r"median": statistics.median,
-    r"std\.? ?dev\.?|stdev|std|sd|standardabweichung|[ée]cart[ -]type": statistics.stdev,
-    r"sum|total|summe": sum,
-    r"min|minimum": min,
-    r"max|maximum": max,
-    r"count|n": len,
-}
-# A group for each.
-_STATISTIC = re.compile(f"(?:{'|'.join(f'({words})' for words in _STATISTICS)})[.:]?", re.IGNORECASE)
-# Words that name people, balls and runs too: such a row is one of the table unless its numbers are the statistic.
-_NAMES = re.compile(r"(?:min|max|n|sum|sd|std)[.:]?", re.IGNORECASE)
-
-Numbers = Sequence[tuple[float, float]]
-
-
-def summaries(rows: Sequence[Sequence[str]]) -> dict[int, str]:
-    """Places of the rows that sum up the others, and the word by which each begins.
-
-    Where that word may be a name, most numbers of the row are the statistic of their columns to the printed digits.
-    """
-    begun = {place: word for place, cells in enumerate(rows) if _statistic(word := next(filter(None, cells), ""))}
-    if not any(map(_NAMES.fullmatch, begun.values())):
-        return begun
-    others = [cells for place, cells in enumerate(rows) if place not in begun]
-    columns = [
-        [number for cells in others if k < len(cells) and (number := printed_number(cells[k])) is not None]
-        for k in range(max((len(rows[place]) for place in begun), default=0))
-    ]
-    values = {word.casefold(): [_value(word, column) for column in columns] for word in set(begun.values())}
-    return {
-        place: word
-        for place, word in begun.items()
-        if not _NAMES.fullmatch(word) or _agrees(rows[place], values[word.casefold()])
-    }
-
-
-def _statistic(word: str) -> Callable[[Sequence[float]], float] | None:
-    found = _STATISTIC.fullmatch(word) if len(word) <= len("standardabweichung:") else None
-    return None if found is None or found.lastindex is None else [*_STATISTICS.values()][found.lastindex - 1]
-
-
-def _value(word: str, column: Numbers) -> tuple[float, float]:
-    """The statistic of a column, and by how much rounding moves it at most."""
-    statistic = _statistic(word)
-    if statistic is None or len(column) < 2:
-        return nan, 0.0
-    numbers = [number for number, _half in column]
-    terms = len(numbers) if statistic is sum else 1
-    return statistic(numbers), terms * max(half for _number, half in column)
-
-
-def _agrees(cells: Sequence[str], values: Numbers) -> bool:
-    found = [(number, value) for cell, value in zip(cells, values, strict=False) if (number := printed_number(cell))]
-    agree = sum(abs(number[0] - value[0]) <= number[1] + value[1] for number, value in found)
-    return 2 * agree > len(found)
-
-
-def printed_number(cell: str) -> tuple[float, float] | None:
-    """A number with a decimal point or comma, and half a unit of its last digit; None for other text."""
-    mantissa, _e, power = cell.replace(",", ".").replace("\u2212", "-").lower().partition("e")
+    if isinstance(source, Mapping) or hasattr(source, "iloc"):
+        return _framed(name or type(source).__name__, source)
+    place, sheet = file_and_sheet(str(source))
     try:
-        number = float(f"{mantissa}e{power or 0}")
-        half = 0.5 * float(f"1e{int(power or 0) - len(mantissa.partition('.')[2])}")
-    except ValueError:
+        # Names that are not UTF-8 cannot be written into results.
+        with Path(place.encode().decode()).open("rb") as file:
+            data = file.read(records.BYTES + 1)
+    except (OSError, ValueError) as error:
+        words = f"cannot be opened: {getattr(error, 'strerror', None) or error}; expected a readable table"
+        raise refusal(str(source), "not-found", words) from None
+    if len(data) > records.BYTES:
+        raise records.too_large(place, "a larger file", f"{records.BYTES / 1e6:.0f} MB")
+    suffix, notes, sha256 = Path(place).suffix.lower(), list[Note](), hashlib.sha256(data).hexdigest()
+    if not data.strip():
+        raise refusal(place, "empty", "the file is empty; expected a header line and at least two rows")
+    if suffix in PARQUET:
+        return _framed(place, _parquet(place, data), sha256)
+    if suffix in records.WORKBOOKS:
+        found = records.workbook_records(place, data, suffix, sheet, known, notes)
+    else:
+        found = records.text_records(place, data, known, notes)
+    return _laid_out(str(source), sha256, found, known, notes)
+
+
+# ---- memory, Parquet
+
+
+def _framed(source: str, given: Any, sha256: str = "") -> Cells:
+    """The columns of a DataFrame, or of what makes one; numbers stay numbers."""
+    import pandas
+
+    try:
+        frame = pandas.DataFrame(given)
+    except (ValueError, TypeError) as error:
+        raise refusal(source, "not-a-table", f"expected columns of one length, by name ({error})") from None
+    if any(level is not None for level in frame.index.names):
+        frame = frame.reset_index(allow_duplicates=True)
+    records.check_shape(source, *frame.shape)
+    names = [shown(name) for name in list[Any](frame.columns)]
+    columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
+    digest = hashlib.sha256("\0".join(names).encode())
+    for column in columns:
+        digest.update("\0".join(column.tolist()).encode() if column.dtype.kind == "T" else column.tobytes())
+    return _named(Cells(source, sha256 or digest.hexdigest(), names, columns, np.arange(len(frame)) + 1))
+
+
+def _array(column: Any) -> NDArray[Any]:
+    """The cells of a column of a DataFrame."""
+    if column.dtype.kind in "iuf":
+        return np.asarray(column.to_numpy(np.float64, na_value=np.nan))
+    return _texts(["" if gap else shown(value) for value, gap in zip(column, column.isna(), strict=True)])
+
+
+def _parquet(source: str, data: bytes) -> Any:
+    """The DataFrame of a Parquet file."""
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        words = "reading Parquet needs the package 'pyarrow': install it (pip install pyarrow), or save as CSV"
+        raise refusal(source, "no-pyarrow", words) from None
+    try:
+        file = pyarrow.parquet.ParquetFile(io.BytesIO(data))
+        records.check_shape(source, file.metadata.num_rows, file.metadata.num_columns)
+        # A text that stands in the file once may be that of all rows: what is unpacked is counted in pieces first.
+        if sum(batch.nbytes for batch in file.iter_batches(256)) > records.BYTES:
+            raise records.too_large(source, "a column", f"{records.BYTES / 1e6:.0f} MB unpacked")
+        return file.read().to_pandas()
+    # What pandas notes of its columns in the file may be anything.
+    except (pyarrow.ArrowException, ValueError, OSError, KeyError, TypeError) as error:
+        words = f"not a Parquet file ({one_line(str(error))}); expected Parquet, or CSV with the ending .csv"
+        raise refusal(source, "not-parquet", words) from None
+
+
+# ---- layout
+
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_BLANKS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
+_SUMMED = re.compile(r"(mean|average|median|sd|std(\.? ?dev)?|standard deviation|mittel(wert)?)[.:]?", re.IGNORECASE)
+
+
+def _texts(cells: Sequence[str]) -> NDArray[Any]:
+    return np.array(cells, dtype=np.dtypes.StringDType())
+
+
+def _named(cells: Cells) -> Cells:
+    """Without the columns that have no name."""
+    kept = [k for k, name in enumerate(cells.names) if name]
+    cells.names, cells.columns = [cells.names[k] for k in kept], [cells.columns[k] for k in kept]
+    return cells
+
+
+def _units(cells: Sequence[str], names: Sequence[str], known: Known) -> list[str] | None:
+    """The names with the units of the row below them; None where it is no row of units: no number, units for at least
+    half of what is filled in, one under a name that is known.
+    """
+    bare = {k: cell.strip("[](){} ") for k, cell in enumerate(cells) if cell not in _BLANKS}
+    units = {k for k, unit in bare.items() if symbol_of(unit)}
+    named = {k for k in bare if k < len(names) and known(names[k])}
+    if 2 * len(units) < len(bare) or not units & named or any(map(_NUMBER.fullmatch, bare.values())):
         return None
-    return (number, half) if isfinite(number) else None
+    # A unit that stands in the header too is the same one.
+    named -= {k for k in named if names[k].endswith((f"[{bare[k]}]", f"({bare[k]})"))}
+    return [f"{name} [{bare[k]}]" if k in named else name for k, name in enumerate(names)]
+
+
+def _laid_out(source: str, sha256: str, found: Iterator[Record], known: Known, notes: list[Note]) -> Cells:
+    """Header and columns; rows of another length, and those that sum up a table, are faults."""
+    found = (record for record in found if any(record[1]))
+    head = [*islice(found, records.REACH)]
+    at, worth = records.find_header(head, known)
+    if not worth and all(records.is_comment(cells) for _, cells in head):
+        words = "only blank and comment lines were read; expected a header line and at least two rows"
+        raise refusal(source, "empty", words)
+    above = [(line, cells) for line, cells in head[:at] if not records.is_comment(cells)]
+    for line, cells in above:
+        if sum(_NUMBER.fullmatch(cell) is not None for cell in cells) >= 2:
+            words = "read a row of numbers above the header; expected the header first: move it up, or delete the row"
+            raise refusal(source, "above-header", words, line)
+    titles = [one_line(" ".join(filter(None, cells)), 60) for _, cells in above if cells[0][:4].lower() != "sep="]
+    if titles:
+        notes.append(Note("above-header", f"ignored above the header: {listed(map(repr, titles), most=3)}"))
+    place, header = head[at]
+    names = [header[0].lstrip("# ") or header[0], *header[1:]]
+    records.check_shape(source, 1, len(names))
+    rest = (record for record in chain(head[at + 1 :], found) if not records.is_comment(record[1]))
+    first = [*islice(rest, 1)]
+    if first and (units := _units(first[0][1], names, known)):
+        names, first = units, []
+        notes.append(Note("units-row", "the units were read from the row below the header"))
+    width = max(k + 1 for k, name in enumerate(names) if name)
+    made = Cells(source, sha256, names[:width], [], np.empty(0, np.int64), None, place, notes)
+    good = _good(made, chain(first, rest), header)
+    places, pieces = [np.empty((2, 0), np.int64)], [[_texts([])] * width]
+    while chunk := [*islice(good, _CHUNK // width)]:
+        *where, texts = zip(*chunk, strict=True)
+        places.append(np.array(where))
+        pieces.append([_texts(column) for column in [*zip(*texts, strict=False)][:width]])
+        records.check_shape(source, sum(one.shape[1] for one in places), width)
+    made.rows, made.lines = np.concatenate(places, axis=1)
+    made.columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+    return _named(made)
+
+
+def _good(made: Cells, rest: Iterator[Record], header: list[str]) -> Iterator[tuple[int, int, list[str]]]:
+    """Numbers, lines and cells of rows as long as the header; others are faults."""
+    width, number = len(made.names), 0
+    for line, cells in rest:
+        if cells == header:
+            made.note("header-again", f"the header is repeated in line {line}; ignored")
+            continue
+        number += 1
+        if _SUMMED.fullmatch(word := next(filter(None, cells))):
+            words = f"begins with '{word}', as a row that sums up a table; expected impacts: delete it"
+            made.add(Fault("summary-row", words, number, line))
+        elif len(cells) < width or any(cells[len(header) :]):
+            hint = "; if commas separate cells and decimals too, write decimal points" if len(cells) > width else ""
+            words = f"read {len(cells)} cells, expected {width} as in the header{hint}"
+            made.add(Fault("row-length", words, number, line))
+        else:
+            yield number, line, cells
+
+
+# ---- numbers
+
+ABSENT = frozenset(("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "#n/a", "#nv"))
+_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,3})?")
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+_GROUPED = re.compile(r"[+-]?[0-9]{1,3}(?:[.,' \u00a0\u202f][0-9]{3})+(?:[.,][0-9]+)?")
+_MINUS = re.compile(r"(?:^|(?<=[eE/]))[\u2212\u2013](?=[0-9.,]|$)")
+_PAIR = re.compile(r"([^±]*?\S)\s*(?:±|\+/-|\+-)\s*([^±+\-\s].*)", re.DOTALL)
+_SIGNS = re.compile("[,±+\u2212\u2013]")
+
+
+def numbers(cells: Cells, wanted: Mapping[str, int]) -> dict[str, FloatArray]:
+    """Columns (rows,) of numbers by name, at places of `cells.columns`, as they are written: no unit is applied. NaN
+    where a cell says that nothing was measured, and where it has a fault: `not-a-number`, `not-finite`,
+    `ambiguous-number`. Numbers behind ± are in NAME_sd (fault `sd-twice` where that is a column too).
+
+    A file has one decimal sign: commas are one where no number has a point and at least one comma cannot stand
+    between thousands.
+    """
+    columns = {name: cells.columns[place] for name, place in wanted.items()}
+    values = {name: column.astype(np.float64) for name, column in columns.items() if column.dtype.kind != "T"}
+    texts = {name: column.tolist() for name, column in columns.items() if column.dtype.kind == "T"}
+    values |= {name: _parsed(column) for name, column in texts.items()}
+    if any(_SIGNS.search(column[k]) for name, column in texts.items() for k in _gaps(values[name])):
+        texts = _plain(cells, texts)
+        values |= {name: _parsed(column) for name, column in texts.items()}
+    for name, column in texts.items():
+        for k in _gaps(values[name]):
+            if column[k].lower() not in ABSENT:
+                cells.fault(*_explained(column[k]), name, k)
+    for name, found in values.items():
+        for k in np.flatnonzero(np.isinf(found)).tolist():
+            cells.fault("not-finite", "read a number that is not finite; expected a number", name, k)
+        found[np.isinf(found)] = np.nan
+    return values
+
+
+def _parsed(texts: Sequence[str]) -> FloatArray:
+    """Stricter than float(): no "1_000", no "nan" or "inf", no digits of other scripts."""
+    match = _NUMBER.fullmatch
+    return np.fromiter((float(text) if match(text) else np.nan for text in texts), np.float64, len(texts))
+
+
+def _gaps(values: FloatArray) -> list[int]:
+    return np.flatnonzero(np.isnan(values)).tolist()
+
+
+def _plain(cells: Cells, texts: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """Texts with decimal points and hyphens, deviations in columns of their own."""
+    made = dict[str, list[str]]()
+    for name, column in texts.items():
+        plain = [_MINUS.sub("-", text) for text in column]
+        pairs = [_PAIR.fullmatch(text) for text in plain]
+        made[name] = [pair[1] if pair else text for pair, text in zip(pairs, plain, strict=True)]
+        if any(pairs):
+            cells.note("plus-minus", f"numbers behind ± in {name} are standard deviations")
+            made[name + "_sd"] = [pair[2] if pair else "" for pair in pairs]
+            if name + "_sd" in texts:
+                words = f"has standard deviations behind ±, and there is a column {name}_sd; keep one of them"
+                cells.fault("sd-twice", words, name)
+    every = [*chain(*made.values())]
+    commas = [text for text in every if _COMMA.fullmatch(text)]
+    points = any("." in text and _NUMBER.fullmatch(text) for text in every)
+    if points or all(map(_THOUSANDS.fullmatch, commas)):
+        return made
+    cells.note("decimal-commas", "numbers have decimal commas")
+    return {n: [t.replace(",", ".") if _COMMA.fullmatch(t) else t for t in column] for n, column in made.items()}
+
+
+def _explained(text: str) -> tuple[str, str]:
+    """Code and message of a cell that is no number."""
+    read = f"read '{one_line(text, 60)}'"
+    if _COMMA.fullmatch(text) or _GROUPED.fullmatch(text):
+        return "ambiguous-number", f"{read}; expected one decimal sign in a file, and no sign between thousands"
+    if text.lower().lstrip("+-") in ("inf", "infinity", "∞"):
+        return "not-finite", f"{read}; expected a number"
+    words = "expected a number such as 11.73 (units belong in the header), or an empty cell if nothing was measured"
+    return "not-a-number", f"{read}; {words}"

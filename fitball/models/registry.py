@@ -1,148 +1,112 @@
-"""The ladder of models by name, and `model`, which composes one.
-
-A new model is one entry of `MODELS`, with what has to be known before it is composed.
-"""
-
-from __future__ import annotations
+"""Models by name, their options, and what a comparison tries; a new model is one row. Imports: model, own, base."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
-from typing import Any
+from dataclasses import replace
+from typing import NamedTuple
 
 from fitball.errors import ModelError, suggestion
-from fitball.kinds import checked
-from fitball.models.impulse import BRODY, GRIP_SLIP, VERTICAL, GripSlipModel
+from fitball.models import grip_slip, two_mass
 from fitball.models.model import Model
-from fitball.models.own import NAMED, compose_own, is_own, own_spec
-from fitball.models.specs import DEFAULT_MODEL, SPECS, ParameterSpec
-from fitball.models.thesis import compose_thesis
-from fitball.models.two_mass import compose_two_mass
-from fitball.models.types import Closures, ImpulseClosures, ThesisClosures, options_of
+from fitball.models.own import model_from
 from fitball.values import Ball
 
-_Chosen = Closures | ThesisClosures | ImpulseClosures
+TWO_MASS = {
+    "normal": "momentum", "offset": "contact", "torsion": "matched", "inertia": "tied", "spin": "mean",
+    "release": "zero_force",
+}  # fmt: skip
+THESIS_EXACT = {**TWO_MASS, "normal": "inner", "offset": "grip", "spin": "shell", "release": "zero_displacement"}
 
 
-@dataclass(frozen=True)
-class Reduced:
-    """A model on a table that does not show all of it. `closures` are those it has there by default, `candidates`
-    those that a comparison tries of it by default, as names with closures.
+class Entry(NamedTuple):
+    """How a model is composed from text, ball, whether there is motion along the court, and its `options` (by default
+    these), which can be changed among `choices`.
     """
 
-    closures: Mapping[str, str] = field(default_factory=dict)
-    candidates: tuple[str, ...] = ()
+    compose: Callable[[str, str, Ball, bool, Mapping[str, str]], Model]
+    options: Mapping[str, str] = {}
+    choices: Mapping[str, tuple[str, ...]] = {}
 
 
-@dataclass(frozen=True)
-class Entry:
-    """How a model is composed, from its name, ball, whether there is motion along the court, and its closures. These
-    are `closures` with some replaced (None: it has none).
-
-    `candidates` are what a comparison tries of it by default, `variants` what it adds unless it is to be quick.
-    `spinless` and `vertical` are the model on a table without spin, and without any motion along the court; None
-    where it cannot be fitted to such a table.
-    """
-
-    compose: Callable[[str, Ball, bool, Any], Model]
-    closures: _Chosen | None = None
-    candidates: tuple[str, ...] = ()
-    variants: tuple[str, ...] = ()
-    spinless: Reduced | None = Reduced()
-    vertical: Reduced | None = Reduced()
-
-
-# Without spin shell and core turn as one, and without motion along the court the mass ratio acts nowhere.
-_RIGID = {"torsion": "rigid", "normal": "total"}
-_TOTAL = {"normal": "total"}
-
-# Most complete first; a comparison begins with the last.
-MODELS: dict[str, Entry] = {
-    "two-mass": Entry(
-        compose_two_mass,
-        Closures("zero_force", "momentum", "contact", "mean", "tied", "matched", "line"),
-        candidates=("two-mass",),
-        # One closure changed at a time. `normal = inner` is left to those who name it, because it breaks the momentum
-        # balance of the ball; `cor = measured`, because it takes as an input a column that the others predict.
-        variants=(
-            "two-mass+release=zero_displacement",
-            "two-mass+normal=total",
-            "two-mass+offset=grip",
-            "two-mass+spin=shell",
-            "two-mass+inertia=table",
-            "two-mass+torsion=free",
-            "two-mass+torsion=rigid",
-            "two-mass+cor=mean",
-        ),
-        spinless=Reduced(_RIGID, ("two-mass+cor=mean",)),
-        vertical=Reduced(_TOTAL, ("two-mass", "two-mass+cor=mean")),
-    ),
-    "thesis-exact": Entry(
-        compose_two_mass,
-        Closures("zero_displacement", "inner", "grip", "shell", "tied", "matched", "line"),
-        candidates=("thesis-exact",),
-        spinless=Reduced(_RIGID),
-        vertical=Reduced(_TOTAL),
-    ),
-    "grip-slip": Entry(
-        GripSlipModel.composer(GRIP_SLIP, VERTICAL),
-        ImpulseClosures("line"),
-        candidates=("grip-slip",),
-        spinless=Reduced(candidates=("grip-slip",)),
-    ),
-    "brody": Entry(
-        GripSlipModel.composer(BRODY, VERTICAL),
-        ImpulseClosures("line"),
-        candidates=("brody",),
-        spinless=Reduced(candidates=("brody",)),
-    ),
-    "thesis": Entry(compose_thesis, ThesisClosures("chapter_five", "tied", "line"), spinless=None, vertical=None),
+MODELS: Mapping[str, Entry] = {
+    "two-mass": Entry(two_mass.compose, TWO_MASS, two_mass.CHOICES),
+    "thesis-exact": Entry(two_mass.compose, THESIS_EXACT),
+    "grip-slip": Entry(grip_slip.compose),
+    "brody": Entry(grip_slip.compose),
 }
+# What acts without motion along the court.
+VERTICAL = ("normal", "release")
 
 
-def entry(name: str, options: Mapping[str, str] = MappingProxyType({})) -> Entry:
-    """The entry of the model called `name`; a function of one's own is known by its `options` too. Raises ModelError
-    for an unknown one.
+def model(text: str = "two-mass", *, ball: Ball | None = None, tangential: bool = True, **options: str) -> Model:
+    """`two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free, inertia tied|table,
+    spin mean|shell, release zero_force|zero_displacement), `thesis-exact`, `grip-slip`,
+    `brody`, with options as `+NAME=OPTION` or by keyword; FILE.py:NAME. Raises ModelError (`unknown-model`,
+    `unknown-option`, `own-model`).
+
+    One law of restitution holds at every speed: `COR = c (1 + (v/v_0)^q)^(-1/q)`, with value `cor_10` and slope
+    `cor_slope` at 10 m/s; c = mass_ratio with normal=momentum, else 1.
     """
-    if name not in MODELS and is_own(name, options):
-        return Entry(lambda name, ball, tangential, _closures: compose_own(name, ball, tangential, options))
+    ball = Ball() if ball is None else ball
+    if ".py:" in text:
+        if options:
+            raise ModelError(
+                f"model {text} is a function, without options: read {', '.join(options)}", "unknown-option"
+            )
+        return replace(model_from(text), ball=ball, tangential=tangential)
+    name, *parts = text.split("+")
     if name not in MODELS:
-        raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}")
-    return MODELS[name]
+        raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}", "unknown-model")
+    entry = MODELS[name]
+    chosen = {**dict(part.partition("=")[::2] for part in parts), **options}
+    for choice, value in chosen.items():
+        if choice not in entry.choices:
+            known = suggestion(choice, entry.choices) if entry.choices else "it has none"
+            raise ModelError(f"model {name} has no option '{choice}': {known}", "unknown-option")
+        if value not in entry.choices[choice]:
+            known = suggestion(value, entry.choices[choice])
+            raise ModelError(f"unknown {choice}={value} of model {name}: {known}", "unknown-option")
+    every = {**entry.options, **chosen}
+    return entry.compose(name, _text(name, every), ball, tangential, every)
 
 
-@checked
-def model(name: str = DEFAULT_MODEL, *, ball: Ball | None = None, tangential: bool = True, **closures: str) -> Model:
-    """Compose the model called `name`, with any closure replaced by keyword (`normal="total"`).
+def known_model(text: str, *, ball: Ball, tangential: bool) -> Model:
+    """The model that a scene or a saved fit names: these are data, and run no file. Raises as `model`."""
+    if ".py:" in text:
+        words = (
+            f"model {text}: a scene or a saved fit names no function of a file; if you trust it, name it (--model)"
+        )
+        raise ModelError(words, "own-model")
+    return model(text, ball=ball, tangential=tangential)
 
-    `ball` defaults to Wang's. `tangential=False` keeps the vertical motion only, for drop tests. Raises ModelError
-    for an unknown name, closure or option.
 
-    >>> fitball.model("grip-slip").parameter_names
-    ('mu', 'e_x', 'offset', 'cor_10', 'cor_slope')
+def _text(name: str, options: Mapping[str, str]) -> str:
+    """A model as `--model` takes it, with the options that are not its default."""
+    default = MODELS[name].options
+    return "+".join([name, *(f"{choice}={value}" for choice, value in options.items() if value != default[choice])])
+
+
+def variants(chosen: Model) -> tuple[str, ...]:
+    """Texts of all models that differ from it in one option, of those that act without motion along the court if it
+    has none.
     """
-    chosen = entry(name, closures)
-    if chosen.closures is None and closures and name in MODELS:
-        raise ModelError(f"model {name} has no model variants (closures): read {', '.join(sorted(closures))}")
-    composed = chosen.closures and _changed(chosen.closures, closures)
-    return chosen.compose(name, ball if ball is not None else Ball(), tangential, composed)
+    choices = MODELS[chosen.name].choices if chosen.name in MODELS else {}
+    return tuple(
+        _text(chosen.name, {**chosen.options, choice: value})
+        for choice, values in choices.items()
+        for value in values
+        if value != chosen.options[choice] and (chosen.tangential or choice in VERTICAL)
+    )
 
 
-def closure_options(name: str) -> dict[str, tuple[str, ...]]:
-    """The options of each closure of the model called `name`; empty where it has none."""
-    closures = entry(name).closures
-    return {} if closures is None else options_of(type(closures))
-
-
-def parameter_spec(name: str) -> ParameterSpec | None:
-    """The specification of a parameter of any model, or of its ball; None for an unknown name."""
-    own = (spec for other in MODELS for spec in model(other).parameters if spec.name == name)
-    return SPECS.get(name) or next(own, None) or (own_spec(name) if name in NAMED else None)
-
-
-def _changed(base: _Chosen, chosen: Mapping[str, str]) -> _Chosen:
-    known = [closure.name for closure in fields(base)]
-    for closure in chosen:
-        if closure not in known:
-            raise ModelError(f"unknown closure '{closure}': {suggestion(closure, known)}")
-    return replace(base, **chosen)  # type: ignore[arg-type]
+def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
+    """Texts of the models that can differ on such a table, the default there last: `two-mass`, but `brody` where no
+    spin was measured beside motion along the court, and `two-mass+normal=total` in drops, where a mass ratio is no
+    more than an upper end of COR.
+    """
+    if not tangential:
+        return ("two-mass+normal=total",)
+    if not spin:
+        return ("grip-slip", "brody")
+    # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names it.
+    others = () if quick else tuple(text for text in variants(model()) if "normal=inner" not in text)
+    return ("thesis-exact", "grip-slip", "brody", *others, "two-mass")

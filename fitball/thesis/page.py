@@ -1,341 +1,281 @@
-"""The report of `fitball rederive` on a terminal, its page and files, `report.html` last; and its figures, in the
-manner of the thesis: measured, printed and recomputed values together.
-"""
-
-from __future__ import annotations
+"""Its page and figures. Imports: posteriors, ranking, report."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
-from fitball.data.published import SPINS, fraction, measured, thesis_table
-from fitball.data.scene import load_scene
-from fitball.files import all_or_none
-from fitball.inference.thesis.published_cases import C1, C2, INCH, STIFFNESS, TORSION, case_parameters, printed_model
+from fitball.columns import COLUMNS
+from fitball.data.bundled import printed
 from fitball.models.specs import SPECS
-from fitball.models.thesis import ThesisCourse
-from fitball.report.figures.canvas import log_scale, new_figure, own_style, save_figure
-from fitball.report.form.document import Document, Section, Table, Words, figure_html, render_template, term
-from fitball.report.form.files import write_text
-from fitball.report.form.folders import make_folder
-from fitball.report.form.palette import MARKERS, SERIES
-from fitball.thesis import judgement, recalibration
-from fitball.thesis.appendices import CASE_IN_APPENDIX_C, percentage_errors
-from fitball.thesis.chapter_five import ChapterFive
-from fitball.thesis.printed_tables import INPUT_HEADS, USED_IN_EXAMPLE_2, examples, figures_36_to_44
-from fitball.thesis.recalibration import Recalibration, offset_constants
-from fitball.values import FloatArray, impacts
+from fitball.numbers import Unit, fixed, percent
+from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
+from fitball.report.quantities import chance, records
+from fitball.report.style import MARKERS, MEASURED, SERIES, few_ticks, legend_above, new_figure
+from fitball.result import Frames
+from fitball.text import listed
+from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, headed
+from fitball.thesis.posteriors import slope_of
+from fitball.thesis.printed import C1, C2
+from fitball.thesis.ranking import OWN, SAMPLES
+from fitball.values import DataFrame, Figure
 
-
-def rederive_document(chapter: ChapterFive, folder: Path | None = None) -> Document:
-    """The report on a terminal: does Table 9 hold, the ranking, what has changed; in full every finding."""
-    brief = judgement.in_brief(chapter.rankings)
-    changed = [term(check.name, check.finding) for check in chapter.checks if not check.holds]
-    findings = [
-        term(f"{check.name}, {'unchanged' if check.holds else 'CHANGED'}", check.finding) for check in chapter.checks
-    ]
-    verdicts = {name: text for name, text in chapter.verdicts.items() if name != "Table 9"}
-    return Document(
-        TITLE,
-        [
-            Words([chapter.verdicts["Table 9"], chapter.verdicts["Ranking"]], "lead", rank="first"),
-            Words([SCORES], rank="first"),
-            Table(
-                "Score of each set", [list(brief.columns), *brief.to_numpy().tolist()], rank="first",
-                brief=(judgement.PRINTED, judgement.RECOMPUTED, judgement.EXACT),
-            ),
-            Words([chapter.summary], rank="first"),
-        ],
-        [
-            Section("changed", "Comparisons that have changed", [Words(changed, "list", rank="first")]),
-            Section("checks", "Comparisons with print", [Words(findings, "list")]),
-            Section("verdicts", "Verdicts", [
-                Words([term(name, text) for name, text in verdicts.items() if name != "Ranking"], "list"),
-            ]),
-            Section("", "", [Words([f"Report: {folder / 'report.html'}"] if folder else [], rank="first")]),
-        ],
-    )  # fmt: skip
-
-
-@all_or_none()
-def write(chapter: ChapterFive, folder: Path) -> None:
-    """Write CSV files, figures and the page, each whole or not at all. Raises ResultFolderError."""
-    make_folder(folder)
-    for name, frame in chapter.tables.items():
-        write_text(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-    images = {name: save_figure(draw(), folder / f"{name}.png") for name, draw in draw_all(chapter).items()}
-    write_text(folder / "report.html", page(chapter, images))
-
-
-TITLE = "Chapter V and Appendices C and D of Jafri (2004), recomputed"
-SCORES = (
-    "Score of each set: rms error over the 21 impacts, velocity and spin weighted by their noise. In brackets: share "
-    "of bootstrap samples in which the set is first."
+# Share of bootstrap samples from which on a place is sure, its complement rules it out; relative difference of scores
+# that counts as none; the region of a posterior outside of which a point is named; standard errors that part slopes.
+_SURE, _EQUAL, _REGION, _APART = 0.95, 0.01, 0.99, 3.0
+_SYMBOLS = {"mass_ratio": "M1/M", "k_y": "K_y", "k_theta": "K_theta", "C1": "C1", "C2": "C2"}
+_CAPTIONS = {
+    "glance": "Left, middle: draws of three free fits to Wang's 21 impacts, and the cases of Table 9. Right: the "
+    "offset of each impact without any model ± sd, Eq. (53), and the median line of each fit with its 95 % band.",
+    "chapter_v": "Dots: Wang's measurements. Lines: the computation with damping and restitution of Chapter V. Open "
+    "marks: Appendix C, which has another damping.",
+}  # fmt: skip
+_SCORE = (
+    f"Score: rms error of velocity and spin over {SCALES['v_x2']:g} m/s and {SCALES['omega_2']:g} rad/s on Wang's 21 "
+    f"impacts; in brackets the share of {SAMPLES:,} bootstrap samples in which the set is first. Recomputed: at "
+    "Wang's own impacts. Exact: the thesis's equations, solved without its slips."
 )
+_PLACES = (
+    "Region: the probability of the region of highest density on whose edge the point lies. Below: the share of "
+    "draws below its value. Model thesis is the thesis's own computation, slips included; two-mass needs M1/M above "
+    "COR."
+)
+_ANY = Unit("")
 
 
-def page(chapter: ChapterFive, images: Mapping[str, bytes]) -> str:
-    """The page as text."""
-    off = chapter.appendix_c.exceptions
-    beyond = off[off["column"].isin(("v_x2", "omega_2")) & (off["error [%]"].abs() > 1.0)]
-    return render_template(
-        "fitball.thesis",
-        "chapter_five.html.j2",
-        found=chapter,
-        figures={name: figure_html(images[name], text, text) for name, text in CAPTIONS.items() if name in images},
-        tables=chapter.tables,
-        text=_text,
-        brief=(brief := judgement.in_brief(chapter.rankings)),
-        short=brief[["set", judgement.RECOMPUTED, judgement.EXACT]],
-        scene=load_scene(recalibration.TABLE),
-        scales=judgement.SCALE,
-        resamples=judgement.RESAMPLES,
-        beyond=beyond,
-        inertia_shares=", ".join(f"{name} {100.0 * share:.0f} %" for name, share in chapter.inertia.shares.items()),
+def report(result: Frames) -> Report:
+    """Is it reproduced, is Table 9's claim true, what do the data say; then each result."""
+    frames = result.frames
+    summary: list[Block] = [
+        Text([_reproduced(frames["counts"]), *_claim(frames["rankings"]), _outside(frames["places"]),
+              _slope(frames["offsets"])], "lead"),
+        _ranking(frames["rankings"]),
+        Text([_SCORE], "quiet"),
+        Text([note.text for note in result.notes], "list"),
+        Picture("glance", _CAPTIONS["glance"]),
+    ]  # fmt: skip
+    sections = [
+        Section("Appendices C and D", [_counts(frames["counts"]), _exceptions(frames["appendix_c"])], True,
+                _unexplained(frames["appendix_c"])),
+        Section("The three cases of Table 9", [_cases(frames), _parameters(frames["parameters"]),
+                                               _places(frames["places"]), Text([_PLACES], "quiet")], True,
+                "Errors on Wang's impacts, and where the cases lie in free fits."),
+        Section("Figs 36 to 44", [Picture("chapter_v", _CAPTIONS["chapter_v"])], True,
+                "All points are in `figures.csv`, offsets by impact in `offsets.csv`."),
+        Section("Slips of the thesis", [_slips(frames["slips"]), Text(_errata(), "list")], True,
+                "What the computation does besides its equations, and what changes without it."),
+    ]  # fmt: skip
+    return Report("Jafri (2004), Chapter V and Appendices C and D, computed again", summary, sections)
+
+
+def _reproduced(counts: DataFrame) -> Mark:
+    row = counts.iloc[0]
+    text = (
+        f"Appendix C: {row['within 0.1 %']:.0f} of {row['rows']} rows are reproduced within 0.1 % in both velocity "
+        f"and spin, {row['within 0.5 %']:.0f} within 0.5 %, {row['within 1 %']:.0f} within 1 %."
+    )
+    return Mark(text, "part" if row["within 1 %"] < row["rows"] else "good")
+
+
+def _claim(rankings: DataFrame) -> list[str]:
+    """Whether Table 9's cases are the three best sets."""
+    rows = records(rankings[rankings["source"] == "recomputed"])
+    verdicts: dict[str, list[str]] = {}
+    for row in sorted((row for row in rows if row["case"]), key=lambda row: str(row["case"])):
+        share = row["among_three"]
+        word = "holds" if share >= _SURE else "fails" if share <= 1.0 - _SURE else "is open"
+        verdicts.setdefault(word, []).append(row["case"])
+    words = listed(f"{word} for case{'s' * (len(found) > 1)} {listed(found)}" for word, found in verdicts.items())
+    best = min(rows, key=lambda row: row["score"])
+    equal = [str(row["set"]) for row in rows if row["score"] <= (1.0 + _EQUAL) * best["score"]]
+    return [
+        f"Table 9 claims that its cases are the three best of seven sets. Recomputed, this {words}.",
+        f"Sets {listed(equal)} of Appendix C fit equally well: their scores differ by less than {percent(_EQUAL)}.",
+    ]
+
+
+def _outside(places: DataFrame) -> str:
+    cases = places[places["point"].str.startswith("case")]
+    beyond = cases[cases["level"] > _REGION].groupby("model", sort=False).size()
+    text = listed(f"{beyond.get(name, 0)} of 3 ({name})" for name in dict.fromkeys(cases["model"]))
+    return f"Cases outside the {percent(_REGION)} region of a free fit: {text}."
+
+
+def _slope(offsets: DataFrame) -> str:
+    slope, error = slope_of(offsets)
+    away = abs(slope - C1) / error
+    grows = "does not grow" if away > _APART else "may grow"
+    return (
+        f"The offset {grows} with the vertical speed as Eq. (53) says: without any model its slope is "
+        f"{_ANY.plus_minus(slope, error)} in/(m/s), in Eq. (53) {C1:g}, {away:.0f} standard errors away."
     )
 
 
-def _text(value: object) -> str:
-    """A cell, numbers to four significant digits."""
-    if isinstance(value, (bool, np.bool_)):
-        return "yes" if value else "no"
-    if isinstance(value, (float, np.floating)):
-        return "" if np.isnan(value) else f"{value:.4g}"
-    return str(value)
+def _ranking(rankings: DataFrame) -> Table:
+    rows = []
+    for number, mine in rankings.groupby("set"):
+        first = mine.iloc[0]
+        cells = {row["source"]: f"{row['score']:.2f} ({percent(row['first'])})" for row in records(mine)}
+        named = f" (case {first['case']})" if first["case"] else ""
+        rows.append({"set": f"{number}{named}", "M1/M": first["mass_ratio"], "K_y [lb/in]": str(first["k_y [lb/in]"])}
+                    | cells)  # fmt: skip
+    return Table("Seven sets: score (first)", rows)
 
 
-CAPTIONS: Mapping[str, str] = {
-    "glance": (
-        "Values of the thesis beside free fits. Left and middle: posterior draws of three free fits to Wang's 21 "
-        "impacts and the cases of Table 9 (crosses, numbered). Right: the offset that each impact shows without any "
-        "model, with its standard deviation, and the lines: Eq. (53) dashed, the fits with their 95 % bands."
-    ),
-    "chapter_v": (
-        "Figs 36 to 44: rebound against incidence, three spins by three cases. Filled: Wang. Lines: recomputed with "
-        "the c_y and the mean restitution of Chapter V. Open marks: what Appendix C prints for the same sets, with "
-        "another c_y."
-    ),
-    "transition": (
-        "Figs 25, 27 and 28: centre and surface velocity during contact for the two examples of Chapter III. The "
-        "second has the inputs of its rebound. Open marks: printed rebounds; dotted: printed transition."
-    ),
-    "offset": (
-        "Fig. 20: spin of the shell while rolling, for three offsets of the normal force, from the second example's "
-        "transition on."
-    ),
-    "errors": (
-        "Appendix D before and after: percentage errors of the three cases, and of the two-mass ball fitted freely. "
-        "The fit is the posterior median of the default model for all 21 impacts."
-    ),
-}
-NAMES: Mapping[str, tuple[str, str]] = {
-    "theta_2": ("rebound angle", "deg"),
-    "v_x2": ("horizontal velocity", "m/s"),
-    "omega_2": ("spin", "rad/s"),
-}
-K_THETA = "k_theta [lb in/rad]"
+def _counts(counts: DataFrame) -> Table:
+    heads = [head for head in map(str, counts) if head.startswith("within")]
+    rows = [
+        {"table": row["table"], "output": row["output"], "rows": str(row["rows"])}
+        | {head: fixed(row[head], 0) for head in heads}
+        for row in records(counts)
+    ]
+    return Table("Rows that agree with print", rows, ("table", "output"))
 
 
-def draw_all(chapter: ChapterFive) -> dict[str, Callable[[], Figure]]:
-    """Every figure by name."""
-    return {
-        "glance": lambda: glance_figure(chapter.fits),
-        "chapter_v": chapter_v_figure,
-        "transition": transition_figure,
-        "offset": offset_figure,
-        "errors": lambda: error_figure(chapter),
-    }
+def _unexplained(rows: DataFrame) -> str:
+    kinds = [rows[f"{name}_cause"].str.partition(":")[0] for name in SCALES]
+    off = sum(int((kind != "").sum()) for kind in kinds)
+    unknown = sum(int(kind.isin(["unexplained", "unlisted"]).sum()) for kind in kinds)
+    return f"{off} velocities and spins deviate by more than 0.1 %; of {unknown} the cause is not known."
 
 
-@own_style()
-def glance_figure(fits: Mapping[str, Recalibration]) -> Figure:
-    """Posteriors of three models with Table 9 in them, and offsets with Eq. (53)."""
-    figure = new_figure(13.0, 4.8)
-    left, middle, right = figure.subplots(1, 3)
-    speeds = np.linspace(4.0, 17.0, 60)
-    rng = np.random.default_rng(0)
-    for colour, (name, item) in zip(SERIES, fits.items(), strict=False):
-        draws = rng.choice(item.column("k_y").size, 1500, replace=False)
-        k_theta = item.column("k_theta")[draws] / TORSION
-        for axis, across in (
-            (left, item.column("k_y")[draws] / STIFFNESS),
-            (middle, item.column("mass_ratio")[draws]),
-        ):
-            axis.plot(across, k_theta, ".", color=colour, markersize=2, alpha=0.35, rasterized=True)
-        c1, c2 = offset_constants(item)
-        band = np.quantile(np.outer(c1, speeds) + c2[:, None], (0.025, 0.5, 0.975), axis=0)
-        right.fill_between(speeds, band[0], band[2], color=colour, alpha=0.2, linewidth=0)
-        right.plot(speeds, band[1], color=colour, linewidth=1.3, label=name)
-    for axis, column in ((left, "k_y [lb/in]"), (middle, "mass_ratio")):
-        for value, rows in thesis_table("table_9").groupby(column):
-            cases, place = ", ".join(rows["case"].astype(str)), (fraction(str(value)), rows[K_THETA].iloc[0])
-            axis.plot(*place, "kx", markersize=8, markeredgewidth=1.6)
-            axis.annotate(cases, place, textcoords="offset points", xytext=(0, 7), ha="center", fontsize=9)
-    for axis, label in ((left, f"{SPECS['k_y'].label} [lb/in]"), (middle, SPECS["mass_ratio"].label)):
-        log_scale(axis, 20.0, 2500.0, "y")
-        axis.set_ylabel(f"{SPECS['k_theta'].label} [lb in/rad]")
-        axis.set_xlabel(label)
-        axis.grid(alpha=0.3)
-    log_scale(left, *left.get_xlim())
-    first = next(iter(fits.values()))
-    balance = first.offset
-    groups = first.problem.table.labels["group"]
-    for marker, group in zip(MARKERS, sorted(set(groups)), strict=False):
-        mine = np.array([label == group for label in groups])
-        right.errorbar(
-            first.problem.impacts.v_y1[mine], balance.values[mine] / INCH, balance.sd[mine] / INCH,
-            fmt=marker, color="black", markersize=4, linewidth=0.8, capsize=2, label=f"model-free, {group}",
-        )  # fmt: skip
-    right.plot(speeds, C1 * speeds + C2, "k--", linewidth=1.3, label="Eq. (53)")
-    right.set_xlabel("incident vertical velocity [m/s]")
-    right.set_ylabel("offset of the normal force [in]")
-    right.set_ylim(-0.1, 0.75)
-    right.grid(alpha=0.3)
-    handles, labels = right.get_legend_handles_labels()
-    cross = Line2D([], [], color="black", marker="x", linestyle="none", markersize=8)
-    figure.legend(
-        [*handles, cross], [*labels, "Table 9"], loc="outside lower center", ncols=8, frameon=False, fontsize=9
-    )
-    figure.suptitle("Table 9 and Eq. (53) beside free fits to Wang's impacts")
+def _exceptions(frame: DataFrame) -> Table:
+    rows = []
+    for row in records(frame):
+        for name in SCALES:
+            if row[f"{name}_cause"]:
+                kind, _, why = row[f"{name}_cause"].partition(": ")
+                rows.append({
+                    "row": f"{row['table']} case {row['case']}", "column": name,
+                    "printed": _ANY.number(row[headed(name)], 5),
+                    "computed": _ANY.number(row[name], 5),
+                    "error [%]": fixed(row[f"{name}_error"], 2), "kind": kind, "cause": why,
+                })  # fmt: skip
+    return Table("Rows of Appendix C that deviate", rows, ("row", "column", "kind", "cause"))
+
+
+def _cases(frames: Mapping[str, DataFrame]) -> Table:
+    ways = {"thesis": "computation of Chapter V", "exact": "its equations solved exactly"}
+    rows = [
+        {"of": row["case"], "by": ways[row["by"]]} | {headed(name): fixed(row[headed(name)], 2) for name in OUTPUTS}
+        for row in records(frames["cases"])
+    ]
+    rows += [
+        {"of": "free fit", "by": row["model"]} | {headed(name): fixed(row[f"rms {name}"], 2) for name in SCALES}
+        for row in records(frames["fits"])
+    ]
+    return Table("Rms errors on Wang's 21 impacts", rows, ("of", "by"))
+
+
+def _parameters(frame: DataFrame) -> Table:
+    rows = []
+    for name, mine in frame.groupby("parameter", sort=False):
+        first = mine.iloc[0]
+        cells = {row["model"]: _ANY.with_interval(row["median"], row["q025"], row["q975"])
+                 for row in records(mine)}  # fmt: skip
+        rows.append({"": f"{_SYMBOLS.get(str(name), name)} {first['unit']}".strip()}
+                    | {case: _ANY.number(first[case]) for case in _cases_of(frame)} | cells)  # fmt: skip
+    return Table("Free fits: median and 95 % interval, in the thesis's units", rows)
+
+
+def _cases_of(frame: DataFrame) -> list[str]:
+    return [head for head in map(str, frame) if head.startswith("case") or head == OWN]
+
+
+def _places(frame: DataFrame) -> Table:
+    rows = []
+    for row in records(frame):
+        cells = {f"{symbol} below": chance(row[f"{name}_below"]) for name, symbol in _SYMBOLS.items()}
+        level = Mark(chance(row["level"]), "poor" if row["level"] > _REGION else "")
+        rows.append({"model": row["model"], "point": row["point"], "region": level, **cells})
+    return Table("Where the cases lie in free fits", rows, ("model", "point"))
+
+
+def _slips(frame: DataFrame) -> Table:
+    heads = [headed(name) for name in ("v_x2", "v_y2", "omega_2")]
+    rows = [
+        {"slip": row["slip"], "where": row["where"]}
+        | {f"{head} changes": _ANY.number(row[head], 2) if row[head] else "" for head in heads}
+        | {"rows within 0.1 %": str(row["rows within 0.1 %"])}
+        for row in records(frame)
+    ]
+    title = "Without one slip: rms change of the 147 rows, and rows that then agree with print"
+    return Table(title, rows, ("where",))
+
+
+def _errata() -> list[str]:
+    """Slips of the text, which no row shows."""
+    rows = [row for row in printed("errata").to_dict("records") if row["table"][0] not in "CD"]
+    return [f"{row['table']}, {row['column']}: {row['evidence']}." for row in rows]
+
+
+def figures(result: Frames) -> Mapping[str, Callable[[], Figure]]:
+    """Parameters and offsets at a glance; Figs 36 to 44."""
+    return {"glance": lambda: _glance(result.frames), "chapter_v": lambda: _chapter_v(result.frames["figures"])}
+
+
+def _glance(frames: Mapping[str, DataFrame]) -> Figure:
+    figure, axes = new_figure(1, 3, high=3.9, wide=10.5)
+    draws, offsets, table = frames["draws"], frames["offsets"], frames["parameters"]
+    stiffness, ratio, line = axes[0]
+    speeds = np.linspace(4.0, 17.0, 40)
+    handles = []
+    for colour, (name, mine) in zip(SERIES, draws.groupby("model", sort=False), strict=False):
+        for axis, across in ((stiffness, "k_y [lb/in]"), (ratio, "mass_ratio")):
+            axis.plot(mine[across], mine["k_theta [lb in/rad]"], ".", color=colour, markersize=3, alpha=0.5)
+        low, middle, high = np.quantile(np.outer(mine["C1"], speeds) + mine["C2"].to_numpy()[:, np.newaxis],
+                                        (0.025, 0.5, 0.975), axis=0)  # fmt: skip
+        line.fill_between(speeds, low, high, color=colour, alpha=0.16, linewidth=0)
+        line.plot(speeds, middle, color=colour, linewidth=1.5)
+        handles.append(Line2D([], [], color=colour, marker=".", label=str(name)))
+    points = table.drop_duplicates("parameter").set_index("parameter")
+    for axis, across in ((stiffness, "k_y"), (ratio, "mass_ratio")):
+        for name in _cases_of(points):
+            at = (points[name][across], points[name]["k_theta"])
+            axis.plot(*at, "x", color=MEASURED, markersize=7, markeredgewidth=1.6)
+            beside = 10 if name == "case 2" and across == "mass_ratio" else 0
+            axis.annotate(name.removeprefix("case "), at, textcoords="offset points", xytext=(beside, 6), ha="center")
+        axis.set(yscale="log", ylim=(20.0, 3000.0))
+    stiffness.set(xscale="log", xlim=(50.0, 300.0))
+    stiffness.set_xticks([60, 100, 200], ["60", "100", "200"])
+    stiffness.xaxis.set_minor_locator(NullLocator())
+    stiffness.set_ylabel(rf"{SPECS['k_theta'].symbol} [lb in/rad]")
+    stiffness.set_xlabel(rf"{SPECS['k_y'].symbol} [lb/in]")
+    ratio.set_xlabel(SPECS["mass_ratio"].symbol)
+    line.errorbar(offsets["v_y1 [m/s]"], offsets["offset [in]"], offsets["sd [in]"], fmt="o", color=MEASURED,
+                  markersize=4, linewidth=0.9)  # fmt: skip
+    line.plot(speeds, C1 * speeds + C2, "--", color=MEASURED, linewidth=1.5)
+    line.set(ylim=(-0.15, 0.75), xlabel=r"$v_{y1}$ [m/s]", ylabel="offset [in]")
+    handles += _keys(("x", "", "Table 9"), ("o", "", "without a model"), ("", "--", "Eq. (53)"))
+    legend_above(figure, handles)
     return figure
 
 
-def _nine_panels(
-    title: str, heads: Mapping[str, str], draw: Callable[[Axes, str, str], None], grid: Literal["both", "y"] = "both",
-    **shape: Any,
-) -> Figure:  # fmt: skip
-    """Angle, velocity and spin by spin of incidence, drawn by `draw(axis, spin, output)`; `heads` by output."""
-    figure = new_figure(12.0, shape.pop("height"))
-    panels = figure.subplots(3, 3, **shape)
-    for column, spin in enumerate(SPINS):
-        for row, output in enumerate(NAMES):
-            axis: Axes = panels[row][column]
-            draw(axis, spin, output)
-            axis.grid(alpha=0.3, axis=grid)
-            if row == 0:
-                axis.set_title({"zero": "zero spin"}.get(spin, spin))
-            if row == 2:
-                axis.set_xlabel("incidence angle [deg]")
-            if column == 0:
-                axis.set_ylabel(heads[output])
-    handles, labels = panels[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle(title)
+def _keys(*shown: tuple[str, Any, str]) -> list[Any]:
+    return [Line2D([], [], color=MEASURED, marker=mark, linestyle=line, label=text) for mark, line, text in shown]
+
+
+def _chapter_v(points: DataFrame) -> Figure:
+    figure, axes = new_figure(3, 3, high=7.4, wide=9.0, sharex="col", sharey="row")
+    lines = [*zip(SERIES, MARKERS[1:], dict.fromkeys(points["case"]), strict=False)]
+    for column, spin in enumerate(MEAN_COR):
+        for row, (output, unit) in enumerate(OUTPUTS.items()):
+            axis: Any = axes[row, column]
+            for colour, marker, name in lines:
+                mine = points[(points["case"] == name) & (points["spin"] == spin)]
+                angle = mine["theta_1 [deg]"]
+                axis.plot(angle, mine[f"{output} recomputed [{unit}]"], color=colour, linewidth=1.4)
+                axis.plot(angle, mine[f"{output} printed [{unit}]"], marker, color=colour, markerfacecolor="none")
+            axis.plot(angle, mine[f"{output} measured [{unit}]"], "o", color=MEASURED, markersize=4.5)
+            few_ticks(axis.yaxis)
+        axes[0, column].set_title(spin.replace("zero", "zero spin"))
+        axes[2, column].set_xlabel(r"$\theta_1$ [deg]")
+    for row, (output, unit) in enumerate(OUTPUTS.items()):
+        axes[row, 0].set_ylabel(f"{COLUMNS[output].symbol} [{unit}]")
+    shown = [
+        Line2D([], [], color=each, marker=mark, markerfacecolor="none", label=name) for each, mark, name in lines
+    ]
+    legend_above(figure, [*shown, *_keys(("o", "", "measured"))])
     return figure
-
-
-@own_style()
-def chapter_v_figure() -> Figure:
-    """Rebounds measured, recomputed and printed."""
-    points = figures_36_to_44()
-
-    def draw(axis: Axes, spin: str, output: str) -> None:
-        unit = NAMES[output][1]
-        for case in CASE_IN_APPENDIX_C:
-            mine = points[(points["spin"] == spin) & (points["case"] == case)]
-            angle, colour, first = mine["theta_1 [deg]"], SERIES[case - 1], case == 1
-            axis.plot(
-                angle, mine[f"{output}, recomputed [{unit}]"], color=colour, linewidth=3.5 if first else 1.3,
-                alpha=0.6 if first else 1.0, label=f"case {case}, recomputed",
-            )  # fmt: skip
-            axis.plot(
-                angle, mine[f"{output}, Appendix C [{unit}]"], MARKERS[case - 1], color=colour,
-                markerfacecolor="none", markersize=5, label=f"case {case}, printed in Appendix C",
-            )  # fmt: skip
-        axis.plot(angle, mine[f"{output}, measured [{unit}]"], "ko", markersize=4, label="measured (Wang)")
-
-    heads = {output: f"{name} [{unit}]" for output, (name, unit) in NAMES.items()}
-    return _nine_panels("Figs 36 to 44 of the thesis, regenerated", heads, draw, height=10.0)
-
-
-def _example(
-    v_x1: float, v_y1: float, omega_1: float, c_y: float, **changed: float
-) -> tuple[FloatArray, ThesisCourse]:
-    values = {**case_parameters("2/3", 80.0, 0.532, c_y), **changed}
-    chosen = printed_model()
-    impact = impacts(v_x1, v_y1, omega_1, 0.76)
-    contact = float(chosen.rebound(values, impact).contact_time[0])
-    share = np.linspace(0.0, 1.0, 400)
-    return share, chosen.course(values, impact, share * contact)
-
-
-@own_style()
-def transition_figure() -> Figure:
-    """Velocities of centre and surface for the two examples of Chapter III."""
-    printed = thesis_table("chapter_three_examples").to_dict("records")
-    figure = new_figure(11.0, 4.4)
-    recomputed = examples()
-    used = recomputed[recomputed["inputs"] == "used"][INPUT_HEADS].to_numpy()
-    for axis, inputs, row in zip(figure.subplots(1, 2), used, printed, strict=True):
-        share, course = _example(*inputs)
-        axis.plot(share, course.v_x, color=SERIES[0], label="$V_x$ of the centre")
-        axis.plot(share, course.surface, color=SERIES[1], linestyle="--", label=r"$R\,\omega_2$ of the surface")
-        axis.plot(1.0, row["v_x2 [m/s]"], "o", color=SERIES[0], markerfacecolor="none", clip_on=False)
-        axis.plot(
-            1.0, row["omega_2 [rad/s]"] * 1.3 * INCH, "s", color=SERIES[1], markerfacecolor="none", clip_on=False
-        )
-        if row["transition"]:
-            axis.axvline(float(row["transition"]), color="0.3", linestyle=":", linewidth=1.0)
-        axis.set_xlabel("share of contact time, n")
-        axis.set_ylabel("velocity [m/s]")
-        axis.set_title(
-            f"example {row['example']}: {inputs[0]:g}, {inputs[1]:g} m/s, {inputs[2]:g} rad/s", fontsize=11
-        )
-        axis.grid(alpha=0.3)
-    handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
-    return figure
-
-
-@own_style()
-def offset_figure() -> Figure:
-    """Effect of the offset on rolling."""
-    figure = new_figure(6.5, 4.2)
-    axis = figure.subplots()
-    for colour, offset in zip(SERIES, (0.0, 0.25, 0.5), strict=False):
-        share, course = _example(*USED_IN_EXAMPLE_2, eps_10=offset * INCH, eps_slope=0.0)
-        rolling = share * course.contact_time >= course.transition
-        axis.plot(share[rolling], course.omega_2[rolling], color=colour, label=f"offset {offset:g} in")
-    axis.set_xlabel("share of contact time, n")
-    axis.set_ylabel("spin of the shell [rad/s]")
-    axis.grid(alpha=0.3)
-    axis.legend(frameon=False)
-    return figure
-
-
-@own_style()
-def error_figure(chapter: ChapterFive) -> Figure:
-    """Percentage errors of the three cases and of the recalibrated default model, impact by impact."""
-    printed, fit = thesis_table("appendix_c"), chapter.fits["two-mass"]
-    medians = fit.medians()
-    medians["theta_2"] = np.degrees(np.arctan2(medians["v_y2"], medians["v_x2"]))
-    groups = np.array(fit.problem.table.labels["group"])
-    bars = {
-        spin: {
-            f"case {case}": percentage_errors(spin, printed[(printed["spin"] == spin) & (printed["case"] == index)])
-            for case, index in CASE_IN_APPENDIX_C.items()
-        }
-        for spin in SPINS
-    }
-    for spin, listed in bars.items():
-        wang = measured(spin)
-        fitted = {name: 100.0 * (medians[name][groups == spin] / wang[name] - 1.0) for name in NAMES}
-        listed["two-mass, fitted"] = fitted
-
-    def draw(axis: Axes, spin: str, output: str) -> None:
-        for k, (label, errors) in enumerate(bars[spin].items()):
-            colour = "black" if k == 3 else SERIES[k]
-            axis.bar(np.arange(7) + 0.2 * (k - 1.5), errors[output], 0.2, color=colour, label=label)
-        axis.axhline(0.0, color="0.3", linewidth=0.8)
-        wang = measured(spin)
-        angles = np.degrees(np.arctan2(wang["v_y1"], wang["v_x1"]))
-        axis.set_xticks(np.arange(7), [f"{angle:.0f}" for angle in angles])
-
-    heads = {output: f"error of {name} [%]" for output, (name, _unit) in NAMES.items()}
-    title = "Errors of Appendix D, and after recalibration"
-    return _nine_panels(title, heads, draw, "y", height=9.0, sharey="row")

@@ -1,190 +1,115 @@
-"""Impacts in tracks: where a ball turns from falling to rising, and the frames about each of these.
-
-A track may hold many impacts. The frames of one reach to `REACH` before and after it, and not into another contact.
-"""
+"""Bounces of a track and their frames; the check of gravity for rate, scale and direction. Imports: types, flight."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fitball.tracks.flight import GRAVITY, resistance
-from fitball.tracks.frames import Check, Filmed, Refused, Track
-from fitball.values import FloatArray
+from fitball.itf import GRAVITY
+from fitball.tracks.flight import C1, C2, DRAG, Impact
+from fitball.tracks.types import Filming, Track
 
-# How far [s] frames are used from an impact, and over how long [s] heights are smoothed by medians to find it.
-REACH, SMOOTH = 0.15, 4e-3
-# A ball that bounces falls and rises again by this many radii at least. It comes within so many radii, and so many
-# steps between frames, of the lowest place.
-DEEP, NEAR, NEAR_STEPS = 0.3, 0.5, 2.5
-# Another object, or a wrong outline: the radius in the picture is off by this factor.
-RADIUS_JUMP = 1.5
-FEWEST_FRAMES = 7
-# A maximum is sharp where the slope changes by so many times what free fall makes of it.
-SHARP = 4.0
+# How far [s] frames are used from an impact, over how long [s] heights are smoothed by medians to find it.
+_REACH, _SMOOTH = 0.15, 4e-3
+# A ball that bounces falls and rises again by so many radii at least, and comes within so many radii, and steps
+# between frames, of the lowest place.
+_DEEP, _NEAR, _NEAR_STEPS = 0.3, 0.5, 2.5
+_FEWEST_FRAMES = 7
+# Gravity off by this factor is no air and no scale that a camera has. Drag and lift coefficients reach so far beyond
+# what is taken for them, over both sides; sds of the heights; how many medians outliers are off.
+FACTOR, _DRAG_OFF, _LIFT_OFF, _SDS, _OUTLYING = 2.5, 0.25, 0.35, 3.0, 4.0
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Frames of one impact: `rows` (frames,) of the track, times `t` [s] from `origin`, the time of its lowest frame;
-    `x` mirrored where the ball flies to the left, `phi` topspin positive [rad, NaN where not measured].
-    """
-
-    id: str
-    track: Track
-    rows: NDArray[np.int64]
-    origin: float
-    t: FloatArray
-    x: FloatArray
-    y: FloatArray
-    phi: FloatArray
-    mirrored: bool
-    notes: tuple[str, ...] = ()
-
-
-def frames_in_words(track: Track, rows: NDArray[np.int64], most: int = 5) -> str:
-    """The numbers of some frames in the film."""
-    shown = ", ".join(str(int(k)) for k in track.frame[rows[:most]])
-    more = f" and {rows.size - most} more" if rows.size > most else ""
-    return f"frame{'s' if rows.size > 1 else ''} {shown}{more}"
-
-
-def frame_times(track: Track, filmed: Filmed) -> FloatArray:
-    """Times of frames [s]; a rolling shutter sees a ball that is lower in the picture later."""
-    if filmed.row_time is None or track.row is None:
-        return track.time
-    return track.time + filmed.row_time * track.row
-
-
-def pieces_of(track: Track, filmed: Filmed) -> tuple[list[Piece], list[Refused]]:
-    """The impacts of a track, in order of time, and what has none, with the reason."""
+def impacts_of(track: Track, known: Filming) -> tuple[list[Impact], str]:
+    """The impacts of a track, in order of time, or the reason why it has none."""
     # Half a second, which only tracks need.
     from scipy.ndimage import median_filter
     from scipy.signal import find_peaks
 
-    def refused(reason: str) -> tuple[list[Piece], list[Refused]]:
-        return [], [Refused(track.id, track.source, reason)]
-
-    if track.in_px and track.metres_per_px is None:
-        return refused("positions are in pixels and there is no scale: state metres per pixel, or measure the radius")
-    radius, time = filmed.ball.radius, frame_times(track, filmed)
-    whole = np.flatnonzero(np.isfinite(time) & np.isfinite(track.x) & np.isfinite(track.y))
-    whole = whole[np.argsort(time[whole], kind="stable")]
-    notes: list[str] = []
-    if track.radius is not None and np.isfinite(track.radius[whole]).sum() > 2:
-        ratio = track.radius[whole] / np.nanmedian(track.radius[whole])
-        jumps = whole[(ratio > RADIUS_JUMP) | (ratio < 1.0 / RADIUS_JUMP)]
-        if 3 * jumps.size > whole.size:
-            return refused(
-                f"the radius changes by more than {RADIUS_JUMP} × in {jumps.size} of {whole.size} frames "
-                f"({frames_in_words(track, jumps)}): the track follows more than one object"
-            )
-        if jumps.size:
-            notes.append(
-                f"{frames_in_words(track, jumps)}: the radius differs by more than {RADIUS_JUMP} × from the others; "
-                "these frames are left out as another object"
-            )
-            whole = np.setdiff1d(whole, jumps, assume_unique=True)
-            whole = whole[np.argsort(time[whole], kind="stable")]
-    whole = whole[np.diff(time[whole], prepend=-np.inf) > 0.0]
-    if whole.size < FEWEST_FRAMES:
-        return refused(
-            f"{whole.size} frames with a position; an impact needs at least {FEWEST_FRAMES}, three on each side"
-        )
-    t, y = time[whole], track.y[whole]
-    size = max(3, int(SMOOTH / float(np.median(np.diff(t)))) | 1)
-    smooth = median_filter(y, size=min(size, whole.size | 1), mode="nearest")
-    lows, _ = find_peaks(-smooth, prominence=DEEP * radius)
-    near = NEAR * radius + NEAR_STEPS * float(np.median(np.abs(np.diff(smooth))))
-    lows = _apart(lows[smooth[lows] < smooth.min() + near], t, smooth, 2.0 * filmed.contact_time[2])
+    t, y, radius = track.time, track.y, known.ball.radius
+    if t.size < _FEWEST_FRAMES:
+        return [], f"{t.size} frames with a position; an impact needs at least {_FEWEST_FRAMES}, three on each side"
+    step = float(np.median(np.diff(t)))
+    size = min(max(3, int(_SMOOTH / step) | 1), t.size | 1)
+    smooth = median_filter(y, size=size, mode="nearest")
+    # Outliers near a contact make more than one low place.
+    lows, _ = find_peaks(-smooth, prominence=_DEEP * radius, distance=max(1.0, 2.0 * known.contact[2] / step))
+    near = _NEAR * radius + _NEAR_STEPS * float(np.median(np.abs(np.diff(smooth))))
+    lows = lows[smooth[lows] < smooth.min() + near]
     if not lows.size:
-        tops, _ = find_peaks(smooth, prominence=DEEP * radius)
-        if tops.size:
-            top = int(tops[0])
-            said = f"no bounce: the height has a maximum at {frames_in_words(track, whole[[top]])} and no minimum"
-            return refused(f"{said}. If y grows downwards in the file, say so" if _sharp(t, y, top) else said)
-        moves = "falls" if smooth[-1] < smooth[0] else "rises"
-        return refused(f"no bounce: the ball only {moves} from {_ends(track, whole)}")
+        return [], f"no bounce: the height has no minimum from frame {track.frame[0]} to frame {track.frame[-1]}"
     found = []
-    contact = filmed.contact_time[2]
-    for number, low in enumerate(lows):
-        start = t[lows[number - 1]] + contact if number else -np.inf
-        end = t[lows[number + 1]] - contact if number + 1 < lows.size else np.inf
-        use = (t > max(start, t[low] - REACH)) & (t < min(end, t[low] + REACH))
-        rows = whole[use]
-        own = t[use] - t[low]
-        before = own < 0.0
-        lag = max(1, int(before.sum()) // 2)
-        x = track.x[rows]
-        early = x[before]
-        mirrored = bool(early.size > lag and np.median(early[lag:] - early[:-lag]) < 0.0)
-        angle = np.full(rows.size, np.nan) if track.angle is None else track.angle[rows]
-        found.append(
-            Piece(
-                track.id if lows.size == 1 else f"{track.id}-{number + 1}",
-                track, rows, float(t[low]), own, -x if mirrored else x, track.y[rows],
-                angle if mirrored else -angle, mirrored, tuple(notes),
-            )
-        )  # fmt: skip
-    return found, []
+    for number, low in enumerate(lows.tolist()):
+        ends = [-np.inf, *(t[lows] + known.contact[2]), np.inf]
+        around = np.flatnonzero((t > ends[number]) & (t < ends[number + 2] - 2.0 * known.contact[2]))
+        rows = around[np.abs(t[around] - t[low]) < _REACH]
+        early = track.x[rows[rows <= low]]
+        # Most steps before the impact.
+        lag = max(1, early.size // 2)
+        sign = -1.0 if early.size > lag and np.median(early[lag:] - early[:-lag]) < 0.0 else 1.0
+        name = track.id if lows.size == 1 else f"{track.id}-{number + 1}"
+        place, phi = np.column_stack([sign * track.x[rows], y[rows]]), -sign * track.angle[rows]
+        found.append(Impact(name, track, rows, around, float(t[low]), t[rows] - t[low], place, phi, sign))
+    return found, ""
 
 
-def _sharp(t: FloatArray, y: FloatArray, top: int) -> bool:
-    """Whether the slope changes at a maximum by more than free fall could over the frames beside it."""
-    before, after = slice(max(0, top - 4), top + 1), slice(top, top + 5)
-    if min(t[before].size, t[after].size) < 3:
-        return False
-    change = np.polyfit(t[after], y[after], 1)[0] - np.polyfit(t[before], y[before], 1)[0]
-    return bool(-change > SHARP * GRAVITY * (t[after][-1] - t[before][0]))
-
-
-def falling(pieces: Sequence[Piece], filmed: Filmed) -> Check | None:
-    """Gravity [m/s^2] by parabolas through all heights of a track well away from the contact, with its sd.
-
-    It finds wrong rates of frames, and so takes nothing for granted that depends on time: drag is that of the
-    speeds as they seem to be, lift unknown. None where flights are too short.
+def wrong_gravity(impacts: Iterable[Impact], known: Filming) -> str:
+    """What is wrong with rate, scale or direction of a film whose balls do not fall as on earth, by parabolas through
+    heights away from the contact; "" where they may. Off by a factor only: a fit shows smaller errors.
     """
-    weights = values = 0.0
-    k = resistance(filmed.ball, filmed.air.density)
-    for piece in pieces:
-        time = frame_times(piece.track, filmed) - piece.origin
-        whole = np.isfinite(time) & np.isfinite(piece.track.x) & np.isfinite(piece.track.y)
-        away = max(filmed.contact_time[2], 3.5 * float(np.median(np.diff(np.sort(time[whole])))))
-        alone = piece.id == piece.track.id
-        whole &= alone | ((time >= piece.t[0]) & (time <= piece.t[-1]))
-        for side in (whole & (time < -away), whole & (time > away)):
-            t, x, y = time[side], piece.track.x[side], piece.track.y[side]
-            if np.unique(t).size < 6:
+    seen: list[tuple[float, float, float, float]] = []
+    for one in [one for one in impacts if one.around.size > _FEWEST_FRAMES]:
+        # At a wrong rate a flight lasts longer, or shorter, than frames are used.
+        time, x, y = (values[one.around] for values in (one.track.time - one.origin, one.track.x, one.track.y))
+        step = float(np.median(np.diff(time)))
+        for length, sign in ((-time[0], -1.0), (time[-1], 1.0)):
+            away = max(min(known.contact[2], length / 3.0), 3.5 * step)
+            side = np.flatnonzero(sign * time > away)
+            if side.size < _FEWEST_FRAMES:
                 continue
-            t = t - np.mean(t)
-            residual = np.abs(y - np.polyval(np.polyfit(t, y, 2), t))
-            kept = residual <= 4.0 * np.median(residual) + 1e-12
-            if np.unique(t[kept]).size < 6:
-                continue
-            t, x, y = t[kept] - np.mean(t[kept]), x[kept], y[kept]
-            curve = np.polyfit(t, y, 2)
-            rest, bend = np.polyval(curve, t) - y, t * t - np.mean(t * t)
-            error = 2.0 * float(np.sqrt(np.sum(rest**2) / (t.size - 3) / np.sum(bend**2)))
-            v_x, v_y = float(np.polyfit(t, x, 1)[0]), float(curve[1])
-            speed = float(np.hypot(v_x, v_y))
-            value = -2.0 * float(curve[0]) - k * speed * filmed.air.drag * v_y
-            variance = error**2 + (k * speed * (0.3 * abs(v_x) + 0.2 * abs(v_y))) ** 2 + 1e-12
-            values += value / variance
-            weights += 1.0 / variance
-    return Check(values / weights, float(weights**-0.5)) if weights else None
+            rest = np.abs(y[side] - np.polyval(np.polyfit(time[side], y[side], 2), time[side]))
+            side = side[rest <= _OUTLYING * np.median(rest)]
+            t = time[side] - time[side].mean()
+            curve, covariance = np.polyfit(t, y[side], 2, cov=True)
+            v_x, v_y = float(np.polyfit(t, x[side], 1)[0]), float(curve[1])
+            pull = known.k * float(np.hypot(v_x, v_y))
+            value = -2.0 * float(curve[0]) - pull * known.drag[0] * v_y
+            reach = 2.0 * _SDS * float(np.sqrt(covariance[0, 0])) + pull * (
+                _LIFT_OFF * abs(v_x) + _DRAG_OFF * abs(v_y)
+            )
+            seen.append((value - reach, value + reach, value, 1.0 / step))
+    if not seen:
+        return ""
+    low, high, value, rate = np.median(seen, axis=0).tolist()
+    return "" if low < FACTOR * GRAVITY and high > GRAVITY / FACTOR else of_gravity(value, rate)
 
 
-def _apart(lows: NDArray[np.int64], t: FloatArray, y: FloatArray, least: float) -> NDArray[np.int64]:
-    """Those of which no lower one is nearer than `least` [s]: outliers near a contact make more than one."""
-    kept: list[int] = []
-    for low in lows[np.argsort(y[lows], kind="stable")].tolist():
-        if all(abs(t[low] - t[other]) > least for other in kept):
-            kept.append(low)
-    return np.array(sorted(kept), dtype=np.int64)
+def of_gravity(value: float, rate: float) -> str:
+    """What a gravity [m/s^2] that is off by a factor says of films at so many frames a second."""
+    read = f"g comes out as {value:.3g} m/s^2 at {rate:.4g} frames/s, expected 9.8"
+    if value <= 0.0:
+        return f'{read}: y may grow downwards (y = "down" in [camera]), or the track shows no flight'
+    meant = f"the camera took about {rate * sqrt(GRAVITY / value):.0f} frames/s"
+    scale = f"lengths are off by a factor of {value / GRAVITY:.2g}"
+    return f"{read}: {meant}, or {scale}; state the rate of the camera, not that of playback (--fps), or the scale"
 
 
-def _ends(track: Track, rows: NDArray[np.int64]) -> str:
-    return f"frame {int(track.frame[rows[0]])} to frame {int(track.frame[rows[-1]])}"
+def gravity(impacts: Sequence[Impact]) -> tuple[float, float]:
+    """Gravity [m/s^2] that fitted flights show, and its sd: one step of Gauss and Newton from the usual value. What
+    is unknown of lift and drag may be common to all impacts, and counts as such.
+    """
+    score = information = 0.0
+    common, unknown = np.zeros(3), [C1, C2, DRAG]
+    for one in impacts:
+        info = one.info.sum(axis=0)
+        falls, matrix = info[-1, :-1], info[:-1, :-1] + one.precision
+        moved = np.linalg.solve(matrix, falls)
+        score += one.pull
+        information += info[-1, -1] - float(falls @ moved)
+        prior = one.precision[np.ix_(unknown, unknown)]
+        common += prior @ moved[unknown] * np.sqrt(np.diagonal(np.linalg.inv(prior)))
+    if not information > 0.0:
+        return float("nan"), float("nan")
+    return GRAVITY + score / information, sqrt(1.0 / information + float(np.sum((common / information) ** 2)))

@@ -1,129 +1,252 @@
-"""Flight of a ball in the plane of its impact: gravity, drag and Magnus force.
+"""The series of a flight, and the fit of two of them. Imports: types, base.
 
-With `K = rho pi R^2/(2 M)` and `rot(v) = (v_y, -v_x)`, which turns a ball with topspin that flies to the right down,
+With K = rho pi R^2/(2 M) and rot(v) = (v_y, -v_x), which turns a ball with topspin that flies to the right down,
+dv/dt = g - K C_D |v| v + K C_L |v| rot(v); the spin is constant. C_L is S/(0.981 + 2.022 |S|) + c, S = R omega/|v|
+(Cross and Lindsey, Sports Eng. 17 (2014) 89).
 
-    dv/dt = g - K C_D |v| v + K C_L |v| rot(v).
-
-The spin is constant: it takes seconds to decay. The coefficients of a tennis ball are from free flight (Cross and
-Lindsey 2014): `C_D = 0.507`, with 0.024 from shot to shot, and
-
-    C_L = sign(omega)/(2.022 + 0.981/S) + c,    S = R |omega|/|v|,
-
-with `c` about 0.05. Wind tunnels find `C_D` of 0.6 to 0.7 (Mehta, Alam and Subic 2008), so its prior is wide.
-
-Near the impact the flight is a power series in the time from there, with exact derivatives of the acceleration; from
-`SHORT` on the equation is integrated. The functions without arrays of times take numbers or arrays of any one shape.
+The unknowns of an impact are place, velocity, offset c of the lift and time of landing and of release, when the
+centre is a radius above the court, and the drag of both flights; nothing is assumed about the contact between them.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fitball.models.kernels.compiled import inner
-from fitball.tracks.kernels import compiled
-from fitball.values import Ball, FloatArray
+from fitball.itf import GRAVITY
+from fitball.tracks.types import NINE, Filming, SpinPair, Track, unwrapped
+from fitball.values import BoolArray, FloatArray, IntArray
 
-GRAVITY = 9.80665
-# Cross and Lindsey 2014: the lift coefficient is S/(LIFT_AT_REST + LIFT_SATURATION S).
-LIFT_SATURATION, LIFT_AT_REST = 2.022, 0.981
-# Times [s] over which the series is used, and the longest step of an integration.
-SHORT, STEP = 0.15, 5e-3
+X1, VX1, VY1, C1, T1, X2, VX2, VY2, C2, T2, DRAG = range(11)
+# Those of the `NINE` that only marks show.
+SPINS = [2, 5, 8]
+# Steps of differences, in the unit of each unknown: far above rounding, far below what bends a flight.
+_STEPS = np.array([*[1e-4, 1e-3, 1e-3, 1e-3, 1e-6] * 2, 1e-3])
+# Frames nearer to the contact than this [s] are of neither flight: the force begins at zero, a tenth of a millisecond
+# later the ball is less than 0.01 mm off. Angles wait until the twist of the shell against the core has died out.
+_GUARD, _TWISTED = 1e-4, 2.5e-3
+# Probability of a pair of spins above which it is sure.
+_SURE = 0.999
+# Fewest frames on a side, slowest vertical speed [m/s] that has a time of contact.
+_FEWEST, _SLOWEST = 3, 0.3
+# Most sweeps, when no time moves by more than this [s] they end; the most that a step may move one.
+_SWEEPS, _SETTLED, _LEAP = 12, 1e-7, 5e-3
+# Errors that last have the correlation 1/(1 + (dt/tau)^2/2), tau [s]: about as long as a ball takes through a view.
+_LASTING = 0.02
+# Offsets of the lift of both sides of a marked ball are correlated: by seams and fluff, less by orientation. Without
+# marks the spin is unknown, and all of the lift with it.
+_SHARED, _UNMARKED = 0.5, 0.2
+# Makes matrices regular, as a share of their diagonal.
+_RIDGE = 1e-10
+_NO_FLIGHT = "no flight fits the positions before and after the contact"
 
-# A number, or arrays of one shape.
-Floats: TypeAlias = Any
 
-
-def resistance(ball: Ball, density: float) -> float:
-    """`K` [1/m] of a ball in air of `density` [kg/m^3]: `rho pi R^2/(2 M)`."""
-    return density * np.pi * ball.radius**2 / (2.0 * ball.mass)
-
-
-@inner
-def lift_of(omega: Floats, speed: Floats, radius: float) -> Floats:
-    """Lift coefficient of spin `omega` [rad/s, topspin positive] at `speed` [m/s], of the sign of the spin.
-
-    Cross and Lindsey 2014, as `S/(0.981 + 2.022 |S|)`, which needs no case for a ball without spin.
-    """
+def lift_of(omega: float, speed: float, radius: float) -> float:
+    """Lift coefficient of a spin [rad/s, topspin positive], of its sign."""
     ratio = radius * omega / speed
-    return ratio / (LIFT_AT_REST + LIFT_SATURATION * np.abs(ratio))
+    return float(ratio / (0.981 + 2.022 * abs(ratio)))
 
 
-@inner
-def acceleration(v_x: Floats, v_y: Floats, drag: Floats, lift: Floats, k: float) -> tuple[Floats, Floats]:
-    """Acceleration [m/s^2] at velocity `v_x, v_y` [m/s], upwards positive, with coefficients `drag` and `lift`."""
-    pull = k * np.sqrt(v_x * v_x + v_y * v_y)
-    return -pull * (drag * v_x - lift * v_y), -GRAVITY - pull * (drag * v_y + lift * v_x)
-
-
-@inner
-def expansion(
-    v_x: Floats, v_y: Floats, drag: Floats, lift: Floats, k: float
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Acceleration `a_x, a_y` and its first two derivatives by time `j_x, j_y, s_x, s_y`, where the velocity is
-    `v_x, v_y`: the position is `r + v d + a d^2/2 + j d^3/6 + s d^4/24` at time `d` from there.
-    """
-    speed = np.sqrt(v_x * v_x + v_y * v_y)
-    # The force is -k |v| w with w = (drag v_x - lift v_y, drag v_y + lift v_x), linear in v.
-    w_x, w_y = drag * v_x - lift * v_y, drag * v_y + lift * v_x
-    a_x, a_y = -k * speed * w_x, -GRAVITY - k * speed * w_y
-    w1_x, w1_y = drag * a_x - lift * a_y, drag * a_y + lift * a_x
+def path(v_x: Any, v_y: Any, drag: Any, lift: Any, k: float, d: Any) -> tuple[Any, Any]:
+    """Way after the times `d` by the power series to the third order: 0.06 mm off after 0.15 s at 20 m/s."""
+    speed = np.hypot(v_x, v_y)
+    a_x, a_y = -k * speed * (drag * v_x - lift * v_y), -GRAVITY - k * speed * (drag * v_y + lift * v_x)
     faster = (v_x * a_x + v_y * a_y) / speed
-    j_x, j_y = -k * (faster * w_x + speed * w1_x), -k * (faster * w_y + speed * w1_y)
-    again = (a_x * a_x + a_y * a_y + v_x * j_x + v_y * j_y - faster * faster) / speed
-    s_x = -k * (again * w_x + 2.0 * faster * w1_x + speed * (drag * j_x - lift * j_y))
-    s_y = -k * (again * w_y + 2.0 * faster * w1_y + speed * (drag * j_y + lift * j_x))
-    return a_x, a_y, j_x, j_y, s_x, s_y
+    j_x = -k * (faster * (drag * v_x - lift * v_y) + speed * (drag * a_x - lift * a_y))
+    j_y = -k * (faster * (drag * v_y + lift * v_x) + speed * (drag * a_y + lift * a_x))
+    return d * (v_x + d / 2.0 * (a_x + d / 3.0 * j_x)), d * (v_y + d / 2.0 * (a_y + d / 3.0 * j_y))
 
 
-@inner
-def series(
-    v_x: Floats, v_y: Floats, drag: Floats, lift: Floats, k: float, d: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Path `x, y` [m] and velocity after the time `d` [s, of either sign], by the expansion."""
-    a_x, a_y, j_x, j_y, s_x, s_y = expansion(v_x, v_y, drag, lift, k)
-    return (
-        d * (v_x + d / 2.0 * (a_x + d / 3.0 * (j_x + d / 4.0 * s_x))),
-        d * (v_y + d / 2.0 * (a_y + d / 3.0 * (j_y + d / 4.0 * s_y))),
-        v_x + d * (a_x + d / 2.0 * (j_x + d / 3.0 * s_x)),
-        v_y + d * (a_y + d / 2.0 * (j_y + d / 3.0 * s_y)),
-    )
+@dataclass(eq=False)
+class Impact:
+    """Frames of one impact, and what is found of it. `rows` are places in the track, `around` those of its whole
+    flights; `t` [s] is from `origin`, `place` (frames, 2) [m] mirrored where the ball flies to the left (`sign` -1),
+    `phi` [rad] topspin positive.
 
-
-@inner
-def integrated(
-    v_x: float, v_y: float, drag: float, lift: float, k: float, d: float
-) -> tuple[float, float, float, float]:
-    """As `series`, by Runge and Kutta's steps of at most `STEP`, for any time."""
-    steps = int(np.ceil(abs(d) / STEP))
-    h = d / max(steps, 1)
-    x, y = 0.0, 0.0
-    for _ in range(steps):
-        a_x, a_y = acceleration(v_x, v_y, drag, lift, k)
-        b_x, b_y = acceleration(v_x + 0.5 * h * a_x, v_y + 0.5 * h * a_y, drag, lift, k)
-        c_x, c_y = acceleration(v_x + 0.5 * h * b_x, v_y + 0.5 * h * b_y, drag, lift, k)
-        e_x, e_y = acceleration(v_x + h * c_x, v_y + h * c_y, drag, lift, k)
-        x += h * v_x + h * h / 6.0 * (a_x + b_x + c_x)
-        y += h * v_y + h * h / 6.0 * (a_y + b_y + c_y)
-        v_x += h / 6.0 * (a_x + 2.0 * b_x + 2.0 * c_x + e_x)
-        v_y += h / 6.0 * (a_y + 2.0 * b_y + 2.0 * c_y + e_y)
-    return x, y, v_x, v_y
-
-
-@compiled
-def _fly(start: FloatArray, coefficients: FloatArray, times: FloatArray, out: FloatArray) -> None:
-    for i in range(times.size):
-        x, y, v_x, v_y = integrated(start[2], start[3], coefficients[0], coefficients[1], coefficients[2], times[i])
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = start[0] + x, start[1] + y, v_x, v_y
-
-
-def fly(start: ArrayLike, drag: float, lift: float, k: float, times: ArrayLike) -> FloatArray:
-    """States `x, y, v_x, v_y` (times, 4) [m, m/s], upwards positive, at `times` [s] of either sign from `start`,
-    by integration with constant coefficients.
+    While it is fitted: unknowns `p` (11,) with their prior; sds `sigma` of x and y; then `covariance`, `residual`
+    (frames, 2), `weight`, the probability of being no outlier (NaN in contact), `info` (2, 12, 12) of x and of y and
+    `pull`, by which gravity, the last there, would be moved; `pairs` of spins. `failed` says why there is none.
     """
-    wanted = np.ascontiguousarray(times, dtype=np.float64)
-    out = np.empty((wanted.size, 4))
-    _fly(np.array(start, dtype=np.float64), np.array([drag, lift, k], dtype=np.float64), wanted, out)
-    return out
+
+    id: str
+    track: Track
+    rows: IntArray
+    around: IntArray
+    origin: float
+    t: FloatArray
+    place: FloatArray
+    phi: FloatArray
+    sign: float
+    p: FloatArray = field(default_factory=lambda: np.ones(11))
+    prior: FloatArray = field(default_factory=lambda: np.zeros(11))
+    precision: FloatArray = field(default_factory=lambda: np.zeros((11, 11)))
+    sigma: FloatArray = field(default_factory=lambda: np.full(2, 2e-3))
+    covariance: FloatArray = field(init=False)
+    residual: FloatArray = field(init=False)
+    weight: FloatArray = field(init=False)
+    info: FloatArray = field(init=False)
+    pull: float = 0.0
+    pairs: Sequence[SpinPair] = ()
+    failed: str = ""
+
+    def sides(self) -> tuple[BoolArray, BoolArray]:
+        """Which frames are of the flight before, and of that after."""
+        first, last = self.p[T1], self.p[T2]
+        return self.t < first - _GUARD, self.t > last + _GUARD
+
+    @property
+    def taken(self) -> SpinPair | None:
+        """The most probable spins, if they are sure."""
+        return self.pairs[0] if self.pairs and self.pairs[0].probability > _SURE else None
+
+    def turning(self) -> tuple[BoolArray, BoolArray]:
+        """Which frames have angles that show the spin before, and that after."""
+        seen = np.isfinite(self.phi)
+        return seen & self.sides()[0], seen & (self.t > self.p[T2] + _TWISTED)
+
+    def angle_residuals(self) -> FloatArray:
+        """Angles less the lines of the most probable spins (frames,), NaN where no line is."""
+        found = np.full(self.t.size, np.nan)
+        if self.pairs:
+            pair = self.pairs[0]
+            for use, phi, omega, time in zip(self.turning(), pair.phi, pair[:2], self.p[[T1, T2]], strict=True):
+                found[use] = unwrapped(self.phi[use] - phi - omega * (self.t[use] - time), self.track.fold)
+        return found
+
+    def take_prior(self, known: Filming, drag: float, drag_sd: float) -> None:
+        """Priors of drag and lift; those of the lift by whether spins are taken."""
+        self.prior[DRAG] = drag
+        self.precision[:] = 0.0
+        self.precision[DRAG, DRAG] = drag_sd**-2.0
+        shared, sd = (_SHARED, known.lift[1]) if self.taken else (0.0, _UNMARKED)
+        self.prior[[C1, C2]] = known.lift[0]
+        if not self.taken:
+            # A ball of unknown spin leaves the court nearly rolling.
+            v_x, v_y, radius = self.p[VX2], self.p[VY2], known.ball.radius
+            self.prior[C2] += lift_of(v_x / radius, np.hypot(v_x, v_y), radius)
+        block = np.linalg.inv(sd**2 * np.array([[1.0, shared], [shared, 1.0]]))
+        self.precision[np.ix_([C1, C2], [C1, C2])] = block
+
+    def lifts(self, radius: float) -> FloatArray:
+        """Lift coefficients (2,) of the spins that are taken."""
+        if self.taken is None:
+            return np.zeros(2)
+        spins, speeds = (self.taken.omega_1, self.taken.omega_2), np.hypot(self.p[[VX1, VX2]], self.p[[VY1, VY2]])
+        return np.array([lift_of(*one, radius) for one in zip(spins, speeds.tolist(), strict=True)])
+
+
+def start(one: Impact, known: Filming, height: float) -> None:
+    """First unknowns: repeated medians of slopes (Siegel 1982) of frames beside the contact, gravity taken off."""
+    from scipy.stats import siegelslopes
+
+    sides = one.t < -known.contact[0], one.t > known.contact[0]
+    if _too_few(one, *sides):
+        return
+    for o, use in zip((X1, X2), sides, strict=True):
+        place = one.place[use] + np.outer(one.t[use] ** 2, [0.0, 0.5 * GRAVITY])
+        (v_x, x), (v_y, y) = (siegelslopes(values, one.t[use]) for values in place.T)
+        time = (height - y) / v_y if abs(v_y) > _SLOWEST else np.nan
+        one.p[o : o + 5] = x + v_x * time, v_x, v_y - GRAVITY * time, 0.0, time
+    one.p[DRAG] = known.drag[0]
+    _check(one)
+
+
+def _too_few(one: Impact, before: BoolArray, after: BoolArray) -> bool:
+    if few := min(before.sum(), after.sum()) < _FEWEST:
+        words = f"{before.sum()} frames before and {after.sum()} after the contact"
+        one.failed = f"{words}; {_FEWEST} on a side are needed"
+    return bool(few)
+
+
+def _check(one: Impact) -> None:
+    """A flight needs a time at which it meets the court."""
+    if not np.isfinite(one.p).all():
+        one.failed = _NO_FLIGHT
+    for v_y, does in ((-one.p[VY1], "reaches"), (one.p[VY2], "leaves")):
+        if not v_y > _SLOWEST and not one.failed:
+            one.failed = f"the ball {does} the court at {v_y:.2g} m/s; more than {_SLOWEST} m/s is needed"
+
+
+# What is not finite is a failure of the impact.
+@np.errstate(all="ignore")
+def fit(one: Impact, known: Filming, height: float, outliers: float, wide: Sequence[float] = ()) -> None:
+    """Gauss and Newton from `p`, frames weighed by their probability of being no outlier (EM): errors of x and y are
+    normal, or with the share `outliers` anywhere in a box of six radii. First sweeps have errors so many times as
+    `wide`. The covariance is of the observed information, which these weights alone overstate.
+    """
+    box, lifts, precision = (6.0 * known.ball.radius) ** 2, one.lifts(known.ball.radius), one.precision
+    for sweep in range(_SWEEPS + len(wide)):
+        s = one.sigma * (wide[sweep] if sweep < len(wide) else 1.0)
+        if one.p[T2] <= one.p[T1]:
+            # As long as the flights are far from the court.
+            one.p[[T1, T2]] = one.p[[T1, T2]].mean() + known.contact[0] * np.array([-0.5, 0.5])
+        before, after = one.sides()
+        use = before | after
+        if _too_few(one, before, after):
+            return
+        moved = np.vstack([one.p, one.p + np.diag(_STEPS)])
+        o = np.where(after, X2, X1)
+        x, v_x, v_y, c, time = (moved[:, o + k] for k in range(5))
+        along, up = path(v_x, v_y, moved[:, DRAG, None], lifts[np.where(after, 1, 0)] + c, known.k, one.t - time)
+        places = np.stack([x + along, height + up], axis=-1)
+        residual = one.place - places[0]
+        slopes = np.concatenate([(places[1:] - places[0]) / _STEPS[:, None, None], np.zeros((1, *one.place.shape))])
+        # By gravity, which is not fitted.
+        slopes[-1, :, 1] = -0.5 * (one.t - time[0]) ** 2
+        z = residual / s
+        square = np.sum(z**2, axis=1)
+        like = (1.0 - outliers) * np.exp(-0.5 * square) / (2.0 * np.pi * s[0] * s[1])
+        weight = np.where(use, like / (like + outliers / box), 0.0)
+        root = np.sqrt(weight)
+        info, pull = np.zeros((2, 12, 12)), np.append(precision @ (one.prior - one.p), 0.0)
+        for axis in (0, 1):
+            u = solved = slopes[:, :, axis] * (root / s[axis])
+            if known.lasting > 0.0:
+                far = np.subtract.outer(one.t, one.t) / _LASTING
+                shared = known.lasting**2 / (1.0 + 0.5 * far**2) * np.multiply.outer(root, root) / s[axis] ** 2
+                solved = np.linalg.solve(np.eye(root.size) + shared, u.T).T
+            info[axis] = u @ solved.T
+            pull += solved @ (z[:, axis] * root)
+        hessian = info[:, :-1, :-1].sum(axis=0) + precision
+        step = _inverse(hessian) @ pull[:-1]
+        late = float(np.abs(step[[T1, T2]]).max())
+        if not np.isfinite(step).all():
+            one.failed = _NO_FLIGHT
+            return
+        if sweep >= len(wide) and late < _SETTLED:
+            break
+        one.p = one.p + step * min(1.0, _LEAP / max(late, _SETTLED))
+        _check(one)
+        if one.failed:
+            return
+    tail = np.einsum("pfa,fa->pf", slopes[:-1] / s, z)
+    lost = tail * (weight * np.minimum(1.0 - weight, 1.0 / np.maximum(square, 1e-12))) @ tail.T
+    one.covariance = _inverse(hessian - lost)
+    if not np.all(np.diagonal(one.covariance) > 0.0):
+        one.failed = _NO_FLIGHT
+    one.residual, one.weight, one.info, one.pull = residual, np.where(use, weight, np.nan), info, pull[-1]
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """Of an information matrix, whose diagonal differs by many orders of magnitude; NaN where it has none."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrix))
+    even = matrix * scale[:, None] * scale + _RIDGE * np.eye(len(scale))
+    return np.asarray(np.linalg.inv(even) * scale[:, None] * scale)
+
+
+def nine(one: Impact) -> tuple[FloatArray, FloatArray]:
+    """Values and covariance of the `NINE`; spins and turn are NaN without a pair that is sure."""
+    take = np.zeros((len(NINE), 11))
+    signs = ((0, VX1, 1), (1, VY1, -1), (3, VX2, 1), (4, VY2, 1), (6, T2, 1), (6, T1, -1), (7, X2, 1), (7, X1, -1))
+    for row, column, sign in signs:
+        take[row, column] = sign
+    values, pair = take @ one.p, one.taken
+    if pair:
+        take[8, [T1, T2]] = -pair.omega_1, pair.omega_2
+    covariance = take @ one.covariance @ take.T
+    values[SPINS] = pair[:3] if pair else np.nan
+    covariance[np.ix_(SPINS, SPINS)] += pair.covariance if pair else 0.0
+    return values, covariance

@@ -1,154 +1,338 @@
-"""Files of positions as tracks: every dialect, then clock, scale, and the direction upwards, with a note on each
-decision.
+"""Long tables, Tracker, Kinovea, DLTdv -> `Track`. Imports: data, types.
+
+| program | header | rows |
+|---|---|---|
+| any (long table) | `id`, `t` or `frame`, `x, y`, and others of `NAMES` | a frame of a ball |
+| Tracker | `t, x, y`, or `t, x, y, x, y` of several masses | a frame of all masses |
+| Kinovea | `Time`, and `NAME/0/X, NAME/0/Y` of each object | a frame of all objects |
+| DLTdv | `pt1_cam1_X, pt1_cam1_Y` of each point, in pixels | a frame, from 1 |
 """
 
 from __future__ import annotations
 
-import os
+import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace as changed
 
-from fitball.data.bundled import resolve_tracks, split_sheet
-from fitball.data.cells import refusal
-from fitball.data.read import FRAME, PATHS
-from fitball.data.text import checked_records, read_records
-from fitball.errors import ParameterError, TrackError
-from fitball.tracks.arrays import SUFFIXES, hdf5_clips
-from fitball.tracks.axes import in_plane, upright
-from fitball.tracks.clips import Clip, Reading
-from fitball.tracks.clock import check_rate, timed
-from fitball.tracks.dialects import clips_of, positions_vocabulary
-from fitball.tracks.frames import Track
-from fitball.tracks.motion import bounces
-from fitball.tracks.scale import in_metres
-from fitball.tracks.split import LEAST, one_object, stretches
+from fitball.data.bundled import place_of
+from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
+from fitball.data.header import Naming, bare
+from fitball.data.labels import role_of
+from fitball.data.read import Source
+from fitball.data.scene import CameraSection, Quantity, Scene, load_scene
+from fitball.errors import Fault, InputError, Note, ParameterError, suggestion
+from fitball.numbers import Unit, counted
+from fitball.text import listed, one_line
+from fitball.tracks.types import Track
+from fitball.units import factor_of, symbol_of
+from fitball.values import BoolArray, FloatArray, IntArray
 
-if TYPE_CHECKING:
-    import pandas
-
-# What positions may be read from: a path or bundled name, or a DataFrame.
-Source: TypeAlias = "str | os.PathLike[str] | pandas.DataFrame"
-
-
-# Shots of a clip are divided where no ball was seen for so many seconds and frames.
-_LOST, _LOST_FRAMES = 0.15, 10.0
-# Files that people have beside their tables of positions, and what to do with them.
-_EXPORT = "expected positions of the ball in its frames: open it in {}, and export the table"
-_OTHERS = {
-    **dict.fromkeys(
-        (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".wmv", ".webm", ".mts", ".mpg", ".mpeg", ".cine", ".gif"),
-        "is a film; " + _EXPORT.format("a tracking program, such as Tracker, Kinovea or DLTdv"),
-    ),
-    **dict.fromkeys((".trk", ".trz"), "is a project of Tracker; " + _EXPORT.format("Tracker")),
-    ".kva": "is a project of Kinovea; " + _EXPORT.format("Kinovea"),
+# Columns of the long table with their units, and what else people and programs call them.
+NAMES: Mapping[str, tuple[str, str]] = {
+    "id": ("text", "track trackid object objectid shot trial impact particle clip name"),
+    "session": ("text", "camera cam"),
+    "t": ("s", "time times timestamp timestamps seconds zeit temps"),
+    "frame": ("", "frames frameno framenumber frameindex image bild"),
+    "x": ("m", "posx xpos positionx cx xc centerx centrex ballx"),
+    "y": ("m", "posy ypos positiony cy yc centery centrey bally"),
+    "z": ("m", "posz zpos positionz"),
+    "angle": ("rad", "phi theta orientation winkel markangle"),
+    "angle_fold": ("", "fold anglefold"),
+    "radius": ("m", "r ballradius"),
+    "diameter": ("m", "d diam balldiameter"),
+    "quality": ("", "likelihood confidence conf score"),
 }
+_OURS = {word: ours for ours, (_, words) in NAMES.items() for word in (bare(ours), *words.split())}
+_PIXELS = re.compile(r"(?P<name>.*?\w)[\s_/,]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?", re.IGNORECASE)
+_DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
+_KINOVEA = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
+_LENGTH = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
+_LONGEST = 100
+# Coordinates without a unit that reach further [m] are none; radii that make a scale, and how far a stated one may be
+# off without a note; the quality of a good frame.
+_WIDEST, _LEAST_RADII, _SAME_SCALE, _LEAST_QUALITY = 30.0, 5, 0.02, 0.9
+# What programs write for both coordinates of a frame in which they found no ball.
+_LOST = (-99.0, -999.0, -9999.0, -99999.0)
+# A step shorter than this many usual ones misses no frame.
+_ONE_STEP = 1.5
+# Endings of what people have beside their positions.
+_FILMS = ["mp4", "mov", "avi", "mkv", "m4v", "wmv", "webm", "mts", "mpg", "mpeg", "cine", "gif", "trk", "trz", "kva"]
+_EXPECTED = "expected x and y, t or frame, such as 'id,t [s],x [m],y [m]', or an export of Tracker, Kinovea, DLTdv"
 
 
-def read_tracks(paths: Sequence[Source], how: Reading | None = None) -> tuple[Track, ...]:
-    """Tracks of files of positions, or of DataFrames with the same columns, in metres and seconds, y upwards.
+class _Part(NamedTuple):
+    """One ball of a file: what it adds to the file's name, the place of each column, whether it is in pixels."""
 
-    Dialects are recognised (see `dialects` and `arrays`). A track is a whole clip, and may hold many bounces or none;
-    `split.split_bounces` divides it. Only a clip in three dimensions is divided here, since each bounce has a plane.
-    Raises TableError with file, row, column or frames for what cannot be read, for pixels without a scale, frames
-    without a rate, gravity that is off by far, and for a direction upwards that the motion contradicts.
+    name: str
+    places: dict[str, int]
+    pixels: bool = False
+
+
+def scene_of(
+    sources: Sequence[Source], scene: Scene | str | Path, fps: float, mm_per_px: float, ball_diameter: str
+) -> Scene:
+    """The scene that is given, or that beside the first file, with what overrides it. Raises ParameterError
+    (`length`), FolderError (`not-found`), InputError (`scene`).
     """
-    how = how or Reading()
-    if not paths:
-        raise ParameterError("no files of positions; expected at least one")
-    clips = _distinct([clip for source in paths for clip in _clips(source, how)])
-    sessions: dict[str, list[Clip]] = {}
-    for clip in clips:
-        sessions.setdefault(clip.session, []).append(clip)
-    return tuple(_track(clip, how) for members in sessions.values() for clip in _settled(members, how))
+    first = sources[0] if sources and isinstance(sources[0], str | Path) else None
+    beside = None if first is None else place_of(file_and_sheet(str(first))[0], "tracks")
+    known = scene if isinstance(scene, Scene) else load_scene(beside, scene or None)
+    stated = {name: value for name, value in (("fps", fps), ("mm_per_px", mm_per_px)) if value}
+    camera, ball = changed(known.camera or CameraSection(), **stated), known.ball
+    if ball_diameter:
+        if (found := _LENGTH.fullmatch(ball_diameter)) is None:
+            read = f"ball_diameter: read '{one_line(ball_diameter)}'"
+            raise ParameterError(f"{read}; expected a length with its unit, such as 66mm", "length")
+        ball = changed(ball, radius=0.5 * float(found[1]) * factor_of(found[2], "m"))
+    return changed(known, camera=camera, ball=ball)
 
 
-def _clips(source: Source, how: Reading) -> list[Clip]:
-    vocabulary = positions_vocabulary(how)
-    if not isinstance(source, PATHS):
-        name = str(source.attrs.get("name", FRAME))
-        return clips_of(checked_records(name, source), b"", (), name, how)
-    path, sheet = resolve_tracks(source), split_sheet(source)[1]
-    if path.suffix.lower() in _OTHERS and path.is_file():
-        raise refusal(str(path), _OTHERS[path.suffix.lower()])
-    if path.suffix.lower() in SUFFIXES:
-        return hdf5_clips(path, how)
-    records, data, notes = read_records(path, vocabulary, sheet)
-    return clips_of(records, data, notes, str(path), how)
-
-
-def _distinct(clips: Sequence[Clip]) -> list[Clip]:
-    """The clips with ids of their own: where files share one it is preceded by the file's name, and by its folder's
-    where that is shared too; then numbered.
+def read_tracks(
+    sources: Sequence[Source], scene: Scene, columns: Mapping[str, str]
+) -> tuple[list[Track], list[Note]]:
+    """The tracks of files of positions, or of data frames with the same columns, and notes on what was assumed or
+    left out. Raises InputError with every fault by row and column (`no-positions`, `no-column`, `no-rate`,
+    `no-scale`, `three-coordinates`, `two-positions`, `fold`, `film`, and what cells have), FolderError,
+    ParameterError (`columns`).
     """
-    counts = Counter(clip.id for clip in clips)
-    stems = Counter(Path(source).stem for source in {clip.source for clip in clips})
-
-    def file(source: Path) -> str:
-        return source.stem if stems[source.stem] == 1 else f"{source.parent.name}-{source.stem}"
-
-    named = [
-        clip if counts[clip.id] == 1 else replace(clip, id=f"{file(Path(clip.source))}-{clip.id}") for clip in clips
-    ]
-    seen, again = Counter[str](), []
-    for clip in named:
-        seen[clip.id] += 1
-        again.append(clip if seen[clip.id] == 1 else replace(clip, id=f"{clip.id} ({seen[clip.id]})"))
-    return again
-
-
-def _settled(clips: Sequence[Clip], how: Reading) -> list[Clip]:
-    """The clips of a session in metres and seconds, (frames, 2)."""
-    measured, mixed = list[Clip](), set[str]()
-    for clip in in_metres([shot for whole in timed(clips, how) for shot in _shots(whole)], how):
-        assert clip.time is not None
-        try:
-            kept, note = one_object(clip.frame, clip.time, clip.position)
-        except TrackError:
-            # Refused where bounces are divided, with the others of its session.
-            mixed.add(clip.id)
-            kept, note = np.ones(len(clip), dtype=np.bool_), None
-        measured.append(clip if note is None else clip.take(kept).noted(note))
-    placed = upright(measured, mixed, how)
-    flat = [part for clip in placed for part in ([clip] if clip.position.shape[1] == 2 else _planes(clip))]
-    check_rate([clip for clip in flat if clip.id not in mixed], how)
-    return flat
+    naming, tracks, notes = _Naming({**scene.columns, **columns}), list[Track](), dict[Note, None]()
+    for source in sources:
+        place, name = source, str(getattr(source, "attrs", {}).get("name", "positions"))
+        if isinstance(source, str | Path):
+            file, sheet = file_and_sheet(str(source))
+            path = place_of(file, "tracks")
+            if path.suffix.lower()[1:] in _FILMS:
+                words = "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
+                raise InputError(str(path), [Fault("film", words)])
+            place, name = f"{path}#{sheet}" if sheet else path, path.stem
+        cells = read_cells(place, naming.worth, name)
+        tracks += _Reader(cells, name, naming, scene).tracks()
+        cells.refuse()
+        notes |= dict.fromkeys(cells.notes)
+    count, seen = Counter(one.id for one in tracks), Counter[str]()
+    for k, one in enumerate(tracks):
+        seen[one.id] += 1
+        tracks[k] = one if count[one.id] == 1 else replace(one, id=f"{one.id} ({seen[one.id]})")
+    return tracks, [*notes]
 
 
-def _shots(clip: Clip) -> list[Clip]:
-    """The shots of a clip that has several, one after the other: no ball was seen for long between them."""
-    assert clip.time is not None
-    steps = np.diff(clip.time)
-    longest = max(_LOST, _LOST_FRAMES * float(np.median(steps))) if len(steps) else _LOST
-    parts = np.split(np.arange(len(clip)), np.flatnonzero(steps > longest) + 1)
-    if sum(len(part) > 2 * LEAST for part in parts) < 2:
-        return [clip]
-    note = f"clip '{clip.id}' was divided into {len(parts)}, where no ball was seen for more than {longest:.2g} s"
-    return [replace(clip.take(part), id=f"{clip.id}-{k}").noted(note) for k, part in enumerate(parts, 1)]
+class _Naming:
+    """What header cells of positions mean, with the user's names. Raises ParameterError (`columns`)."""
+
+    def __init__(self, columns: Mapping[str, str]) -> None:
+        for name in columns.keys() - NAMES.keys():
+            words = f"columns: '{one_line(name)}' is no column of positions; {suggestion(name, NAMES)}"
+            raise ParameterError(words, "columns")
+        self.plain = Naming({})
+        cells = {ours: self.split(their) for ours, their in columns.items()}
+        self.theirs = {name.casefold(): (ours, unit) for ours, (name, unit) in cells.items()}
+
+    def split(self, cell: str) -> tuple[str, str | None]:
+        """Name and unit as written, `px` for pixels."""
+        pixels = _PIXELS.fullmatch(cell.strip())
+        if pixels:
+            return pixels["name"], "px"
+        name, unit = self.plain.split(cell)
+        front, _, last = cell.strip().replace(" ", "_").rpartition("_")
+        return (front, last) if unit is None and bare(front) in _OURS and symbol_of(last) else (name, unit)
+
+    def read(self, cell: str) -> tuple[str | None, str | None]:
+        """Our name of a cell (None: not used), and its unit as written."""
+        name, unit = self.split(cell[:_LONGEST])
+        said = self.theirs.get(cell.strip().casefold()) or self.theirs.get(name.casefold())
+        return (said[0], unit or said[1]) if said else (_OURS.get(bare(name)), unit)
+
+    def worth(self, cell: str) -> float:
+        """What a cell is worth as one of a header."""
+        return float(bool(_DLTDV.fullmatch(cell) or _KINOVEA.fullmatch(cell) or self.read(cell)[0]))
 
 
-def _planes(clip: Clip) -> list[Clip]:
-    """The bounces of a clip in three dimensions, each in the plane of its incident flight."""
-    assert clip.time is not None
-    parts = stretches(clip.time, bounces(clip.time, clip.position[:, 2]))
-    if len(parts) < 2:
-        return [in_plane(clip)]
-    return [in_plane(replace(clip.take(np.arange(*part)), id=f"{clip.id}-{k}")) for k, part in enumerate(parts, 1)]
+@dataclass
+class _Reader:
+    """A file on its way to tracks; faults go to its cells."""
+
+    cells: Cells
+    name: str
+    naming: _Naming
+    scene: Scene
+
+    @property
+    def camera(self) -> CameraSection:
+        """What the scene says of it."""
+        return self.scene.camera or CameraSection()
+
+    def tracks(self) -> list[Track]:
+        """The tracks; those with faults are left out."""
+        cells, parts = self.cells, self._parts()
+        known = {name.casefold() for cell in cells.names for name in (cell.strip(), self.naming.split(cell)[0])}
+        for their in self.naming.theirs.keys() - known:
+            cells.fault("no-column", f"columns: no column is '{one_line(their)}': {listed(cells.names, most=20)}")
+        if not parts:
+            cells.fault("no-positions", f"read columns {listed(cells.names, most=12)}; {_EXPECTED}")
+        for part in [part for part in parts if "z" in part.places]:
+            words = "three coordinates; expected x along the court and y upwards: project onto the plane of flight"
+            cells.fault("three-coordinates", words, cells.names[part.places["z"]])
+        cells.refuse()
+        measured = [k for part in parts for n, k in part.places.items() if NAMES[n][0] != "text"]
+        values = numbers(cells, {self._key(k): k for k in measured})
+        cells.refuse()
+        return [one for part in parts for one in self._of_part(part, values)]
+
+    def _key(self, place: int) -> str:
+        """What a column is called in faults: its cell, with its number where cells repeat."""
+        name = self.cells.names[place]
+        return name if self.cells.names.count(name) == 1 else f"{name} ({place + 1})"
+
+    def _parts(self) -> list[_Part]:
+        """The balls of a file, by its dialect."""
+        names = [one.strip() for one in self.cells.names]
+        ours = [self.naming.read(cell)[0] for cell in names]
+        shared = {name: k for k, name in reversed([*enumerate(ours)]) if name}
+        clock: dict[str, int] = {name: k for name, k in shared.items() if name in ("t", "frame")}
+        for pattern in (_DLTDV, _KINOVEA):
+            points: dict[str, dict[str, int]] = {}
+            for k, cell in enumerate(names):
+                if found := pattern.fullmatch(cell):
+                    points.setdefault(found["name"], {**clock})[found["axis"].casefold()] = k
+            whole = {name: places for name, places in points.items() if {"x", "y"} <= {*places}}
+            if whole:
+                return [_Part(n * (len(whole) > 1), p, "_cam" in n.casefold()) for n, p in whole.items()]
+        starts = [k for k, name in enumerate(ours) if name == "x"]
+        if len(starts) < 2:
+            return [_Part("", shared)] if {"x", "y"} <= {*shared} else []
+        # Masses side by side: each x begins one, its time is the last before it.
+        parts = list[_Part]()
+        for first, last in pairwise([*starts, len(ours)]):
+            block = {what: j for j, what in reversed([*enumerate(ours[:last])]) if what and j >= first}
+            times = {what: j for j, what in enumerate(ours[:first]) if what in ("t", "frame")}
+            parts += [_Part(str(len(parts) + 1), {**block, **times})] if "y" in block else []
+        return parts
+
+    def _of_part(self, part: _Part, values: Mapping[str, FloatArray]) -> Iterator[Track]:
+        """The tracks of a ball, one for each id and session, or for each time that the clock starts again."""
+        cells, columns, pixels = self.cells, dict[str, FloatArray](), set[str]()
+        own = {name: values[self._key(k)] for name, k in part.places.items() if NAMES[name][0] != "text"}
+        codes = [np.isclose(own["x"], code) & np.isclose(own["y"], code) for code in _LOST]
+        self._left_out(self.name, lost := np.any(codes, axis=0), "both coordinates are a code, such as -999")
+        for name, written in own.items():
+            si, unit = NAMES[name][0], self.naming.read(cells.names[part.places[name]])[1]
+            column = np.where(lost, np.nan, written)
+            if si == "m" and unit is None:
+                unit = "px" if part.pixels else self._assumed(np.where(lost, np.nan, [own["x"], own["y"]]))
+            if unit == "px" and si == "m":
+                pixels.add(name)
+            elif si:
+                try:
+                    column *= factor_of(unit, si)
+                except ParameterError as error:
+                    cells.fault(error.code, str(error), self._key(part.places[name]))
+            columns[name] = column
+        cells.refuse()
+        ids, sessions = (
+            cells.text(part.places[name]) if name in part.places else [""] * len(cells.rows)
+            for name in ("id", "session")
+        )
+        clock = columns.get("t", columns.get("frame", np.arange(float(len(cells.rows)))))
+        turns, timed = np.zeros(len(clock), dtype=np.int64), np.flatnonzero(np.isfinite(clock))
+        if "id" not in part.places:
+            turns[timed[1:]] = np.diff(clock[timed]) < 0.0
+            turns = np.cumsum(turns)
+        groups: dict[tuple[str, str, int], list[int]] = {}
+        for k, key in enumerate(zip(sessions, ids, turns.tolist(), strict=True)):
+            groups.setdefault(key, []).append(k)
+        labels = {n: cells.text(k) for k, n in enumerate(cells.names) if role_of(n) and not self.naming.read(n)[0]}
+        for (session, one, turn), rows in groups.items():
+            # Objects of Kinovea have names of their own.
+            file = "" if part.name and not re.fullmatch(r"\d+|pt\d.*", part.name) else self.name
+            name = one or "-".join(filter(None, [file, part.name, str(turn + 1) * bool(turns.any())]))
+            named = {n: text[rows[0]] for n, text in labels.items()} | ({"session": session} if session else {})
+            if track := self._track(name, np.array(rows), columns, pixels, named):
+                yield track
+
+    def _assumed(self, place: FloatArray) -> str:
+        """The unit of lengths (2, rows) that state none: nobody films a bounce so wide that it could be metres."""
+        known = np.isfinite(place).all(axis=0)
+        wide = bool(known.any() and np.ptp(place[:, known], axis=1).max() > _WIDEST)
+        self.cells.note("no-unit", f"{self.name}: coordinates without a unit were read as {'px' if wide else 'm'}")
+        return "px" if wide else "m"
+
+    def _track(
+        self, name: str, rows: IntArray, columns: Mapping[str, FloatArray], pixels: set[str], labels: dict[str, str]
+    ) -> Track | None:
+        """The frames of a clip in which the ball was found, by time; None where there are none."""
+        camera, fps = self.camera, self.camera.fps
+        own = {what: column[rows] for what, column in columns.items()}
+        unsure = own.get("quality", np.ones(rows.size)) < _LEAST_QUALITY
+        self._left_out(name, unsure, f"the quality is below {_LEAST_QUALITY:g}")
+        frame = own.get("frame", np.arange(1.0, rows.size + 1.0))
+        clock = own["t"] if "t" in own and (fps is None or "frame" not in own) else frame
+        seen = np.flatnonzero(np.isfinite(own["x"] + own["y"] + clock) & ~unsure)
+        order = seen[np.argsort(clock[seen], kind="stable")]
+        if not order.size:
+            return None
+        twice = np.flatnonzero(np.diff(clock[order]) <= 0.0)
+        if twice.size:
+            words = f"'{one_line(name)}' has two positions at one time ({twice.size} times); expected an id a ball"
+            self.cells.fault("two-positions", words, None, int(rows[order[twice[0] + 1]]))
+        place = np.column_stack([own["x"], own["y"]])[order]
+        again = np.concatenate([[False], ~np.any(np.diff(place, axis=0), axis=1)])
+        self._left_out(name, again, "they repeat the one before")
+        order, place = order[~again], place[~again]
+        if fps is None and clock is frame:
+            self.cells.fault("no-rate", "frames have no time; expected the camera's rate: --fps, or fps in [camera]")
+        time = clock[order] if fps is None else (frame[order] if clock is frame else _counted(clock[order])) / fps
+        size, fold = self._metres_per_px(name, own, order, pixels), self._fold(own, rows, order)
+        x, y = (place * [size if axis in pixels else 1.0 for axis in "xy"]).T
+        y = -y if camera.y == "down" else y
+        if camera.row_time:
+            # Rows count downwards; from which edge only moves the clock.
+            time = time - camera.row_time * y / size
+        angle = own.get("angle", np.full(rows.size, np.nan))[order]
+        angle = -angle if camera.angles == "clockwise" else angle
+        return Track(name, np.round(frame[order]).astype(np.int64), time, x, y, angle, fold, labels)
+
+    def _left_out(self, name: str, which: BoolArray, why: str) -> None:
+        if which.any():
+            of = counted(which.size, "frame")
+            self.cells.note("frames-left-out", f"{one_line(name)}: {which.sum()} of {of} left out: {why}")
+
+    def _metres_per_px(self, name: str, own: Mapping[str, FloatArray], order: IntArray, pixels: set[str]) -> float:
+        """Metres a pixel, as stated or by the radius of the ball in the picture; 1 where nothing needs it."""
+        camera, ball = self.camera, self.scene.ball.radius
+        stated, by_ball = 1e-3 * (camera.mm_per_px or 0.0), 0.0
+        for what, share in (("radius", 1.0), ("diameter", 0.5)):
+            sizes = own[what][order][own[what][order] > 0.0] if what in pixels else np.empty(0)
+            if ball is not None and sizes.size >= _LEAST_RADII:
+                by_ball = (ball.value if isinstance(ball, Quantity) else ball) / (share * float(np.median(sizes)))
+        if stated and by_ball and abs(stated / by_ball - 1.0) > _SAME_SCALE:
+            scale = f"{Unit('', 1e3).number(by_ball)} mm/px, the stated scale is {1e3 * stated:.3g} mm/px"
+            self.cells.note("scales-differ", f"{one_line(name)}: the radius of the ball gives {scale}")
+        if not (stated or by_ball) and ({"x", "y"} & pixels or camera.row_time):
+            words = "positions in pixels, and row_time, need one: expected --mm-per-px, mm_per_px in [camera], or"
+            self.cells.fault("no-scale", f"{words} --ball-diameter and a column radius [px]")
+        return stated or by_ball or 1.0
+
+    def _fold(self, own: Mapping[str, FloatArray], rows: IntArray, order: IntArray) -> int:
+        """After which part of a turn the mark of a clip looks the same."""
+        folds = own.get("angle_fold", np.full(rows.size, float(self.camera.fold)))
+        known = order[np.isfinite(folds[order])]
+        first = float(folds[known[0]]) if known.size else float(self.camera.fold)
+        wrong = known[(folds[known] < 1.0) | (np.abs(folds[known] - round(first)) > 0.0)]
+        if wrong.size:
+            words = f"read {folds[wrong[0]]:g}; expected one whole number in a clip, 1 for a dot, 2 for a stripe"
+            self.cells.fault("fold", words, "angle_fold", int(rows[wrong[0]]))
+        return round(first)
 
 
-def _track(clip: Clip, how: Reading) -> Track:
-    assert clip.time is not None
-    angle = None if clip.angle is None else -clip.angle if how.clockwise else clip.angle
-    arrays = [clip.frame, clip.time, clip.position, angle, clip.radius, clip.row, clip.line]
-    for array in arrays:
-        if array is not None:
-            array.setflags(write=False)
-    return Track(
-        id=clip.id, source=clip.source, frame=clip.frame, time=clip.time, x=clip.position[:, 0],
-        y=clip.position[:, 1], angle=angle, fold=clip.fold, radius=clip.radius, row=clip.row, line=clip.line,
-        metres_per_px=clip.metres_per_px, session=clip.session, labels=clip.labels, notes=clip.notes,
-    )  # fmt: skip
+def _counted(time: FloatArray) -> FloatArray:
+    """Numbers of the frames to which stamps belong, those that are missing counted."""
+    steps = np.diff(time)
+    usual = steps[steps < _ONE_STEP * np.median(steps)].mean() if steps.size else 1.0
+    return np.concatenate([[0.0], np.cumsum(np.maximum(np.round(steps / usual), 1.0))])

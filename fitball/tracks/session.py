@@ -1,402 +1,326 @@
-"""From tracks to impacts, session by session: passes over all impacts, what they share, checks and notes."""
+"""All impacts of a session: common noise and drag, spins, court height. Imports: the rest of tracks, data, base."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from msgspec.structs import replace as changed
 
-from fitball.data.scene import Camera, Quantity
-from fitball.data.table import FrozenMapping
-from fitball.tracks import pooled, spins
-from fitball.tracks.estimate import (
-    DRAG,
-    GUARD,
-    OMEGA,
-    PHI,
-    TWISTED,
-    V_X,
-    V_Y,
-    WIDTH,
-    Batch,
-    C,
-    Priors,
-    Sides,
-    X,
-    Y,
-    leave_out_thin,
-    lifts,
-    nine,
-    refine,
-    start,
-)
-from fitball.tracks.find import Piece, falling, pieces_of
-from fitball.tracks.flight import GRAVITY, lift_of, resistance
-from fitball.tracks.frames import (
-    AFTER,
-    BEFORE,
-    NINE,
-    UNUSED,
-    Check,
-    Filmed,
-    Flight,
-    Refused,
-    SessionNoise,
-    SpinPair,
-    Track,
-    TrackedImpact,
-    Tracks,
-)
-from fitball.tracks.judged import height_notes, impact_notes, refusal, session_notes, wrong_rate
+from fitball.columns import COLUMNS
+from fitball.data.misreading import doubts
+from fitball.data.read import Source
+from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.errors import Fault, InputError, Note
+from fitball.itf import GRAVITY
+from fitball.numbers import Unit, counted, percent
+from fitball.progress import Progress
+from fitball.text import listed, one_line
+from fitball.tracks.film import Film, film_of
+from fitball.tracks.find import FACTOR, gravity, impacts_of, of_gravity, wrong_gravity
+from fitball.tracks.flight import DRAG, T1, T2, VY1, VY2, Impact, fit, nine, start
+from fitball.tracks.read import read_tracks
+from fitball.tracks.spins import pairs_of, weights
+from fitball.tracks.types import Filming, Track
 from fitball.values import FloatArray
 
-# Noise of an angle [rad] before it is known, and what the height of the court begins with below the lowest frames.
-ANGLE_NOISE, PRESSED = np.radians(3.0), 0.01
-# What a film that states nothing of these is taken to have: scale, clock, tilt [rad] and height of the court [m].
-CAMERA_SDS = {"scale": 0.01, "clock": 1e-3, "tilt": float(np.radians(0.3)), "court_height": 3e-3}
-# Spin of a ball of unknown spin that leaves a court, over that of a ball that rolls.
-ROLLING = 1.0
-# Share of frames of a side that fit, below which another start is tried.
-FITTING = 0.75
-# The quantities whose sign a mirrored picture changes.
-MIRRORED = np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0])
-# The part of the `NINE` that marks determine.
-OF_MARKS = [NINE.index(name) for name in ("omega_1", "omega_2", "gap_turn")]
+# Noise before it is known: of an angle [rad]; shares of outliers, the frames that these count as, and their range.
+_ANGLE, _OUTLIERS, _ANGLE_OUTLIERS, _OUTLIER_FRAMES, _RANGE = 0.05, 0.02, 0.05, 50.0, (2e-3, 0.3)
+_LEAST_NOISE, _LEAST_ANGLE = 1e-7, 1e-4
+# Frames of a session's noise that a track's own is drawn to, where tracks are too few to show how much it differs
+# between them; tracks that show it; most such frames.
+_FRAMES, _SHOWING, _MOST = 6.0, 10, 1e3
+# Drag from shot to shot (Cross and Lindsey 2014).
+_DRAG_SHOT = 0.024
+# Passes over a session, and those after which spins are looked for: twice as their noise is renewed, and at the end;
+# times by which errors are widened in the first sweeps, with outliers among the frames.
+_PASSES, _MARKED, _WIDE = 5, (1, 2, 4), (8.0, 4.0, 2.0)
+# What the height of a court begins with below the lowest frames [m].
+_PRESSED = 0.01
+# A film that states none of these is taken to have these sds: 1, 0.1 %, 0.3 deg, 3 mm.
+_CAMERA = {"scale": (1.0, 0.01), "clock": (1.0, 1e-3), "tilt": (0.0, 0.005236), "court_height": (0.0, 3e-3)}
+# Fewer frames a second than 500, give or take rounding, may be a phone's, whose rows are read one after the other.
+_PHONE = 495.0
+# Sds by which gravity is off from which a note is due; radii of tennis balls (ITF Rules of Tennis, and wear) [m].
+_DIFFERENT, _TENNIS = 3.0, (0.030, 0.037)
 
 
 @dataclass
-class _Session:
-    """The impacts of a session while they are fitted."""
-
-    filmed: Filmed
-    pieces: list[Piece]
-    batch: Batch
-    sides: Sides
-    priors: Priors
-    pairs: list[tuple[SpinPair, ...]]
-    noise: SessionNoise
-    gravity: Check | None
-
-
-def estimate(tracks: Sequence[Track], filmed: Filmed) -> Tracks:
-    """The impacts of all tracks, with noise and checks of each session, and what goes into `[camera]`.
-
-    Tracks without an impact are in `refused`, with the reason. Nothing is raised for tracks that do not fit.
+class Session:
+    """What impacts of a session have in common: height of the centre at contact [m], its sd where contacts show it;
+    noise of x and y [m], of angles [rad], shares of outliers, gravity with its sd.
     """
-    found: list[Piece] = []
-    refused: list[Refused] = []
-    for track in tracks:
-        pieces, none = pieces_of(track, filmed)
-        found += pieces
-        refused += none
-    found = _of_right_rate(found, filmed, refused)
-    notes: list[str] = []
-    height_sds: list[float] = []
-    impacts: list[TrackedImpact] = []
-    noise: dict[str, SessionNoise] = {}
-    gravity: dict[str, Check] = {}
-    scale: dict[str, Check] = {}
-    for name in dict.fromkeys(piece.track.session for piece in found):
-        own = [piece for piece in found if piece.track.session == name]
-        height, height_sd, words = (filmed.court, None, "") if filmed.court is not None else _height(own, filmed)
-        session = _fit_session(own, filmed, height)
-        good = []
-        for k, piece in enumerate(own):
-            reason = session.sides.failed[k]
-            if not reason:
-                made = _impact(session, k, piece)
-                reason = refusal(made, filmed)
-            if reason:
-                refused.append(Refused(piece.id, piece.track.source, reason))
-            else:
-                good.append(replace(made, notes=(*made.notes, *impact_notes(made, filmed))))
-        impacts += _on_tilted_court(good, filmed.camera.tilt or Quantity(0.0, CAMERA_SDS["tilt"]))
-        if not good:
-            continue
-        noise[name] = session.noise
-        if height_sd is not None:
-            height_sds.append(height_sd)
-            notes.append(f"Session {name}: {words[0].lower()}{words[1:]}" if name else words)
-        if session.gravity is not None:
-            gravity[name] = session.gravity
-        by_radius = pooled.scale_by_radius([piece.track for piece in own], filmed.ball.radius)
-        if by_radius is not None:
-            scale[name] = by_radius
-        notes += session_notes(name, good, session.noise, session.gravity, by_radius, filmed)
-    order = {piece.id: place for place, piece in enumerate(found)}
-    impacts.sort(key=lambda made: order[made.id])
-    return Tracks(
-        filmed, tuple(impacts), tuple(refused), FrozenMapping(noise), FrozenMapping(gravity), FrozenMapping(scale),
-        _camera(filmed, max(height_sds, default=None)), tuple(notes),
-    )  # fmt: skip
+
+    impacts: list[Impact]
+    known: Filming
+    height: float
+    height_sd: float = 0.0
+    noise: FloatArray = field(default_factory=lambda: np.full(2, 2e-3))
+    angle: float = _ANGLE
+    outliers: float = _OUTLIERS
+    angle_outliers: float = _ANGLE_OUTLIERS
+    gravity: tuple[float, float] = (np.nan, np.nan)
+
+    @property
+    def good(self) -> list[Impact]:
+        """Those that have not failed."""
+        return [one for one in self.impacts if not one.failed]
 
 
-def _of_right_rate(found: list[Piece], filmed: Filmed, refused: list[Refused]) -> list[Piece]:
-    """Pieces of sessions whose balls fall about as they do on earth; all others are `refused`."""
-    kept: list[Piece] = []
-    for name in dict.fromkeys(piece.track.session for piece in found):
-        own = [piece for piece in found if piece.track.session == name]
-        reason = wrong_rate(falling(own, filmed))
-        if reason:
-            refused += [Refused(piece.id, piece.track.source, reason) for piece in own]
-        else:
-            kept += own
-    return kept
-
-
-def _camera(filmed: Filmed, height_sd: float | None) -> Camera:
-    """What the fit of the table takes as shared: as stated, else the usual sds."""
-    stated = filmed.camera
-    height = Quantity(0.0, CAMERA_SDS["court_height"] if height_sd is None else height_sd)
-    return replace(
-        stated,
-        scale=stated.scale or Quantity(1.0, CAMERA_SDS["scale"]),
-        clock=stated.clock or Quantity(1.0, CAMERA_SDS["clock"]),
-        tilt=stated.tilt or Quantity(0.0, CAMERA_SDS["tilt"]),
-        court_height=stated.court_height or height,
-    )
-
-
-def _on_tilted_court(impacts: Sequence[TrackedImpact], tilt: Quantity) -> list[TrackedImpact]:
-    """Impacts with the errors of the height at the place of their landing, where the tilt of the court is uncertain
-    and balls land apart in the picture. They count as each impact's own; what all have in common is `court_height`.
+def track(
+    sources: Sequence[Source], scene: Scene, columns: Mapping[str, str], as_read: bool, progress: Progress
+) -> Film:
+    """The impacts on films: velocities, spins and gaps are the unknowns of two flights (gravity, drag, Magnus force)
+    that end and begin at the height of contact. Raises InputError (`no-rate`, `no-scale`, `gravity`, `no-impact`,
+    `misread`, and what `read_tracks` does).
     """
-    places = np.array([-one.before.x if one.mirrored else one.before.x for one in impacts])
-    heights = (places - np.median(places)) * (tilt.sd or 0.0) if len(impacts) else places
-    made = []
-    for one, height in zip(impacts, heights, strict=True):
-        v_x1, v_y1, omega_1, v_x2, v_y2, omega_2 = one.values[:6]
-        slope = np.zeros(len(NINE))
-        slope[6:] = 1.0 / v_y1 + 1.0 / v_y2, v_x1 / v_y1 + v_x2 / v_y2, omega_1 / v_y1 + omega_2 / v_y2
-        slope = height * np.nan_to_num(slope)
-        made.append(replace(one, covariance=one.covariance + np.outer(slope, slope)))
-    return made
+    tracks, notes = read_tracks(sources, scene, columns)
+    source = listed((str(one) if isinstance(one, str | Path) else "a table" for one in sources), most=3)
+    camera, refused, found, sessions = _camera(scene), dict[str, str](), list[Impact](), dict[str, Session]()
+    known = Filming.of(scene, camera)
+    for ball in tracks:
+        impacts, reason = impacts_of(ball, known)
+        found += impacts
+        refused |= {ball.id: reason} if reason else {}
+
+    def doubted(code: str, words: str) -> None:
+        if words and not (as_read and found):
+            raise InputError(source, [Fault(code, f"{words}. If all is right, pass --as-read")])
+        notes.extend([Note(code, words)] * bool(words))
+
+    doubted("gravity", _wrong(tracks, found, known))
+    for name in dict.fromkeys(one.track.labels.get("session", "") for one in found):
+        own = [one for one in found if one.track.labels.get("session", "") == name]
+        sessions[name] = session = _placed(own, known, camera)
+        # Of several sessions the least certain one.
+        if session.height_sd > (camera.court_height.sd if isinstance(camera.court_height, Quantity) else 0.0):
+            camera = changed(camera, court_height=Quantity(0.0, session.height_sd))
+        for number in range(_PASSES):
+            progress(f"Impacts {name}".strip(), number / _PASSES)
+            _pass(session, number)
+        for one in session.good:
+            one.failed = _impossible(one, known)
+        g, sd = session.gravity = gravity(session.good)
+        far = abs(g - GRAVITY) > 2.0 * _DIFFERENT * sd and not GRAVITY / FACTOR < g < FACTOR * GRAVITY
+        doubted("gravity", of_gravity(g, _rate(own)) if far else "")
+        notes += _notes(session, name, scene)
+    refused |= {one.id: one.failed for one in found if one.failed}
+    if not any(session.good for session in sessions.values()):
+        words = listed(dict.fromkeys(map(one_line, refused.values())), most=4)
+        raise InputError(source, [Fault("no-impact", f"no impact in {counted(len(tracks), 'track')}: {words}")])
+    film = film_of(sessions, known, changed(scene, camera=camera), refused, source)
+    doubted("misread", _misread(film))
+    return replace(film, notes=tuple(notes))
 
 
-def _batch(pieces: Sequence[Piece], filmed: Filmed, height: float) -> Batch:
-    """Pieces side by side, filled up with NaN."""
-    count, most = len(pieces), max(piece.t.size for piece in pieces)
-
-    def filled(arrays: Sequence[FloatArray]) -> FloatArray:
-        made = np.full((count, most), np.nan)
-        for row, array in zip(made, arrays, strict=True):
-            row[: array.size] = array
-        return made
-
-    ball = filmed.ball
-    batch = Batch(
-        filled([piece.t for piece in pieces]), filled([piece.x for piece in pieces]),
-        filled([piece.y for piece in pieces]), filled([piece.phi for piece in pieces]),
-        np.array([float(piece.track.fold) for piece in pieces]), height + ball.radius,
-        resistance(ball, filmed.air.density), ball.radius, np.full((count, 3), ANGLE_NOISE),
-        np.array([pooled.OUTLIERS, pooled.ANGLE_OUTLIERS]), filmed.contact_time[0],
-    )  # fmt: skip
-    pooled.first_noise(batch)
-    return batch
+def _camera(scene: Scene) -> CameraSection:
+    """What the scene states, with the usual sds of what it does not."""
+    camera = scene.camera or CameraSection()
+    usual = {name: Quantity(*pair) for name, pair in _CAMERA.items() if getattr(camera, name) is None}
+    if isinstance(camera.court, Quantity) and "court_height" in usual:
+        usual["court_height"] = Quantity(0.0, camera.court.sd)
+    return changed(camera, **usual)
 
 
-def _unmarked(count: int, filmed: Filmed) -> Priors:
-    air = filmed.air
-    return Priors(
-        np.full(count, air.drag), np.full(count, np.hypot(air.drag_sd, air.drag_shot_sd)),
-        np.zeros((count, 2)), np.full(count, air.lift_unmarked_sd), np.zeros(count, dtype=bool),
-    )  # fmt: skip
+def _wrong(tracks: Sequence[Track], found: Sequence[Impact], known: Filming) -> str:
+    """What is wrong with films whose balls do not fall as on earth; "" where they may."""
+    if not found:
+        # The other way up there may be bounces.
+        other = [one for track in tracks for one in impacts_of(replace(track, y=-track.y), known)[0]]
+        if other and not wrong_gravity(other, known):
+            return 'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] of the scene'
+    return wrong_gravity(found, known)
 
 
-def _positions(pieces: Sequence[Piece], filmed: Filmed, height: float) -> tuple[Batch, Sides, Priors]:
-    """Fits by positions alone, lift unknown, with noise and drag pooled."""
-    batch = _batch(pieces, filmed, height)
-    priors = _unmarked(len(pieces), filmed)
-    sides = Sides.empty(batch)
-    start(batch, sides, filmed.air.drag)
-    refine(batch, sides, priors, first=True)
-    for _ in range(2):
-        pooled.pool_noise(batch, sides)
-        _start_again(pieces, filmed, batch, sides)
-        priors.lift[:, 1] = _lift_after(sides, filmed)
-        refine(batch, sides, priors, first=False, sweeps=3)
-    return batch, sides, priors
-
-
-def _start_again(pieces: Sequence[Piece], filmed: Filmed, batch: Batch, sides: Sides) -> None:
-    """Try other starts, from frames farther from the contact, where a side has many outliers; keep what fits more."""
-
-    def fitting(some: Sides) -> FloatArray:
-        counts = [np.where(some.role == role, some.weight > 0.5, False).sum(axis=1) for role in (BEFORE, AFTER)]
-        used = [np.maximum((some.role == role).sum(axis=1), 1) for role in (BEFORE, AFTER)]
-        shares = np.minimum(counts[0] / used[0], counts[1] / used[1])
-        return np.where(some.good, shares, 0.0)
-
-    doubtful = np.flatnonzero(sides.good & (fitting(sides) < FITTING))
-    for frames in (1.0, 2.0):
-        if not doubtful.size:
-            return
-        own = batch.take(doubtful)
-        other = Sides.empty(own)
-        step = float(np.median([np.median(np.diff(pieces[k].t)) for k in doubtful.tolist()]))
-        start(own, other, filmed.air.drag, frames * step)
-        refine(own, other, _unmarked(doubtful.size, filmed), first=True)
-        better = fitting(other) > fitting(_of(sides, doubtful))
-        for name, value in vars(sides).items():
-            if name == "failed":
-                continue
-            value[doubtful[better]] = vars(other)[name][better]
-        doubtful = doubtful[~better]
-
-
-def _lift_after(sides: Sides, filmed: Filmed) -> FloatArray:
-    """Lift coefficients (impacts,) of balls of unknown spin that leave a court, nearly rolling."""
-    v_x, v_y = sides.state[:, WIDTH + V_X], sides.state[:, WIDTH + V_Y]
-    radius = filmed.ball.radius
-    return np.asarray(lift_of(ROLLING * v_x / radius, np.maximum(np.hypot(v_x, v_y), 0.1), radius))
-
-
-def _height(pieces: Sequence[Piece], filmed: Filmed) -> tuple[float, float, str]:
-    """Height of the court at which the median time over contact is the ball's plausible one; its sd, and a note."""
-    usual, low, high = filmed.contact_time
+def _placed(impacts: list[Impact], known: Filming, camera: CameraSection) -> Session:
+    """A session with the height of its court: as stated, or that at which the median time between the flights is the
+    usual one, with its sd.
+    """
+    session = Session(impacts, known, known.ball.radius)
+    if camera.court is not None:
+        court = camera.court.value if isinstance(camera.court, Quantity) else camera.court
+        session.height += -court if camera.y == "down" else court
+        return session
+    usual, low, high = known.contact
     # The second lowest frame: the lowest may be an outlier.
-    lowest = [float(np.sort(piece.y)[:2][-1]) for piece in pieces]
-    height, slope = float(np.median(lowest)) + PRESSED - filmed.ball.radius, 0.2
+    session.height, slope = float(np.median([np.sort(one.place[:, 1])[:2].max() for one in impacts])) + _PRESSED, 0.2
     for _ in range(4):
-        _batch_of, sides, _priors = _positions(pieces, filmed, height)
-        state, use = sides.state, sides.good
-        if not use.any():
+        _pass(session, 0)
+        if not session.good:
             break
-        slope = float(np.median(1.0 / state[use, WIDTH + V_Y] - 1.0 / state[use, V_Y]))
-        step = (usual - float(np.median(sides.times[use, 1] - sides.times[use, 0]))) / slope
-        height += step
+        p = np.array([one.p for one in session.good])
+        slope = float(np.median(1.0 / p[:, VY2] - 1.0 / p[:, VY1]))
+        # Of a higher court the flights end earlier and begin later.
+        step = (usual - float(np.median(p[:, T2] - p[:, T1]))) / slope
+        session.height += step
         if abs(step) < 1e-5:
             break
-    sd = 0.25 * (high - low) / slope
-    return height, sd, height_notes(height, sd, usual, (low, high))
+    session.height_sd = 0.25 * (high - low) / slope
+    return session
 
 
-def _fit_session(pieces: list[Piece], filmed: Filmed, height: float) -> _Session:
-    """All passes: positions, spins, both together with noise and drag of the session, slow errors."""
-    batch, sides, priors = _positions(pieces, filmed, height)
-    count = len(pieces)
-    pairs: list[tuple[SpinPair, ...]] = [()] * count
-    marked = np.array([bool(np.isfinite(piece.phi).any()) for piece in pieces])
-    for _ in range(2):
-        if not marked.any():
-            break
-        pairs = _spins(filmed, batch, sides, marked)
-        _take_spins(sides, priors, pairs, filmed)
-        refine(batch, sides, priors, first=False, sweeps=3)
-        pooled.pool_angle_noise(batch, sides, priors.marked)
-    noise_x = noise_y = 0.0
-    for _ in range(2):
-        noise_x, noise_y = pooled.pool_noise(batch, sides)
-        pooled.pool_angle_noise(batch, sides, priors.marked)
-        pooled.session_drag(sides, priors, filmed.air)
-        refine(batch, sides, priors, first=False, sweeps=4)
-    leave_out_thin(sides)
-    slow, halves = pooled.slow_errors(batch, sides)
-    gravity = pooled.gravity(batch, sides, priors, GRAVITY, slow)
-    refine(batch, sides, priors, first=False, sweeps=1, inflate=slow)
-    angle = float(batch.sigma[0, 2]) if priors.marked.any() else float("nan")
-    noise = SessionNoise(noise_x, noise_y, angle, float(batch.outliers[0]), slow, halves)
-    return _Session(filmed, pieces, batch, sides, priors, pairs, noise, gravity)
+def _pass(session: Session, number: int) -> None:
+    """Fit all impacts with the noise, drag and spins of the pass before, then renew these; the first begins anew."""
+    known = session.known
+    for one in session.impacts:
+        if number == 0:
+            one.failed, one.pairs = "", ()
+            start(one, known, session.height)
+            one.take_prior(known, known.drag[0], np.hypot(known.drag[1], _DRAG_SHOT))
+        if not one.failed:
+            fit(one, known, session.height, session.outliers, _WIDE if number == 0 else ())
+    if not session.good:
+        return
+    _renew_noise(session)
+    marked = [one for one in session.good if number in _MARKED and np.isfinite(one.phi).any()]
+    for one in marked:
+        one.pairs = pairs_of(one, known, session.angle, session.angle_outliers)
+    _renew_angles(session, [one for one in marked if one.taken])
+    if number + 1 == _PASSES:
+        return
+    for one, (drag, sd) in zip(session.good, _drags(session), strict=True):
+        one.take_prior(known, drag, sd)
 
 
-def _spins(filmed: Filmed, batch: Batch, sides: Sides, marked: NDArray[np.bool_]) -> list[tuple[SpinPair, ...]]:
-    """Pairs of spins of each impact that has marks."""
-    made: list[tuple[SpinPair, ...]] = []
-    for i in range(len(sides.failed)):
-        if sides.failed[i] or not marked[i]:
-            made.append(())
-            continue
-        first, last = sides.times[i]
-        known = np.isfinite(batch.phi[i])
-        lines = []
-        for time, use in (
-            (first, known & (batch.t[i] < first - GUARD)),
-            (last, known & (batch.t[i] > last + TWISTED)),
-        ):
-            lines.append(
-                spins.candidates(
-                    batch.t[i, use] - time,
-                    batch.phi[i, use],
-                    int(batch.fold[i]),
-                    float(batch.sigma[i, 2]),
-                    float(batch.outliers[1]),
-                )
-            )
-        state, errors = sides.state[i], np.sqrt(np.diagonal(sides.covariance[i]))
-        speed = np.hypot(errors[V_X], errors[WIDTH + V_X])
-        late = np.hypot(errors[Y] / state[V_Y], errors[WIDTH + Y] / state[WIDTH + V_Y])
-        bounce = spins.Bounce(
-            state[V_X], -state[V_Y], state[WIDTH + V_X], state[WIDTH + V_Y], last - first, float(speed), float(late)
-        )
-        made.append(spins.pairs_of(lines[0], lines[1], bounce, int(batch.fold[i]), filmed.ball, filmed.spin_sd))
-    return made
+def _renew_noise(session: Session) -> None:
+    """Noise of a session and of each of its tracks, and the share of outliers. With s of the session a track has
+    (n s^2 + sum w r^2)/(n + its degrees of freedom); n by how far tracks differ (Smyth, Stat. Appl. Genet. Mol. Biol.
+    3 (2004) 3).
+    """
+    good = session.good
+    weight = np.array([np.nansum(one.weight) for one in good])
+    spent = np.array([[np.sum(one.covariance * info[:-1, :-1]) for info in one.info] for one in good])
+    squares = np.array([np.nansum(one.weight[:, None] * one.residual**2, axis=0) for one in good])
+    free = np.maximum(weight[:, None] - spent, 0.0)
+    pooled = np.maximum(squares.sum(axis=0) / np.maximum(free.sum(axis=0), 1.0), _LEAST_NOISE**2)
+    for axis in (0, 1):
+        count = _shared_frames(squares[:, axis], free[:, axis])
+        variance = (count * pooled[axis] + squares[:, axis]) / (count + free[:, axis])
+        for one, own in zip(good, variance.tolist(), strict=True):
+            one.sigma[axis] = np.sqrt(own)
+    session.noise = np.sqrt(pooled)
+    seen = sum(np.isfinite(one.weight).sum() for one in good)
+    session.outliers = _share(seen - weight.sum(), seen, _OUTLIERS)
 
 
-def _take_spins(sides: Sides, priors: Priors, pairs: list[tuple[SpinPair, ...]], filmed: Filmed) -> None:
-    """Let spins that are sure act in the fits; lift is unknown where none are."""
-    lift_after = _lift_after(sides, filmed)
-    for i, own in enumerate(pairs):
-        sure = bool(own) and own[0].probability > spins.SURE
-        priors.marked[i] = sure
-        if sure:
-            priors.lift[i] = 0.0
-        else:
-            priors.lift[i] = 0.0, lift_after[i]
-        priors.lift_sd[i] = filmed.air.lift_sd if sure else filmed.air.lift_unmarked_sd
-        if sure:
-            one, state = own[0], sides.state[i]
-            state[OMEGA], state[WIDTH + OMEGA] = one.omega_1, one.omega_2
-            state[PHI], state[WIDTH + PHI] = one.phi_1, one.phi_1 + one.turn
-            state[C] = state[WIDTH + C] = 0.0
+def _share(out: float, seen: float, before: float) -> float:
+    return float(np.clip((out + _OUTLIER_FRAMES * before) / (seen + _OUTLIER_FRAMES), *_RANGE))
 
 
-def _impact(session: _Session, k: int, piece: Piece) -> TrackedImpact:
-    """One impact as it is handed on, in metres and seconds of its track."""
-    batch, sides, marked = session.batch, session.sides, bool(session.priors.marked[k])
-    one = np.array([k])
-    batch, sides = batch.take(one), _of(sides, one)
-    values, slopes = nine(batch, sides, session.priors.marked[one])
-    covariance = slopes[0] @ sides.covariance[0] @ slopes[0].T
-    value = values[0]
-    if not marked:
-        value[OF_MARKS] = np.nan
-        covariance[OF_MARKS, :] = covariance[:, OF_MARKS] = 0.0
-    pairs, sign = session.pairs[k], 1.0
-    if value[0] < 0.0:
-        sign = -1.0
-        value, covariance = value * MIRRORED, covariance * np.outer(MIRRORED, MIRRORED)
-        pairs = tuple(
-            replace(pair, omega_1=-pair.omega_1, omega_2=-pair.omega_2, turn=-pair.turn, phi_1=-pair.phi_1)
-            for pair in pairs
-        )
-    count = piece.t.size
-    role = np.full(piece.track.time.size, UNUSED, dtype=np.int64)
-    weight, angle_residual = np.full(role.size, np.nan), np.full(role.size, np.nan)
-    residual = np.full((role.size, 2), np.nan)
-    role[piece.rows] = sides.role[0, :count]
-    weight[piece.rows] = sides.weight[0, :count]
-    residual[piece.rows, 0], residual[piece.rows, 1] = sign * sides.r_x[0, :count], sides.r_y[0, :count]
-    angle_residual[piece.rows] = sign * sides.r_phi[0, :count]
-    flights = []
-    for side in (0, 1):
-        state = sides.state[0, side * WIDTH : (side + 1) * WIDTH]
-        lift = float(lifts(batch, sides, session.priors.marked[one], side)[0])
-        angle, omega = (sign * state[PHI], sign * state[OMEGA]) if marked else (np.nan, np.nan)
-        flights.append(
-            Flight(
-                float(sides.times[0, side] + piece.origin), float(sign * state[X]), float(state[Y]),
-                float(sign * state[V_X]), float(state[V_Y]), float(sides.state[0, DRAG]), sign * lift,
-                float(angle), float(omega),
-            )
-        )  # fmt: skip
-    return TrackedImpact(
-        piece.id, piece.track, value, 0.5 * (covariance + covariance.T), flights[0], flights[1], role, weight,
-        residual, angle_residual, pairs, marked, piece.mirrored != (sign < 0.0), piece.notes,
-    )  # fmt: skip
+def _shared_frames(squares: FloatArray, free: FloatArray) -> float:
+    """Degrees of freedom of the distribution of variances over tracks, by the moments of their logarithms."""
+    from scipy.optimize import brentq
+    from scipy.special import digamma, polygamma
+
+    use = (free > 2.0) & (squares > 0.0)
+    if use.sum() < _SHOWING:
+        return _FRAMES
+    half = free[use] / 2.0
+    logs = np.log(squares[use] / free[use]) - digamma(half) + np.log(half)
+    excess = float(np.var(logs, ddof=1) - np.mean(polygamma(1, half)))
+    if excess <= polygamma(1, _MOST / 2.0):
+        return _MOST
+    # Trigamma falls; half a degree of freedom is the least.
+    return float(2.0 * brentq(lambda n: polygamma(1, n) - min(excess, float(polygamma(1, 0.5))), 0.5, _MOST / 2.0))
 
 
-def _of(sides: Sides, rows: NDArray[np.int64]) -> Sides:
-    arrays = {name: value[rows] for name, value in vars(sides).items() if name != "failed"}
-    return Sides(**arrays, failed=[sides.failed[int(k)] for k in rows])
+def _drags(session: Session) -> list[tuple[float, float]]:
+    """Prior of each impact's drag, by what all others determine of the session's, and its sd."""
+    good, (mean, sd) = session.good, session.known.drag
+    variance, before = np.array([(one.covariance[DRAG, DRAG], one.precision[DRAG, DRAG]) for one in good]).T
+    found, prior = np.array([(one.p[DRAG], one.prior[DRAG]) for one in good]).T
+    precision = np.maximum(1.0 / variance - before, 1e-9)
+    own = (found / variance - prior * before) / precision
+    weight = 1.0 / (1.0 / precision + _DRAG_SHOT**2)
+    total = weight.sum() - weight + sd**-2.0
+    drag = (np.sum(weight * own) - weight * own + mean * sd**-2.0) / total
+    return [*zip(drag.tolist(), np.sqrt(1.0 / total + _DRAG_SHOT**2).tolist(), strict=True)]
+
+
+def _renew_angles(session: Session, sure: Sequence[Impact]) -> None:
+    """Noise of angles, one for the session, and the share of their outliers; an impact has four fitted numbers."""
+    weight = square = seen = 0.0
+    for one in sure:
+        r = one.angle_residuals()
+        r = r[np.isfinite(r)]
+        g = weights(r, one.track.fold, session.angle, session.angle_outliers)[0]
+        weight, square, seen = weight + g.sum() - 4.0, square + float(np.sum(g * r**2)), seen + r.size
+    if weight >= 1.0:
+        session.angle = max(float(np.sqrt(square / weight)), _LEAST_ANGLE)
+        session.angle_outliers = _share(seen - weight - 4.0 * len(sure), seen, _ANGLE_OUTLIERS)
+
+
+def _impossible(one: Impact, known: Filming) -> str:
+    """Why this is no impact that a table could have; "" where it is."""
+    values, covariance = nine(one)
+    sds, (_, low, high) = np.sqrt(np.diagonal(covariance)), known.contact
+    v_y1, v_y2, time = values[[1, 4, 6]]
+    for side, where in zip(one.sides(), ("before", "after"), strict=True):
+        fitting = int(np.sum(one.weight[side] > 0.5))
+        if fitting < 3:
+            return f"{fitting} of {side.sum()} frames {where} the contact fit a flight; 3 are needed"
+    if v_y2 > v_y1 + 2.0 * np.hypot(sds[1], sds[4]):
+        cor = f"coefficient of restitution {v_y2 / v_y1:.2f}"
+        return f"the ball rebounds at {v_y2:.3g} m/s after {v_y1:.3g} m/s ({cor}): it was hit, or hidden"
+    if not max(2.0 * low - high, COLUMNS["gap_time"].limits[0]) < time < 2.0 * high - low:
+        return f"gap_time is {1e3 * time:.3g} ms; {_usual([one], known)}"
+    return ""
+
+
+def _usual(impacts: Sequence[Impact], known: Filming) -> str:
+    """What times between the flights are usual, and by how much the height of the court would be off."""
+    usual, low, high = known.contact
+    wrong = np.median([(one.p[T2] - one.p[T1] - usual) / (1.0 / one.p[VY2] - 1.0 / one.p[VY1]) for one in impacts])
+    court = f"the court is taken {1e3 * abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}"
+    words = f"{1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible: {court}, or times are off"
+    return f"{words} (court in [camera]; without it the height is found from the contacts)"
+
+
+def _notes(session: Session, name: str, scene: Scene) -> Iterator[Note]:
+    """What to look at in a session."""
+    good, known, of = session.good, session.known, f" of session {one_line(name)}" if name else ""
+    many, (g, sd), (usual, least, most) = counted(len(good), "impact") + of, session.gravity, known.contact
+    if session.height_sd:
+        court = Unit("mm", 1e3).plus_minus(session.height - known.ball.radius, session.height_sd)
+        words = f"No height of the court is stated{of}: it is at y = {court} mm, where the median gap_time is"
+        more = f"{1e3 * usual:.2g} ms ({1e3 * least:.2g} to {1e3 * most:.2g} ms are plausible)"
+        yield Note("court-found", f"{words} {more}. k_y depends on this assumption.")
+    if abs(g - GRAVITY) > _DIFFERENT * sd:
+        scale, clock = ("large", "fast") if g > GRAVITY else ("small", "slow")
+        off, late = percent(abs(g / GRAVITY - 1.0)), percent(abs(np.sqrt(max(g, 0.0) / GRAVITY) - 1.0))
+        read = f"g comes out as {Unit('').plus_minus(g, sd)} m/s^2{of}, expected 9.81"
+        yield Note("gravity-off", f"{read}: the scale is {off} too {scale}, or the clock {late} too {clock}.")
+    if unsure := sum(bool(one.pairs) and not one.taken for one in good):
+        words = f"Spins are ambiguous in {unsure} of {many}, where they are left empty"
+        yield Note("spins-ambiguous", f"{words}: a higher frame rate, or a mark of lower fold, determines them.")
+    if good and not any(one.pairs for one in good):
+        words = f"No spins were measured{of}. A fit takes incident spins as zero"
+        yield Note("no-spins", f"{words}: its intervals are too narrow for balls that spin.")
+    odd = [one for one in good if not least < one.p[T2] - one.p[T1] < most]
+    if 2 * len(odd) > len(good):
+        yield Note("gap-time", f"gap_time is implausible in {len(odd)} of {many}: {_usual(odd, known)}.")
+    other = not _TENNIS[0] <= known.ball.radius <= _TENNIS[1]
+    if other and ("drag" not in scene.flight or scene.contact_time is None):
+        words = "The ball is no tennis ball, but drag and contact time of one are taken"
+        yield Note("other-ball", f"{words}: state drag in [flight] and [contact_time] in the scene.")
+    rate = _rate(session.impacts)
+    if rate < _PHONE and (scene.camera is None or scene.camera.row_time is None):
+        words = f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which positions do not show"
+        more = "Unstated, 4 ms over a picture move v_x1 by 7 % and the restitution by 10 %"
+        yield Note("shutter", f"{words}. {more}: state row_time [s] of a row in [camera], 0 for a global shutter.")
+
+
+def _misread(film: Film) -> str:
+    """That angles grow the other way, or columns are exchanged: another reading of the impacts fits far better."""
+    try:
+        found = doubts(film.table, film.scene.value())
+    except InputError:
+        return ""
+    return f'{found[0].text}; of films: angles = "clockwise" or y = "down" in [camera]' if found else ""
+
+
+def _rate(impacts: Sequence[Impact]) -> float:
+    """Frames a second."""
+    return 1.0 / float(np.median([np.median(np.diff(one.track.time)) for one in impacts]))

@@ -1,5 +1,7 @@
-"""A translator: the kernels of a calibrated model, with its parameters, in other languages, without dependencies.
+"""Ports: kernels as syntax trees -> C, C#, JavaScript, Python, with golden self-test.
 
-Offers: `c_port`, `csharp_port`, `javascript_texts`, `python_port`, `port_of`.
-May import: exports.bounces, inference.prediction, inference.results, models.
+Imports: parameter_set, models.
 """
+
+from fitball.exports.port.port import FILES as FILES
+from fitball.exports.port.port import port as port

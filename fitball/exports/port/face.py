@@ -1,68 +1,54 @@
-"""The functions of a port beside its kernel, in restricted Python too: the fitted model with a substitute where it
-has no solution, the total bounce, its check on golden impacts, functions that a language may not have, and one bounce
-through its contact, which a page draws.
+"""The functions of a port around its kernel, in the kernels' own restricted Python: a bounce in the plane and in
+three dimensions with an answer for every impact, the self-test, and what some languages lack.
 
-`kernel_source` collects these functions like kernels, with the fit's own numbers in the place of the names that are
-None here (`port.make_port`): `KERNEL` is the entry of an algebraic model, `FITTED` the function of its convention.
+They are never run here: `source` collects them like kernels. `SOLVED` is then one of `two_mass` and `grip_slip`, and
+`FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of the port.
 """
 
-from __future__ import annotations
-
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fitball.models.kernels.bounce import bounce
-from fitball.models.kernels.contact import (
-    TANGENTIAL,
-    TORSION,
-    TORSION_RIGID,
-    Contact,
-    VerticalMotion,
-    contact_of,
-    impulse_at,
-    vertical_at,
-    vertical_motion,
-)
-from fitball.models.kernels.phases import Scratch, rigid_phase, two_mass_contact
-from fitball.models.thesis import BALL_INERTIA, BALL_MASS, BALL_RADIUS, COR_10, COR_SLOPE, MU, thesis_bounce
-from fitball.models.types import (
-    FREE,
-    GRIP,
-    MAX_PACKED_PHASES,
-    PHASE_BITS,
-    SLIDE_BACKWARD,
-    SLIDE_FORWARD,
-    Status,
-)
+from fitball.models.grip_slip import struck
+from fitball.models.kernels.contact import ANCHOR_SPEED, OK, Flags, ball_of, law_of, restitution
+from fitball.models.kernels.phases import FREE, GRIP, PHASE_BITS, Outcome, unsolved
+from fitball.models.kernels.phases import rebound as followed
+from fitball.models.types import Status
 from fitball.values import FloatArray
 
-Ints = NDArray[np.int64]
-# Given by the port.
-KERNEL: Any = None
-FITTED: Any = None
-TOLD_COR: Any = None
-ANCHOR: Any = None
-RADIUS: Any = None
-V_Y1_LOW: Any = None
-V_Y1_HIGH: Any = None
-COR_LOW: Any = None
-COR_HIGH: Any = None
-GRAZING: Any = None
-TINY: Any = None
-
-OK = int(Status.OK)
-BAD_INPUT = -1
-# In what a bounce is extrapolated: a sum of these.
-BEYOND_SPEEDS, BEYOND_RESTITUTION, WITHOUT_TWIST = 1, 2, 4
+NO_IMPACT, NOT_FINITE = +Status.NO_IMPACT, -1
+# A contact that is free at once after its first phase, packed.
+FREED = FREE << PHASE_BITS
+# Numbers of a golden impact: its level, state and rebound, and the packed regime.
+WIDTH = 12
+# Slip below this share of its two terms has no direction but that of their rounding.
+NO_SLIP = 1e-12
 
 
-class Solved(NamedTuple):
-    """One impact as a port answers it: `status` is 0 or says why the rest is NaN; `regime` packed phases. The times
-    are NaN for models without them, and so are path and turn between the flights.
-    """
+class Parameters(NamedTuple):
+    """What functions here need of a port's parameter set, which has the columns of its model."""
+
+    mu: float
+    e_x: float
+    offset: float
+    cor_10: float
+    cor_slope: float
+    ball_mass: float
+    ball_radius: float
+    inertia_ratio: float
+    v_y1_low: float
+    v_y1_high: float
+
+
+# Given by the port, as is which of `two_mass` and `grip_slip` is SOLVED.
+FLAGS: Flags = (0, 0, 0, 0, 0, 0)
+LEVELS: list[Parameters] = []
+GOLDEN: list[float] = []
+IMPACTS = GRIP_ONLY = 0
+
+
+class Rebound(NamedTuple):
+    """Velocity, spin; contact time; time, path and turn between the flights; packed regime; status; extrapolated."""
 
     v_x2: float
     v_y2: float
@@ -72,177 +58,214 @@ class Solved(NamedTuple):
     gap_path: float
     gap_turn: float
     regime: int
-    extrapolated: int
     status: int
+    extrapolated: bool
 
 
-def fitted_impulse(
-    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
-) -> Solved:
-    """The fitted model as it is."""
-    status, v_x2, v_y2, omega_2, regime = KERNEL(row, v_x1, v_y1, omega_1)
-    return Solved(v_x2, v_y2, omega_2, math.nan, math.nan, math.nan, math.nan, regime, 0, status)
+class Vector(NamedTuple):
+    """A vector in three dimensions."""
+
+    x: float
+    y: float
+    z: float
 
 
-def fitted_two_mass(
-    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
-) -> Solved:
-    """The fitted model as it is, and as a ball without twist where it has no solution."""
-    extrapolated = 0
-    solved = bounce(row, codes, v_x1, v_y1, omega_1, cor, scratch, None)
-    if solved.status != OK:
-        solved = bounce(row, rigid, v_x1, v_y1, omega_1, cor, scratch, None)
-        extrapolated = WITHOUT_TWIST
-    return Solved(
-        solved.v_x2, solved.v_y2, solved.omega_2, solved.contact_time, solved.gap_time, solved.gap_path,
-        solved.gap_turn, solved.regime, extrapolated, solved.status,
-    )  # fmt: skip
+class Rebound3(NamedTuple):
+    """Velocity and spin in three dimensions; the rest as in the plane of the slip."""
+
+    velocity: Vector
+    spin: Vector
+    contact_time: float
+    regime: int
+    status: int
+    extrapolated: bool
 
 
-def fitted_thesis(
-    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
-) -> Solved:
-    """The thesis's computation as it is, and a rigid ball, sliding or rolling, where it has no solution."""
-    told = cor
-    if TOLD_COR == 0:
-        told = row[COR_10] + row[COR_SLOPE] * (v_y1 - ANCHOR)
-    status, v_x2, v_y2, omega_2, contact_time, regime = thesis_bounce(row, codes[0], told, v_x1, v_y1, omega_1)
-    if status == OK:
-        return Solved(v_x2, v_y2, omega_2, contact_time, math.nan, math.nan, math.nan, regime, 0, status)
-    push = (1.0 + told) * v_y1
-    inertia = row[BALL_INERTIA] / (row[BALL_MASS] * row[BALL_RADIUS] * row[BALL_RADIUS])
-    stop = (v_x1 - row[BALL_RADIUS] * omega_1) * inertia / (1.0 + inertia)
-    limit = row[MU] * push
-    lost = min(max(stop, -limit), limit)
-    phase = GRIP
-    if stop > limit:
-        phase = SLIDE_FORWARD
-    elif stop < -limit:
-        phase = SLIDE_BACKWARD
-    turned = omega_1 + lost / (inertia * row[BALL_RADIUS])
-    return Solved(
-        v_x1 - lost, told * v_y1, turned, math.nan, math.nan, math.nan, math.nan, phase, WITHOUT_TWIST, OK
-    )  # fmt: skip
-
-
-def total_bounce(
-    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
-) -> Solved:
-    """The rebound of any impact with finite numbers and `v_y1 >= 0`, see `prediction.reach.total_rebound`."""
-    bad = Solved(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, 0, BAD_INPUT)
-    if not (math.isfinite(v_x1) and math.isfinite(v_y1) and math.isfinite(omega_1) and v_y1 >= 0.0):
-        return bad
-    extrapolated = 0
-    told = cor
-    if TOLD_COR != 0:
-        if not math.isfinite(cor):
-            return bad
-        told = min(max(cor, COR_LOW), COR_HIGH)
-        if told != cor:
-            extrapolated += BEYOND_RESTITUTION
-    at_end = min(max(v_y1, V_Y1_LOW), V_Y1_HIGH)
-    scale = v_y1 / at_end
-    if scale != 1.0:
-        extrapolated += BEYOND_SPEEDS
-    # So slow towards the court that friction changes nothing else.
-    if v_y1 <= max(GRAZING * (abs(v_x1) + RADIUS * abs(omega_1)), TINY):
-        grazed = FITTED(row, codes, rigid, 0.0, at_end, 0.0, told, scratch)
-        time = grazed.gap_time
-        return Solved(
-            v_x1, grazed.v_y2 * scale, omega_1, grazed.contact_time, time, v_x1 * time, omega_1 * time, 0,
-            extrapolated, grazed.status,
-        )  # fmt: skip
-    found = FITTED(row, codes, rigid, v_x1 / scale, at_end, omega_1 / scale, told, scratch)
-    v_x2, v_y2, omega_2 = found.v_x2 * scale, found.v_y2 * scale, found.omega_2 * scale
-    # Numbers too large to be squared or scaled.
-    if found.status == OK and not (math.isfinite(v_x2) and math.isfinite(v_y2) and math.isfinite(omega_2)):
-        return bad
-    extrapolated += found.extrapolated
-    # Times stay, so that paths and turns go with the speeds.
-    return Solved(
-        v_x2, v_y2, omega_2, found.contact_time, found.gap_time, found.gap_path * scale, found.gap_turn * scale,
-        found.regime, extrapolated, found.status,
-    )  # fmt: skip
-
-
-def either_way(
-    row: FloatArray, codes: Ints, rigid: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, scratch: Scratch
-) -> Solved:
-    """The total bounce of a ball that flies either way: with `v_x1 < 0` the mirror image, its offset ahead too."""
-    if not v_x1 < 0.0:
-        return total_bounce(row, codes, rigid, v_x1, v_y1, omega_1, cor, scratch)
-    found = total_bounce(row, codes, rigid, -v_x1, v_y1, -omega_1, cor, scratch)
-    return Solved(
-        -found.v_x2, found.v_y2, -found.omega_2, found.contact_time, found.gap_time, -found.gap_path, -found.gap_turn,
-        found.regime, found.extrapolated, found.status,
-    )  # fmt: skip
-
-
-# Numbers of a golden impact: `(v_x1, v_y1, omega_1, cor)`, `models.types.OUTPUTS` of its rebound, and in what it is
-# extrapolated.
-GOLDEN_NUMBERS = 12
-
-
-class Agreement(NamedTuple):
-    """How far a port is from the model: its `worst` difference, relative, and whether every impact has a rebound
-    with the phases that it has in the model, extrapolated in what it is to be.
+def two_mass(row: FloatArray, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
+    """The two-mass ball, its offset times `share`; where it has no answer a rigid ball of the same restitution,
+    friction and offset that slides or rolls, with the status of the former.
     """
+    status, ball = ball_of(row, FLAGS)
+    ball = ball._replace(eps_10=share * ball.eps_10, eps_slope=share * ball.eps_slope)
+    found = unsolved(status, 0)
+    if status == OK:
+        found = followed(ball, FLAGS, v_x, v_y, omega, math.nan)
+    if found.status == OK:
+        return found
+    _, cor, _ = restitution(ball.law, v_y, math.nan)
+    a = ball.inertia / (ball.mass * ball.radius * ball.radius)
+    offset = ball.eps_10 + ball.eps_slope * (v_y - ANCHOR_SPEED)
+    rigid = struck(ball.mu, 0.0, offset, cor, ball.mass, ball.radius, a, v_x, v_y, omega)
+    return rigid._replace(status=found.status)
 
-    worst: float
-    same: bool
+
+def grip_slip(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
+    """The rigid ball, its offset times `share`; it has an answer wherever the law of restitution has a number."""
+    status, law = law_of(row.cor_10, row.cor_slope, 1.0)
+    bad, cor, _ = restitution(law, v_y, math.nan)
+    mass, radius, a = row.ball_mass, row.ball_radius, row.inertia_ratio
+    found = struck(row.mu, row.e_x, share * row.offset, cor, mass, radius, a, v_x, v_y, omega)
+    return found._replace(status=bad if status == OK else status)
 
 
-def golden_agreement(
-    golden: FloatArray, regimes: Ints, count: int, row: FloatArray, codes: Ints, rigid: Ints, scratch: Scratch
-) -> Agreement:
-    """The port on its golden impacts: speeds and R*omega relative to the incident speed of the ball and its surface,
-    times to themselves, path and R*turn between the flights to what that speed goes in the time between them.
+SOLVED: Callable[..., Outcome] = two_mass
+
+
+def either_way(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
+    """The bounce of a ball that flies either way: with `v_x < 0` the mirror image, its offset ahead too."""
+    if not v_x < 0.0:
+        return SOLVED(row, share, v_x, v_y, omega)
+    found = SOLVED(row, share, -v_x, v_y, -omega)
+    return found._replace(
+        v_x2=-found.v_x2, omega_2=-found.omega_2, gap_path=-found.gap_path, gap_turn=-found.gap_turn
+    )
+
+
+def rebound(v_x1: float, v_y1: float, omega_1: float, parameters: Parameters) -> Rebound:
+    """The rebound of any impact with finite numbers in the plane of the bounce."""
+    return answered(v_x1, v_y1, omega_1, 1.0, parameters)
+
+
+def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parameters) -> Rebound:
+    """The same with the offset times `share`."""
+    none, size = math.nan, abs(v_x1) + abs(v_y1) + abs(omega_1)
+    if size < math.inf and v_y1 <= 0.0:
+        return Rebound(v_x1, -v_y1, omega_1, 0.0, 0.0, 0.0, 0.0, 0, NO_IMPACT, False)
+    if size < math.inf:
+        found = either_way(row, share, v_x1, v_y1, omega_1)
+        size = abs(found.v_x2) + abs(found.v_y2) + abs(found.omega_2)
+        if size < math.inf:
+            return Rebound(
+                found.v_x2, found.v_y2, found.omega_2, found.contact_time, found.gap_time, found.gap_path,
+                found.gap_turn, found.regime, found.status, not row.v_y1_low <= v_y1 <= row.v_y1_high,
+            )  # fmt: skip
+    return Rebound(none, none, none, none, none, none, none, 0, NOT_FINITE, True)
+
+
+def plus(a: Vector, share: float, b: Vector) -> Vector:
+    """`a + share b`."""
+    return Vector(a.x + share * b.x, a.y + share * b.y, a.z + share * b.z)
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """The scalar product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product."""
+    return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+def along(a: Vector, otherwise: Vector) -> Vector:
+    """The unit vector along `a`, or `otherwise` if it has no length."""
+    size = math.sqrt(dot(a, a))
+    return Vector(a.x / size, a.y / size, a.z / size) if size > 0.0 else otherwise
+
+
+def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Parameters) -> Rebound3:
+    """The rebound of any impact in three dimensions, velocities relative to the surface, `normal` away from it."""
+    up = along(normal, Vector(math.nan, math.nan, math.nan))
+    v_y = -dot(velocity, up)
+    # Velocity and spin as vectors in the surface, spin about the normal.
+    v_t, w, about = plus(velocity, v_y, up), cross(spin, up), dot(spin, up)
+    travel = along(v_t, Vector(0.0, 0.0, 0.0))
+    slip = plus(v_t, -parameters.ball_radius, w)
+    slow = NO_SLIP * (math.sqrt(dot(v_t, v_t)) + parameters.ball_radius * math.sqrt(dot(w, w)))
+    # All that moves along the surface lies along the slip; without slip along the travel, without both anywhere.
+    side = Vector(1.0, 0.0, 0.0) if abs(up.x) < 0.8 else Vector(0.0, 1.0, 0.0)
+    first = along(slip, side) if dot(slip, slip) > slow * slow else along(travel, side)
+    second = along(cross(up, first), side)
+    first = cross(second, up)
+    v_s, v_c, omega_c = dot(v_t, first), dot(v_t, second), dot(w, second)
+    one = answered(v_s, v_y, dot(w, first), abs(dot(travel, first)), parameters)
+    if v_y > 0.0:
+        v_c, omega_c = across(one, v_s, dot(slip, first), v_c, v_y, omega_c, abs(dot(travel, second)), parameters)
+    v_t = plus(plus(plus(Vector(0.0, 0.0, 0.0), one.v_x2, first), v_c, second), one.v_y2, up)
+    w = plus(plus(Vector(0.0, 0.0, 0.0), one.omega_2, first), omega_c, second)
+    return Rebound3(v_t, plus(cross(up, w), about, up), one.contact_time, one.regime, one.status, one.extrapolated)
+
+
+def across(
+    one: Rebound, v_s: float, slip: float, v: float, v_y: float, omega: float, share: float, parameters: Parameters
+) -> tuple[float, float]:
+    """Velocity and spin across the slip, `v` and `omega`, after the bounce `one` along it, where velocity and slip
+    were `v_s` and `slip`. Only the offset, of which a `share` lies across, changes them.
+
+    A slip that dies out does so in all directions, by an impulse across that is that of a grip from landing on. One
+    that lasts turns: of a rigid ball with `u' = -A mu u/|u| + b` it ends with `b/(A mu) |u| ln(|slip|/|u|)` across.
+    """
+    mass, radius = parameters.ball_mass, parameters.ball_radius
+    inertia = parameters.inertia_ratio * mass * radius * radius
+    compliance, braked = 1.0 / mass + radius * radius / inertia, mass * abs(v_s - one.v_x2)
+    slides = one.regime < GRIP or FREED < one.regime < FREED + GRIP
+    if GRIP_ONLY == 1:
+        # What is left of the normal impulse once friction has used up the slip of a rigid ball.
+        most = compliance * parameters.mu * mass * (v_y + one.v_y2)
+        share = 0.0 if slides or abs(slip) >= most else share * (1.0 - abs(slip) / most)
+    other = answered(v, v_y, omega, share, parameters)
+    left = abs(one.v_x2 - radius * one.omega_2)
+    if not (slides and left > 0.0 and braked > 0.0):
+        return other.v_x2, other.omega_2
+    # By the balance of angular momentum the offset across times the normal impulse; `braked` is `mu` times that.
+    turned = mass * radius * (v - other.v_x2) + inertia * (omega - other.omega_2)
+    kept = radius * turned / (inertia * compliance * braked) * left * math.log(abs(slip) / left)
+    more = (kept - (other.v_x2 - radius * other.omega_2)) / compliance
+    return other.v_x2 + more / mass, other.omega_2 - radius * more / inertia
+
+
+def self_test() -> float:
+    """The largest difference from the golden impacts, relative: of speeds and R omega to the incident speed of the
+    ball and its surface, of times to themselves, of what lies between the flights to that speed times that time.
     """
     worst = 0.0
-    same = True
-    for k in range(count):
-        at = GOLDEN_NUMBERS * k
-        v_x, v_y, omega, time, gap = golden[at], golden[at + 1], golden[at + 2], golden[at + 7], golden[at + 8]
-        found = total_bounce(row, codes, rigid, v_x, v_y, omega, golden[at + 3], scratch)
-        speed = math.sqrt(v_x * v_x + v_y * v_y + RADIUS * omega * RADIUS * omega)
-        along, away = abs(found.v_x2 - golden[at + 4]) / speed, abs(found.v_y2 - golden[at + 5]) / speed
-        turned = RADIUS * abs(found.omega_2 - golden[at + 6]) / speed
-        late = 0.0
-        if not math.isnan(time):
-            late = abs(found.contact_time - time) / time
-        between = 0.0
-        if not math.isnan(gap):
-            path, turn = abs(found.gap_path - golden[at + 9]), RADIUS * abs(found.gap_turn - golden[at + 10])
-            between = max(abs(found.gap_time - gap), max(path, turn) / speed) / gap
-        if found.status != OK or found.extrapolated != golden[at + 11]:
-            same = False
-        if math.isnan(along + away + turned + late + between):
-            same = False
-        # Joined with nothing, so that both sides are of one kind in every language.
-        if (found.regime | 0) != (regimes[k] | 0):
-            same = False
-        worst = max(max(worst, along), max(max(away, turned), max(late, between)))
-    return Agreement(worst, same)
+    for k in range(IMPACTS):
+        at = WIDTH * k
+        row, v_x, v_y, omega = LEVELS[int(GOLDEN[at])], GOLDEN[at + 1], GOLDEN[at + 2], GOLDEN[at + 3]
+        found, radius = rebound(v_x, v_y, omega, row), row.ball_radius
+        speed = math.sqrt(v_x * v_x + v_y * v_y + radius * omega * radius * omega)
+        worst = larger(worst, (found.v_x2 - GOLDEN[at + 4]) / speed)
+        worst = larger(worst, (found.v_y2 - GOLDEN[at + 5]) / speed)
+        worst = larger(worst, radius * (found.omega_2 - GOLDEN[at + 6]) / speed)
+        time, between = GOLDEN[at + 7], GOLDEN[at + 8]
+        # A rigid ball has none.
+        if time > 0.0:
+            worst = larger(worst, (found.contact_time - time) / time)
+            worst = larger(worst, (found.gap_time - between) / between)
+            worst = larger(worst, (found.gap_path - GOLDEN[at + 9]) / (speed * between))
+            worst = larger(worst, radius * (found.gap_turn - GOLDEN[at + 10]) / (speed * between))
+        if found.status != OK or found.regime != GOLDEN[at + 11]:
+            worst = math.inf
+        # The same in space, on a slope.
+        up, travel = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0), Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
+        none = Vector(0.0, 0.0, 0.0)
+        spatial = rebound_3d(plus(plus(none, v_x, travel), -v_y, up), plus(none, omega, cross(up, travel)), up, row)
+        velocity = plus(plus(spatial.velocity, -GOLDEN[at + 4], travel), -GOLDEN[at + 5], up)
+        spin = plus(spatial.spin, -GOLDEN[at + 6], cross(up, travel))
+        worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
+        worst = larger(worst, radius * math.sqrt(dot(spin, spin)) / speed)
+    return worst
 
 
-def min_real(a: float, b: float) -> float:
-    """The lesser: of equal numbers the first, of NaN and a number the first, as in Python."""
+def larger(worst: float, difference: float) -> float:
+    """The larger of two differences; one that is no number is the largest."""
+    return worst if abs(difference) <= worst else (math.inf if difference != difference else abs(difference))
+
+
+def least(a: float, b: float) -> float:
+    """The lesser: of equal numbers, and of NaN and a number, the first, as in Python."""
     return b if b < a else a
 
 
-def max_real(a: float, b: float) -> float:
+def greatest(a: float, b: float) -> float:
     """The greater, likewise."""
     return b if b > a else a
 
 
-def min_whole(a: int, b: int) -> int:
-    """The lesser of whole numbers."""
-    return b if b < a else a
-
-
-def max_whole(a: int, b: int) -> int:
-    """The greater of whole numbers."""
-    return b if b > a else a
+def sixth(x: float) -> float:
+    """The sixth power."""
+    cube = x * x * x
+    return cube * cube
 
 
 def hypot(a: float, b: float) -> float:
@@ -257,115 +280,6 @@ def log1p(x: float) -> float:
     return math.log(1.0 + x) * x / step if abs(step) > 0.0 else x
 
 
-# Step of the one difference that is taken, that of `v_x` in a grip, as a share of the time the force lasts.
-STEP = 1e-6
-
-
-class Moment(NamedTuple):
-    """The ball at one time of the contact: `phase` as `types.Phase`, 0 where the motion along the court is not
-    followed or `status` is not OK; else as `models.history.History`.
-    """
-
-    status: int
-    time: float
-    y: float
-    v_y: float
-    v_x: float
-    omega_core: float
-    omega_shell: float
-    normal_force: float
-    friction_force: float
-    phase: int
-
-
-def cut_contact(contact: Contact[float], time: float, shell_spin: bool) -> Contact[float]:
-    """The contact as if it ended at `time`: its pieces are the same closed forms, so that the state at a time is what
-    `two_mass_contact` finds when the normal force ends then. `models.history` follows the pieces instead, and tests
-    hold the two against each other.
-    """
-    whole = contact.vertical
-    vertical = VerticalMotion(whole.cor, whole.riding_mass, whole.spring, min(time, whole.t_force), time, time)
-    return Contact(
-        contact.mass, contact.radius, contact.joint, contact.mu, contact.eps, contact.eps_in_slide, shell_spin,
-        contact.landing, vertical, contact.v_x, contact.v_y, contact.omega,
-    )  # fmt: skip
-
-
-def last_phase(regime: int) -> int:
-    """The last of a packed sequence of phases, of a very long one the last that is packed."""
-    last = 0
-    for k in range(MAX_PACKED_PHASES):
-        place = PHASE_BITS * k
-        here = regime & (7 << place)
-        # Shifted too, so that both sides are of one kind in every language.
-        if here == (0 << place):
-            break
-        for phase in range(1, 8):
-            if here == (phase << place):
-                last = phase
-    return last
-
-
-def moment_of(
-    row: FloatArray, codes: Ints, v_x: float, v_y: float, omega: float, cor: float, share: float, scratch: Scratch
-) -> Moment:
-    """The ball after a `share` (above 0) of the contact time."""
-    status, vertical = vertical_motion(row, codes, v_y, cor)
-    if status != OK:
-        return Moment(status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
-    time = share * vertical.t_contact
-    y, y_rate = vertical_at(vertical.spring, v_y, time)
-    force = 0.0
-    if time <= vertical.t_force:
-        force = vertical.riding_mass * (2.0 * vertical.spring.decay * y_rate + vertical.spring.natural_squared * y)
-        force = max(force, 0.0)
-    if codes[TANGENTIAL] == 0:
-        return Moment(OK, time, y, y_rate, v_x, omega, omega, force, 0.0, 0)
-    status, contact = contact_of(row, codes, vertical, v_x, v_y, omega)
-    if status != OK:
-        return Moment(status, time, y, y_rate, 0.0, 0.0, 0.0, force, 0.0, 0)
-    found = along_court(contact, codes[TORSION] == TORSION_RIGID, time, scratch)
-    if found.status != OK:
-        return Moment(found.status, time, y, y_rate, 0.0, 0.0, 0.0, force, 0.0, 0)
-    friction = 0.0
-    if found.phase == SLIDE_FORWARD:
-        friction = -contact.mu * force
-    elif found.phase == SLIDE_BACKWARD:
-        friction = contact.mu * force
-    elif found.phase != FREE:
-        step = STEP * vertical.t_force
-        other = time + step if time + step < vertical.t_force else time - step
-        moved = along_court(contact, codes[TORSION] == TORSION_RIGID, other, scratch)
-        friction = contact.mass * (moved.v_x - found.v_x) / (other - time)
-    return Moment(OK, time, y, y_rate, found.v_x, found.omega_core, found.omega_shell, force, friction, found.phase)
-
-
-def along_court(contact: Contact[float], rigid: bool, time: float, scratch: Scratch) -> Moment:
-    """Velocity along the court, spins and phase at `time`; the rest zero."""
-    if rigid:
-        impulse = impulse_at(contact, min(time, contact.vertical.t_force))
-        phase, friction, acting = rigid_phase(contact, impulse)
-        turned = contact.omega + (contact.radius * friction - contact.eps * acting) / contact.joint.shell
-        v_x = contact.v_x - friction / contact.mass
-        if time > contact.vertical.t_force:
-            phase = FREE
-        return Moment(OK, time, 0.0, 0.0, v_x, turned, turned, 0.0, 0.0, phase)
-    one, both = cut_contact(contact, time, True), cut_contact(contact, time, False)
-    status, v_x, shell, _path, _turn, regime, _pieces = two_mass_contact(one, scratch, None)
-    _status, _v_x, mean, _path, _turn, _regime, _pieces = two_mass_contact(both, scratch, None)
-    joint = contact.joint
-    core = ((joint.core + joint.shell) * mean - joint.shell * shell) / joint.core
-    return Moment(status, time, 0.0, 0.0, v_x, core, shell, 0.0, 0.0, last_phase(regime))
-
-
-def total_moment(
-    row: FloatArray, codes: Ints, v_x1: float, v_y1: float, omega_1: float, cor: float, share: float, scratch: Scratch
-) -> Moment:
-    """`moment_of` any impact that moves towards the court: outside the valid range that at its nearer end, scaled."""
-    at_end = min(max(v_y1, V_Y1_LOW), V_Y1_HIGH)
-    scale = v_y1 / at_end
-    found = moment_of(row, codes, v_x1 / scale, at_end, omega_1 / scale, cor, share, scratch)
-    return Moment(
-        found.status, found.time, found.y * scale, found.v_y * scale, found.v_x * scale, found.omega_core * scale,
-        found.omega_shell * scale, found.normal_force * scale, found.friction_force * scale, found.phase,
-    )  # fmt: skip
+def copysign(size: float, of: float) -> float:
+    """The size with the sign of a number that is not zero."""
+    return -abs(size) if of < 0.0 else abs(size)

@@ -1,455 +1,269 @@
-"""Kernels in another language: the types of their restricted Python, and a walk over their syntax trees that is the
-same for all dialects. What is not known here is refused: no port can drift in silence. Variables are declared at the
-top of their function, with inferred types.
+"""The typed walk over the trees, the same for all languages of the C family: variables are declared at the top of
+their function, with inferred types, and what has no translation is refused.
 """
-
-from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from textwrap import wrap
+from typing import get_args
 
-from fitball.exports.port.kernel_source import Constant, KernelSource, UnportableError, local_names
+from fitball.exports.port.dialects import Dialect
+from fitball.exports.port.source import Source, Type, UnportableError, fields_of, is_struct, origin_of, type_of
 
-if TYPE_CHECKING:
-    from fitball.exports.port.languages import Dialect
-
-
-@dataclass(frozen=True)
-class Struct:
-    """A named tuple: a struct with fields of the same names."""
-
-    name: str
-    fields: tuple[tuple[str, Type], ...]
-
-
-# d double, i integer, b truth value, z complex, A array of double, I array of integers, S array of double with two
-# indices (rows of STRIDE), v nothing; a Python tuple of these is a struct with fields f0, f1, ...
-Type = str | tuple["Type", ...] | Struct
-Structs = Mapping[str, Struct]
-Code = tuple[str, Type]
-Signature = tuple[tuple[Type, ...], Type]
-
-STRIDE = 5
-_NAMES: dict[str, Type] = {
-    "float": "d", "Number": "d", "int": "i", "bool": "b", "complex": "z",
-    "FloatArray": "A", "NumberArray": "A", "Ints": "I", "Stack": "S",
+_SIGNS: Mapping[type[ast.AST], str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.BitOr: "|",
+    ast.LShift: "<<", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
+    ast.And: "&&", ast.Or: "||",
 }  # fmt: skip
-_ARITHMETIC: Mapping[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
-_BITS: Mapping[type[ast.operator], str] = {ast.BitOr: "|", ast.BitAnd: "&", ast.LShift: "<<"}
-_COMPARE: Mapping[type[ast.cmpop], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
-_TESTS = ("isnan", "isfinite")
+_WHOLE = ("//", "%", "|", "<<")
 
 
-def annotated(node: ast.expr | None, structs: Structs) -> Type:
-    """The type an annotation names. Raises UnportableError for one that kernels are not known to use."""
-    known = {**_NAMES, **structs}
-    match node:
-        case ast.Constant(value=None):
-            return "v"
-        case ast.Name(id=name) if name in known:
-            return known[name]
-        case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=items)):
-            return tuple(annotated(child, structs) for child in items)
-        case ast.Subscript(value=ast.Name(id=name)) if name in structs:
-            return structs[name]
-        case ast.Subscript(value=ast.Name(id="NDArray")) if "int64" in ast.unparse(node.slice):
-            return "I"
-    raise UnportableError(f"annotation {'missing' if node is None else ast.unparse(node)}: no type is known for it")
-
-
-def joined(one: Type, other: Type) -> Type:
-    """The type that holds values of both. Raises UnportableError when there is none."""
-    if one == other:
-        return one
-    for wide, narrow in (("d", "i"), ("z", "d"), ("z", "i")):
-        if {one, other} == {wide, narrow}:
-            return wide
-    raise UnportableError(f"no type holds both {one} and {other}")
-
-
-def fields_of(kind: Type) -> tuple[tuple[str, Type], ...]:
-    """Names and types of what a struct holds; of anything else, nothing."""
-    if isinstance(kind, Struct):
-        return kind.fields
-    return tuple((f"f{k}", item) for k, item in enumerate(kind)) if isinstance(kind, tuple) else ()
-
-
-def compound(kinds: Iterable[Type]) -> list[Type]:
-    """The structs and tuples among `kinds`, and those that these hold, inner ones first, each once."""
-    found: dict[Type, None] = {}
-    for kind in kinds:
-        if not isinstance(kind, str):
-            found |= dict.fromkeys([*compound(item for _name, item in fields_of(kind)), kind])
-    return list(found)
-
-
-def type_name(kind: Type) -> str:
-    """A name for a struct or a tuple; of a tuple, the letters of what it holds."""
-    if isinstance(kind, Struct):
-        return kind.name
-    return kind.lower() if isinstance(kind, str) else "t" + "".join(map(type_name, kind)) + "_"
-
-
-@dataclass(frozen=True)
-class Program:
-    """What all functions of a port share: their signatures, module constants, structs, and the language."""
-
-    signatures: Mapping[str, Signature]
-    constants: Mapping[str, Constant]
-    structs: Structs
-    dialect: Dialect
-
-    @classmethod
-    def from_source(cls, source: KernelSource, dialect: Dialect) -> Program:
-        """A source in a language. Raises UnportableError."""
-        structs: dict[str, Struct] = {}
-        for name, given in source.structs.items():
-            structs[name] = Struct(name, tuple((item, annotated(node, structs)) for item, node in given.items()))
-        return cls(signatures(source.functions, structs), source.constants, structs, dialect)
-
-    @property
-    def kinds(self) -> list[Type]:
-        """The types of structs, and of what functions take and give."""
-        return [
-            *self.structs.values(),
-            *(kind for taken, result in self.signatures.values() for kind in (*taken, result)),
-        ]
-
-
-def signatures(functions: Iterable[ast.FunctionDef], structs: Structs) -> Mapping[str, Signature]:
-    """Types of the parameters and of the result of each function."""
-    return {
-        item.name: (
-            tuple(annotated(argument.annotation, structs) for argument in item.args.args),
-            annotated(item.returns, structs),
-        )
-        for item in functions
-    }
-
-
-def translated(function: ast.FunctionDef, program: Program) -> str:
-    """One kernel in the program's language. Raises UnportableError for what has no translation."""
-    dialect = program.dialect
-    kinds, result = program.signatures[function.name]
+def translated(source: Source, name: str, dialect: Dialect) -> str:
+    """One function in a language. Raises UnportableError for what has no translation."""
+    walk = _Walk(source, name, dialect)
+    walk.infer()
+    function, (kinds, result) = source.functions[name], source.signatures[name]
     names = [argument.arg for argument in function.args.args]
-    read = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
-    walk = _Walk(program, result, read, dict(zip(names, kinds, strict=True)))
-    walk.infer(function)
-    statements = function.body[1:] if ast.get_docstring(function) else function.body
-    lines = [f"    {line}" for item in statements for line in walk.statement(item)]
-    own = sorted((walk.variables.keys() & read) - set(names))
-    heads = [f"    {dialect.local(walk.variables[name], dialect.name(name))};" for name in own]
-    heads += [f"    {dialect.unread.format(name)}" for name in names if name not in read and dialect.unread]
-    taken = [dialect.declared(kind, dialect.name(name)) for kind, name in zip(kinds, names, strict=True)]
+    lines = [
+        *(f"{dialect.local(walk.kinds[own], own)};" for own in sorted(walk.kinds.keys() - set(names))),
+        *(dialect.unread.format(dialect.name(own)) for own in names if own not in walk.read and dialect.unread),
+        *(line for item in walk.body for line in walk.statement(item)),
+    ]
+    taken = ", ".join(dialect.declared(kind, dialect.name(own)) for kind, own in zip(kinds, names, strict=True))
+    comment = " ".join((ast.get_docstring(function) or "").split("\n\n")[0].split())
     head = dialect.head.format(
-        comment=(ast.get_docstring(function) or "").split("\n\n")[0].replace("\n", dialect.comment),
-        declared=dialect.declared(result, dialect.function(function.name)),
-        taken=", ".join(taken),
-    )
-    return "\n".join([head, *heads, *lines, "}"])
+        comment="\n   ".join(wrap(comment.replace("*/", "* /"), 110)),
+        declared=dialect.declared(result, dialect.function(name)),
+        taken=taken or dialect.nothing, offered="" if name.endswith("_") else dialect.offered,
+    )  # fmt: skip
+    return "\n".join([head, *(f"    {line}" for line in lines), "}"])
 
 
-class UnknownTypeError(UnportableError):
+def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
+    """Statements with one target an assignment; a tuple is held first if what is stored is read in it."""
+    for node in body:
+        match node:
+            case ast.AugAssign(target=ast.Name(id=name)):
+                yield _stored(name, ast.BinOp(ast.Name(name, ast.Load()), node.op, node.value))
+            case ast.Assign(targets=[ast.Name(id=first), ast.Name(id=other)]):
+                yield _stored(other, node.value)
+                yield _stored(first, ast.Name(other, ast.Load()))
+            case ast.Assign(value=ast.IfExp(test=test, body=ast.Tuple(elts=ones), orelse=ast.Tuple(elts=others))):
+                parts: list[ast.expr] = list(map(ast.IfExp, [test] * len(ones), ones, others))
+                yield from _simple([ast.Assign(node.targets, ast.Tuple(parts, ast.Load()))])
+            case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple(elts=values)):
+                held = [f"{ast.unparse(target)}_now" for target in targets]
+                if _names(targets) & _names(values):
+                    yield from map(_stored, held, values)
+                    values = [ast.Name(name, ast.Load()) for name in held]
+                for target, value in zip(targets, values, strict=True):
+                    yield _stored(ast.unparse(target), value)
+            case ast.Assign(targets=[ast.Tuple(elts=targets)]):
+                held_name = "_".join(["of", *(ast.unparse(target).strip("_") or "none" for target in targets)])
+                yield _stored(held_name, node.value)
+                for place, target in enumerate(targets):
+                    part = ast.Subscript(ast.Name(held_name, ast.Load()), ast.Constant(place), ast.Load())
+                    yield _stored(ast.unparse(target), part)
+            case ast.If():
+                yield ast.If(node.test, list(_simple(node.body)), list(_simple(node.orelse)))
+            case ast.While(orelse=[]):
+                yield ast.While(node.test, list(_simple(node.body)), [])
+            case ast.For(orelse=[]):
+                yield ast.For(node.target, node.iter, list(_simple(node.body)), [])
+            case ast.Expr(value=ast.Constant()):
+                continue
+            case _:
+                yield node
+
+
+def _stored(name: str, value: ast.expr) -> ast.Assign:
+    return ast.Assign([ast.Name(name, ast.Store())], value)
+
+
+def _names(nodes: Iterable[ast.AST]) -> set[str]:
+    return {node.id for top in nodes for node in ast.walk(top) if isinstance(node, ast.Name)}
+
+
+def _refused(node: ast.AST) -> UnportableError:
+    return UnportableError(f"no translation of: {ast.unparse(ast.fix_missing_locations(node))}")
+
+
+class _UnknownYetError(UnportableError):
     """A variable is read whose type is not inferred yet."""
 
 
-def refused(node: ast.AST) -> UnportableError:
-    """The error for a construct without a translation."""
-    return UnportableError(f"no translation of: {ast.unparse(node)}")
-
-
-@dataclass
 class _Walk:
-    """The walk over one function, whose result is of type `result`: `read` are the names whose value is used,
-    `variables` the types of its parameters, then of its locals too.
-    """
+    """The walk over one function: `kinds` are the types of its parameters, then of its locals too."""
 
-    program: Program
-    result: Type
-    read: set[str]
-    variables: dict[str, Type]
-    temporaries: int = field(default=0)
+    def __init__(self, source: Source, name: str, dialect: Dialect) -> None:
+        self.all, self.dialect, self.of = source, dialect, name
+        function = source.functions[name]
+        kinds, self.result = source.signatures[name]
+        self.kinds: dict[str, Type] = dict(zip((item.arg for item in function.args.args), kinds, strict=True))
+        self.body = list(_simple(function.body))
+        nodes = [node for item in self.body for node in ast.walk(item) if isinstance(node, ast.Name)]
+        self.read = {node.id for node in nodes if isinstance(node.ctx, ast.Load)}
 
-    @property
-    def dialect(self) -> Dialect:
-        """The language."""
-        return self.program.dialect
+    def infer(self) -> None:
+        """Fill in the types of the locals that are read: assignments are gone through until nothing changes."""
+        before, waiting = None, ""
+        while before != self.kinds:
+            before, waiting = dict(self.kinds), ""
+            for node in (part for item in self.body for part in ast.walk(item)):
+                match node:
+                    case ast.For(target=ast.Name(id=name)):
+                        self.kinds[name] = int
+                    case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in self.read:
+                        try:
+                            kind = self.code(value)[1]
+                        except _UnknownYetError as error:
+                            waiting = str(error)
+                        else:
+                            self.kinds[name] = self.joined(self.kinds.get(name, kind), kind, value)
+        wanted, _ = self.all.signatures[self.of]
+        if waiting or tuple(self.kinds.values())[: len(wanted)] != wanted:
+            raise UnportableError(f"{self.of}: {waiting or 'a parameter changes its type'}")
 
-    def infer(self, function: ast.FunctionDef) -> None:
-        """Fill in the types of the locals: assignments are gone through until nothing changes."""
-        waiting: list[str] = []
-        for _ in range(20):
-            before, waiting = dict(self.variables), []
-            for node in ast.walk(function):
-                for target, value in _assignments(node):
-                    try:
-                        self._note(target, self.code(value)[1])
-                    except UnknownTypeError as error:
-                        waiting.append(str(error))
-            if self.variables == before:
-                break
-        missing = local_names(function) - self.variables.keys() - {"_"}
-        if waiting or missing:
-            raise UnportableError(f"{function.name}: no type found of {', '.join(sorted(missing)) or waiting[0]}")
-
-    def _note(self, target: ast.expr, kind: Type) -> None:
-        if isinstance(target, ast.Name):
-            known = self.variables.get(target.id)
-            self.variables[target.id] = kind if known is None else joined(known, kind)
-        elif isinstance(target, ast.Tuple):
-            parts = ("d",) * len(target.elts) if kind == "A" else kind
-            if not isinstance(parts, tuple) or len(parts) != len(target.elts):
-                raise refused(target)
-            for item, part in zip(target.elts, parts, strict=True):
-                self._note(item, part)
-        elif not isinstance(target, ast.Subscript):
-            raise refused(target)
-
-    def code(self, node: ast.expr) -> Code:
-        """Text and type of an expression. Raises UnportableError for a construct that is not known."""
-        dialect, program = self.dialect, self.program
-        kind: Type
-        match node:
-            case ast.Constant(value=bool() | int() | float() as value):
-                kind = "b" if isinstance(value, bool) else "d" if isinstance(value, float) else "i"
-                return dialect.number(value), kind
-            case ast.Name(id=name) if name in self.variables:
-                return dialect.name(name), self.variables[name]
-            case ast.Name(id=name) if name in program.constants:
-                return dialect.constant(name), self._kind_of(program.constants[name])
-            case ast.Name(id=name):
-                raise UnknownTypeError(f"{name} is read before its type is known")
-            case ast.BinOp():
-                return self._binary(node)
-            case ast.Compare():
-                return self._compare(node)
-            case ast.UnaryOp(op=ast.USub() | ast.Not()):
-                text, kind = self.code(node.operand)
-                if isinstance(node.op, ast.USub) and kind in ("d", "i", "z"):
-                    return dialect.negative(text, kind), kind
-                if isinstance(node.op, ast.Not) and kind == "b":
-                    return f"(!{text})", "b"
-            case ast.BoolOp(values=values):
-                # Python returns an operand, others a truth value: they agree for truth values only.
-                texts, kinds = self._codes(values)
-                if set(kinds) == {"b"}:
-                    return f"({(' && ' if isinstance(node.op, ast.And) else ' || ').join(texts)})", "b"
-            case ast.IfExp():
-                (test, *_), (truth, one, other) = self._codes([node.test, node.body, node.orelse])
-                if truth == "b":
-                    wide = joined(one, other)
-                    return f"({test} ? {self.fitted(node.body, wide)} : {self.fitted(node.orelse, wide)})", wide
-            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in dialect.values:
-                return dialect.values[name], "d"
-            case ast.Attribute(value=value, attr=name):
-                text, kind = self.code(value)
-                held = dict(kind.fields).get(name) if isinstance(kind, Struct) else None
-                if held is not None:
-                    return f"{text}.{dialect.name(name)}", held
-                if kind == "z" and name in ("real", "imag"):
-                    return (dialect.real if name == "real" else dialect.imaginary).format(text), "d"
-                if kind == "d" and name == "real":
-                    return text, "d"
-            case ast.Subscript():
-                return self._subscript(node)
-            case ast.Tuple(elts=items):
-                texts, kinds = self._codes(items)
-                return dialect.make(tuple(kinds), texts), tuple(kinds)
-            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr=name), keywords=[]) if (
-                name in dialect.math
-            ):
-                texts, kinds = self._codes(node.args)
-                if kinds == ["d"] if name in _TESTS else set(kinds) <= {"d", "i"}:
-                    return dialect.math[name].format(", ".join(texts)), "b" if name in _TESTS else "d"
-            case ast.Call(func=ast.Name(id=name), keywords=[]) if name in program.structs:
-                made = program.structs[name]
-                return dialect.make(made, self._arguments(node, [kind for _field, kind in made.fields])), made
-            case ast.Call(func=ast.Name(id=name), keywords=[]) if name in program.signatures:
-                wanted, result = program.signatures[name]
-                return f"{dialect.function(name)}({', '.join(self._arguments(node, wanted))})", result
-            case ast.Call(func=ast.Name(id=name), keywords=[]):
-                return self._builtin(node, name)
-        raise refused(node)
-
-    def _codes(self, nodes: Iterable[ast.expr]) -> tuple[list[str], list[Type]]:
-        codes = [self.code(node) for node in nodes]
-        return [text for text, _kind in codes], [kind for _text, kind in codes]
+    def joined(self, one: Type, other: Type, node: ast.AST) -> Type:
+        """The type that holds values of both. Raises UnportableError when there is none."""
+        if one != other and {one, other} != {float, int}:
+            raise _refused(node)
+        return one if one == other else float
 
     def fitted(self, node: ast.expr, wanted: Type) -> str:
-        """The text of an expression where `wanted` is held. Raises UnportableError where it would not fit."""
+        """The text of an expression where `wanted` is held."""
         text, kind = self.code(node)
-        if joined(wanted, kind) != wanted:
-            raise refused(node)
-        return self.dialect.fit(text, kind, wanted)
+        if self.joined(wanted, kind, node) != wanted:
+            raise _refused(node)
+        return self.dialect.cast.format(text) if kind != wanted else text
 
-    def _kind_of(self, value: Constant) -> Type:
-        if isinstance(value, tuple):
-            return self.program.structs[type(value).__name__]
-        return "d" if isinstance(value, float) else "i"
+    def code(self, node: ast.expr) -> tuple[str, Type]:
+        """Text and type of an expression. Raises UnportableError for a construct that is not known."""
+        d = self.dialect
+        match node:
+            case ast.Constant(value=bool() as truth):
+                return ("true" if truth else "false"), bool
+            case ast.Constant(value=int() | float() as number):
+                return repr(number), type(number)
+            case ast.Name(id=name) if name in self.kinds:
+                return d.name(name), self.kinds[name]
+            case ast.Name(id=name) if name in self.all.constants:
+                return d.constant(name), type_of(self.all.constants[name])
+            case ast.Name(id=name):
+                raise _UnknownYetError(f"{name} is read before its type is known")
+            case ast.BinOp() | ast.Compare() | ast.BoolOp():
+                return self.operated(node)
+            case ast.UnaryOp(op=ast.USub() | ast.Not()):
+                text, kind = self.code(node.operand)
+                if (kind is bool) == isinstance(node.op, ast.Not):
+                    return f"({'!' if kind is bool else '-'}{text})", kind
+            case ast.IfExp(test=test, body=one, orelse=other):
+                kind = self.joined(self.code(one)[1], self.code(other)[1], node)
+                return f"({self.fitted(test, bool)} ? {self.fitted(one, kind)} : {self.fitted(other, kind)})", kind
+            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in d.values:
+                return d.values[name], float
+            case ast.Attribute(value=value, attr=name):
+                text, kind = self.code(value)
+                if is_struct(kind) and name in fields_of(kind):
+                    return f"{text}.{name}", fields_of(kind)[name]
+            case ast.Subscript(value=value, slice=place):
+                text, kind = self.code(value)
+                if origin_of(kind) is list:
+                    return f"{text}[{self.fitted(place, int)}]", get_args(kind)[0]
+                field = f"f{ast.unparse(place)}"
+                if origin_of(kind) is tuple and field in fields_of(kind):
+                    return f"{text}.{field}", fields_of(kind)[field]
+            case ast.Call():
+                return self.called(node)
+        raise _refused(node)
 
-    def _binary(self, node: ast.BinOp) -> Code:
-        (left, right), (kind, other) = self._codes([node.left, node.right])
-        operator = type(node.op)
-        if operator in _BITS and kind == other == "i":
-            return self.dialect.bits[_BITS[operator]].format(left, right), "i"
-        if operator is ast.Pow and isinstance(node.left, ast.Name) and isinstance(node.right, ast.Constant):
-            power = node.right.value
-            if isinstance(power, int) and 2 <= power <= 8 and kind in ("d", "i"):
-                return f"({' * '.join([left] * power)})", kind
-        if operator not in _ARITHMETIC or not {kind, other} <= {"d", "i", "z"}:
-            raise refused(node)
-        wide = "d" if operator is ast.Div and kind == other == "i" else joined(kind, other)
-        return self.dialect.binary(_ARITHMETIC[operator], (left, kind), (right, other), wide), wide
+    def operated(self, node: ast.BinOp | ast.Compare | ast.BoolOp) -> tuple[str, Type]:
+        """Operators: of numbers, comparisons in a chain, truth values."""
+        d = self.dialect
+        if isinstance(node, ast.BoolOp):
+            return f"({f' {_SIGNS[type(node.op)]} '.join(self.fitted(item, bool) for item in node.values)})", bool
+        if isinstance(node, ast.Compare):
+            terms = [node.left, *node.comparators]
+            codes = [self.code(term) for term in terms]
+            # What stands in the middle would be evaluated twice.
+            if any(isinstance(part, ast.Call) for term in terms[1:-1] for part in ast.walk(term)) or not all(
+                kind in (int, float) for _, kind in codes
+            ):
+                raise _refused(node)
+            steps = zip(codes, node.ops, codes[1:], strict=False)
+            links = [f"({left} {_SIGNS[type(op)]} {right})" for (left, _), op, (right, _) in steps]
+            return links[0] if len(links) == 1 else f"({' && '.join(links)})", bool
+        sign = _SIGNS.get(type(node.op), "")
+        (left, one), (right, other) = self.code(node.left), self.code(node.right)
+        kind = self.joined(one, other, node)
+        # The quotient of whole numbers is none.
+        if not sign or (sign in _WHOLE and kind is not int) or (sign == "/" and kind is int) or kind is bool:
+            raise _refused(node)
+        return d.operators.get(sign, f"({{}} {sign} {{}})").format(left, right), kind
 
-    def _compare(self, node: ast.Compare) -> Code:
-        terms = [node.left, *node.comparators]
-        # What stands in the middle would be evaluated twice.
-        twice = any(isinstance(part, ast.Call) for term in terms[1:-1] for part in ast.walk(term))
-        signs = {**_COMPARE, ast.Eq: self.dialect.same, ast.NotEq: self.dialect.other}
-        texts, kinds = self._codes(terms)
-        if twice or not set(kinds) <= {"d", "i"} or any(type(op) not in signs for op in node.ops):
-            raise refused(node)
-        pairs = zip(texts, node.ops, texts[1:], strict=False)
-        links = [f"({left} {signs[type(op)]} {right})" for left, op, right in pairs]
-        return (links[0] if len(links) == 1 else f"({' && '.join(links)})"), "b"
+    def called(self, node: ast.Call) -> tuple[str, Type]:
+        """Functions, and named tuples made or made anew with other fields."""
+        d = self.dialect
+        match node:
+            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr=name), keywords=[]) if name in d.math:
+                return d.math[name].format(", ".join(self.fitted(item, float) for item in node.args)), float
+            case ast.Call(func=ast.Name(id="abs"), args=[value], keywords=[]):
+                return d.math["fabs"].format(self.fitted(value, float)), float
+            case ast.Call(func=ast.Name(id="int"), args=[value], keywords=[]):
+                return d.whole.format(self.fitted(value, float)), int
+            case ast.Call(func=ast.Attribute(value=ast.Name() as value, attr="_replace"), args=[]):
+                text, kind = self.code(value)
+                changed = {item.arg: item.value for item in node.keywords}
+                items = [
+                    self.fitted(changed.pop(field), item) if field in changed else f"{text}.{field}"
+                    for field, item in fields_of(kind).items()
+                ]
+                if not changed:
+                    return d.make(kind, items), kind
+            case ast.Call(func=ast.Name(id=name), keywords=[]) if name in self.all.signatures:
+                wanted, result = self.all.signatures[name]
+                return f"{d.function(name)}({', '.join(self.items(node.args, wanted, node))})", result
+            case ast.Call(func=ast.Name(id=name), keywords=[]):
+                for kind in self.all.compounds:
+                    if is_struct(kind) and kind.__name__ == name:
+                        return d.make(kind, self.items(node.args, list(fields_of(kind).values()), node)), kind
+        raise _refused(node)
 
-    def _subscript(self, node: ast.Subscript) -> Code:
-        text, kind = self.code(node.value)
-        match node.slice:
-            case ast.Constant(value=int() as place) if isinstance(kind, tuple):
-                return self.dialect.element.format(text, place), kind[place]
-            case ast.Tuple(elts=[_, _] as places) if kind == "S":
-                (row, column), kinds = self._codes(places)
-                if kinds == ["i", "i"]:
-                    return f"{text}[{STRIDE} * {row} + {column}]", "d"
-            case place if kind in ("A", "I"):
-                index, whole = self.code(place)
-                if whole == "i":
-                    return f"{text}[{index}]", "d" if kind == "A" else "i"
-        raise refused(node)
-
-    def _arguments(self, node: ast.Call, wanted: Sequence[Type]) -> list[str]:
-        if len(wanted) != len(node.args):
-            raise refused(node)
-        return [self.fitted(child, kind) for child, kind in zip(node.args, wanted, strict=True)]
-
-    def _builtin(self, node: ast.Call, name: str) -> Code:
-        dialect, (texts, kinds) = self.dialect, self._codes(node.args)
-        numbers = len(kinds) == 2 and set(kinds) <= {"d", "i"}
-        if name == "abs" and kinds == ["d"]:
-            return dialect.math["fabs"].format(texts[0]), "d"
-        if name == "int" and kinds == ["d"]:
-            return dialect.whole.format(texts[0]), "i"
-        if name in ("min", "max") and numbers:
-            kind = joined(*kinds)
-            helper = f"{name}_{'whole' if kind == 'i' else 'real'}"
-            return f"{dialect.function(helper)}({', '.join(texts)})", kind
-        if name == "complex" and numbers:
-            return f"{dialect.function(name)}({', '.join(texts)})", "z"
-        raise refused(node)
+    def items(self, nodes: Sequence[ast.expr], wanted: Sequence[Type], node: ast.AST) -> list[str]:
+        """Texts of as many expressions as are wanted."""
+        if len(nodes) != len(wanted):
+            raise _refused(node)
+        return [self.fitted(item, kind) for item, kind in zip(nodes, wanted, strict=True)]
 
     def statement(self, node: ast.stmt) -> list[str]:
         """The lines of a statement."""
+        d = self.dialect
         match node:
-            case ast.Assign():
-                return self._assign(node.targets[0], node.value)
-            case ast.AugAssign():
-                return self._assign(node.target, _sum(node))
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                return [f"{d.name(name)} = {self.fitted(value, self.kinds[name])};"] if name in self.read else []
+            case ast.Return(value=ast.Tuple(elts=items)) if origin_of(self.result) is tuple:
+                return [f"return {d.make(self.result, self.items(items, get_args(self.result), node))};"]
             case ast.Return(value=ast.expr() as value):
-                return [f"return {self._returned(value)};"]
-            case ast.Break():
-                return ["break;"]
-            case ast.Continue():
-                return ["continue;"]
-            case ast.Pass():
-                return []
-            case ast.Expr(value=ast.Call() as value):
-                return [f"{self.code(value)[0]};"]
-            case ast.If(orelse=other):
-                lines = [self._condition("if", node.test), *self._inner(node.body)]
-                return [*lines, *(["} else {", *self._inner(other)] if other else []), "}"]
-            case ast.While(orelse=[]):
-                return [self._condition("while", node.test), *self._inner(node.body), "}"]
-            case ast.For(orelse=[], target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds)):
-                return self._for(node, name, bounds)
-        raise refused(node)
+                return [f"return {self.fitted(value, self.result)};"]
+            case ast.Break() | ast.Continue():
+                return [f"{ast.unparse(node)};"]
+            case ast.If(test=test, body=body, orelse=other):
+                more = ["} else {", *self.inner(other)] if other else []
+                return [f"if ({self.fitted(test, bool)}) {{", *self.inner(body), *more, "}"]
+            case ast.While(test=test, body=body):
+                return [f"while ({self.fitted(test, bool)}) {{", *self.inner(body), "}"]
+            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds)) if (
+                len(bounds) <= 2
+            ):
+                stored = {ast.unparse(part.targets[0]) for part in ast.walk(node) if isinstance(part, ast.Assign)}
+                # The end of the range is looked at in each turn.
+                if _names(bounds) & stored or name in stored:
+                    raise _refused(node)
+                first, end = ["0", *(self.fitted(bound, int) for bound in bounds)][-2:]
+                own = d.name(name)
+                return [f"for ({own} = {first}; {own} < {end}; {own} = {own} + 1) {{", *self.inner(node.body), "}"]
+        raise _refused(node)
 
-    def _inner(self, body: Iterable[ast.stmt]) -> list[str]:
+    def inner(self, body: Iterable[ast.stmt]) -> list[str]:
+        """The lines of a block."""
         return [f"    {line}" for item in body for line in self.statement(item)]
-
-    def _condition(self, word: str, node: ast.expr) -> str:
-        text, kind = self.code(node)
-        if kind != "b":
-            raise refused(node)
-        return f"{word} ({text}) {{"
-
-    def _for(self, node: ast.For, name: str, bounds: Sequence[ast.expr]) -> list[str]:
-        """A loop from start to before stop, which is looked at once."""
-        down = len(bounds) == 3 and ast.unparse(bounds[2]) == "-1"
-        if len(bounds) == 3 and not down:
-            raise refused(node)
-        dialect, counter = self.dialect, self._temporary()
-        start, stop = [dialect.number(0), *self._codes(bounds[:2])[0]][-2:]
-        step = f"{counter} > {counter}end; --{counter}" if down else f"{counter} < {counter}end; ++{counter}"
-        head = f"for ({dialect.counter} {counter} = {start}, {counter}end = {stop}; {step}) {{"
-        named = [f"    {dialect.name(name)} = {counter};"] if name in self.read else []
-        return [head, *named, *self._inner(node.body), "}"]
-
-    def _temporary(self) -> str:
-        self.temporaries += 1
-        return f"t{self.temporaries}_"
-
-    def _returned(self, node: ast.expr) -> str:
-        if isinstance(node, ast.Tuple) and isinstance(self.result, tuple):
-            if len(node.elts) != len(self.result):
-                raise refused(node)
-            return self.dialect.make(self.result, list(map(self.fitted, node.elts, self.result)))
-        return self.fitted(node, self.result)
-
-    def _assign(self, target: ast.expr, value: ast.expr) -> list[str]:
-        dialect = self.dialect
-        if not isinstance(target, ast.Tuple):
-            return self._store(target, *self.code(value))
-        # All of the right side first: the targets may be read there.
-        sources = value.elts if isinstance(value, ast.Tuple) else [value]
-        held = [(self._temporary(), *self.code(source)) for source in sources]
-        lines = [f"{dialect.fixed}{dialect.declared(kind, name)} = {text};" for name, text, kind in held]
-        parts: list[Code] = [(name, kind) for name, _text, kind in held]
-        if not isinstance(value, ast.Tuple):
-            ((name, kind),) = parts
-            if isinstance(kind, tuple):
-                parts = [(dialect.element.format(name, k), item) for k, item in enumerate(kind)]
-            else:
-                parts = [(f"{name}[{k}]", "d") for k in range(len(target.elts))]
-        pairs = zip(target.elts, parts, strict=True)
-        stored = [line for item, part in pairs for line in self._store(item, *part)]
-        # Their variables are seen by nobody else.
-        return ["{", *(f"    {line}" for line in (*lines, *stored)), "}"]
-
-    def _store(self, target: ast.expr, text: str, kind: Type) -> list[str]:
-        if isinstance(target, ast.Name):
-            if target.id not in self.read:
-                return []
-            wanted = self.variables[target.id]
-            return [f"{self.dialect.name(target.id)} = {self.dialect.fit(text, kind, wanted)};"]
-        if isinstance(target, ast.Subscript):
-            place, wanted = self.code(target)
-            return [f"{place} = {self.dialect.fit(text, kind, wanted)};"]
-        raise refused(target)
-
-
-def _assignments(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
-    if isinstance(node, ast.Assign):
-        yield node.targets[0], node.value
-    elif isinstance(node, ast.AugAssign):
-        yield node.target, _sum(node)
-    elif isinstance(node, ast.For):
-        yield node.target, ast.Constant(0)
-
-
-def _sum(node: ast.AugAssign) -> ast.BinOp:
-    """`target op value`, the target read."""
-    read = ast.parse(ast.unparse(node.target), mode="eval").body
-    return ast.BinOp(read, node.op, node.value)

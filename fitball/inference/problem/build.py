@@ -1,309 +1,272 @@
-"""From table and scene to a problem: which model, which parameters, what is known; nothing is computed yet."""
+"""Table, scene and choices -> `Problem`, in one pass. Imports: the rest of problem, models, data, base."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from fitball.data.published import with_published
-from fitball.data.scene import NO_CONTACT_TIME, NO_MU, NO_SPIN_SD, NO_VELOCITY_SD, Scene
+from fitball.columns import COLUMNS, REBOUND
+from fitball.data.bundled import PUBLISHED, published_prior
+from fitball.data.read import load_data
+from fitball.data.scene import Quantity, Scene
 from fitball.data.table import ImpactTable
-from fitball.errors import FitError
-from fitball.inference.problem.camera import CAMERA_SPECS, View, build_view
-from fitball.inference.problem.force_records import ForceRecords, force_noise, records_for
-from fitball.inference.problem.noise import NoiseKind, noise_kind
-from fitball.inference.problem.observables import (
-    Observable,
-    build_observables,
-    expected_sizes,
-    named_noise,
-    noise_by_column,
-    noise_parameters,
-    scatter_specs,
-)
-from fitball.inference.problem.parameters import NOISE_SPECS, Parameter, Prior, build_parameters, parse_prior
-from fitball.inference.problem.pooling import (
-    ALL,
-    NOT_POOLED,
-    GroupBias,
-    Pooling,
-    build_group_bias,
-    build_pooling,
-    default_pool,
-)
-from fitball.inference.problem.problem import Choices, Problem
-from fitball.inference.problem.row_errors import RowErrors, refuse_singular, row_errors
-from fitball.inference.problem.spreads import LAB_SPREADS, kind_of
+from fitball.errors import FitError, Note, ParameterError, suggestion
+from fitball.inference.forward import ForwardModel, Levels, at_label
+from fitball.inference.noise import noise_kind
+from fitball.inference.problem.camera import CAMERA_SPECS, camera_of
+from fitball.inference.problem.joint_prior import Parameter, joint_prior
+from fitball.inference.problem.levels import ALL, NOT_POOLED, LevelPrior, asked_levels, default_pool, level_prior
+from fitball.inference.problem.problem import COMMON, Choices, Observable, Problem, Rows, base_of
+from fitball.inference.problem.row_errors import row_errors
 from fitball.models.model import Model
-from fitball.models.registry import Reduced, entry, model
-from fitball.models.specs import BALL_PARAMETERS, ParameterSpec
-from fitball.observables import NOISE_OF, SHARED_SD, VELOCITIES
-from fitball.values import Impacts
+from fitball.models.registry import candidates, known_model
+from fitball.models.registry import model as model_of
+from fitball.models.specs import BALL_PARAMETERS, SPECS
+from fitball.priors import ParameterSpec, parse_prior
+from fitball.text import listed
 
-__all__ = ["Choices", "as_if_filmed", "build_problem", "impacts_with_cor", "reduction"]
+# Sizes of noises that are expected where the scene expects none: Wang's tables. An angle has that of a velocity
+# across the flight. Degrees of freedom of the half-t prior of a scatter beyond stated errors, which may be nothing.
+VELOCITY_SD, SPIN_SD, SCATTER_FREEDOM = 0.25, 10.0, 4
+VELOCITY_NOISES = ("v_x_sd", "v_y_sd", "speed_sd")
+# What acts on the spin alone; the stiffness where only a contact time would show it.
+SPIN_ONLY, STIFFNESS = ("eps_10", "eps_slope", "offset"), 2.0e4
+# Spreads of dropped balls and of places of a court, which no problem has: `uses.lab` asks for their priors.
+LAB_SPREADS = ("cor_10_spread", "rating_spread")
+
+Specs: TypeAlias = Mapping[str, ParameterSpec]
+# Of each parameter the text of a prior, or a value and why it is fixed.
+Given: TypeAlias = dict[str, str | tuple[float, str]]
 
 
-def build_problem(table: ImpactTable, scene: Scene, choices: Choices, force: ForceRecords | None = None) -> Problem:
-    """Free only parameters that the table, and its `force` records, can show, with notes on what was left
-    out.
-
-    Raises FitError when the model can answer for no column of the table, or nothing is left to fit, and what `model`
-    and `build_parameters` raise.
+def pose(
+    sources: Sequence[Any], *, scene: Any = "", as_read: bool = False, model: Model | str = "",
+    fix: Mapping[str, float] | None = None, prior: Mapping[str, str] | None = None,
+    pool: Mapping[str, str] | None = None, noise: str = "", **reading: Any,
+) -> tuple[Problem, Model | None]:  # fmt: skip
+    """The problem of one fit to some sources, by the options of `calibrate` (`reading` as `load_table`), and its
+    model if that is one of one's own. Raises as reading and `build_problem` do.
     """
-    name = choices.model or scene.model
-    closures = {**(scene.closures if name == scene.model else {}), **choices.closures}
-    chosen, fixed, notes = _compose(table, scene, name, closures)
-    noise_of = _noise_of(table, scene, choices, notes)
-    observables, unused = build_observables(table, table.has_tangential, chosen, noise_of)
-    notes += unused
-    if not observables:
-        raise FitError(f"{table.source}: model {name} predicts none of the measured columns")
-    errors = _errors(table, observables, choices, notes)
-    if errors is not None and errors.uncertain and force is not None:
-        notes.append("force records are compared at the stated incident speed, assumed exact")
-    contact_time = scene.contact_time if chosen.has_time else None
-    records = records_for(chosen, scene, force, notes)
-    measured_time = any(observable.column.timed for observable in observables)
-    timed = contact_time is not None or measured_time or records is not None
-    if "k_y" in chosen.parameter_names and "k_theta" not in chosen.parameter_names and not timed:
-        fixed["k_y"] = (2.0e4, "it affects only the contact time, which was not measured")
-    priors = _scene_priors(scene, fixed)
-    noise = noise_parameters(observables, table, scene, priors, fixed)
-    if records is not None:
-        noise += force_noise(records, scene, priors, fixed)
-    ball_names = tuple(name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd)
-    names = (*chosen.parameter_names, *noise)
-    asked = {**scene.priors, **scene.fix, **choices.priors, **choices.fix}
-    camera, remarks = build_view(table, scene, asked, chosen, observables)
-    notes += remarks
-    seen, held = camera.specs(scene) if camera is not None else ({}, {})
-    fixed |= held
-    known = {*names, *ball_names, *seen}
-    fixed = {key: value for key, value in fixed.items() if key in known}
-    priors = {key: value for key, value in priors.items() if key in known}
-    priors |= {key: value for key, value in scene.priors.items() if name == scene.model or key in known}
-    scene_fix = {key: value for key, value in scene.fix.items() if name == scene.model or key in known}
-    for key in {**scene.priors, **choices.priors}:
-        fixed.pop(key, None)
-    fixed |= {key: (value, "fixed by the scene") for key, value in scene_fix.items()}
-    fixed |= {key: (value, "fixed on request") for key, value in choices.fix.items()}
-    wanted, published = with_published({**priors, **choices.priors})
-    kind = noise_kind(choices.noise or scene.distribution)
-    wished = {**scene.pool, **choices.pool}
-    pool = dict(wished)
-    if pool.get(ALL) != NOT_POOLED:
-        own, remarks = default_pool(table, chosen, fixed, {*pool}, choices.offsets or scene.offsets, measured_time)
-        pool |= own
-        notes += remarks
-    pool = {key: column for key, column in pool.items() if column != NOT_POOLED}
-    levels, offsets, extra, known_spreads = _structure(table, scene, choices, chosen, observables, wanted, kind, pool)
-    extra |= seen
-    spreads = _spreads(table, wanted, extra)
-    wanted = {key: text for key, text in wanted.items() if key not in spreads}
-    sources = {**known_spreads, **published}
-    scatter = scatter_specs(observables)
-    parameters = build_parameters(names, {**chosen.specs, **scatter}, wanted, fixed, ball_names, extra, sources)
-    if errors is not None and errors.columns:
-        still = {item.name for item in parameters if item.fixed is not None and not item.fixed > 0.0}
-        noises = {item.name: item.noise for item in observables}
-        refuse_singular(table, errors, [noises[name] not in {None, *still} for name in errors.columns])
-    if all(parameter.name in NOISE_SPECS for parameter in parameters if parameter.free):
-        raise FitError(
-            f"{table.source}: every parameter of model {name} is fixed: free at least one that is not a noise"
-        )
-    notes += [f"prior of {key} from {source}" for key, source in published.items()]
-    notes += [
-        f"{pooling.parameter} is fitted to each {pooling.column}, partially pooled"
-        for pooling in levels
-        if pooling.parameter in wished
-    ]
+    known = load_data(sources, scene or None, as_read, **reading)
+    choices, own = choices_of(model, fix, prior, pool, noise)
+    return build_problem(*known, choices, own), own
+
+
+def choices_of(
+    model: Model | str = "", fix: Mapping[str, float] | None = None, prior: Mapping[str, str] | None = None,
+    pool: Mapping[str, str] | None = None, noise: str = "",
+) -> tuple[Choices, Model | None]:  # fmt: skip
+    """Choices by the options of `calibrate`, and the model if that is one of one's own."""
+    # A function of one's own is no text that a fit can be made of again.
+    own = model if isinstance(model, Model) else model_of(model) if ".py:" in model else None
+    text = own.text if own else str(model)
+    return Choices(text, dict(fix or {}), dict(prior or {}), dict(pool or {}), noise), own
+
+
+def build_problem(
+    table: ImpactTable, scene: Scene, choices: Choices, own: Model | None = None,
+    known: Mapping[str, str] = MappingProxyType({}),
+) -> Problem:  # fmt: skip
+    """The problem, with a note on all that was assumed or is idle; each column has a noise of its own. `known` are
+    prior or fixed value of all parameters, as a saved fit has them, instead of this version's defaults. Raises
+    ParameterError, ModelError, FitError (`too-few-impacts`, `nothing-to-fit`).
+    """
+    if len(table) < 2:
+        text = f"{table.name} has {len(table)} impact; expected at least 2, since one does not determine the noise"
+        raise FitError(text, "too-few-impacts")
+    tangential, notes, ball = table.shows("tangential"), list[Note](), scene.value()
+    text = choices.model or str(scene.model.get("name", ""))
+    text = text or candidates(tangential=tangential, spin=table.shows("spin"))[-1]
+    chosen = known_model(text, ball=ball, tangential=tangential) if own is None else own
+    model = replace(chosen, ball=ball, tangential=tangential)
+    observables = _observables(table, model, notes)
+    noise = noise_kind(choices.noise or str(scene.measurement.get("noise", "normal")))
+    named = [*choices.prior, *choices.fix, *scene.prior, *scene.fix]
+    camera, of_camera = camera_of(table, scene.camera, named, {item.column.gap for item in observables}, notes)
+    uncertain = [name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd()]
+    specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | of_camera
+    specs |= _noises(table, scene, observables) | {name: SPECS[name] for name in uncertain}
+    timed = scene.contact_time is not None or any(item.column.timed for item in observables)
+    given = _given(specs, table, scene, choices, known, timed)
+    levels = _levels(table, scene, choices, model, given, timed, notes)
+    _refuse_unknown(choices, scene, specs, levels)
+    parameters, priors, texts = _parameters(specs, given, levels, scene, notes)
+    free = [item for item in parameters if item.fixed is None]
+    if all(item.spec.name in COMMON for item in free):
+        names = listed(spec.name for spec in model.parameters)
+        text = f"{table.name}: every parameter of {model.text} is fixed: free at least one of {names}"
+        raise FitError(text, "nothing-to-fit")
+    columns = [item.column.name for item in observables]
+    exact = {item.spec.name for item in parameters if item.fixed == 0.0}
+    errors = row_errors(table, columns, [item.column.name for item in observables if item.noise in exact])
+    if errors is not None:
+        notes.append(errors.note)
+    sd = np.zeros((len(table), len(columns)))
+    if errors is None:
+        sd = np.stack([np.nan_to_num(table.sd.get(name, np.zeros(len(table)))) for name in columns], axis=1)
+    forward = ForwardModel(model, noise, levels)
+    index = forward.levels_of(table.labels, len(table))
+    y = np.stack([table.values[name] for name in columns], axis=1)
+    time = scene.contact_time if model.timed else None
     return Problem(
-        table=table,
-        scene=scene,
-        model=chosen,
-        parameters=parameters,
-        observables=observables,
-        impacts=impacts_with_cor(table, chosen),
-        contact_time=contact_time,
-        notes=(
-            *(note for note in scene.assumed if note not in _idle(known, fixed.keys(), timed)),
-            *notes,
-            *([chosen.remark] if chosen.remark else []),
-        ),
-        pooling=levels,
-        spreads=spreads,
-        group_bias=offsets,
-        errors=errors,
-        camera=camera,
-        force=records,
-        noise=kind,
-        choices=choices,
-    )
+        table=table, scene=scene, choices=choices, forward=forward, parameters=tuple(parameters),
+        free=tuple(item.spec.name for item in free), prior=joint_prior(free, priors), observables=observables,
+        rows=Rows(table.impacts, y, sd, errors, index), camera=camera,
+        contact_time=None if time is None else (time.value, time.sd),
+        notes=(*_assumed(scene, {base_of(item.spec.name) for item in free}, timed), *notes), known=texts,
+    )  # fmt: skip
 
 
-def _noise_of(table: ImpactTable, scene: Scene, choices: Choices, notes: list[str]) -> Mapping[str, str]:
-    """The noise parameter of each column; a table's is the same whatever the model."""
-    column = choices.offsets or scene.offsets
-    groups = 0 if column is None else len(set(table.labels.get(column, ())))
-    named = named_noise(scene, scene.priors, scene.fix, choices.priors, choices.fix)
-    return noise_by_column(table, choices.velocity_noise or scene.velocity_noise, named, groups, notes)
+def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[Observable, ...]:
+    """The measured columns that the model predicts. Raises FitError (`nothing-to-fit`)."""
+    if not model.tangential:
+        text = "No motion along the court was measured: only the vertical one is fitted."
+        notes.append(Note("vertical-only", text))
+    elif not table.shows("spin"):
+        text = "No spin was measured: incident spin is taken as zero, and offsets are held at 0."
+        notes.append(Note("no-spin", text))
+    elif "omega_1" not in table.values:
+        notes.append(Note("no-incident-spin", "No column omega_1: the incident spin is taken as zero."))
+    found = []
+    for column in (COLUMNS[name] for name in REBOUND if name in table.values):
+        if column.tangential and not model.tangential:
+            text = f"{column.name} is not used: only the vertical motion is fitted."
+            notes.append(Note("unused-column", text))
+        elif column.timed and not model.timed:
+            notes.append(Note("unused-column", f"{column.name} is not used: {model.text} has no time axis."))
+        elif column.noise is not None:
+            found.append(Observable(column, column.noise.name, column.name in table.sd))
+    if not found:
+        raise FitError(f"{table.name}: {model.text} predicts none of the measured columns", "nothing-to-fit")
+    return tuple(found)
 
 
-def _idle(parameters: Set[str], fixed: Set[str], timed: bool) -> set[str]:
-    """Statements of a scene that no parameter of the problem uses."""
-    velocities = {SHARED_SD, *(NOISE_OF[name] for name in VELOCITIES)} - fixed
-    about = {NO_MU: {"mu"}, NO_VELOCITY_SD: velocities, NO_SPIN_SD: {"spin_sd"}, NO_CONTACT_TIME: {"k_y"}}
-    return {text for text, names in about.items() if not names & parameters} | ({NO_CONTACT_TIME} if timed else set())
-
-
-def _errors(
-    table: ImpactTable, observables: Sequence[Observable], choices: Choices, notes: list[str]
-) -> RowErrors | None:
-    errors = row_errors(table, observables, choices.incident_errors)
-    if errors is not None and errors.columns:
-        notes.append("stated errors of a row belong together, as in the table's covariance")
-    if table.incident_covariance is not None:
-        stated = ", ".join(f"{column}_sd" for column in table.incident_sd) or "covariance"
-        notes.append(
-            f"{stated}: the incident state is uncertain: marginalised to first order, more finely near a kink"
-            if choices.incident_errors
-            else f"{stated}: uncertainty of incident columns ignored on request"
-        )
-    return errors
-
-
-def _structure(
-    table: ImpactTable,
-    scene: Scene,
-    choices: Choices,
-    chosen: Model,
-    observables: tuple[Observable, ...],
-    priors: Mapping[str, str],
-    noise: NoiseKind,
-    pool: Mapping[str, str],
-) -> tuple[tuple[Pooling, ...], GroupBias | None, dict[str, ParameterSpec], dict[str, str]]:
-    """The `pool`ing and group offsets asked for, the parameters that these and `noise` bring, and where priors of
-    spreads that nobody chose were published.
+def _noises(table: ImpactTable, scene: Scene, observables: Iterable[Observable]) -> dict[str, ParameterSpec]:
+    """The noise of each column, with a prior about the size that the scene expects; beyond stated errors a scatter,
+    which may be nothing.
     """
-    extra = {spec.name: spec for spec in noise.parameters}
-    specs = chosen.specs
-    known = {
-        name: parse_prior(name, priors.get(name, spec.prior), spec.lower, spec.upper, spec.unit)
-        for name, spec in specs.items()
-        if name in pool and name in chosen.parameter_names
-    }
-    levels = build_pooling(table, pool, chosen.parameter_names, known)
-    sources = {}
-    for pooling in levels:
-        extra |= pooling.specs(specs[pooling.parameter].unit, known[pooling.parameter], scene.tennis)
-        source = pooling.spread_prior(known[pooling.parameter], scene.tennis).source
-        if source and pooling.spread_name not in priors:
-            sources[pooling.spread_name] = source
-    column = choices.offsets or scene.offsets
-    offsets = None if column is None else build_group_bias(table, column)
-    if offsets is not None:
-        sizes = {name: getattr(scene, name) or size for name, size in expected_sizes(scene, table).items()}
-        extra |= offsets.specs(observables, sizes)
-    return levels, offsets, extra, sources
+    said = {name: float(size) for name, size in scene.measurement.items() if isinstance(size, int | float)}
+    velocity = said.get("nominal_velocity_sd", said.get("velocity_sd", VELOCITY_SD))
+    angle = float(np.arctan2(velocity, np.median(table.impacts.polar()[0])))
+    spin = said.get("nominal_spin_sd", SPIN_SD)
+    expected = {"m/s": f"{velocity:.10g}", "rad": f"{angle:.2g}", "rad/s": f"{spin:.10g}"}
+    found = {}
+    for item in observables:
+        spec = item.column.noise
+        assert spec is not None
+        size = expected.get(spec.unit, spec.prior.partition("(")[2].partition(",")[0])
+        size = f"{said[nominal]:.10g}" if (nominal := f"nominal_{item.noise}") in said else size
+        prior = f"half-t({size}, {SCATTER_FREEDOM})" if item.stated else f"lognormal({size}, 0.7)"
+        words = f"scatter of {item.column.name}, beyond stated errors" if item.stated else spec.meaning
+        found[item.noise] = replace(spec, prior=prior, meaning=words)
+    return found
 
 
-def _spreads(table: ImpactTable, priors: Mapping[str, str], extra: Mapping[str, ParameterSpec]) -> dict[str, Prior]:
-    """Chosen `priors` of spreads that are no parameter of the fit: of dropped balls, of places of a court."""
-    kinds = {kind_of(column) for column in table.labels}
-    return {
-        name: parse_prior(name, text, 0.0, math.inf)
-        for name, text in priors.items()
-        if name not in extra and LAB_SPREADS.get(name) in kinds - {None}
-    }
-
-
-def reduction(table: ImpactTable, name: str, options: Mapping[str, str]) -> Reduced | None:
-    """What the model called `name` is on a table that shows only part of it; None where it cannot be fitted."""
-    known = entry(name, options)
-    if not table.has_tangential:
-        return known.vertical
-    return Reduced() if table.has_spin else known.spinless
-
-
-def _compose(
-    table: ImpactTable, scene: Scene, name: str, closures: Mapping[str, str]
-) -> tuple[Model, dict[str, tuple[float, str]], list[str]]:
-    """The model reduced to what the table shows, parameters that act nowhere, and why."""
-    fixed: dict[str, tuple[float, str]] = {}
-    notes = []
-    reduced = reduction(table, name, closures)
-    if not table.has_tangential:
-        notes.append("no motion along the court was measured: only the vertical motion is fitted")
-    elif not table.has_spin:
-        notes.append(
-            "no spin was measured: incident spin is assumed zero, shell and core rotate together, and "
-            "the offset is fixed at zero"
-        )
-        for parameter in ("eps_10", "eps_slope", "offset"):
-            fixed[parameter] = (0.0, "it affects the spin, which was not measured")
-    elif "omega_1" not in table.incident_columns:
-        notes.append("no column omega_1: the incident spin is assumed zero")
-    if reduced is None:
-        raise FitError(f"{table.source}: model {name} needs measured spin")
-    closures = {**reduced.closures, **closures}
-    return model(name, ball=scene.ball, tangential=table.has_tangential, **closures), fixed, notes
-
-
-def _scene_priors(scene: Scene, fixed: dict[str, tuple[float, str]]) -> dict[str, str]:
-    priors = {}
-    if scene.mu is not None:
-        value, sd = scene.mu
-        if sd is None:
-            fixed["mu"] = (value, "stated in the scene")
-        else:
-            priors["mu"] = f"normal({value:.10g}, {sd:.10g})"
-    balls = {"mass": scene.ball.mass, "radius": scene.ball.radius, "inertia_ratio": scene.ball.inertia_ratio}
-    for key, sd in scene.ball_sd.items():
-        name = key if key == "inertia_ratio" else f"ball_{key}"
-        priors[name] = f"normal({balls[key]:.10g}, {sd:.10g})"
-    return priors
-
-
-def as_if_filmed(problem: Problem, key: str, value: float, free: bool = False) -> Problem:
-    """The problem as if its camera, of which nothing is stated by this key, had this `value`, or it were fitted."""
-    known = problem.camera or View((), ("",), np.zeros(len(problem.impacts), dtype=np.int64))
-    camera = replace(known, keys=(*known.keys, key))
-    spec = CAMERA_SPECS[key]
-    prior = parse_prior(key, spec.prior, spec.lower, spec.upper, spec.unit)
-    names = (camera.name(key, session) for session in camera.sessions)
-    added = tuple(
-        Parameter(replace(spec, name=name), prior, None if free else value, "" if free else "supposed")
-        for name in names
-    )
-    return replace(problem, camera=camera, parameters=(*problem.parameters, *added))
-
-
-def impacts_with_cor(table: ImpactTable, chosen: Model) -> Impacts:
-    """The impacts, each with its measured restitution where the model wants it, and only there.
-
-    Raises FitError without `v_y2`, in any row, and where noise has put a restitution above 1.
+def _given(
+    specs: Specs, table: ImpactTable, scene: Scene, choices: Choices, known: Mapping[str, str], timed: bool
+) -> Given:
+    """What is given of parameters, later ones before earlier ones: a saved fit, facts of the table, numbers of the
+    scene, its sections, the user.
     """
-    if not chosen.needs_cor:
-        return replace(table.impacts, cor=None)
-    rebound = table.measurement("v_y2")
-    if rebound is None:
-        raise FitError(f"{table.source}: cor = measured needs a column v_y2")
-    if not rebound.complete:
-        gaps = np.flatnonzero(~rebound.measured)
-        raise FitError(
-            f"{table.source}: cor = measured needs v_y2 of every impact, and {gaps.size} have none "
-            f"(first: {table.ids[gaps[0]]}). Leave such rows out, or fit the restitution (cor = line or mean)"
-        )
-    cor = rebound.values / table.impacts.v_y1
-    above = np.flatnonzero(cor > 1.0)
-    if above.size:
-        first, more = above[0], f" and {above.size - 1:,} more exceed that" if above.size > 1 else " exceeds that"
-        raise FitError(
-            f"{table.source}: cor = measured needs coefficients of restitution of at most 1. Impact "
-            f"{table.ids[first]}{more} ({cor[first]:.4g}). Leave such rows out, or fit the restitution "
-            "(cor = line or mean)"
-        )
-    return replace(table.impacts, cor=cor)
+    given: Given = {
+        name: text if "(" in text else (float(text), "fixed in the stored fit") for name, text in known.items()
+    }
+    if table.shows("tangential") and not table.shows("spin"):
+        why = "it affects the spin, which was not measured"
+        given |= {name: (0.0, why) for name in SPIN_ONLY if name in specs}
+    if "k_y" in specs and "k_theta" not in specs and not timed:
+        given["k_y"] = (STIFFNESS, "it affects only the contact time, which was not measured")
+    ball, noise = scene.value(), scene.measurement
+    numbers: dict[str, object] = {"mu": scene.surface.get("mu")}
+    numbers |= dict.fromkeys(VELOCITY_NOISES, noise.get("velocity_sd"))
+    numbers |= {name: noise[name] for name in specs if name in noise}
+    for key, sd in scene.ball_sd().items():
+        numbers[key if key in BALL_PARAMETERS else f"ball_{key}"] = Quantity(getattr(ball, key), sd)
+    for name in specs:
+        if (key := name.partition("[")[0]) in CAMERA_SPECS and scene.camera is not None:
+            numbers[name] = getattr(scene.camera, key)
+    for name, number in numbers.items():
+        if isinstance(number, Quantity):
+            given[name] = f"normal({number.value:.10g}, {number.sd:.10g})"
+        elif isinstance(number, int | float):
+            given[name] = (float(number), "stated in the scene")
+    for said, why in ((scene, "fixed by the scene"), (choices, "fixed on request")):
+        given |= said.prior
+        given |= {name: (float(value), why) for name, value in said.fix.items()}
+    return given
+
+
+def _levels(
+    table: ImpactTable, scene: Scene, choices: Choices, model: Model, given: Given, timed: bool, notes: list[Note]
+) -> tuple[Levels, ...]:
+    """The parameters that differ between labels: as asked, else by default; none that has a value."""
+    names = {spec.name for spec in model.parameters}
+    fixed = {name for name, said in given.items() if isinstance(said, tuple)}
+    asked = {name: column for name, column in scene.pool.items() if name in names or name == ALL} | choices.pool
+    pool = {name: column for name, column in asked.items() if column != NOT_POOLED and name not in fixed}
+    if asked.get(ALL) != NOT_POOLED:
+        more, remarks = default_pool(table, model, {*asked, *fixed}, timed)
+        pool |= more
+        notes += remarks
+    return asked_levels(table, pool, model)
+
+
+def _refuse_unknown(choices: Choices, scene: Scene, specs: Specs, levels: Sequence[Levels]) -> None:
+    """Raises ParameterError (`unknown-parameter`) for a name that nothing has; a scene may serve several models."""
+    spreads = [*(f"{level.parameter}_spread" for level in levels), *LAB_SPREADS]
+    others = {name for name in (*scene.prior, *scene.fix) if base_of(name) in {*SPECS, *COMMON}}
+
+    def refuse(names: Collection[str], known: Collection[str]) -> None:
+        for name in names:
+            if name not in known and name not in others:
+                raise ParameterError(f"read '{name}': {suggestion(name, known)}", "unknown-parameter")
+
+    refuse([*scene.prior, *choices.prior], [*specs, *spreads])
+    refuse([*scene.fix, *choices.fix], [*specs])
+
+
+def _parameters(
+    specs: Specs, given: Given, levels: Sequence[Levels], scene: Scene, notes: list[Note]
+) -> tuple[list[Parameter], list[LevelPrior], dict[str, str]]:
+    """The parameters in order, the joint priors of those at levels, and the prior or value of each as text."""
+    by_level = {level.parameter: level for level in levels}
+    parameters, joint, texts = list[Parameter](), list[LevelPrior](), dict[str, str]()
+    for name, spec in specs.items():
+        said = given.get(name, "")
+        text, value, why = (said, None, "") if isinstance(said, str) else ("", *said)
+        prior = published_prior(spec, text) if text.startswith(PUBLISHED) else parse_prior(spec, text)
+        if prior.source:
+            notes.append(Note("published-prior", f"Prior of {name} from {prior.source}."))
+        texts[name] = prior.text if value is None else repr(value)
+        if name in by_level:
+            start = sum(item.fixed is None for item in parameters)
+            spread = given.get(f"{name}_spread", "")
+            level = level_prior(by_level[name], start, spec, prior, scene.value(), str(spread), notes)
+            joint.append(level)
+            texts[f"{name}_spread"] = level.text
+            where = by_level[name]
+            for label in where.labels:
+                parameters.append(Parameter(at_label(spec, where.name(label), label, f"on {where.column}"), prior))
+            continue
+        lower = 0.0 if spec.prior.startswith("half") else spec.lower
+        if value is not None and not lower <= value <= spec.upper:
+            wanted = f"expected {lower:g} to {spec.upper:g} {spec.unit}".rstrip()
+            raise ParameterError(f"read {name} = {value:g}; {wanted}", "out-of-bounds")
+        measured = name in BALL_PARAMETERS or name.partition("[")[0] in CAMERA_SPECS
+        parameters.append(Parameter(spec, prior, value, why, measured))
+    return parameters, joint, texts
+
+
+def _assumed(scene: Scene, free: Collection[str], timed: bool) -> Iterable[Note]:
+    """What the scene left open, where that concerns a free parameter."""
+    about = {
+        "no-friction": "mu" in free,
+        "no-contact-time": "k_y" in free and not timed,
+        "no-velocity-noise": not {*VELOCITY_NOISES}.isdisjoint(free),
+        "no-spin-noise": "spin_sd" in free,
+    }
+    return (note for note in scene.assumed() if about.get(note.code, True))

@@ -1,271 +1,128 @@
-"""What the impacts of a session share because one camera saw them: its scale, its clock, its tilt, and the height of
-the court that was assumed. They act on all columns of all rows, and so they are parameters of the fit.
+"""What a session shares because one camera saw it. Imports: data.scene, models.types, forward, base.
 
-A measured state becomes the true one by `true`, the model's rebound what the camera would have shown by `seen`. With
-scale `s` and clock `c` true lengths and times over measured ones, `tau` the angle by which the court rises along the
-flight in the picture, and `h` how much higher it is than was assumed:
-
-    v = (s/c) rot(tau) v',     omega = omega'/c,
-    T/c = T' + h/v_y1 + r/v_y2,   (P/s) cos(tau) = P' + h v_x1/v_y1 + r v_x2/v_y2,
-    Q = Q' + h omega_1/v_y1 + r omega_2/v_y2,   r = h + (P/s) sin(tau)
-
-where `'` is measured, and the heights and the speeds beside them are measured ones. A court that is higher is reached
-earlier and left later; a tilted one has the height `h` at landing and `r` at release.
+With scale s and clock c (true over measured), tilt tau, court height h, R = [[cos tau, -sin tau], [sin tau, cos
+tau]], v_1 = (v_x1, v_y1) with v_y1 downwards, v_2 = (v_x2, v_y2) upwards; ' is measured, T, P, Q are time, path and
+turn:
+    v_1 = (s/c) R v_1',  omega_1 = omega_1'/c,  v_2' = (c/s) R v_2,  omega_2' = c omega_2,
+    T' = T/c - h/v_y1' - r/v_y2',  P' = (P/s) cos(tau) - h v_x1'/v_y1' - r v_x2'/v_y2',
+    Q' = Q - h omega_1'/v_y1' - r omega_2'/v_y2',  r = h + (P/s) sin(tau).
+A court that is higher is reached earlier and left later; a tilted one has the height h at landing and r at release.
 """
 
-from __future__ import annotations
-
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from collections.abc import Collection, Iterable, Mapping
+from math import inf, pi
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fitball.data.scene import Scene
+from fitball.data.labels import role_of
+from fitball.data.scene import CameraSection
 from fitball.data.table import ImpactTable
-from fitball.errors import FitError
-from fitball.inference.problem.observables import Observable
-from fitball.inference.problem.pooling import levels_of
-from fitball.models.kernels.dual import STEP, NumberArray
-from fitball.models.model import Model, by_output
-from fitball.models.specs import EVERYTHING, POSITIVE, ParameterSpec
-from fitball.models.types import OUTPUTS, Rebound, Status
-from fitball.values import FloatArray, Impacts, OwnImpacts
-from fitball.wording import in_formula
+from fitball.errors import Note
+from fitball.inference.forward import ForwardModel, Values, at_label
+from fitball.models.types import Rebound, Status
+from fitball.numbers import Unit
+from fitball.priors import ParameterSpec
+from fitball.values import FloatArray, Impacts, IntArray
 
-# By name: `scale`, `clock`, `tilt`, `court_height`.
-CAMERA_SPECS: Mapping[str, ParameterSpec] = {
-    spec.name: spec
-    for spec in (
-        ParameterSpec(
-            "scale", "", 0.2, 5.0, "normal(1, 0.01)", "scale of the camera, true lengths over measured ones", r"$s$",
-            possible=POSITIVE,
-        ),
-        ParameterSpec(
-            "clock", "", 0.2, 5.0, "normal(1, 0.001)", "clock of the camera, true times over measured ones", r"$c$",
-            possible=POSITIVE,
-        ),
-        ParameterSpec(
-            "tilt", "rad", -0.3, 0.3, "normal(0, 0.005)",
-            "tilt of the court, upwards along the flight in the picture", r"$\tau$", possible=EVERYTHING,
-            handy=("deg", 180.0 / np.pi),
-        ),
-        ParameterSpec(
-            "court_height", "m", -0.2, 0.2, "normal(0, 0.003)", "height of the court, above the one assumed", r"$h$",
-            possible=EVERYTHING, handy=("mm", 1e3),
-        ),
-    )
-}  # fmt: skip
-SCALE, CLOCK, TILT, HEIGHT = CAMERA_SPECS
+_ALL = (
+    ParameterSpec("scale", "", 0.2, 5.0, "normal(1, 0.01)",
+        "scale of the camera, true lengths over measured ones", r"$s$", possible=(0.0, inf)),
+    ParameterSpec("clock", "", 0.2, 5.0, "normal(1, 0.001)",
+        "clock of the camera, true times over measured ones", r"$c$", possible=(0.0, inf)),
+    ParameterSpec("tilt", "rad", -0.3, 0.3, "normal(0, 0.005)",
+        "tilt of the court, upwards along the flight in the picture", r"$\tau$",
+        possible=(-inf, inf), handy=Unit("deg", 180.0 / pi)),
+    ParameterSpec("court_height", "m", -0.2, 0.2, "normal(0, 0.003)",
+        "height of the court, above the one assumed", r"$h$", possible=(-inf, inf), handy=Unit("mm", 1e3)),
+)  # fmt: skip
+CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
 # What nobody states.
-LEVEL: Mapping[str, float] = {SCALE: 1.0, CLOCK: 1.0, TILT: 0.0, HEIGHT: 0.0}
-
-# The label column that tells sessions apart.
-SESSION = "session"
-
-# By name, each broadcastable to (draws, impacts).
-Settings: TypeAlias = Mapping[str, NumberArray]
-Incident: TypeAlias = tuple[NumberArray, NumberArray, NumberArray]
+LEVEL = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
 
 
-def true(settings: Settings, measured: Incident) -> Incident:
-    """The true `(v_x1, v_y1, omega_1)` of measured ones, in any kind of number."""
-    v_x, v_y, omega = measured
-    speed, cosine, sine = settings[SCALE] / settings[CLOCK], np.cos(settings[TILT]), np.sin(settings[TILT])
-    # v_y1 is downwards.
-    return speed * (v_x * cosine - v_y * sine), speed * (v_x * sine + v_y * cosine), omega / settings[CLOCK]
-
-
-def seen(settings: Settings, measured: Incident, rebound: Mapping[str, NumberArray]) -> dict[str, NumberArray]:
-    """What the camera shows of true rebounds, by output, where it measured these incident states."""
-    slow, cosine, sine = settings[CLOCK] / settings[SCALE], np.cos(settings[TILT]), np.sin(settings[TILT])
-    v_x1, v_y1, omega_1 = measured
-    v_x2 = slow * (rebound["v_x2"] * cosine - rebound["v_y2"] * sine)
-    v_y2 = slow * (rebound["v_x2"] * sine + rebound["v_y2"] * cosine)
-    omega_2, path = rebound["omega_2"] * settings[CLOCK], rebound["gap_path"] / settings[SCALE]
-    landing = settings[HEIGHT]
-    release = landing + path * sine
-    # Where there is no rebound there is none to be shown.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        late, early = 1.0 / v_y2, 1.0 / v_y1
-        return {
-            **rebound,
-            "v_x2": v_x2,
-            "v_y2": v_y2,
-            "omega_2": omega_2,
-            "gap_time": rebound["gap_time"] / settings[CLOCK] - landing * early - release * late,
-            "gap_path": path * cosine - landing * v_x1 * early - release * v_x2 * late,
-            "gap_turn": rebound["gap_turn"] - landing * omega_1 * early - release * omega_2 * late,
-        }
-
-
-@dataclass(frozen=True)
-class Moves:
-    """How fast `settings` and `measured` incident states change along some directions, each (draws, impacts,
-    directions) or broadcastable to it; what does not change is not in `settings`.
-    """
-
-    settings: Mapping[str, FloatArray]
-    measured: tuple[FloatArray | float, FloatArray | float, FloatArray | float] = (0.0, 0.0, 0.0)
-
-    def stepped(self, settings: Settings, measured: Incident) -> tuple[Settings, Incident]:
-        """Both with a complex step along each direction."""
-        moved = {key: value[..., None] + 1j * STEP * self.settings.get(key, 0.0) for key, value in settings.items()}
-        v_x, v_y, omega = (
-            column[..., None] + 1j * STEP * rate for column, rate in zip(measured, self.measured, strict=True)
-        )
-        return moved, (v_x, v_y, omega)
-
-    def of_true(self, settings: Settings, measured: Incident) -> FloatArray:
-        """Derivatives of the true incident states, (draws, impacts, 3, directions)."""
-        return np.stack(np.broadcast_arrays(*true(*self.stepped(settings, measured))), axis=-2).imag / STEP
-
-    def of_seen(
-        self, settings: Settings, measured: Incident, rebound: Rebound, slopes: Mapping[str, FloatArray]
-    ) -> dict[str, FloatArray]:
-        """Derivatives (draws, impacts, directions) of what the camera shows of true rebounds with these `slopes`."""
-        outputs = {name: getattr(rebound, name)[..., None] + 1j * STEP * slopes[name] for name in OUTPUTS}
-        moved, states = self.stepped(settings, measured)
-        return {name: np.asarray(column.imag / STEP) for name, column in seen(moved, states, outputs).items()}
-
-
-@dataclass(frozen=True)
-class View:
-    """Which of `CAMERA_SPECS` are parameters of a problem: the `keys`, for each of the `sessions` ("" where the
-    table has but one); `index` (impacts,) says which session an impact is of.
+class CameraModel(NamedTuple):
+    """Which of scale, clock, tilt, court_height are parameters, of each of the `sessions` (`tilt[monday]`, or
+    `tilt`); `session` (impacts,) of each impact. States that do not reach the court have status NO_IMPACT.
     """
 
     keys: tuple[str, ...]
     sessions: tuple[str, ...]
-    index: NDArray[np.int64]
+    session: IntArray
 
     def name(self, key: str, session: str) -> str:
-        """The parameter of a session."""
+        """The parameter of a session; "" where there is but one."""
         return f"{key}[{session}]" if session else key
 
-    @property
-    def names(self) -> dict[str, str]:
-        """The keys of all parameters, by name."""
-        return {self.name(key, session): key for session in self.sessions for key in self.keys}
-
-    def specs(self, scene: Scene) -> tuple[dict[str, ParameterSpec], dict[str, tuple[float, str]]]:
-        """What the parameters are, by name, with the priors that the scene states; and those that it states without
-        an sd, with their value and why it is fixed.
-        """
-        made, held = {}, {}
-        for session in self.sessions:
-            for key in self.keys:
-                spec, name = CAMERA_SPECS[key], self.name(key, session)
-                words = spec.meaning.replace(",", f" in session {session},", 1) if session else spec.meaning
-                label = spec.label if not session else rf"{spec.label[:-1]}_{{{in_formula(session)}}}$"
-                stated = None if scene.camera is None else getattr(scene.camera, key)
-                prior = spec.prior
-                if stated is not None and stated.sd is not None:
-                    prior = f"normal({stated.value:.10g}, {stated.sd:.10g})"
-                made[name] = replace(spec, name=name, prior=prior, meaning=words, label=label)
-                if stated is not None and stated.sd is None:
-                    held[name] = (stated.value, "stated in the scene")
-        return made, held
-
-    def take(self, rows: NDArray[np.int64]) -> View:
+    def take(self, rows: IntArray) -> "CameraModel":
         """That of some of the impacts."""
-        return replace(self, index=self.index[rows])
+        return self._replace(session=self.session[rows])
 
-    def settings(self, columns: Mapping[str, NumberArray], rows: NDArray[np.int64]) -> Settings:
-        """What holds at each of `rows`, (draws, rows), of the parameters of all sessions in `columns` (draws,)."""
-        by_session = {
-            key: np.stack([columns[self.name(key, session)] for session in self.sessions], axis=-1)
-            for key in self.keys
-        }
-        settings: dict[str, NumberArray] = {key: np.full((1, len(rows)), value) for key, value in LEVEL.items()}
-        return settings | {key: values[:, self.index[rows]] for key, values in by_session.items()}
-
-    def moves(self, free: Sequence[str], rates: FloatArray) -> Moves:
-        """What changes along each coordinate of the `free` parameters, whose values do at `rates` (draws, free)."""
-        settings = {}
+    def _settings(self, values: Values) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Scale, clock, tilt and height, broadcastable to (draws, impacts)."""
+        found = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
         for key in self.keys:
-            rate = np.zeros((rates.shape[0], self.index.size, len(free)))
-            for place, session in enumerate(self.sessions):
-                if (name := self.name(key, session)) in free:
-                    k = free.index(name)
-                    rate[:, self.index == place, k] = rates[:, [k]]
-            settings[key] = rate
-        return Moves(settings)
+            own = np.stack([values[self.name(key, session)] for session in self.sessions], axis=1)
+            found[key] = own[:, self.session] if len(self.sessions) > 1 else own
+        return found["scale"], found["clock"], found["tilt"], found["court_height"]
 
-    def paired(
-        self, columns: Mapping[str, FloatArray], draws: NDArray[np.int64], rows: NDArray[np.int64]
-    ) -> dict[str, FloatArray]:
-        """The parameters of the session of each pair of a draw and an impact, (pairs,) by key."""
-        by_session = {
-            key: np.stack([columns[self.name(key, session)] for session in self.sessions]) for key in self.keys
-        }
-        return {key: values[self.index[rows], draws] for key, values in by_session.items()}
+    def true(self, values: Values, measured: Impacts) -> Impacts:
+        """True states (draws, impacts)."""
+        scale, clock, tilt, _ = self._settings(values)
+        fast, cosine, sine = scale / clock, np.cos(tilt), np.sin(tilt)
+        along = fast * (measured.v_x1 * cosine - measured.v_y1 * sine)
+        down = fast * (measured.v_x1 * sine + measured.v_y1 * cosine)
+        return Impacts(*np.broadcast_arrays(along, down, measured.omega_1 / clock))
 
-    def of_pairs(self, columns: Mapping[str, FloatArray]) -> Settings:
-        """What holds for pairs of a draw and an impact, (pairs, 1), from `columns` (pairs,) by key."""
-        level = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
-        return level | {key: columns[key][:, None] for key in self.keys}
-
-
-def build_view(
-    table: ImpactTable, scene: Scene, asked: Collection[str], model: Model, observables: Sequence[Observable]
-) -> tuple[View | None, list[str]]:
-    """The view of a table whose scene states something of its camera, or of which a prior or a value is `asked`; and
-    a sentence for each thing that acts on nothing. Raises FitError for a tilt where the restitution is an input.
-    """
-    stated = {key for key in CAMERA_SPECS if scene.camera is not None and getattr(scene.camera, key) is not None}
-    keys = stated | {key for key in CAMERA_SPECS if any(name.partition("[")[0] == key for name in asked)}
-    idle = {
-        HEIGHT: "no column shows what is between the flights"
-        if not any(item.column.gap for item in observables)
-        else "",
-        TILT: "no motion along the court was measured" if not table.has_tangential else "",
-    }
-    notes = [f"{key} of the camera is not used: {why}" for key, why in idle.items() if why and key in keys]
-    keys -= {key for key, why in idle.items() if why}
-    if TILT in keys and model.needs_cor:
-        raise FitError(
-            f"{table.source}: cor = measured takes the restitution as it was measured, and a tilt of the camera "
-            "changes it: fit the restitution (cor = line or mean), or leave out tilt"
-        )
-    if not keys:
-        return None, notes
-    wanted = tuple(key for key in CAMERA_SPECS if key in keys)
-    if len(set(table.labels.get(SESSION, ()))) < 2:
-        return View(wanted, ("",), np.zeros(len(table), dtype=np.int64)), notes
-    return View(wanted, *levels_of(table, SESSION, "[camera]")), notes
+    def seen(self, values: Values, measured: Impacts, rebound: Rebound) -> Rebound:
+        """What the camera shows of true rebounds."""
+        scale, clock, tilt, landing = self._settings(values)
+        slow, cosine, sine, path = clock / scale, np.cos(tilt), np.sin(tilt), rebound.gap_path / scale
+        v_x2 = slow * (rebound.v_x2 * cosine - rebound.v_y2 * sine)
+        v_y2 = slow * (rebound.v_x2 * sine + rebound.v_y2 * cosine)
+        omega_2, release = clock * rebound.omega_2, landing + path * sine
+        # A state that moves away from the court has no landing: its gaps are no numbers of anything.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            early, late = landing / measured.v_y1, release / v_y2
+            gaps = (
+                rebound.gap_time / clock - early - late,
+                path * cosine - early * measured.v_x1 - late * v_x2,
+                rebound.gap_turn - early * measured.omega_1 - late * omega_2,
+            )
+        status = np.where((measured.v_y1 > 0.0) | (rebound.status != Status.OK), rebound.status, Status.NO_IMPACT)
+        return Rebound(v_x2, v_y2, omega_2, rebound.contact_time, *gaps, rebound.regime, status)
 
 
-def truly(settings: Settings, impacts: Impacts | OwnImpacts) -> tuple[OwnImpacts, NDArray[np.bool_]]:
-    """The true impacts (draws, impacts), and which of them reach the court; those that do not stand as measured."""
-    v_x, v_y, omega, cor = impacts.states()
-    found = np.broadcast_arrays(*true(settings, (v_x, v_y, omega)))
-    reaching = found[1] > 0.0
-    v_x, v_y, omega = (np.where(reaching, new, old) for new, old in zip(found, (v_x, v_y, omega), strict=True))
-    return OwnImpacts(v_x, v_y, omega, None if cor is None else np.broadcast_to(cor, reaching.shape)), reaching
-
-
-def as_seen(
-    settings: Settings, impacts: Impacts | OwnImpacts, reaching: NDArray[np.bool_], rebound: Rebound
+def filmed(
+    camera: CameraModel | None, forward: ForwardModel, values: Values, measured: Impacts, index: IntArray | None
 ) -> Rebound:
-    """True rebounds (draws, impacts) as the camera shows them; what does not reach the court has none."""
-    outputs = {name: getattr(rebound, name) for name in OUTPUTS}
-    made = seen(settings, impacts.states()[:3], outputs)
-    status = np.where(reaching, rebound.status, np.int8(Status.NO_IMPACT))
-    return replace(
-        rebound,
-        **{name: np.where(reaching, column, np.nan) for name, column in made.items()},
-        status=status,
-    )
+    """Rebounds (draws, impacts) of measured states as the camera shows them, true ones where there is none."""
+    if camera is None:
+        return forward.rebound(values, measured, index)
+    return camera.seen(values, measured, forward.rebound(values, camera.true(values, measured), index))
 
 
-def incident_slopes(
-    settings: Settings, measured: Incident, rebound: Rebound, inputs: FloatArray
-) -> dict[str, FloatArray]:
-    """Derivatives (draws, impacts, 3) of what the camera shows with respect to measured incident states, from those
-    of the model with respect to true ones, (draws, impacts, outputs, 3).
+def camera_of(
+    table: ImpactTable, stated: CameraSection | None, named: Iterable[str], gaps: Collection[bool], notes: list[Note]
+) -> tuple[CameraModel | None, dict[str, ParameterSpec]]:
+    """The camera of a table of which the scene has `stated` something, or a parameter is `named`, and what its
+    parameters are, by name. `gaps` says whether any column lies between the flights.
     """
-    moves = Moves({}, (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
-    slopes = np.matmul(inputs, moves.of_true(settings, measured))
-    return moves.of_seen(settings, measured, rebound, by_output(slopes))
+    asked = {name.partition("[")[0] for name in named}
+    keys = [key for key in CAMERA_SPECS if key in asked or getattr(stated, key, None) is not None]
+    idle = {} if True in gaps else {"court_height": "no column shows what is between the flights"}
+    if not table.shows("tangential"):
+        idle["tilt"] = "no motion along the court was measured"
+    notes += [Note("camera-idle", f"{key} of the camera is not used: {idle[key]}.") for key in keys if key in idle]
+    texts = next((cells for name, cells in table.labels.items() if role_of(name) == "session"), ())
+    places = {text: k for k, text in enumerate(dict.fromkeys(texts))}
+    if len(places) < 2:
+        places, texts = {"": 0}, ("",) * len(table)
+    session = np.array([places[text] for text in texts], dtype=np.int64)
+    camera = CameraModel(tuple(key for key in keys if key not in idle), tuple(places), session)
+    specs = {
+        camera.name(key, session): at_label(CAMERA_SPECS[key], camera.name(key, session), session, "in session")
+        for session in camera.sessions
+        for key in camera.keys
+    }
+    return camera if specs else None, specs

@@ -1,5 +1,41 @@
-"""Figures of a fit: the arrays first, then the drawing; one registry of kinds.
+"""Figures of a fit: curves, corner, forest, residuals, predictive, profiles, trace, regimes, regime_map.
 
-Offers: `FIGURES`, `draw`, `save_figure`.
-May import: report.form, inference, models, data.
+Imports: style, quantities, inference, base.
 """
+
+from collections.abc import Callable, Mapping
+
+from fitball.inference.fit import Fit
+from fitball.report.figures import parameters, predictions
+from fitball.values import Figure
+
+# What draws each, in the order of the page.
+FIGURES: Mapping[str, Callable[[Fit], Figure]] = {
+    "curves": predictions.curves,
+    "corner": parameters.corner,
+    "profiles": parameters.profiles,
+    "forest": parameters.forest,
+    "predictive": predictions.predictive,
+    "regimes": predictions.regimes,
+    "regime_map": predictions.regime_map,
+    "residuals": predictions.residuals,
+    "trace": parameters.trace,
+}
+
+
+def drawable(fit: Fit) -> tuple[str, ...]:
+    """Names of those that a fit has data for."""
+    frame = fit.predictions
+    sliding = bool((frame["regime"] != "").any())
+    known = {
+        "curves": len(fit.curves) > 0,
+        "corner": fit.posterior is not None and len(parameters.cornered(fit)) > 0,
+        "profiles": len(fit.profiles) > 0,
+        "forest": len(parameters.varied(fit)) > 0,
+        "predictive": bool(frame["observed"].notna().any()),
+        "regimes": sliding,
+        "regime_map": sliding,
+        "residuals": bool(frame["z"].notna().any()),
+        "trace": fit.posterior is not None,
+    }
+    return tuple(name for name in FIGURES if known[name])

@@ -1,8 +1,0 @@
-"""`python -m fitball` is the command line. Imports: cli."""
-
-import sys
-
-from fitball.cli import main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,1 +1,0 @@
-"""What examines the machine and other people's samplers rather than a table; nothing in `fitball` knows of it."""
