@@ -132,10 +132,10 @@ def test_what_is_of_a_fit_goes_below_it_and_beside_what_is_there(tmp_path):
     asked = {"data": [str(tmp_path)], "model": ""}
     place = cli.default_folder("calibrate", asked)
     assert place == tmp_path / "calibrate" == cli.beside(place)
-    for name in ("calibrate", "calibrate-2"):
+    for name, following in (("calibrate", "calibrate-2"), ("calibrate-2", "calibrate-3")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "report.html").touch()
-    assert cli.beside(place) == tmp_path / "calibrate-3"
+        assert cli.beside(place) == tmp_path / following
 
 
 def test_help_needs_no_heavy_package():
