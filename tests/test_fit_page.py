@@ -57,7 +57,7 @@ def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
 
 def test_what_moves_a_value_has_its_own_column(fit):
     rests = {row["parameter"]: row["rests on"] for row in fit_tables.main_table(fit, 30).rows}
-    assert rests["mu"] == "offset=contact (2.7 sd) and 1 more" and rests["mu"].hint == "offset=contact; ball_radius"
+    assert rests["mu"] == "offset=contact (2.6 sd) and 1 more" and rests["mu"].hint == "offset=contact; ball_radius"
     assert rests["e_x"] == ""
     assert fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
 
@@ -75,7 +75,7 @@ def test_every_quantity_choice_and_impact_appears(fit):
     assert whys == ["if offset=contact, ball_radius", "", "reason of offset"]
     choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
     assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]
-    assert choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.7"
+    assert choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.6"
     assert (choices["noise=student-t"]["fits"], choices["noise=student-t"]["score"]) == ("worse", "-9.0 ± 1.0")
     assert choices["spin=shell"]["not fitted"] == "no answer" and "fits" not in choices["spin=shell"]
     impacts, frame = fit_tables.impact_table(fit).rows, fit.predictions
