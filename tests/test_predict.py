@@ -269,7 +269,7 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
         made.append(pd.DataFrame(json.loads(capsys.readouterr().out)["frames"]["predictions"]))
     np.testing.assert_allclose(made[0]["point"].astype(float), made[1]["point"].astype(float), rtol=1e-5)
     written = {place.name for place in (tmp_path / "ours" / "predict").iterdir()}
-    assert {"predictions.csv", "report.html", "rebounds.png"} <= written
+    assert {"predictions.csv", "report.html", "rebounds.png"} <= written and not [*(tmp_path / "ours").glob("*.png")]
     assert main(["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]) == 2
     assert not (tmp_path / "x").exists()
     refused("own-model", lambda: fitball.load_fit(tmp_path / "ours", "brody"))
