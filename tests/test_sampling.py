@@ -86,11 +86,11 @@ def test_a_long_chain_is_thinned_evenly(monkeypatch):
     chains = "fitball.inference.sampling.chains."
     for name, value in (("STORED", 100), ("FIRST", 100), ("TARGET_ESS", 1e9)):
         monkeypatch.setattr(chains + name, value)
-    made = run(problem, begun(problem), np.random.default_rng(0), 400, lambda _share: None)
-    assert made.steps == 160 + 400
+    mixed, scores, rates, steps = run(problem, begun(problem), np.random.default_rng(0), 400, lambda _share: None)
+    assert steps == 160 + 400
     # Of 100 steps that are stored, every fourth, the first quarter is left out.
-    assert made.coordinates.shape[:2] == (4, 75) == made.log_posterior.shape[:2]
-    assert all(0.2 < rate < 0.9 for rate in made.acceptance)
+    assert mixed.chains.shape[:2] == (4, 75) == scores.shape[:2]
+    assert all(0.2 < rate < 0.9 for rate in rates)
 
 
 def test_a_walker_that_the_others_left_behind():
