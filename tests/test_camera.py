@@ -1,5 +1,7 @@
 """What a session's camera shares: the map to true states and back against geometry, and fits that have it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.density import REBOUND, TIMED, problem_of, scene_of, table_of, truth_of
@@ -92,3 +94,6 @@ def test_what_is_stated_asked_for_and_idle():
     assert named["clock"].fixed == 1.0005 and "clock" not in problem.free
     assert "camera-idle" in {note.code for note in problem.notes}
     assert problem_of(table_of(REBOUND)).camera is None
+    two = replace(table_of(REBOUND), labels={"id": tuple("abcdefghij"), "session": ("mon", "tue") * 5})
+    filmed = problem_of(two, known).camera
+    assert filmed.sessions == ("mon", "tue") and filmed.session.tolist() == [0, 1] * 5
