@@ -282,8 +282,12 @@ def test_an_expected_noise_is_an_exception_from_three_times():
     for size, answer in ((2.0, False), (4.0, True)):
         _, _, found = said(table_with(), prior={"v_y_sd": f"lognormal({0.2 / size}, 0.7)"})
         (check,) = (check for check in found.noise if check.column == "v_y2")
-        assert not check.stated and check.reference == pytest.approx(0.2 / size)
+        assert not (check.stated or check.beyond) and check.reference == pytest.approx(0.2 / size)
         assert check.found is answer
+    # Of a column with stated errors it is the scatter beyond these.
+    table = table_with()
+    _, _, found = said(replace(table, sd={"v_y2": np.full(len(table), 0.1)}))
+    assert [check.column for check in found.noise if check.beyond] == ["v_y2"]
 
 
 def test_few_impacts_of_a_good_model_are_no_misfit():
