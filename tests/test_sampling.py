@@ -127,4 +127,6 @@ def test_effective_sizes_and_r_hat():
     found = Mixing(tuple("abcd"), white)
     assert found.ess_bulk["a"] == pytest.approx(size / 19.0, rel=0.2) and found.r_hat["a"] < 1.02
     assert found.r_hat["b"] > 1.05 and not found.reached(1.0, 1.05)
+    wide = rng.standard_normal((4, 1000, 4, 1)) * np.repeat([0.2, 1.0], 500)[None, :, None, None]
+    assert (now := Mixing("a", wide)).ess_tail["a"] < 0.2 * now.ess_bulk["a"]
     assert not found.r_hat["c"] < np.inf and found.r_hat["d"] < 1.02 and found.ess_bulk["d"] < 0.1 * size
