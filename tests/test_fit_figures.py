@@ -15,7 +15,7 @@ from fitball.report.quantities import symbol
 from fitball.report.style import MODEL, MOVED, PRIOR, saved, styled
 
 LONG = "a very long label of a surface that nobody would call short"
-HOSTILE = "<b>$\\frac{\n\u202e^"
+HOSTILE = "\U0001f3be<b>$\\frac{\n\u202e^"
 BOTH = {"curves", "predictive", "residuals", "profiles", "forest"}
 SLIDING = {"regimes", "regime_map"}
 CASES = {
