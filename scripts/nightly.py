@@ -155,9 +155,8 @@ def versions(work: Path, version: str, end: str) -> str:
     done(*pip, "hatchling")
     done(python, "-m", "hatchling", "build", "-t", "sdist", "-d", work)
     done(*pip, "--no-deps", "--no-build-isolation", next(work.glob("*.tar.gz")))
-    files = [f"tests/test_{name}.py" for name in QUICK.split()]
     test = (python, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "2", "--dist", "loadfile")
-    return done(*test, *files, NUMBA_CACHE_DIR=str(work))
+    return done(*test, *(f"tests/test_{name}.py" for name in QUICK.split()), NUMBA_CACHE_DIR=str(work))
 
 
 def run(work: Path, name: str, *given: str) -> str:
@@ -172,14 +171,13 @@ def main() -> int:
     """Run the parts, print their lines; 1 where one failed."""
     names = ("pages", *COMMANDS, "readonly", "versions")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
+    parser.add_argument("parts", nargs="*", metavar="PART", choices=("all", *names), default="all")
     parser.add_argument("--python", nargs="+", default=PYTHONS, help="for versions (default: 3.11 3.12 3.13)")
     parser.add_argument("--end", nargs="+", default=ENDS, choices=ENDS)
     asked = parser.parse_args()
-    if unknown := set(asked.parts) - set(names):
-        parser.error(f"unknown part {', '.join(unknown)}: known are {', '.join(names)}")
-    todo: list[tuple[str, ...]] = [(name,) for name in asked.parts or names if name != "versions"]
-    if not asked.parts or "versions" in asked.parts:
+    parts = names if "all" in asked.parts else asked.parts
+    todo: list[tuple[str, ...]] = [(name,) for name in parts if name != "versions"]
+    if "versions" in parts:
         todo += [("versions", *pair) for pair in itertools.product(asked.python, asked.end)]
     failed = 0
     for part in todo:

@@ -31,10 +31,9 @@ def measured(work: str) -> dict[str, str]:
     """Every block by its name."""
     wang = printed(work, "calibrate", "wang_all.csv")
     shutil.copy(Path(work, "fits/wang_all/default/curves.png"), FIGURE)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    before = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
     printed(work, "calibrate", "wang_zero_spin.csv")
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = sum(after[:2]) - sum(before[:2])
+    spent = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - before
     return {
         "wang": f"```text\n{wang}\n```",
         "first": f"`fitball calibrate wang_zero_spin.csv` takes {spent:.0f} s of CPU, figures and page included.",
