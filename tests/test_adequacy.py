@@ -103,8 +103,7 @@ def test_a_trend_is_the_t_test_of_one_more_column():
 def test_false_alarms_of_a_linear_model_are_rarer_than_promised():
     """400 tables of the linearised model, and the same with a bias of a group: it is found."""
     problem, first, _ = line(rows=24)
-    point = at(problem, problem.coordinates({"cor_10": 0.76, "cor_slope": -0.012, "v_y_sd": 0.05}))
-    rng, size = np.random.default_rng(7), first.residual.size
+    point, rng, size = at(problem, first.proposal.centre), np.random.default_rng(7), first.residual.size
     bias = first.direction("v_y2", 0.12 * (np.array(problem.table.labels["group"]) == "b"))
     alarms = seen = 0
     for k in range(400):
@@ -155,8 +154,7 @@ def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
     residual = first.residual.copy()
     residual[[4, 23]] += 9.0 * np.std(residual)
     spoilt = first._replace(residual=first.after_refit(residual))
-    point = at(problem, problem.coordinates({"cor_10": 0.76, "cor_slope": -0.012, "v_y_sd": 0.05}))
-    tests = adequacy(problem, point, spoilt).tests
+    tests = adequacy(problem, at(problem, first.proposal.centre), spoilt).tests
     (found,) = (test for test in tests if test.kind == "outlier")
     design, left = first.slopes[:24, :2], 1.0 - np.sum(first.basis**2, axis=1)
     order = np.argsort(-np.abs(spoilt.residual) / np.sqrt(left))
@@ -174,8 +172,7 @@ def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
 def test_of_noise_alone_no_few_are_far_off():
     """In 900 columns of 24 rows: their residuals, each over its own sd, have more squares than there is freedom."""
     problem, first, _ = said(table_with("", 5))
-    point = at(problem, problem.coordinates({name: START[name] for name in problem.free}))
-    rng, least = np.random.default_rng(4), []
+    point, rng, least = at(problem, first.proposal.centre), np.random.default_rng(4), []
     for _ in range(300):
         clean = first._replace(residual=first.after_refit(rng.standard_normal(first.residual.size)))
         least += [test.p for test in adequacy(problem, point, clean).tests if test.kind == "outlier"]
@@ -206,14 +203,11 @@ def test_a_fault_is_found_by_its_kind(fault):
 def test_answers():
     assert [said(table_with("", seed))[2].answer for seed in range(4)].count("describes") >= 3
     _, _, biased = said(table_with("bias"))
-    assert biased.answer == "does not describe"
-    assert max(biased.moved.values()) > 5.0
+    assert biased.answer == "does not describe" and max(biased.moved.values()) > 5.0
     _, _, group = said(table_with("group", rows=60))
-    assert group.answer == "describes except"
-    assert group.moved["cor_10"] > 1.0 > group.moved["mu"]
+    assert group.answer == "describes except" and group.moved["cor_10"] > 1.0 > group.moved["mu"]
     _, _, few = said(table_with(rows=6))
-    assert few.answer == "undecided"
-    assert min(few.unseen.values()) > 0.6
+    assert few.answer == "undecided" and min(few.unseen.values()) > 0.6
     # What a bend of the restitution looks like once its slope is fitted.
     for fix, alike in (({}, True), ({"cor_slope": -0.012}, False)):
         tests = said(table_with(seed=1), fix=fix)[2].tests
@@ -240,8 +234,7 @@ def test_a_pattern_moves_what_follows_from_parameters_that_it_moves_little():
     values = {"v_y1": speed, "v_y2": 0.74 * speed + 0.1 * high + 0.01 * np.sin(5.0 * speed)}
     labels = {"id": tuple("abcdefghijkl"), "group": tuple("xy"[k] for k in high)}
     problem, first, _ = said(ImpactTable("drops", values, {}, {}, labels))
-    point = at(problem, first.proposal.centre)
-    found = adequacy(problem, point, first, problem.derived)
+    found = adequacy(problem, at(problem, first.proposal.centre), first, problem.derived)
     padded = np.zeros((2, len(first.slopes)))
     padded[:, :12] = first.residual, first.direction("v_y2", 1.0 * high)
     designs = first.slopes, np.column_stack([first.slopes, padded[1]])

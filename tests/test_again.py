@@ -26,9 +26,8 @@ def folder(tmp_path_factory):
     table = fitball.load_table("wang_zero_spin.csv").to_frame()
     table.to_csv(place / "balls.csv", index=False)
     words = ["--model", "grip-slip", "--prior", "mu=normal(0.6, 0.1)", "--fix", "cor_slope=-0.01", "--seed", "3"]
-    assert (
-        main(["calibrate", str(place / "balls.csv"), *words, "--out", str(place / "fit"), "--figures", "none"]) == 0
-    )
+    words += ["--out", str(place / "fit"), "--figures", "none"]
+    assert main(["calibrate", str(place / "balls.csv"), *words]) == 0
     (place / "balls.csv").unlink()
     return place / "fit"
 

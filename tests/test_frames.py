@@ -95,6 +95,7 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
     found = frames.variants([here], [*parts.values()], [held]).set_index("choice")
     far = np.append(np.random.default_rng(1).normal(0.5, 0.02, 4000), np.full(20, 50.0))
     assert summarise(far, 0.5).half == pytest.approx(0.02, rel=0.05) and summarise(far, 0.5).sd > 1.0
+    assert np.isnan(summarise(np.append(far, np.full(4020, np.nan)), 0.5).median)
     # (0.53 - 0.5)/0.02, and (0.62 - 0.54)/0.02 at the far end.
     assert found.loc["offset=grip", ["moved", "reach"]].tolist() == pytest.approx([1.5, 4.0])
     assert found.loc["spin=shell", "quantity"] == "" and pd.isna(found.loc["spin=shell", "moved"])
