@@ -142,10 +142,9 @@ def test_growth_is_a_likelihood_ratio():
         if abs(power) < 1e-9:
             best[0] = density
     alone = stats.chi2.sf(2.0 * (best[1] - best[0]) * left.mean(), 1)
-    tested, shares = [test.kind for test in found.tests], module.SHARES
-    times = module.OF_PATTERNS * sum(shares[kind] for kind in {*tested}) / shares["growth"]
     (growth,) = (test for test in found.tests if test.kind == "growth")
-    assert growth.found and growth.p == pytest.approx(alone * times, rel=1e-2) and "increases" in growth.pattern
+    alone *= module._times(found.tests, "growth")
+    assert growth.found and growth.p == pytest.approx(alone, rel=1e-2) and "increases" in growth.pattern
 
 
 def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
@@ -164,9 +163,7 @@ def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
 
     shares = np.array([1.0 - rest(order[k:]) / rest(order) for k in range(1, 5)])
     alone = farthest(shares, 24, float(left[:24].sum()))[1]
-    tested = {test.kind for test in tests}
-    times = module.OF_PATTERNS * sum(module.SHARES[kind] for kind in tested) / module.SHARES["outlier"]
-    assert found.found and found.p == pytest.approx(alone * times, rel=0.02)
+    assert found.found and found.p == pytest.approx(alone * module._times(tests, "outlier"), rel=0.02)
 
 
 def test_of_noise_alone_no_few_are_far_off():

@@ -136,7 +136,7 @@ def test_levels_by_column_by_option_and_new(surfaces):
     new = surfaces.predict(bare.iloc[:1], level={"surface": "new"})
     # A surface of which nothing was measured is less sure than either.
     assert rows_of(new, "v_x2")["sd"][0] > 1.5 * by_column["sd"].max()
-    assert "new-level" in {note.code for note in new.notes}
+    assert "new-level" in {note.code for note in new.notes} and {*new.frames["predictions"]["surface"]} == {"new"}
 
 
 def refused(code, call):

@@ -86,8 +86,7 @@ def test_contraction_is_that_of_a_linear_model():
 
 
 def test_few_measurements_leave_no_noise():
-    short = SPEEDS[::3]
-    found = judged(dropped(line, speeds=short), a=0.7, b=0.0, v_y_sd=0.05)
+    found = judged(dropped(line, speeds=SPEEDS[::3]), a=0.7, b=0.0, v_y_sd=0.05)
     assert (found["v_y_sd"].verdict, found["v_y_sd"].rule) == ("prior-dominated", "no-freedom")
     found = judged(dropped(line), a=0.7, b=0.0, v_y_sd=0.05)
     assert found["v_y_sd"].rule == "determined"
