@@ -253,7 +253,7 @@ def prepare(made: Path) -> None:
     Path("t.csv").write_text(TABLE)
 
 # What is put in the place of a guard.
-INSTEAD = {"never": NEVER, "nothing": (), "text": str, "model": import_module("fitball.verbs")._model,
+INSTEAD = {"never": NEVER, "nothing": (), "text": str, "model": import_module("fitball.models.registry").model,
            "unheld": lambda place, held=files.result_folder, **more: held(place, **more | {"overwrite": True})}
 
 def main() -> int:
