@@ -214,5 +214,6 @@ def test_a_model_without_choices_is_an_assumption_of_all_values():
     problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip")
     point = at(problem, best(problem))
     found, _ = alternatives(problem, point, np.random.default_rng(1))
-    fit = {name: Summary(*[point.optima[0][name]] * 2, np.inf, *[-np.inf] * 2, *[np.inf] * 2) for name in problem.free}
+    far = (np.inf, -np.inf, -np.inf, np.inf, np.inf)
+    fit = {name: Summary(*[point.optima[0][name]] * 2, *far) for name in problem.free}
     assert given(found, (), fit) == dict.fromkeys(problem.free, ("model",))

@@ -10,7 +10,7 @@ from support.fits import NOISE, at, best
 
 from fitball.inference import first_order as module
 from fitball.inference.density import cells
-from fitball.inference.first_order import first_order, proposal
+from fitball.inference.first_order import factor_of_inverse, first_order, proposal
 from fitball.inference.search.objective import Objective
 
 
@@ -177,3 +177,12 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     assert np.abs(whole).max() > 1.0
     assert first.freedom["spin_sd"] == pytest.approx(exact.freedom["spin_sd"], abs=0.5)
     assert first.freedom["spin_sd"] > 397.0
+
+
+def test_the_factor_of_an_inverse_holds_where_one_direction_is_known_far_better():
+    rng, sizes = np.random.default_rng(1), np.geomspace(1.0, 1e12, 11)
+    for _ in range(10):
+        turn = np.linalg.qr(rng.normal(size=(11, 11)))[0]
+        factor = factor_of_inverse(turn * sizes @ turn.T)
+        assert np.abs(np.triu(factor, 1)).max() < 1e-12
+        np.testing.assert_allclose(factor @ factor.T, turn / sizes @ turn.T, atol=1e-3)

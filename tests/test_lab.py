@@ -128,7 +128,6 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     balls = found[found["kind"] == "ball"]
     assert balls["label"].tolist() == list("ABCDEF") and (balls["drops"] == 3).all()
     own = np.sqrt(heights / 2.54).reshape(6, 3).mean(axis=1)
-    # Each a little nearer to the mean than measured.
     pulled = (balls["cor"] - 0.74486).to_numpy() / (own - 0.74486)
     assert np.all((pulled[[1, 5]] > 0.5) & (pulled[[1, 5]] < 1.0))
     alike = drop_test(dropped(heights, ball=balls_of), Scene(), {"cor_10_spread": "half-normal(1e-4)"})
@@ -171,12 +170,10 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     own = found[found["kind"] == "speed"]
     assert own["speed"].to_numpy() == pytest.approx(speeds[::3]) and (own["drops"] == 3).all()
     assert own["cor"].to_numpy() == pytest.approx(cor.reshape(4, 3).mean(axis=1))
-    # With balls the line is that of each.
     balls = drop_test(made({"v_y1": speeds, "v_y2": (cor + 0.01 * (np.arange(12) % 3)) * speeds},
                            labels={"ball": tuple("ABC" * 4)}), Scene())  # fmt: skip
     assert row(balls, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
     assert np.diff(balls[balls["kind"] == "ball"]["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
-    # The test's speed was not among them.
     low = drop_test(dropped([0.57, 0.58, 0.575], fall=1.0), Scene()).iloc[0]
     assert low["speed"] == pytest.approx(np.sqrt(2 * 9.80665)) and np.isnan([low["rebound"], low["passes"]]).all()
 

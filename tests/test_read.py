@@ -256,7 +256,6 @@ def test_rows_without_incident_state_or_rebound_are_left_out(tmp_path):
     table = fitball.load_table(written(tmp_path, f"id,surface,{HEAD}", *gaps, *good, "e,hard,12,8,0,,-,"))
     assert table.labels == {"id": ("b", "d"), "surface": ("hard", "clay")} and codes(table) == ["rows-left-out"]
     np.testing.assert_array_equal(table.impacts.v_y1, [4.8, 6.1])
-    # To predict an impact its rebound need not be known.
     assert len(fitball.load_table(written(tmp_path, HEAD, "12,8,0,,-,"), rebound=False)) == 1
 
 
@@ -343,7 +342,6 @@ def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
     assert caught.value.code == "scenes-differ"
     (tmp_path / "a" / "t.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
     (tmp_path / "t#2.toml").write_text("[ball]\nmass = 0.058\n", encoding="utf-8")
-    # No sheet, though it has its sign.
     assert load_data(written(tmp_path, HEAD, *ROWS, name="t#2.csv"), None, False)[1].value() == Ball(0.058)
     table, scene = load_data([one, two], None, False)
     assert table.labels["table"] == ("t (1)", "t (1)", "t (2)", "t (2)") and scene.value() == Ball(0.057)
@@ -379,7 +377,6 @@ def test_doubts_are_refused_or_noted():
     assert "misread" in codes(load_data([good, wrong], None, True)[0])
     assert load_data([wrong], None, False, flip=("omega_1", "omega_2"))[0].notices[0].code == "flipped"
     assert check(wrong, None, False).failed and not check(wrong, None, True).failed
-    # Once, as a reading.
     assert len(check(wrong, None, True).data["doubts"]) > 0 and check(wrong, None, True).notes == ()
 
 

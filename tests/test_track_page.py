@@ -72,7 +72,6 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
     for name in shown:
         axes = film.plot(name).axes
         assert axes and all(axis.lines or axis.collections for axis in axes)
-    # A figure of each impact; rings are its outliers.
     own = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
     assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()

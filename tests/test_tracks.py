@@ -283,6 +283,5 @@ def test_the_bundled_film_is_a_table_tennis_ball_that_a_robot_repeats():
     cor = speeds["v_y2 [m/s]"] / speeds["v_y1 [m/s]"]
     # ITTF Technical Leaflet T3: 0.89 to 0.92 on steel at 2.4 m/s; a table is as hard.
     assert 0.85 < cor.median() < 1.0
-    # What is found can be fitted.
     assert len(film.table) == len(film.impacts) and film.table.sd["gap_time"].max() < 1e-3
     assert film.scene.ball.radius == 0.02 and "shutter" in {note.code for note in film.notes}

@@ -133,7 +133,6 @@ def test_frames_without_a_ball_are_left_out():
     table = ONE.assign(quality=1.0).astype({"x [m]": float})
     table.loc[3, "quality"] = 0.5
     table.loc[7, ["x [m]", "y [m]"]] = -999.0
-    # One coordinate alone may be there.
     table.loc[9, "x [m]"] = -99.0
     table.loc[12, ["x [m]", "y [m]"]] = table.loc[11, ["x [m]", "y [m]"]].to_numpy()
     table.loc[20, "y [m]"] = np.nan
@@ -168,7 +167,6 @@ def test_times_of_playback_count_frames_that_are_missing():
 def test_a_rolling_shutter_reads_lower_rows_later():
     table = ONE.drop(columns=["x [m]", "y [m]"]).assign(**{"x [px]": 1e3 * X / MM, "y [px]": -1e3 * Y / MM})
     (still,), (late,) = (read(table, fps=FPS, mm_per_px=MM, y="down", row_time=tau)[0] for tau in (0.0, 1e-6))
-    # Rows grow downwards, as y does in this file.
     np.testing.assert_allclose(late.time - still.time, 1e-6 * -1e3 * Y / MM, atol=1e-15)
 
 
