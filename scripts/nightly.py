@@ -27,9 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PYTHONS, ENDS = ("3.11", "3.12", "3.13"), ("lowest", "newest")
 TOOLS = ("hypothesis", "mpmath", "openpyxl", "pytest", "pytest-xdist")
-QUICK = (
-    "read saved sampling least_squares calibrate render fit_figures exports scheduling cli batch tracks models plot"
-)
+QUICK = "read saved sampling least_squares calibrate render exports scheduling cli batch tracks models plot"
 # Words for Python; WORK is a folder that is removed again.
 COMMANDS = {
     "ports": [
