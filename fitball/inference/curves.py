@@ -38,7 +38,7 @@ class Series(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """Speeds and spins (impacts,), and the radius that makes these speeds."""
+    """Speeds [m/s] and spins [rad/s] (impacts,), and the radius [m] that makes speeds of spins."""
 
     speed: FloatArray
     spin: FloatArray

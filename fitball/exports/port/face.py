@@ -48,7 +48,9 @@ IMPACTS = GRIP_ONLY = 0
 
 
 class Rebound(NamedTuple):
-    """Velocity, spin; contact time; time, path and turn between the flights; packed regime; status; extrapolated."""
+    """Velocity [m/s], spin [rad/s]; contact time [s]; time [s], path [m] and turn [rad] between the flights; packed
+    regime; status; extrapolated.
+    """
 
     v_x2: float
     v_y2: float

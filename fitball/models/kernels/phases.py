@@ -50,7 +50,7 @@ LASTS, EVENT, RESUMES = 0, 1, 2
 
 
 class Outcome(NamedTuple):
-    """One impact solved; all but `status` and `regime` are NaN where that is not OK."""
+    """One impact solved, in SI: m/s, rad/s, s, m, rad. All but `status` and `regime` are NaN where that is not OK."""
 
     status: int
     v_x2: float
