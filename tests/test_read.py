@@ -305,18 +305,18 @@ def test_rows_that_repeat_others_are_noted():
 
 def test_names_of_ones_own_by_option_and_scene(tmp_path):
     rows, names = ("38;20;42;23;1", "40;22;43;25;1"), {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout"}
-    place = written(tmp_path, "Vin (mph);angle_in;Vout [km/h];angle_out;speed", *rows)
+    place = written(tmp_path, "Vin (mph);angle_in;Vout [km/h];angle out;speed", *rows)
     ours = fitball.load_table(written(tmp_path, "v_1 [mph];theta_1;v_2 [km/h];theta_2;speed", *rows, name="o.csv"))
     (tmp_path / "t.toml").write_text('[columns]\nv_1 = "Vin"\ntheta_1 = "angle_in"\nv_2 = "Vout"\n', encoding="utf-8")
-    by_scene = fitball.load_table(place, columns={"theta_2": "angle_out"})
+    by_scene = fitball.load_table(place, columns={"theta_2": "  angle\n out "})
     assert by_scene.values.keys() == ours.values.keys() and by_scene.labels == ours.labels
     assert all(np.array_equal(by_scene.values[name], ours.values[name]) for name in ours.values)
     # What a caller says goes before the scene.
-    turned = fitball.load_table(place, columns={"theta_1": "angle_out", "theta_2": "angle_in"})
+    turned = fitball.load_table(place, columns={"theta_1": "angle out", "theta_2": "angle_in"})
     np.testing.assert_allclose(turned.values["theta_1"], np.radians([23, 25]))
     # New impacts are read as those of the fit, in its units where they have none, and need no rebound.
     units = {"v_1": "mph", "theta_1": "deg", "v_2": "km/h", "theta_2": "deg"}
-    named = names | {"theta_2": "angle_out"}
+    named = names | {"theta_2": "angle out"}
     assert reading_of(by_scene)["columns"] == {name: f"{their} [{units[name]}]" for name, their in named.items()}
     for table, head in ((by_scene, "Vin (mph),angle_in"), (by_scene, "Vin,angle_in"), (ours, "v_1,theta_1")):
         new = fitball.load_table(written(tmp_path, head, "38,20", name="n.csv"), **reading_of(table), rebound=False)

@@ -31,7 +31,7 @@ _LONGEST = 100
 _GUESSED, _NEAR = 0.5, 0.75
 # Words of names: quantity, direction, end of the bounce, deviation, nothing.
 _LEXICON = {
-    ("quantity", "v"): "v vel velo velocity velocities speed speeds geschwindigkeit tempo vitesse",
+    ("quantity", "v"): "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse",
     ("quantity", "theta"): "theta angle angles ang alpha winkel",
     ("quantity", "omega"): "omega spin spins w rot rotation drall",
     ("quantity", "contact_time"): "contacttime tcontact contactduration kontaktzeit tc",
@@ -84,14 +84,16 @@ class Naming:
     """
 
     def __init__(self, columns: Mapping[str, str]) -> None:
-        self.columns, self.theirs, self.units = columns, dict[str, str](), dict[str, str]()
-        for ours, text in columns.items():
+        # On one line: a proposal may have been copied from a terminal that folds it.
+        self.columns = {ours: " ".join(text.split()) for ours, text in columns.items()}
+        self.theirs, self.units = dict[str, str](), dict[str, str]()
+        for ours, text in self.columns.items():
             if ours not in NUMBERS and ours not in LABELS:
                 near = listed(guess_of(ours), "or")
                 hint = f"did you mean {near}?" if near else suggestion(ours, (*COLUMNS, *LABELS))
                 raise ParameterError(f"columns: '{ours}' is no column of fitball ({ours}={text}): {hint}", "columns")
-            square = _SQUARE.fullmatch(text.strip())
-            their = (square["name"] if square else text.strip()).casefold()
+            square = _SQUARE.fullmatch(text)
+            their = (square["name"] if square else text).casefold()
             if not their or their in self.theirs.values():
                 words = "is given for two columns" if their else "is empty; expected NAME or NAME [UNIT]"
                 raise ParameterError(f"columns: the name in '{ours}={text}' {words}", "columns")
@@ -101,7 +103,7 @@ class Naming:
 
     def said(self, *names: str) -> str | None:
         """Our name of a column that the user calls by one of these."""
-        wanted = {name.strip().casefold() for name in names}
+        wanted = {" ".join(name.split()).casefold() for name in names}
         return next((ours for ours, their in self.theirs.items() if their in wanted), None)
 
     def worth(self, cell: str) -> float:

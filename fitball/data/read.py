@@ -84,7 +84,7 @@ def load_table(
     for pair in stated:
         stated[pair] *= np.prod([signs.get(item, 1.0) for item in pair.split(",")])
     read = {"source": str(source) if isinstance(source, Path) else name, "sha256": cells.sha256}
-    read |= {"columns": _pairs(columns), "flip": ",".join(flip), "ignore": ",".join(ignore)}
+    read |= {"columns": _pairs(naming.columns), "flip": ",".join(flip), "ignore": ",".join(ignore)}
     read |= {"units": _pairs({item: units[item] for item in values if item in units})}
     values, labels = {item: array[rows] for item, array in values.items()}, _labels(cells, header, rows)
     table = ImpactTable(name, values, sds, stated, labels, read=(read,))
