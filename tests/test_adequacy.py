@@ -74,10 +74,9 @@ def line(bend=0.0, rows=12):
     """A drop test under a nearly straight restitution: two parameters of wide priors, one column, two groups."""
     speed = np.linspace(4.0, 16.0, rows)
     v_y2 = (0.76 - 0.012 * (speed - 10.0)) * speed + 0.05 * np.random.default_rng(8).standard_normal(rows)
-    values = {"v_y1": speed, "v_y2": v_y2 + bend * (speed - 9.5) ** 2}
     labels = {"id": tuple(map(str, range(rows))), "group": tuple("aab"[k % 3] for k in range(rows))}
     labels["remark"] = tuple(f"w{k}" if k % 2 else "" for k in range(rows))
-    table = ImpactTable("drops", values, {}, {}, labels)
+    table = ImpactTable("drops", {"v_y1": speed, "v_y2": v_y2 + bend * (speed - 9.5) ** 2}, {}, {}, labels)
     return said(table, prior={"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"})
 
 
