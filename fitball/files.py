@@ -109,7 +109,8 @@ def result_folder(
     except Timeout:
         text = f"{path}: another run of fitball writes into this folder; wait until it ends, or name another folder"
         raise FolderError(text, "folder-in-use") from None
-    except OSError as error:
+    except (OSError, ValueError) as error:
+        # A zero byte in the name is a ValueError.
         raise _refused(path, error, "no-folder") from None
     try:
         for partial in path.glob(_PARTIAL):
@@ -129,9 +130,10 @@ def result_folder(
                 place.rmdir()
 
 
-def _refused(place: Path, error: OSError, code: str) -> FolderError:
+def _refused(place: Path, error: Exception, code: str) -> FolderError:
     what = "be written" if code == "not-written" else "be a result folder"
-    text = f"{one_line(str(place))}: cannot {what}: {error.strerror or error}; change that, or name another folder"
+    why = getattr(error, "strerror", "") or error
+    text = f"{one_line(str(place))}: cannot {what}: {why}; change that, or name another folder"
     return FolderError(text, code)
 
 

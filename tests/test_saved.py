@@ -69,6 +69,7 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
         ("fit.json", b'"version": 1', b'"schema_version": 8', "other-version"),
         ("fit.json", b'"kind": "fitball fit"', b'"kind": "other"', "no-fit"),
         ("fit.json", b"{", b"", "no-fit"),
+        ("fit.json", b"{", b"[" * 100_000, "no-fit"),
         ("fit.nc", b"HDF", b"hdf", "changed"),
     ],
 )

@@ -146,8 +146,8 @@ def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
     (track,), _ = read(mixed.assign(surface="clay", mood="good"), {"x": "Hor [m]", "y": "Ver [m]"}, fps=FPS)
     same(track)
     assert track.labels == {"surface": "clay"}
-    for name in ("a", "b"):
-        ONE.to_csv(tmp_path / f"{name}.csv", index=False)
+    for name, film in (("a", ONE), ("b", ONE.iloc[1:])):
+        film.to_csv(tmp_path / f"{name}.csv", index=False)
     scene = Scene(camera=CameraSection(fps=FPS))
     tracks, _ = read_tracks([tmp_path / "a.csv", tmp_path / "b.csv"], scene, {})
     assert [track.id for track in tracks] == ["1 (1)", "1 (2)"]

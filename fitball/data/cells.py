@@ -111,6 +111,10 @@ def read_cells(source: Any, known: Known, name: str = "") -> Cells:
     suffix, notes, sha256 = Path(place).suffix.lower(), list[Note](), hashlib.sha256(data).hexdigest()
     if not data.strip():
         raise refusal(place, "empty", "the file is empty; expected a header line and at least two rows")
+    if sheet and suffix not in records.WORKBOOKS:
+        raise refusal(
+            str(source), "no-sheet", f"'#{sheet}' names a sheet, which {suffix[1:] or 'text'} has not; leave it out"
+        )
     if suffix in PARQUET:
         return _framed(place, _parquet(place, data), sha256)
     if suffix in records.WORKBOOKS:

@@ -19,7 +19,8 @@ from fitball.values import FloatArray, Impacts
 _NUMBER = r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _SPAN = re.compile(
     rf"(?P<low>{_NUMBER}) ?(?:\.\. ?(?P<high>{_NUMBER}) ?)?(?:(?:±|\+/?-) ?(?P<sd>{_NUMBER}) ?)?"
-    r"(?P<unit>[^:]*?) ?(?:: ?(?P<count>[0-9]{1,9}))?"
+    r"(?P<unit>[^:]*?) ?(?:: ?(?P<count>[0-9]{1,9}))?",
+    re.ASCII,
 )
 # What each part looks like.
 _FORMS = {

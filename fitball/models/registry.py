@@ -41,7 +41,7 @@ def model(text: str = "two-mass", *, ball: Ball | None = None, tangential: bool 
     """`two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free, inertia tied|table,
     spin mean|shell, release zero_force|zero_displacement), `thesis-exact`, `grip-slip`,
     `brody`, with options as `+NAME=OPTION` or by keyword; FILE.py:NAME. Raises ModelError (`unknown-model`,
-    `unknown-option`, `own-model`).
+    `unknown-option`, `option-twice`, `own-model`).
 
     One law of restitution holds at every speed: `COR = c (1 + (v/v_0)^q)^(-1/q)`, with value `cor_10` and slope
     `cor_slope` at 10 m/s; c = mass_ratio with normal=momentum, else 1.
@@ -57,7 +57,10 @@ def model(text: str = "two-mass", *, ball: Ball | None = None, tangential: bool 
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}", "unknown-model")
     entry = MODELS[name]
-    chosen = {**dict(part.partition("=")[::2] for part in parts), **options}
+    given = [*(part.partition("=")[::2] for part in parts), *options.items()]
+    chosen = dict(given)
+    if len(chosen) < len(given):
+        raise ModelError(f"model {text}: an option is named twice; name it once", "option-twice")
     for choice, value in chosen.items():
         if choice not in entry.choices:
             known = suggestion(choice, entry.choices) if entry.choices else "it has none"

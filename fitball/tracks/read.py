@@ -99,12 +99,13 @@ def read_tracks(
 ) -> tuple[list[Track], list[Note]]:
     """The tracks of files of positions, or of data frames with the same columns, and notes on what was assumed or
     left out. Raises InputError with every fault by row and column (`no-positions`, `no-column`, `no-rate`,
-    `no-scale`, `three-coordinates`, `two-positions`, `fold`, `film`, and what cells have), FolderError,
-    ParameterError (`columns`).
+    `no-scale`, `three-coordinates`, `two-positions`, `same-table-twice`, `fold`, `film`, and what cells have),
+    FolderError, ParameterError (`columns`).
     """
     naming, tracks, notes = _Naming({**scene.columns, **columns}), list[Track](), dict[Note, None]()
+    digests = set[tuple[str, str]]()
     for source in sources:
-        place, name = source, str(getattr(source, "attrs", {}).get("name", "positions"))
+        place, sheet, name = source, "", str(getattr(source, "attrs", {}).get("name", "positions"))
         if isinstance(source, str | Path):
             file, sheet = file_and_sheet(str(source))
             path = place_of(file, "tracks")
@@ -115,6 +116,10 @@ def read_tracks(
         cells = read_cells(place, naming.worth, name)
         tracks += _Reader(cells, name, naming, scene).tracks()
         cells.refuse()
+        # Sheets of one workbook are different films.
+        if (cells.sha256, sheet) in digests:
+            raise InputError(cells.source, [Fault("same-table-twice", "read a second time; give each film once")])
+        digests.add((cells.sha256, sheet))
         notes |= dict.fromkeys(cells.notes)
     count, seen = Counter(one.id for one in tracks), Counter[str]()
     for k, one in enumerate(tracks):

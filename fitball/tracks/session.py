@@ -108,7 +108,7 @@ def track(
         notes += _notes(session, name, scene)
     refused |= {one.id: one.failed for one in found if one.failed}
     if not any(session.good for session in sessions.values()):
-        words = listed(dict.fromkeys(map(one_line, refused.values())), most=4)
+        words = listed(dict.fromkeys(map(one_line, refused.values())), most=4) or "no row has a position"
         raise InputError(source, [Fault("no-impact", f"no impact in {counted(len(tracks), 'track')}: {words}")])
     film = film_of(sessions, known, changed(scene, camera=camera), refused, source)
     doubted("misread", _misread(film))

@@ -10,12 +10,13 @@ from matplotlib.lines import Line2D
 from fitball.numbers import fixed
 from fitball.report.style import FAINT, MARKERS, MODEL, MOVED, SERIES, few_ticks, legend_above, new_figure
 from fitball.result import Frames
+from fitball.text import listed
 from fitball.values import DataFrame, Figure, FloatArray
 
 # White paper to the colour of what the model says, and darker still.
 _SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL, "#00304d"])
-# Panels of a row.
-_ACROSS = 3
+# Panels of a row, and impacts that are named at one setting.
+_ACROSS, _NAMED = 3, 6
 
 
 def gains(result: Frames) -> Figure:
@@ -71,11 +72,16 @@ def _edges(values: FloatArray) -> FloatArray:
 def _draw_numbers(axis: Any, chosen: DataFrame) -> None:
     """Places in the order of choice; those of one setting together."""
     for _, rows in chosen.groupby(["v_1", "theta_1"]):
-        words = ",".join(str(number).split()[-1] for number in rows["id"])
+        words = _places(rows)
         speed, angle = rows[["v_1", "theta_1"]].to_numpy(np.float64)[0]
         axis.annotate(words, (np.degrees(angle), speed), ha="center", va="center", fontsize=9, fontweight="bold",
                       color="white", bbox={"boxstyle": "round,pad=0.25", "facecolor": MOVED, "linewidth": 0.0},
                       annotation_clip=False, zorder=5)  # fmt: skip
+
+
+def _places(rows: DataFrame) -> str:
+    """Places of the impacts in the order of choice, at most as many as a panel has room for."""
+    return listed((str(number).split()[-1] for number in rows["id"]), last=",", most=_NAMED)
 
 
 def _lines(best: DataFrame, plan: DataFrame) -> Figure:
@@ -94,7 +100,7 @@ def _lines(best: DataFrame, plan: DataFrame) -> Figure:
         )
     for _, rows in plan.groupby(over):
         place = float(rows[over].iloc[0])
-        words = ",".join(str(number).split()[-1] for number in rows["id"])
+        words = _places(rows)
         axis.axvline(factor * place, color=MOVED, linewidth=0.8)
         axis.annotate(words, (factor * place, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9), fontsize=9,
                       textcoords="offset points", color=MOVED, fontweight="bold")  # fmt: skip
