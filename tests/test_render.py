@@ -72,7 +72,6 @@ def test_a_page_is_well_formed_complete_and_needs_nothing_else():
         assert not {*"\x1b\u202e\udcff"} & {*text} and "never seen" not in text
     assert "img" not in Page(to_page(REPORT, {})).tags and "html" not in Page(to_notebook(REPORT)).tags
     assert not Page(to_notebook(REPORT)).open
-    # Nothing to open, no button.
     assert "button" in page.tags and "button" not in Page(to_page(Report("check", [Text(["a"])]), {})).tags
 
 
@@ -89,7 +88,8 @@ def test_a_terminal_shows_the_summary_or_all_in_its_width():
     assert "\n39    39.0\n... and 960 more: all.csv" in full
     assert "fitball calibrate  'a  b'" in full
     assert max(map(len, to_text(REPORT._replace(title="wang"), width=60).split("\n"))) <= 60
-    # Colours take no room.
+    below = [line.split()[:1] for line in to_text(REPORT, full=False, width=34).split("\n")]
+    assert (below.count(["mu"]), below.count(["cor_slope"])) == (1, 2)
     coloured = to_text(REPORT, full=False, colour=True)
     assert re.sub(r"\x1b\[\d+m", "", coloured) == summary and "\x1b[33mgiven\x1b[0m" in coloured
 

@@ -136,7 +136,7 @@ def residuals(fit: Fit) -> Figure:
         panels[0].set_ylabel(COLUMNS[column].symbol, fontsize=11)
     for axis, name in zip(axes[-1], over, strict=True):
         axis.set_xlabel(label(*_OVER[name]))
-        few_ticks(axis.xaxis, 3)
+        few_ticks(axis.xaxis, 3, whole=name == "row")
     most = 3.2 if len(frame) > DOTS else max(3.2, 1.1 * float(frame["z"].abs().max()))
     axes[0, 0].set_ylim(-most, most)
     axes[0, 0].yaxis.set_major_locator(MaxNLocator(5, symmetric=True, integer=True))
@@ -209,7 +209,7 @@ def regimes(fit: Fit) -> Figure:
         axis.barh(places, size, left=left, color=colour, edgecolor=edge, linewidth=0.4, height=0.8, label=name)
         left = left + size
     ids = [f"{plain(str(row['id']))}  {np.degrees(row['theta_1']):.0f}°" for row in records(shown)]
-    axis.set_yticks(places, ids, fontsize=7.5)
+    axis.set_yticks(places, ids, fontsize=8.5)
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xlim(0.0, 1.0)
     axis.grid(visible=False)
