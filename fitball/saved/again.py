@@ -75,8 +75,8 @@ def _varied(stored: Fit, changed: Choices, own: Model | None) -> Problem:
 def _moved(fit: Fit, stored: Fit) -> Note:
     """By how much values moved since the stored fit."""
     moved = fit.moved_from(stored)
-    if not moved:
-        return Note("run-again", "Run again: the same as the stored fit to the last digit.")
+    if not any(moved.values()):
+        return Note("run-again", "Run again: all values are those of the stored fit to the last digit.")
     name = max(moved, key=lambda one: moved[one])
     sampled = stored.posterior is not None and fit.posterior is not None
     by = f"{Unit('').number(moved[name], 2)} of its sds" if sampled else f"{percent(moved[name])} of its value"

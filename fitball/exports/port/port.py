@@ -33,6 +33,8 @@ from fitball.version import __version__
 TOLERANCE = 1e-12
 # Vertical speeds of golden impacts where none were measured [m/s]; speeds along the court, and R omega, over them.
 SPEEDS, ALONG, SPINNING = (4.0, 25.0), (0.3, 1.2, 4.0), (-0.8, 0.0, 1.5)
+# What is the other way for a ball that flies to the left.
+MIRRORED = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
 # A double holds so many phases, and JavaScript has no other numbers.
 PHASES = 17
 # Characters of a name at most, beginnings included: C99 distinguishes 63. Names that files have besides.
@@ -47,8 +49,8 @@ FILES = {
 
 
 def golden_of(one: ParameterSet) -> list[list[float]]:
-    """Impacts over the measured speeds, of all kinds of slip: their states, OUTPUTS and packed regimes. Raises
-    ParameterError (`no-answer`) if the model has no answer for any of them.
+    """Impacts over the measured speeds, of all kinds of slip, every other one to the left: their states, OUTPUTS and
+    packed regimes. Raises ParameterError (`no-answer`) if the model has no answer for any of them.
     """
     radius = one.values.get("ball_radius", one.model.ball.radius)
     v_y, along, spinning = np.array(list(product(one.measured or SPEEDS, ALONG, SPINNING))).T
@@ -61,7 +63,9 @@ def golden_of(one: ParameterSet) -> list[list[float]]:
         reason = REASONS[Status(int(found.status[0, 0]))]
         raise ParameterError(f"model {one.model.text} has no answer at these values: {reason}", "no-answer")
     numbers = np.stack([*vars(given).values(), *(getattr(found, name)[0] for name in (*OUTPUTS, "regime"))], axis=1)
-    rows: list[list[float]] = numbers[good].tolist()
+    numbers = numbers[good]
+    numbers[1::2] *= [-1.0 if name in MIRRORED else 1.0 for name in (*vars(given), *OUTPUTS, "regime")]
+    rows: list[list[float]] = numbers.tolist()
     return rows
 
 
