@@ -128,8 +128,9 @@ def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
 
 
 def test_what_is_no_option_and_no_batch(tmp_path):
-    with pytest.raises(TypeError):
-        fitball.batch(["wang_all"], no_option=1)
+    for option, kind in (({"no_option": 1}, TypeError), ({"noise": "odd"}, ParameterError)):
+        with pytest.raises(kind):
+            fitball.batch(["wang_all"], out=tmp_path / "x", **option)
     with pytest.raises(FolderError) as caught:
         fitball.load_batch(tmp_path)
     assert caught.value.code == "no-batch"
@@ -158,8 +159,7 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
     assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == ["book-one", "book-two", "book"]
     assert list(named("**/one.csv", tmp_path / "out")) == ["a-one", "b-one"]
-    frames = named([table_of(3), table_of(4)], tmp_path)
-    assert list(frames) == ["table-1", "table-2"]
+    assert list(named([table_of(3), table_of(4)], tmp_path)) == ["table-1", "table-2"]
     assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
     for name in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
         made = safe(name)
@@ -188,12 +188,11 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     own = made_fit(table_of(14)).parameters["cor_10"]
     assert tables.loc["court 1", "cor_10"] == own.median != own.point
     assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
-    drop = tables.loc["drops"]
+    drop, bad = tables.loc["drops"], tables.loc["bad"]
     assert drop["cor_measured"] == pytest.approx(0.745, abs=1e-3)
     assert drop["rebound_measured [m]"] == pytest.approx(2.54 * drop["cor_measured"] ** 2, rel=1e-3)
     assert drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
     assert drop["mean_passes"] > 0.99 and 0.5 < drop["another_passes"] <= 1.0
-    bad = tables.loc["bad"]
     assert bad["code"] == "memory" and bad.drop(["outcome", "code", "reason"]).isna().all()
 
 

@@ -58,8 +58,7 @@ def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
 def test_what_moves_a_value_has_its_own_column(fit):
     rests = {row["parameter"]: row["rests on"] for row in fit_tables.main_table(fit, 30).rows}
     assert rests["mu"] == "offset=contact (2.6 sd) and 1 more" and rests["mu"].hint == "offset=contact; ball_radius"
-    assert rests["e_x"] == ""
-    assert fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
+    assert rests["e_x"] == "" and fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
 
 
 def test_every_quantity_choice_and_impact_appears(fit):
@@ -73,6 +72,7 @@ def test_every_quantity_choice_and_impact_appears(fit):
         assert row["verdict"].hint == known["reason"] and row["prior (SI)"] == known["prior"]
     whys = [full[name]["why"] for name in ("mu", "e_x", "offset")]
     assert whys == ["if offset=contact, ball_radius", "", "reason of offset"]
+    assert [re.findall("`(.*?)`", words)[0] for words in fit_words.rests(fit)] == ["offset=contact", "ball_radius"]
     choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
     assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]
     assert choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.6"

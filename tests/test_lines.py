@@ -71,7 +71,7 @@ def test_stated_errors_become_those_of_the_state():
 @pytest.mark.parametrize(
     "text",
     ["v_1=3", "v_x1=3", "v_1=3, theta_1=20, v_y1=2", "v_y1=3, v_y2=2", "omega_1=3", "v_y1=2..4",
-     "v_1=3..4:2000, theta_1=10..20:2000"],
+     "v_1=3..4:2000, theta_1=10..20:2000", "v_x1=-3, v_y1=2"],
 )  # fmt: skip
 def test_what_makes_no_impact(text):
     with pytest.raises(ParameterError) as caught:

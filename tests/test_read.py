@@ -327,10 +327,11 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
 
 def test_how_a_table_was_read_is_kept(tmp_path):
     place = written(tmp_path, HEAD.replace("omega_2", "spin [rpm]"), *ROWS)
-    (read,) = fitball.load_table(place, columns={"omega_2": "spin"}, flip="v_x1,v_x2", ignore="v_y2").read
+    table = fitball.load_table(place, columns={"omega_2": "spin", "v_y1": "u"}, flip="v_x1,v_x2", ignore="v_y2")
+    (read,) = table.read
     assert read["sha256"] == hashlib.sha256(place.read_bytes()).hexdigest() and read["source"] == str(place)
-    assert (read["columns"], read["flip"], read["ignore"]) == ("omega_2=spin", "v_x1,v_x2", "v_y2")
-    assert "omega_2=rpm" in read["units"].split(",") and "v_y2" not in read["units"]
+    assert (read["columns"], read["flip"], read["ignore"]) == ("omega_2=spin,v_y1=u", "v_x1,v_x2", "v_y2")
+    assert "omega_2=rpm" in read["units"].split(",") and "v_y2" not in read["units"] and "not-read" in codes(table)
 
 
 def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):

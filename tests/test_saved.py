@@ -95,6 +95,7 @@ def test_a_fit_with_other_fields_is_refused_too(tmp_path, part):
 
 
 def test_what_is_no_fit_says_so(tmp_path):
+    (tmp_path / "of a table/fit.json").mkdir(parents=True)
     with pytest.raises(FolderError) as caught:
-        pair.read(tmp_path / "none")
-    assert caught.value.code == "no-fit" and pair.key_of(tmp_path) == ""
+        pair.read(tmp_path)
+    assert caught.value.code == "no-fit" and pair.key_of(tmp_path) == "" and "of a table" in str(caught.value)

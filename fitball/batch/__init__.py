@@ -23,6 +23,7 @@ from fitball.files import ResultFolder
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
 from fitball.inference.fit import Fit, run_of
+from fitball.inference.noise import noise_kind
 from fitball.inference.problem.build import pose
 from fitball.models.model import Model
 from fitball.models.registry import model as model_of
@@ -109,13 +110,15 @@ class Task:
 
 def fit_many(data: Any, task: Task, address: str, show: Progress) -> Batch:
     """Fit each table over processes as `calibrate` would, with one thread; a table whose `Run.key` is in the folder
-    is not fitted again; one that fails is a row. Raises ParameterError (`no-tables`, `scheduler`), ModelError,
-    InputError (`scene`).
+    is not fitted again; one that fails is a row. Raises ParameterError (`no-tables`, `scheduler`, `noise`),
+    ModelError, InputError (`scene`).
     """
     sources, options = named(data, task.folder.path), dict(task.options)
     # What all tables would fail for is said at once.
     if isinstance(options["model"], str) and options["model"]:
         model_of(options["model"])
+    if options["noise"]:
+        noise_kind(options["noise"])
     if options["scene"] and not isinstance(options["scene"], Scene):
         options["scene"] = load_scene(None, options["scene"])
     found, stage = dict[str, Kept](), f"fitting {counted(len(sources), 'table')}"

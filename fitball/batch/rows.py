@@ -47,7 +47,10 @@ class Kept(NamedTuple):
 
 def failed(name: str, error: FitballError) -> Kept:
     """Of a table that could not be fitted."""
-    return Kept({"table": name, "outcome": FAILED, "code": error.code, "reason": " ".join(str(error).split())}, {})
+    reason = str(error)
+    for broken, joined in (("faults\n  - ", "faults: "), (":\n  - ", ": "), ("\n  - ", "; "), ("\n", ". ")):
+        reason = reason.replace(broken, joined)
+    return Kept({"table": name, "outcome": FAILED, "code": error.code, "reason": " ".join(reason.split())}, {})
 
 
 def kept(name: str, fit: Fit) -> Kept:

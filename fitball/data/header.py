@@ -176,8 +176,12 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
             if stated and unit and symbol_of(stated) != symbol_of(unit) and not optional:
                 words = f"the unit is '[{unit}]' in the header and '[{stated}]' in columns; expected one unit"
                 cells.fault("two-units", words, column)
+    called = {" ".join(one.split()).casefold() for one in (*cells.names, *(name for name, _ in split))}
     for column, their in naming.theirs.items():
         if column in {*ours, *optional} or (optional and their == column):
+            if column in ours and not optional and their not in called:
+                text = f"no column is called '{naming.columns[column]}': {column} is read from the one of that name"
+                cells.note("not-read", text)
             continue
         words = f"there is no column '{naming.columns[column]}' to read as {column}"
         cells.fault("no-column", f"{words}; columns of the table: {listed(cells.names, most=20)}", column)

@@ -108,6 +108,9 @@ def impacts_of(found: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
     known = dict(zip(order, (axis.ravel() for axis in grid), strict=True))
     stated = np.diag([axis.sd**2 for axis in axes])
     states, covariance = propagate(lambda columns: state(columns, points), known, stated)
+    if (states["v_x1"] < 0.0).any():
+        # The offset of the normal force lies ahead in the direction of travel, towards positive v_x.
+        _fail(text, "the ball flies towards negative v_x; mirror it: change the signs of v_x1 and omega_1")
     return Impacts(*states.values()), covariance if stated.any() else None
 
 

@@ -320,8 +320,9 @@ class _Reader:
             scale = f"{Unit('', 1e3).number(by_ball)} mm/px, the stated scale is {1e3 * stated:.3g} mm/px"
             self.cells.note("scales-differ", f"{one_line(name)}: the radius of the ball gives {scale}")
         if not (stated or by_ball) and ({"x", "y"} & pixels or camera.row_time):
-            words = "positions in pixels, and row_time, need one: expected --mm-per-px, mm_per_px in [camera], or"
-            self.cells.fault("no-scale", f"{words} --ball-diameter and a column radius [px]")
+            words = "positions in pixels, and row_time, need a scale: expected --mm-per-px, mm_per_px in [camera], or"
+            if all(fault.code != "no-scale" for fault in self.cells.faults):
+                self.cells.fault("no-scale", f"{words} --ball-diameter and a column radius [px]")
         return stated or by_ball or 1.0
 
     def _fold(self, own: Mapping[str, FloatArray], rows: IntArray, order: IntArray) -> int:

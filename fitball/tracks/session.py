@@ -323,4 +323,6 @@ def _misread(film: Film) -> str:
 
 def _rate(impacts: Sequence[Impact]) -> float:
     """Frames a second."""
-    return 1.0 / float(np.median([np.median(np.diff(one.track.time)) for one in impacts]))
+    steps = [np.diff(one.track.time) for one in impacts]
+    # The mean, since stamps may be rounded; longer steps miss frames.
+    return 1.0 / float(np.median([step[step < 1.5 * np.median(step)].mean() for step in steps]))
