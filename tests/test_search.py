@@ -229,6 +229,8 @@ def test_a_model_without_an_answer():
     with pytest.raises(FitError) as caught:
         best_fit(problem, seeded())
     assert caught.value.code == "no-answer"
+    stated = problem_of(table_of(REBOUND, "corr"), scene_of(), fix={"v_x_sd": 0.0, "v_y_sd": 0.0, "spin_sd": 0.0})
+    assert np.isfinite(best_fit(stated, seeded()).log_posterior[0])
 
 
 def test_levels_that_differ_are_not_found_to_agree(monkeypatch):
