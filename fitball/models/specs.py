@@ -4,39 +4,35 @@ Priors are wide, and truncated by the bounds; a scene states narrower ones. Typi
 fits to Wang's 21 impacts.
 """
 
-import math
 from collections.abc import Mapping
 
 from fitball.numbers import Unit
 from fitball.priors import ParameterSpec
 
-EVERYTHING, POSITIVE = (-math.inf, math.inf), (0.0, math.inf)
 _MM = Unit("mm", 1e3)
 # A row a parameter: name, unit, bounds and prior; meaning and symbol; what else is known of it.
 _ALL = (
     ParameterSpec("mass_ratio", "", 0.3, 1.0, "uniform(0.3, 1)",
-        "relative core mass, over that of the ball", r"$M_1/M$", typical=0.87, possible=(0.0, 1.0)),
+        "relative core mass, over that of the ball", r"$M_1/M$", typical=0.87),
     ParameterSpec("k_y", "N/m", 1.0e2, 1.0e7, "lognormal(2.0e4, 1.0)",
         "vertical stiffness, between core and shell", r"$K_y$",
-        typical=2.0e4, possible=POSITIVE, handy=Unit("kN/m", 1e-3), logarithmic=True),
+        typical=2.0e4, handy=Unit("kN/m", 1e-3), logarithmic=True),
     ParameterSpec("k_theta", "N m/rad", 1.0e-2, 1.0e8, "lognormal(30, 1.5)",
-        "torsional stiffness, between core and shell", r"$K_\theta$",
-        typical=20.0, possible=POSITIVE, logarithmic=True),
+        "torsional stiffness, between core and shell", r"$K_\theta$", typical=20.0, logarithmic=True),
     ParameterSpec("mu", "", 0.0, 5.0, "lognormal(0.6, 0.4)",
-        "friction coefficient, of the ball sliding on the court", r"$\mu$", typical=0.56, possible=POSITIVE),
+        "friction coefficient, of the ball sliding on the court", r"$\mu$", typical=0.56),
     ParameterSpec("eps_10", "m", -0.033, 0.033, "normal(0, 0.005)",
         "normal-force offset, ahead of the centre, at 10 m/s", r"$\varepsilon_{10}$", typical=2.4e-3, handy=_MM),
     ParameterSpec("eps_slope", "m/(m/s)", -0.01, 0.01, "normal(0, 0.001)",
         "slope of the offset, its change per m/s of vertical speed", r"$\varepsilon'$",
-        typical=0.0, possible=EVERYTHING, handy=Unit("mm/(m/s)", 1e3)),
+        typical=0.0, handy=Unit("mm/(m/s)", 1e3)),
     ParameterSpec("cor_10", "", 0.0, 1.0, "normal(0.75, 0.15)",
         "vertical restitution, the coefficient at 10 m/s", r"$\mathrm{COR}_{10}$", typical=0.776),
     ParameterSpec("cor_slope", "1/(m/s)", -0.1, 0.1, "normal(0, 0.02)",
         "slope of restitution, its change per m/s of vertical speed", r"$\mathrm{COR}'$",
-        typical=-0.0158, possible=EVERYTHING, handy=Unit("1e-3 s/m", 1e3)),
+        typical=-0.0158, handy=Unit("1e-3 s/m", 1e3)),
     ParameterSpec("zeta_theta", "", 0.0, 10.0, "lognormal(0.5, 1.0)",
-        "torsional damping, its ratio during slip", r"$\zeta_\theta$",
-        typical=0.5, possible=POSITIVE, logarithmic=True),
+        "torsional damping, its ratio during slip", r"$\zeta_\theta$", typical=0.5, logarithmic=True),
     ParameterSpec("inertia_split", "", 1.0e-6, 1.0 - 1.0e-6, "uniform(0.1, 0.98)",
         "relative core inertia, over that of the ball", r"$I_1/I$", typical=0.7),
     ParameterSpec("e_x", "", -1.0, 1.0, "normal(0, 0.5)",
@@ -44,11 +40,11 @@ _ALL = (
     ParameterSpec("offset", "m", -0.033, 0.033, "normal(0, 0.005)",
         "normal-force offset, ahead of the centre", r"$\varepsilon$", typical=2.4e-3, handy=_MM),
     ParameterSpec("ball_mass", "kg", 1.0e-6, 20.0, "normal(0.0576, 0.001)",
-        "mass of the ball", r"$M$", possible=POSITIVE, handy=Unit("g", 1e3)),
+        "mass of the ball", r"$M$", handy=Unit("g", 1e3)),
     ParameterSpec("ball_radius", "m", 1.0e-4, 0.5, "normal(0.03302, 0.0005)",
-        "outer radius of the ball", r"$R$", possible=POSITIVE, handy=_MM),
+        "outer radius of the ball", r"$R$", handy=_MM),
     ParameterSpec("inertia_ratio", "", 0.05, 1.0, "normal(0.56, 0.015)",
-        "relative inertia, of the ball over M R^2", r"$I/MR^2$", possible=POSITIVE),
+        "relative inertia, of the ball over M R^2", r"$I/MR^2$"),
 )  # fmt: skip
 
 SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}

@@ -10,7 +10,7 @@ A court that is higher is reached earlier and left later; a tilted one has the h
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from math import inf, pi
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -27,14 +27,13 @@ from fitball.values import FloatArray, Impacts, IntArray
 
 _ALL = (
     ParameterSpec("scale", "", 0.2, 5.0, "normal(1, 0.01)",
-        "scale of the camera, true lengths over measured ones", r"$s$", possible=(0.0, inf)),
+        "scale of the camera, true lengths over measured ones", r"$s$"),
     ParameterSpec("clock", "", 0.2, 5.0, "normal(1, 0.001)",
-        "clock of the camera, true times over measured ones", r"$c$", possible=(0.0, inf)),
+        "clock of the camera, true times over measured ones", r"$c$"),
     ParameterSpec("tilt", "rad", -0.3, 0.3, "normal(0, 0.005)",
-        "tilt of the court, upwards along the flight in the picture", r"$\tau$",
-        possible=(-inf, inf), handy=Unit("deg", 180.0 / pi)),
+        "tilt of the court, upwards along the flight in the picture", r"$\tau$", handy=Unit("deg", 180.0 / pi)),
     ParameterSpec("court_height", "m", -0.2, 0.2, "normal(0, 0.003)",
-        "height of the court, above the one assumed", r"$h$", possible=(-inf, inf), handy=Unit("mm", 1e3)),
+        "height of the court, above the one assumed", r"$h$", handy=Unit("mm", 1e3)),
 )  # fmt: skip
 CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
 # What nobody states.
