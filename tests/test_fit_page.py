@@ -121,9 +121,9 @@ def test_a_point_fit_has_best_values_and_profiles(point):
     assert not re.search(r"\bnan\b|\binf\b|None\b(?! of)", text) and "R-hat" not in text
     assert "probability" not in "".join(lab.lines(point))
     # An open profile is not the same as none.
-    unit = unit_of(point, "mu")
-    assert fit_words.profile_text({"profile_low": -np.inf, "profile_high": np.inf}, unit) == "open"
-    assert fit_words.profile_text({"profile_low": np.nan, "profile_high": np.nan}, unit) == ""
+    for low, high, text in ((-np.inf, np.inf, "open"), (np.nan, np.nan, ""), (0.05, 13500.0, "[0.050, 13500]")):
+        row = {"median": np.nan, "point": 20.7, "profile_low": low, "profile_high": high}
+        assert fit_words.value_texts(row, unit_of(point, "mu")) == ("20.70" if low < 0.0 or not text else "21", text)
 
 
 def test_shares_that_are_not_all_are_never_all(fit):

@@ -49,7 +49,8 @@ def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
     if text.removesuffix(".csv") in known:
         return folder() / kind / f"{text.removesuffix('.csv')}.csv"
     fault = "a folder, no file" if is_folder else "no such file"
-    hint = suggestion(path.stem, known)
+    fits = sorted(path.glob("*/fit.json")) if is_folder else []
+    hint = f"did you mean the fit {fits[0].parent}?" if fits else suggestion(path.stem, known)
     raise FolderError(f"{one_line(text)}: {fault}, and no bundled one of this name; {hint}", "not-found")
 
 

@@ -49,7 +49,10 @@ def spans(text: str, takes: str) -> dict[str, Span]:
     found: dict[str, Span] = {}
     for item in text.split(","):
         name, _, written = (" ".join(part.split()) for part in item.partition("="))
-        form = listed((f"{name if written else 'v_1'}={_FORMS[part]}" for part in takes.split()), last="or")
+        si = COLUMNS[name].unit if name in COLUMNS and written else "m/s"
+        unit = "deg" if si == "rad" else si
+        forms = (f"{name if written else 'v_1'}={_FORMS[part].replace('m/s', unit)}" for part in takes.split())
+        form = listed(forms, last="or")
         if not name or not written:
             _fail(text, f"read '{one_line(item.strip())}'; expected {form}")
         if name not in COLUMNS:

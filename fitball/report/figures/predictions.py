@@ -45,7 +45,7 @@ def curves(fit: Fit) -> Figure:
         few_ticks(axis.yaxis)
     shared = ((lines["speed"].dropna().unique(), "m/s"), (lines["spin"].dropna().unique(), "rad/s"))
     where = " and ".join(f"{found[0]:.3g} {unit}" for found, unit in shared if len(found) == 1)
-    at_words = f", at {where}" if where else ""
+    at_words = f",{' ' if axes.shape[1] == 1 else chr(10)}at {where}" if where else ""
     across = r"vertical speed $v_{y1}$ [m/s]" if drop else rf"angle of incidence $\theta_1$ [deg]{at_words}"
     hide(axes, len(columns), across)
     legend_above(figure, [
