@@ -65,8 +65,7 @@ def test_options_are_those_of_the_signature():
 )
 def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, named):
     code, said = _exit(capsys, *words)
-    assert code == 2
-    assert named in said
+    assert code == 2 and named in said
 
 
 def _outcome(line):

@@ -99,8 +99,7 @@ def test_what_is_fitted_to_each_surface_and_ball_unasked():
     assert fitted(("ball",), text="two-mass")[0] == {"cor_10": "ball", "eps_10": "ball"}
     timed = fitted(("ball",), text="two-mass", columns=(*REBOUND, "contact_time"))[0]
     assert timed == {"cor_10": "ball", "eps_10": "ball", "k_y": "ball"}
-    assert fitted(("place",))[0] == {"mu": "place"}
-    assert fitted(("team",))[0] == {}
+    assert fitted(("place",))[0] == {"mu": "place"} and fitted(("team",))[0] == {}
     assert fitted(("surface",), count=8)[0] == {}
     assert "too-few-for-levels" in fitted(("surface",), count=8)[1]
     assert fitted(("surface",), fix={"mu": 0.5})[0] == {"cor_10": "surface"}
