@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from support.made_fit import made_fit, table_of
 
+import fitball
 from fitball import cli
 from fitball.errors import FitballError
 from fitball.saved import pair
@@ -92,6 +93,19 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
     lines = {f"{verb} {words}": code for verb, mistakes in wanted.items() for words, code in mistakes}
     assert {line: _outcome(line) for line in lines} == lines and {*wanted} == {*cli.VERBS}
     assert sorted(Path().rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        (lambda: fitball.calibrate([]), "no-data"), (lambda: fitball.track(None), "no-data"),
+        (lambda: fitball.calibrate("wang_zero_spin", fix={"mu": "much"}), "not-a-number"),
+        (lambda: fitball.plan(made_fit(), count=2.5), "count"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_python_have_codes_too(asked, code):
+    with pytest.raises(FitballError, check=lambda error: error.code == code):
+        asked()
 
 
 def test_a_negative_value_is_no_option():

@@ -258,8 +258,11 @@ def load_data(
 ) -> tuple[ImpactTable, Scene]:
     """What every fit begins with: one or several tables joined, the scene given or beside the first, doubts refused
     (InputError `misread`) or, `as_read`, noted. Scenes of further tables must name the same ball (`scenes-differ`).
+    Raises ParameterError (`no-data`) without any.
     """
     read = [_read(source, scene, reading) for source in _several(sources)]
+    if not read:
+        raise ParameterError("no table was given; expected files, data frames, or names of bundled ones", "no-data")
     known, notes = read[0][1], list[Note]()
     for table, own in read:
         if own.ball != known.ball:

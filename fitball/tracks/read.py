@@ -100,8 +100,10 @@ def read_tracks(
     """The tracks of files of positions, or of data frames with the same columns, and notes on what was assumed or
     left out. Raises InputError with every fault by row and column (`no-positions`, `no-column`, `no-rate`,
     `no-scale`, `three-coordinates`, `two-positions`, `same-table-twice`, `fold`, `film`, and what cells have),
-    FolderError, ParameterError (`columns`).
+    FolderError, ParameterError (`columns`, `no-data`).
     """
+    if not sources:
+        raise ParameterError("no film was given; expected tables of positions", "no-data")
     naming, tracks, notes = _Naming({**scene.columns, **columns}), list[Track](), dict[Note, None]()
     digests = set[tuple[str, str]]()
     for source in sources:

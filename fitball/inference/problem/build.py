@@ -67,6 +67,14 @@ def choices_of(
     return Choices(text, dict(fix or {}), dict(prior or {}), dict(pool or {}), noise), own
 
 
+def _number(name: str, value: Any) -> float:
+    """A value that is fixed. Raises ParameterError (`not-a-number`)."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"fix: read {name} = {value!r}; expected a number in SI", "not-a-number") from None
+
+
 def build_problem(
     table: ImpactTable, scene: Scene, choices: Choices, own: Model | None = None,
     known: Mapping[str, str] = MappingProxyType({}),
@@ -196,7 +204,7 @@ def _given(
             given[name] = (float(number), "stated in the scene")
     for said, why in ((scene, "fixed by the scene"), (choices, "fixed on request")):
         given |= said.prior
-        given |= {name: (float(value), why) for name, value in said.fix.items()}
+        given |= {name: (_number(name, value), why) for name, value in said.fix.items()}
     return given
 
 
