@@ -47,6 +47,7 @@ def test_what_values_rest_on_depends_on_no_seed_and_needs_no_chain():
 def test_check_prints_every_fault_as_json(tmp_path, capsys):
     place = tmp_path / "broken.csv"
     place.write_text("v_1,theta_1,v_y2\n17,much,5\n18,200,5\n")
+    assert main(["check", str(place), "--quiet"]) == 1 and place.name in capsys.readouterr().out
     assert main(["check", str(place), "--json"]) == 1
     faults = json.loads(capsys.readouterr().out)["frames"]["faults"]
     assert {(fault["row"], fault["column"]) for fault in faults} >= {(1, "theta_1"), (2, "theta_1")}
