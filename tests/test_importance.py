@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fitball.inference.sampling.importance import RELIABLE, Student, effective, fitted, importance, smoothed
+from fitball.inference.sampling.importance import RELIABLE, Student, effective, fitted, importance, parted, smoothed
 
 NEAR, FAR = np.array([0.0, 1.0]), np.array([4.0, -2.0])
 SPREAD = np.array([[1.0, 0.6], [0.6, 0.5]])
@@ -52,6 +52,18 @@ def test_a_bad_proposal_shows():
     x = 1.2 * np.random.default_rng(3).standard_normal((2000, 4))
     ratios = -0.5 * np.sum(x**2, axis=1) + 0.5 * np.sum((x / 1.2) ** 2, axis=1)
     assert smoothed(ratios, 1.0)[1] < 0.3
+
+
+def test_parts_follow_a_bent_distribution():
+    rng = np.random.default_rng(6)
+    x = rng.standard_normal((8000, 2)) * [1.0, 0.2]
+    x[:, 1] += x[:, 0] ** 2
+    x, (shares, parts) = 1e3 * x, zip(*parted(1e3 * x, rng), strict=True)
+    truth = stats.norm.logpdf(x[:, 0], scale=1e3) + stats.norm.logpdf(x[:, 1], x[:, 0] ** 2 / 1e3, 200.0)
+    one, each = fitted(x).log_density(x), np.array([np.exp(part.log_density(x)) for part in parts])
+    many = np.log(np.array(shares) @ each)
+    assert sum(shares) == pytest.approx(1.0) and 0.0 < np.mean(truth - many) < 0.3 * np.mean(truth - one)
+    assert parted(x[:3] * [1.0, 0.0], rng) == []
 
 
 def test_a_density_that_no_proposal_meets():

@@ -81,15 +81,16 @@ def test_chains_that_have_not_converged_are_said_so():
     assert found.steps == found.warm_up + 100 and np.isfinite(posterior.values).all()
 
 
-def test_a_long_chain_is_thinned_evenly(monkeypatch):
+# Of 100 steps that are stored, every fourth, the first quarter is left out; draws that taught are no draws.
+@pytest.mark.parametrize(("lessons", "kept"), [(0, 75), (2, 100)])
+def test_a_long_chain_is_thinned_evenly(lessons, kept, monkeypatch):
     problem = line_problem()
     chains = "fitball.inference.sampling.chains."
-    for name, value in (("STORED", 100), ("FIRST", 100), ("TARGET_ESS", 1e9)):
+    for name, value in (("STORED", 100), ("FIRST", 100), ("TARGET_ESS", 1e9), ("LESSONS", lessons)):
         monkeypatch.setattr(chains + name, value)
-    mixed, scores, rates, steps = run(problem, begun(problem), np.random.default_rng(0), 400, lambda _share: None)
-    assert steps == 160 + 400
-    # Of 100 steps that are stored, every fourth, the first quarter is left out.
-    assert mixed.chains.shape[:2] == (4, 75) == scores.shape[:2]
+    mixed, scores, rates, *steps = run(problem, begun(problem), np.random.default_rng(0), 400, lambda _share: None)
+    assert steps == [160 + 100 * lessons, 160 + 400]
+    assert mixed.chains.shape[:2] == (4, kept) == scores.shape[:2]
     assert all(0.2 < rate < 0.9 for rate in rates)
     # Beyond that by slices of what was drawn, and of twice as many the first half is left out.
     mixed, scores, _, _ = run(problem, begun(problem), np.random.default_rng(0), 1600, lambda _share: None)
