@@ -8,9 +8,9 @@ from support.line import exact, line_problem
 from fitball.errors import FitError
 from fitball.inference.effort import Effort
 from fitball.inference.sampling import sample as sampling
-from fitball.inference.sampling.chains import _left_behind, _sliced, run
+from fitball.inference.sampling.chains import _left_behind, run
 from fitball.inference.sampling.convergence import Mixing
-from fitball.inference.sampling.importance import Student, fitted
+from fitball.inference.sampling.importance import Student
 from fitball.inference.sampling.sample import sample
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective
@@ -92,9 +92,6 @@ def test_a_long_chain_is_thinned_evenly(lessons, kept, monkeypatch):
     assert steps == [160 + 100 * lessons, 160 + 400]
     assert mixed.chains.shape[:2] == (4, kept) == scores.shape[:2]
     assert all(0.2 < rate < 0.9 for rate in rates)
-    # Beyond that by slices of what was drawn, and of twice as many the first half is left out.
-    mixed, scores, _, _ = run(problem, begun(problem), np.random.default_rng(0), 1600, lambda _share: None)
-    assert mixed.chains.shape[:2] == (4, 50) == scores.shape[:2]
     centre, covariance = exact(problem)
     sds = np.sqrt(np.diagonal(covariance))
     assert np.all(np.abs(mixed.chains.mean(axis=(0, 1, 2)) - centre) < 0.1 * sds)
@@ -138,17 +135,3 @@ def test_effective_sizes_and_r_hat():
     wide = rng.standard_normal((4, 1000, 4, 1)) * np.repeat([0.2, 1.0], 500)[None, :, None, None]
     assert (now := Mixing("a", wide)).ess_tail["a"] < 0.2 * now.ess_bulk["a"]
     assert not found.r_hat["c"] < np.inf and found.r_hat["d"] < 1.02 and found.ess_bulk["d"] < 0.1 * size
-
-
-def test_slices_follow_a_bent_ridge():
-    rng = np.random.default_rng(0)
-    along, off = rng.standard_normal((2, 20_000))
-
-    def efficiency(proposals):
-        q = np.concatenate([one.draw(rng, 1000) for one in proposals])
-        weights = -0.5 * (q[:, 0] ** 2 + ((q[:, 1] - q[:, 0] ** 2) / 0.3) ** 2)
-        weights = np.exp(weights - np.logaddexp.reduce([one.log_density(q) for one in proposals], axis=0))
-        return weights.sum() ** 2 / (weights**2).sum() / len(q)
-
-    q = np.column_stack([along, along**2 + 0.3 * off])
-    assert efficiency([fitted(q)]) < 0.1 < 0.35 < efficiency(_sliced(q))
