@@ -323,7 +323,7 @@ def test_the_map_shows_gains_and_places(straight):
     for number, row in enumerate(found.frames["plan"].itertuples(), 1):
         place = next(xy for words, xy in marks.items() if str(number) in words.split(","))
         np.testing.assert_allclose(place, [np.degrees(row.theta_1), row.v_1])
-    line = fitball.plan(straight, sensor={}, count=2, speed="15..25:4", angle="30", spin="0..100:2")
+    line = fitball.plan(straight, sensor={}, count=90, speed="15..25:4", angle="30", spin="0..100:2")
     assert saved(styled(page.figures(line)["gains"])).startswith(b"\x89PNG")
 
 
