@@ -324,3 +324,9 @@ def test_long_tables_are_tested_thinned(monkeypatch):
     monkeypatch.setattr(module, "SMALL", 2.0)
     _, _, fine = said(table)
     assert fine.answer == "describes" and fine.moved == found.moved
+
+
+def test_chances_have_the_same_last_digit_in_each_process(monkeypatch):
+    monkeypatch.setattr(module, "SHARES", dict.fromkeys("abcdefghij", 0.1))
+    looks = [module._Look(kind, "", "", 0.5) for kind in module.SHARES]
+    assert module._times(looks, "a") == module.OF_PATTERNS / 0.1
