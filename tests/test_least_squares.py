@@ -57,9 +57,9 @@ def test_slopes_are_those_of_the_residuals():
     q, width = problem.coordinates(values), problem.prior.width
 
     def at(row):
-        return search._residuals(problem, {name: v[0] for name, v in problem.values(row[None]).items()})
+        return search._linear(problem, {name: v[0] for name, v in problem.values(row[None]).items()})[0]
 
-    wanted, found = approx_fprime(q, at, 1e-7 * width), search._slopes(problem, values)
+    wanted, found = approx_fprime(q, at, 1e-7 * width), search._linear(problem, values)[1]
     assert found.shape == (10 * 3 + 1 + 2, q.size)
     np.testing.assert_allclose(found * width, wanted * width, atol=1e-4)
     assert np.all(np.abs(found[-3:] * width).max(axis=1) > 0.1)

@@ -67,10 +67,7 @@ def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> Dat
 def _asked(problem: Problem) -> Asked:
     """The rows of the fit's own table."""
     rows, columns = problem.rows, tuple(item.column.name for item in problem.observables)
-    stated = np.stack(
-        [np.where(item.stated, rows.sd[:, k], 0.0) for k, item in enumerate(problem.observables)], axis=1
-    )
-    return Asked(rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, stated)
+    return Asked(rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, rows.sd)
 
 
 def regimes(problem: Problem, draws: Draws) -> DataFrame:

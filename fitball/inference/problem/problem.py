@@ -117,6 +117,12 @@ class Problem:
         return CalibratedRange(self.table.impacts, index, self.forward.model.ball.radius)
 
     @property
+    def noises(self) -> frozenset[str]:
+        """The parameters of noise, which move no prediction."""
+        kind = self.forward.noise.parameters
+        return frozenset([*(item.noise for item in self.observables), *(spec.name for spec in kind)])
+
+    @property
     def derived(self) -> tuple[Quantity, ...]:
         """What follows from parameters."""
         return quantities(self.forward, self.calibrated, self.scene)
