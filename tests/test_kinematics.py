@@ -44,9 +44,7 @@ def test_mean_friction_is_that_of_the_printed_table():
 
 
 def test_energy_lost_is_that_of_the_printed_table():
-    """Table 2 prints energies in lb in, with an inertia of about 0.00034 lb s^2 in and v_1 of which row 1 is wrong
-    by 1 %.
-    """
+    """Table 2 prints energies in lb in, with an inertia of about 0.00034 lb s^2 in; v_1 of row 1 is wrong by 1 %."""
     table, unit = printed("table_2"), 4.4482216152605 * 0.0254
     ball = Ball(inertia_ratio=0.00034 * unit / (0.0576 * 0.03302**2))
     found = balances(bundled("wang_zero_spin", FULL), ball)["energy_lost [J]"]
@@ -76,9 +74,7 @@ SMALL = {"v_1": 0.02, "theta_1": 0.001, "omega_1": 0.5, "v_2": 0.02, "theta_2": 
 
 
 def test_sds_are_those_of_random_draws_of_the_whole_row():
-    """Errors of all columns belong together: 200,000 draws know an sd to 0.2 %, and without the correlations it is
-    another one.
-    """
+    """Errors of all columns belong together: 200,000 draws know an sd to 0.2 %; without correlations it is another."""
     names, rng = [*POLAR], np.random.default_rng(5)
     corr = np.corrcoef(rng.standard_normal((6, 7)))
     pairs = {(names[i], names[j]): corr[i, j] for j in range(6) for i in range(j)}

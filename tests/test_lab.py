@@ -113,9 +113,7 @@ def test_a_drop_test_of_one_ball_is_students():
 
 
 def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
-    """Six balls dropped three times; intervals of the second edition's mixed model on the same drops, which had the
-    noise as a parameter.
-    """
+    """Six balls dropped three times; intervals of the second edition's mixed model, with the noise as a parameter."""
     heights = np.array([140.9, 140.2, 140.8, 142.3, 143.1, 141.4, 140.1, 140.1, 140.5, 141.1, 141.2, 142.4, 140.8,
                         142.0, 141.4, 140.6, 139.5, 138.3]) / 100.0  # fmt: skip
     balls_of = tuple("AAABBBCCCDDDEEEFFF")

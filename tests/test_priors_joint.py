@@ -201,16 +201,11 @@ def test_tables_that_cannot_be_fitted():
         )
         with pytest.raises(FitError):
             row_errors(given, ("v_x2",), ("v_x2",))
-    fine = (
-        {"v_y1": [8.0, 9.0], "contact_time": 0.005},
-        {"v_y1": 0.1, "contact_time": 5e-6},
-        {("v_y1", "contact_time"): 0.5},
-    )
-    assert row_errors(made(*fine), ("contact_time",), ("contact_time",)).note.code == "uncertain-states"
-    assert (
-        row_errors(replace(corr, sd={"v_x2": np.full(10, 0.1), "omega_2": np.full(10, 5.0)}), REBOUND).note.code
-        == "correlated-errors"
-    )
+    values, sds = {"v_y1": [8.0, 9.0], "contact_time": 0.005}, {"v_y1": 0.1, "contact_time": 5e-6}
+    fine = made(values, sds, {("v_y1", "contact_time"): 0.5})
+    assert row_errors(fine, ("contact_time",), ("contact_time",)).note.code == "uncertain-states"
+    exact = replace(corr, sd={"v_x2": np.full(10, 0.1), "omega_2": np.full(10, 5.0)})
+    assert row_errors(exact, REBOUND).note.code == "correlated-errors"
 
 
 def test_choices_for_another_model():

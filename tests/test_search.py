@@ -234,9 +234,7 @@ def test_a_model_without_an_answer():
 
 
 def test_levels_that_differ_are_not_found_to_agree(monkeypatch):
-    """Two surfaces on which the ball keeps 1.8 m/s more or less: with its spike the prior has the highest density
-    where both agree.
-    """
+    """Two surfaces, 1.8 m/s apart: with its spike the prior has the highest density where both agree."""
     table = table_of(REBOUND, labels=("surface",), count=24)
     first = np.array(table.labels["surface"]) == table.labels["surface"][0]
     moved = table.values["v_x2"] + np.where(first, 0.9, -0.9)
