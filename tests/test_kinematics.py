@@ -74,7 +74,7 @@ SMALL = {"v_1": 0.02, "theta_1": 0.001, "omega_1": 0.5, "v_2": 0.02, "theta_2": 
 
 
 def test_sds_are_those_of_random_draws_of_the_whole_row():
-    """Errors of all columns belong together: 200,000 draws know an sd to 0.2 %; without correlations it is another."""
+    """Errors of all columns belong together: 200,000 draws know an sd to 0.2 %, without correlations another."""
     names, rng = [*POLAR], np.random.default_rng(5)
     corr = np.corrcoef(rng.standard_normal((6, 7)))
     pairs = {(names[i], names[j]): corr[i, j] for j in range(6) for i in range(j)}
