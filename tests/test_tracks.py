@@ -73,6 +73,7 @@ def test_spins_are_sure_or_empty_never_wrong(study):
     for camera, film, truth in study:
         z, errors = scores(film, truth)
         sure = np.isfinite(z[:, 2])
+        assert film.spins["probability"].max() <= 1.0 + 1e-9 or not sure.any()
         assert not np.any(np.abs(errors[sure][:, [2, 5]]) > 40.0)
         assert sure.all() if camera.fps >= 500 or camera.fold == 1 else not sure.all()
     film, truth = study[2][1], study[2][2]
