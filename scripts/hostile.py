@@ -53,6 +53,7 @@ TOKEN, NEVER = re.compile(r"[+-]?[0-9][0-9.]*(?:e[+-]?[0-9]+)?|[A-Za-z_][\w .-]*
 # Comments and texts of C, C# and JavaScript: what is left is code.
 QUOTED = re.compile(
     r"""/\*.*?\*/|//(?:(?:\\|\?\?/)\r?\n|[^\n\r\u2028\u2029])*|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
+ENDS = {"png": b"\xaeB`\x82", "html": b"</html>", "json": b"}"}
 OLDER = ("report.html", "fit.json", "old.png", "mine.txt")
 Words = list[str]
 
@@ -219,7 +220,7 @@ def broken(asked: Words, before: dict[str, bytes], after: dict[str, bytes], end:
         data, kind = after.get(name, b"gone"), name.rpartition(".")[2]
         if (not shell or name in ("evil.py", "qz7")) and not name.startswith(f"{out}/"):
             faults.append(f"outside of {out}: {name}" if data else f"executed: {name}")
-        elif not data or not data.endswith({"png": b"\xaeB`\x82", "html": b"</html>", "json": b"}\n"}.get(kind, b"")):
+        elif not data or not data.rstrip().endswith(ENDS.get(kind, b"")):
             faults += [f"not whole: {name}"] * (kind in ("csv", "html", "png", "json", "nc") and name in after)
         elif name in after:
             faults += [f"{name}: {one}" for one in unescaped(kind, data.decode(errors="replace"))]

@@ -28,13 +28,13 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 PYTHONS, ENDS = ("3.11", "3.12", "3.13"), ("lowest", "newest")
 TOOLS = ("hypothesis", "mpmath", "openpyxl", "pytest", "pytest-xdist")
 QUICK = "read saved sampling least_squares calibrate render exports scheduling cli batch tracks models plot"
-# Words for Python; WORK is a folder that is removed again.
+# Words for Python, -P but for studies, which import each other; WORK is a folder that is removed again.
 COMMANDS = {
     "ports": [
-        "-m pytest -q -rs -p no:cacheprovider tests/test_port.py tests/test_port_space.py tests/test_port_text.py"
+        "-P -m pytest -q -rs -p no:cacheprovider tests/test_port.py tests/test_port_space.py tests/test_port_text.py"
     ],
-    "docs": ["scripts/docs.py --check", "scripts/docs.py --run"],
-    "hostile": ["scripts/hostile.py", "scripts/hostile.py --control"],
+    "docs": ["-P scripts/docs.py --check", "-P scripts/docs.py --run"],
+    "hostile": ["-P scripts/hostile.py", "-P scripts/hostile.py --control"],
     "studies": [
         "scripts/validation/sbc.py WORK --only grip-slip --tables 100",
         "scripts/validation/films.py --films 10",
@@ -161,7 +161,7 @@ def run(work: Path, name: str, *given: str) -> str:
     """One part. Raises FailedError."""
     if name in COMMANDS:
         lines = [line.replace("WORK", str(work)) for line in COMMANDS[name]]
-        return ", ".join(done(sys.executable, "-P", *line.split()) for line in lines)
+        return ", ".join(done(sys.executable, *line.split()) for line in lines)
     return versions(work, *given) if given else pages(work) if name == "pages" else readonly(work)
 
 
