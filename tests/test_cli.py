@@ -1,5 +1,6 @@
 """The command line as a frame: what a signature says, mistakes of words, what is imported for help."""
 
+import os
 import shlex
 import subprocess
 import sys
@@ -170,3 +171,11 @@ def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
     monkeypatch.setitem(cli.VERBS, "check", hungry)
     hungry.__name__ = "check"
     assert cli.main(["check", "t.csv"]) == 2 and "2.9 GiB" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_errors_that_nobody_can_read_and_a_backend_that_is_none():
+    code = "import sys; from fitball import cli; k = cli.main(['check', 'none.csv']); import matplotlib; sys.exit(k)"
+    with Path("/dev/full").open("w") as full:
+        made = subprocess.run([sys.executable, "-P", "-c", code], env={**os.environ, "MPLBACKEND": "no"}, stderr=full)
+    assert made.returncode == 2
