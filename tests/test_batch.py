@@ -10,6 +10,8 @@ import cloudpickle
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_rgba
+from support.drawn import cut_off
 from support.made_fit import made_fit, table_of
 
 import fitball
@@ -18,6 +20,7 @@ from fitball.batch.tables import named, safe
 from fitball.cli import main
 from fitball.errors import FolderError, MachineError, ModelError, ParameterError
 from fitball.report.render import to_text
+from fitball.report.style import MODEL
 
 # Workers cannot import this file: what it defines travels whole.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -33,6 +36,20 @@ class Deadly:
     @property
     def iloc(self):
         return None if os.getpid() == self.ours else os.kill(os.getpid(), signal.SIGKILL)
+
+
+WRONG = {
+    "flip": ("odd", "unknown-column"), "ignore": ("odd", "unknown-column"), "columns": ({"odd": "v_x1"}, "columns"),
+    "fix": ({"odd": 1.0}, "unknown-parameter"), "prior": ({"mu": "odd(1)"}, "prior"),
+    "pool": ({"mu": "odd"}, "unknown-label-column"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("option", WRONG)
+def test_what_is_given_is_given_to_every_table(option, courts):
+    value, code = WRONG[option]
+    found = fitball.batch([courts / "court 1.csv"], out="all", cores=1, figures="none", **{option: value})
+    assert found.tables["code"].tolist() == [code]
 
 
 @pytest.fixture
@@ -241,5 +258,10 @@ def test_the_page_has_every_table_and_its_figure_every_interval(made):
     unit = made.of(first)[0].handy.factor
     column = next(head for head in made.tables.columns if head.partition(" [")[0] == first)
     assert sorted(dots) == pytest.approx(sorted(unit * made.tables[column].dropna()))
+    # Tables that know it are strong, and nothing of them is cut off.
+    strong = [line.get_xdata() for line in panels[0].lines if to_rgba(line.get_color()) == to_rgba(MODEL)]
+    known = np.array([first in made.quantities[table] for table in made.tables.index])
+    assert sorted(np.concatenate(strong)) == np.flatnonzero(known & made.tables[column].notna()).tolist()
+    assert not cut_off(figure)
     none = Batch(None, made.tables, made.populations.iloc[:0], {})
     assert not page.figures(none)

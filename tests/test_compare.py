@@ -9,6 +9,7 @@ import pytest
 from arviz_stats.base.array import array_stats
 from scipy import optimize, stats
 from support import line
+from support.drawn import cut_off
 from support.made_fit import table_of
 
 import fitball
@@ -19,6 +20,7 @@ from fitball.inference.density import pointwise
 from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices
 from fitball.report import compare as page
+from fitball.result import Frames
 from fitball.uses import compare, left_out
 from fitball.uses.left_out import Weighted, held_out, leave_one_out
 
@@ -272,6 +274,21 @@ def test_few_impacts_have_no_recommendation_and_pages_say_so(table, compared):
     for result in (few, compared):
         assert page.report(result).summary[0].lines[0].tone == ("part" if result is few else "good")
         assert "brody" in result.report() and result.plot("scores").get_axes()
+
+
+def test_the_page_names_the_simplest_and_who_is_not_worse_and_the_figure_shows_the_frame(compared):
+    models = compared.frames["models"]
+    drawn = compared.plot("scores")
+    assert not cut_off(drawn)
+    for axis, name in zip(drawn.axes[1:], ("v_x2", "v_y2", "omega_2"), strict=True):
+        np.testing.assert_allclose(axis.collections[0].get_offsets()[:, 0], models[f"rms_{name}"], rtol=1e-12)
+    alone = page.report(compared).summary[0].lines
+    # brody is worse, and has fewer parameters.
+    assert not any("brody" in one for one in alone[:3]) and any("fewer parameters predicts" in one for one in alone)
+    equal = Frames("report.compare", {**compared.frames, "models": models.assign(worse=False)})
+    assert any("Not significantly worse" in one and "brody" in one for one in page.report(equal).summary[0].lines)
+    fewest = Frames("report.compare", {**compared.frames, "models": models.assign(parameters=[3, 9])})
+    assert any("No other has fewer" in one for one in page.report(fewest).summary[0].lines)
 
 
 def test_by_the_command_line(tmp_path, capsys, table):

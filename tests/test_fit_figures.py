@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import to_rgba
+from support.drawn import dots
 from support.made_fit import made_fit, table_of
 
 import fitball
@@ -54,12 +55,6 @@ def test_every_figure_is_drawn_of_every_table(case):
             assert saved(drawn).startswith(b"\x89PNG"), name
             # 16 parameters and 60 impacts are too many for one picture.
             assert name != "corner" or len(drawn.axes) <= parameters.CORNER**2
-
-
-def dots(axis, marker):
-    """Places (dots, 2) of dots."""
-    lines = [line for line in axis.lines if line.get_marker() == marker and line.get_linestyle() == "None"]
-    return np.concatenate([line.get_xydata() for line in lines])
 
 
 def test_dots_of_curves_are_residuals_added_to_their_line(pooled):
@@ -174,6 +169,8 @@ def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
     marks = {line.get_xdata()[0]: line for line in axis.lines if len(line.get_xdata()) == 1}
     assert to_rgba(marks[own["median"]].get_color()) == to_rgba(MODEL)
     assert to_rgba(marks[moved["median"]].get_color()) == to_rgba(MOVED)
+    shade = axis.patches[0].get_extents().transformed(axis.transData.inverted()).intervalx
+    np.testing.assert_allclose(shade, own[["q025", "q975"]].astype(float), rtol=1e-12)
     # The variant that fits worse is not there, the constant has no median.
     assert sum(np.isfinite(place) for place in marks) == 2
 
@@ -199,7 +196,10 @@ def test_bars_of_regimes_are_shares_of_draws():
     axis = figure("regimes", fit).axes[0]
     ends = np.zeros(24)
     for bar in axis.patches:
-        ends[round(bar.get_y() + 0.4)] += bar.get_width()
+        place = round(bar.get_y() + 0.4)
+        # Each begins where the one before ends.
+        assert bar.get_x() == pytest.approx(ends[place])
+        ends[place] += bar.get_width()
     np.testing.assert_allclose(ends, 1.0)
     names = [text.get_text().split("  ")[0] for text in axis.get_yticklabels()]
     sizes = {container.get_label(): [bar.get_width() for bar in container] for container in axis.containers}
@@ -219,6 +219,7 @@ def test_the_regime_map_is_what_the_model_says(fit):
     image, patches = axis.images[0], drawn.legends[0].get_patches()
     names = [text.get_text() for text in drawn.legends[0].get_texts()][: len(patches)]
     west, east, south, north = image.get_extent()
+    assert axis.get_xlim() == (west, east) and axis.get_ylim() == (south, north)
     array, speed = image.get_array(), np.median(fit.problem.rows.states.polar()[0])
     values = {spec.name: fit.draws.point[spec.name] for spec in fit.problem.forward.model.parameters}
     seen = set()
@@ -231,6 +232,14 @@ def test_the_regime_map_is_what_the_model_says(fit):
             assert names[int(array[row, column])] == regime
             seen.add(regime)
     assert len(seen) > 1
+
+
+def test_a_legend_of_curves_names_the_speed_where_speeds_differ(pooled):
+    lines = pooled.curves
+    first = lines["series"].min()
+    for other, named in ((20.0, False), (10.0, True)):
+        known = shared.looks(lines.assign(speed=np.where(lines["series"] == first, other, 20.0)))
+        assert len(known) > 1 and all(("m/s" in look.name) == named for look in known.values())
 
 
 def test_a_value_of_which_a_few_draws_are_not_positive_has_no_logarithmic_axis():

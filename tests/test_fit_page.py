@@ -143,7 +143,8 @@ def test_methods_have_every_value_with_its_unit(fit, point):
         row, unit = fit.summary.loc[name], unit_of(fit, name)
         assert f"{name} = {unit.with_interval(row['median'], row['q025'], row['q975'])}" in text
     assert "24 impacts" in text and "2 independent ensembles of 8 walkers and 25 steps" in text
-    assert "ensemble" not in fit_words.methods(point)
+    assert "ensemble" not in fit_words.methods(point) and "assumptions" not in fit_words.methods(point)
+    assert "assumptions: normal=total" in fit_words.methods(made_fit(model="two-mass+normal=total", sampled=False))
 
 
 def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):

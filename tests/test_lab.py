@@ -237,3 +237,7 @@ def test_ratings_by_the_model_are_called_after_what_differs(column, head, monkey
     monkeypatch.setattr(type(fit), "quantity", lambda *_: own)
     assert page.section(fit).blocks[0].rows[0][head] == "A"
     assert len(page.lines(fit)) == 1 and " of A, by the model" in page.lines(fit)[0]
+    # The made fit's rating is extrapolated.
+    assert "extrapolated" in page.lines(fit)[0]
+    fit.__dict__["summary"] = fit.summary.assign(verdict="given")
+    assert "extrapolated" not in page.lines(fit)[0]

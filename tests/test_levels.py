@@ -84,6 +84,9 @@ def test_a_level_that_was_not_measured():
     assert new.std() == pytest.approx(np.sqrt(second - first**2), rel=0.03)
     # Neither the levels measured nor their common value alone.
     assert abs(new.std() - q.std()) > 0.05
+    # Far apart, of all its spreads the largest most of the time.
+    wide = PRIOR.beyond(np.repeat(5.0 * PLACES[2:3], 4000, axis=0), np.random.default_rng(2), -np.inf, 90.0)[0]
+    assert np.mean(wide == SPREADS[-1]) > 0.99
     low = PRIOR.beyond(np.repeat(q[None], 4000, axis=0), np.random.default_rng(2), -np.inf, -0.5)[1]
     assert low.max() <= -0.5 and abs(np.mean(low > -0.6) - np.mean(new[new < -0.5] > -0.6)) < 0.05
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from support.drawn import bars, cut_off, dots
 from support.made_fit import made_fit, table_of
 
 import fitball
@@ -246,6 +247,23 @@ def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     assert "theta_2" in point.report() and point.plot("rebounds").get_axes()
     hostile = fit.predict({"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]})
     assert "\x1b" not in hostile.report() and hostile.plot("rebounds").get_axes()
+
+
+def test_the_page_says_which_impacts_are_outside_and_the_figure_shows_the_frame(fit):
+    own = table_of().iloc[:6]
+    within = fit.predict(own)
+    assert "outside" not in within.report(full=False) and "all within" in within.report(full=False)
+    frame = fit.predict(own.assign(v_x1=own["v_x1"] * [1, 9, 1, 1, 1, 1]))
+    assert "1 outside" in frame.report(full=False) and "(impact 2)" in frame.report(full=False)
+    drawn = within.plot("rebounds")
+    assert not cut_off(drawn)
+    for axis, name in zip(drawn.axes, ("v_x2", "v_y2", "theta_2", "omega_2"), strict=True):
+        mine, unit = rows_of(within, name), 180.0 / np.pi if name == "theta_2" else 1.0
+        wide, narrow = (one[:, :, 1] for one in bars(axis))
+        np.testing.assert_allclose(wide, unit * mine[["new_q025", "new_q975"]].to_numpy(), rtol=1e-12)
+        np.testing.assert_allclose(narrow, unit * mine[["q16", "q84"]].to_numpy(), rtol=1e-12)
+        np.testing.assert_allclose(dots(axis, "_")[:, 1], unit * mine["median"], rtol=1e-12)
+        np.testing.assert_allclose(dots(axis, "o")[:, 1], unit * mine["observed"], rtol=1e-12)
 
 
 def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):

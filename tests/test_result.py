@@ -31,8 +31,9 @@ class Toy(Result):
 
     @property
     def frames(self):
-        index = pd.Index(["mu", "k_y"], name="name")
-        return {"summary": pd.DataFrame({"median": [0.1 + 0.2, np.inf], "kind": ["model", None]}, index=index)}
+        index = pd.Index(["mu", "k_y", "drop"], name="name")
+        values = [0.1 + 0.2, np.inf, -np.inf]
+        return {"summary": pd.DataFrame({"median": values, "kind": ["model", None, None]}, index=index)}
 
 
 def report(result):
@@ -62,7 +63,7 @@ def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
     page = (tmp_path / "report.html").read_text()
     assert "0.300" in page and "data:image/png;base64," in page and "fitball toy &#39;a b&#39;" in page
     back = pd.read_csv(tmp_path / "summary.csv", index_col="name")
-    assert back["median"].tolist() == [0.1 + 0.2, np.inf]
+    assert back["median"].tolist() == [0.1 + 0.2, np.inf, -np.inf]
     with pytest.raises(FolderError):
         Toy().save(tmp_path)
     Toy().save(tmp_path, overwrite=True, figures=False)
@@ -80,6 +81,7 @@ def test_text_notebook_and_json_say_the_same():
         "frames": {
             "summary": [
                 {"name": "mu", "median": 0.1 + 0.2, "kind": "model"}, {"name": "k_y", "median": None, "kind": None},
+                {"name": "drop", "median": None, "kind": None},
             ]
         },
         "notes": [{"code": "doubt", "text": "a doubt"}], "exit_code": 0,

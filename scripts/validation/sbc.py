@@ -35,6 +35,9 @@ from fitball.values import FloatArray, Impacts
 
 # Draws of a posterior that are ranked: 20 bins of ranks 0 to 99.
 RANKED, BINS, LEVEL = 99, 20, 0.01
+# Steps of chains at most: so few draws can be ranked long before tails have their effective size, and a table with
+# uncertain incidence has seven times the bounces.
+STEPS, STEPS_OF_GAPS = 3_000, 160
 PULLED = 0.7
 
 
@@ -119,7 +122,8 @@ def ranked(design: str, number: int) -> Record:
         first_order(made, PointFit((own,), (density,), point.log_likelihood, point.rms)).proposal
         for own, density in zip(point.optima, point.log_posterior, strict=True)
     ]
-    posterior, diagnostics = sample(made, begin, Effort(number), lambda _stage, _share: None)
+    effort = Effort(number, max_steps=STEPS_OF_GAPS if design == "gaps" else STEPS)
+    posterior, diagnostics = sample(made, begin, effort, lambda _stage, _share: None)
     flat = made.prior.coordinate(posterior.values.reshape(-1, len(made.free)))
     chosen = flat[np.linspace(0, len(flat) - 1, RANKED).round().astype(np.int64)]
     found: Record = {"converged": diagnostics.converged}
