@@ -4,10 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from support.made_fit import TRUTH, table_of
+from msgspec.structs import replace
+from support.made_fit import TRUTH, made_fit, table_of
 
 import fitball
 from fitball.cli import main
+from fitball.inference.assemble import beside
 from fitball.saved.pair import read
 
 
@@ -53,3 +55,13 @@ def test_check_prints_every_fault_as_json(tmp_path, capsys):
     assert {(fault["row"], fault["column"]) for fault in faults} >= {(1, "theta_1"), (2, "theta_1")}
     assert main(["calibrate", str(place), "--out", str(tmp_path / "fit")]) == 2
     assert not (tmp_path / "fit").exists()
+
+
+def test_best_values_outside_of_their_intervals_are_named():
+    found = [*made_fit().parameters.values()]
+    assert not beside(found) and not beside([*made_fit(sampled=False).parameters.values()])
+    note = beside([replace(one, point=one.q975 + one.half) for one in found])[0]
+    sure = ("given", "identified", "conditional")
+    closed = {one.name for one in found if one.kind == "model" and one.verdict in sure}
+    assert note.code == "best-outside" and closed
+    assert {one.name for one in found if f"{one.name} (" in note.text} == closed < {one.name for one in found}

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec.structs import asdict
 
+from fitball.errors import Note
 from fitball.inference.forward import Draws
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import COMMON, Problem
@@ -63,6 +64,22 @@ def _kind(name: str) -> str:
     if base in CAMERA_SPECS:
         return "camera"
     return "noise" if name in COMMON else "level" if "[" in name else "model"
+
+
+def beside(found: Sequence[Estimate]) -> list[Note]:
+    """That best values lie outside of the intervals of the draws: a high peak of the posterior may hold little of it.
+    At a bound of a value that is limited on one side, or not determined, that is usual.
+    """
+    names = [
+        f"{one.name} ({one.point:.3g})" for one in found
+        if one.verdict in ("identified", "given", "conditional") and one.kind in ("model", "level", "derived")
+        and np.isfinite(one.q975 - one.q025) and not one.q025 <= one.point <= one.q975
+    ]  # fmt: skip
+    text = (
+        f"Best values outside of their 95 % intervals: {listed(names, most=8)}. The best fit is a narrow peak that "
+        "holds little of the posterior: use medians and draws, not best values."
+    )
+    return [Note("best-outside", text)] * bool(names)
 
 
 def headline(tested: Adequacy, found: Sequence[Estimate]) -> str:
