@@ -109,15 +109,10 @@ def test_of_long_tables_a_part_says_the_same(monkeypatch):
         assert other.sd == pytest.approx(one.sd, rel=0.2) and abs(other.median - one.median) < 1.0 * one.sd
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "columns", "step"),
-    [
-        ("inertia_ratio", "grip-slip", REBOUND, 0.002),
-        ("ball_radius", "grip-slip", REBOUND, 1e-5),
-        ("ball_mass", "two-mass", REBOUND, 1e-4),
-        ("tilt", "grip-slip", REBOUND, 5e-4),
-    ],
-)
+@pytest.mark.parametrize(("name", "text", "columns", "step"), [
+    ("inertia_ratio", "grip-slip", REBOUND, 0.002), ("ball_radius", "grip-slip", REBOUND, 1e-5),
+    ("ball_mass", "two-mass", REBOUND, 1e-4), ("tilt", "grip-slip", REBOUND, 5e-4),
+])  # fmt: skip
 def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
     table, timed = table_of(columns, count=20), scene_of(time=True).contact_time
     noises = {item.noise: TRUTH[item.noise] for item in problem_of(table, None, text).observables}

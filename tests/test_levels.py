@@ -111,11 +111,10 @@ def test_what_is_fitted_to_each_surface_and_ball_unasked():
     assert fitted(("team",), pool={"e_x": "Team"})[0] == {"e_x": "team"}
 
 
-@pytest.mark.parametrize(
-    ("pool", "code"),
-    [({"mu": "colour"}, "unknown-label-column"), ({"nu": "surface"}, "unknown-parameter"),
-     ({"mu": "club"}, "one-level")],
-)  # fmt: skip
+@pytest.mark.parametrize(("pool", "code"), [
+    ({"mu": "colour"}, "unknown-label-column"), ({"nu": "surface"}, "unknown-parameter"),
+    ({"mu": "club"}, "one-level"),
+])  # fmt: skip
 def test_levels_that_cannot_be(pool, code):
     table = table_of(REBOUND, labels=("surface",))
     table = replace(table, labels={**table.labels, "club": ("x",) * 10})

@@ -68,16 +68,12 @@ def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
     assert np.all(np.isfinite(prior.log_density(prior.coordinate(prior.quantile(np.array([0.001, 1.0]))))))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "gauss(1, 2)", "normal 1 2", "normal(1)", "normal(1, two)", "normal(1, -2)", "normal(1, nan)",
-        "normal(1, inf)", "uniform(2, 1)", "lognormal(-1, 1)", "lognormal(1, 1e6)", "normal(0.5, 1e-300)",
-        "loguniform(0.1, 1e300)", "loguniform(0, 1)", "normal(50, 1)", "uniform(6, 7)", "half-t(0.2)",
-        "half-normal(0.2, 4)", "half-t(-0.2, 4)", "half-t(0.2, 0)", "half-normal(0)", "normal(10, 1)",
-        "literature:clay",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [
+    "gauss(1, 2)", "normal 1 2", "normal(1)", "normal(1, two)", "normal(1, -2)", "normal(1, nan)", "normal(1, inf)",
+    "uniform(2, 1)", "lognormal(-1, 1)", "lognormal(1, 1e6)", "normal(0.5, 1e-300)", "loguniform(0.1, 1e300)",
+    "loguniform(0, 1)", "normal(50, 1)", "uniform(6, 7)", "half-t(0.2)", "half-normal(0.2, 4)", "half-t(-0.2, 4)",
+    "half-t(0.2, 0)", "half-normal(0)", "normal(10, 1)", "literature:clay",
+])  # fmt: skip
 def test_a_bad_prior_is_refused(text):
     with pytest.raises(ParameterError) as caught:
         prior_of(text)

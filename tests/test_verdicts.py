@@ -48,19 +48,16 @@ def of_line(problem, **start):
     return {name: (found[name].verdict, found[name].rule, found[name].given) for name in ("a", "b")}
 
 
-@pytest.mark.parametrize(
-    ("function", "prior", "a", "b"),
-    [
-        (line, {}, ("identified", "determined", ()), ("identified", "determined", ())),
-        (bounded, {}, ("identified", "determined", ()), ("one-sided", "bounded", ())),
-        # It moves no rebound by a tenth of a noise.
-        (idle, {}, ("identified", "determined", ()), ("prior-dominated", "traded", ())),
-        # The data say 0.7 to 0.01; priors far off hold it, one nearer meets it half way.
-        (line, {"a": "normal(0.9, 1e-3)"}, ("prior-dominated", "held-off", ()), None),
-        (line, {"a": "normal(0.74, 0.01)"}, ("given", "determined", ("the prior of a",)), None),
-        (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
-    ],
-)
+@pytest.mark.parametrize(("function", "prior", "a", "b"), [
+    (line, {}, ("identified", "determined", ()), ("identified", "determined", ())),
+    (bounded, {}, ("identified", "determined", ()), ("one-sided", "bounded", ())),
+    # It moves no rebound by a tenth of a noise.
+    (idle, {}, ("identified", "determined", ()), ("prior-dominated", "traded", ())),
+    # The data say 0.7 to 0.01; priors far off hold it, one nearer meets it half way.
+    (line, {"a": "normal(0.9, 1e-3)"}, ("prior-dominated", "held-off", ()), None),
+    (line, {"a": "normal(0.74, 0.01)"}, ("given", "determined", ("the prior of a",)), None),
+    (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
+])  # fmt: skip
 def test_lines_whose_verdict_is_known(function, prior, a, b):
     far = {"a": 0.9, "v_y_sd": 1.0} if "0.9" in prior.get("a", "") else {}
     found = of_line(dropped(function, prior=prior), **far)
