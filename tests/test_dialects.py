@@ -26,13 +26,9 @@ SI = {"mph": 1609.344 / 3600, "deg": np.pi / 180, "rpm": np.pi / 30}
 FORMS = ["{} [{}]", "{} ({})", "{}[{}]", "{} {{{}}}", "{} / ({})", "{} / {}", "{} in {}", "{}_{}", "{} {}", "{}: {}"]
 SPELLED = {"mph": ["mph", "MPH", "mi/h"], "deg": ["deg", "°", "Degrees"], "rpm": ["rpm", "RPM", "rev/min"], "": [""]}
 NAMED = {
-    "id": ["id", "ID", "No.", "Nr"],
-    "v_1": ["v_1", "V1", "v 1"],
-    "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
-    "omega_1": ["omega_1", "OMEGA_1", "ω1"],
-    "theta_2": ["theta_2", "Theta_2", "θ2"],
-    "v_2_sd": ["v_2_sd", "V2_SD"],
-}
+    "id": ["id", "ID", "No.", "Nr"], "v_1": ["v_1", "V1", "v 1"], "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
+    "omega_1": ["omega_1", "OMEGA_1", "ω1"], "theta_2": ["theta_2", "Theta_2", "θ2"], "v_2_sd": ["v_2_sd", "V2_SD"],
+}  # fmt: skip
 TITLES = ["Bounce test 3, May 2026", "Operator: R. Cross; ball 4", "left court\ttwo cameras", "sep=;"]
 
 

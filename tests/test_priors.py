@@ -34,12 +34,10 @@ LN = np.log
 CASES = [
     ("normal(0.55, 0.05)", 0.0, 5.0, normal(0.0, 5.0, 0.55, 0.05)),
     ("normal(0, 0.005)", -0.033, 0.033, normal(-0.033, 0.033, 0.0, 0.005)),
-    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)),
-    ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
+    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)), ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
     ("lognormal(20000, 1)", 100.0, 1e7, normal(LN(100.0), LN(1e7), LN(2e4), 1.0)),
     ("lognormal(0.6, 0.4)", 0.0, 5.0, normal(-np.inf, LN(5.0), LN(0.6), 0.4)),
-    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)),
-    ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
+    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)), ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
     ("loguniform(1, 1000)", 0.0, 100.0, stats.uniform(0.0, LN(100.0))),
     ("half-normal(0.3)", -1.0, 5.0, normal(0.0, 5.0, 0.0, 0.3)),
     ("half-t(0.2, 4)", 0.0, 4.0, Tail(stats.t(4.0, 0.0, 0.2), 0.0, 4.0)),
@@ -48,9 +46,8 @@ CASES = [
     ("half-t(0.2, 1e11)", 0.0, 4.0, Tail(stats.norm(0.0, 0.2), 0.0, 4.0)),
     # What a prior must leave, far in a tail and in a narrow window.
     ("normal(0, 1)", 4.6, 9.0, Tail(stats.norm(0.0, 1.0), 4.6, 9.0)),
-    ("normal(9, 1)", 0.0, 4.4, normal(0.0, 4.4, 9.0, 1.0)),
-    ("normal(0.5, 4e4)", 0.0, 1.0, stats.uniform(0.0, 1.0)),
-]
+    ("normal(9, 1)", 0.0, 4.4, normal(0.0, 4.4, 9.0, 1.0)), ("normal(0.5, 4e4)", 0.0, 1.0, stats.uniform(0.0, 1.0)),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "lower", "upper", "law"), CASES, ids=[case[0] for case in CASES])

@@ -26,28 +26,16 @@ EXACT = {
 }  # fmt: skip
 SPELLED = {
     "m/s": "M/S|m / s|m s^-1|m s-1|m.s-1|m·s⁻¹|m*s^-1|m s**-1|ms-1|mps|m/sec|meters per second|metres/second",
-    "km/h": " km/h |kmh|KM/H|km h^-1|kph|kmph|km/hr|kilometres per hour",
-    "mph": "MPH|mi/h|miles per hour|Mi/Hr",
-    "ft/s": "fps|ft/sec|feet per second|ft s^-1",
-    "in/s": "inch/s|inches per second|ips",
-    "cm/s": "cm s^-1|CM/S",
-    "kn": "knots|kt|kts",
-    "rad/s": "rad s^-1|rad s-1|rad·s⁻¹|rad/sec|radians per second",
+    "km/h": " km/h |kmh|KM/H|km h^-1|kph|kmph|km/hr|kilometres per hour", "mph": "MPH|mi/h|miles per hour|Mi/Hr",
+    "ft/s": "fps|ft/sec|feet per second|ft s^-1", "in/s": "inch/s|inches per second|ips", "cm/s": "cm s^-1|CM/S",
+    "kn": "knots|kt|kts", "rad/s": "rad s^-1|rad s-1|rad·s⁻¹|rad/sec|radians per second",
     "deg/s": "°/s|degree/s|degrees per second|deg s^-1|dps",
     "rev/s": "Hz|hz|rps|revolutions per second|rev s^-1|turns/s|U/s",
-    "rpm": "RPM|rev/min|r.p.m.|U/min|1/min|min^-1|min⁻¹|revolutions per minute",
-    "deg": "°|degree|Degrees|DEG|º",
-    "rad": "RAD|radian|radians",
-    "mrad": "milliradian",
-    "s": "sec|seconds|S",
-    "ms": "msec|milliseconds|MS",
-    "us": "µs|μs|usec|microseconds",
-    "cm": "CM|centimetre|centimeters",
-    "mm": "millimetre",
-    "m": "meter|metres",
-    "in": 'inch|inches|"',
-    "ft": "foot|feet",
-}
+    "rpm": "RPM|rev/min|r.p.m.|U/min|1/min|min^-1|min⁻¹|revolutions per minute", "deg": "°|degree|Degrees|DEG|º",
+    "rad": "RAD|radian|radians", "mrad": "milliradian", "s": "sec|seconds|S", "ms": "msec|milliseconds|MS",
+    "us": "µs|μs|usec|microseconds", "cm": "CM|centimetre|centimeters", "mm": "millimetre", "m": "meter|metres",
+    "in": 'inch|inches|"', "ft": "foot|feet",
+}  # fmt: skip
 SI = {symbol: si for si, units in EXACT.items() for symbol in units}
 
 

@@ -180,18 +180,15 @@ def test_a_friction_that_no_impact_feels_leaves_what_follows_from_it():
 
 RANKED = [
     ({"traded": ("k_y",), "interval": (None, None), "freedom": 1.0}, "traded"),
-    ({"missing": True, "freedom": 1.0}, "no-maximum"),
-    ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
-    ({"interval": (None, None), "contraction": 0.1}, "open"),
-    ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
+    ({"missing": True, "freedom": 1.0}, "no-maximum"), ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
+    ({"interval": (None, None), "contraction": 0.1}, "open"), ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
     ({"interval": (None, 2.0), "contraction": 0.1}, "bounded"),
     ({"bounded": ("mu",), "extrapolated": "far"}, "bounded-part"),
     ({"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"}, "held-off"),
     ({"contraction": 0.19, "extrapolated": "far"}, "unchanged"),
-    ({"extrapolated": "far", "missing": True}, "extrapolated"),
-    ({"missing": True}, "exact"),
+    ({"extrapolated": "far", "missing": True}, "extrapolated"), ({"missing": True}, "exact"),
     ({"contraction": 0.2, "interval": (1.0, 2.0)}, "determined"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("numbers", "rule"), RANKED)
