@@ -168,10 +168,9 @@ def test_labels_by_any_spelling_and_what_is_refused():
     assert index.tolist() == [[0], [1], [NEW_LEVEL]]
     assert forward.levels_of({"surface": "hard"}, 2).tolist() == [[1], [1]]
     for labels, code in (
-        ({"surface": ("clay", "gras")}, "unknown-label"),
-        ({}, "label-missing"),
+        ({"surface": ("clay", "gras")}, "unknown-label"), ({}, "label-missing"),
         ({"surface": ("", "clay")}, "label-missing"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(ParameterError) as caught:
             forward.levels_of(labels, 2)
         assert caught.value.code == code

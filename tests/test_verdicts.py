@@ -72,10 +72,7 @@ def test_contraction_is_that_of_a_linear_model():
     problem = dropped(line, fix={"v_y_sd": 0.05, "b": -0.02}, prior={"a": "normal(0.7, 0.004)"})
     point, _ = fitted(problem, a=0.7)
     spec, first = problem.prior.parameters[0].spec, first_order(problem, point)
-    asked = [
-        derived.Quantity(spec, lambda values: -3.0 * values["a"]),
-        derived.Quantity(spec, lambda values: 0.0 * values["a"]),
-    ]
+    asked = [derived.Quantity(spec, lambda values, by=by: by * values["a"]) for by in (-3.0, 0.0)]
     linear = module._linear(problem, first, asked)
     left = 1.0 / (1.0 + 0.004**2 * np.sum((SPEEDS / 0.05) ** 2))
     np.testing.assert_allclose(linear.contraction, [1.0 - left, 1.0 - left, 0.0], atol=1e-6)
@@ -204,11 +201,10 @@ def adequacy(answer="describes", **moved):
 
 def test_adequacy_and_assumptions_qualify_what_is_determined():
     within = {
-        "mu": Judgement("identified", "determined", "."),
+        "mu": Judgement("identified", "determined", "."), "pace": Judgement("identified", "determined", "."),
         "k_y": Judgement("given", "determined", ".", ("contact_time",)),
         "cor_10": Judgement("extrapolated", "extrapolated", "."),
-        "pace": Judgement("identified", "determined", "."),
-    }
+    }  # fmt: skip
 
     def said(*asked):
         return {name: (one.verdict, one.given) for name, one in qualified(within, *asked).items()}
@@ -216,10 +212,8 @@ def test_adequacy_and_assumptions_qualify_what_is_determined():
     rests = {"mu": ("offset=contact",), "k_y": ("spin=mean", "contact_time"), "cor_10": ("spin=mean",)}
     plain = said(adequacy(), {})
     assert plain == {name: (one.verdict, one.given) for name, one in within.items()}
-    assert said(adequacy(), rests) == plain | {
-        "mu": ("given", ("offset=contact",)),
-        "k_y": ("given", ("contact_time", "spin=mean")),
-    }
+    given = {"mu": ("given", ("offset=contact",)), "k_y": ("given", ("contact_time", "spin=mean"))}
+    assert said(adequacy(), rests) == plain | given
     untested = said(adequacy("undecided"), rests)
     assert untested["mu"] == ("given", ("offset=contact", "model"))
     assert untested["pace"] == ("given", ("model",)) and untested["cor_10"] == ("extrapolated", ())
