@@ -100,12 +100,8 @@ def dialect(seed):
     lines = [head, *[units] * below, *body]
     quote = '"' if not spaces else "\0"
     text = "\n".join(sign.join(f'"{c}"' if sign in c and quote == '"' else c for c in line) for line in lines)
-    text = (
-        "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2)))
-        + one(["", "# a note\n", "\n"])
-        + text
-    )
-    text = text.replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
+    above = "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2))) + one(["", "# a note\n", "\n"])
+    text = (above + text).replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
     coding = one(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "cp1252"])
     return text.encode("utf-8" if {"\u2212", "θ", "ω"} & {*text} and coding == "cp1252" else coding), rows
 
