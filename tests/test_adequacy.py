@@ -251,10 +251,9 @@ def test_columns_of_few_measurements_are_not_vouched_for_by_others():
     assert found.unseen["omega_2"] > 0.6 > found.unseen["v_y2"]
 
 
-@pytest.mark.parametrize(
-    ("stated", "answer"),
-    [(0.2, "describes"), (0.155, "describes"), (0.14, "describes except"), (0.06, "does not describe")],
-)
+@pytest.mark.parametrize(("stated", "answer"), [
+    (0.2, "describes"), (0.155, "describes"), (0.14, "describes except"), (0.06, "does not describe"),
+])  # fmt: skip
 def test_a_stated_noise_is_held_against_chi_square(stated, answer):
     table = table_with(rows=40)
     table = replace(table, sd={"v_y2": np.full(40, stated)})

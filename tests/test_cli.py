@@ -48,23 +48,15 @@ def test_options_are_those_of_the_signature():
     assert _parsed("check")["data"] == []
 
 
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (("calibrat", "a.csv"), "calibrate"),
-        (("--vers",), "--version"),
-        (("--out", "x", "check"), "--out"),
-        (("calibrate", "a.csv", "--seed", "1.5"), "--seed"),
-        (("calibrate", "a.csv", "--see", "1"), "--seed"),
-        (("calibrate", "a.csv", "--over"), "--overwrite"),
-        (("calibrate", "a.csv", "--no-figures"), "--figures"),
-        (("predict", "fit", "a.csv", "b.csv"), "b.csv"),
-        (("simulate", "--map"), "--map"),
-        (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
-        (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),
-        (("calibrate", "a.csv", "--prior", "mu"), "mu"),
-    ],
-)
+@pytest.mark.parametrize(("words", "named"), [
+    (("calibrat", "a.csv"), "calibrate"), (("--vers",), "--version"), (("--out", "x", "check"), "--out"),
+    (("calibrate", "a.csv", "--seed", "1.5"), "--seed"), (("calibrate", "a.csv", "--see", "1"), "--seed"),
+    (("calibrate", "a.csv", "--over"), "--overwrite"), (("calibrate", "a.csv", "--no-figures"), "--figures"),
+    (("predict", "fit", "a.csv", "b.csv"), "b.csv"), (("simulate", "--map"), "--map"),
+    (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
+    (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),
+    (("calibrate", "a.csv", "--prior", "mu"), "mu"),
+])  # fmt: skip
 def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, named):
     code, said = _exit(capsys, *words)
     assert code == 2 and named in said
@@ -127,22 +119,18 @@ def test_every_option_has_words():
         assert names <= set(own.arguments) | set(shared)
 
 
-@pytest.mark.parametrize(
-    ("verb", "asked", "folder"),
-    [
-        ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
-        ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
-        ("calibrate", {"data": ["fits/clip/track/impacts.csv"], "model": ""}, "fits/clip/default"),
-        # Two sheets are two tables; the number of a descriptor is another in each call.
-        ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
-        ("calibrate", {"data": ["...csv"], "model": ".."}, "fits/_/_"),
-        ("calibrate", {"data": ["/dev/fd/63"], "model": ""}, "fits/pipe/default"),
-        ("calibrate", {"data": [""], "model": ""}, "fits/calibrate"),
-        ("predict", {"fit": "fits/b/default", "data": "new.csv"}, "fits/b/default/predict"),
-        ("compare", {"data": ["b.csv"]}, "fits/b/compare"),
-        ("rederive", {}, "fits/rederive"),
-    ],
-)
+@pytest.mark.parametrize(("verb", "asked", "folder"), [
+    ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
+    ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
+    ("calibrate", {"data": ["fits/clip/track/impacts.csv"], "model": ""}, "fits/clip/default"),
+    # Two sheets are two tables; the number of a descriptor is another in each call.
+    ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
+    ("calibrate", {"data": ["...csv"], "model": ".."}, "fits/_/_"),
+    ("calibrate", {"data": ["/dev/fd/63"], "model": ""}, "fits/pipe/default"),
+    ("calibrate", {"data": [""], "model": ""}, "fits/calibrate"),
+    ("predict", {"fit": "fits/b/default", "data": "new.csv"}, "fits/b/default/predict"),
+    ("compare", {"data": ["b.csv"]}, "fits/b/compare"), ("rederive", {}, "fits/rederive"),
+])  # fmt: skip
 def test_where_a_result_goes(verb, asked, folder):
     assert cli.default_folder(verb, asked).as_posix() == folder
 

@@ -26,13 +26,9 @@ SI = {"mph": 1609.344 / 3600, "deg": np.pi / 180, "rpm": np.pi / 30}
 FORMS = ["{} [{}]", "{} ({})", "{}[{}]", "{} {{{}}}", "{} / ({})", "{} / {}", "{} in {}", "{}_{}", "{} {}", "{}: {}"]
 SPELLED = {"mph": ["mph", "MPH", "mi/h"], "deg": ["deg", "°", "Degrees"], "rpm": ["rpm", "RPM", "rev/min"], "": [""]}
 NAMED = {
-    "id": ["id", "ID", "No.", "Nr"],
-    "v_1": ["v_1", "V1", "v 1"],
-    "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
-    "omega_1": ["omega_1", "OMEGA_1", "ω1"],
-    "theta_2": ["theta_2", "Theta_2", "θ2"],
-    "v_2_sd": ["v_2_sd", "V2_SD"],
-}
+    "id": ["id", "ID", "No.", "Nr"], "v_1": ["v_1", "V1", "v 1"], "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
+    "omega_1": ["omega_1", "OMEGA_1", "ω1"], "theta_2": ["theta_2", "Theta_2", "θ2"], "v_2_sd": ["v_2_sd", "V2_SD"],
+}  # fmt: skip
 TITLES = ["Bounce test 3, May 2026", "Operator: R. Cross; ball 4", "left court\ttwo cameras", "sep=;"]
 
 
@@ -104,12 +100,8 @@ def dialect(seed):
     lines = [head, *[units] * below, *body]
     quote = '"' if not spaces else "\0"
     text = "\n".join(sign.join(f'"{c}"' if sign in c and quote == '"' else c for c in line) for line in lines)
-    text = (
-        "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2)))
-        + one(["", "# a note\n", "\n"])
-        + text
-    )
-    text = text.replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
+    above = "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2))) + one(["", "# a note\n", "\n"])
+    text = (above + text).replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
     coding = one(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "cp1252"])
     return text.encode("utf-8" if {"\u2212", "θ", "ω"} & {*text} and coding == "cp1252" else coding), rows
 

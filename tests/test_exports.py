@@ -105,10 +105,9 @@ def cost(one, point, e, inertia, mu):
     return float(((made.v_x2 - true.v_x2) ** 2 + (made.v_y2 - true.v_y2) ** 2 + spin)[0])
 
 
-@pytest.mark.parametrize(
-    ("state", "grips"),
-    [((25.0, 5.0, 0.0), False), ((25.0, 5.0, -200.0), False), ((8.0, 15.0, 20.0), True), ((2.0, 9.0, 300.0), True)],
-)
+@pytest.mark.parametrize(("state", "grips"), [
+    ((25.0, 5.0, 0.0), False), ((25.0, 5.0, -200.0), False), ((8.0, 15.0, 20.0), True), ((2.0, 9.0, 300.0), True),
+])  # fmt: skip
 @pytest.mark.parametrize("inertia", [0.4, 0.56])
 def test_engine_settings_are_the_best_of_a_rigid_sphere(state, grips, inertia):
     one, point = parameter_set.of_model(fitball.model(), {}), fitball.impacts(*state)

@@ -33,10 +33,9 @@ def balanced(v_x1, v_y1, omega_1, mu, e_x, offset, cor):
     return v_x2, omega_2, "grip"
 
 
-@pytest.mark.parametrize(
-    ("text", "changes"),
-    [("grip-slip", {}), ("grip-slip", {"e_x": 1.0, "offset": -0.01, "cor_10": 1.0}), ("brody", {})],
-)
+@pytest.mark.parametrize(("text", "changes"), [
+    ("grip-slip", {}), ("grip-slip", {"e_x": 1.0, "offset": -0.01, "cor_10": 1.0}), ("brody", {}),
+])  # fmt: skip
 def test_it_solves_its_balances(text, changes):
     values = {**VALUES, **changes} | ({"e_x": 0.0, "offset": 0.0} if text == "brody" else {})
     model, regimes = fitball.model(text), set()

@@ -101,12 +101,11 @@ def test_noise_is_that_of_columns_that_state_none():
     assert found["energy_lost_sd [J]"].isna().all()
 
 
-@pytest.mark.parametrize(
-    ("columns", "known"),
-    [("v_x1 v_y1 omega_1 v_x2 v_y2", "cor mu_bar"), ("v_x1 v_y1 omega_1 v_x2 omega_2", "e_x"),
-     ("v_x1 v_y1 omega_1 v_y2 v_2 omega_2", "cor energy_lost energy_fraction"), ("v_y1 omega_1 v_y2", "cor"),
-     ("v_y1 v_y2", "cor energy_lost energy_fraction"), ("v_x1 v_y1 contact_time", "")],
-)  # fmt: skip
+@pytest.mark.parametrize(("columns", "known"), [
+    ("v_x1 v_y1 omega_1 v_x2 v_y2", "cor mu_bar"), ("v_x1 v_y1 omega_1 v_x2 omega_2", "e_x"),
+    ("v_x1 v_y1 omega_1 v_y2 v_2 omega_2", "cor energy_lost energy_fraction"), ("v_y1 omega_1 v_y2", "cor"),
+    ("v_y1 v_y2", "cor energy_lost energy_fraction"), ("v_x1 v_y1 contact_time", ""),
+])  # fmt: skip
 def test_what_the_columns_do_not_determine_is_absent(columns, known):
     values = dict(zip(FULL, (12.0, 5.0, 0.0, 9.0, 4.0, 200.0), strict=True)) | {"v_2": 9.85, "contact_time": 5e-3}
     found = balances(made({name: values[name] for name in columns.split()}), Ball())

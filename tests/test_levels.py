@@ -111,11 +111,10 @@ def test_what_is_fitted_to_each_surface_and_ball_unasked():
     assert fitted(("team",), pool={"e_x": "Team"})[0] == {"e_x": "team"}
 
 
-@pytest.mark.parametrize(
-    ("pool", "code"),
-    [({"mu": "colour"}, "unknown-label-column"), ({"nu": "surface"}, "unknown-parameter"),
-     ({"mu": "club"}, "one-level")],
-)  # fmt: skip
+@pytest.mark.parametrize(("pool", "code"), [
+    ({"mu": "colour"}, "unknown-label-column"), ({"nu": "surface"}, "unknown-parameter"),
+    ({"mu": "club"}, "one-level"),
+])  # fmt: skip
 def test_levels_that_cannot_be(pool, code):
     table = table_of(REBOUND, labels=("surface",))
     table = replace(table, labels={**table.labels, "club": ("x",) * 10})
@@ -169,10 +168,9 @@ def test_labels_by_any_spelling_and_what_is_refused():
     assert index.tolist() == [[0], [1], [NEW_LEVEL]]
     assert forward.levels_of({"surface": "hard"}, 2).tolist() == [[1], [1]]
     for labels, code in (
-        ({"surface": ("clay", "gras")}, "unknown-label"),
-        ({}, "label-missing"),
+        ({"surface": ("clay", "gras")}, "unknown-label"), ({}, "label-missing"),
         ({"surface": ("", "clay")}, "label-missing"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(ParameterError) as caught:
             forward.levels_of(labels, 2)
         assert caught.value.code == code

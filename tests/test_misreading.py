@@ -44,11 +44,10 @@ def test_misread_tables_are_found_and_the_right_reading_is_named():
     assert len(unnamed) <= 3, unnamed
 
 
-@pytest.mark.parametrize(
-    ("kind", "flip"),
-    [("both spins", {"omega_1", "omega_2"}), ("v_y towards the court", {"v_y1"}),
-     ("from the normal", {"theta_1", "theta_2"}), ("v_x of the rebound", {"v_x2"}), ("rpm", set())],
-)  # fmt: skip
+@pytest.mark.parametrize(("kind", "flip"), [
+    ("both spins", {"omega_1", "omega_2"}), ("v_y towards the court", {"v_y1"}),
+    ("from the normal", {"theta_1", "theta_2"}), ("v_x of the rebound", {"v_x2"}), ("rpm", set()),
+])  # fmt: skip
 def test_what_can_be_flipped_is_flipped_by_an_option(kind, flip):
     found = readings(misread.MISREADINGS[kind](misread.table("wide", 0)[0]))
     assert flip in [{*one.flip} for one in found]
@@ -61,18 +60,12 @@ def test_two_flips_are_one_option():
 
 
 # Columns whose signs are gone, and those whose signs make a difference.
-@pytest.mark.parametrize(
-    ("design", "names", "missing"),
-    [
-        ("wide", ("omega_1",), ("omega_1",)),
-        ("wide", ("omega_1", "omega_2"), ("omega_1",)),
-        ("basketball", ("omega_1", "omega_2"), ("omega_1",)),
-        ("golf", ("omega_2",), ("omega_2",)),
-        ("table tennis", ("omega_1",), ("omega_1",)),
-        ("table tennis", ("omega_2",), ("omega_2",)),
-        ("table tennis", ("omega_1", "omega_2"), ("omega_1", "omega_2")),
-    ],
-)
+@pytest.mark.parametrize(("design", "names", "missing"), [
+    ("wide", ("omega_1",), ("omega_1",)), ("wide", ("omega_1", "omega_2"), ("omega_1",)),
+    ("basketball", ("omega_1", "omega_2"), ("omega_1",)), ("golf", ("omega_2",), ("omega_2",)),
+    ("table tennis", ("omega_1",), ("omega_1",)), ("table tennis", ("omega_2",), ("omega_2",)),
+    ("table tennis", ("omega_1", "omega_2"), ("omega_1", "omega_2")),
+])  # fmt: skip
 @pytest.mark.parametrize("form", [dict, misread.polar])
 def test_signs_that_are_missing_are_found_row_by_row(design, names, missing, form):
     columns, ball = misread.table(design, 3)
@@ -108,11 +101,10 @@ def test_tables_that_obey_the_laws_leave_nothing():
     assert misfit(columns | {"omega_2": -columns["omega_2"]}, Ball(*ball)) > 40.0
 
 
-@pytest.mark.parametrize(
-    ("surface", "spin", "cost"),
-    [((0.25, 0.0, 0.0, 0.95, 0.0), 0.0, 0.5 * (1.0 + (np.log(0.5) / 0.8) ** 2)),
-     ((9.0, 0.4, 0.0, 0.75, 0.0), 300.0, 0.32), ((9.0, 0.0, 0.15 * 0.03, 0.6, 0.0), 300.0, 0.5 * (1.5**2 + 0.75**2))],
-)  # fmt: skip
+@pytest.mark.parametrize(("surface", "spin", "cost"), [
+    ((0.25, 0.0, 0.0, 0.95, 0.0), 0.0, 0.5 * (1.0 + (np.log(0.5) / 0.8) ** 2)),
+    ((9.0, 0.4, 0.0, 0.75, 0.0), 300.0, 0.32), ((9.0, 0.0, 0.15 * 0.03, 0.6, 0.0), 300.0, 0.5 * (1.5**2 + 0.75**2)),
+])  # fmt: skip
 def test_a_table_without_noise_costs_what_is_unusual_of_its_ball(surface, spin, cost):
     """Squares of ln(mu/0.5)/0.8, e_x/0.5, (offset/R)/0.1 and (COR - 0.75)/0.2, halved: sliding, then gripping. The
     grid of the search costs up to 0.1.

@@ -56,20 +56,15 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
     assert regimes == [row["regime"] for row in rows]
 
 
-@pytest.mark.parametrize(
-    ("text", "tangential", "names"),
-    [
-        ("two-mass", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
-        ("two-mass+torsion=free", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope zeta_theta"),
-        ("two-mass+normal=total+inertia=table", True,
-         "k_y k_theta mu eps_10 eps_slope cor_10 cor_slope inertia_split"),
-        ("two-mass+torsion=free+inertia=table", False, "mass_ratio k_y cor_10 cor_slope"),
-        ("two-mass+normal=total", False, "k_y cor_10 cor_slope"),
-        ("thesis-exact", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
-        ("grip-slip", True, "mu e_x offset cor_10 cor_slope"),
-        ("brody", False, "cor_10 cor_slope"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "tangential", "names"), [
+    ("two-mass", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
+    ("two-mass+torsion=free", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope zeta_theta"),
+    ("two-mass+normal=total+inertia=table", True, "k_y k_theta mu eps_10 eps_slope cor_10 cor_slope inertia_split"),
+    ("two-mass+torsion=free+inertia=table", False, "mass_ratio k_y cor_10 cor_slope"),
+    ("two-mass+normal=total", False, "k_y cor_10 cor_slope"),
+    ("thesis-exact", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
+    ("grip-slip", True, "mu e_x offset cor_10 cor_slope"), ("brody", False, "cor_10 cor_slope"),
+])  # fmt: skip
 def test_a_composition_takes_what_acts_in_it(text, tangential, names):
     model = fitball.model(text, tangential=tangential)
     assert [spec.name for spec in model.parameters] == names.split()
@@ -104,50 +99,34 @@ def rebound(**changes):
     return fitball.model().rebound(typical("two-mass", **changes), IMPACT)
 
 
-@pytest.mark.parametrize(
-    ("call", "code"),
-    [
-        (lambda: fitball.model("nobody"), "unknown-model"),
-        (lambda: fitball.model("two-mass+offsett=grip"), "unknown-option"),
-        (lambda: fitball.model("two-mass+offset=grab"), "unknown-option"),
-        (lambda: fitball.model("two-mass+offset"), "unknown-option"),
-        (lambda: fitball.model("thesis-exact", offset="contact"), "unknown-option"),
-        (lambda: fitball.model().rebound({}, IMPACT), "parameters"),
-        (lambda: rebound(e_x=0.1), "parameters"),
-        (lambda: rebound(mu="much"), "parameters"),
-        (lambda: rebound(mu=[[0.5]]), "parameters"),
-        (lambda: rebound(mu=[0.5, 0.6], k_y=[1e4] * 3), "parameters"),
-        (
-            lambda: fitball.model().rebound(typical("two-mass", mu=[0.5, 0.6]), Impacts(*np.ones((3, 3, 1)))),
-            "parameters",
-        ),
-        (lambda: rebound(mu=-0.1), "out-of-bounds"),
-        (lambda: rebound(mu=[0.5, 5.1]), "out-of-bounds"),
-        (lambda: rebound(mu=np.nan), "out-of-bounds"),
-        (lambda: rebound(ball_mass=0.0), "out-of-bounds"),
-        (lambda: rebound(cor_10=0.9), "no-answer"),
-        (lambda: fitball.regime_name(6), "regime"),
-        (lambda: fitball.regime_name(-1), "regime"),
-    ],
-)
+@pytest.mark.parametrize(("call", "code"), [
+    (lambda: fitball.model("nobody"), "unknown-model"),
+    (lambda: fitball.model("two-mass+offsett=grip"), "unknown-option"),
+    (lambda: fitball.model("two-mass+offset=grab"), "unknown-option"),
+    (lambda: fitball.model("two-mass+offset"), "unknown-option"),
+    (lambda: fitball.model("thesis-exact", offset="contact"), "unknown-option"),
+    (lambda: fitball.model().rebound({}, IMPACT), "parameters"), (lambda: rebound(e_x=0.1), "parameters"),
+    (lambda: rebound(mu="much"), "parameters"), (lambda: rebound(mu=[[0.5]]), "parameters"),
+    (lambda: rebound(mu=[0.5, 0.6], k_y=[1e4] * 3), "parameters"),
+    (lambda: fitball.model().rebound(typical("two-mass", mu=[0.5, 0.6]), Impacts(*np.ones((3, 3, 1)))), "parameters"),
+    (lambda: rebound(mu=-0.1), "out-of-bounds"), (lambda: rebound(mu=[0.5, 5.1]), "out-of-bounds"),
+    (lambda: rebound(mu=np.nan), "out-of-bounds"), (lambda: rebound(ball_mass=0.0), "out-of-bounds"),
+    (lambda: rebound(cor_10=0.9), "no-answer"), (lambda: fitball.regime_name(6), "regime"),
+    (lambda: fitball.regime_name(-1), "regime"),
+])  # fmt: skip
 def test_misuse_has_a_code(call, code):
     with pytest.raises(FitballError) as caught:
         call()
     assert caught.value.code == code
 
 
-@pytest.mark.parametrize(
-    ("text", "changes", "status"),
-    [
-        ("two-mass", {"cor_10": 0.88}, Status.COR_EXCEEDS_MASS_RATIO),
-        ("two-mass+normal=total", {"cor_10": 0.0}, Status.COR_OUT_OF_RANGE),
-        ("grip-slip", {"cor_10": 0.0}, Status.COR_OUT_OF_RANGE),
-        ("two-mass", {"k_theta": 0.1}, Status.TORSION_TOO_SOFT),
-        ("two-mass", {"mass_ratio": 1.0}, Status.NO_INERTIA),
-        ("two-mass", {"cor_slope": -0.08}, Status.REBOUND_FALLS),
-        ("brody", {"cor_slope": -0.08}, Status.REBOUND_FALLS),
-    ],
-)
+@pytest.mark.parametrize(("text", "changes", "status"), [
+    ("two-mass", {"cor_10": 0.88}, Status.COR_EXCEEDS_MASS_RATIO),
+    ("two-mass+normal=total", {"cor_10": 0.0}, Status.COR_OUT_OF_RANGE),
+    ("grip-slip", {"cor_10": 0.0}, Status.COR_OUT_OF_RANGE), ("two-mass", {"k_theta": 0.1}, Status.TORSION_TOO_SOFT),
+    ("two-mass", {"mass_ratio": 1.0}, Status.NO_INERTIA), ("two-mass", {"cor_slope": -0.08}, Status.REBOUND_FALLS),
+    ("brody", {"cor_slope": -0.08}, Status.REBOUND_FALLS),
+])  # fmt: skip
 def test_what_has_no_answer_is_nan_with_a_status(text, changes, status):
     model, values = fitball.model(text), typical(text)
     draws = {name: [value, changes.get(name, value)] for name, value in values.items()}

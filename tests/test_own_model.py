@@ -98,33 +98,29 @@ def test_without_an_answer_it_is_nan_with_a_status():
     assert caught.value.code == "no-answer"
 
 
-@pytest.mark.parametrize(
-    ("text", "code", "place"),
-    [
-        (faulty("return v_x1, v_y1"), "own-model", "tuple"),
-        (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
-        (faulty("return v_x1, v_y1, 1j * omega_1"), "own-model", "complex128"),
-        (faulty("return v_x1, v_y1 * np.nan, omega_1"), "own-model", "v_y1 = "),
-        (faulty("return v_x1, v_y1.mean() + 0 * v_y1, omega_1"), "own-model", "v_y2 = "),
-        # The largest speed, and the last rows, have it right.
-        (faulty("return v_x1 / v_x1.max(), v_y1, omega_1"), "own-model", "v_x2 = "),
-        (faulty("return np.sort(v_x1), v_y1, omega_1"), "own-model", "v_x2 = "),
-        (faulty("raise SystemExit"), "own-model", "line 4 of mine.py with SystemExit"),
-        (faulty("return v_x1, lost * v_y1, omega_1"), "own-model", "line 4 of mine.py with NameError"),
-        (faulty("return (v_x1 if v_x1 > 9 else v_x1), v_y1, omega_1"), "own-model", "line 4 of mine.py"),
-        (faulty("return v_x1, v_y1, omega_1", "e_y"), "prior", "e_y"),
-        (faulty("return v_x1, v_y1, omega_1", "e_y=0.5"), "prior", "e_y"),
-        (faulty("return v_x1, v_y1, omega_1", "mu=''"), "prior", "mu"),
-        (faulty("return v_x1, v_y1, omega_1", "*rest"), "prior", "rest"),
-        ("def f(v_x1, v_y1, omega_1, ball):\n    return v_x1, v_y1, omega_1\n", "own-model", "omega_1, ball"),
-        ("def f(v, e_y='uniform(0, 1)'):\n    return v, v, v\n", "own-model", "(v, e_y)"),
-        ("x = 1\n", "own-model", "'f'"),
-        ("f = 1\n", "own-model", "'f'"),
-        ("x = 1\ny = 1 / 0\n", "own-model", "line 2 of mine.py with ZeroDivisionError"),
-        ("import sys\nsys.exit(0)\n", "own-model", "line 2 of mine.py with SystemExit"),
-        ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
-    ],
-)
+@pytest.mark.parametrize(("text", "code", "place"), [
+    (faulty("return v_x1, v_y1"), "own-model", "tuple"),
+    (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
+    (faulty("return v_x1, v_y1, 1j * omega_1"), "own-model", "complex128"),
+    (faulty("return v_x1, v_y1 * np.nan, omega_1"), "own-model", "v_y1 = "),
+    (faulty("return v_x1, v_y1.mean() + 0 * v_y1, omega_1"), "own-model", "v_y2 = "),
+    # The largest speed, and the last rows, have it right.
+    (faulty("return v_x1 / v_x1.max(), v_y1, omega_1"), "own-model", "v_x2 = "),
+    (faulty("return np.sort(v_x1), v_y1, omega_1"), "own-model", "v_x2 = "),
+    (faulty("raise SystemExit"), "own-model", "line 4 of mine.py with SystemExit"),
+    (faulty("return v_x1, lost * v_y1, omega_1"), "own-model", "line 4 of mine.py with NameError"),
+    (faulty("return (v_x1 if v_x1 > 9 else v_x1), v_y1, omega_1"), "own-model", "line 4 of mine.py"),
+    (faulty("return v_x1, v_y1, omega_1", "e_y"), "prior", "e_y"),
+    (faulty("return v_x1, v_y1, omega_1", "e_y=0.5"), "prior", "e_y"),
+    (faulty("return v_x1, v_y1, omega_1", "mu=''"), "prior", "mu"),
+    (faulty("return v_x1, v_y1, omega_1", "*rest"), "prior", "rest"),
+    ("def f(v_x1, v_y1, omega_1, ball):\n    return v_x1, v_y1, omega_1\n", "own-model", "omega_1, ball"),
+    ("def f(v, e_y='uniform(0, 1)'):\n    return v, v, v\n", "own-model", "(v, e_y)"),
+    ("x = 1\n", "own-model", "'f'"), ("f = 1\n", "own-model", "'f'"),
+    ("x = 1\ny = 1 / 0\n", "own-model", "line 2 of mine.py with ZeroDivisionError"),
+    ("import sys\nsys.exit(0)\n", "own-model", "line 2 of mine.py with SystemExit"),
+    ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
+])  # fmt: skip
 def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
     with pytest.raises(FitballError) as caught:
         fitball.model(written(tmp_path, text))

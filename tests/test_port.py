@@ -57,13 +57,10 @@ def bounced(text):
     return lines, side, {name: getattr(found, name)[:, 0] for name in OUTPUTS[:-1]}
 
 
-@pytest.mark.parametrize(
-    ("language", "text"),
-    [
-        *product(("c", "python"), MODELS), *product(("csharp", "javascript"), ("two-mass", "grip-slip")),
-        ("c++", "two-mass"), ("javascript", "thesis-exact"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("language", "text"), [
+    *product(("c", "python"), MODELS), *product(("csharp", "javascript"), ("two-mass", "grip-slip")),
+    ("c++", "two-mass"), ("javascript", "thesis-exact"),
+])  # fmt: skip
 def test_every_bounce_is_that_of_the_kernel(tmp_path, language, text):
     lines, side, wanted = bounced(text)
     columns = ports.run(tmp_path, language, [ports.typical(text)], lines)

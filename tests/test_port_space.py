@@ -70,17 +70,14 @@ def _spatial(made, parameters, v, w, v_y, normal):
     return np.swapaxes(found, 0, 1)
 
 
-@pytest.mark.parametrize(
-    ("text", "share", "sidespin", "speed", "spin"),
-    [
-        # Exact without offset, whatever the spin, and without sidespin.
-        ("two-mass", 0.0, 1.0, 1e-4, 0.006), ("two-mass+torsion=free", 0.0, 1.0, 1e-4, 0.006),
-        ("two-mass", 1.0, 0.0, 1e-4, 0.006),
-        # With both, nearly: the offset turns balls by up to 60 rad/s.
-        ("two-mass", 1.0, 1.0, 0.04, 2.1), ("two-mass+normal=total", 1.0, 1.0, 0.04, 2.1),
-        ("two-mass+offset=grip", 1.0, 1.0, 0.07, 2.6),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "share", "sidespin", "speed", "spin"), [
+    # Exact without offset, whatever the spin, and without sidespin.
+    ("two-mass", 0.0, 1.0, 1e-4, 0.006), ("two-mass+torsion=free", 0.0, 1.0, 1e-4, 0.006),
+    ("two-mass", 1.0, 0.0, 1e-4, 0.006),
+    # With both, nearly: the offset turns balls by up to 60 rad/s.
+    ("two-mass", 1.0, 1.0, 0.04, 2.1), ("two-mass+normal=total", 1.0, 1.0, 0.04, 2.1),
+    ("two-mass+offset=grip", 1.0, 1.0, 0.07, 2.6),
+])  # fmt: skip
 def test_bounce_in_space(text, share, sidespin, speed, spin):
     made, rng, v_y, radius = ports.reference(text), np.random.default_rng(1), 12.0, 0.03302
     one = ports.typical(text, eps_slope=2e-4)

@@ -68,14 +68,11 @@ class Pair(NamedTuple):
     two: int
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        "return x + len('text')", "return x or 1.0", "return x + n / 2", "return 0.0 < abs(x) < 1.0", "return x**2.5",
-        "return min(x, 1.0, key=abs)", "return Pair(x, x)", "return n[0]", "return x + y", "n = 0.5; return n",
-        "for k in range(n): n = k\n    return x", "while x < 1.0: x = x + later\n    return x",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("body", [
+    "return x + len('text')", "return x or 1.0", "return x + n / 2", "return 0.0 < abs(x) < 1.0", "return x**2.5",
+    "return min(x, 1.0, key=abs)", "return Pair(x, x)", "return n[0]", "return x + y", "n = 0.5; return n",
+    "for k in range(n): n = k\n    return x", "while x < 1.0: x = x + later\n    return x",
+])  # fmt: skip
 def test_what_has_no_translation_is_refused(tmp_path, body):
     place = tmp_path / "body.py"
     place.write_text(f"def function(x: float, n: int) -> float:\n    {body}\n")

@@ -34,12 +34,10 @@ LN = np.log
 CASES = [
     ("normal(0.55, 0.05)", 0.0, 5.0, normal(0.0, 5.0, 0.55, 0.05)),
     ("normal(0, 0.005)", -0.033, 0.033, normal(-0.033, 0.033, 0.0, 0.005)),
-    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)),
-    ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
+    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)), ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
     ("lognormal(20000, 1)", 100.0, 1e7, normal(LN(100.0), LN(1e7), LN(2e4), 1.0)),
     ("lognormal(0.6, 0.4)", 0.0, 5.0, normal(-np.inf, LN(5.0), LN(0.6), 0.4)),
-    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)),
-    ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
+    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)), ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
     ("loguniform(1, 1000)", 0.0, 100.0, stats.uniform(0.0, LN(100.0))),
     ("half-normal(0.3)", -1.0, 5.0, normal(0.0, 5.0, 0.0, 0.3)),
     ("half-t(0.2, 4)", 0.0, 4.0, Tail(stats.t(4.0, 0.0, 0.2), 0.0, 4.0)),
@@ -48,9 +46,8 @@ CASES = [
     ("half-t(0.2, 1e11)", 0.0, 4.0, Tail(stats.norm(0.0, 0.2), 0.0, 4.0)),
     # What a prior must leave, far in a tail and in a narrow window.
     ("normal(0, 1)", 4.6, 9.0, Tail(stats.norm(0.0, 1.0), 4.6, 9.0)),
-    ("normal(9, 1)", 0.0, 4.4, normal(0.0, 4.4, 9.0, 1.0)),
-    ("normal(0.5, 4e4)", 0.0, 1.0, stats.uniform(0.0, 1.0)),
-]
+    ("normal(9, 1)", 0.0, 4.4, normal(0.0, 4.4, 9.0, 1.0)), ("normal(0.5, 4e4)", 0.0, 1.0, stats.uniform(0.0, 1.0)),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "lower", "upper", "law"), CASES, ids=[case[0] for case in CASES])
@@ -68,16 +65,12 @@ def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
     assert np.all(np.isfinite(prior.log_density(prior.coordinate(prior.quantile(np.array([0.001, 1.0]))))))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "gauss(1, 2)", "normal 1 2", "normal(1)", "normal(1, two)", "normal(1, -2)", "normal(1, nan)",
-        "normal(1, inf)", "uniform(2, 1)", "lognormal(-1, 1)", "lognormal(1, 1e6)", "normal(0.5, 1e-300)",
-        "loguniform(0.1, 1e300)", "loguniform(0, 1)", "normal(50, 1)", "uniform(6, 7)", "half-t(0.2)",
-        "half-normal(0.2, 4)", "half-t(-0.2, 4)", "half-t(0.2, 0)", "half-normal(0)", "normal(10, 1)",
-        "literature:clay",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [
+    "gauss(1, 2)", "normal 1 2", "normal(1)", "normal(1, two)", "normal(1, -2)", "normal(1, nan)", "normal(1, inf)",
+    "uniform(2, 1)", "lognormal(-1, 1)", "lognormal(1, 1e6)", "normal(0.5, 1e-300)", "loguniform(0.1, 1e300)",
+    "loguniform(0, 1)", "normal(50, 1)", "uniform(6, 7)", "half-t(0.2)", "half-normal(0.2, 4)", "half-t(-0.2, 4)",
+    "half-t(0.2, 0)", "half-normal(0)", "normal(10, 1)", "literature:clay",
+])  # fmt: skip
 def test_a_bad_prior_is_refused(text):
     with pytest.raises(ParameterError) as caught:
         prior_of(text)

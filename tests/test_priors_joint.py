@@ -166,13 +166,12 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     assert "published-prior" in {note.code for note in literature.notes}
 
 
-@pytest.mark.parametrize(
-    ("choices", "code"),
-    [({"prior": {"nu": "normal(0, 1)"}}, "unknown-parameter"), ({"fix": {"mu_spread": 0.1}}, "unknown-parameter"),
-     ({"fix": {"mu": -1.0}}, "out-of-bounds"), ({"fix": {"v_x_sd": 0.0}}, "out-of-bounds"),
-     ({"prior": {"mu": "normal(0.5)"}}, "prior"), ({"noise": "cauchy"}, "noise"), ({"text": "golf"}, "unknown-model"),
-     ({"fix": dict.fromkeys(("mu", "e_x", "offset", "cor_10", "cor_slope"), 0.0)}, "nothing-to-fit")],
-)  # fmt: skip
+@pytest.mark.parametrize(("choices", "code"), [
+    ({"prior": {"nu": "normal(0, 1)"}}, "unknown-parameter"), ({"fix": {"mu_spread": 0.1}}, "unknown-parameter"),
+    ({"fix": {"mu": -1.0}}, "out-of-bounds"), ({"fix": {"v_x_sd": 0.0}}, "out-of-bounds"),
+    ({"prior": {"mu": "normal(0.5)"}}, "prior"), ({"noise": "cauchy"}, "noise"), ({"text": "golf"}, "unknown-model"),
+    ({"fix": dict.fromkeys(("mu", "e_x", "offset", "cor_10", "cor_slope"), 0.0)}, "nothing-to-fit"),
+])  # fmt: skip
 def test_what_is_refused(choices, code):
     with pytest.raises((ParameterError, ModelError, FitError)) as caught:
         problem_of(table_of(REBOUND), **choices)

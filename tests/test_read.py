@@ -67,14 +67,11 @@ def test_correlations_in_a_file_beside_the_table_are_asked_for(tmp_path):
     assert caught.value.code == "covariance-file" and len(fitball.load_table(place, ignore="corr").impacts) == 4
 
 
-@pytest.mark.parametrize(
-    ("columns", "counted"),
-    [
-        ("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"), ("v_x2 v_2 theta_2", "v_2 theta_2"), ("v_2 theta_2", "v_2 theta_2"),
-        ("v_x2 theta_2", "v_x2 theta_2"), ("v_y2 v_2", "v_y2 v_2"), ("v_y2 omega_2", "v_y2 omega_2"), ("v_2", "v_2"),
-        ("contact_time", "contact_time"), ("v_y2 theta_2", "v_y2 theta_2"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("columns", "counted"), [
+    ("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"), ("v_x2 v_2 theta_2", "v_2 theta_2"), ("v_2 theta_2", "v_2 theta_2"),
+    ("v_x2 theta_2", "v_x2 theta_2"), ("v_y2 v_2", "v_y2 v_2"), ("v_y2 omega_2", "v_y2 omega_2"), ("v_2", "v_2"),
+    ("contact_time", "contact_time"), ("v_y2 theta_2", "v_y2 theta_2"),
+])  # fmt: skip
 def test_each_quantity_counts_once(tmp_path, columns, counted):
     cells = {"v_x2": "6", "v_y2": "4.5", "v_2": "7.5", "theta_2": "36.87", "omega_2": "100", "contact_time": "0.005"}
     row = "10,6,0," + ",".join(cells[name] for name in columns.split())
@@ -117,11 +114,10 @@ def test_what_balls_can_do_is_no_fault(tmp_path, name):
     assert codes(fitball.load_table(place)) == ["repeated-rows"]
 
 
-@pytest.mark.parametrize(
-    ("sd", "scene", "fault"),
-    [("0.05", "", False), ("0.002", "", True), ("", "", False), ("", "v_y_sd = 0.003", True),
-     ("", "nominal_v_y_sd = 0.003", True), ("", "velocity_sd = 0.003", True)],
-)  # fmt: skip
+@pytest.mark.parametrize(("sd", "scene", "fault"), [
+    ("0.05", "", False), ("0.002", "", True), ("", "", False), ("", "v_y_sd = 0.003", True),
+    ("", "nominal_v_y_sd = 0.003", True), ("", "velocity_sd = 0.003", True),
+])  # fmt: skip
 def test_noise_decides_what_is_too_fast(tmp_path, sd, scene, fault):
     """0.82 after 0.80 m/s: within the stated, known or expected noise (0.25 m/s), or beyond five sd."""
     cells, head = (f",{sd}", "v_y1,v_y1_sd,v_y2,v_y2_sd") if sd else ("", "v_y1,v_y2")
@@ -152,11 +148,10 @@ def test_twenty_thousand_impacts_are_read_though_noise_lifts_some_above_their_bo
     assert len(table) == len(frame) and table.notices == ()
 
 
-@pytest.mark.parametrize(
-    ("exchanged", "factors"),
-    [("v_x1 v_y2 omega_1 v_x2 v_y1 omega_2", {}), ("v_x2 v_y2 omega_2 v_x1 v_y1 omega_1", {}),
-     (HEAD.replace(",", " "), {"v_x2": 3.6}), (HEAD.replace(",", " "), {"omega_2": 30.0 / np.pi})],
-)  # fmt: skip
+@pytest.mark.parametrize(("exchanged", "factors"), [
+    ("v_x1 v_y2 omega_1 v_x2 v_y1 omega_2", {}), ("v_x2 v_y2 omega_2 v_x1 v_y1 omega_1", {}),
+    (HEAD.replace(",", " "), {"v_x2": 3.6}), (HEAD.replace(",", " "), {"omega_2": 30.0 / np.pi}),
+])  # fmt: skip
 def test_swapped_columns_and_wrong_units_are_refused_with_what_may_be_meant(exchanged, factors):
     frame = simulated(40, 0.1).set_axis(exchanged.split(), axis="columns")
     with pytest.raises(InputError) as caught:
@@ -182,12 +177,11 @@ def test_slow_impacts_swapped_are_found_together():
     assert [fault.code for fault in caught.value.faults] == ["misread"]
 
 
-@pytest.mark.parametrize(
-    ("head", "rows", "name"),
-    [("v_x1,v_y1,v_x2,v_y2", ("10,6,7,-4", "10,6,8,-5"), "v_y2"),
-     ("v_1,theta_1,v_y2", ("10,-30,4", "10,-40,5"), "theta_1"),
-     ("v_x1,v_y1,v_2,theta_2", ("10,6,8,-30", "10,6,9,-35"), "theta_2")],
-)  # fmt: skip
+@pytest.mark.parametrize(("head", "rows", "name"), [
+    ("v_x1,v_y1,v_x2,v_y2", ("10,6,7,-4", "10,6,8,-5"), "v_y2"),
+    ("v_1,theta_1,v_y2", ("10,-30,4", "10,-40,5"), "theta_1"),
+    ("v_x1,v_y1,v_2,theta_2", ("10,6,8,-30", "10,6,9,-35"), "theta_2"),
+])  # fmt: skip
 def test_what_is_counted_downward_is_turned_once(tmp_path, head, rows, name):
     up = fitball.load_table(written(tmp_path, head, *(row.replace("-", "") for row in rows)))
     down = fitball.load_table(written(tmp_path, head, *rows))
@@ -418,11 +412,10 @@ def test_the_contact_time_of_a_force_record(damping, noise):
     assert abs(above[-1] - above[0] - duration) > 0.015 * duration
 
 
-@pytest.mark.parametrize(
-    ("t", "force"),
-    [([0, 1, 2], [0, 1, 0]), ([0, 1, 2, 3, 3], [0, 1, 2, 1, 0]), ([0, 1, 2, 3, 4], [2, 3, 2, 1, 0]),
-     ([0, 1, 2, 3, 4], [0, -1, -2, -1, 0]), ([0, 1, 2, 3, 4], [0, 1, np.nan, 1, 0])],
-)  # fmt: skip
+@pytest.mark.parametrize(("t", "force"), [
+    ([0, 1, 2], [0, 1, 0]), ([0, 1, 2, 3, 3], [0, 1, 2, 1, 0]), ([0, 1, 2, 3, 4], [2, 3, 2, 1, 0]),
+    ([0, 1, 2, 3, 4], [0, -1, -2, -1, 0]), ([0, 1, 2, 3, 4], [0, 1, np.nan, 1, 0]),
+])  # fmt: skip
 def test_what_is_no_force_record(t, force):
     with pytest.raises(ParameterError) as caught:
         fitball.contact_time(t, force)

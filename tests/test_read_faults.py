@@ -70,14 +70,11 @@ def test_what_is_no_table(tmp_path):
         assert refused.value.code == "not-a-table"
 
 
-@pytest.mark.parametrize(
-    ("reading", "code"),
-    [
-        ({"flip": "omega_3"}, "unknown-column"), ({"flip": ["v_x1", "contact_time"]}, "unknown-column"),
-        ({"ignore": "v_3"}, "unknown-column"), ({"ignore": ["omega_2_sd"]}, "unknown-column"),
-        ({"columns": {"speed_in": "Vin"}}, "columns"), ({"columns": {"v_1": "Vin", "v_2": "vin"}}, "columns"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("reading", "code"), [
+    ({"flip": "omega_3"}, "unknown-column"), ({"flip": ["v_x1", "contact_time"]}, "unknown-column"),
+    ({"ignore": "v_3"}, "unknown-column"), ({"ignore": ["omega_2_sd"]}, "unknown-column"),
+    ({"columns": {"speed_in": "Vin"}}, "columns"), ({"columns": {"v_1": "Vin", "v_2": "vin"}}, "columns"),
+])  # fmt: skip
 def test_options_that_name_nothing(tmp_path, reading, code):
     row = ",".join(GOOD.values())
     with pytest.raises(ParameterError) as caught:

@@ -14,8 +14,7 @@ from fitball.report.render import to_markdown, to_notebook, to_page, to_text
 
 HOSTILE = "<script>alert(1)</script>\x1b[31m\u202e\udcff\"'|"
 REPORT = Report(
-    f"wang {HOSTILE}",
-    [
+    f"wang {HOSTILE}", [
         Text([Mark("The model describes the data.", "good"), "Scatter of `v_x2`: 0.51 m/s."], "lead"),
         Table("Parameters", [
             {"parameter": Mark("mu", "name", "friction"), "median": "0.568", "empty": "",
@@ -24,8 +23,7 @@ REPORT = Report(
              "verdict": Mark("identified", "good"), "rests on": "a & b|c"},
         ], ("verdict", "rests on")),
         Picture("curves", f"Lines {HOSTILE}"), Text([f"label {HOSTILE}", ""], "list"),
-    ],
-    [
+    ], [
         Section("All", [Table("", [{"row": str(k), "value": f"{k}.0"} for k in range(400)], (), "`all.csv`", 1000)],
                 True, "400 rows."),
         Section("Nothing", [Text([""]), Table("", []), Table("", [{"a": ""}])], answer="never seen"),

@@ -77,15 +77,10 @@ def test_text_notebook_and_json_say_the_same():
     assert "0.300" in toy.report() and "More" in toy.report(colour=True) and "\x1b[" not in toy.report()
     assert "More" not in toy.report(full=False) and "0.300" in toy._repr_html_() and "<html" not in toy._repr_html_()
     found = json.loads(json.dumps(toy.json(), allow_nan=False))
-    assert found == {
-        "frames": {
-            "summary": [
-                {"name": "mu", "median": 0.1 + 0.2, "kind": "model"}, {"name": "k_y", "median": None, "kind": None},
-                {"name": "drop", "median": None, "kind": None},
-            ]
-        },
-        "notes": [{"code": "doubt", "text": "a doubt"}], "exit_code": 0,
-    }  # fmt: skip
+    rows = [("mu", 0.1 + 0.2, "model"), ("k_y", None, None), ("drop", None, None)]
+    summary = [dict(zip(("name", "median", "kind"), row, strict=True)) for row in rows]
+    notes = [{"code": "doubt", "text": "a doubt"}]
+    assert found == {"frames": {"summary": summary}, "notes": notes, "exit_code": 0}
 
 
 def test_frames_find_their_page_and_their_exit_code(monkeypatch):

@@ -28,15 +28,10 @@ def plain(fit):
     return {one.name: msgspec.to_builtins(getattr(fit, one.name), enc_hook=hook) for one in dataclasses.fields(fit)}
 
 
-@pytest.mark.parametrize(
-    ("table", "options"),
-    [
-        (None, {}),
-        (None, {"sampled": False}),
-        (table_of(600, surfaces=("clay", "grass/new")), {}),
-        (table_of(12, drop=True), {"model": "two-mass+normal=total"}),
-    ],
-)
+@pytest.mark.parametrize(("table", "options"), [
+    (None, {}), (None, {"sampled": False}), (table_of(600, surfaces=("clay", "grass/new")), {}),
+    (table_of(12, drop=True), {"model": "two-mass+normal=total"}),
+])  # fmt: skip
 def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
     fit = made_fit(table, **options)
     again = pair.read(written(fit, tmp_path) / "fit.json")
@@ -61,18 +56,13 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
         np.testing.assert_array_equal(seen["v_x2"], fit.run.table.values["v_x2"])
 
 
-@pytest.mark.parametrize(
-    ("name", "before", "after", "code"),
-    [
-        ("fit.json", b'"point": 0.56', b'"point": 0.57', "changed"),
-        ("fit.json", b'"version": 1', b'"version": 2', "other-version"),
-        ("fit.json", b'"version": 1', b'"schema_version": 8', "other-version"),
-        ("fit.json", b'"kind": "fitball fit"', b'"kind": "other"', "no-fit"),
-        ("fit.json", b"{", b"", "no-fit"),
-        ("fit.json", b"{", b"[" * 100_000, "no-fit"),
-        ("fit.nc", b"HDF", b"hdf", "changed"),
-    ],
-)
+@pytest.mark.parametrize(("name", "before", "after", "code"), [
+    ("fit.json", b'"point": 0.56', b'"point": 0.57', "changed"),
+    ("fit.json", b'"version": 1', b'"version": 2', "other-version"),
+    ("fit.json", b'"version": 1', b'"schema_version": 8', "other-version"),
+    ("fit.json", b'"kind": "fitball fit"', b'"kind": "other"', "no-fit"), ("fit.json", b"{", b"", "no-fit"),
+    ("fit.json", b"{", b"[" * 100_000, "no-fit"), ("fit.nc", b"HDF", b"hdf", "changed"),
+])  # fmt: skip
 def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
     place = written(made_fit(), tmp_path) / name
     assert before in place.read_bytes()

@@ -173,14 +173,11 @@ def test_every_fault_is_named_at_once(tmp_path):
     assert [*refused(lambda: scene_of(tmp_path, text))] == ["bal", "ball.mas", "ball.mass", "surface.mu"]
 
 
-@pytest.mark.parametrize(
-    ("parts", "key"),
-    [
-        ({"ball": BallSection(mass=Quantity(0.0577, -0.1))}, "ball.mass"),
-        ({"measurement": {"velocty_sd": 1.0}}, "measurement.velocty_sd"),
-        ({"camera": CameraSection(scale=50.0)}, "camera.scale"),
-    ],
-)
+@pytest.mark.parametrize(("parts", "key"), [
+    ({"ball": BallSection(mass=Quantity(0.0577, -0.1))}, "ball.mass"),
+    ({"measurement": {"velocty_sd": 1.0}}, "measurement.velocty_sd"),
+    ({"camera": CameraSection(scale=50.0)}, "camera.scale"),
+])  # fmt: skip
 def test_a_scene_made_in_python_has_the_same_limits(parts, key):
     assert [*refused(lambda: Scene(**parts))] == [key]
 

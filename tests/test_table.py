@@ -19,11 +19,10 @@ def codes(tables):
     return {fault.code: fault.column for fault in caught.value.faults}
 
 
-@pytest.mark.parametrize(
-    ("columns", "tangential", "spin"),
-    [("v_y1 omega_1 v_y2", False, True), ("v_x1 v_y1 v_y2", False, False), ("v_x1 v_y1 v_x2", True, False),
-     ("v_1 theta_1 v_2", True, False), ("v_y1 v_x2", False, False), ("v_x1 v_y1 omega_2", True, True)],
-)  # fmt: skip
+@pytest.mark.parametrize(("columns", "tangential", "spin"), [
+    ("v_y1 omega_1 v_y2", False, True), ("v_x1 v_y1 v_y2", False, False), ("v_x1 v_y1 v_x2", True, False),
+    ("v_1 theta_1 v_2", True, False), ("v_y1 v_x2", False, False), ("v_x1 v_y1 omega_2", True, True),
+])  # fmt: skip
 def test_what_motion_a_table_shows(columns, tangential, spin):
     table = made(dict.fromkeys(columns.split(), 1.0))
     assert (table.shows("tangential"), table.shows("spin")) == (tangential, spin)
@@ -118,18 +117,15 @@ def test_tables_together():
     assert joined([one]) is one
 
 
-@pytest.mark.parametrize(
-    ("other", "code", "column"),
-    [
-        (made({"v_x1": 1.0, "v_y1": 1.0, "v_x2": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
-        (made(POLAR | {"omega_1": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
-        (made({"v_1": 1.0, "theta_1": 1.0, "v_2": 1.0, "theta_2": 1.0}, name="b"), "rebound-columns-differ", None),
-        (made(POLAR, name="b"), "stated-in-some", "v_x2"),
-        (made(POLAR, {"v_x2": 0.1, "v_1": 0.1}, name="b"), "stated-in-some", "v_1"),
-        (made(POLAR, {"v_x2": 0.1}, name="a"), "same-table-twice", None),
-        (made(POLAR, {"v_x2": 0.1}, name="b", read=({"sha256": "0f", "source": "x"},)), "same-table-twice", None),
-    ],
-)
+@pytest.mark.parametrize(("other", "code", "column"), [
+    (made({"v_x1": 1.0, "v_y1": 1.0, "v_x2": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
+    (made(POLAR | {"omega_1": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
+    (made({"v_1": 1.0, "theta_1": 1.0, "v_2": 1.0, "theta_2": 1.0}, name="b"), "rebound-columns-differ", None),
+    (made(POLAR, name="b"), "stated-in-some", "v_x2"),
+    (made(POLAR, {"v_x2": 0.1, "v_1": 0.1}, name="b"), "stated-in-some", "v_1"),
+    (made(POLAR, {"v_x2": 0.1}, name="a"), "same-table-twice", None),
+    (made(POLAR, {"v_x2": 0.1}, name="b", read=({"sha256": "0f", "source": "x"},)), "same-table-twice", None),
+])  # fmt: skip
 def test_tables_that_do_not_belong_together(other, code, column):
     first = made(POLAR, {"v_x2": 0.1}, name="a", read=({"sha256": "0f", "source": "y"},))
     assert codes([first, other]) == {code: column}

@@ -14,32 +14,25 @@ from fitball.values import Ball, impacts
 PLAIN, MS = Unit(""), Unit("ms", 1e3)
 
 
-@pytest.mark.parametrize(
-    ("value", "sd", "text"),
-    [
-        # The four examples of the Particle Data Group, sect. 5.3: 0.827 +- 0.119, 0.367, and limits of their rule.
-        (0.827, 0.119, "0.83 ± 0.12"), (0.827, 0.367, "0.8 ± 0.4"), (0.827, 0.354, "0.83 ± 0.35"),
-        (0.827, 0.355, "0.8 ± 0.4"), (0.827, 0.949, "0.8 ± 0.9"), (0.827, 0.95, "0.8 ± 1.0"),
-        (14674.2, 964.0, "14700 ± 1000"), (21345.0, 1234.0, "21300 ± 1200"), (0.95, 0.0999, "0.95 ± 0.10"),
-        (-0.0001, 0.02, "0.000 ± 0.020"), (-3.25, 0.4, "-3.2 ± 0.4"), (1e30, 1e28, f"1{'0' * 30} ± 1{'0' * 28}"),
-        (0.5, 0.0, "0.5000"), (0.5, np.nan, "0.5000"), (0.5, np.inf, "0.5000"), (np.nan, 0.1, ""),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("value", "sd", "text"), [
+    # The four examples of the Particle Data Group, sect. 5.3: 0.827 +- 0.119, 0.367, and limits of their rule.
+    (0.827, 0.119, "0.83 ± 0.12"), (0.827, 0.367, "0.8 ± 0.4"), (0.827, 0.354, "0.83 ± 0.35"),
+    (0.827, 0.355, "0.8 ± 0.4"), (0.827, 0.949, "0.8 ± 0.9"), (0.827, 0.95, "0.8 ± 1.0"),
+    (14674.2, 964.0, "14700 ± 1000"), (21345.0, 1234.0, "21300 ± 1200"), (0.95, 0.0999, "0.95 ± 0.10"),
+    (-0.0001, 0.02, "0.000 ± 0.020"), (-3.25, 0.4, "-3.2 ± 0.4"), (1e30, 1e28, f"1{'0' * 30} ± 1{'0' * 28}"),
+    (0.5, 0.0, "0.5000"), (0.5, np.nan, "0.5000"), (0.5, np.inf, "0.5000"), (np.nan, 0.1, ""),
+])  # fmt: skip
 def test_the_sd_decides_the_digits(value, sd, text):
     assert PLAIN.plus_minus(value, sd) == text
     assert MS.plus_minus(value / 1e3, sd / 1e3) == text
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "text"),
-    [
-        (0.516, 0.608, "[0.516, 0.608]"), (-0.2, 0.31, "[-0.20, 0.31]"), (None, 0.3, "[..., 0.300]"),
-        # Ends far apart have digits of their own: none is rounded to zero.
-        (0.4, 300.0, "[0.40, 300]"), (-300.0, -0.4, "[-300, -0.40]"), (2.0, 2.0, "[2.00, 2.00]"),
-        (0.0841, 11641.0, "[0.084, 11600]"),
-        (np.nan, np.nan, ""), (None, None, ""), (16000.0, 23000.0, "[16000, 23000]"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("low", "high", "text"), [
+    (0.516, 0.608, "[0.516, 0.608]"), (-0.2, 0.31, "[-0.20, 0.31]"), (None, 0.3, "[..., 0.300]"),
+    # Ends far apart have digits of their own: none is rounded to zero.
+    (0.4, 300.0, "[0.40, 300]"), (-300.0, -0.4, "[-300, -0.40]"), (2.0, 2.0, "[2.00, 2.00]"),
+    (0.0841, 11641.0, "[0.084, 11600]"), (np.nan, np.nan, ""), (None, None, ""), (16000.0, 23000.0, "[16000, 23000]"),
+])  # fmt: skip
 def test_an_interval_has_the_decimals_of_its_width(low, high, text):
     assert PLAIN.interval(low, high) == text
 
@@ -115,11 +108,10 @@ def test_a_ball_that_cannot_be_is_refused(wrong):
     assert caught.value.code == "ball"
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [(1.0, 0.0), (1.0, -1.0), (np.nan, 1.0), (np.ma.masked_array([1.0, 2.0], [False, True]), 1.0),
-     ([1, 2], [1, 2, 3]), ("a", 1.0), ([[1.0]], 1.0)],
-)  # fmt: skip
+@pytest.mark.parametrize("wrong", [
+    (1.0, 0.0), (1.0, -1.0), (np.nan, 1.0), (np.ma.masked_array([1.0, 2.0], [False, True]), 1.0), ([1, 2], [1, 2, 3]),
+    ("a", 1.0), ([[1.0]], 1.0),
+])  # fmt: skip
 def test_what_is_no_impact_is_refused(wrong):
     with pytest.raises(ParameterError) as caught:
         impacts(*wrong)

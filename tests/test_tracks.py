@@ -210,16 +210,14 @@ def test_films_that_cannot_be_are_refused():
     camera = Camera(240)
     table, _ = film_of(camera)
     for change, said, code in (
-        (lambda t: t, {"fps": 30.0}, "gravity"),
-        (lambda t: t, {"fps": 2000.0}, "gravity"),
-        (lambda t: t, {"fps": 4.0, "court": None}, "gravity"),
+        (lambda t: t, {"fps": 30.0}, "gravity"), (lambda t: t, {"fps": 2000.0}, "gravity"),
+        (lambda t: t, {"fps": 4.0, "court": None}, "gravity"), (lambda t: t, {"court": 0.3}, "no-impact"),
         (lambda t: t.assign(**{"y [m]": -t["y [m]"]}), {}, "gravity"),
         (lambda t: t.assign(**{"angle [rad]": -t["angle [rad]"]}), {}, "misread"),
         (lambda t: t.assign(**{"x [m]": -t["x [m]"]}), {}, "misread"),
         (lambda t: t.groupby("id").head(9), {}, "no-impact"),
         (lambda t: t.assign(frame=-t["frame"]), {}, "no-impact"),
-        (lambda t: t, {"court": 0.3}, "no-impact"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(InputError) as caught:
             tracked(change(table.copy()), camera, **said)
         assert caught.value.code == code

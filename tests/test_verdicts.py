@@ -48,19 +48,16 @@ def of_line(problem, **start):
     return {name: (found[name].verdict, found[name].rule, found[name].given) for name in ("a", "b")}
 
 
-@pytest.mark.parametrize(
-    ("function", "prior", "a", "b"),
-    [
-        (line, {}, ("identified", "determined", ()), ("identified", "determined", ())),
-        (bounded, {}, ("identified", "determined", ()), ("one-sided", "bounded", ())),
-        # It moves no rebound by a tenth of a noise.
-        (idle, {}, ("identified", "determined", ()), ("prior-dominated", "traded", ())),
-        # The data say 0.7 to 0.01; priors far off hold it, one nearer meets it half way.
-        (line, {"a": "normal(0.9, 1e-3)"}, ("prior-dominated", "held-off", ()), None),
-        (line, {"a": "normal(0.74, 0.01)"}, ("given", "determined", ("the prior of a",)), None),
-        (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
-    ],
-)
+@pytest.mark.parametrize(("function", "prior", "a", "b"), [
+    (line, {}, ("identified", "determined", ()), ("identified", "determined", ())),
+    (bounded, {}, ("identified", "determined", ()), ("one-sided", "bounded", ())),
+    # It moves no rebound by a tenth of a noise.
+    (idle, {}, ("identified", "determined", ()), ("prior-dominated", "traded", ())),
+    # The data say 0.7 to 0.01; priors far off hold it, one nearer meets it half way.
+    (line, {"a": "normal(0.9, 1e-3)"}, ("prior-dominated", "held-off", ()), None),
+    (line, {"a": "normal(0.74, 0.01)"}, ("given", "determined", ("the prior of a",)), None),
+    (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
+])  # fmt: skip
 def test_lines_whose_verdict_is_known(function, prior, a, b):
     far = {"a": 0.9, "v_y_sd": 1.0} if "0.9" in prior.get("a", "") else {}
     found = of_line(dropped(function, prior=prior), **far)
@@ -75,10 +72,7 @@ def test_contraction_is_that_of_a_linear_model():
     problem = dropped(line, fix={"v_y_sd": 0.05, "b": -0.02}, prior={"a": "normal(0.7, 0.004)"})
     point, _ = fitted(problem, a=0.7)
     spec, first = problem.prior.parameters[0].spec, first_order(problem, point)
-    asked = [
-        derived.Quantity(spec, lambda values: -3.0 * values["a"]),
-        derived.Quantity(spec, lambda values: 0.0 * values["a"]),
-    ]
+    asked = [derived.Quantity(spec, lambda values, by=by: by * values["a"]) for by in (-3.0, 0.0)]
     linear = module._linear(problem, first, asked)
     left = 1.0 / (1.0 + 0.004**2 * np.sum((SPEEDS / 0.05) ** 2))
     np.testing.assert_allclose(linear.contraction, [1.0 - left, 1.0 - left, 0.0], atol=1e-6)
@@ -183,18 +177,15 @@ def test_a_friction_that_no_impact_feels_leaves_what_follows_from_it():
 
 RANKED = [
     ({"traded": ("k_y",), "interval": (None, None), "freedom": 1.0}, "traded"),
-    ({"missing": True, "freedom": 1.0}, "no-maximum"),
-    ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
-    ({"interval": (None, None), "contraction": 0.1}, "open"),
-    ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
+    ({"missing": True, "freedom": 1.0}, "no-maximum"), ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
+    ({"interval": (None, None), "contraction": 0.1}, "open"), ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
     ({"interval": (None, 2.0), "contraction": 0.1}, "bounded"),
     ({"bounded": ("mu",), "extrapolated": "far"}, "bounded-part"),
     ({"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"}, "held-off"),
     ({"contraction": 0.19, "extrapolated": "far"}, "unchanged"),
-    ({"extrapolated": "far", "missing": True}, "extrapolated"),
-    ({"missing": True}, "exact"),
+    ({"extrapolated": "far", "missing": True}, "extrapolated"), ({"missing": True}, "exact"),
     ({"contraction": 0.2, "interval": (1.0, 2.0)}, "determined"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("numbers", "rule"), RANKED)
@@ -210,11 +201,10 @@ def adequacy(answer="describes", **moved):
 
 def test_adequacy_and_assumptions_qualify_what_is_determined():
     within = {
-        "mu": Judgement("identified", "determined", "."),
+        "mu": Judgement("identified", "determined", "."), "pace": Judgement("identified", "determined", "."),
         "k_y": Judgement("given", "determined", ".", ("contact_time",)),
         "cor_10": Judgement("extrapolated", "extrapolated", "."),
-        "pace": Judgement("identified", "determined", "."),
-    }
+    }  # fmt: skip
 
     def said(*asked):
         return {name: (one.verdict, one.given) for name, one in qualified(within, *asked).items()}
@@ -222,10 +212,8 @@ def test_adequacy_and_assumptions_qualify_what_is_determined():
     rests = {"mu": ("offset=contact",), "k_y": ("spin=mean", "contact_time"), "cor_10": ("spin=mean",)}
     plain = said(adequacy(), {})
     assert plain == {name: (one.verdict, one.given) for name, one in within.items()}
-    assert said(adequacy(), rests) == plain | {
-        "mu": ("given", ("offset=contact",)),
-        "k_y": ("given", ("contact_time", "spin=mean")),
-    }
+    given = {"mu": ("given", ("offset=contact",)), "k_y": ("given", ("contact_time", "spin=mean"))}
+    assert said(adequacy(), rests) == plain | given
     untested = said(adequacy("undecided"), rests)
     assert untested["mu"] == ("given", ("offset=contact", "model"))
     assert untested["pace"] == ("given", ("model",)) and untested["cor_10"] == ("extrapolated", ())

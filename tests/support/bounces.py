@@ -28,15 +28,13 @@ def random_bounce(rng, options, wide=False):
     mass_ratio = rng.uniform(0.4, 0.97)
     ceiling = mass_ratio if options["normal"] == "momentum" else 1.0
     values = {
-        "mass_ratio": mass_ratio,
-        "k_y": 10.0 ** rng.uniform(*((2.0, 7.0) if wide else (4.0, 4.7))),
+        "mass_ratio": mass_ratio, "k_y": 10.0 ** rng.uniform(*((2.0, 7.0) if wide else (4.0, 4.7))),
         "mu": float(rng.choice([0.02, 0.1, 0.3, 0.55, 1.0, 3.0])),
-        "eps_10": rng.choice([3e-3, 1.5e-2]) * rng.standard_normal(),
-        "eps_slope": 1e-4 * rng.standard_normal(),
+        "eps_10": rng.choice([3e-3, 1.5e-2]) * rng.standard_normal(), "eps_slope": 1e-4 * rng.standard_normal(),
         "cor_10": rng.uniform(*((0.03, 0.999) if wide else (0.5, 0.95))) * ceiling,
         "zeta_theta": 10.0 ** rng.uniform(*((-4.0, 1.0) if wide else (-2.0, 0.3))),
         "inertia_split": rng.uniform(0.05, 0.95),
-    }
+    }  # fmt: skip
     # A joint as fast as the vertical motion, or up to some ten (hundred) times.
     values["k_theta"] = values["k_y"] * 10.0 ** rng.uniform(*((-4.0, -0.5) if wide else (-3.0, -1.5)))
     values["cor_slope"] = values["cor_10"] * (rng.uniform(-0.09, 0.01) if wide else rng.uniform(-0.03, 0.002))

@@ -74,10 +74,8 @@ def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
 def course(nine, drag, extra, end, ahead):
     """Places and turn (times, 3) of a ball that lands at time 0; of the contact a cubic between both flights."""
     v_x1, v_y1, omega_1, v_x2, v_y2, omega_2, late, way, turn = nine
-    before, after = (
-        flight(v_x1, -v_y1, omega_1, drag, extra[0], -0.4),
-        flight(v_x2, v_y2, omega_2, drag, extra[1], 0.4),
-    )
+    before = flight(v_x1, -v_y1, omega_1, drag, extra[0], -0.4)
+    after = flight(v_x2, v_y2, omega_2, drag, extra[1], 0.4)
     early = flight(v_x2, v_y2, omega_2, drag, extra[1], -0.02)
 
     def released(t):
@@ -119,11 +117,8 @@ def filmed(truth, camera, rng, contact=None, ahead=None):
         for _ in range(5 if camera.row_time else 1):
             places = at(t)
             x, y = places[:, 0] / camera.scale, places[:, 1] / camera.scale
-            x, y = (
-                np.cos(camera.tilt) * x - np.sin(camera.tilt) * y,
-                np.sin(camera.tilt) * x + np.cos(camera.tilt) * y,
-            )
-            y = y + camera.court_height
+            cos, sin = np.cos(camera.tilt), np.sin(camera.tilt)
+            x, y = cos * x - sin * y, sin * x + cos * y + camera.court_height
             # A row lower in the picture is read later.
             t = taken + camera.row_time * (height - y) / (1e-3 * camera.mm_per_px)
         near, away = np.argmin(np.abs(t)), np.flatnonzero((np.abs(x) > 0.5 * width) | (y > height))
