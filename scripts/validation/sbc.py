@@ -36,7 +36,7 @@ from fitball.values import FloatArray, Impacts
 # Draws of a posterior that are ranked: 20 bins of ranks 0 to 99.
 RANKED, BINS, LEVEL = 99, 20, 0.01
 # Steps of chains at most: so few draws can be ranked long before tails have their effective size; gaps cost the most.
-STEPS, STEPS_OF_GAPS = 3_000, 160
+STEPS, STEPS_OF_GAPS = 1_000, 160
 PULLED = 0.7
 
 
