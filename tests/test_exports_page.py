@@ -127,7 +127,9 @@ def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
     assert surfaces == list(fit.run.table.labels["surface"])
 
 
-def test_a_stated_contact_time_is_evidence_beside_the_impacts():
+def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
+    # Five parts of rows.
+    monkeypatch.setattr("fitball.inference.density.AT_ONCE", 2000)
     timed = made_fit(scene=Scene(contact_time=Quantity(4.5e-3, 2e-4)), model="two-mass")
     tree, row = timed.to_datatree(), timed.posterior.values[0, 4, 2]
     total = log_posterior(timed.problem, timed.problem.prior.coordinate(row[None]))[0]

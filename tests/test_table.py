@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from made_tables import bundled, made
 
+from fitball.columns import COLUMNS
 from fitball.data.labels import role_of
 from fitball.data.read import load_table
 from fitball.data.table import joined, pair_of, stated
@@ -137,3 +138,11 @@ def test_tables_that_do_not_belong_together(other, code, column):
 def test_roles_of_labels():
     names = ("Surface", "court_type", "Ball no", "location", "session", "table", "operator")
     assert [role_of(name) for name in names] == ["surface", "surface", "ball", "place", "session", "table", ""]
+
+
+def test_what_columns_need():
+    """Vertical columns need no motion along the court; times and gaps need a model with a time axis."""
+    along, gaps = {"v_x2", "theta_2", "omega_2"}, {"gap_time", "gap_path", "gap_turn"}
+    needs = {kind: {name for name, one in COLUMNS.items() if getattr(one, kind)} for kind in ("tangential", "timed")}
+    assert needs == {"tangential": along | gaps - {"gap_time"}, "timed": gaps | {"contact_time"}}
+    assert {name for name, one in COLUMNS.items() if one.gap} == gaps
