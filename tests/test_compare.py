@@ -291,6 +291,18 @@ def test_the_page_names_the_simplest_and_who_is_not_worse_and_the_figure_shows_t
     assert any("No other has fewer" in one for one in page.report(fewest).summary[0].lines)
 
 
+@pytest.mark.parametrize("better", [True, False])
+@pytest.mark.parametrize("sure", [True, False])
+def test_whether_the_second_mass_is_worth_it_is_said_of_the_one_that_is_behind(better, sure):
+    models = [("two-mass+normal=total", -50.0 - 9.0 * (not better)), ("brody", -50.0 - 9.0 * better)]
+    best = max(score for _, score in models)
+    rows = [{"model": name, "elpd": score, "difference": score - best, "worse": sure and score < best}
+            for name, score in models]  # fmt: skip
+    words = page._second_mass(rows)
+    assert "9.0 higher" in words if better else "9.0 lower" in words
+    assert ("not significantly" in words) != sure and "significantly" in words and not page._second_mass(rows[:1])
+
+
 def test_by_the_command_line(tmp_path, capsys, table):
     place = tmp_path / "hits.csv"
     table.to_csv(place, index=False)

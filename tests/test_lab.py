@@ -1,6 +1,7 @@
 """What laboratories rate as measured: against the ITF's formulas, Student's t and least squares by scipy."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_tables import made
 from scipy.stats import linregress, t
@@ -194,6 +195,13 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     fall = np.repeat([2.54, 1.0], 3)
     other = drop_test(dropped(heights * fall / 2.54, fall=fall, surface=surfaces), Scene())
     assert np.isnan(other["ratio"]).all() and other["cor"].tolist() == pytest.approx([cor[:3].mean(), cor[3:].mean()])
+
+
+def test_drops_are_called_after_their_surface_where_there_are_several():
+    frame = pd.DataFrame({"drop_height [m]": 2.54, "rebound_height [m]": [1.39, 1.40, 1.41, 1.20, 1.21, 1.22]})
+    assert any("Drop test, measured" in one for one in page.lines(made_fit(frame)))
+    several = page.lines(made_fit(frame.assign(surface=["concrete"] * 3 + ["clay"] * 3)), most=9)
+    assert sum(f"Drop test on {name}, measured" in one for one in several for name in ("clay", "concrete")) == 2
 
 
 def test_what_is_no_drop_test_has_none():

@@ -241,6 +241,9 @@ def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     table = next(block for block in page.report(many).summary if getattr(block, "rows", None))
     assert [row["remark"] for row in table.rows] == ["", "extrapolated", "extrapolated", "extrapolated"]
     assert all(len(result.plot("rebounds").get_axes()) == 4 for result in (one, many))
+    alone = next(block for block in page.report(one).summary if getattr(block, "rows", None)).rows
+    shown = {row[""]: float(row["median"]) for row in alone}
+    assert shown["v_x2"] == pytest.approx(rows_of(one, "v_x2")["median"][0], abs=0.06)
     point = known_fit(sampled=False).predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     frame = point.frames["predictions"]
     assert frame[["median", "new_q025"]].isna().all(axis=None) and frame["point"].notna().all()

@@ -72,6 +72,12 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
     for name in shown:
         axes = film.plot(name).axes
         assert axes and all(axis.lines or axis.collections for axis in axes)
+    impacts, session = film.impacts, film.plot("session").axes
+    for axis, values in zip(session, (impacts["v_y2 [m/s]"] / impacts["v_y1 [m/s]"], 1e3 * impacts["gap_time [s]"],
+                                      1e3 * impacts["gap_path [m]"], np.degrees(impacts["gap_turn [rad]"])),
+                            strict=True):  # fmt: skip
+        shown = axis.lines[0].get_xydata()
+        np.testing.assert_allclose(shown, np.column_stack([impacts["v_y1 [m/s]"], values]), rtol=1e-12)
     own = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
     assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
