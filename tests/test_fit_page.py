@@ -155,6 +155,7 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     lines = lab.lines(fit)
     # What was measured stands for what the model says.
     assert len(lines) == 1 and "slow" in lines[0] and "67 %" in lines[0]
+    assert lab.section(fit).title == "Court pace"
     rows = lab.section(fit).blocks[0].rows
     assert [(row["place"], row["impacts"]) for row in rows] == [("", "9"), ("net", "9"), ("", "")]
     assert near(rows[0]["rating, 95 %"], 28.4) and rows[0]["category"] == "slow 67 %, medium-slow 33 %"
@@ -166,6 +167,7 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
     fallen = made_fit(table_of(12, drop=True))
     assert "141.0" in lab.lines(fallen)[0] and "> 99 %" in lab.lines(fallen)[0]
+    assert lab.section(fallen).title == "Drop test"
     table = lab.section(fallen).blocks[1].rows
     assert len(table) == 4 and table[2]["COR, 95 %"] == "0.7450 [0.7410, 0.7490]"
 
