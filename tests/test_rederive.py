@@ -174,4 +174,7 @@ def test_page_figures_and_files(found, tmp_path):
         assert number in page
     drawn = [line.get_ydata() for line in found.plot("chapter_v").axes[0].lines]
     assert any(np.array_equal(found.frames["figures"]["v_x2 recomputed [m/s]"][:7], line) for line in drawn)
+    # Eq. (53), in inches and m/s as it is printed.
+    lines = [line for axis in found.plot("glance").axes for line in axis.lines if line.get_linestyle() == "--"]
+    assert any(np.allclose(line.get_ydata(), 0.0431 * line.get_xdata() - 0.189) for line in lines)
     json.dumps(found.json(), allow_nan=False)
