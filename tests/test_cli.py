@@ -117,6 +117,8 @@ def test_every_option_has_words():
         assert own.summary
         names = set(cli.parameters_of(verb)) - {"progress"}
         assert names <= set(own.arguments) | set(shared)
+        # A flag is off, and means the same in every verb.
+        assert not any(one.default is True for one in cli.parameters_of(verb).values() if one.name != "progress")
 
 
 @pytest.mark.parametrize(("verb", "asked", "folder"), [

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from support.drawn import bars
 from support.films import Camera, bounces, filmed
 
 import fitball
@@ -78,6 +79,12 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
                             strict=True):  # fmt: skip
         shown = axis.lines[0].get_xydata()
         np.testing.assert_allclose(shown, np.column_stack([impacts["v_y1 [m/s]"], values]), rtol=1e-12)
+    # The sd of a ratio, by its gradient.
+    (fall, fall_sd), (rise, rise_sd) = ((impacts[f"{n} [m/s]"], impacts[f"{n}_sd [m/s]"]) for n in ("v_y1", "v_y2"))
+    both = impacts["corr(v_y1,v_y2)"] * fall_sd * rise_sd
+    sd = np.sqrt((rise_sd / fall) ** 2 + (rise * fall_sd / fall**2) ** 2 - 2.0 * rise / fall**3 * both)
+    ends = bars(session[0])[0][:, :, 1]
+    np.testing.assert_allclose(0.5 * (ends[:, 1] - ends[:, 0]), sd, rtol=1e-9)
     own = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
     assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
