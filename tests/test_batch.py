@@ -263,5 +263,8 @@ def test_the_page_has_every_table_and_its_figure_every_interval(made):
     known = np.array([first in made.quantities[table] for table in made.tables.index])
     assert sorted(np.concatenate(strong)) == np.flatnonzero(known & made.tables[column].notna()).tolist()
     assert not cut_off(figure)
+    # Where models differ they are named.
+    mixed = made.tables.assign(model=made.tables["model"].where(made.tables.index != "drops", "brody"))
+    assert "brody" in to_text(page.report(Batch(None, mixed, made.populations, made.quantities)), full=True)
     none = Batch(None, made.tables, made.populations.iloc[:0], {})
     assert not page.figures(none)

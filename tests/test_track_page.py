@@ -88,6 +88,9 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
     own = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
     assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
+    # The contact lies between the flights.
+    ends = own.loc[own["role"] == "after", "t [s]"].min() - own.loc[own["role"] == "before", "t [s]"].max()
+    assert film.plot("track-1").axes[1].patches[0].get_width() == pytest.approx(1e3 * ends)
 
 
 def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
