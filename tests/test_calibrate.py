@@ -9,7 +9,7 @@ from support.made_fit import TRUTH, made_fit, table_of
 
 import fitball
 from fitball.cli import main
-from fitball.inference.assemble import beside
+from fitball.inference.assemble import outside
 from fitball.saved.pair import read
 
 
@@ -57,11 +57,15 @@ def test_check_prints_every_fault_as_json(tmp_path, capsys):
     assert not (tmp_path / "fit").exists()
 
 
-def test_best_values_outside_of_their_intervals_are_named():
+def test_best_values_outside_of_their_intervals_are_named(monkeypatch):
     found = [*made_fit().parameters.values()]
-    assert not beside(found) and not beside([*made_fit(sampled=False).parameters.values()])
-    note = beside([replace(one, point=one.q975 + one.half) for one in found])[0]
+    assert not outside(found) and not outside([*made_fit(sampled=False).parameters.values()])
+    note = outside([replace(one, point=one.q975 + one.half) for one in found])[0]
     sure = ("given", "identified", "conditional")
     closed = {one.name for one in found if one.kind == "model" and one.verdict in sure}
     assert note.code == "best-outside" and closed
     assert {one.name for one in found if f"{one.name} (" in note.text} == closed < {one.name for one in found}
+    assert all(f" {one.unit})" in note.text for one in found if one.name in closed and one.unit)
+    monkeypatch.setattr("fitball.inference.calibrate.outside", lambda found: [note] * (len(found) > 5))
+    fit = fitball.calibrate(table_of(8), model="grip-slip", point_only=True, progress=False)
+    assert fit.notes[-1] == note

@@ -66,12 +66,12 @@ def _kind(name: str) -> str:
     return "noise" if name in COMMON else "level" if "[" in name else "model"
 
 
-def beside(found: Sequence[Estimate]) -> list[Note]:
+def outside(found: Sequence[Estimate]) -> list[Note]:
     """That best values lie outside of the intervals of the draws: a high peak of the posterior may hold little of it.
     At a bound of a value that is limited on one side, or not determined, that is usual.
     """
     names = [
-        f"{one.name} ({one.point:.3g})" for one in found
+        f"{one.name} ({f'{one.point:.3g} {one.unit}'.strip()})" for one in found
         if one.verdict in ("identified", "given", "conditional") and one.kind in ("model", "level", "derived")
         and np.isfinite(one.q975 - one.q025) and not one.q025 <= one.point <= one.q975
     ]  # fmt: skip

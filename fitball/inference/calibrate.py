@@ -12,7 +12,7 @@ from fitball.environment import threads
 from fitball.errors import Note, enough_memory
 from fitball.inference import results
 from fitball.inference.adequacy import adequacy
-from fitball.inference.assemble import beside, estimates, headline
+from fitball.inference.assemble import estimates, headline, outside
 from fitball.inference.assumptions import alternatives, given
 from fitball.inference.constants import constants
 from fitball.inference.effort import Effort
@@ -75,7 +75,7 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         squares = least_squares(problem, point)
         parameters, following = estimates(problem, draws_of(problem, point, posterior, effort), judged)
         found = [*parameters.values(), *following.values()]
-        notes = [*problem.table.notices, *problem.notes, *[Note("no-profiles", why)] * bool(why), *beside(found)]
+        notes = [*problem.table.notices, *problem.notes, *[Note("no-profiles", why)] * bool(why), *outside(found)]
     return Fit(
         run=run_of(problem, effort),
         status=status,
