@@ -129,6 +129,25 @@ def test_weighted_draws_and_draws_of_chains_are_those_of_the_posterior(chain, mo
     np.testing.assert_allclose(np.sqrt(weights @ (values - centre) ** 2), sd, rtol=0.08)
 
 
+def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table):
+    """Of four rows a two-mass ball took 20,000 steps, and again without each of them."""
+    (problem, best, _), weighted, efforts = posed(), left_out.importance, []
+
+    def chains(_problem, _begin, effort, _progress):
+        efforts.append(effort)
+        raise RuntimeError
+
+    monkeypatch.setattr(left_out, "importance", lambda *given: (*weighted(*given)[:2], np.inf))
+    monkeypatch.setattr(left_out, "sample", chains)
+    begin = [left_out.proposal(problem, best[0])]
+    made = left_out.drawn(problem.without(np.arange(3, 12)), begin, Effort(), 2000.0, "here")
+    assert not efforts and not made.settled and len(made.q) > 2000
+    (four, *_) = compare.problems_of(*load_data([table.iloc[:4]], Scene(), True), ONE, ["grip-slip"], False)
+    with pytest.raises(RuntimeError):
+        compare._scored(compare._Task(four, ("v_x2",), {}, Effort()))
+    assert efforts[0].max_steps == compare.STEPS < Effort().max_steps
+
+
 def test_labels_left_out_are_predicted_by_the_maximum_without_them():
     problem, best, _ = posed()
     folds = [np.arange(3), np.arange(3, 12)]
