@@ -1,6 +1,6 @@
 """fitball: fits models of a bouncing tennis ball to measured impacts.
 
-Owns: the public names, loaded when first asked for; what is not here is not public. Imports: version.
+Owns: the public names, loaded when first asked for; what is not here is not public.
 """
 
 import sys
@@ -11,7 +11,8 @@ from typing import Any
 from fitball.version import __version__
 
 _HOMES = {
-    "fitball.verbs": "calibrate check compare predict plan plot simulate track batch export rederive bench load_fit "
+    "fitball.verbs": "calibrate check compare predict plan plot simulate track batch export "
+    "rederive bench load_fit "
     "load_batch",
     "fitball.data.read": "load_table contact_time",
     "fitball.data.scene": "Scene load_scene",
@@ -30,7 +31,9 @@ __all__ = ["__version__", *_HOME_OF]
 
 
 class _Package(ModuleType):
-    """Of this package: importing the room `fitball.batch` or `fitball.bench` does not hide the verb of that name."""
+    """Of this package: importing the room `fitball.batch` or `fitball.bench` does not hide the verb
+    of that name.
+    """
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in _HOME_OF and isinstance(value, ModuleType)):

@@ -1,4 +1,4 @@
-"""`python -m fitball` is the command line. Imports: cli."""
+"""`python -m fitball` is the command line."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The machine: cores, threads that kernels share, where what was compiled is kept. Imports: nothing."""
+"""The machine: cores, threads that kernels share, where what was compiled is kept."""
 
 import atexit
 import functools
@@ -32,7 +32,9 @@ def cores() -> int:
 
 @contextmanager
 def threads(count: int | None) -> Iterator[None]:
-    """Let kernels share draws over `count` threads inside (None: this process's cores); workers of a pool use one."""
+    """Let kernels share draws over `count` threads inside (None: this process's cores); workers of
+    a pool use one.
+    """
     token = _count.set(count)
     try:
         yield
@@ -41,7 +43,9 @@ def threads(count: int | None) -> Iterator[None]:
 
 
 def shared(work: Callable[[int, int], object], size: int, least: int) -> None:
-    """Call `work(first, last)` for parts of `range(size)`, none below `least` if there are several, by threads."""
+    """Call `work(first, last)` for parts of `range(size)`, none below `least` if there are several,
+    by threads.
+    """
     parts = max(1, size // max(least, 1))
     # The system is asked for its cores only where these matter.
     parts = min(parts, _count.get() or cores()) if parts > 1 else 1
@@ -64,7 +68,9 @@ if hasattr(os, "register_at_fork"):
 
 @functools.cache
 def cache_folder() -> Path:
-    """Fitball's folder among the user's caches, or one for this process alone where that cannot be written."""
+    """Fitball's folder among the user's caches, or one for this process alone where that cannot be
+    written.
+    """
     set_by = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA")
     place = Path(next(filter(None, map(os.environ.get, set_by)), "~/.cache")) / "fitball"
     try:
@@ -73,7 +79,8 @@ def cache_folder() -> Path:
         tempfile.TemporaryFile(dir=place).close()
     except (OSError, RuntimeError):
         log.warning(
-            "%s cannot be written, so the models are compiled in every run: set NUMBA_CACHE_DIR to a folder that can",
+            "%s cannot be written, so the models are compiled in every run: set NUMBA_CACHE_DIR "
+            "to a folder that can",
             place,
         )
         place = Path(tempfile.mkdtemp(prefix="fitball-"))
@@ -83,7 +90,9 @@ def cache_folder() -> Path:
 
 @contextmanager
 def first_time(mark: Path, said: str) -> Iterator[None]:
-    """Let one process at a time inside, and say so, until one has come through and left its `mark`."""
+    """Let one process at a time inside, and say so, until one has come through and left its
+    `mark`.
+    """
     if mark.exists():
         yield
         return

@@ -1,7 +1,7 @@
-"""Errors that a user can correct, and notes that a user should read. Imports: text.
+"""Errors that a user can correct, and notes that a user should read.
 
-One class for each kind of remedy; each error, fault and note has a stable `code`. Tests and programs look at codes
-and places, never at sentences.
+One class for each kind of remedy; each error, fault and note has a stable `code`. Tests and
+programs look at codes and places, never at sentences.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,13 +13,16 @@ from typing import Any
 from fitball.text import listed, one_line, visible
 
 # Rows of a kind of fault that are named one by one, and lines of a message.
-_ROWS, _LINES = 6, 40
+_ROWS = 6
+_LINES = 40
 # How alike a known name is that is probably meant: one slip in a name of three letters.
 _ALIKE = 0.7
 
 
 class FitballError(Exception):
-    """Printed without traceback, exit code 2. It says what was read, where, what was expected, and what to do."""
+    """Printed without traceback, exit code 2. It says what was read, where, what was expected, and
+    what to do.
+    """
 
     def __init__(self, message: str, code: str) -> None:
         # It may quote a file or an option.
@@ -36,7 +39,9 @@ class ParameterError(FitballError):
 
 
 class ModelError(FitballError):
-    """A model or option that does not exist or cannot do this; a function of one's own that cannot be used."""
+    """A model or option that does not exist or cannot do this; a function of one's own that cannot
+    be used.
+    """
 
 
 class FitError(FitballError):
@@ -44,7 +49,9 @@ class FitError(FitballError):
 
 
 class FolderError(FitballError):
-    """A file or result folder that cannot be written, locked or read, is of another version, or was changed."""
+    """A file or result folder that cannot be written, locked or read, is of another version, or was
+    changed.
+    """
 
 
 class MachineError(FitballError):
@@ -53,7 +60,9 @@ class MachineError(FitballError):
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of an input file; `row` counts rows of data, `line` lines of the file, both from 1."""
+    """One fault of an input file; `row` counts rows of data, `line` lines of the file, both from
+    1.
+    """
 
     code: str
     message: str
@@ -63,10 +72,14 @@ class Fault:
 
 
 class InputError(FitballError):
-    """A table, scene or film that cannot be used: all faults, and readings that explain the data better (`hints`)."""
+    """A table, scene or film that cannot be used: all faults, and readings that explain the data
+    better (`hints`).
+    """
 
     def __init__(self, source: str, faults: Iterable[Fault], hints: Sequence[str] = ()) -> None:
-        self.source, self.faults, self.hints = one_line(source), tuple(faults), tuple(hints)
+        self.source = one_line(source)
+        self.faults = tuple(faults)
+        self.hints = tuple(hints)
         lines = _folded(self.faults)
         if len(self.faults) == 1:
             message = f"{self.source}: {lines[0]}"
@@ -88,7 +101,11 @@ def _folded(faults: Sequence[Fault]) -> list[str]:
         kinds.setdefault(k if fault.row is None else (fault.column, fault.code), []).append(fault)
     lines = [_line(members) for members in kinds.values()]
     more = len(lines) - _LINES
-    return lines if more <= 0 else [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
+    return (
+        lines
+        if more <= 0
+        else [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
+    )
 
 
 def _line(members: Sequence[Fault]) -> str:
@@ -100,8 +117,15 @@ def _line(members: Sequence[Fault]) -> str:
     if len(members) > 1:
         rows = listed((str(member.row) for member in members), most=_ROWS)
         where = f"rows {rows} (first: {line or row})"
-    column = "" if first.column is None else f"{'key' if first.code == 'scene' else 'column'} '{first.column}'"
-    return one_line(": ".join(filter(None, [", ".join(filter(None, [where, column])), first.message])), 400)
+    column = (
+        ""
+        if first.column is None
+        else f"{'key' if first.code == 'scene' else 'column'} '{first.column}'"
+    )
+    return one_line(
+        ": ".join(filter(None, [", ".join(filter(None, [where, column])), first.message])),
+        400,
+    )
 
 
 @dataclass(frozen=True)
@@ -118,7 +142,10 @@ def enough_memory() -> Iterator[None]:
     try:
         yield
     except MemoryError as error:
-        remedy = "fit fewer rows or models at once, use fewer cores, or fit without the posterior (--point-only)"
+        remedy = (
+            "fit fewer rows or models at once, use fewer cores, or fit without the posterior "
+            "(--point-only)"
+        )
         text = f"not enough memory on this machine ({str(error) or 'nothing is left'}): {remedy}"
         raise MachineError(text, "memory") from None
 
@@ -128,5 +155,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     choices = list(dict.fromkeys(known))
     bare = {choice.lstrip("-"): choice for choice in choices}
     near = get_close_matches(name.lstrip("-"), bare, n=1, cutoff=_ALIKE)
-    near = [bare[one] for one in near] or [choice for choice in choices if name and choice.startswith(name)]
+    near = [bare[one] for one in near] or [
+        choice for choice in choices if name and choice.startswith(name)
+    ]
     return f"did you mean '{near[0]}'?" if near else f"known: {one_line(', '.join(choices), 400)}"

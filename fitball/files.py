@@ -1,6 +1,7 @@
-"""Files and result folders, whole or not at all, one run at a time. Imports: errors, text.
+"""Files and result folders, whole or not at all, one run at a time.
 
-Owns: temporary name and rename, CSV and JSON text, the lock of a folder (filelock). Nobody else writes files.
+Owns: temporary name and rename, CSV and JSON text, the lock of a folder (filelock). Nobody else
+    writes files.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from fitball.text import one_line
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# While a run holds a folder it has the first; the second lists what fitball wrote there, so that no file of an older
-# result is taken for one of the next; the third is what a killed run leaves.
-_LOCK, _WRITTEN, _PARTIAL = ".fitball.lock", ".fitball-files", ".fitball-*.partial"
+# While a run holds a folder it has the first; the second lists what fitball wrote there, so that no
+# file of an older result is taken for one of the next; the third is what a killed run leaves.
+_LOCK = ".fitball.lock"
+_WRITTEN = ".fitball-files"
+_PARTIAL = ".fitball-*.partial"
 # How long figures wait for a run that writes into the folder of their fit [s].
 WAIT = 60.0
 # How cells begin that spreadsheets compute (OWASP, "CSV Injection"), and the numbers among them.
@@ -33,7 +36,9 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """A folder whose lock this process holds; only `result_folder` makes one. `record` ends a result."""
+    """A folder whose lock this process holds; only `result_folder` makes one. `record` ends a
+    result.
+    """
 
     path: Path
     record: str = ""
@@ -73,7 +78,9 @@ class ResultFolder:
         return ResultFolder(place)
 
     def clear(self) -> None:
-        """Remove the older result, nothing without `record`; other files stay. Raises FolderError (`not-written`)."""
+        """Remove the older result, nothing without `record`; other files stay. Raises FolderError
+        (`not-written`).
+        """
         if not self.record:
             return
         try:
@@ -93,11 +100,15 @@ class ResultFolder:
 
 @contextmanager
 def result_folder(
-    path: Path, *, overwrite: bool = False, record: str = "", wait: float = 0.0
+    path: Path,
+    *,
+    overwrite: bool = False,
+    record: str = "",
+    wait: float = 0.0,
 ) -> Iterator[ResultFolder]:
-    """Make and lock a folder. An older result, with `record` as the file written last, is refused unless `overwrite`
-    and stays until `clear`, so that a run that fails loses nothing. `wait` [s] for another run. Raises FolderError
-    (`folder-in-use`, `older-result`, `no-folder`).
+    """Make and lock a folder. An older result, with `record` as the file written last, is refused
+    unless `overwrite` and stays until `clear`, so that a run that fails loses nothing. `wait` [s]
+    for another run. Raises FolderError (`folder-in-use`, `older-result`, `no-folder`).
     """
     from filelock import FileLock, Timeout
 
@@ -107,7 +118,10 @@ def result_folder(
         path.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout:
-        text = f"{path}: another run of fitball writes into this folder; wait until it ends, or name another folder"
+        text = (
+            f"{path}: another run of fitball writes into this folder; wait until it ends, or "
+            "name another folder"
+        )
         raise FolderError(text, "folder-in-use") from None
     except (OSError, ValueError) as error:
         # A zero byte in the name is a ValueError.
@@ -120,7 +134,8 @@ def result_folder(
             raise FolderError(f"{path}: has {record} of an older run; {remedy}", "older-result")
         yield ResultFolder(path, record)
     finally:
-        # Before the release: who waits for a lock that is unlinked looks again. Windows removes no open file.
+        # Before the release: who waits for a lock that is unlinked looks again. Windows removes no
+        # open file.
         if os.name == "posix":
             (path / _LOCK).unlink(missing_ok=True)
         lock.release()
@@ -143,8 +158,8 @@ def with_index(frame: DataFrame) -> DataFrame:
 
 
 def csv_bytes(frame: DataFrame) -> bytes:
-    """A frame as CSV, its index where that has a name: every digit of a number, empty cells for what is missing, and
-    no text that a spreadsheet would compute.
+    """A frame as CSV, its index where that has a name: every digit of a number, empty cells for
+    what is missing, and no text that a spreadsheet would compute.
     """
     table = with_index(frame).rename(columns=_guarded)
     texts = table.columns[[kind.kind not in "biuf" for kind in table.dtypes]]
@@ -160,5 +175,7 @@ def _guarded(cell: Any) -> Any:
 
 
 def json_bytes(content: Any) -> bytes:
-    """Lines of JSON, the last one ended. Raises ValueError for NaN and infinity, which JSON has not."""
+    """Lines of JSON, the last one ended. Raises ValueError for NaN and infinity, which JSON has
+    not.
+    """
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()

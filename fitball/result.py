@@ -1,7 +1,7 @@
-"""What a verb returns: one shape for Python, notebook, terminal and folder. Imports: errors, files, values.
+"""What a verb returns: one shape for Python, notebook, terminal and folder.
 
-A result is computed below and laid out above: it holds numbers, and the address of the module that lays it out, which
-is imported when a report is first asked for. So no computation imports a report.
+A result is computed below and laid out above: it holds numbers, and the address of the module that
+lays it out, which is imported when a report is first asked for. So no computation imports a report.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from fitball.values import DataFrame, Figure
 
 
 class Result:
-    """Base of what verbs return: `Frames`, `Fit`, `Film`, `Exported`, `Batch`. `page` is the address of a module with
-    `report(result) -> Report` and, where there are any, `figures(result) -> {name: () -> Figure}` and, besides frames
-    and page, `files(result) -> {name: () -> bytes}`; `record` is the file written last.
+    """Base of what verbs return: `Frames`, `Fit`, `Film`, `Exported`, `Batch`. `page` is the
+    address of a module with `report(result) -> Report` and, where there are any, `figures(result)
+    -> {name: () -> Figure}` and, besides frames and page, `files(result) -> {name: () -> bytes}`;
+    `record` is the file written last.
     """
 
     page: ClassVar[str] = ""
@@ -35,7 +36,9 @@ class Result:
 
     @property
     def exit_code(self) -> int:
-        """1 if the run finished and its own checks failed, such as a posterior that did not converge."""
+        """1 if the run finished and its own checks failed, such as a posterior that did not
+        converge.
+        """
         return 0
 
     @property
@@ -60,15 +63,22 @@ class Result:
         return html
 
     def plot(self, name: str) -> Figure:
-        """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`) with those it has."""
+        """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`) with
+        those it has.
+        """
         figures = self._made("figures")
         if name not in figures:
-            raise ParameterError(f"no figure '{name}': {suggestion(name, figures)}", "unknown-figure")
+            raise ParameterError(
+                f"no figure '{name}': {suggestion(name, figures)}",
+                "unknown-figure",
+            )
         figure: Figure = import_module("fitball.report.style").styled(figures[name])
         return figure
 
     def json(self) -> dict[str, Any]:
-        """Frames, notes and exit code, as `--json` prints them: rows by column, null for what is no finite number."""
+        """Frames, notes and exit code, as `--json` prints them: rows by column, null for what is no
+        finite number.
+        """
         return {
             "frames": {name: _rows(frame) for name, frame in self.frames.items()},
             "notes": [{"code": note.code, "text": note.text} for note in self.notes],
@@ -83,14 +93,16 @@ class Result:
         figures: bool | Literal["all"] = True,
         command: str = "",
     ) -> tuple[Path, ...]:
-        """Write page, figures, frames and files, the record last; the only writer of results. Figures are those that
-        the page shows unasked, or all that it has a place for. A `ResultFolder` is locked already (the command line
-        locks before a long run). Raises FolderError as `result_folder`.
+        """Write page, figures, frames and files, the record last; the only writer of results.
+        Figures are those that the page shows unasked, or all that it has a place for. A
+        `ResultFolder` is locked already (the command line locks before a long run). Raises
+        FolderError as `result_folder`.
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), overwrite=overwrite, record=self.record) as held:
                 return self.save(held, figures=figures, command=command)
-        style, drawable = import_module("fitball.report.style"), self._made("figures") if figures else {}
+        style = import_module("fitball.report.style")
+        drawable = self._made("figures") if figures else {}
         shown = self._report.pictures(every=figures == "all")
         images = {name: style.saved(self.plot(name)) for name in shown if name in drawable}
         contents = {name: make() for name, make in self._made("files").items()}
@@ -119,8 +131,8 @@ def _rows(frame: DataFrame) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class Frames(Result):
-    """A result that is its frames: of check, compare, predict, plan, simulate, rederive, bench. `layout` is the
-    address of its page, "report.plan" or "thesis.page".
+    """A result that is its frames: of check, compare, predict, plan, simulate, rederive, bench.
+    `layout` is the address of its page, "report.plan" or "thesis.page".
     """
 
     layout: str

@@ -1,4 +1,4 @@
-"""Work over processes: the only place that knows joblib and Dask. Imports: environment, errors."""
+"""Work over processes: the only place that knows joblib and Dask."""
 
 import os
 import re
@@ -25,11 +25,14 @@ _PATIENCE = 10
 
 
 def as_completed(
-    make: Callable[[Any], Any], items: Sequence[Any], cores: int | None = None, address: str = ""
+    make: Callable[[Any], Any],
+    items: Sequence[Any],
+    cores: int | None = None,
+    address: str = "",
 ) -> Iterator[tuple[int, Any]]:
-    """`make` of each item with its place, as they are done; a FitballError is returned, not raised. An item whose
-    worker dies is tried once more alone, then returned as MachineError (`worker-died`). `address` is a Dask
-    scheduler's. Functions of one's own travel by cloudpickle.
+    """`make` of each item with its place, as they are done; a FitballError is returned, not raised.
+    An item whose worker dies is tried once more alone, then returned as MachineError
+    (`worker-died`). `address` is a Dask scheduler's. Functions of one's own travel by cloudpickle.
 
     Raises ParameterError (`scheduler`) where Dask is not installed or does not answer.
     """
@@ -44,11 +47,19 @@ def as_completed(
     for place, _ in died:
         for _, words in (yield from _round(partial(_pool, 1, address), task, items, [place])):
             remedy = "most likely memory is short: use fewer cores, or another machine"
-            yield place, MachineError(f"the process that worked on it ended twice ({words}); {remedy}", "worker-died")
+            yield (
+                place,
+                MachineError(
+                    f"the process that worked on it ended twice ({words}); {remedy}",
+                    "worker-died",
+                ),
+            )
 
 
 def _made(make: Callable[[Any], Any], folder: str, item: Any) -> Any:
-    """`make` of an item as a worker runs it: with one thread, in the `folder` of who asks if it exists there."""
+    """`make` of an item as a worker runs it: with one thread, in the `folder` of who asks if it
+    exists there.
+    """
     if folder and os.path.isdir(folder):  # noqa: PTH112
         os.chdir(folder)
     try:
@@ -59,10 +70,14 @@ def _made(make: Callable[[Any], Any], folder: str, item: Any) -> Any:
 
 
 def _round(
-    pools: Callable[[], Any], task: Callable[[Any], Any], items: Sequence[Any], places: Sequence[int]
+    pools: Callable[[], Any],
+    task: Callable[[Any], Any],
+    items: Sequence[Any],
+    places: Sequence[int],
 ) -> Generator[tuple[int, Any], None, list[tuple[int, str]]]:
     """What is made of the items at these places; returns those whose worker died, with how."""
-    waiting, died = deque(places), list[tuple[int, str]]()
+    waiting = deque(places)
+    died = list[tuple[int, str]]()
     while waiting:
         with pools() as (pool, count, deaths):
             running: dict[Future[Any], int] = {}
@@ -78,7 +93,8 @@ def _round(
                     else:
                         running[future] = waiting.popleft()
                 for future in wait(running, return_when=FIRST_COMPLETED).done if running else ():
-                    place, error = running.pop(future), future.exception()
+                    place = running.pop(future)
+                    error = future.exception()
                     if isinstance(error, deaths):
                         died.append((place, ", ".join(_ENDED.findall(str(error))) or "killed"))
                     else:
@@ -116,14 +132,17 @@ def _client(address: str) -> Any:
     try:
         return Client(timeout=_PATIENCE, set_as_default=False, **known)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        wanted = "expected an address such as tcp://localhost:8786, or the file that the scheduler wrote"
+        wanted = (
+            "expected an address such as tcp://localhost:8786, or the file that the scheduler wrote"
+        )
         text = f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); {wanted}"
         raise ParameterError(text, "scheduler") from None
 
 
 def _begin() -> None:
-    """Only the process that asks acts on Ctrl-C, and ends the others; if it is killed, they end themselves. Loky
-    takes growth since the first item for a leak, and would replace the worker under the next.
+    """Only the process that asks acts on Ctrl-C, and ends the others; if it is killed, they end
+    themselves. Loky takes growth since the first item for a leak, and would replace the worker
+    under the next.
     """
     from joblib.externals.loky import process_executor
 

@@ -1,7 +1,8 @@
-"""Whole fits beside another edition, and beside a script as users write it: ratios and medians of CPU time.
+"""Whole fits beside another edition, and beside a script as users write it: ratios and medians of
+CPU time.
 
-`python scripts/benchmark.py [--old PYTHON] [--rounds N] [--script] [--tables A,B]`; editions take turns, and only
-ratios within one run carry over to another machine.
+`python scripts/benchmark.py [--old PYTHON] [--rounds N] [--script] [--tables A,B]`; editions take
+turns, and only ratios within one run carry over to another machine.
 """
 
 import argparse
@@ -28,28 +29,40 @@ COMMAND = "import sys; from fitball.cli import main; sys.exit(main())"
 SHARES = """
 import sys; from time import process_time as now; times = [now()]
 import corner, emcee, lmfit, matplotlib.figure, scipy.stats, fitball
-import fitball.data.read, fitball.inference.calibrate, fitball.report.fit_page, fitball.report.figures.parameters
+import fitball.data.read, fitball.inference.calibrate
+import fitball.report.fit_page, fitball.report.figures.parameters
 times.append(now()); fit = fitball.calibrate(sys.argv[1], cores=1)
 times.append(now()); fit.save(sys.argv[2], figures=False)
 times.append(now()); fit.save(sys.argv[2], overwrite=True); times.append(now())
 print(*(after - before for before, after in zip(times, times[1:])))
 """
 # Walkers times steps of a usual run of emcee, of which a part is timed.
-WALKERS, STEPS, TIMED = 32, 2_000, 3
+WALKERS = 32
+STEPS = 2_000
+TIMED = 3
 NAMES = ("mass_ratio", "k_y", "k_theta", "mu", "eps_10", "cor_10", "cor_slope")
 START = (0.85, 2e4, 20.0, 0.55, 2e-3, 0.77, -0.015)
 
 
 def tables(folder: Path) -> dict[str, str]:
     """Tables by name: bundled ones, and those that a seed makes of the two-mass ball."""
-    rng, made = np.random.default_rng(1), {"wang_zero_spin": "wang_zero_spin.csv", "wang_all": "wang_all.csv"}
+    rng = np.random.default_rng(1)
+    made = {"wang_zero_spin": "wang_zero_spin.csv", "wang_all": "wang_all.csv"}
     values = dict(zip(NAMES, START, strict=True)) | {"eps_slope": 0.0}
-    for name, count, steepest in (("two_surfaces", 40, 15.0), ("grazing", 24, 4.0), ("rows_100000", 100_000, 15.0)):
+    for name, count, steepest in (
+        ("two_surfaces", 40, 15.0),
+        ("grazing", 24, 4.0),
+        ("rows_100000", 100_000, 15.0),
+    ):
         states = rng.uniform((10.0, 2.0, -200.0), (30.0, steepest, 200.0), (count, 3))
         frame = pd.DataFrame(states, columns=["v_x1", "v_y1", "omega_1"])
-        clay, draws = np.arange(count) % 2 == 1, {key: np.full(count, value) for key, value in values.items()}
+        clay = np.arange(count) % 2 == 1
+        draws = {key: np.full(count, value) for key, value in values.items()}
         if name == "two_surfaces":
-            draws["mu"], frame["surface"] = np.where(clay, 0.7, 0.55), np.where(clay, "clay", "hard")
+            draws["mu"], frame["surface"] = (
+                np.where(clay, 0.7, 0.55),
+                np.where(clay, "clay", "hard"),
+            )
         rebound = fitball.model().rebound(draws, Impacts(*np.hsplit(states, 3)))
         for column, sd in (("v_x2", 0.2), ("v_y2", 0.2), ("omega_2", 8.0)):
             frame[column] = getattr(rebound, column)[:, 0] + rng.normal(0.0, sd, count)
@@ -61,19 +74,29 @@ def tables(folder: Path) -> dict[str, str]:
 def spent(command: list[str], folder: str) -> float:
     """CPU seconds of a process, run where no checkout is on its path."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH" or "-c" in command}
-    if subprocess.run(command, cwd=folder, env=environment, capture_output=True).returncode not in (0, 1):
+    environment = {
+        name: value for name, value in os.environ.items() if name != "PYTHONPATH" or "-c" in command
+    }
+    if subprocess.run(command, cwd=folder, env=environment, capture_output=True).returncode not in (
+        0,
+        1,
+    ):
         raise SystemExit(f"failed: {' '.join(command)}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return sum(after[:2]) - sum(before[:2])
 
 
 def bounce(values: dict[str, float], v_x: float, v_y: float, omega: float) -> list[float]:
-    """The two-mass ball as a script has it: friction smoothed at zero slip, no events, no impulse at landing."""
-    mass, radius, core = 0.0576, 0.033, values["mass_ratio"]
+    """The two-mass ball as a script has it: friction smoothed at zero slip, no events, no impulse
+    at landing.
+    """
+    mass = 0.0576
+    radius = 0.033
+    core = values["mass_ratio"]
     inertia = 0.56 * mass * radius**2
     inner = 0.7 * inertia
-    outer, cor = inertia - inner, values["cor_10"] + values["cor_slope"] * (v_y - 10.0)
+    outer = inertia - inner
+    cor = values["cor_10"] + values["cor_slope"] * (v_y - 10.0)
     decay = -np.log(cor) / np.pi
     damping = 2.0 * decay * np.sqrt(values["k_y"] * core * mass / (1.0 + decay**2))
 
@@ -85,13 +108,18 @@ def bounce(values: dict[str, float], v_x: float, v_y: float, omega: float) -> li
         return [z[1], -force / (core * mass), friction / mass, -torque / inner, spin, z[3] - z[4]]
 
     end = np.pi / np.sqrt(values["k_y"] / (core * mass) - (0.5 * damping / (core * mass)) ** 2)
-    z = solve_ivp(rates, (0.0, end), [0.0, v_y, v_x, omega, omega, 0.0], "LSODA", rtol=1e-6).y[:, -1]
+    z = solve_ivp(rates, (0.0, end), [0.0, v_y, v_x, omega, omega, 0.0], "LSODA", rtol=1e-6).y[
+        :, -1
+    ]
     return [z[2], cor * v_y, (inner * z[3] + outer * z[4]) / inertia]
 
 
 def by_script(table: str) -> tuple[float, float]:
-    """CPU seconds of a least-squares fit, and of a usual run of emcee as a few of its steps promise it."""
-    data, scale = fitball.load_table(table), np.array([0.25, 0.25, 10.0])
+    """CPU seconds of a least-squares fit, and of a usual run of emcee as a few of its steps promise
+    it.
+    """
+    data = fitball.load_table(table)
+    scale = np.array([0.25, 0.25, 10.0])
     states = np.stack([data.impacts.v_x1, data.impacts.v_y1, data.impacts.omega_1], axis=1)
     seen = np.stack([data.values[name] for name in ("v_x2", "v_y2", "omega_2")], axis=1)
 
@@ -101,10 +129,19 @@ def by_script(table: str) -> tuple[float, float]:
     parameters = lmfit.Parameters()
     for name, value in zip(NAMES, START, strict=True):
         low, high = sorted((0.2 * value, 3.0 * value))
-        parameters.add(name, value, min=low, max=0.999 if name in ("mass_ratio", "cor_10") else high)
+        parameters.add(
+            name,
+            value,
+            min=low,
+            max=0.999 if name in ("mass_ratio", "cor_10") else high,
+        )
     begun = time.process_time()
-    best = lmfit.minimize(lambda given: residuals(given.valuesdict()), parameters).params.valuesdict()
-    fitted, at = time.process_time() - begun, np.array([best[name] for name in NAMES])
+    best = lmfit.minimize(
+        lambda given: residuals(given.valuesdict()),
+        parameters,
+    ).params.valuesdict()
+    fitted = time.process_time() - begun
+    at = np.array([best[name] for name in NAMES])
 
     def density(q: np.ndarray) -> float:
         return -0.5 * float(np.sum(residuals(dict(zip(NAMES, q, strict=True))) ** 2))
@@ -123,32 +160,67 @@ def main() -> None:
     parser.add_argument("--script", action="store_true", help="measure the script too")
     parser.add_argument("--tables", default="", help="names, separated by commas (default: all)")
     asked = parser.parse_args()
-    editions = {"new": [sys.executable, "-c", COMMAND]} | ({"old": [asked.old, "-m", "fitball"]} if asked.old else {})
+    editions = {"new": [sys.executable, "-c", COMMAND]} | (
+        {"old": [asked.old, "-m", "fitball"]} if asked.old else {}
+    )
     with tempfile.TemporaryDirectory() as folder:
         known = tables(Path(folder))
-        chosen = [name for name in known if name in (asked.tables.split(",") if asked.tables else known)]
+        chosen = [
+            name for name in known if name in (asked.tables.split(",") if asked.tables else known)
+        ]
         found: dict[tuple[str, str], list[float]] = {}
         for k in range(asked.rounds + 1):
             for name in chosen:
                 for edition, command in editions.items():
-                    out = ["calibrate", known[name], "--out", f"{folder}/{k}{name}{edition}", "--quiet"]
+                    out = [
+                        "calibrate",
+                        known[name],
+                        "--out",
+                        f"{folder}/{k}{name}{edition}",
+                        "--quiet",
+                    ]
                     found.setdefault((name, edition), []).append(spent(command + out, folder))
-        print(f"CPU seconds of calibrate, medians of {asked.rounds} rounds by turns after one that is not counted")
+        print(
+            f"CPU seconds of calibrate, medians of {asked.rounds} rounds by turns after one that "
+            "is not counted"
+        )
         for name in chosen:
             times = [found[name, edition][1:] for edition in editions]
-            texts = [f"{edition} {median(taken):.2f}" for edition, taken in zip(editions, times, strict=True)]
+            texts = [
+                f"{edition} {median(taken):.2f}"
+                for edition, taken in zip(editions, times, strict=True)
+            ]
             texts += [
-                f"ratio {median(a / b for a, b in zip(times[0], other, strict=True)):.2f}" for other in times[1:]
+                f"ratio {median(a / b for a, b in zip(times[0], other, strict=True)):.2f}"
+                for other in times[1:]
             ]
             command = [sys.executable, "-c", SHARES, known[name], f"{folder}/shares{name}"]
-            shared = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-4:]
-            parts = zip(("imports", "fit", "files", "files and figures"), map(float, shared), strict=True)
-            print(f"{name}:", *texts, "| one core:", *(f"{part} {value:.2f}," for part, value in parts))
+            shared = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout.split()[-4:]
+            parts = zip(
+                ("imports", "fit", "files", "files and figures"),
+                map(float, shared),
+                strict=True,
+            )
+            print(
+                f"{name}:",
+                *texts,
+                "| one core:",
+                *(f"{part} {value:.2f}," for part, value in parts),
+            )
         if asked.script:
             least, sampled = by_script("wang_zero_spin.csv")
             ours = median(found["wang_zero_spin", "new"][1:])
-            print(f"a script on wang_zero_spin: least squares {least:.1f} s, {WALKERS} walkers of {STEPS:,} steps "
-                  f"{sampled:.0f} s (from {TIMED + 1}), {(least + sampled) / ours:.0f} times calibrate")  # fmt: skip
+            print(
+                f"a script on wang_zero_spin: least squares {least:.1f} s, {WALKERS} walkers of "
+                f"{STEPS:,} steps "
+                f"{sampled:.0f} s (from {TIMED + 1}), {(least + sampled) / ours:.0f} times "
+                "calibrate"
+            )
 
 
 if __name__ == "__main__":

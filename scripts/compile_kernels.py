@@ -6,7 +6,8 @@ import fitball
 
 if __name__ == "__main__":
     for text in ("brody", "two-mass"):
-        model, impact = fitball.model(text), fitball.impacts(15.0, 8.0)
+        model = fitball.model(text)
+        impact = fitball.impacts(15.0, 8.0)
         values = {spec.name: spec.typical for spec in model.parameters}
         model.rebound(values, impact)
     model.history(values, impact, np.zeros(1))

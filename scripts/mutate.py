@@ -1,8 +1,10 @@
-"""Random small changes of the code, each run against the tests of its room until one fails: what would nobody notice?
+"""Random small changes of the code, each run against the tests of its room until one fails: what
+would nobody notice?
 
-`python scripts/mutate.py --rooms data models --count 40 --seed 1`, in the environment of scripts/test. The tree is
-copied. A survivor of its room's tests meets the whole suite. Of those that survive that too a person decides: either
-no input separates them from the original, or the tests have a hole.
+`python scripts/mutate.py --rooms data models --count 40 --seed 1`, in the environment of
+scripts/test. The tree is copied. A survivor of its room's tests meets the whole suite. Of those
+that survive that too a person decides: either no input separates them from the original, or the
+tests have a hole.
 """
 
 from __future__ import annotations
@@ -85,9 +87,25 @@ TESTS = {
     "bench": "bench",
     "": "text_numbers priors files result render scheduling cli calibrate",
 }
-COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-            ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is}  # fmt: skip
-COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
+COMPARED = {
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+}
+COMPUTED = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.Pow: ast.Mult,
+}
 # Seconds after which tests that do not end have noticed, too.
 PATIENCE = 900
 
@@ -152,18 +170,42 @@ def mutants(room: str) -> list[Mutant]:
                 last = int(starts[(node.end_lineno or 0) - 1]) + (node.end_col_offset or 0)
                 after = f"({ast.unparse(ast.fix_missing_locations(other))})"
                 found.append(
-                    Mutant(str(path.relative_to(ROOT)), node.lineno, first, last, source[first:last].decode(), after)
+                    Mutant(
+                        str(path.relative_to(ROOT)),
+                        node.lineno,
+                        first,
+                        last,
+                        source[first:last].decode(),
+                        after,
+                    )
                 )
     return found
 
 
 def failing(tree: Path, tests: list[str]) -> str:
     """The first test that fails, "" if none does."""
-    command = [sys.executable, "-P", "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "--no-header",
+        "-p",
+        "no:cacheprovider",
+        *tests,
+    ]
     environment = os.environ | {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree / "cache")}
     try:
         run = subprocess.run(
-            command, cwd=tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+            command,
+            cwd=tree,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
         )
     except subprocess.TimeoutExpired:
         return "no end"
@@ -175,7 +217,11 @@ def failing(tree: Path, tests: list[str]) -> str:
 
 def copied(tree: Path) -> Path:
     """A copy to change. It keeps its place, so kernels compile once for all mutants of others."""
-    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", "__pycache__", ".*_cache", "fits"))
+    shutil.copytree(
+        ROOT,
+        tree,
+        ignore=shutil.ignore_patterns(".venv", "__pycache__", ".*_cache", "fits"),
+    )
     # A checkout has its data beside the package, where an installed one has them inside.
     shutil.copytree(ROOT / "datasets", tree / "fitball" / "_datasets")
     return tree
@@ -201,7 +247,11 @@ def judged(trees: SimpleQueue[Path], mutant: Mutant) -> str:
 def main() -> None:
     """Draw mutants evenly over rooms and print what became of each."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rooms", nargs="+", default=["models/kernels", "models", "data", "inference", "thesis"])
+    parser.add_argument(
+        "--rooms",
+        nargs="+",
+        default=["models/kernels", "models", "data", "inference", "thesis"],
+    )
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)

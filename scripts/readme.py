@@ -1,6 +1,8 @@
-"""Measure the numbers of README.md and the paper anew between their marks: `python scripts/readme.py`.
+"""Measure the numbers of README.md and the paper anew between their marks: `python
+scripts/readme.py`.
 
-Needs fitball installed (the environment of scripts/test) and a quiet machine; takes some two minutes.
+Needs fitball installed (the environment of scripts/test) and a quiet machine; takes some two
+minutes.
 """
 
 import re
@@ -12,14 +14,21 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES, FIGURE = (ROOT / "README.md", ROOT / "docs/paper/paper.md"), ROOT / "docs/curves.png"
+PAGES = (ROOT / "README.md", ROOT / "docs/paper/paper.md")
+FIGURE = ROOT / "docs/curves.png"
 MARKED = re.compile(r"(<!-- measured: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def printed(work: str, *words: str) -> str:
     """What a verb prints."""
     command = [str(Path(sys.executable).with_name("fitball")), *words]
-    return subprocess.run(command, cwd=work, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+    return subprocess.run(
+        command,
+        cwd=work,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    ).stdout.strip()
 
 
 def paragraph(text: str) -> str:
@@ -36,7 +45,8 @@ def measured(work: str) -> dict[str, str]:
     spent = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - before
     return {
         "wang": f"```text\n{wang}\n```",
-        "first": f"`fitball calibrate wang_zero_spin.csv` takes {spent:.0f} s of CPU, figures and page included.",
+        "first": f"`fitball calibrate wang_zero_spin.csv` takes {spent:.0f} s of CPU, figures and "
+        "page included.",
         "bench": paragraph(printed(work, "bench")),
         "thesis": paragraph(printed(work, "rederive")),
     }
@@ -47,4 +57,7 @@ if __name__ == "__main__":
         found = measured(folder)
     for page in PAGES:
         old = page.read_text(encoding="utf-8")
-        page.write_text(MARKED.sub(lambda one: f"{one[1]}{found[one[2]]}\n{one[3]}", old), encoding="utf-8")
+        page.write_text(
+            MARKED.sub(lambda one: f"{one[1]}{found[one[2]]}\n{one[3]}", old),
+            encoding="utf-8",
+        )

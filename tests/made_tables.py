@@ -1,4 +1,6 @@
-"""Tables for tests, made from numbers or from the text of a bundled file, without fitball's reader."""
+"""Tables for tests, made from numbers or from the text of a bundled file, without fitball's
+reader.
+"""
 
 import csv
 
@@ -16,7 +18,10 @@ def made(values, sd=None, corr=None, name="made", **parts):
     count = max(np.size(one) for one in values.values())
 
     def whole(part):
-        return {name: np.broadcast_to(np.asarray(one, float), count).copy() for name, one in (part or {}).items()}
+        return {
+            name: np.broadcast_to(np.asarray(one, float), count).copy()
+            for name, one in (part or {}).items()
+        }
 
     labels = {"id": tuple(map(str, range(1, count + 1))), **parts.pop("labels", {})}
     pairs = {pair_of(*pair): one for pair, one in whole(corr).items()}
@@ -34,7 +39,9 @@ def bundled(name, columns):
     """Some columns of a bundled table as a table, with its stated errors and correlations."""
     with place_of(name).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    values, sd, corr = {}, {}, {}
+    values = {}
+    sd = {}
+    corr = {}
     for head in rows[0]:
         bare, _, unit = head.rstrip("]").partition(" [")
         numbers = [float(row[head]) * _SI[unit] for row in rows] if unit in _SI else None

@@ -1,4 +1,6 @@
-"""A stored fit run again: the same to the last digit, or as far off as its note says; its table is not needed."""
+"""A stored fit run again: the same to the last digit, or as far off as its note says; its table is
+not needed.
+"""
 
 import numpy as np
 import pytest
@@ -25,14 +27,27 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("again")
     table = fitball.load_table("wang_zero_spin.csv").to_frame()
     table.to_csv(place / "balls.csv", index=False)
-    words = ["--model", "grip-slip", "--prior", "mu=normal(0.6, 0.1)", "--fix", "cor_slope=-0.01", "--seed", "3"]
+    words = [
+        "--model",
+        "grip-slip",
+        "--prior",
+        "mu=normal(0.6, 0.1)",
+        "--fix",
+        "cor_slope=-0.01",
+        "--seed",
+        "3",
+    ]
     words += ["--out", str(place / "fit"), "--figures", "none"]
     assert main(["calibrate", str(place / "balls.csv"), *words]) == 0
     (place / "balls.csv").unlink()
     return place / "fit"
 
 
-def test_a_stored_fit_gives_the_same_again_whatever_the_defaults_are_now(folder, capsys, monkeypatch):
+def test_a_stored_fit_gives_the_same_again_whatever_the_defaults_are_now(
+    folder,
+    capsys,
+    monkeypatch,
+):
     from fitball.inference.problem import build
 
     stored = read(folder)
@@ -51,17 +66,31 @@ def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
     moved = other.moved_from(stored)
     name = max(moved, key=moved.get)
     away = abs(other.parameters[name].median - stored.parameters[name].median)
-    assert moved[name] == pytest.approx(away / max(other.parameters[name].sd, stored.parameters[name].sd))
-    assert 0.0 < moved[name] < 0.5 and f" {name} " in note_of(other) and "last digit" not in note_of(other)
-    varied = fitball.calibrate(folder, prior={"cor_slope": "normal(-0.01, 0.02)"}, point_only=True, progress=False)
+    assert moved[name] == pytest.approx(
+        away / max(other.parameters[name].sd, stored.parameters[name].sd)
+    )
+    assert (
+        0.0 < moved[name] < 0.5
+        and f" {name} " in note_of(other)
+        and "last digit" not in note_of(other)
+    )
+    varied = fitball.calibrate(
+        folder,
+        prior={"cor_slope": "normal(-0.01, 0.02)"},
+        point_only=True,
+        progress=False,
+    )
     assert varied.run.choices.fix == {} and varied.run.choices.prior.keys() == {"mu", "cor_slope"}
     assert varied.run.known["mu"] == stored.run.known["mu"] and varied.status == "point only"
     shares = varied.moved_from(stored)
-    one, before = varied.parameters["cor_slope"].point, stored.parameters["cor_slope"].point
+    one = varied.parameters["cor_slope"].point
+    before = stored.parameters["cor_slope"].point
     assert shares["cor_slope"] == pytest.approx(abs(one - before) / max(abs(one), abs(before)))
     # Another model keeps what it has of choices.
     brody = fitball.calibrate(folder, model="brody", point_only=True, progress=False)
-    assert brody.problem.forward.model.name == "brody" and brody.run.choices.fix == {"cor_slope": -0.01}
+    assert brody.problem.forward.model.name == "brody" and brody.run.choices.fix == {
+        "cor_slope": -0.01
+    }
     np.testing.assert_array_equal(brody.run.table.values["v_x2"], stored.run.table.values["v_x2"])
 
 

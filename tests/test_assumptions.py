@@ -1,4 +1,6 @@
-"""Alternatives against whole searches, left-out scores and shifts of constants against real refits."""
+"""Alternatives against whole searches, left-out scores and shifts of constants against real
+refits.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -31,16 +33,27 @@ def tried(problem, seed=1):
 
 @pytest.fixture(scope="module")
 def two_mass():
-    problem = problem_of(table_of(REBOUND, count=30), scene_of(time=True), "two-mass", fix={"k_theta": 19.0})
+    problem = problem_of(
+        table_of(REBOUND, count=30),
+        scene_of(time=True),
+        "two-mass",
+        fix={"k_theta": 19.0},
+    )
     return problem, tried(problem)
 
 
 def test_each_choice_is_changed_by_itself(two_mass):
     _, found = two_mass
     assert {*found} == {
-        "normal=inner", "normal=total", "offset=grip", "torsion=free", "inertia=table", "spin=shell",
-        "release=zero_displacement", "noise=student-t",
-    }  # fmt: skip
+        "normal=inner",
+        "normal=total",
+        "offset=grip",
+        "torsion=free",
+        "inertia=table",
+        "spin=shell",
+        "release=zero_displacement",
+        "noise=student-t",
+    }
     for one in found.values():
         assert not one.reason and one.values["k_theta"] == 19.0
         assert one.instead_of.partition("=")[0] == one.choice.partition("=")[0]
@@ -49,7 +62,8 @@ def test_each_choice_is_changed_by_itself(two_mass):
     # The scale of another kind of noise is another quantity.
     assert "spin_sd" in found["offset=grip"].summaries
     assert {"spin_sd", "degrees_of_freedom"}.isdisjoint(found["noise=student-t"].summaries)
-    # Impacts are of the model itself: nothing is surely better, a contact point that is the shell's is worse.
+    # Impacts are of the model itself: nothing is surely better, a contact point that is the shell's
+    # is worse.
     assert not any(one.score > 4.0 and one.score > 2.0 * one.error for one in found.values())
     assert found["spin=shell"].score < -4.0
 
@@ -57,7 +71,11 @@ def test_each_choice_is_changed_by_itself(two_mass):
 @pytest.mark.parametrize("choice", ["offset=grip", "normal=total"])
 def test_a_quick_fit_is_the_best_of_all_searches(two_mass, choice):
     problem, found = two_mass
-    posed = build_problem(problem.table, problem.scene, Choices(found[choice].model, fix={"k_theta": 19.0}))
+    posed = build_problem(
+        problem.table,
+        problem.scene,
+        Choices(found[choice].model, fix={"k_theta": 19.0}),
+    )
     whole = best_fit(posed, np.random.default_rng(3))
     quick = log_posterior(posed, posed.coordinates(found[choice].values)[None])[0]
     assert quick > whole.log_posterior[0] - 0.02
@@ -67,13 +85,24 @@ def test_a_quick_fit_is_the_best_of_all_searches(two_mass, choice):
 
 
 def test_a_score_is_that_of_real_refits():
-    problem = problem_of(table_of(REBOUND, count=8, seed=3), None, "grip-slip", fix={**NOISE, "mu": 0.56})
+    problem = problem_of(
+        table_of(REBOUND, count=8, seed=3),
+        None,
+        "grip-slip",
+        fix={**NOISE, "mu": 0.56},
+    )
     x = best(problem)
     found = left_out(problem, proposal(problem, x))
-    exact, rng = np.empty(8), np.random.default_rng(1)
+    exact = np.empty(8)
+    rng = np.random.default_rng(1)
     for k in range(8):
         others = problem.without(np.array([k]))
-        q, weights, _ = importance(partial(log_posterior, others), [proposal(others, best(others, x))], rng, 3000.0)
+        q, weights, _ = importance(
+            partial(log_posterior, others),
+            [proposal(others, best(others, x))],
+            rng,
+            3000.0,
+        )
         exact[k] = np.logaddexp.reduce(weights + pointwise(problem, q, REBOUND)[:, k])
     inside = pointwise(problem, x[None], REBOUND)[0]
     np.testing.assert_allclose(found, exact, atol=0.05 * np.max(inside - exact))
@@ -82,13 +111,20 @@ def test_a_score_is_that_of_real_refits():
 def test_outliers_ask_for_heavy_tails():
     table = table_of(REBOUND, count=80)
     tame, wild = (problem_of(one, None, "grip-slip") for one in (table, with_outliers(table)))
-    tails, none = tried(wild)["noise=student-t"], tried(tame)["noise=student-t"]
+    tails = tried(wild)["noise=student-t"]
+    none = tried(tame)["noise=student-t"]
     assert tails.score > 4.0 > abs(none.score)
     # Among five rows nothing is surely worse.
     few = tried(problem_of(table_of(REBOUND, count=5), None, "grip-slip"))["noise=student-t"]
     assert few.score is None and few.as_good
     # What was stated of degrees of freedom is left behind with them.
-    heavy = problem_of(table, None, "grip-slip", noise="student-t", prior={"degrees_of_freedom": "lognormal(5, 0.5)"})
+    heavy = problem_of(
+        table,
+        None,
+        "grip-slip",
+        noise="student-t",
+        prior={"degrees_of_freedom": "lognormal(5, 0.5)"},
+    )
     held = problem_of(table, None, "grip-slip", noise="student-t", fix={"degrees_of_freedom": 5.0})
     assert not any(tried(one)["noise=normal"].reason for one in (heavy, held))
 
@@ -105,16 +141,26 @@ def test_of_long_tables_a_part_says_the_same(monkeypatch):
     monkeypatch.setattr(module, "ALTERNATIVES", 100)
     part = tried(problem)["noise=student-t"]
     for name in ("mu", "cor_10", "offset"):
-        one, other = whole.summaries[name], part.summaries[name]
-        assert other.sd == pytest.approx(one.sd, rel=0.2) and abs(other.median - one.median) < 1.0 * one.sd
+        one = whole.summaries[name]
+        other = part.summaries[name]
+        assert (
+            other.sd == pytest.approx(one.sd, rel=0.2)
+            and abs(other.median - one.median) < 1.0 * one.sd
+        )
 
 
-@pytest.mark.parametrize(("name", "text", "columns", "step"), [
-    ("inertia_ratio", "grip-slip", REBOUND, 0.002), ("ball_radius", "grip-slip", REBOUND, 1e-5),
-    ("ball_mass", "two-mass", REBOUND, 1e-4), ("tilt", "grip-slip", REBOUND, 5e-4),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "text", "columns", "step"),
+    [
+        ("inertia_ratio", "grip-slip", REBOUND, 0.002),
+        ("ball_radius", "grip-slip", REBOUND, 1e-5),
+        ("ball_mass", "two-mass", REBOUND, 1e-4),
+        ("tilt", "grip-slip", REBOUND, 5e-4),
+    ],
+)
 def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
-    table, timed = table_of(columns, count=20), scene_of(time=True).contact_time
+    table = table_of(columns, count=20)
+    timed = scene_of(time=True).contact_time
     noises = {item.noise: TRUTH[item.noise] for item in problem_of(table, None, text).observables}
 
     def posed(value):
@@ -128,7 +174,10 @@ def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
     x = best(problem)
     first = first_order(problem, at(problem, x))
     spec = replace(problem.prior.parameters[0].spec, name="itself")
-    derived = [*problem.derived, Quantity(spec, lambda values: values["mu"] + values.get(name, usual))]
+    derived = [
+        *problem.derived,
+        Quantity(spec, lambda values: values["mu"] + values.get(name, usual)),
+    ]
     (found,) = (one for one in constants(problem, first, derived) if one.name == name)
     half = max(found.high - usual, usual - found.low)
     refits = [best(posed(usual + sign * step), x) for sign in (1.0, -1.0)]
@@ -138,7 +187,8 @@ def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
     np.testing.assert_allclose(moved, exact, atol=0.05 * np.abs(exact).max())
     assert np.abs(exact).max() > 0.1
     # What follows from parameters moves with them, and by what the constant does to it itself.
-    root, small = first.root * first.sds[:, None], 1e-3 * np.diag(sds)
+    root = first.root * first.sds[:, None]
+    small = 1e-3 * np.diag(sds)
     for one in derived:
         up, down = (
             {**posed(usual + sign * step).values(x[None]), name: np.array([usual + sign * step])}
@@ -146,7 +196,9 @@ def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
         )
         ends = [problem.values(x + sign * small) for sign in (1.0, -1.0)]
         slope = (one.rule(ends[0]) - one.rule(ends[1])) / (2e-3 * sds)
-        expected = (one.rule(up) - one.rule(down))[0] / (2.0 * step) * half / np.linalg.norm(slope @ root)
+        expected = (
+            (one.rule(up) - one.rule(down))[0] / (2.0 * step) * half / np.linalg.norm(slope @ root)
+        )
         assert found.moves[one.spec.name] == pytest.approx(expected, abs=0.05 * np.abs(exact).max())
     assert "court_pace" in found.moves
 
@@ -161,7 +213,9 @@ def test_constants_that_act_nowhere_or_are_fitted_are_none():
 
 
 def test_ends_of_intervals_do_not_hang_on_single_draws(two_mass):
-    """Those of two streams, 95 % ends of heavy tails among them, agree far better than what a choice must move."""
+    """Those of two streams, 95 % ends of heavy tails among them, agree far better than what a
+    choice must move.
+    """
     problem, found = two_mass
     other = tried(problem, seed=2)
     for name in ("offset=grip", "normal=total"):
@@ -183,22 +237,38 @@ def test_a_choice_whose_draws_are_not_reliable_was_not_tried(monkeypatch):
 
 def test_what_a_value_is_given():
     def summary(median, sd=1.0):
-        return Summary(median, median, sd, median - 2.0 * sd, median - sd, median + sd, median + 2.0 * sd)
+        return Summary(
+            median,
+            median,
+            sd,
+            median - 2.0 * sd,
+            median - sd,
+            median + sd,
+            median + 2.0 * sd,
+        )
 
     def other(choice, instead_of, as_good=True, reason="", **values):
         return Alternative(choice, instead_of, "", {}, values, 0.0, 0.0, as_good, reason)
 
     fit = {"mu": summary(0.0), "e_x": summary(0.0)}
     found = (
-        other("a=2", "a=1", mu=summary(2.5)), other("b=2", "b=1", mu=summary(-1.9)),
+        other("a=2", "a=1", mu=summary(2.5)),
+        other("b=2", "b=1", mu=summary(-1.9)),
         other("c=2", "c=1", mu=Summary(0.0, 0.0, 1.0, -6.0, -1.0, 1.0, 2.0)),
-        other("d=2", "d=1", mu=summary(0.0, 0.1)), other("a=3", "a=1", mu=summary(5.0), zeta=summary(9.0)),
+        other("d=2", "d=1", mu=summary(0.0, 0.1)),
+        other("a=3", "a=1", mu=summary(5.0), zeta=summary(9.0)),
         other("e=2", "e=1", as_good=False, mu=summary(9.0), e_x=summary(9.0)),
-    )  # fmt: skip
-    held = (Constant("radius", 0.0, 1.0, {"mu": -3.0, "e_x": 0.9}), Constant("mass", 0.0, 1.0, {"mu": 0.2}))
+    )
+    held = (
+        Constant("radius", 0.0, 1.0, {"mu": -3.0, "e_x": 0.9}),
+        Constant("mass", 0.0, 1.0, {"mu": 0.2}),
+    )
     assert given(found, held, fit) == {"mu": ("a=1", "c=1", "radius")}
     missing = other("f=2", "f=1", reason="no answer")
-    assert given((*found, missing), held, fit) == {"mu": ("a=1", "c=1", "radius", "model"), "e_x": ("model",)}
+    assert given((*found, missing), held, fit) == {
+        "mu": ("a=1", "c=1", "radius", "model"),
+        "e_x": ("model",),
+    }
 
 
 def test_a_model_without_choices_is_an_assumption_of_all_values():

@@ -39,16 +39,25 @@ class Deadly:
 
 
 WRONG = {
-    "flip": ("odd", "unknown-column"), "ignore": ("odd", "unknown-column"), "columns": ({"odd": "v_x1"}, "columns"),
-    "fix": ({"odd": 1.0}, "unknown-parameter"), "prior": ({"mu": "odd(1)"}, "prior"),
+    "flip": ("odd", "unknown-column"),
+    "ignore": ("odd", "unknown-column"),
+    "columns": ({"odd": "v_x1"}, "columns"),
+    "fix": ({"odd": 1.0}, "unknown-parameter"),
+    "prior": ({"mu": "odd(1)"}, "prior"),
     "pool": ({"mu": "odd"}, "unknown-label-column"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("option", WRONG)
 def test_what_is_given_is_given_to_every_table(option, courts):
     value, code = WRONG[option]
-    found = fitball.batch([courts / "court 1.csv"], out="all", cores=1, figures="none", **{option: value})
+    found = fitball.batch(
+        [courts / "court 1.csv"],
+        out="all",
+        cores=1,
+        figures="none",
+        **{option: value},
+    )
     assert found.tables["code"].tolist() == [code]
 
 
@@ -93,7 +102,8 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     assert again["court 2"] == found["court 2"] and again["court 2"].run.table.name == "court 2"
     assert found.tables.loc["court 2", "mu"] == again["court 2"].parameters["mu"].point
     pd.testing.assert_frame_equal(again.tables, found.tables.loc[GOOD], check_dtype=False)
-    # Files are of the numbers; without the deadly one, in this process, nothing is made again but what was damaged.
+    # Files are of the numbers; without the deadly one, in this process, nothing is made again but
+    # what was damaged.
     csv = pd.read_csv("all/batch.csv", index_col="table")
     assert csv["mu"].tolist() == pytest.approx(found.tables["mu"].tolist(), rel=1e-15, nan_ok=True)
     record = json.loads(places["court 1"].read_text())
@@ -113,10 +123,20 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
 
 def test_fits_of_other_data_are_kept_unless_they_are_to_be_replaced(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    plain = {"model": "grip-slip", "point_only": True, "progress": False, "cores": 1, "figures": "none"}
+    plain = {
+        "model": "grip-slip",
+        "point_only": True,
+        "progress": False,
+        "cores": 1,
+        "figures": "none",
+    }
     tables = {"a": table_of(8), "b: clay": table_of(9)}
     first = fitball.batch(tables, **plain)
-    assert list(first.tables.index) == ["a", "b_ clay"] and first.exit_code == 0 and first.folder.name == "batch"
+    assert (
+        list(first.tables.index) == ["a", "b_ clay"]
+        and first.exit_code == 0
+        and first.folder.name == "batch"
+    )
     kept = (first.folder / "a" / "fit.json").read_bytes()
     tables["a"] = table_of(10)
     second = fitball.batch(tables, **plain)
@@ -155,7 +175,13 @@ def test_what_is_no_option_and_no_batch(tmp_path):
 
 def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
     monkeypatch.setattr(import_module("fitball.batch"), "calibrate", lambda *_: 1 / 0)
-    found = fitball.batch({"a": table_of(8)}, out=tmp_path / "x", model="grip-slip", progress=False, cores=1)
+    found = fitball.batch(
+        {"a": table_of(8)},
+        out=tmp_path / "x",
+        model="grip-slip",
+        progress=False,
+        cores=1,
+    )
     assert found.tables["code"].tolist() == ["fault-of-fitball"]
     # What names the package travels to workers.
     assert cloudpickle.loads(cloudpickle.dumps(fitball)) is fitball
@@ -163,24 +189,53 @@ def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
 
 def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for place in ("a/one.csv", "b/one.csv", "b/One.txt", "b/two.csv", "b/two.xlsx", "b/notes.toml", "b/con.csv",
-                  "b/caf\u00e9.csv", "b/v1.2: x.csv", "out/old/one.csv"):  # fmt: skip
+    for place in (
+        "a/one.csv",
+        "b/one.csv",
+        "b/One.txt",
+        "b/two.csv",
+        "b/two.xlsx",
+        "b/notes.toml",
+        "b/con.csv",
+        "b/caf\u00e9.csv",
+        "b/v1.2: x.csv",
+        "out/old/one.csv",
+    ):
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).touch()
     found = named(["a", "b/*", "./a/one.csv", "wang_all"], tmp_path / "out")
     assert list(found) == [
-        "a-one", "b-One_txt", "caf\u00e9", "con_", "b-one_csv", "b-two_csv", "b-two_xlsx", "v1_2_ x", "wang_all"
-    ]  # fmt: skip
+        "a-one",
+        "b-One_txt",
+        "caf\u00e9",
+        "con_",
+        "b-one_csv",
+        "b-two_csv",
+        "b-two_xlsx",
+        "v1_2_ x",
+        "wang_all",
+    ]
     assert len({name.casefold() for name in found}) == len(found) == 9
-    assert found["a-one"].endswith("one.csv") and not any("out" in str(one) for one in found.values())
+    assert found["a-one"].endswith("one.csv") and not any(
+        "out" in str(one) for one in found.values()
+    )
     assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
-    assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == ["book-one", "book-two", "book"]
+    assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == [
+        "book-one",
+        "book-two",
+        "book",
+    ]
     assert list(named("**/one.csv", tmp_path / "out")) == ["a-one", "b-one"]
     assert list(named([table_of(3), table_of(4)], tmp_path)) == ["table-1", "table-2"]
     assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
     for name in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
         made = safe(name)
-        assert made and len(made.encode()) <= 101 and not set(made) & set('<>:"/\\|?*.\n') and made == made.strip()
+        assert (
+            made
+            and len(made.encode()) <= 101
+            and not set(made) & set('<>:"/\\|?*.\n')
+            and made == made.strip()
+        )
         assert made.casefold() not in ("nul", "lpt1")
 
 
@@ -205,25 +260,42 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     own = made_fit(table_of(14)).parameters["cor_10"]
     assert tables.loc["court 1", "cor_10"] == own.median != own.point
     assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
-    drop, bad = tables.loc["drops"], tables.loc["bad"]
+    drop = tables.loc["drops"]
+    bad = tables.loc["bad"]
     assert drop["cor_measured"] == pytest.approx(0.745, abs=1e-3)
     assert drop["rebound_measured [m]"] == pytest.approx(2.54 * drop["cor_measured"] ** 2, rel=1e-3)
-    assert drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
+    assert (
+        drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
+    )
     assert drop["mean_passes"] > 0.99 and 0.5 < drop["another_passes"] <= 1.0
     assert bad["code"] == "memory" and bad.drop(["outcome", "code", "reason"]).isna().all()
 
 
 def test_a_court_of_the_test_has_its_measured_rating():
-    states = fitball.impacts(np.full(6, 30.0 * np.cos(np.radians(16))), np.full(6, 30.0 * np.sin(np.radians(16))))
+    states = fitball.impacts(
+        np.full(6, 30.0 * np.cos(np.radians(16))),
+        np.full(6, 30.0 * np.sin(np.radians(16))),
+    )
     truth = {"mu": 0.6, "e_x": 0.1, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.012}
     after = fitball.model("grip-slip").rebound(truth, states)
-    frame = pd.DataFrame({
-        "v_x1": states.v_x1, "v_y1": states.v_y1, "omega_1": states.omega_1, "v_x2": after.v_x2,
-        "v_y2": after.v_y2 + 0.05 * np.sin(np.arange(6)), "omega_2": after.omega_2, "surface": "clay",
-    })  # fmt: skip
+    frame = pd.DataFrame(
+        {
+            "v_x1": states.v_x1,
+            "v_y1": states.v_y1,
+            "omega_1": states.omega_1,
+            "v_x2": after.v_x2,
+            "v_y2": after.v_y2 + 0.05 * np.sin(np.arange(6)),
+            "omega_2": after.omega_2,
+            "surface": "clay",
+        }
+    )
     kept = rows.kept("court", made_fit(frame))
-    row, group = kept.row, kept.quantities["pace_measured"].group
-    assert 2.0 * 1.96 * group.width == pytest.approx(row["pace_measured_q975"] - row["pace_measured_q025"], rel=1e-9)
+    row = kept.row
+    group = kept.quantities["pace_measured"].group
+    assert 2.0 * 1.96 * group.width == pytest.approx(
+        row["pace_measured_q975"] - row["pace_measured_q025"],
+        rel=1e-9,
+    )
     assert row["pace_measured_category"] in ("slow", "medium-slow", "medium", "medium-fast", "fast")
     assert row["pace_measured_q025"] < row["pace_measured"] < row["pace_measured_q975"]
     assert row["label:surface"] == "clay"
@@ -233,10 +305,13 @@ def test_populations_are_of_what_three_tables_determine(made):
     found = made.populations
     assert (found["tables"] >= 3).all() and "mu" in found.index and "mu[clay]" not in found.index
     for name, one in found.iterrows():
-        drawn, groups = made.population(name), made.of(name)
+        drawn = made.population(name)
+        groups = made.of(name)
         assert one["tables"] == len(groups) == len(drawn.each)
         assert one["mean"] == pytest.approx(np.median(drawn.centre), rel=1e-12)
-        assert one["mean_q025"] < one["mean"] < one["mean_q975"] and one["new_q025"] < one["mean_q025"]
+        assert (
+            one["mean_q025"] < one["mean"] < one["mean_q975"] and one["new_q025"] < one["mean_q025"]
+        )
     # In SI; the fits have the same draws.
     assert found.loc["mu", "mean"] == pytest.approx(made.tables.loc["court 1", "mu"], abs=0.01)
     assert found.loc["mu", "relative"] and found.loc["mu", "spread"] < 0.05
@@ -254,17 +329,29 @@ def test_the_page_has_every_table_and_its_figure_every_interval(made):
     panels = [axis for axis in figure.axes if axis.get_title(loc="left") or axis.get_title()]
     assert len(panels) == min(len(made.populations), 6)
     first = next(iter(made.populations.index))
-    dots = np.concatenate([line.get_ydata() for line in panels[0].lines if line.get_marker() == "o"])
+    dots = np.concatenate(
+        [line.get_ydata() for line in panels[0].lines if line.get_marker() == "o"]
+    )
     unit = made.of(first)[0].handy.factor
     column = next(head for head in made.tables.columns if head.partition(" [")[0] == first)
     assert sorted(dots) == pytest.approx(sorted(unit * made.tables[column].dropna()))
     # Tables that know it are strong, and nothing of them is cut off.
-    strong = [line.get_xdata() for line in panels[0].lines if to_rgba(line.get_color()) == to_rgba(MODEL)]
+    strong = [
+        line.get_xdata() for line in panels[0].lines if to_rgba(line.get_color()) == to_rgba(MODEL)
+    ]
     known = np.array([first in made.quantities[table] for table in made.tables.index])
-    assert sorted(np.concatenate(strong)) == np.flatnonzero(known & made.tables[column].notna()).tolist()
+    assert (
+        sorted(np.concatenate(strong))
+        == np.flatnonzero(known & made.tables[column].notna()).tolist()
+    )
     assert not cut_off(figure)
     # Where models differ they are named.
-    mixed = made.tables.assign(model=made.tables["model"].where(made.tables.index != "drops", "brody"))
-    assert "brody" in to_text(page.report(Batch(None, mixed, made.populations, made.quantities)), full=True)
+    mixed = made.tables.assign(
+        model=made.tables["model"].where(made.tables.index != "drops", "brody")
+    )
+    assert "brody" in to_text(
+        page.report(Batch(None, mixed, made.populations, made.quantities)),
+        full=True,
+    )
     none = Batch(None, made.tables, made.populations.iloc[:0], {})
     assert not page.figures(none)

@@ -1,4 +1,6 @@
-"""`bench`: rivals, kernels and scenes against answers of fifty digits; what is timed, page and figure."""
+"""`bench`: rivals, kernels and scenes against answers of fifty digits; what is timed, page and
+figure.
+"""
 
 import time
 from importlib import import_module
@@ -15,7 +17,9 @@ SCENES = bench.scenes()
 
 def found(name):
     """Solutions of a scene by rival and setting."""
-    return {(rival, setting): solve for rival, setting, solve, _ in bench.solvers(name, SCENES[name])}
+    return {
+        (rival, setting): solve for rival, setting, solve, _ in bench.solvers(name, SCENES[name])
+    }
 
 
 def test_the_answers_are_those_of_the_oracle():
@@ -23,14 +27,23 @@ def test_the_answers_are_those_of_the_oracle():
     assert len(rows) == 4
     for row in rows:
         values = {spec.name: float(row[spec.name]) for spec in fitball.model().parameters}
-        made = taylor.solve({}, values, [float(row[name]) for name in answers.IMPACT], kind=taylor.FIFTY)
+        made = taylor.solve(
+            {},
+            values,
+            [float(row[name]) for name in answers.IMPACT],
+            kind=taylor.FIFTY,
+        )
         assert [float(made.v_x2), float(made.omega_2)] == [row["v_x2"], row["omega_2"]]
         assert f"{made.regime(1e-12):o}" == str(int(row["regime"]))
 
 
 def test_scenes_are_of_the_kinds_that_they_are_named_after():
     assert [len(scene.rows) for scene in SCENES.values()] == [21, 7, 7, 7, 108]
-    for name, regime in (("slide", 1), ("slide, grip, slide back", 0o231), ("grip, slide back", 0o23)):
+    for name, regime in (
+        ("slide", 1),
+        ("slide, grip, slide back", 0o231),
+        ("grip, slide back", 0o23),
+    ):
         scene = SCENES[name]
         for k in range(7):
             chosen, values = scene.model(k)
@@ -50,16 +63,20 @@ def test_fitball_has_sixteen_digits(name):
 @pytest.mark.parametrize("name", ["Wang's 21", "slide", "grip, slide back"])
 def test_rivals_have_the_order_of_their_methods(name):
     """Ends of phases are located: errors fall by 2^4 and 2^8 as steps halve, down to rounding."""
-    scene, solutions = SCENES[name], found(name)
+    scene = SCENES[name]
+    solutions = found(name)
     for order, steps, more in ((4, "50 steps", "100 steps"), (8, "5 steps", "10 steps")):
-        coarse, fine = (np.median(scene.errors(solutions[bench.FIXED[order], one]())) for one in (steps, more))
+        coarse, fine = (
+            np.median(scene.errors(solutions[bench.FIXED[order], one]())) for one in (steps, more)
+        )
         assert 2.0 ** (order - 1.5) < coarse / fine < 2.0 ** (order + 2.5)
     assert scene.errors(solutions[bench.FIXED[8], "80 steps"]()).max() < 1e-13
     assert scene.errors(solutions[bench.FIXED[4], "1600 steps"]()).max() < 1e-12
 
 
 def test_solve_ivp_reaches_its_tolerance():
-    scene, solutions = SCENES["slide, grip, slide back"], found("slide, grip, slide back")
+    scene = SCENES["slide, grip, slide back"]
+    solutions = found("slide, grip, slide back")
     careful = "solve_ivp DOP853, short steps"
     assert scene.errors(solutions[careful, "rtol 1e-12"]()).max() < 1e-11
     assert 1e-9 < scene.errors(solutions["solve_ivp RK45", "rtol 1e-06"]()).max() < 1e-4
@@ -68,9 +85,15 @@ def test_solve_ivp_reaches_its_tolerance():
 def test_errors_are_shares_of_the_incident_surface_speed():
     scene = SCENES["slide"]
     moved = scene.exact + np.array([0.01, 0.0])
-    speed = np.hypot(scene.impacts.v_x1, scene.impacts.v_y1) + 0.03302 * np.abs(scene.impacts.omega_1)
+    speed = np.hypot(scene.impacts.v_x1, scene.impacts.v_y1) + 0.03302 * np.abs(
+        scene.impacts.omega_1
+    )
     np.testing.assert_allclose(scene.errors(moved), 0.01 / speed, rtol=1e-9)
-    np.testing.assert_allclose(scene.errors(scene.exact + np.array([0.0, 1.0])), 0.03302 / speed, rtol=1e-9)
+    np.testing.assert_allclose(
+        scene.errors(scene.exact + np.array([0.0, 1.0])),
+        0.03302 / speed,
+        rtol=1e-9,
+    )
 
 
 @pytest.mark.parametrize("name", ["bench", "batch"])
@@ -81,7 +104,8 @@ def test_a_room_does_not_hide_the_verb_of_its_name(name):
 
 def test_rivals_take_turns_and_the_least_time_counts(monkeypatch):
     """By a clock of our own: the first, slow call is not counted, nor the slower turns."""
-    clock, order = [0.0], []
+    clock = [0.0]
+    order = []
     monkeypatch.setattr(time, "process_time", lambda: clock[0])
     cost = {"a": iter([9.0, 1.5e-3] + [3e-3, 1e-3] * 99), "b": iter([9.0, 1e-2] + [5e-3] * 99)}
 
@@ -91,17 +115,32 @@ def test_rivals_take_turns_and_the_least_time_counts(monkeypatch):
 
     spent = bench.by_turns({name: lambda name=name: action(name) for name in cost})
     assert spent["a"] == pytest.approx(2e-3) and spent["b"] == pytest.approx(5e-3)
-    assert order[:2] == ["a", "a"] and order[4:7] == ["a", "a", "b"] and len(order) == 4 + bench.ROUNDS * 3
+    assert (
+        order[:2] == ["a", "a"]
+        and order[4:7] == ["a", "a", "b"]
+        and len(order) == 4 + bench.ROUNDS * 3
+    )
 
 
 def test_page_and_figure(monkeypatch, tmp_path):
-    for name, value in {"ROUNDS": 1, "TURN": 0.0, "TOLERANCES": (1e-3,), "STEPS": {4: (100,), 8: (40,)}}.items():
+    for name, value in {
+        "ROUNDS": 1,
+        "TURN": 0.0,
+        "TOLERANCES": (1e-3,),
+        "STEPS": {4: (100,), 8: (40,)},
+    }.items():
         monkeypatch.setattr(bench, name, value)
     result = fitball.bench(progress=False)
     frame = result.frames["bench"]
-    assert len(frame) == 4 * 6 + 1 and (frame["microseconds"] > 0.0).all() and frame["largest_error"].max() < 0.1
+    assert (
+        len(frame) == 4 * 6 + 1
+        and (frame["microseconds"] > 0.0).all()
+        and frame["largest_error"].max() < 0.1
+    )
     names = {path.name for path in result.save(tmp_path / "made")}
     assert names == {"report.html", "bench.csv", "bench.png"}
     axes = result.plot("bench").axes
-    assert [(axis.get_title(loc="left"), len(axis.lines)) for axis in axes] == [(name, 6) for name in [*SCENES][:4]]
+    assert [(axis.get_title(loc="left"), len(axis.lines)) for axis in axes] == [
+        (name, 6) for name in [*SCENES][:4]
+    ]
     assert all(name in result.report() for name in SCENES)

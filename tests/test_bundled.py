@@ -21,7 +21,10 @@ def test_a_file_that_exists_wins_over_a_bundled_name(tmp_path, monkeypatch):
         assert place_of("pipe").name == "pipe"
 
 
-@pytest.mark.parametrize("source", ["wang_al", "folder", "a" * 5000, "tracks/table_tennis_topspin", "../wang_all"])
+@pytest.mark.parametrize(
+    "source",
+    ["wang_al", "folder", "a" * 5000, "tracks/table_tennis_topspin", "../wang_all"],
+)
 def test_what_is_nowhere(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
@@ -32,7 +35,9 @@ def test_what_is_nowhere(source, tmp_path, monkeypatch):
 
 def test_every_table_has_a_scene_that_describes_it():
     found = descriptions()
-    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*found} and all(found.values())
+    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*found} and all(
+        found.values()
+    )
     assert [*descriptions("tracks")] == ["table_tennis_topspin"]
     # Of others, by its licence.
     assert place_of("table_tennis_topspin", "tracks").with_suffix(".LICENSE").is_file()
@@ -44,7 +49,10 @@ def test_priors_of_the_literature():
     assert (prior.location, prior.scale, prior.lower, prior.upper) == (0.73, 0.10, 0.01, 2.0)
     assert "Carre" in prior.source
     spread = ParameterSpec("mu_spread", "", 0.0, 2.0, "half-t(0.2, 4)", "spread", "")
-    assert (published_prior(spread, "surface").scale, published_prior(spread, "place").freedom) == (0.2, 4.0)
+    assert (published_prior(spread, "surface").scale, published_prior(spread, "place").freedom) == (
+        0.2,
+        4.0,
+    )
     assert all(row["source"] and row["note"] for row in published())
     for name, key in (("mu", "literature:clya"), ("offset", "clay"), ("mu", "")):
         with pytest.raises(ParameterError) as caught:

@@ -15,7 +15,12 @@ from fitball.saved.pair import read
 
 def test_a_table_of_the_model_itself_gives_its_parameters(tmp_path):
     table_of(scatter=0.0).to_csv(tmp_path / "balls.csv", index=False)
-    fit = fitball.calibrate(tmp_path / "balls.csv", model="grip-slip", point_only=True, progress=False)
+    fit = fitball.calibrate(
+        tmp_path / "balls.csv",
+        model="grip-slip",
+        point_only=True,
+        progress=False,
+    )
     for name, value in TRUTH.items():
         # Scatter is no less than its bound, against which priors pull.
         assert fit.parameters[name].point == pytest.approx(value, abs=1e-5), name
@@ -23,13 +28,34 @@ def test_a_table_of_the_model_itself_gives_its_parameters(tmp_path):
 
 
 def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_path, capsys):
-    words = ["calibrate", "wang_zero_spin.csv", "--model", "grip-slip", "--out", str(tmp_path / "fit"), "--seed", "2"]
+    words = [
+        "calibrate",
+        "wang_zero_spin.csv",
+        "--model",
+        "grip-slip",
+        "--out",
+        str(tmp_path / "fit"),
+        "--seed",
+        "2",
+    ]
     assert main(words) == 0 and "mu" in capsys.readouterr().out
     made = {place.name for place in (tmp_path / "fit").iterdir()}
-    assert made >= {"report.html", "fit.json", "fit.nc", "summary.csv", "corner.png", "curves.png", "references.bib"}
+    assert made >= {
+        "report.html",
+        "fit.json",
+        "fit.nc",
+        "summary.csv",
+        "corner.png",
+        "curves.png",
+        "references.bib",
+    }
     fit = read(tmp_path / "fit")
     again = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=2, progress=False)
-    assert fit == again and fit.run.key == again.run.key and fit.run.packages["numpy"] == np.__version__
+    assert (
+        fit == again
+        and fit.run.key == again.run.key
+        and fit.run.packages["numpy"] == np.__version__
+    )
     # Another seed gives other draws of the same posterior.
     other = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=3, progress=False)
     moved = fit.moved_from(other)
@@ -38,10 +64,14 @@ def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_pat
 
 
 def test_what_values_rest_on_depends_on_no_seed_and_needs_no_chain():
-    fits = [fitball.calibrate("wang_all", seed=seed, point_only=seed > 1, progress=False) for seed in (1, 2)]
+    fits = [
+        fitball.calibrate("wang_all", seed=seed, point_only=seed > 1, progress=False)
+        for seed in (1, 2)
+    ]
     judged = [{one.name: (one.verdict, one.given) for one in fit.reported} for fit in fits]
     assert judged[0] == judged[1]
-    # Table of choices: the offset rests on where it acts, friction and stiffness on more than the data say.
+    # Table of choices: the offset rests on where it acts, friction and stiffness on more than the
+    # data say.
     assert {"offset=contact", "inertia_ratio"} <= {*fits[1].parameters["eps_10"].given}
     assert fits[1].parameters["cor_10"].verdict == "identified"
 
@@ -64,8 +94,15 @@ def test_best_values_outside_of_their_intervals_are_named(monkeypatch):
     sure = ("given", "identified", "conditional")
     closed = {one.name for one in found if one.kind == "model" and one.verdict in sure}
     assert note.code == "best-outside" and closed
-    assert {one.name for one in found if f"{one.name} (" in note.text} == closed < {one.name for one in found}
+    assert (
+        {one.name for one in found if f"{one.name} (" in note.text}
+        == closed
+        < {one.name for one in found}
+    )
     assert all(f" {one.unit})" in note.text for one in found if one.name in closed and one.unit)
-    monkeypatch.setattr("fitball.inference.calibrate.outside", lambda found: [note] * (len(found) > 5))
+    monkeypatch.setattr(
+        "fitball.inference.calibrate.outside",
+        lambda found: [note] * (len(found) > 5),
+    )
     fit = fitball.calibrate(table_of(8), model="grip-slip", point_only=True, progress=False)
     assert fit.notes[-1] == note

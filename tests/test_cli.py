@@ -1,4 +1,6 @@
-"""The command line as a frame: what a signature says, mistakes of words, what is imported for help."""
+"""The command line as a frame: what a signature says, mistakes of words, what is imported for
+help.
+"""
 
 import os
 import shlex
@@ -17,10 +19,13 @@ from fitball.saved import pair
 
 DATA = Path(__file__).parent / "data"
 TABLES = {
-    "t.csv": "surface,v_x1,v_y1,omega_1,v_x2,v_y2,omega_2\nclay,15.6,4.8,0,11.1,4.2,239\nhard,16,5,0,11.3,4.3,245\n",
-    "d.csv": "v_y1,v_y2\n5,4\n6,4.7\n7,5.5\n", "n.csv": "surface,v_x1,v_y1\nice,15,5\n",
-    "x.csv": "t,x [m],y [m]\n0,0.1,0.5\n0.01,0.2,0.4\n", "x.mp4": "\0\0\0 ftypisom",
-}  # fmt: skip
+    "t.csv": "surface,v_x1,v_y1,omega_1,v_x2,v_y2,omega_2\nclay,15.6,4.8,0,11.1,4.2,239\nhard,16,"
+    "5,0,11.3,4.3,245\n",
+    "d.csv": "v_y1,v_y2\n5,4\n6,4.7\n7,5.5\n",
+    "n.csv": "surface,v_x1,v_y1\nice,15,5\n",
+    "x.csv": "t,x [m],y [m]\n0,0.1,0.5\n0.01,0.2,0.4\n",
+    "x.mp4": "\0\0\0 ftypisom",
+}
 
 
 def _parsed(*words):
@@ -36,7 +41,8 @@ def _exit(capsys, *words):
 
 def test_options_are_those_of_the_signature():
     line = (
-        "calibrate a.csv b.csv --fix mu=0.5,eps_slope=0 --fix e_x=0.1 --flip v_y2,omega_1 --as-read --seed 7 --out x "
+        "calibrate a.csv b.csv --fix mu=0.5,eps_slope=0 --fix e_x=0.1 --flip v_y2,omega_1 "
+        "--as-read --seed 7 --out x "
         "--prior mu=normal(0.6,0.1),e_x=uniform(-1,1)"
     )
     asked = _parsed(*line.split())
@@ -44,19 +50,32 @@ def test_options_are_those_of_the_signature():
     assert asked["fix"] == {"mu": 0.5, "eps_slope": 0.0, "e_x": 0.1}
     assert asked["prior"] == {"mu": "normal(0.6,0.1)", "e_x": "uniform(-1,1)"}
     assert asked["flip"] == ["v_y2", "omega_1"]
-    assert (asked["as_read"], asked["point_only"], asked["seed"], asked["_out"]) == (True, False, 7, "x")
+    assert (asked["as_read"], asked["point_only"], asked["seed"], asked["_out"]) == (
+        True,
+        False,
+        7,
+        "x",
+    )
     assert _parsed("check")["data"] == []
 
 
-@pytest.mark.parametrize(("words", "named"), [
-    (("calibrat", "a.csv"), "calibrate"), (("--vers",), "--version"), (("--out", "x", "check"), "--out"),
-    (("calibrate", "a.csv", "--seed", "1.5"), "--seed"), (("calibrate", "a.csv", "--see", "1"), "--seed"),
-    (("calibrate", "a.csv", "--over"), "--overwrite"), (("calibrate", "a.csv", "--no-figures"), "--figures"),
-    (("predict", "fit", "a.csv", "b.csv"), "b.csv"), (("simulate", "--map"), "--map"),
-    (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
-    (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),
-    (("calibrate", "a.csv", "--prior", "mu"), "mu"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("calibrat", "a.csv"), "calibrate"),
+        (("--vers",), "--version"),
+        (("--out", "x", "check"), "--out"),
+        (("calibrate", "a.csv", "--seed", "1.5"), "--seed"),
+        (("calibrate", "a.csv", "--see", "1"), "--seed"),
+        (("calibrate", "a.csv", "--over"), "--overwrite"),
+        (("calibrate", "a.csv", "--no-figures"), "--figures"),
+        (("predict", "fit", "a.csv", "b.csv"), "b.csv"),
+        (("simulate", "--map"), "--map"),
+        (("calibrate", "a.csv", "--fix", "mu=much"), "mu"),
+        (("calibrate", "a.csv", "--fix", "mu=1", "--fix", "mu=2"), "mu=2"),
+        (("calibrate", "a.csv", "--prior", "mu"), "mu"),
+    ],
+)
 def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, named):
     code, said = _exit(capsys, *words)
     assert code == 2 and named in said
@@ -78,7 +97,11 @@ def _outcome(line):
 def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     surfaces = table_of(36, ("clay", "hard"))
-    fits = {"F": made_fit(surfaces), "P": made_fit(sampled=False), "D": made_fit(table_of(12, drop=True))}
+    fits = {
+        "F": made_fit(surfaces),
+        "P": made_fit(sampled=False),
+        "D": made_fit(table_of(12, drop=True)),
+    }
     for name, fit in (fits | {"T": made_fit(surfaces, model="two-mass")}).items():
         Path(name).mkdir()
         for file, content in pair.files(fit).items():
@@ -87,21 +110,29 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
         Path(name).write_text(text)
     before = sorted(Path().rglob("*"))
     wanted = tomllib.loads((DATA / "mistakes.toml").read_text(encoding="utf-8"))["verb"]
-    lines = {f"{verb} {words}": code for verb, mistakes in wanted.items() for words, code in mistakes}
+    lines = {
+        f"{verb} {words}": code for verb, mistakes in wanted.items() for words, code in mistakes
+    }
     assert {line: _outcome(line) for line in lines} == lines and {*wanted} == {*cli.VERBS}
     assert sorted(Path().rglob("*")) == before
     for verb, function in cli.VERBS.items():
-        values = {n for n, one in cli.parameters_of(function).items() if not isinstance(one.default, bool)} - SURE
+        values = {
+            n for n, one in cli.parameters_of(function).items() if not isinstance(one.default, bool)
+        } - SURE
         tried = " ".join(words for words, _ in wanted[verb])
         # A batch has what a table does not accept in the row of that table (test_batch).
-        assert verb == "batch" or not [n for n in values if f"--{n.replace('_', '-')}" not in tried], verb
+        assert verb == "batch" or not [
+            n for n in values if f"--{n.replace('_', '-')}" not in tried
+        ], verb
 
 
 def test_mistakes_in_python_have_codes_too():
     for code, verb, data, options in (
-        ("no-data", "calibrate", [], {}), ("no-data", "track", None, {}),
-        ("count", "plan", made_fit(), {"count": 2.5}), ("not-a-number", "calibrate", "wang_all", {"fix": {"mu": ""}}),
-    ):  # fmt: skip
+        ("no-data", "calibrate", [], {}),
+        ("no-data", "track", None, {}),
+        ("count", "plan", made_fit(), {"count": 2.5}),
+        ("not-a-number", "calibrate", "wang_all", {"fix": {"mu": ""}}),
+    ):
         with pytest.raises(FitballError, check=lambda error, code=code: error.code == code):
             getattr(fitball, verb)(data, **options)
 
@@ -118,21 +149,29 @@ def test_every_option_has_words():
         names = set(cli.parameters_of(verb)) - {"progress"}
         assert names <= set(own.arguments) | set(shared)
         # A flag is off, and means the same in every verb.
-        assert not any(one.default is True for one in cli.parameters_of(verb).values() if one.name != "progress")
+        assert not any(
+            one.default is True
+            for one in cli.parameters_of(verb).values()
+            if one.name != "progress"
+        )
 
 
-@pytest.mark.parametrize(("verb", "asked", "folder"), [
-    ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
-    ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
-    ("calibrate", {"data": ["fits/clip/track/impacts.csv"], "model": ""}, "fits/clip/default"),
-    # Two sheets are two tables; the number of a descriptor is another in each call.
-    ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
-    ("calibrate", {"data": ["...csv"], "model": ".."}, "fits/_/_"),
-    ("calibrate", {"data": ["/dev/fd/63"], "model": ""}, "fits/pipe/default"),
-    ("calibrate", {"data": [""], "model": ""}, "fits/calibrate"),
-    ("predict", {"fit": "fits/b/default", "data": "new.csv"}, "fits/b/default/predict"),
-    ("compare", {"data": ["b.csv"]}, "fits/b/compare"), ("rederive", {}, "fits/rederive"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("verb", "asked", "folder"),
+    [
+        ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
+        ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
+        ("calibrate", {"data": ["fits/clip/track/impacts.csv"], "model": ""}, "fits/clip/default"),
+        # Two sheets are two tables; the number of a descriptor is another in each call.
+        ("calibrate", {"data": ["b.xlsx#two"], "model": ""}, "fits/b-two/default"),
+        ("calibrate", {"data": ["...csv"], "model": ".."}, "fits/_/_"),
+        ("calibrate", {"data": ["/dev/fd/63"], "model": ""}, "fits/pipe/default"),
+        ("calibrate", {"data": [""], "model": ""}, "fits/calibrate"),
+        ("predict", {"fit": "fits/b/default", "data": "new.csv"}, "fits/b/default/predict"),
+        ("compare", {"data": ["b.csv"]}, "fits/b/compare"),
+        ("rederive", {}, "fits/rederive"),
+    ],
+)
 def test_where_a_result_goes(verb, asked, folder):
     assert cli.default_folder(verb, asked).as_posix() == folder
 
@@ -149,17 +188,28 @@ def test_what_is_of_a_fit_goes_below_it_and_beside_what_is_there(tmp_path):
 
 def test_help_needs_no_heavy_package():
     code = (
-        "import sys, fitball.cli as c\ntry:\n    c.main(['calibrate', '--help'])\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'pandas', 'scipy', 'numba', 'matplotlib', 'emcee', 'lmfit', 'msgspec', 'jinja2', 'tqdm'}\n"
+        "import sys, fitball.cli as c\ntry:\n    c.main(['calibrate', '--help'])\nexcept "
+        "SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'pandas', 'scipy', 'numba', 'matplotlib', 'emcee', 'lmfit', 'msgspec', "
+        "'jinja2', 'tqdm'}\n"
         "sys.exit(','.join(heavy & set(sys.modules)) or 0)"
     )
-    made = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
+    made = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (made.returncode, made.stderr) == (0, "")
     assert "--as-read" in made.stdout
 
 
 def test_the_package_runs_as_a_module():
-    made = subprocess.run([sys.executable, "-P", "-m", "fitball", "--version"], capture_output=True, text=True)
+    made = subprocess.run(
+        [sys.executable, "-P", "-m", "fitball", "--version"],
+        capture_output=True,
+        text=True,
+    )
     assert made.returncode == 0 and made.stdout.startswith("fitball ")
 
 
@@ -174,7 +224,14 @@ def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
 def test_errors_that_nobody_can_read_and_a_backend_that_is_none():
-    code = "import sys; from fitball import cli; k = cli.main(['check', 'none.csv']); import matplotlib; sys.exit(k)"
+    code = (
+        "import sys; from fitball import cli; k = cli.main(['check', 'none.csv']); import "
+        "matplotlib; sys.exit(k)"
+    )
     with Path("/dev/full").open("w") as full:
-        made = subprocess.run([sys.executable, "-P", "-c", code], env={**os.environ, "MPLBACKEND": "no"}, stderr=full)
+        made = subprocess.run(
+            [sys.executable, "-P", "-c", code],
+            env={**os.environ, "MPLBACKEND": "no"},
+            stderr=full,
+        )
     assert made.returncode == 2

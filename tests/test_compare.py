@@ -1,4 +1,6 @@
-"""Comparisons: leave-one-out of a line in closed form, ArviZ, scipy; choices, failures and interruptions."""
+"""Comparisons: leave-one-out of a line in closed form, ArviZ, scipy; choices, failures and
+interruptions.
+"""
 
 import json
 from dataclasses import replace
@@ -28,22 +30,29 @@ ONE = Choices(pool={"all": "none"})
 
 
 def posed(y=None, **more):
-    """The problem of a line, with other measurements, its maximum, and independent draws of its posterior."""
+    """The problem of a line, with other measurements, its maximum, and independent draws of its
+    posterior.
+    """
     problem = line.line_problem(**more)
     if y is not None:
         problem = replace(problem, rows=replace(problem.rows, y=y(problem.rows.y.copy())))
     centre, covariance = line.exact(problem)
     draws = np.random.default_rng(4).multivariate_normal(centre, covariance, 4000)
-    q, best = problem.prior.coordinate(draws), problem.prior.coordinate(centre[None])
+    q = problem.prior.coordinate(draws)
+    best = problem.prior.coordinate(centre[None])
     return problem, best, Weighted(q, np.full(4000, -np.log(4000)), 1.0, True)
 
 
 def without(problem, rows):
-    """Mean and sd (impacts,) of what a line predicts of rows that it was not fitted to, in closed form."""
+    """Mean and sd (impacts,) of what a line predicts of rows that it was not fitted to, in closed
+    form.
+    """
     kept = np.setdiff1d(np.arange(len(problem.rows.y)), rows)
     centre, covariance = line.exact(problem.part(kept))
     design = np.column_stack([problem.rows.states.v_x1[rows], np.ones(len(rows))])
-    return design @ centre, np.sqrt(np.einsum("ri,ij,rj->r", design, covariance, design) + line.SD**2)
+    return design @ centre, np.sqrt(
+        np.einsum("ri,ij,rj->r", design, covariance, design) + line.SD**2
+    )
 
 
 def exact_scores(problem):
@@ -58,13 +67,23 @@ def test_scores_and_predictions_of_a_line_are_those_in_closed_form(weighted):
     if weighted:
         # From a proposal that is far too wide: without their weights draws would be no posterior.
         about = left_out.proposal(problem, best[0])
-        draws = left_out.drawn(problem, [replace(about, factor=8.0 * about.factor)], Effort(), 1500.0, "here")
+        draws = left_out.drawn(
+            problem,
+            [replace(about, factor=8.0 * about.factor)],
+            Effort(),
+            1500.0,
+            "here",
+        )
     found = leave_one_out(problem, best, draws, ("v_x2",), Effort())
     mean, scores = exact_scores(problem)
     assert not found.refitted.all() and found.settled.all()
     np.testing.assert_allclose(found.elpd, scores, atol=0.06 if weighted else 0.03)
     # Means without an impact, known to some hundredths of their sds.
-    np.testing.assert_allclose(found.predicted[:, 0], mean, atol=(0.15 if weighted else 0.1) * line.SD)
+    np.testing.assert_allclose(
+        found.predicted[:, 0],
+        mean,
+        atol=(0.15 if weighted else 0.1) * line.SD,
+    )
     # Those with it lie elsewhere.
     fitted = line.exact(problem)[0] @ np.stack([problem.rows.states.v_x1, np.ones(12)])
     assert np.abs(fitted - mean).max() > 0.3 * line.SD
@@ -88,7 +107,8 @@ def far(y):
 
 def test_an_impact_without_which_weights_are_unreliable_is_refitted(monkeypatch):
     problem, best, draws = posed(far)
-    found, (_, scores) = leave_one_out(problem, best, draws, ("v_x2",), Effort()), exact_scores(problem)
+    found = leave_one_out(problem, best, draws, ("v_x2",), Effort())
+    _, scores = exact_scores(problem)
     row = np.argmax(problem.rows.states.v_x1)
     assert found.settled.all()
     np.testing.assert_array_equal(found.refitted, found.k > left_out.REFIT)
@@ -121,8 +141,13 @@ def test_weighted_draws_and_draws_of_chains_are_those_of_the_posterior(chain, mo
         monkeypatch.setattr(left_out, "importance", lambda *given: (*weighted(*given)[:2], np.inf))
     made = left_out.drawn(problem, [left_out.proposal(problem, best[0])], Effort(), 2000.0, "here")
     centre, covariance = line.exact(problem)
-    values, weights = problem.prior.value(made.q), np.exp(made.weights)
-    assert made.settled and weights.sum() == pytest.approx(1.0) and (np.ptp(weights) > 0.0) is not chain
+    values = problem.prior.value(made.q)
+    weights = np.exp(made.weights)
+    assert (
+        made.settled
+        and weights.sum() == pytest.approx(1.0)
+        and (np.ptp(weights) > 0.0) is not chain
+    )
     assert (made.efficiency < 0.9) is chain
     sd = np.sqrt(np.diagonal(covariance))
     assert np.abs(weights @ values - centre).max() < 0.1 * sd.max()
@@ -131,7 +156,9 @@ def test_weighted_draws_and_draws_of_chains_are_those_of_the_posterior(chain, mo
 
 def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table):
     """Of four rows a two-mass ball took 20,000 steps, and again without each of them."""
-    (problem, best, _), weighted, efforts = posed(), left_out.importance, []
+    problem, best, _ = posed()
+    weighted = left_out.importance
+    efforts = []
 
     def chains(_problem, _begin, effort, _progress):
         efforts.append(effort)
@@ -142,7 +169,12 @@ def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table)
     begin = [left_out.proposal(problem, best[0])]
     made = left_out.drawn(problem.without(np.arange(3, 12)), begin, Effort(), 2000.0, "here")
     assert not efforts and not made.settled and len(made.q) > 2000
-    (four, *_) = compare.problems_of(*load_data([table.iloc[:4]], Scene(), True), ONE, ["grip-slip"], False)
+    (four, *_) = compare.problems_of(
+        *load_data([table.iloc[:4]], Scene(), True),
+        ONE,
+        ["grip-slip"],
+        False,
+    )
     with pytest.raises(RuntimeError):
         compare._scored(compare._Task(four, ("v_x2",), {}, Effort()))
     assert efforts[0].max_steps == compare.STEPS < Effort().max_steps
@@ -153,9 +185,17 @@ def test_labels_left_out_are_predicted_by_the_maximum_without_them():
     folds = [np.arange(3), np.arange(3, 12)]
     at, predicted = held_out(problem, best, folds)
     for rows, own in zip(folds, at, strict=True):
-        np.testing.assert_allclose(predicted[rows, 0], without(problem, rows)[0], atol=2e-3 * line.SD)
+        np.testing.assert_allclose(
+            predicted[rows, 0],
+            without(problem, rows)[0],
+            atol=2e-3 * line.SD,
+        )
         kept = np.setdiff1d(np.arange(12), rows)
-        np.testing.assert_allclose(problem.prior.value(own[None])[0], line.exact(problem.part(kept))[0], atol=2e-3)
+        np.testing.assert_allclose(
+            problem.prior.value(own[None])[0],
+            line.exact(problem.part(kept))[0],
+            atol=2e-3,
+        )
 
 
 def test_stacking_is_the_best_mixture():
@@ -184,14 +224,25 @@ def table():
 
 @pytest.fixture(scope="module")
 def compared(table):
-    return fitball.compare(table, models="grip-slip,brody", pool={"all": "none"}, cores=1, progress=False)
+    return fitball.compare(
+        table,
+        models="grip-slip,brody",
+        pool={"all": "none"},
+        cores=1,
+        progress=False,
+    )
 
 
 def test_the_model_that_made_the_table_predicts_best(compared):
     models = compared.frames["models"]
     first, second = models.to_dict("records")
     assert (first["model"], first["simplest"], second["model"]) == ("grip-slip", True, "brody")
-    assert second["worse"] and first["weight"] > 0.95 and not first["worse"] and first["difference"] == 0.0
+    assert (
+        second["worse"]
+        and first["weight"] > 0.95
+        and not first["worse"]
+        and first["difference"] == 0.0
+    )
     wide = compared.frames["left_out"].pivot_table(index="id", columns="model", values="elpd")
     less = wide["brody"] - wide["grip-slip"]
     assert second["difference"] == pytest.approx(less.sum())
@@ -201,12 +252,21 @@ def test_the_model_that_made_the_table_predicts_best(compared):
     assert 0.2 < first["rms_v_x2"] < 0.45 and 4.0 < first["rms_omega_2_without_surface"] < 9.0
     assert second["rms_v_x2"] > 2.0 * first["rms_v_x2"]
     values = compared.frames["quantities"].set_index(["name", "model"])
-    assert abs(values.loc[("mu", "grip-slip"), "median"] - 0.6) < 3.0 * values.loc[("mu", "grip-slip"), "sd"]
+    assert (
+        abs(values.loc[("mu", "grip-slip"), "median"] - 0.6)
+        < 3.0 * values.loc[("mu", "grip-slip"), "sd"]
+    )
     assert compared.exit_code == 0
 
 
 def test_equal_comparisons_are_equal_whatever_the_processes(table, compared):
-    again = fitball.compare(table, models=["brody", "grip-slip"], pool={"all": "none"}, cores=2, progress=False)
+    again = fitball.compare(
+        table,
+        models=["brody", "grip-slip"],
+        pool={"all": "none"},
+        cores=2,
+        progress=False,
+    )
     assert again.json()["frames"] == compared.json()["frames"]
 
 
@@ -282,12 +342,20 @@ def test_what_not_all_predict_is_not_scored(table):
     problems = compare.problems_of(*known, ONE, ["thesis-exact", "brody"], False)
     columns = compare._common(problems)
     assert columns == ("v_x2", "v_y2", "omega_2")
-    notes = [note for note in compare._remarks(problems, columns, {}, 0.0) if note.code == "not-scored"]
+    notes = [
+        note for note in compare._remarks(problems, columns, {}, 0.0) if note.code == "not-scored"
+    ]
     assert len(notes) == 1 and "contact_time" in notes[0].text
 
 
 def test_few_impacts_have_no_recommendation_and_pages_say_so(table, compared):
-    few = fitball.compare(table.iloc[:5], models="brody,grip-slip", pool={"all": "none"}, cores=1, progress=False)
+    few = fitball.compare(
+        table.iloc[:5],
+        models="brody,grip-slip",
+        pool={"all": "none"},
+        cores=1,
+        progress=False,
+    )
     assert not few.frames["models"][["simplest", "worse"]].any(axis=None)
     assert "few-impacts" in {note.code for note in few.notes}
     for result in (few, compared):
@@ -300,32 +368,62 @@ def test_the_page_names_the_simplest_and_who_is_not_worse_and_the_figure_shows_t
     drawn = compared.plot("scores")
     assert not cut_off(drawn)
     for axis, name in zip(drawn.axes[1:], ("v_x2", "v_y2", "omega_2"), strict=True):
-        np.testing.assert_allclose(axis.collections[0].get_offsets()[:, 0], models[f"rms_{name}"], rtol=1e-12)
+        np.testing.assert_allclose(
+            axis.collections[0].get_offsets()[:, 0],
+            models[f"rms_{name}"],
+            rtol=1e-12,
+        )
     alone = page.report(compared).summary[0].lines
     # brody is worse, and has fewer parameters.
-    assert not any("brody" in one for one in alone[:3]) and any("fewer parameters predicts" in one for one in alone)
+    assert not any("brody" in one for one in alone[:3]) and any(
+        "fewer parameters predicts" in one for one in alone
+    )
     equal = Frames("report.compare", {**compared.frames, "models": models.assign(worse=False)})
-    assert any("Not significantly worse" in one and "brody" in one for one in page.report(equal).summary[0].lines)
-    fewest = Frames("report.compare", {**compared.frames, "models": models.assign(parameters=[3, 9])})
+    assert any(
+        "Not significantly worse" in one and "brody" in one
+        for one in page.report(equal).summary[0].lines
+    )
+    fewest = Frames(
+        "report.compare",
+        {**compared.frames, "models": models.assign(parameters=[3, 9])},
+    )
     assert any("No other has fewer" in one for one in page.report(fewest).summary[0].lines)
 
 
 @pytest.mark.parametrize("better", [True, False])
 @pytest.mark.parametrize("sure", [True, False])
 def test_whether_the_second_mass_is_worth_it_is_said_of_the_one_that_is_behind(better, sure):
-    models = [("two-mass+normal=total", -50.0 - 9.0 * (not better)), ("brody", -50.0 - 9.0 * better)]
+    models = [
+        ("two-mass+normal=total", -50.0 - 9.0 * (not better)),
+        ("brody", -50.0 - 9.0 * better),
+    ]
     best = max(score for _, score in models)
-    rows = [{"model": name, "elpd": score, "difference": score - best, "worse": sure and score < best}
-            for name, score in models]  # fmt: skip
+    rows = [
+        {"model": name, "elpd": score, "difference": score - best, "worse": sure and score < best}
+        for name, score in models
+    ]
     words = page._second_mass(rows)
     assert "9.0 higher" in words if better else "9.0 lower" in words
-    assert ("not significantly" in words) != sure and "significantly" in words and not page._second_mass(rows[:1])
+    assert (
+        ("not significantly" in words) != sure
+        and "significantly" in words
+        and not page._second_mass(rows[:1])
+    )
 
 
 def test_by_the_command_line(tmp_path, capsys, table):
     place = tmp_path / "hits.csv"
     table.to_csv(place, index=False)
-    words = ["compare", str(place), "--models", "brody,grip-slip", "--pool", "all=none", "--out", str(tmp_path / "c")]
+    words = [
+        "compare",
+        str(place),
+        "--models",
+        "brody,grip-slip",
+        "--pool",
+        "all=none",
+        "--out",
+        str(tmp_path / "c"),
+    ]
     assert main([*words, "--json", "--cores", "1"]) == 0
     rows = json.loads(capsys.readouterr().out)["frames"]["models"]
     assert [row["model"] for row in rows] == ["grip-slip", "brody"]

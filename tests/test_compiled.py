@@ -1,4 +1,6 @@
-"""Where compiled kernels are kept, and that processes which start together compile them once; draws over threads."""
+"""Where compiled kernels are kept, and that processes which start together compile them once; draws
+over threads.
+"""
 
 import os
 import subprocess
@@ -23,11 +25,18 @@ print(twice(21), folder())
 def started(folder, text, cache):
     """A process that runs `text` in `folder` and keeps what it compiles in `cache`."""
     (folder / "tiny.py").write_text(
-        "from fitball.models.kernels.compiled import entry\n\n\n@entry\ndef twice(x):\n    return 2 * x\n"
+        "from fitball.models.kernels.compiled import entry\n\n\n@entry\ndef twice(x):\n    return "
+        "2 * x\n"
     )
     path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
     settings = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": path}
-    return subprocess.Popen([sys.executable, "-c", text], env=settings, cwd=folder, stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", text],
+        env=settings,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
 
 def test_processes_that_start_together_compile_once(tmp_path):
@@ -72,7 +81,8 @@ def test_work_that_failed_is_not_marked_as_done(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("size", "least", "count", "parts"), [(0, 10, 4, 1), (19, 10, 4, 1), (20, 10, 4, 2), (7, 1, 3, 3)]
+    ("size", "least", "count", "parts"),
+    [(0, 10, 4, 1), (19, 10, 4, 1), (20, 10, 4, 2), (7, 1, 3, 3)],
 )
 def test_parts_are_the_whole(size, least, count, parts):
     seen = []

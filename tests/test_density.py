@@ -24,7 +24,14 @@ from fitball.inference.density import cells, factors, log_likelihood, pointwise,
 from fitball.inference.problem import row_errors
 
 FORMS = list(
-    product(("normal", "student-t"), (False, True), ("", "sd", "corr"), (False, True), (False, True), (False, True))
+    product(
+        ("normal", "student-t"),
+        (False, True),
+        ("", "sd", "corr"),
+        (False, True),
+        (False, True),
+        (False, True),
+    )
 )
 
 
@@ -54,7 +61,10 @@ def test_every_part_of_it_matters():
     problem = form("normal", True, "corr", True, True, True)
     at = truth_of(problem)
     whole = log_posterior(problem, at)
-    assert density.log_posterior(problem, problem.coordinates(at)[None])[0] == pytest.approx(whole, rel=1e-10)
+    assert density.log_posterior(problem, problem.coordinates(at)[None])[0] == pytest.approx(
+        whole,
+        rel=1e-10,
+    )
     for part in ("priors", "levels", "camera", "errors", "correlations", "contact time"):
         assert abs(log_posterior(problem, at, (part,)) - whole) > 1e-2, part
 
@@ -87,10 +97,15 @@ def test_speeds_and_angles_have_noises_of_their_own():
 
 def test_outside_the_bounds_and_without_a_number_there_is_no_density():
     problem = problem_of(table_of(REBOUND), scene_of())
-    good, prior = problem.coordinates(truth_of(problem)), problem.prior
+    good = problem.coordinates(truth_of(problem))
+    prior = problem.prior
     trials = np.tile(good, (3 * good.size + 1, 1))
     for k in range(good.size):
-        trials[3 * k : 3 * k + 3, k] = prior.low[k] - 1e-9, prior.high[k] + 1e-9 * abs(prior.high[k]), np.nan
+        trials[3 * k : 3 * k + 3, k] = (
+            prior.low[k] - 1e-9,
+            prior.high[k] + 1e-9 * abs(prior.high[k]),
+            np.nan,
+        )
     scores = density.log_posterior(problem, trials)
     assert np.isfinite(scores[-1])
     np.testing.assert_array_equal(scores[:-1], -np.inf)
@@ -110,7 +125,8 @@ def test_a_draw_without_an_answer_has_no_density():
 def test_parts_of_a_long_table_and_other_draws_change_nothing(errors, monkeypatch):
     problem = form("student-t", True, errors, True, True, True)
     q = near(problem, 7)
-    whole, alone = density.log_posterior(problem, q), [density.log_posterior(problem, row[None])[0] for row in q]
+    whole = density.log_posterior(problem, q)
+    alone = [density.log_posterior(problem, row[None])[0] for row in q]
     np.testing.assert_allclose(alone, whole, rtol=1e-13)
     points = pointwise(problem, q, TIMED)
     monkeypatch.setattr(density, "AT_ONCE", 50)
@@ -122,12 +138,16 @@ def test_parts_of_a_long_table_and_other_draws_change_nothing(errors, monkeypatc
 
 def test_some_columns_of_an_impact_whatever_the_others():
     problem = form("normal", False, "corr", False, False, False)
-    q, some = near(problem, 1), [0, 2]
-    made, found = cells(problem, q), pointwise(problem, q, ("v_x2", "omega_2"))
+    q = near(problem, 1)
+    some = [0, 2]
+    made = cells(problem, q)
+    found = pointwise(problem, q, ("v_x2", "omega_2"))
     factor = factors(problem, q)[0]
     whole = factor @ factor.swapaxes(1, 2)
     exact = [
-        stats.multivariate_normal(made.mean[0, k, some], whole[k][np.ix_(some, some)]).logpdf(problem.rows.y[k, some])
+        stats.multivariate_normal(made.mean[0, k, some], whole[k][np.ix_(some, some)]).logpdf(
+            problem.rows.y[k, some]
+        )
         for k in range(10)
     ]
     np.testing.assert_allclose(found[0], exact, rtol=1e-10)
@@ -138,7 +158,8 @@ def test_some_columns_of_an_impact_whatever_the_others():
 
 def test_withheld_and_chosen_impacts():
     problem = form("normal", True, "corr", True, True, True)
-    q, rows = near(problem, 2), np.array([3, 7])
+    q = near(problem, 2)
+    rows = np.array([3, 7])
     points = pointwise(problem, q, TIMED)
     np.testing.assert_array_equal(pointwise(problem.take(rows), q, TIMED), points[:, rows])
     assert problem.take(rows).table.labels["id"] == ("4", "8")
@@ -150,17 +171,26 @@ def integrated(problem, values, k, sign=1.0):
     """Log likelihood of the k-th impact by Gauss-Hermite quadrature over its true state."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(10)
     stated = covariance_of(problem.table, REBOUND, k)
-    u, across, own = stated[:3, :3], stated[3:, :3], stated[3:, 3:]
-    follows, root = sign * across @ np.linalg.inv(u), np.linalg.cholesky(u)
+    u = stated[:3, :3]
+    across = stated[3:, :3]
+    own = stated[3:, 3:]
+    follows = sign * across @ np.linalg.inv(u)
+    root = np.linalg.cholesky(u)
     scatter = np.diag([values[name] ** 2 for name in ("v_x_sd", "v_y_sd", "spin_sd")])
     grid = np.stack(np.meshgrid(nodes, nodes, nodes), axis=-1).reshape(-1, 3)
-    share = np.stack(np.meshgrid(weights, weights, weights), axis=-1).reshape(-1, 3).prod(axis=1) / weights.sum() ** 3
+    share = (
+        np.stack(np.meshgrid(weights, weights, weights), axis=-1).reshape(-1, 3).prod(axis=1)
+        / weights.sum() ** 3
+    )
     read = np.array([problem.table.values[name][k] for name in ("v_x1", "v_y1", "omega_1")])
     gaps = []
     for t in grid @ root.T:
         made = seen_by(problem, values, k, read + t)
         gaps.append([problem.table.values[name][k] - made[name] for name in REBOUND] + follows @ t)
-    rest = stats.multivariate_normal(np.zeros(3), own - across @ np.linalg.inv(u) @ across.T + scatter)
+    rest = stats.multivariate_normal(
+        np.zeros(3),
+        own - across @ np.linalg.inv(u) @ across.T + scatter,
+    )
     return np.log(share @ rest.pdf(np.array(gaps)))
 
 
@@ -168,7 +198,9 @@ def test_sigma_points_against_the_integral_over_true_states():
     problem = problem_of(table_of(REBOUND, "corr", count=4), scene_of())
     at = truth_of(problem) | {"v_x_sd": 0.05, "v_y_sd": 0.05, "spin_sd": 3.0}
     found = pointwise(problem, problem.coordinates(at)[None], REBOUND)[0]
-    exact, turned = (np.array([integrated(problem, at, k, sign) for k in range(4)]) for sign in (1.0, -1.0))
+    exact, turned = (
+        np.array([integrated(problem, at, k, sign) for k in range(4)]) for sign in (1.0, -1.0)
+    )
     np.testing.assert_allclose(found, exact, atol=0.03)
     assert np.abs(found - turned).max() > 0.3
 

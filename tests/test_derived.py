@@ -12,9 +12,15 @@ from fitball.inference.forward import Draws
 
 # Fitted by the second edition to wang_all.csv.
 WANG = {
-    "mass_ratio": 0.885262676, "k_y": 19067.1004, "k_theta": 18.3410452, "mu": 0.569316969, "eps_10": 0.00237668043,
-    "eps_slope": -1.33053149e-06, "cor_10": 0.776418697, "cor_slope": -0.0156190736,
-}  # fmt: skip
+    "mass_ratio": 0.885262676,
+    "k_y": 19067.1004,
+    "k_theta": 18.3410452,
+    "mu": 0.569316969,
+    "eps_10": 0.00237668043,
+    "eps_slope": -1.33053149e-06,
+    "cor_10": 0.776418697,
+    "cor_slope": -0.0156190736,
+}
 
 
 def found_in(problem):
@@ -23,13 +29,19 @@ def found_in(problem):
 
 def at(problem, values):
     fixed = {item.spec.name: item.fixed for item in problem.parameters if item.fixed is not None}
-    return {name: np.atleast_1d(np.asarray(value, float)) for name, value in {**fixed, **values}.items()}
+    return {
+        name: np.atleast_1d(np.asarray(value, float)) for name, value in {**fixed, **values}.items()
+    }
 
 
 def grip_slip(v_x, v_y, omega=0.0, labels=None, scene=None, **columns):
     """A table of grip-slip whose rebounds do not matter."""
     size = np.size(v_y)
-    columns = columns or {"v_x2": np.full(size, 1.0), "v_y2": 0.7 * np.asarray(v_y), "omega_2": np.ones(size)}
+    columns = columns or {
+        "v_x2": np.full(size, 1.0),
+        "v_y2": 0.7 * np.asarray(v_y),
+        "omega_2": np.ones(size),
+    }
     table = made({"v_x1": v_x, "v_y1": v_y, "omega_1": omega, **columns}, labels=labels or {})
     return problem_of(table, scene)
 
@@ -39,10 +51,18 @@ SLIDING = {"mu": 0.3, "e_x": 0.1, "offset": 0.0, "cor_10": 0.78, "cor_slope": 0.
 
 
 def test_the_second_editions_numbers():
-    problem = problem_of(bundled("wang_all.csv", ("v_x1", "v_y1", "omega_1", *REBOUND)), None, "two-mass")
-    found, values = found_in(problem), at(problem, {**WANG, "k_y": [19067.1004, 1.0]})
+    problem = problem_of(
+        bundled("wang_all.csv", ("v_x1", "v_y1", "omega_1", *REBOUND)),
+        None,
+        "two-mass",
+    )
+    found = found_in(problem)
+    values = at(problem, {**WANG, "k_y": [19067.1004, 1.0]})
     values = {name: np.broadcast_to(value, 2) for name, value in values.items()}
-    np.testing.assert_allclose(found["k_theta/k_y"].rule(values), [18.3410452 / 19067.1004, 18.3410452])
+    np.testing.assert_allclose(
+        found["k_theta/k_y"].rule(values),
+        [18.3410452 / 19067.1004, 18.3410452],
+    )
     assert found["court_pace"].rule(values)[0] == pytest.approx(44.127846906, abs=1e-5)
     assert found["court_pace"].extrapolated and {*found} == {"k_theta/k_y", "court_pace"}
 
@@ -62,7 +82,11 @@ def test_pace_is_asked_of_tennis_balls_at_such_speeds():
     assert "court_pace" not in found_in(grip_slip(14.0 * FAST, FAST))
     heavy = Scene(ball=BallSection(mass=0.06))
     assert "court_pace" not in found_in(grip_slip(3.0 * FAST, FAST, scene=heavy))
-    near = grip_slip(np.linspace(27.0, 31.0, 10), 8.27 + 0.3 * np.tile([-1.0, 1.0], 5), np.tile([-9, 9], 5))
+    near = grip_slip(
+        np.linspace(27.0, 31.0, 10),
+        8.27 + 0.3 * np.tile([-1.0, 1.0], 5),
+        np.tile([-9, 9], 5),
+    )
     assert not found_in(near)["court_pace"].extrapolated
 
 
@@ -71,7 +95,10 @@ def test_a_drop_test_is_rated_by_its_rebound():
     problem = grip_slip(0.0, speed, v_y2=0.75 * speed)
     found = found_in(problem)
     assert {*found} >= {"cor_254cm", "rebound_254cm"} and "court_pace" not in found
-    values = at(problem, {"cor_10": [0.745, 0.76], "cor_slope": [0.0, 0.0], "mass_ratio": [0.9, 0.9]})
+    values = at(
+        problem,
+        {"cor_10": [0.745, 0.76], "cor_slope": [0.0, 0.0], "mass_ratio": [0.9, 0.9]},
+    )
     values = {name: np.broadcast_to(value, 2) for name, value in values.items()}
     np.testing.assert_allclose(found["cor_254cm"].rule(values), [0.745, 0.76])
     np.testing.assert_allclose(found["rebound_254cm"].rule(values), 2.54 * np.square([0.745, 0.76]))
@@ -92,7 +119,11 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
     problem = problem_of(table_of(REBOUND), scene_of(time=True), "two-mass")
     assert anchored(problem.forward, problem.calibrated) == frozenset()
     same = dict.fromkeys(("v_y1", "v_x2", "omega_2"), slow)
-    problem = problem_of(made({**same, "v_x1": 2.0 * slow, "omega_1": 0.0, "v_y2": 0.7 * slow}), None, "two-mass")
+    problem = problem_of(
+        made({**same, "v_x1": 2.0 * slow, "omega_1": 0.0, "v_y2": 0.7 * slow}),
+        None,
+        "two-mass",
+    )
     found = found_in(problem)
     assert anchored(problem.forward, problem.calibrated) == {"cor_10", "eps_10"}
     offset = found["eps_median"].rule(at(problem, {**WANG, "eps_slope": 1e-4}))
@@ -106,7 +137,12 @@ def test_each_level_has_its_own_and_is_judged_by_itself():
     assert {level.parameter for level in problem.forward.levels} == {"mu", "cor_10"}
     assert anchored(problem.forward, problem.calibrated) == {"cor_10[clay]"}
     found = found_in(problem)
-    assert {*found} == {"cor_median[clay]", "cor_median[hard]", "court_pace[clay]", "court_pace[hard]"}
+    assert {*found} == {
+        "cor_median[clay]",
+        "cor_median[hard]",
+        "court_pace[clay]",
+        "court_pace[hard]",
+    }
     own = {"mu[clay]": 0.3, "mu[hard]": 0.25, "cor_10[clay]": 0.7, "cor_10[hard]": 0.8}
     values = at(problem, {**SLIDING, **own})
     assert found["court_pace[hard]"].rule(values) == pytest.approx(75.0 + 150.0 * 0.01)
@@ -119,7 +155,12 @@ def test_each_level_has_its_own_and_is_judged_by_itself():
 
 def test_the_surfaces_farthest_apart_and_the_chance_of_it():
     labels = {"surface": tuple("abc" * 6)}
-    problem = problem_of(table_of(REBOUND, count=18), None, "grip-slip", pool={"mu": "none", "cor_10": "none"})
+    problem = problem_of(
+        table_of(REBOUND, count=18),
+        None,
+        "grip-slip",
+        pool={"mu": "none", "cor_10": "none"},
+    )
     assert differences(problem.forward, Draws({}, {}, {})).empty
     v_y = np.linspace(6.0, 14.0, 18)
     problem = grip_slip(3.0 * v_y, v_y, labels=labels)
@@ -129,8 +170,14 @@ def test_the_surfaces_farthest_apart_and_the_chance_of_it():
     row = differences(problem.forward, Draws(point, draws, {})).loc["mu"]
     assert (row["low"], row["high"], row["column"]) == ("b", "a", "surface")
     law = stats.norm(0.1, 0.04 * np.sqrt(2.0))
-    assert row["difference"] == pytest.approx(0.1, abs=2e-3) and row["sd"] == pytest.approx(law.std(), rel=0.03)
+    assert row["difference"] == pytest.approx(0.1, abs=2e-3) and row["sd"] == pytest.approx(
+        law.std(),
+        rel=0.03,
+    )
     # Three pairs, on either side.
     assert row["p"] == pytest.approx(2.0 * 3.0 * law.cdf(0.0), rel=0.1)
-    none = differences(problem.forward, Draws(point, {name: np.empty(0) for name in point}, {})).loc["mu"]
+    none = differences(
+        problem.forward,
+        Draws(point, {name: np.empty(0) for name in point}, {}),
+    ).loc["mu"]
     assert none["difference"] == pytest.approx(0.1) and np.isnan(none["p"]) and np.isnan(none["sd"])

@@ -1,4 +1,6 @@
-"""Tables as people write them: each reads as its plain CSV does; what may be two things is refused at its place."""
+"""Tables as people write them: each reads as its plain CSV does; what may be two things is refused
+at its place.
+"""
 
 import random
 
@@ -14,8 +16,15 @@ from fitball.data.read import load_table
 from fitball.errors import FitballError, InputError, ParameterError
 
 HEADER = [
-    "id", "v_1 [mph]", "theta_1 [deg]", "omega_1 [rpm]", "v_2 [mph]", "theta_2 [deg]", "v_2_sd [mph]", "surface",
-]  # fmt: skip
+    "id",
+    "v_1 [mph]",
+    "theta_1 [deg]",
+    "omega_1 [rpm]",
+    "v_2 [mph]",
+    "theta_2 [deg]",
+    "v_2_sd [mph]",
+    "surface",
+]
 ROWS = [
     ["a", "38.10", "18.2", "-51.5", "28.0", "20.1", "0.30", "clay"],
     ["b", "40.25", "22.9", "-48.0", "29.1", "25.0", "0.25", "clay"],
@@ -23,13 +32,38 @@ ROWS = [
 ]
 # One of a unit in SI, by definition.
 SI = {"mph": 1609.344 / 3600, "deg": np.pi / 180, "rpm": np.pi / 30}
-FORMS = ["{} [{}]", "{} ({})", "{}[{}]", "{} {{{}}}", "{} / ({})", "{} / {}", "{} in {}", "{}_{}", "{} {}", "{}: {}"]
-SPELLED = {"mph": ["mph", "MPH", "mi/h"], "deg": ["deg", "°", "Degrees"], "rpm": ["rpm", "RPM", "rev/min"], "": [""]}
+FORMS = [
+    "{} [{}]",
+    "{} ({})",
+    "{}[{}]",
+    "{} {{{}}}",
+    "{} / ({})",
+    "{} / {}",
+    "{} in {}",
+    "{}_{}",
+    "{} {}",
+    "{}: {}",
+]
+SPELLED = {
+    "mph": ["mph", "MPH", "mi/h"],
+    "deg": ["deg", "°", "Degrees"],
+    "rpm": ["rpm", "RPM", "rev/min"],
+    "": [""],
+}
 NAMED = {
-    "id": ["id", "ID", "No.", "Nr"], "v_1": ["v_1", "V1", "v 1"], "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
-    "omega_1": ["omega_1", "OMEGA_1", "ω1"], "theta_2": ["theta_2", "Theta_2", "θ2"], "v_2_sd": ["v_2_sd", "V2_SD"],
-}  # fmt: skip
-TITLES = ["Bounce test 3, May 2026", "Operator: R. Cross; ball 4", "left court\ttwo cameras", "sep=;"]
+    "id": ["id", "ID", "No.", "Nr"],
+    "v_1": ["v_1", "V1", "v 1"],
+    "theta_1": ["theta_1", "Theta1", "θ_1", "theta 1"],
+    "omega_1": ["omega_1", "OMEGA_1", "ω1"],
+    "theta_2": ["theta_2", "Theta_2", "θ2"],
+    "v_2_sd": ["v_2_sd", "V2_SD"],
+}
+TITLES = [
+    "Bounce test 3, May 2026",
+    "Operator: R. Cross; ball 4",
+    "left court\ttwo cameras",
+    "sep=;",
+]
 
 
 def read(source, columns=None, **optional):
@@ -39,9 +73,14 @@ def read(source, columns=None, **optional):
     header = read_header(cells, naming, **optional)
     found = numbers(cells, header.numbers)
     cells.refuse()
-    factor = {name: header.factors.get(name, header.factors.get(name.removesuffix("_sd"))) for name in found}
+    factor = {
+        name: header.factors.get(name, header.factors.get(name.removesuffix("_sd")))
+        for name in found
+    }
     values = {name: column * factor[name] for name, column in found.items()}
-    return values | {name: cells.text(k) for name, k in header.labels.items()}, [note.code for note in cells.notes]
+    return values | {name: cells.text(k) for name, k in header.labels.items()}, [
+        note.code for note in cells.notes
+    ]
 
 
 def faults_of(source, columns=None):
@@ -55,7 +94,9 @@ def meant(rows):
     columns = dict(zip(HEADER, zip(*rows, strict=True), strict=True))
     units = {name: name.partition(" [")[2].rstrip("]") for name in HEADER}
     return {
-        name.partition(" [")[0]: np.array([float(c) for c in cells]) * SI[units[name]] if units[name] else [*cells]
+        name.partition(" [")[0]: np.array([float(c) for c in cells]) * SI[units[name]]
+        if units[name]
+        else [*cells]
         for name, cells in columns.items()
     }
 
@@ -72,25 +113,41 @@ def assert_same(found, wanted):
 def dialect(seed):
     """A text file in some dialect, and its rows."""
     rng = random.Random(seed)
-    one, maybe = rng.choice, lambda: rng.random() < 0.5
+    one = rng.choice
+
+    def maybe():
+        return rng.random() < 0.5
+
     rows = [[*row] for row in rng.choices(ROWS, k=rng.randint(2, 5))]
     for k, row in enumerate(rows):
         row[0] = one([f"impact {k}", str(k)])
-        row[1:6] = [f"{float(cell) * rng.uniform(0.97, 1.03):.{one([0, 1, 2, 4])}f}" for cell in row[1:6]]
+        row[1:6] = [
+            f"{float(cell) * rng.uniform(0.97, 1.03):.{one([0, 1, 2, 4])}f}" for cell in row[1:6]
+        ]
         row[1] = f"{float(row[1]):.2f}"
     sign = one([",", ";", "\t", "|", "  ", " "])
-    spaces, comma, below, deviations = sign.isspace() and sign != "\t", sign != "," and maybe(), maybe(), maybe()
+    spaces = sign.isspace() and sign != "\t"
+    comma = sign != "," and maybe()
+    below = maybe()
+    deviations = maybe()
     if spaces:
         for row in rows:
             row[0], row[7] = row[0].replace(" ", "_"), row[7].split(",")[0]
-    head, units = [], []
+    head = []
+    units = []
     for column in HEADER:
         name, _, unit = column.rstrip("]").partition(" [")
-        name, unit = one(NAMED.get(name, [name])), one(SPELLED[unit])
+        name = one(NAMED.get(name, [name]))
+        unit = one(SPELLED[unit])
         name = name.replace(" ", "_") if spaces else name
-        head.append(name if below or not unit else one(FORMS[:3] if spaces else FORMS).format(name, unit))
+        head.append(
+            name if below or not unit else one(FORMS[:3] if spaces else FORMS).format(name, unit)
+        )
         units.append(unit or "-" * spaces)
-    body = [[cell.replace(".", ",") if comma and 0 < k < 7 else cell for k, cell in enumerate(row)] for row in rows]
+    body = [
+        [cell.replace(".", ",") if comma and 0 < k < 7 else cell for k, cell in enumerate(row)]
+        for row in rows
+    ]
     if maybe():
         body = [[cell.replace("-", "\u2212") for cell in row] for row in body]
     if deviations:
@@ -99,11 +156,17 @@ def dialect(seed):
         del head[6], units[6]
     lines = [head, *[units] * below, *body]
     quote = '"' if not spaces else "\0"
-    text = "\n".join(sign.join(f'"{c}"' if sign in c and quote == '"' else c for c in line) for line in lines)
-    above = "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2))) + one(["", "# a note\n", "\n"])
+    text = "\n".join(
+        sign.join(f'"{c}"' if sign in c and quote == '"' else c for c in line) for line in lines
+    )
+    above = "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2))) + one(
+        ["", "# a note\n", "\n"]
+    )
     text = (above + text).replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
     coding = one(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "cp1252"])
-    return text.encode("utf-8" if {"\u2212", "θ", "ω"} & {*text} and coding == "cp1252" else coding), rows
+    return text.encode(
+        "utf-8" if {"\u2212", "θ", "ω"} & {*text} and coding == "cp1252" else coding
+    ), rows
 
 
 def test_three_hundred_dialects_are_the_same_tables(tmp_path):
@@ -117,7 +180,9 @@ def test_three_hundred_dialects_are_the_same_tables(tmp_path):
 
 def save_ods(frame, place):
     lines = [list(frame), *frame.itertuples(index=False)]
-    place.write_bytes(workbooks.ods("".join(workbooks.row("".join(map(workbooks.cell, line))) for line in lines)))
+    place.write_bytes(
+        workbooks.ods("".join(workbooks.row("".join(map(workbooks.cell, line))) for line in lines))
+    )
 
 
 @pytest.fixture
@@ -140,7 +205,12 @@ def test_workbooks_parquet_and_frames_are_the_same_table(tmp_path, frame):
 
 def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
     frame = pandas.DataFrame(
-        {"id": [1, 2], "v_1": [0.1, None], "v_2": [3, 4], "omega_2": pandas.array([5, None], "Int64")}
+        {
+            "id": [1, 2],
+            "v_1": [0.1, None],
+            "v_2": [3, 4],
+            "omega_2": pandas.array([5, None], "Int64"),
+        }
     )
     cells = read_cells(frame, Naming({}).worth)
     assert [column.dtype.kind for column in cells.columns] == ["f", "f", "f", "f"]
@@ -148,7 +218,11 @@ def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
     np.testing.assert_array_equal(numbers(cells, {"omega_2": 3})["omega_2"], [5.0, np.nan])
     # The digest is of what is in it, however it was given.
     same = read_cells(dict(frame), Naming({}).worth)
-    assert cells.sha256 == same.sha256 != read_cells(frame.assign(v_1=[0.1, 0.2]), Naming({}).worth).sha256
+    assert (
+        cells.sha256
+        == same.sha256
+        != read_cells(frame.assign(v_1=[0.1, 0.2]), Naming({}).worth).sha256
+    )
     assert faults_of({"v_1": [1.0, np.inf], "v_2": [1.0, 2.0]}) == [("not-finite", 2, None, "v_1")]
     for columns in ({"v_1": [1.0], "v_2": [1.0, 2.0]}, {"v_1": ["\ud800"]}, {"\ud800": [1.0]}):
         assert faults_of(columns) == [("not-a-table", None, None, None)]
@@ -184,7 +258,11 @@ def test_damaged_files_are_refused(tmp_path, frame):
     frame.to_excel(tmp_path / "t.xlsx", index=False)
     save_ods(frame, tmp_path / "t.ods")
     frame.to_parquet(tmp_path / "t.parquet")
-    for ending, code in (("xlsx", "not-a-workbook"), ("ods", "not-a-workbook"), ("parquet", "not-parquet")):
+    for ending, code in (
+        ("xlsx", "not-a-workbook"),
+        ("ods", "not-a-workbook"),
+        ("parquet", "not-parquet"),
+    ):
         whole = (tmp_path / f"t.{ending}").read_bytes()
         for part in (whole[:10], whole[: len(whole) // 2], whole[:-300] + b"x" * 300):
             assert faults_of(written(tmp_path, part, f"cut.{ending}")) == [(code, None, None, None)]
@@ -197,7 +275,11 @@ def test_damaged_files_are_refused(tmp_path, frame):
 WRONG = [
     ("", ("empty", None, None, None)),
     ("# words\n\n#more\n", ("empty", None, None, None)),
-    ("v_y1;v_y2\n1,234;0\n1,500;2\n", ("ambiguous-number", 1, 2, "v_y1"), ("ambiguous-number", 2, 3, "v_y1")),
+    (
+        "v_y1;v_y2\n1,234;0\n1,500;2\n",
+        ("ambiguous-number", 1, 2, "v_y1"),
+        ("ambiguous-number", 2, 3, "v_y1"),
+    ),
     ("v_y1;v_y2\n5,1;4.2\n6;4.3\n", ("ambiguous-number", 1, 2, "v_y1")),
     ("v_y1;v_y2\n1.005,1;4,2\n6,1;4,3\n", ("ambiguous-number", 1, 2, "v_y1")),
     ("v_y1;v_y2\n1 234;4\n6;4\n", ("ambiguous-number", 1, 2, "v_y1")),
@@ -212,18 +294,29 @@ WRONG = [
     ("v_y1 [1/s],v_y2\n6,5\n7,6\n", ("ambiguous-unit", None, 1, "v_y1")),
     ("# a\nv_y1 [rpm],v_y2\n6,5\n7,6\n", ("other-quantity", None, 2, "v_y1")),
     ("5,4\nv_y1,v_y2\n6,5\n7,6\n", ("above-header", None, 1, None)),
-    ("id,v_y1,v_y2\n1,5,4\nMittelwert,5,4\nSD,1,1\n", ("summary-row", 2, 3, None), ("summary-row", 3, 4, None)),
+    (
+        "id,v_y1,v_y2\n1,5,4\nMittelwert,5,4\nSD,1,1\n",
+        ("summary-row", 2, 3, None),
+        ("summary-row", 3, 4, None),
+    ),
     (",v_y1,v_y2\n1,5,4\n2,6,5\nStd. dev.,0.7,0.6\n", ("summary-row", 3, 4, None)),
     ('"corr(v_y1,foo)",v_y1,v_y2\n0,5,4\n', ("unknown-correlation", None, 1, "corr(v_y1,foo)")),
     (b"surface,v_y1,v_y2\nplain,5,4\nras\x81,5,4\n", ("encoding", None, 3, None)),
-    # A letter of Windows-1252 beside the same one in UTF-8, of which both bytes are signs there; half a letter.
-    (b"surface,v_y1,v_y2\nplain,5,4\nra\xf1,5,4\n" + "rañ,5,4\n".encode(), ("encoding", None, 3, None)),
+    # A letter of Windows-1252 beside the same one in UTF-8, of which both bytes are signs there;
+    # half a letter.
+    (
+        b"surface,v_y1,v_y2\nplain,5,4\nra\xf1,5,4\n" + "rañ,5,4\n".encode(),
+        ("encoding", None, 3, None),
+    ),
     ("v_y1,v_y2\n5,4\n".encode("utf-16")[:-1], ("encoding", None, 2, None)),
     ("v_y1 [m/s],v_y2\nkm/h,m/s\n5,4\n", ("brackets", None, 1, "v_y1 [m/s] [km/h]")),
     (b"v_y1,v_y2\n5,4\n5,\0\n", ("encoding", None, 3, None)),
-    *((f"v_y1,v_y2\n6,5\n{cell},5\n", ("not-a-number", 2, 3, "v_y1")) for cell in ("1e-9999", "#WERT!")),
+    *(
+        (f"v_y1,v_y2\n6,5\n{cell},5\n", ("not-a-number", 2, 3, "v_y1"))
+        for cell in ("1e-9999", "#WERT!")
+    ),
     ("v_y1,v_y2\n6,5\n" + "9" * 330 + ",5\n", ("not-finite", 2, 3, "v_y1")),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("text", "places"), [(text, list(places)) for text, *places in WRONG])
@@ -255,11 +348,16 @@ def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path):
 
 def test_what_excel_shows_for_missing_values_begins_no_comment(tmp_path):
     text = 'omega_2,v_y1\n#N/A,5\n3,6\n# a, "comment\n#NV,7\n-,8\nNaN,9\n'
-    np.testing.assert_array_equal(read(written(tmp_path, text))[0]["omega_2"], [np.nan, 3, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(
+        read(written(tmp_path, text))[0]["omega_2"],
+        [np.nan, 3, np.nan, np.nan, np.nan],
+    )
 
 
 def test_correlations_and_deviations_of_columns(tmp_path):
-    """A deviation without a unit has that of its column; correlations have one order and no unit."""
+    """A deviation without a unit has that of its column; correlations have one order and no
+    unit.
+    """
     text = 'v_1 [mph],v_1_sd,theta_1,v_2,"corr(V_2, v_1)"\n40,1,30,9,-0.5\n'
     found, _ = read(written(tmp_path, text))
     assert found["corr(v_1,v_2)"] == [-0.5]
@@ -268,9 +366,17 @@ def test_correlations_and_deviations_of_columns(tmp_path):
 
 def test_names_and_units_of_ones_own(tmp_path):
     plain = written(tmp_path, "Vin,angle_in,v_2,Belag\n38,20,42,clay\n", "plain.csv")
-    said = {"v_1": "vin [mph]", "theta_1": "angle_in [rad]", "v_2": "v_2 [km/h]", "surface": "Belag"}
+    said = {
+        "v_1": "vin [mph]",
+        "theta_1": "angle_in [rad]",
+        "v_2": "v_2 [km/h]",
+        "surface": "Belag",
+    }
     found, _ = read(plain, said)
-    np.testing.assert_allclose([found[name][0] for name in ("v_1", "theta_1", "v_2")], [38 * SI["mph"], 20, 42 / 3.6])
+    np.testing.assert_allclose(
+        [found[name][0] for name in ("v_1", "theta_1", "v_2")],
+        [38 * SI["mph"], 20, 42 / 3.6],
+    )
     assert found["surface"] == ["clay"]
     # They make a header of a line, and of its separator one.
     found = read(written(tmp_path, "a, b; c\nfoo;bar\n5;4\n"), {"v_y1": "foo", "v_y2": "bar"})[0]
@@ -284,16 +390,20 @@ def test_names_and_units_of_ones_own(tmp_path):
 
 OWN = "speed in (km/h);angle;spin rpm before;speed after (km/h);angle after;spin rpm after"
 GERMAN = (
-    "Geschwindigkeit vor [km/h];Winkel vor;Drall vor [rpm];Geschwindigkeit nach [km/h];Winkel nach;Drall nach [rpm]"
+    "Geschwindigkeit vor [km/h];Winkel vor;Drall vor [rpm];Geschwindigkeit nach "
+    "[km/h];Winkel nach;Drall nach [rpm]"
 )
 OURS = "v_1 [km/h];theta_1;omega_1 [rpm];v_2 [km/h];theta_2;omega_2 [rpm]"
 
 
 @pytest.mark.parametrize("header", [OWN, GERMAN])
 def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
-    """Without the spins it would be read with an incident spin of zero. `angle` beside `angle after` is the other."""
+    """Without the spins it would be read with an incident spin of zero. `angle` beside `angle
+    after` is the other.
+    """
     body = "\n61,2;20,5;-74;38;26;2750\n60,8;33,0;100;37;44;2930\n"
-    place, naming = written(tmp_path, header + body), Naming({})
+    place = written(tmp_path, header + body)
+    naming = Naming({})
     cells = read_cells(place, naming.worth)
     guesses = read_header(cells, naming).guesses
     assert [note.code for note in cells.notes].count("not-read") == 6
@@ -310,7 +420,12 @@ ENDS = {
 def test_a_guess_never_swaps_incidence_and_rebound(end):
     quantities = ("v", "theta", "omega", "speed", "angle", "spin", "vx", "v_y", "velocity")
     forms = ("{q}_{w}", "{w}_{q}", "{q}{t}", "{w} {q}", "{q}.{w}", "{t}{q}")
-    names = [f.format(q=q, w=w, t=w.title()) for q in quantities for w in ENDS[end].split() for f in forms]
+    names = [
+        f.format(q=q, w=w, t=w.title())
+        for q in quantities
+        for w in ENDS[end].split()
+        for f in forms
+    ]
     guesses = [guess_of(name) for name in names]
     assert all(item.endswith(end) for guess in guesses for item in guess)
     assert {end_of(name) for name in names} <= {None, end}
@@ -327,19 +442,30 @@ def test_a_name_beside_all_that_it_resembles_is_ones_own():
     assert read({name: [1.0] for name in [*ours, "theta_3"]})[0]["theta_3"] == ["1"]
     # Of the other end nothing is a slip.
     assert read({"omega_1": [1.0], "omega_1_sd": [1.0], "omga_1": [1.0]})[0]["omga_1"] == ["1"]
-    assert read({"id": ["a"], "No.": [1], "v_1_km_h": [36.0]})[0] == {"id": ["a"], "No.": ["1"], "v_1": [10.0]}
+    assert read({"id": ["a"], "No.": [1], "v_1_km_h": [36.0]})[0] == {
+        "id": ["a"],
+        "No.": ["1"],
+        "v_1": [10.0],
+    }
 
 
 def test_a_row_of_names_is_no_row_of_units(tmp_path):
     """Though `s` and `m` are, and a row of units may repeat what the header says."""
-    found, noted = read(written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n"))
+    found, noted = read(
+        written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n")
+    )
     assert found["id"] == ["s", "m"] and "units-row" not in noted
-    assert read(written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n"))[0] == {"v_1": [10.0], "theta_1": [1.0]}
+    assert read(written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n"))[0] == {
+        "v_1": [10.0],
+        "theta_1": [1.0],
+    }
 
 
 def test_a_quote_behind_a_separator_and_a_blank_is_a_quote(tmp_path):
     place = tmp_path / "balls.csv"
-    place.write_text('v_1, "theta_1", v_y2, "who, when"\n17, "20", 4.4, "a, b"\n18, 22, "5.1", "c"\n')
+    place.write_text(
+        'v_1, "theta_1", v_y2, "who, when"\n17, "20", 4.4, "a, b"\n18, 22, "5.1", "c"\n'
+    )
     table = load_table(place)
     assert table.values["theta_1"] == pytest.approx(np.radians([20.0, 22.0]))
     assert table.labels["who, when"] == ("a, b", "c")

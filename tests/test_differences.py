@@ -12,13 +12,16 @@ OPEN = np.full(3, np.inf)
 def curved(x):
     """Two outputs, (rows, 2, 2)."""
     a, b, c = x.T
-    return np.stack([[np.exp(a) * np.sin(b), a * b * c], [np.cosh(c) / (1.0 + b), np.hypot(a, c)]]).transpose(2, 0, 1)
+    return np.stack(
+        [[np.exp(a) * np.sin(b), a * b * c], [np.cosh(c) / (1.0 + b), np.hypot(a, c)]]
+    ).transpose(2, 0, 1)
 
 
 def derived(x):
     """Its derivatives by hand, (rows, 3, 2, 2)."""
     a, b, c = x.T
-    r, none = np.hypot(a, c), 0.0 * a
+    r = np.hypot(a, c)
+    none = 0.0 * a
     by = [
         [[np.exp(a) * np.sin(b), b * c], [none, a / r]],
         [[np.exp(a) * np.cos(b), a * c], [-np.cosh(c) / (1.0 + b) ** 2, none]],
@@ -40,7 +43,8 @@ def test_never_over_a_limit_and_one_sided_there():
         seen.append(x)
         return curved(x)
 
-    low, high = np.array([0.3, -1.0, -0.7]), np.array([1.1, 1.2, 0.2])
+    low = np.array([0.3, -1.0, -0.7])
+    high = np.array([1.1, 1.2, 0.2])
     _, slopes = central(watched, AT, STEP, low, high)
     assert np.all(seen[0] >= low) and np.all(seen[0] <= high) and len(seen) == 1
     # Error of a one-sided difference: step f''/2.
@@ -71,6 +75,12 @@ def test_where_neither_side_has_an_answer_it_is_zero():
     np.testing.assert_array_equal(slopes[:, 0], 0.0)
     np.testing.assert_allclose(slopes[:, 1:], derived(AT[:1])[:, 1:], rtol=1e-8, atol=1e-9)
     # An answer on one side, but none at the point itself.
-    beside, slopes = central(lambda x: np.where(x[:, 0] > 0.3, x[:, 0], np.nan), AT[:1], STEP, -OPEN, OPEN)
+    beside, slopes = central(
+        lambda x: np.where(x[:, 0] > 0.3, x[:, 0], np.nan),
+        AT[:1],
+        STEP,
+        -OPEN,
+        OPEN,
+    )
     assert np.isnan(beside).all() and beside.shape == (1,)
     np.testing.assert_array_equal(slopes, np.zeros((1, 3)))

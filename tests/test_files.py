@@ -17,7 +17,8 @@ from fitball.environment import cache_folder
 from fitball.errors import FolderError
 from fitball.files import csv_bytes, json_bytes, result_folder
 
-LOCK, WRITTEN = ".fitball.lock", ".fitball-files"
+LOCK = ".fitball.lock"
+WRITTEN = ".fitball-files"
 POSIX = pytest.mark.skipif(os.name != "posix", reason="links and signals of a POSIX system")
 
 
@@ -26,8 +27,15 @@ def names(folder):
 
 
 def run(code, *words, **more):
-    head = "import os, signal, sys\nfrom pathlib import Path\nfrom fitball.files import result_folder\n"
-    return subprocess.Popen([sys.executable, "-c", head + code, *map(str, words)], text=True, **more)
+    head = (
+        "import os, signal, sys\nfrom pathlib import Path\nfrom fitball.files import "
+        "result_folder\n"
+    )
+    return subprocess.Popen(
+        [sys.executable, "-c", head + code, *map(str, words)],
+        text=True,
+        **more,
+    )
 
 
 def refused(code, *words, **more):
@@ -39,7 +47,8 @@ def refused(code, *words, **more):
 HOLD = "with result_folder(Path(sys.argv[1])):\n    print(1, flush=True)\n    sys.stdin.read()"
 MANY = (
     "for k in range(20):\n"
-    "    with result_folder(Path(sys.argv[1]), overwrite=True, record='fit.json', wait=60) as folder:\n"
+    "    with result_folder(Path(sys.argv[1]), overwrite=True, record='fit.json', wait=60) as "
+    "folder:\n"
     "        folder.clear()\n"
     "        for name in (sys.argv[2], 'summary.csv', 'fit.json'):\n"
     "            folder.write(name, f'{sys.argv[2]} {k}'.encode())\n"
@@ -88,7 +97,8 @@ def test_an_older_result_is_kept_until_there_is_another(tmp_path):
         for name in ("corner.png", "fit.json"):
             folder.write(name, b"1")
     refused("older-result", tmp_path, record="fit.json")
-    # A run that adds to a result removes nothing, the folder of a table included; nor does one that fails.
+    # A run that adds to a result removes nothing, the folder of a table included; nor does one that
+    # fails.
     with result_folder(tmp_path) as folder:
         folder.clear()
         folder.write("trace.png", b"2")
@@ -132,7 +142,8 @@ def test_a_folder_that_cannot_be_or_was_made_for_nothing(tmp_path):
 
 @POSIX
 def test_links_that_others_planted_are_not_followed(tmp_path):
-    precious, place = tmp_path / "precious", tmp_path / "c"
+    precious = tmp_path / "precious"
+    place = tmp_path / "c"
     precious.write_text("kept")
     place.mkdir()
     (place / "fit.json").symlink_to(precious)
@@ -167,7 +178,11 @@ def test_csv_keeps_every_digit_and_no_formula():
     before = frame.copy()
     content = csv_bytes(frame)
     back = pd.read_csv(io.BytesIO(content), index_col="id")
-    assert back["x [m/s]"].equals(frame["x [m/s]"]) and back.columns[1] == "'=label" and frame.equals(before)
+    assert (
+        back["x [m/s]"].equals(frame["x [m/s]"])
+        and back.columns[1] == "'=label"
+        and frame.equals(before)
+    )
     assert list(back.iloc[:7, 1]) == ["'=1+1", "'@x", "-3.5e2", "'-x", "''=a", "a,b", "Sand\r\n"]
     assert csv_bytes(pd.DataFrame({"a": [1]})) == b"a\n1\n"
 

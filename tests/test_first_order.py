@@ -15,16 +15,23 @@ from fitball.inference.search.objective import Objective
 
 
 def by_scipy(problem, x):
-    """Covariance (free, free) in coordinates of a problem with normal or flat priors and known noise, by scipy's
-    derivatives of residuals written out.
+    """Covariance (free, free) in coordinates of a problem with normal or flat priors and known
+    noise, by scipy's derivatives of residuals written out.
     """
     sizes = np.array([NOISE[item.noise] for item in problem.observables])
 
     def residuals(u):
         # scipy's steps are for numbers of order one.
         q = x + problem.prior.width * u
-        rebound = problem.forward.rebound(problem.values(q[None]), problem.rows.states, problem.rows.index)
-        made = np.stack([rebound.column(item.column.name)[0] for item in problem.observables], axis=1)
+        rebound = problem.forward.rebound(
+            problem.values(q[None]),
+            problem.rows.states,
+            problem.rows.index,
+        )
+        made = np.stack(
+            [rebound.column(item.column.name)[0] for item in problem.observables],
+            axis=1,
+        )
         z = ((problem.rows.y - made) / sizes)[np.isfinite(problem.rows.y)]
         centre = np.array([item.prior.location for item in problem.prior.parameters])
         # Of a flat prior the sd.
@@ -44,13 +51,27 @@ def correlation(covariance):
 
 @pytest.mark.parametrize("timed", [False, True])
 def test_standard_errors_are_scipys(timed):
-    problem = problem_of(table_of(REBOUND, gaps=True, count=14), scene_of(time=timed), "two-mass", fix=NOISE)
+    problem = problem_of(
+        table_of(REBOUND, gaps=True, count=14),
+        scene_of(time=timed),
+        "two-mass",
+        fix=NOISE,
+    )
     x = best(problem)
     first = first_order(problem, at(problem, x))
     exact = by_scipy(problem, x)
     found = (first.root @ first.root.T) * np.outer(first.sds, first.sds)
-    np.testing.assert_allclose(found / np.sqrt(np.outer(*2 * [np.diag(exact)])), correlation(exact), atol=1e-6)
-    np.testing.assert_allclose(first.proposal.factor @ first.proposal.factor.T, found, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        found / np.sqrt(np.outer(*2 * [np.diag(exact)])),
+        correlation(exact),
+        atol=1e-6,
+    )
+    np.testing.assert_allclose(
+        first.proposal.factor @ first.proposal.factor.T,
+        found,
+        rtol=1e-6,
+        atol=1e-12,
+    )
     np.testing.assert_allclose(first.proposal.centre, x, rtol=1e-12)
 
 
@@ -68,12 +89,21 @@ def test_a_refit_is_what_the_linearisation_says():
     # Only part of it is left in its own column: the errors belong together.
     assert np.abs(direction[12:]).max() > 0.1 * np.abs(direction).max()
     again = best(moved, x)
-    np.testing.assert_allclose((again - x) / first.sds, first.moves(direction), rtol=0.05, atol=2e-3)
+    np.testing.assert_allclose(
+        (again - x) / first.sds,
+        first.moves(direction),
+        rtol=0.05,
+        atol=2e-3,
+    )
     sds = np.linalg.norm(first.root, axis=1) * first.sds
     np.testing.assert_allclose(first.shifts(direction), first.moves(direction) * first.sds / sds)
     assert np.abs(first.shifts(direction)).max() > 0.05
     left = cells(moved, again[None]).z[0].T.ravel() - before
-    np.testing.assert_allclose(first.after_refit(direction), left, atol=0.03 * np.abs(direction).max())
+    np.testing.assert_allclose(
+        first.after_refit(direction),
+        left,
+        atol=0.03 * np.abs(direction).max(),
+    )
     assert np.linalg.norm(left) < 0.95 * np.linalg.norm(direction)
 
 
@@ -87,14 +117,25 @@ def test_residuals_are_column_after_column_of_what_was_measured():
 
 
 def test_the_score_of_students_t_has_the_same_algebra():
-    problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip", noise="student-t", fix=NOISE)
+    problem = problem_of(
+        table_of(REBOUND, count=12),
+        None,
+        "grip-slip",
+        noise="student-t",
+        fix=NOISE,
+    )
     q = near(problem, 1)
     point = at(problem, q[0])
     first = first_order(problem, point)
     gradient, curvature = Objective(problem, penalised=False).linearised(q)
     fitted = [problem.free.index(name) for name in first.names]
     measured = first.slopes[: first.residual.size]
-    np.testing.assert_allclose(measured.T @ first.residual, -gradient[0, fitted] * first.sds, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        measured.T @ first.residual,
+        -gradient[0, fitted] * first.sds,
+        rtol=1e-6,
+        atol=1e-9,
+    )
     own = curvature[0][np.ix_(fitted, fitted)] * np.outer(first.sds, first.sds)
     np.testing.assert_allclose(measured.T @ measured, own, rtol=1e-6, atol=1e-6)
     assert "degrees_of_freedom" not in first.names
@@ -103,11 +144,19 @@ def test_the_score_of_students_t_has_the_same_algebra():
 def test_freedom_of_a_straight_line_is_two_less():
     speed = np.linspace(4.0, 16.0, 9)
     table = table_of(REBOUND, count=9)
-    values = {"v_x1": np.zeros(9), "v_y1": speed, "omega_1": np.zeros(9), "v_y2": (0.8 - 0.01 * speed) * speed}
+    values = {
+        "v_x1": np.zeros(9),
+        "v_y1": speed,
+        "omega_1": np.zeros(9),
+        "v_y2": (0.8 - 0.01 * speed) * speed,
+    }
     table = replace(table, values=values)
     wide = {"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"}
     problem = problem_of(table, None, "grip-slip", prior=wide, fix={"v_y_sd": 0.05})
-    first = first_order(problem, at(problem, problem.coordinates({"cor_10": 0.7, "cor_slope": -0.01})))
+    first = first_order(
+        problem,
+        at(problem, problem.coordinates({"cor_10": 0.7, "cor_slope": -0.01})),
+    )
     assert first.freedom == {"v_y_sd": pytest.approx(7.0, abs=0.01)}
     assert (first.basis**2).sum() == pytest.approx(2.0, abs=0.01)
 
@@ -126,7 +175,12 @@ def test_stiffnesses_are_traded_unless_a_time_was_measured():
 
 
 def test_levels_that_agree_have_the_prior_of_a_search():
-    problem = problem_of(table_of(REBOUND, labels=("surface",), count=16), None, "grip-slip", fix=NOISE)
+    problem = problem_of(
+        table_of(REBOUND, labels=("surface",), count=16),
+        None,
+        "grip-slip",
+        fix=NOISE,
+    )
     x = near(problem, 1, 0.0)[0]
     for level in problem.forward.levels:
         one, other = (problem.free.index(level.name(label)) for label in level.labels)
@@ -155,7 +209,8 @@ def test_a_scatter_that_vanishes_has_room():
     known = (2.0 / np.sum(stated**-4.0)) ** 0.25
     found = np.sqrt((proposal(problem, x).factor[k] ** 2).sum())
     assert 0.3 * known < found < 1.5 * known
-    # Where the column is withheld its half-t prior alone says how far: scale 0.25, four degrees of freedom.
+    # Where the column is withheld its half-t prior alone says how far: scale 0.25, four degrees of
+    # freedom.
     alone = proposal(problem.only(("v_y2", "omega_2")), x).factor[k]
     assert np.sqrt((alone**2).sum()) == pytest.approx(0.25 / np.sqrt(1.25), rel=1e-3)
 
@@ -170,7 +225,12 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     first = first_order(problem, point)
     assert len(first.residual) == 300 and first.share == 0.25
     assert {*np.unique(first.rows)} == {*np.linspace(0, 399, 100).round()}
-    np.testing.assert_allclose(first.root @ first.root.T, exact.root @ exact.root.T, rtol=1e-8, atol=1e-14)
+    np.testing.assert_allclose(
+        first.root @ first.root.T,
+        exact.root @ exact.root.T,
+        rtol=1e-8,
+        atol=1e-14,
+    )
     shape = np.full(400, 0.1)
     small, whole = (one.shifts(one.direction("v_x2", shape)) for one in (first, exact))
     np.testing.assert_allclose(small, whole, atol=0.1 * np.abs(whole).max())
@@ -180,7 +240,8 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
 
 
 def test_the_factor_of_an_inverse_holds_where_one_direction_is_known_far_better():
-    rng, sizes = np.random.default_rng(1), np.geomspace(1.0, 1e12, 11)
+    rng = np.random.default_rng(1)
+    sizes = np.geomspace(1.0, 1e12, 11)
     for _ in range(10):
         turn = np.linalg.qr(rng.normal(size=(11, 11)))[0]
         factor = factor_of_inverse(turn * sizes @ turn.T)

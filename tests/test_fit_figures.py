@@ -22,11 +22,26 @@ SLIDING = {"regimes", "regime_map"}
 CASES = {
     "few": ({"frame": table_of(3), "sampled": False}, (BOTH - {"forest"}) | SLIDING),
     "drop": ({"frame": table_of(12, drop=True)}, BOTH | {"corner", "trace"}),
-    "many": ({"frame": table_of(60, ("clay", "grass", "hard", "carpet", "wood")), "model": "two-mass",
-              "answer": "describes except"}, BOTH | SLIDING | {"corner", "trace"}),
-    "texts": ({"frame": table_of(24, (f"{LONG} 1", HOSTILE), [f"{LONG}{HOSTILE} {k}" for k in range(24)]),
-               "name": HOSTILE}, BOTH | SLIDING | {"corner", "trace"}),
-}  # fmt: skip
+    "many": (
+        {
+            "frame": table_of(60, ("clay", "grass", "hard", "carpet", "wood")),
+            "model": "two-mass",
+            "answer": "describes except",
+        },
+        BOTH | SLIDING | {"corner", "trace"},
+    ),
+    "texts": (
+        {
+            "frame": table_of(
+                24,
+                (f"{LONG} 1", HOSTILE),
+                [f"{LONG}{HOSTILE} {k}" for k in range(24)],
+            ),
+            "name": HOSTILE,
+        },
+        BOTH | SLIDING | {"corner", "trace"},
+    ),
+}
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +74,23 @@ def test_every_figure_is_drawn_of_every_table(case):
 
 def test_dots_of_curves_are_residuals_added_to_their_line(pooled):
     axes = figure("curves", pooled).axes
-    frame, lines = pooled.predictions, pooled.curves
+    frame = pooled.predictions
+    lines = pooled.curves
     for axis, column in zip(axes, dict.fromkeys(frame["column"]), strict=True):
         for k, look in shared.looks(lines).items():
             own = frame[(frame["column"] == column) & (frame["series"] == k)]
             line = lines[(lines["column"] == column) & (lines["series"] == k)]
             at = np.degrees(own["theta_1"])
-            expected = np.interp(at, np.degrees(line["along"]), line["median"]) + own["observed"] - own["median"]
-            np.testing.assert_allclose(dots(axis, look.marker), np.column_stack([at, expected]), rtol=1e-12)
+            expected = (
+                np.interp(at, np.degrees(line["along"]), line["median"])
+                + own["observed"]
+                - own["median"]
+            )
+            np.testing.assert_allclose(
+                dots(axis, look.marker),
+                np.column_stack([at, expected]),
+                rtol=1e-12,
+            )
 
 
 def test_dots_and_bars_of_predictions_are_those_of_the_frame(fit):
@@ -74,11 +98,14 @@ def test_dots_and_bars_of_predictions_are_those_of_the_frame(fit):
     for axis, (_, mine) in zip(axes, fit.predictions.groupby("column", sort=False), strict=True):
         drawn = np.concatenate([dots(axis, marker) for marker in "os"])
         np.testing.assert_array_equal(
-            np.sort(drawn, axis=0), np.sort(mine[["median", "observed"]].to_numpy(), axis=0)
+            np.sort(drawn, axis=0),
+            np.sort(mine[["median", "observed"]].to_numpy(), axis=0),
         )
         bars = np.array([segment[:, 1] for segment in axis.collections[0].get_segments()])
         np.testing.assert_array_equal(bars, mine[["new_q025", "new_q975"]])
-        inside = ((mine["observed"] >= mine["new_q025"]) & (mine["observed"] <= mine["new_q975"])).sum()
+        inside = (
+            (mine["observed"] >= mine["new_q025"]) & (mine["observed"] <= mine["new_q975"])
+        ).sum()
         assert axis.texts[0].get_text().startswith(f"{inside} of 24")
 
 
@@ -90,9 +117,12 @@ def trends(made):
 def test_trends_are_drawn_only_where_a_test_found_something():
     bent = {answer: made_fit(answer=answer) for answer in ("describes", "describes except")}
     for one in bent.values():
-        frame, place = one.predictions, one.predictions["theta_1"]
+        frame = one.predictions
+        place = one.predictions["theta_1"]
         frame["z"] = np.where(
-            frame["column"] == "v_x2", 3.0 * (place - place.mean()) + 0.1 * np.cos(frame["row"] * 5), 0.0
+            frame["column"] == "v_x2",
+            3.0 * (place - place.mean()) + 0.1 * np.cos(frame["row"] * 5),
+            0.0,
         )
     assert trends(bent["describes"]) == 0 and trends(bent["describes except"]) >= 1
     # One of twelve panels of noise in a hundred.
@@ -106,7 +136,8 @@ def test_a_trend_agrees_with_the_f_test():
     rng = np.random.default_rng(4)
     agreed = 0
     for k in range(200):
-        x, z = rng.standard_normal(12), rng.standard_normal(12)
+        x = rng.standard_normal(12)
+        z = rng.standard_normal(12)
         z += 1.5 * x * (k % 2)
         left = ((z - np.polyval(np.polyfit(x, z, 2), x)) ** 2).sum()
         whole = ((z - z.mean()) ** 2).sum()
@@ -139,7 +170,8 @@ def test_many_rows_are_drawn_as_bins(fit):
 def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
     one = made_fit(model="two-mass", fix={"k_theta": 20.0}, prior={"k_y": "lognormal(2e4, 0.3)"})
     one.draws.values["k_y"][:] = 2e4 * np.exp(np.random.default_rng(6).standard_normal(400))
-    drawn, names = figure("corner", one), parameters.cornered(one)
+    drawn = figure("corner", one)
+    names = parameters.cornered(one)
     assert "k_theta" not in names and "k_y" in names
     # Panels are on and below the diagonal.
     grid = np.full((len(names), len(names)), None)
@@ -149,10 +181,16 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
             # An axis of logarithms.
             continue
         unit = one.quantity(name).spec.handy
-        ends = one.summary.loc[name, ["q025", "q975"]].to_numpy(float) * (unit.factor if unit else 1.0)
+        ends = one.summary.loc[name, ["q025", "q975"]].to_numpy(float) * (
+            unit.factor if unit else 1.0
+        )
         np.testing.assert_allclose(grid[-1, k].get_xticks(), ends, rtol=1e-12)
     # All of the narrow prior lies within the axis, whose unit and logarithm change the density.
-    curve = next(line for line in grid[names.index("k_y")][names.index("k_y")].lines if line.get_color() == PRIOR)
+    curve = next(
+        line
+        for line in grid[names.index("k_y")][names.index("k_y")].lines
+        if line.get_color() == PRIOR
+    )
     x, y = curve.get_xydata().T
     dense = np.linspace(x[0], x[-1], 20_001)
     assert np.trapezoid(np.interp(dense, x, y), dense) == pytest.approx(1.0, abs=0.01)
@@ -164,8 +202,11 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
 
 
 def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
-    axis = next(a for a in figure("forest", fit).axes if a.get_title(loc="left") == symbol(fit, "mu"))
-    own, moved = fit.summary.loc["mu"], fit.variants.query("quantity == 'mu' and choice == 'offset=grip'").iloc[0]
+    axis = next(
+        a for a in figure("forest", fit).axes if a.get_title(loc="left") == symbol(fit, "mu")
+    )
+    own = fit.summary.loc["mu"]
+    moved = fit.variants.query("quantity == 'mu' and choice == 'offset=grip'").iloc[0]
     marks = {line.get_xdata()[0]: line for line in axis.lines if len(line.get_xdata()) == 1}
     assert to_rgba(marks[own["median"]].get_color()) == to_rgba(MODEL)
     assert to_rgba(marks[moved["median"]].get_color()) == to_rgba(MOVED)
@@ -181,12 +222,16 @@ def test_profiles_mark_their_intervals(fit):
         unit = fit.quantity(name).spec.handy
         factor = unit.factor if unit else 1.0
         curve, bar, posterior = axis.lines
-        np.testing.assert_allclose(curve.get_xydata(), np.column_stack([factor * profile.values, -profile.drop]))
+        np.testing.assert_allclose(
+            curve.get_xydata(),
+            np.column_stack([factor * profile.values, -profile.drop]),
+        )
         low, high = profile.interval_95
         expected = [profile.values[0] if low is None else low, high]
         np.testing.assert_allclose(bar.get_xdata(), factor * np.array(expected))
         np.testing.assert_allclose(
-            posterior.get_xdata(), factor * fit.summary.loc[name, ["q025", "q975"]].astype(float)
+            posterior.get_xdata(),
+            factor * fit.summary.loc[name, ["q025", "q975"]].astype(float),
         )
 
 
@@ -202,9 +247,15 @@ def test_bars_of_regimes_are_shares_of_draws():
         ends[place] += bar.get_width()
     np.testing.assert_allclose(ends, 1.0)
     names = [text.get_text().split("  ")[0] for text in axis.get_yticklabels()]
-    sizes = {container.get_label(): [bar.get_width() for bar in container] for container in axis.containers}
+    sizes = {
+        container.get_label(): [bar.get_width() for bar in container]
+        for container in axis.containers
+    }
     states = fit.problem.rows.states
-    draws = {spec.name: fit.draws.values[spec.name][:200] for spec in fit.problem.forward.model.parameters}
+    draws = {
+        spec.name: fit.draws.values[spec.name][:200]
+        for spec in fit.problem.forward.model.parameters
+    }
     told = fit.problem.forward.model.rebound(draws, states).regime
     for place, name in enumerate(names):
         for regime, widths in sizes.items():
@@ -216,12 +267,16 @@ def test_bars_of_regimes_are_shares_of_draws():
 def test_the_regime_map_is_what_the_model_says(fit):
     drawn = figure("regime_map", fit)
     axis = drawn.axes[0]
-    image, patches = axis.images[0], drawn.legends[0].get_patches()
+    image = axis.images[0]
+    patches = drawn.legends[0].get_patches()
     names = [text.get_text() for text in drawn.legends[0].get_texts()][: len(patches)]
     west, east, south, north = image.get_extent()
     assert axis.get_xlim() == (west, east) and axis.get_ylim() == (south, north)
-    array, speed = image.get_array(), np.median(fit.problem.rows.states.polar()[0])
-    values = {spec.name: fit.draws.point[spec.name] for spec in fit.problem.forward.model.parameters}
+    array = image.get_array()
+    speed = np.median(fit.problem.rows.states.polar()[0])
+    values = {
+        spec.name: fit.draws.point[spec.name] for spec in fit.problem.forward.model.parameters
+    }
     seen = set()
     for row in range(0, array.shape[0], 9):
         for column in range(0, array.shape[1], 7):

@@ -1,4 +1,6 @@
-"""The page of a fit: its numbers are those of the frames, every row is there, no text of a table is obeyed."""
+"""The page of a fit: its numbers are those of the frames, every row is there, no text of a table is
+obeyed.
+"""
 
 import re
 
@@ -45,11 +47,16 @@ def ends_of(text):
 
 
 def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
-    summary, rows = fit.summary, fit_tables.main_table(fit, 30).rows
+    summary = fit.summary
+    rows = fit_tables.main_table(fit, 30).rows
     assert [row["parameter"] for row in rows] == [*summary.index[summary["kind"].isin(MAIN)]]
     for row in rows:
-        known, unit = summary.loc[row["parameter"]], unit_of(fit, row["parameter"])
-        assert near(row["median"], known["median"] * unit.factor) and row["verdict"] == known["verdict"]
+        known = summary.loc[row["parameter"]]
+        unit = unit_of(fit, row["parameter"])
+        assert (
+            near(row["median"], known["median"] * unit.factor)
+            and row["verdict"] == known["verdict"]
+        )
         low, high = ends_of(row["95 %"])
         assert near(low, known["q025"] * unit.factor) and near(high, known["q975"] * unit.factor)
         assert row["verdict"].hint == known["reason"] and row["unit"] == unit.name
@@ -57,28 +64,45 @@ def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
 
 def test_what_moves_a_value_has_its_own_column(fit):
     rests = {row["parameter"]: row["rests on"] for row in fit_tables.main_table(fit, 30).rows}
-    assert rests["mu"] == "offset=contact (2.6 sd) and 1 more" and rests["mu"].hint == "offset=contact; ball_radius"
-    assert rests["e_x"] == "" and fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
+    assert (
+        rests["mu"] == "offset=contact (2.6 sd) and 1 more"
+        and rests["mu"].hint == "offset=contact; ball_radius"
+    )
+    assert (
+        rests["e_x"] == "" and fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
+    )
 
 
 def test_every_quantity_choice_and_impact_appears(fit):
     full = {row["parameter"]: row for row in fit_tables.full_table(fit).rows}
     assert [*full] == [*fit.summary.index]
     for name, row in full.items():
-        known, unit = fit.summary.loc[name], unit_of(fit, name)
+        known = fit.summary.loc[name]
+        unit = unit_of(fit, name)
         assert near(row["best fit"], known["point"] * unit.factor)
         for text, end in zip(ends_of(row["68 %"]), ("q16", "q84"), strict=True):
             assert near(text, known[end] * unit.factor)
         assert row["verdict"].hint == known["reason"] and row["prior (SI)"] == known["prior"]
     whys = [full[name]["why"] for name in ("mu", "e_x", "offset")]
     assert whys == ["if offset=contact, ball_radius", "", "reason of offset"]
-    assert [re.findall("`(.*?)`", words)[0] for words in fit_words.rests(fit)] == ["offset=contact", "ball_radius"]
+    assert [re.findall("`(.*?)`", words)[0] for words in fit_words.rests(fit)] == [
+        "offset=contact",
+        "ball_radius",
+    ]
     choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
     assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]
-    assert choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.6"
-    assert (choices["noise=student-t"]["fits"], choices["noise=student-t"]["score"]) == ("worse", "-9.0 ± 1.0")
-    assert choices["spin=shell"]["not fitted"] == "no answer" and "fits" not in choices["spin=shell"]
-    impacts, frame = fit_tables.impact_table(fit).rows, fit.predictions
+    assert (
+        choices["offset=grip"]["moves most"] == "mu" and choices["offset=grip"]["by [sd]"] == "2.6"
+    )
+    assert (choices["noise=student-t"]["fits"], choices["noise=student-t"]["score"]) == (
+        "worse",
+        "-9.0 ± 1.0",
+    )
+    assert (
+        choices["spin=shell"]["not fitted"] == "no answer" and "fits" not in choices["spin=shell"]
+    )
+    impacts = fit_tables.impact_table(fit).rows
+    frame = fit.predictions
     assert len(impacts) == len(fit.run.table) == 24
     for one in frame.to_dict("records"):
         unit = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s"}[one["column"]]
@@ -91,7 +115,11 @@ def test_every_quantity_choice_and_impact_appears(fit):
 def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
     warned = made_fit(table_of(60, SURFACES), model="two-mass")
     complaints = tuple(f"complaint {k} " + 12 * "of chains " for k in range(9))
-    object.__setattr__(warned, "diagnostics", replace(warned.diagnostics, converged=False, complaints=complaints))
+    object.__setattr__(
+        warned,
+        "diagnostics",
+        replace(warned.diagnostics, converged=False, complaints=complaints),
+    )
     for one in (fit, pooled, warned):
         lines = to_text(fit_page.report(one), full=False).split("\n")
         assert len(lines) <= 40 and max(map(len, lines)) <= 100
@@ -103,7 +131,10 @@ def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
 def test_differences_between_levels_are_those_of_draws(pooled):
     shown = {row["parameter"]: row for row in fit_tables.difference_table(pooled).rows}
     for name, row in shown.items():
-        apart = pooled.draws.values[f"{name}[{row['highest']}]"] - pooled.draws.values[f"{name}[{row['lowest']}]"]
+        apart = (
+            pooled.draws.values[f"{name}[{row['highest']}]"]
+            - pooled.draws.values[f"{name}[{row['lowest']}]"]
+        )
         value, interval = row["difference, 95 %"].split(" ", 1)
         assert near(value, np.median(apart))
         for text, share in zip(ends_of(interval), (0.025, 0.975), strict=True):
@@ -114,16 +145,26 @@ def test_differences_between_levels_are_those_of_draws(pooled):
 
 def test_a_point_fit_has_best_values_and_profiles(point):
     rows = {row["parameter"]: row for row in fit_tables.main_table(point, 30).rows}
-    assert near(rows["mu"]["best fit"], point.summary.loc["mu", "point"]) and "median" not in rows["mu"]
+    assert (
+        near(rows["mu"]["best fit"], point.summary.loc["mu", "point"])
+        and "median" not in rows["mu"]
+    )
     low, high = ends_of(rows["cor_10"]["profile, 95 %"])
     assert low == "..." and near(high, point.summary.loc["cor_10", "profile_high"])
     text = to_text(fit_page.report(point))
     assert not re.search(r"\bnan\b|\binf\b|None\b(?! of)", text) and "R-hat" not in text
     assert "probability" not in "".join(lab.lines(point))
     # An open profile is not the same as none.
-    for low, high, text in ((-np.inf, np.inf, "open"), (np.nan, np.nan, ""), (0.05, 13500.0, "[0.050, 13500]")):
+    for low, high, text in (
+        (-np.inf, np.inf, "open"),
+        (np.nan, np.nan, ""),
+        (0.05, 13500.0, "[0.050, 13500]"),
+    ):
         row = {"median": np.nan, "point": 20.7, "profile_low": low, "profile_high": high}
-        assert fit_words.value_texts(row, unit_of(point, "mu")) == ("20.70" if low < 0.0 or not text else "21", text)
+        assert fit_words.value_texts(row, unit_of(point, "mu")) == (
+            "20.70" if low < 0.0 or not text else "21",
+            text,
+        )
 
 
 def test_shares_that_are_not_all_are_never_all(fit):
@@ -140,16 +181,29 @@ def test_shares_that_are_not_all_are_never_all(fit):
 def test_methods_have_every_value_with_its_unit(fit, point):
     text = fit_words.methods(fit)
     for name in fit.summary.index[fit.summary["kind"] == "model"]:
-        row, unit = fit.summary.loc[name], unit_of(fit, name)
+        row = fit.summary.loc[name]
+        unit = unit_of(fit, name)
         assert f"{name} = {unit.with_interval(row['median'], row['q025'], row['q975'])}" in text
     assert "24 impacts" in text and "2 independent ensembles of 8 walkers and 25 steps" in text
-    assert "ensemble" not in fit_words.methods(point) and "assumptions" not in fit_words.methods(point)
-    assert "assumptions: normal=total" in fit_words.methods(made_fit(model="two-mass+normal=total", sampled=False))
+    assert "ensemble" not in fit_words.methods(point) and "assumptions" not in fit_words.methods(
+        point
+    )
+    assert "assumptions: normal=total" in fit_words.methods(
+        made_fit(model="two-mass+normal=total", sampled=False)
+    )
 
 
 def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     shares = dict.fromkeys(itf.PACE_CATEGORIES, 0.0) | {"slow": 0.67, "medium-slow": 0.33}
-    paced = {"surface": "", "place": "", "impacts": 9, "rating": 28.4, "q025": 25.0, "q975": 32.0, **shares}
+    paced = {
+        "surface": "",
+        "place": "",
+        "impacts": 9,
+        "rating": 28.4,
+        "q025": 25.0,
+        "q975": 32.0,
+        **shares,
+    }
     place = {**paced, "place": "net", "rating": 27.1}
     monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame([paced, place]))
     lines = lab.lines(fit)
@@ -158,10 +212,25 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     assert lab.section(fit).title == "Court pace"
     rows = lab.section(fit).blocks[0].rows
     assert [(row["place"], row["impacts"]) for row in rows] == [("", "9"), ("net", "9"), ("", "")]
-    assert near(rows[0]["rating, 95 %"], 28.4) and rows[0]["category"] == "slow 67 %, medium-slow 33 %"
-    drop = {"surface": "", "label": "", "drops": 6, "speed": 7.06, "cor": 0.745, "cor_q025": 0.741, "cor_q975": 0.749,
-            "rebound": 1.41, "rebound_q025": 1.39, "rebound_q975": 1.43, "passes": 1.0,
-            "ratio": 0.9, "ratio_q025": 0.88, "ratio_q975": 0.92}  # fmt: skip
+    assert (
+        near(rows[0]["rating, 95 %"], 28.4) and rows[0]["category"] == "slow 67 %, medium-slow 33 %"
+    )
+    drop = {
+        "surface": "",
+        "label": "",
+        "drops": 6,
+        "speed": 7.06,
+        "cor": 0.745,
+        "cor_q025": 0.741,
+        "cor_q975": 0.749,
+        "rebound": 1.41,
+        "rebound_q025": 1.39,
+        "rebound_q975": 1.43,
+        "passes": 1.0,
+        "ratio": 0.9,
+        "ratio_q025": 0.88,
+        "ratio_q975": 0.92,
+    }
     kinds = pd.DataFrame([{**drop, "kind": kind} for kind in ("speed", "ball", "mean", "another")])
     monkeypatch.undo()
     monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
@@ -181,8 +250,16 @@ def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
     assert usual == {"curves", "corner", "forest", "residuals", "predictive"}
     fit.save(tmp_path / "all", figures="all")
     assert {place.stem for place in (tmp_path / "all").glob("*.png")} == usual | {
-        "profiles", "trace", "regimes", "regime_map"}  # fmt: skip
-    assert (tmp_path / "usual" / "references.bib").read_text(encoding="utf-8").startswith("@misc{fitball,")
+        "profiles",
+        "trace",
+        "regimes",
+        "regime_map",
+    }
+    assert (
+        (tmp_path / "usual" / "references.bib")
+        .read_text(encoding="utf-8")
+        .startswith("@misc{fitball,")
+    )
 
 
 def keys_of(text):
@@ -191,10 +268,19 @@ def keys_of(text):
 
 def test_works_are_those_of_model_sampler_and_data(fit, point):
     sampled = keys_of(cite.references(fit))
-    used = {"fitball", "walton1993", "newville2014", "foremanmackey2013", "margossian2024", "vehtari2017"}
+    used = {
+        "fitball",
+        "walton1993",
+        "newville2014",
+        "foremanmackey2013",
+        "margossian2024",
+        "vehtari2017",
+    }
     assert used < {*sampled}
     assert len(sampled) == len({*sampled}) and "jafri2004" not in sampled and "data" not in sampled
-    assert not {"foremanmackey2013", "vehtari2021", "cornuet2012"} & {*keys_of(cite.references(point))}
+    assert not {"foremanmackey2013", "vehtari2021", "cornuet2012"} & {
+        *keys_of(cite.references(point))
+    }
     wang = Scene(source={"citation": "J. C. Wang (1989) as printed by S. M. Jafri, 2004"})
     named = keys_of(cite.references(made_fit(scene=wang)))
     assert named.count("jafri2004") == 1 and "data" not in named

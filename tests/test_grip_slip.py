@@ -1,4 +1,6 @@
-"""Grip-slip against the balances it is made of, and what books say of a rigid ball that slides or rolls."""
+"""Grip-slip against the balances it is made of, and what books say of a rigid ball that slides or
+rolls.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,11 @@ from fitball.values import Ball
 BALL = Ball()
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2
 RNG = np.random.default_rng(4)
-STATES = fitball.impacts(RNG.uniform(-30, 30, 300), RNG.uniform(3, 25, 300), RNG.uniform(-500, 500, 300))
+STATES = fitball.impacts(
+    RNG.uniform(-30, 30, 300),
+    RNG.uniform(3, 25, 300),
+    RNG.uniform(-500, 500, 300),
+)
 VALUES = {"mu": 0.45, "e_x": 0.15, "offset": 0.004, "cor_10": 0.75, "cor_slope": 0.0}
 
 
@@ -18,8 +24,8 @@ def slip(v_x, omega, radius=BALL.radius):
 
 
 def balanced(v_x1, v_y1, omega_1, mu, e_x, offset, cor):
-    """Momentum, spin and tangential restitution as three linear equations (Walton 1993; Cross 2002), unless they take
-    more friction than there is.
+    """Momentum, spin and tangential restitution as three linear equations (Walton 1993; Cross
+    2002), unless they take more friction than there is.
     """
     normal = BALL.mass * (1.0 + cor) * v_y1
     # Unknowns: v_x2, omega_2, friction impulse (it retards).
@@ -28,21 +34,34 @@ def balanced(v_x1, v_y1, omega_1, mu, e_x, offset, cor):
     v_x2, omega_2, friction = np.linalg.solve(equations, given)
     if abs(friction) > mu * normal:
         friction = np.copysign(mu * normal, friction)
-        v_x2, omega_2 = v_x1 - friction / BALL.mass, omega_1 + (BALL.radius * friction - offset * normal) / INERTIA
+        v_x2 = v_x1 - friction / BALL.mass
+        omega_2 = omega_1 + (BALL.radius * friction - offset * normal) / INERTIA
         return v_x2, omega_2, "slide" if friction > 0.0 else "slide back"
     return v_x2, omega_2, "grip"
 
 
-@pytest.mark.parametrize(("text", "changes"), [
-    ("grip-slip", {}), ("grip-slip", {"e_x": 1.0, "offset": -0.01, "cor_10": 1.0}), ("brody", {}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        ("grip-slip", {}),
+        ("grip-slip", {"e_x": 1.0, "offset": -0.01, "cor_10": 1.0}),
+        ("brody", {}),
+    ],
+)
 def test_it_solves_its_balances(text, changes):
     values = {**VALUES, **changes} | ({"e_x": 0.0, "offset": 0.0} if text == "brody" else {})
-    model, regimes = fitball.model(text), set()
+    model = fitball.model(text)
+    regimes = set()
     found = model.rebound({spec.name: values[spec.name] for spec in model.parameters}, STATES)
     for k in range(len(STATES)):
         state = STATES.v_x1[k], STATES.v_y1[k], STATES.omega_1[k]
-        v_x2, omega_2, regime = balanced(*state, values["mu"], values["e_x"], values["offset"], values["cor_10"])
+        v_x2, omega_2, regime = balanced(
+            *state,
+            values["mu"],
+            values["e_x"],
+            values["offset"],
+            values["cor_10"],
+        )
         assert found.v_x2[k] == pytest.approx(v_x2, rel=1e-12, abs=1e-12)
         assert found.omega_2[k] == pytest.approx(omega_2, rel=1e-12, abs=1e-10)
         assert fitball.regime_name(found.regime[k]) == regime

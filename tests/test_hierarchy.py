@@ -8,7 +8,16 @@ from scipy.stats import t as student
 from support.made_fit import made_fit, table_of
 
 from fitball.priors import ParameterSpec, parse_prior
-from fitball.uses.hierarchy import EACH, Group, drawn_group, group_of, hierarchy, is_log, measured, spread_prior
+from fitball.uses.hierarchy import (
+    EACH,
+    Group,
+    drawn_group,
+    group_of,
+    hierarchy,
+    is_log,
+    measured,
+    spread_prior,
+)
 
 # Eight schools (Rubin 1981, J. Educ. Stat. 6, 377): effects of coaching and their standard errors.
 EFFECTS = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])
@@ -20,7 +29,9 @@ def half_t(scale):
 
 
 def test_centre_spread_and_groups_are_those_of_an_integral():
-    """Given tau the centre is normal (Gelman et al., Bayesian Data Analysis, sect. 5.4); the rest is one integral."""
+    """Given tau the centre is normal (Gelman et al., Bayesian Data Analysis, sect. 5.4); the rest
+    is one integral.
+    """
 
     def given(tau):
         weight = 1.0 / (tau**2 + ERRORS**2)
@@ -30,15 +41,24 @@ def test_centre_spread_and_groups_are_those_of_an_integral():
     def density(tau):
         weight, mean, variance = given(tau)
         square = weight @ (EFFECTS - mean) ** 2
-        return student.pdf(tau / 10.0, 4) * np.sqrt(variance * np.prod(weight)) * np.exp(-0.5 * square)
+        return (
+            student.pdf(tau / 10.0, 4) * np.sqrt(variance * np.prod(weight)) * np.exp(-0.5 * square)
+        )
 
     def mean_of(function):
-        return quad(lambda tau: density(tau) * function(tau), 0.0, 400.0, limit=300)[0] / quad(density, 0.0, 400.0)[0]
+        return (
+            quad(lambda tau: density(tau) * function(tau), 0.0, 400.0, limit=300)[0]
+            / quad(density, 0.0, 400.0)[0]
+        )
 
-    found = hierarchy([measured(*one) for one in zip(EFFECTS, ERRORS, strict=True)], half_t(10.0),
-                      np.random.default_rng(1))  # fmt: skip
+    found = hierarchy(
+        [measured(*one) for one in zip(EFFECTS, ERRORS, strict=True)],
+        half_t(10.0),
+        np.random.default_rng(1),
+    )
     tau, tau_2 = mean_of(lambda tau: tau), mean_of(lambda tau: tau**2)
-    centre, centre_2 = mean_of(lambda tau: given(tau)[1]), mean_of(lambda tau: given(tau)[2] + given(tau)[1] ** 2)
+    centre = mean_of(lambda tau: given(tau)[1])
+    centre_2 = mean_of(lambda tau: given(tau)[2] + given(tau)[1] ** 2)
     # Of 4,000 draws a mean errs by 0.016 sd, an sd by at most 0.05 of itself where tails are heavy.
     assert found.spread.mean() == pytest.approx(tau, abs=0.07 * np.sqrt(tau_2 - tau**2))
     assert found.spread.std() == pytest.approx(np.sqrt(tau_2 - tau**2), rel=0.12)
@@ -66,15 +86,22 @@ def test_spreads_far_from_the_errors_are_found(spread, errors):
 
 def test_an_interim_prior_is_divided_out():
     """A normal posterior under a normal prior, over that prior, is the measurement again."""
-    rng, values, error = np.random.default_rng(3), np.array([0.52, 0.6, 0.66, 0.71, 0.55, 0.63]), 0.03
-    prior, sd = norm(0.45, 0.06), np.sqrt(1.0 / (1.0 / error**2 + 1.0 / 0.06**2))
-    groups, left = [], []
+    rng = np.random.default_rng(3)
+    values = np.array([0.52, 0.6, 0.66, 0.71, 0.55, 0.63])
+    error = 0.03
+    prior = norm(0.45, 0.06)
+    sd = np.sqrt(1.0 / (1.0 / error**2 + 1.0 / 0.06**2))
+    groups = []
+    left = []
     for value in values:
         mean = sd**2 * (value / error**2 + 0.45 / 0.06**2)
         drawn = rng.permutation(mean + sd * norm.ppf((np.arange(4000) + 0.5) / 4000))
         groups.append(drawn_group(drawn, prior.logpdf))
         # Places with their width have the variance of the draws, one in ten of which count.
-        assert np.hypot(groups[-1].places.std(), groups[-1].width) == pytest.approx(drawn[::10].std(), rel=1e-9)
+        assert np.hypot(groups[-1].places.std(), groups[-1].width) == pytest.approx(
+            drawn[::10].std(),
+            rel=1e-9,
+        )
         left.append(groups[-1]._replace(interim=np.zeros_like(groups[-1].interim)))
     exact = hierarchy([measured(value, error) for value in values], half_t(0.2), rng)
     divided, control = (hierarchy(one, half_t(0.2), rng) for one in (groups, left))
@@ -86,17 +113,24 @@ def test_an_interim_prior_is_divided_out():
 
 
 def test_intervals_hold_their_truth_and_with_the_priors_left_in_they_do_not():
-    """Skewed posteriors of eight tables under a prior beside the population. `scripts/validation` has 200."""
-    rng, count, missed = np.random.default_rng(4), 30, np.zeros((2, 3), int)
+    """Skewed posteriors of eight tables under a prior beside the population. `scripts/validation`
+    has 200.
+    """
+    rng = np.random.default_rng(4)
+    count = 30
+    missed = np.zeros((2, 3), int)
     prior = norm(0.35, 0.09)
     for _ in range(count):
-        groups, spread = [], 0.05
+        groups = []
+        spread = 0.05
         for truth in 0.62 + spread * rng.standard_normal(8):
             sd = rng.uniform(0.02, 0.06)
             error = (rng.gamma(6.0, size=4001) - 6.0) / np.sqrt(6.0)
             drawn = truth - sd * error[0] + sd * error[1:]
             weight = prior.pdf(drawn)
-            groups.append(drawn_group(rng.choice(drawn, 400, p=weight / weight.sum()), prior.logpdf))
+            groups.append(
+                drawn_group(rng.choice(drawn, 400, p=weight / weight.sum()), prior.logpdf)
+            )
         left = [Group(one.places, one.width, np.zeros(len(one.places))) for one in groups]
         for k, asked in enumerate((groups, left)):
             found = hierarchy(asked, half_t(0.1), rng)
@@ -113,7 +147,9 @@ def test_intervals_hold_their_truth_and_with_the_priors_left_in_they_do_not():
 def test_groups_of_a_fit_have_the_density_of_their_prior():
     fit = made_fit(table_of(24, ("clay", "hard")), prior={"e_x": "uniform(-1, 1)"})
     specs = {one.name: fit.quantity(one.name).spec for one in fit.reported}
-    determined = [one.name for one in fit.reported if one.verdict in ("identified", "given", "conditional")]
+    determined = [
+        one.name for one in fit.reported if one.verdict in ("identified", "given", "conditional")
+    ]
     for one in fit.reported:
         assert (group_of(fit, one.name) is not None) == (one.name in determined), one.name
     assert group_of(fit, "no_such") is None and group_of(made_fit(sampled=False), "mu") is None
@@ -123,7 +159,8 @@ def test_groups_of_a_fit_have_the_density_of_their_prior():
         ("mu", True, lambda x: norm(0.6, 0.3).logpdf(np.exp(x)) + x),
         ("e_x", False, lognorm(0.5, scale=0.2).logpdf),
     ):
-        found, wanted = group_of(plain, name), plain.draws.values[name]
+        found = group_of(plain, name)
+        wanted = plain.draws.values[name]
         places = np.log(wanted) if log else wanted
         assert found.places.mean() == pytest.approx(places.mean(), abs=0.2 * places.std())
         assert np.hypot(found.places.std(), found.width) == pytest.approx(places.std(), rel=0.2)

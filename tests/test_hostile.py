@@ -1,7 +1,8 @@
-"""Files that would take all memory, or for ever, are refused with words inside 1 GB; those that only look so are not.
+"""Files that would take all memory, or for ever, are refused with words inside 1 GB; those that
+only look so are not.
 
-All run in one process, of which the peak is measured; it is ended where a search grows faster than its text (10^10
-steps and more, which no machine does in the time that is given).
+All run in one process, of which the peak is measured; it is ended where a search grows faster than
+its text (10^10 steps and more, which no machine does in the time that is given).
 """
 
 import io
@@ -39,8 +40,8 @@ def read(source):
         return [error.code, error.faults[0].line]
 
 found = {Path(place).name: read(place) for place in sys.argv[1:]}
-pieces = ["horiz", "1", "of", "v_", " ", "a ", "/", "v /", "[", "(", "1+-", "1,", "1,11111", "1e", ",111", "-1", "s^",
-          "θ", "aB", "1 ", "\\t", "1..", "±", "m s ", "_", "1.", "corr("]
+pieces = ["horiz", "1", "of", "v_", " ", "a ", "/", "v /", "[", "(", "1+-", "1,", "1,11111", "1e"]
+pieces += [",111", "-1", "s^", "θ", "aB", "1 ", "\\t", "1..", "±", "m s ", "_", "1.", "corr("]
 for piece in pieces:
     text = piece * (100_000 // len(piece)) + "!"
     read({"v_1": [text + "\\n\\nx"]})
@@ -52,10 +53,13 @@ print(json.dumps([found, int(peak.split()[1]) / 1e6]))
 """
 HEAD = b"v_y1,v_y2\n"
 GOOD = "".join(
-    f'<row r="{k}"><c r="A{k}" t="inlineStr"><is><t>{cell}</t></is></c></row>' for k, cell in ((1, "v_y1"), (2, 5))
+    f'<row r="{k}"><c r="A{k}" t="inlineStr"><is><t>{cell}</t></is></c></row>'
+    for k, cell in ((1, "v_y1"), (2, 5))
 )
-FIRST, LONE = row(cell("v_y1")), "<table:table-cell{}/>"
-COLUMNS, ROWS = ' table:number-columns-repeated="16384"', ' table:number-rows-repeated="1048571"'
+FIRST = row(cell("v_y1"))
+LONE = "<table:table-cell{}/>"
+COLUMNS = ' table:number-columns-repeated="16384"'
+ROWS = ' table:number-rows-repeated="1048571"'
 # First and last row, first and last column.
 REACH = np.array([0, 10**6, 0, 16_000], "<u4").tobytes()
 LARGE = ["too-large", None]
@@ -91,19 +95,34 @@ CASES = {
     "open.csv": (lambda: HEAD + b'5,4\n"' + b"6,5\n" * 10_000_000, ["quotes", 3]),
     "zeros.csv": (lambda: b"\0" * 30_000_000, ["encoding", 1]),
     "blanks.csv": (lambda: HEAD + b" " * 900_000 + b"\n5,4\n6,5\n", ["read", 2]),
-    "far.xlsx": (lambda: xlsx(GOOD + '<row r="9"><c r="XFD1048576" t="str"><v> </v></c></row>'), LARGE),
-    "second.xlsx": (lambda: xlsx(GOOD + '<row><c foo="&gt;" r="AZ1048576"><f>1</f></c></row>'), LARGE),
-    "formats.xlsx": (lambda: xlsx(GOOD + '<row r="9"><c r="XFD1048576" s="1"/></row>'), ["read", 1]),
+    "far.xlsx": (
+        lambda: xlsx(GOOD + '<row r="9"><c r="XFD1048576" t="str"><v> </v></c></row>'),
+        LARGE,
+    ),
+    "second.xlsx": (
+        lambda: xlsx(GOOD + '<row><c foo="&gt;" r="AZ1048576"><f>1</f></c></row>'),
+        LARGE,
+    ),
+    "formats.xlsx": (
+        lambda: xlsx(GOOD + '<row r="9"><c r="XFD1048576" s="1"/></row>'),
+        ["read", 1],
+    ),
     "near.xlsx": (lambda: xlsx(GOOD + '<row r="900"><c r="A900"><v>1</v></c></row>'), ["read", 2]),
-    "bomb.xlsx": (lambda: xlsx(f'<row><c t="inlineStr"><is><t>{"x" * 70_000_000}</t></is></c></row>'), LARGE),
-    "liar.xlsx": (lambda: lying(xlsx(f'<row><c t="str"><v>{"x" * 70_000_000}</v></c></row>')), LARGE),
+    "bomb.xlsx": (
+        lambda: xlsx(f'<row><c t="inlineStr"><is><t>{"x" * 70_000_000}</t></is></c></row>'),
+        LARGE,
+    ),
+    "liar.xlsx": (
+        lambda: lying(xlsx(f'<row><c t="str"><v>{"x" * 70_000_000}</v></c></row>')),
+        LARGE,
+    ),
     "reach.xlsb": (lambda: packed({"xl/worksheets/sheet1.bin": b"\x94\x01\x10" + REACH}), LARGE),
     "columns.ods": (lambda: ods(FIRST + row(cell("v_y1", COLUMNS))), LARGE),
     "rows.ods": (lambda: ods(FIRST + row(cell("v_y1"), ROWS)), LARGE),
     "empty.ods": (lambda: ods(FIRST + row(LONE.format(COLUMNS), ROWS)), ["read", 0]),
     "rows.parquet": (lambda: parquet(pyarrow.table({"v_y1": np.full(2_000_001, 5.0)})), LARGE),
     "text.parquet": (lambda: parquet(repeated_text()), LARGE),
-}  # fmt: skip
+}
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the peak is read from Linux")
@@ -113,7 +132,14 @@ def test_what_would_take_all_memory_is_refused_inside_one_gigabyte(tmp_path):
     with (tmp_path / "size.csv").open("wb") as file:
         file.truncate(250_000_001)
     command = [sys.executable, "-c", PROGRAM, *map(str, sorted(tmp_path.iterdir()))]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     found, peak = json.loads(done.stdout)
     assert found == {name: said for name, (_, said) in CASES.items()} | {"size.csv": LARGE}
@@ -122,10 +148,17 @@ def test_what_would_take_all_memory_is_refused_inside_one_gigabyte(tmp_path):
 
 def test_cells_are_counted_as_they_are_read(tmp_path, monkeypatch):
     """With limits a thousandth of what they are."""
-    text, book = tmp_path / "t.csv", tmp_path / "t.xlsx"
+    text = tmp_path / "t.csv"
+    book = tmp_path / "t.xlsx"
     text.write_bytes(HEAD + b"5,4\n" * 20_000)
     book.write_bytes(xlsx(GOOD + "<row><c><v>1</v></c></row>" * 10_000))
-    for place, name in ((text, "CELLS"), (text, "ROWS"), (text, "BYTES"), (book, "_TAGS"), (book, "_UNPACKED")):
+    for place, name in (
+        (text, "CELLS"),
+        (text, "ROWS"),
+        (text, "BYTES"),
+        (book, "_TAGS"),
+        (book, "_UNPACKED"),
+    ):
         with monkeypatch.context() as patch:
             assert len(read_cells(place, lambda name: float(name == "v_y1")).rows) >= 10_000
             patch.setattr(records, name, 10_000)

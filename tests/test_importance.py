@@ -1,12 +1,23 @@
-"""Weighted draws: a mixture with known moments, a proposal that is no good, Pareto smoothing, Student's t."""
+"""Weighted draws: a mixture with known moments, a proposal that is no good, Pareto smoothing,
+Student's t.
+"""
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from fitball.inference.sampling.importance import RELIABLE, Student, effective, fitted, importance, parted, smoothed
+from fitball.inference.sampling.importance import (
+    RELIABLE,
+    Student,
+    effective,
+    fitted,
+    importance,
+    parted,
+    smoothed,
+)
 
-NEAR, FAR = np.array([0.0, 1.0]), np.array([4.0, -2.0])
+NEAR = np.array([0.0, 1.0])
+FAR = np.array([4.0, -2.0])
 SPREAD = np.array([[1.0, 0.6], [0.6, 0.5]])
 
 
@@ -30,7 +41,11 @@ def test_moments_of_a_mixture():
     covariance = second - np.outer(mean, mean)
     # Four standard errors of 4,000 effective draws.
     np.testing.assert_allclose(weights @ x, mean, atol=4.0 * np.sqrt(covariance.max() / 4000.0))
-    np.testing.assert_allclose((x * weights[:, None]).T @ x - np.outer(mean, mean), covariance, rtol=0.1)
+    np.testing.assert_allclose(
+        (x * weights[:, None]).T @ x - np.outer(mean, mean),
+        covariance,
+        rtol=0.1,
+    )
     assert weights[x[:, 0] > 2.0].sum() == pytest.approx(0.7 + 0.3 * stats.norm.sf(2.0), abs=0.03)
 
 
@@ -38,7 +53,12 @@ def test_bounds_cost_draws_and_nothing_else():
     def half(x):
         return np.where(np.all(x > 0.0, axis=1), -0.5 * np.sum(x**2, axis=1), -np.inf)
 
-    x, log_weights, k = importance(half, [Student(np.zeros(3), np.eye(3))], np.random.default_rng(2), 2000.0)
+    x, log_weights, k = importance(
+        half,
+        [Student(np.zeros(3), np.eye(3))],
+        np.random.default_rng(2),
+        2000.0,
+    )
     assert np.all(x > 0.0) and k < RELIABLE
     np.testing.assert_allclose(np.exp(log_weights) @ x, np.full(3, np.sqrt(2.0 / np.pi)), atol=0.06)
 
@@ -59,16 +79,28 @@ def test_parts_follow_a_bent_distribution():
     x = rng.standard_normal((8000, 2)) * [1.0, 0.2]
     x[:, 1] += x[:, 0] ** 2
     x, (shares, parts) = 1e3 * x, zip(*parted(1e3 * x, rng), strict=True)
-    truth = stats.norm.logpdf(x[:, 0], scale=1e3) + stats.norm.logpdf(x[:, 1], x[:, 0] ** 2 / 1e3, 200.0)
-    one, each = fitted(x).log_density(x), np.array([np.exp(part.log_density(x)) for part in parts])
+    truth = stats.norm.logpdf(x[:, 0], scale=1e3) + stats.norm.logpdf(
+        x[:, 1],
+        x[:, 0] ** 2 / 1e3,
+        200.0,
+    )
+    one = fitted(x).log_density(x)
+    each = np.array([np.exp(part.log_density(x)) for part in parts])
     many = np.log(np.array(shares) @ each)
-    assert sum(shares) == pytest.approx(1.0) and 0.0 < np.mean(truth - many) < 0.3 * np.mean(truth - one)
+    assert sum(shares) == pytest.approx(1.0) and 0.0 < np.mean(truth - many) < 0.3 * np.mean(
+        truth - one
+    )
     assert parted(x[:3] * [1.0, 0.0], rng) == []
 
 
 def test_a_density_that_no_proposal_meets():
     proposal = [Student(np.zeros(2), np.eye(2))]
-    x, log_weights, k = importance(lambda x: np.full(len(x), -np.inf), proposal, np.random.default_rng(4), 1000.0)
+    x, log_weights, k = importance(
+        lambda x: np.full(len(x), -np.inf),
+        proposal,
+        np.random.default_rng(4),
+        1000.0,
+    )
     assert not len(x) and not len(log_weights) and k == np.inf
 
 
@@ -98,7 +130,8 @@ def test_a_student_distribution():
     taught = fitted(x)
     np.testing.assert_allclose(taught.centre, NEAR, atol=0.05)
     np.testing.assert_allclose(taught.factor @ taught.factor.T, 1.1 * SPREAD * 6.0 / 4.0, rtol=0.08)
-    # Weights that rest on one draw are flattened until there are enough; draws on a line span nothing.
+    # Weights that rest on one draw are flattened until there are enough; draws on a line span
+    # nothing.
     alone = np.where(np.arange(len(x)) == 0, 0.0, -50.0 - np.arange(len(x)) * 1e-3)
     assert fitted(x, alone) is not None
     assert fitted(np.column_stack([x[:, 0], 2.0 * x[:, 0]])) is None

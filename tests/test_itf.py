@@ -7,10 +7,17 @@ from fitball import itf
 
 
 def test_the_rating_has_the_values_of_the_guide():
-    """CS 01/02: e = 0.81 and mu = 0.60 make 40; ten kelvins colder take 0.03 of restitution, 4.5 points."""
-    mu, e = np.array([0.60, 0.60, 0.55]), np.array([0.81, 0.78, 0.81])
+    """CS 01/02: e = 0.81 and mu = 0.60 make 40; ten kelvins colder take 0.03 of restitution, 4.5
+    points.
+    """
+    mu = np.array([0.60, 0.60, 0.55])
+    e = np.array([0.81, 0.78, 0.81])
     np.testing.assert_allclose(itf.pace_rating(mu, e, None), [40.0, 44.5, 45.0], rtol=1e-13)
-    np.testing.assert_allclose(itf.pace_rating(mu, e, 23.0), itf.pace_rating(mu, e, None), rtol=1e-15)
+    np.testing.assert_allclose(
+        itf.pace_rating(mu, e, 23.0),
+        itf.pace_rating(mu, e, None),
+        rtol=1e-15,
+    )
     np.testing.assert_allclose(itf.pace_rating(mu, e, 13.0), [35.5, 40.0, 40.5], rtol=1e-13)
 
 
@@ -30,9 +37,17 @@ def test_a_fall_keeps_its_energy():
 def test_types_of_balls_are_those_of_the_rules():
     """Rules of Tennis, Appendix I, in cm."""
     printed = {
-        "type-1": (138, 151), "type-2": (135, 147), "type-3": (135, 147), "high-altitude": (122, 135),
-        "stage-1": (120, 135), "stage-2": (105, 120), "stage-3": (90, 105), "stage-3-foam": (85, 105),
-    }  # fmt: skip
-    assert {name: tuple(round(100.0 * end, 6) for end in ends) for name, ends in itf.BALL_TYPES.items()} == printed
+        "type-1": (138, 151),
+        "type-2": (135, 147),
+        "type-3": (135, 147),
+        "high-altitude": (122, 135),
+        "stage-1": (120, 135),
+        "stage-2": (105, 120),
+        "stage-3": (90, 105),
+        "stage-3-foam": (85, 105),
+    }
+    assert {
+        name: tuple(round(100.0 * end, 6) for end in ends) for name, ends in itf.BALL_TYPES.items()
+    } == printed
     # 56.0 to 59.4 g, 6.54 to 6.86 cm.
     assert itf.TOLERANCES == {"ball_mass": (0.056, 0.0594), "ball_radius": (0.0654 / 2, 0.0686 / 2)}

@@ -1,4 +1,6 @@
-"""Bounds of the sixth derivative, on which it rests that no event of a contact is missed, against 40 digits."""
+"""Bounds of the sixth derivative, on which it rests that no event of a contact is missed, against
+40 digits.
+"""
 
 import mpmath
 import numba
@@ -12,7 +14,8 @@ from fitball.models.kernels.motion import sixth_bounds, spring_of, swing_at
 def bound(decay, damped_squared, c, s, span, begin):  # type: ignore[no-untyped-def]
     """What is promised from `begin` to `span`; parts of kernels have no way in from Python."""
     spring = spring_of(decay, damped_squared, decay * decay + damped_squared)
-    (slow, fast), swing = sixth_bounds(spring, c, s, span), swing_at(spring, begin)
+    slow, fast = sixth_bounds(spring, c, s, span)
+    swing = swing_at(spring, begin)
     return slow * swing.slow + fast * swing.fast
 
 
@@ -20,28 +23,37 @@ RNG = np.random.default_rng(7)
 
 
 def sixth(decay: float, damped_squared: float, c: float, s: float, t: float) -> float:
-    """|d^6/dt^6 (c C + s S)|, with C = e^(-at) cos(wt) and S = e^(-at) sin(wt)/w of either sign of w^2."""
+    """|d^6/dt^6 (c C + s S)|, with C = e^(-at) cos(wt) and S = e^(-at) sin(wt)/w of either sign of
+    w^2.
+    """
     with mpmath.workdps(40):
         a, square, c, s = (mpmath.mpf(value) for value in (decay, damped_squared, c, s))
         for _ in range(6):
             c, s = s - a * c, -square * c - a * s
-        w, left = mpmath.sqrt(square), mpmath.exp(-a * t)
+        w = mpmath.sqrt(square)
+        left = mpmath.exp(-a * t)
         return float(abs(c * left * mpmath.cos(w * t) + s * left * mpmath.sin(w * t) / w))
 
 
 @pytest.mark.parametrize(
-    ("least", "most"), [(1.5, 400.0), (-1.0, 1.0), (-400.0, -1.5)], ids=["swings", "critical", "overdamped"]
+    ("least", "most"),
+    [(1.5, 400.0), (-1.0, 1.0), (-400.0, -1.5)],
+    ids=["swings", "critical", "overdamped"],
 )
 def test_the_sixth_derivative_stays_within_its_bound(least: float, most: float) -> None:
     closest = 0.0
     for turn in RNG.uniform(least, most, 15):
         # Of an overdamped swing the decay is above the rate at which its poles part.
-        span, decay = 4e-3, np.sqrt(max(-turn, 0.0)) / 4e-3 * RNG.uniform(1.0, 1.2) + RNG.uniform(0.0, 300.0)
+        span = 4e-3
+        decay = np.sqrt(max(-turn, 0.0)) / 4e-3 * RNG.uniform(1.0, 1.2) + RNG.uniform(0.0, 300.0)
         damped_squared = turn / span**2
-        c, s = RNG.normal(), RNG.normal() * max(abs(damped_squared), 1.0 / span**2) ** 0.5
+        c = RNG.normal()
+        s = RNG.normal() * max(abs(damped_squared), 1.0 / span**2) ** 0.5
         for begin in np.linspace(0.0, 0.9 * span, 3):
             promised = bound(decay, damped_squared, c, s, span, begin)
-            highest = max(sixth(decay, damped_squared, c, s, t) for t in np.linspace(begin, span, 20))
+            highest = max(
+                sixth(decay, damped_squared, c, s, t) for t in np.linspace(begin, span, 20)
+            )
             assert highest <= promised * (1.0 + 1e-9)
             closest = max(closest, highest / promised)
     # A bound far too large would only cost time, but then this test would see nothing.

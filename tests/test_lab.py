@@ -1,4 +1,6 @@
-"""What laboratories rate as measured: against the ITF's formulas, Student's t and least squares by scipy."""
+"""What laboratories rate as measured: against the ITF's formulas, Student's t and least squares by
+scipy.
+"""
 
 import numpy as np
 import pandas as pd
@@ -24,10 +26,12 @@ FALL = np.sqrt(2.0 * 9.80665 * 2.54)
 def paced(ratings, friction=0.6, speed=30.0, angle=16.0, spin=0.0, polar=False, **labels):
     """Impacts of the court pace test with these ratings, all of one friction."""
     angle = np.radians(np.broadcast_to(angle, np.shape(ratings)))
-    v_x1, v_y1 = speed * np.cos(angle), speed * np.sin(angle)
+    v_x1 = speed * np.cos(angle)
+    v_y1 = speed * np.sin(angle)
     # CS 01/02 for the restitution.
     cor = 0.81 - (np.asarray(ratings) - 100.0 * (1.0 - friction)) / 150.0
-    v_x2, v_y2 = v_x1 - friction * v_y1 * (1.0 + cor), cor * v_y1
+    v_x2 = v_x1 - friction * v_y1 * (1.0 + cor)
+    v_y2 = cor * v_y1
     after = {"v_x2": v_x2, "v_y2": v_y2}
     if polar:
         after = {"v_2": np.hypot(v_x2, v_y2), "theta_2": np.arctan2(v_y2, v_x2)}
@@ -37,7 +41,10 @@ def paced(ratings, friction=0.6, speed=30.0, angle=16.0, spin=0.0, polar=False, 
 def dropped(heights, fall=2.54, **labels):
     """Drops from a height [m], by speeds."""
     speeds = np.sqrt(2.0 * 9.80665 * np.broadcast_to(fall, np.shape(heights)))
-    return made({"v_y1": speeds, "v_y2": np.sqrt(2.0 * 9.80665 * np.asarray(heights))}, labels=labels)
+    return made(
+        {"v_y1": speeds, "v_y2": np.sqrt(2.0 * 9.80665 * np.asarray(heights))},
+        labels=labels,
+    )
 
 
 def row(frame, **wanted):
@@ -62,8 +69,10 @@ def test_a_court_has_the_rating_and_interval_of_its_impacts(polar):
 
 
 def test_only_impacts_within_tolerances_of_a_tennis_ball_count():
-    ratings, far = np.full(8, 37.0) + np.arange(8) % 3, np.arange(8)
-    speed, angle = np.where(far == 0, 32.1, 31.9), np.where(far == 1, 13.9, 14.1)
+    ratings = np.full(8, 37.0) + np.arange(8) % 3
+    far = np.arange(8)
+    speed = np.where(far == 0, 32.1, 31.9)
+    angle = np.where(far == 1, 13.9, 14.1)
     spin = np.where(far == 2, 6.1 * np.pi, -5.9 * np.pi)
     table = paced(ratings, speed=speed, angle=angle, spin=spin)
     table.values["v_x2"][3] = np.nan
@@ -78,9 +87,15 @@ def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_oth
     surfaces = ("hard",) * 9 + ("clay",) * 2
     table = paced(ratings, surface=surfaces, location=tuple("AAABBBCCCDD"))
     found = measured_pace(table, Scene())
-    assert found["surface"].tolist() == ["hard"] * 4 and found["place"].tolist() == ["", "A", "B", "C"]
+    assert found["surface"].tolist() == ["hard"] * 4 and found["place"].tolist() == [
+        "",
+        "A",
+        "B",
+        "C",
+    ]
     assert found["impacts"].tolist() == [9, 3, 3, 3]
-    # Between places 4 points, within 0.5: each is as measured, the court no better known than by three places.
+    # Between places 4 points, within 0.5: each is as measured, the court no better known than by
+    # three places.
     assert found["rating"].tolist() == pytest.approx([40.53, 44.43, 40.5, 36.63], abs=0.5)
     width = found["q975"] - found["q025"]
     assert 5.0 < width[0] < np.ptp(t.interval(0.95, 2, 0.0, 3.9 / np.sqrt(3)))
@@ -99,11 +114,17 @@ def test_a_drop_test_of_one_ball_is_students():
     found = drop_test(dropped(heights), Scene())
     assert found["kind"].tolist() == ["mean"]
     one = found.iloc[0]
-    assert (one["cor"], one["speed"], one["drops"]) == pytest.approx((cor.mean(), FALL, 4), rel=1e-9)
+    assert (one["cor"], one["speed"], one["drops"]) == pytest.approx(
+        (cor.mean(), FALL, 4),
+        rel=1e-9,
+    )
     wanted = t.interval(0.95, 3, cor.mean(), cor.std(ddof=1) / 2.0)
     assert (one["cor_q025"], one["cor_q975"]) == pytest.approx(wanted, abs=1e-5)
     assert one["rebound"] == pytest.approx(2.54 * cor.mean() ** 2, rel=1e-12)
-    assert (one["rebound_q025"], one["rebound_q975"]) == pytest.approx(2.54 * np.square(wanted), abs=1e-4)
+    assert (one["rebound_q025"], one["rebound_q975"]) == pytest.approx(
+        2.54 * np.square(wanted),
+        abs=1e-4,
+    )
     assert one["passes"] > 0.99
     few = drop_test(dropped(heights), Scene(ball=BallSection(type="stage-1"))).iloc[0]
     assert few["passes"] < 0.01
@@ -114,13 +135,42 @@ def test_a_drop_test_of_one_ball_is_students():
 
 
 def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
-    """Six balls dropped three times; intervals of the second edition's mixed model, with the noise as a parameter."""
-    heights = np.array([140.9, 140.2, 140.8, 142.3, 143.1, 141.4, 140.1, 140.1, 140.5, 141.1, 141.2, 142.4, 140.8,
-                        142.0, 141.4, 140.6, 139.5, 138.3]) / 100.0  # fmt: skip
+    """Six balls dropped three times; intervals of the second edition's mixed model, with the noise
+    as a parameter.
+    """
+    heights = (
+        np.array(
+            [
+                140.9,
+                140.2,
+                140.8,
+                142.3,
+                143.1,
+                141.4,
+                140.1,
+                140.1,
+                140.5,
+                141.1,
+                141.2,
+                142.4,
+                140.8,
+                142.0,
+                141.4,
+                140.6,
+                139.5,
+                138.3,
+            ]
+        )
+        / 100.0
+    )
     balls_of = tuple("AAABBBCCCDDDEEEFFF")
     found = drop_test(dropped(heights, ball=balls_of), Scene())
-    mean, another = row(found, kind="mean"), row(found, kind="another")
-    assert (mean["cor"], mean["cor_q025"], mean["cor_q975"]) == pytest.approx((0.74486, 0.7419, 0.74795), abs=4e-4)
+    mean = row(found, kind="mean")
+    another = row(found, kind="another")
+    assert (mean["cor"], mean["cor_q025"], mean["cor_q975"]) == pytest.approx(
+        (0.74486, 0.7419, 0.74795),
+        abs=4e-4,
+    )
     assert another["passes"] == pytest.approx(0.998, abs=0.004)
     wide = [one["cor_q975"] - one["cor_q025"] for one in (mean, another)]
     assert wide[1] > 2.0 * wide[0]
@@ -129,7 +179,11 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     own = np.sqrt(heights / 2.54).reshape(6, 3).mean(axis=1)
     pulled = (balls["cor"] - 0.74486).to_numpy() / (own - 0.74486)
     assert np.all((pulled[[1, 5]] > 0.5) & (pulled[[1, 5]] < 1.0))
-    alike = drop_test(dropped(heights, ball=balls_of), Scene(), {"cor_10_spread": "half-normal(1e-4)"})
+    alike = drop_test(
+        dropped(heights, ball=balls_of),
+        Scene(),
+        {"cor_10_spread": "half-normal(1e-4)"},
+    )
     assert np.ptp(alike[alike["kind"] == "ball"]["cor"]) < 0.1 * np.ptp(own)
 
 
@@ -138,14 +192,20 @@ def test_balls_dropped_once_are_students_and_another_lies_among_them():
     found = drop_test(dropped(2.54 * cor**2, ball=tuple("ABCDE")), Scene())
     assert found["kind"].tolist() == ["mean", "another"]
     for kind, error in (("mean", np.sqrt(0.2)), ("another", np.sqrt(1.2))):
-        one, wanted = row(found, kind=kind), t.interval(0.95, 4, cor.mean(), error * cor.std(ddof=1))
+        one = row(found, kind=kind)
+        wanted = t.interval(0.95, 4, cor.mean(), error * cor.std(ddof=1))
         assert (one["cor_q025"], one["cor_q975"]) == pytest.approx(wanted, abs=5e-5), kind
 
 
 def test_the_error_of_a_slope_is_one_for_all_groups():
-    rng, group, spread = np.random.default_rng(6), np.repeat(np.arange(4), 6), parse_prior(SPREAD)
-    x, values = np.tile(np.linspace(-1.0, 1.0, 6), 4), 0.1 * rng.standard_normal(24)
-    near, far = (means(values, group, spread, np.random.default_rng(1), x + away) for away in (0.0, 20.0))
+    rng = np.random.default_rng(6)
+    group = np.repeat(np.arange(4), 6)
+    spread = parse_prior(SPREAD)
+    x = np.tile(np.linspace(-1.0, 1.0, 6), 4)
+    values = 0.1 * rng.standard_normal(24)
+    near, far = (
+        means(values, group, spread, np.random.default_rng(1), x + away) for away in (0.0, 20.0)
+    )
     slopes = np.linalg.lstsq(np.column_stack([np.eye(4)[group], x]), values, rcond=None)
     error = np.sqrt(slopes[1][0] / (24 - 5) / np.sum(x**2))
     # Seen from far away the level is as sure as the slope.
@@ -160,33 +220,50 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     speeds = np.sqrt(2.0 * 9.80665 * fall)
     cor = 0.82 - 0.011 * speeds + 0.003 * rng.standard_normal(12)
     table = made({"v_y1": speeds, "v_y2": cor * speeds})
-    found, line = drop_test(table, Scene()), linregress(speeds, cor)
+    found = drop_test(table, Scene())
+    line = linregress(speeds, cor)
     mean = row(found, kind="mean")
     assert mean["cor"] == pytest.approx(line.intercept + line.slope * FALL, rel=1e-9)
     rest = np.sqrt(np.sum((cor - line.intercept - line.slope * speeds) ** 2) / 10)
-    error = rest * np.sqrt(1 / 12 + (FALL - speeds.mean()) ** 2 / np.sum((speeds - speeds.mean()) ** 2))
-    assert mean["cor_q975"] - mean["cor_q025"] == pytest.approx(2 * t.ppf(0.975, 10) * error, rel=0.003)
+    error = rest * np.sqrt(
+        1 / 12 + (FALL - speeds.mean()) ** 2 / np.sum((speeds - speeds.mean()) ** 2)
+    )
+    assert mean["cor_q975"] - mean["cor_q025"] == pytest.approx(
+        2 * t.ppf(0.975, 10) * error,
+        rel=0.003,
+    )
     own = found[found["kind"] == "speed"]
     assert own["speed"].to_numpy() == pytest.approx(speeds[::3]) and (own["drops"] == 3).all()
     assert own["cor"].to_numpy() == pytest.approx(cor.reshape(4, 3).mean(axis=1))
-    balls = drop_test(made({"v_y1": speeds, "v_y2": (cor + 0.01 * (np.arange(12) % 3)) * speeds},
-                           labels={"ball": tuple("ABC" * 4)}), Scene())  # fmt: skip
+    balls = drop_test(
+        made(
+            {"v_y1": speeds, "v_y2": (cor + 0.01 * (np.arange(12) % 3)) * speeds},
+            labels={"ball": tuple("ABC" * 4)},
+        ),
+        Scene(),
+    )
     assert row(balls, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
     assert np.diff(balls[balls["kind"] == "ball"]["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
     low = drop_test(dropped([0.57, 0.58, 0.575], fall=1.0), Scene()).iloc[0]
-    assert low["speed"] == pytest.approx(np.sqrt(2 * 9.80665)) and np.isnan([low["rebound"], low["passes"]]).all()
+    assert (
+        low["speed"] == pytest.approx(np.sqrt(2 * 9.80665))
+        and np.isnan([low["rebound"], low["passes"]]).all()
+    )
 
 
 def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     heights = np.array([1.40, 1.41, 1.405, 1.20, 1.22, 1.21])
     surfaces = ("Smooth concrete",) * 3 + ("clay",) * 3
     found = drop_test(dropped(heights, surface=surfaces), Scene())
-    base, clay = row(found, surface="Smooth concrete"), row(found, surface="clay")
+    base = row(found, surface="Smooth concrete")
+    clay = row(found, surface="clay")
     cor = np.sqrt(heights / 2.54)
     assert base["passes"] > 0.99 and np.isnan(clay["passes"]) and np.isnan(base["ratio"])
     assert clay["ratio"] == pytest.approx(cor[3:].mean() / cor[:3].mean(), rel=1e-9)
     assert clay["ratio_q025"] < clay["ratio"] < clay["ratio_q975"] < 1.0
-    assert np.isnan(drop_test(dropped(heights, surface=("hard",) * 3 + ("clay",) * 3), Scene())["ratio"]).all()
+    assert np.isnan(
+        drop_test(dropped(heights, surface=("hard",) * 3 + ("clay",) * 3), Scene())["ratio"]
+    ).all()
     # On clay alone no ball passes or fails.
     alone = drop_test(dropped(heights[:3], surface=("clay",) * 3), Scene())
     assert np.isnan(alone["passes"][0]) and alone["surface"][0] == ""
@@ -194,20 +271,34 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     # At another speed a ratio would be of speeds.
     fall = np.repeat([2.54, 1.0], 3)
     other = drop_test(dropped(heights * fall / 2.54, fall=fall, surface=surfaces), Scene())
-    assert np.isnan(other["ratio"]).all() and other["cor"].tolist() == pytest.approx([cor[:3].mean(), cor[3:].mean()])
+    assert np.isnan(other["ratio"]).all() and other["cor"].tolist() == pytest.approx(
+        [cor[:3].mean(), cor[3:].mean()]
+    )
 
 
 def test_drops_are_called_after_their_surface_where_there_are_several():
-    frame = pd.DataFrame({"drop_height [m]": 2.54, "rebound_height [m]": [1.39, 1.40, 1.41, 1.20, 1.21, 1.22]})
+    frame = pd.DataFrame(
+        {"drop_height [m]": 2.54, "rebound_height [m]": [1.39, 1.40, 1.41, 1.20, 1.21, 1.22]}
+    )
     assert any("Drop test, measured" in one for one in page.lines(made_fit(frame)))
     several = page.lines(made_fit(frame.assign(surface=["concrete"] * 3 + ["clay"] * 3)), most=9)
-    assert sum(f"Drop test on {name}, measured" in one for one in several for name in ("clay", "concrete")) == 2
+    assert (
+        sum(
+            f"Drop test on {name}, measured" in one
+            for one in several
+            for name in ("clay", "concrete")
+        )
+        == 2
+    )
 
 
 def test_what_is_no_drop_test_has_none():
     assert not len(drop_test(load_table("wang_all"), Scene()))
     assert not len(drop_test(made({"v_x1": 5.0, "v_y1": 7.0, "v_y2": [5.0, 5.1]}), Scene()))
-    marble = drop_test(dropped([1.4, 1.41, 1.42]), Scene(ball=BallSection(mass=0.005, radius=0.01))).iloc[0]
+    marble = drop_test(
+        dropped([1.4, 1.41, 1.42]),
+        Scene(ball=BallSection(mass=0.005, radius=0.01)),
+    ).iloc[0]
     assert marble["cor"] > 0.7 and np.isnan(marble["rebound"])
 
 
@@ -232,9 +323,13 @@ def test_drops_on_several_surfaces_have_a_restitution_each_in_the_model():
     heights = 1.4 + 0.005 * np.sin(np.arange(12.0)) - 0.2 * (np.arange(12) > 5)
     table = dropped(heights, surface=("concrete",) * 6 + ("clay",) * 6, ball=tuple("aaabbb" * 2))
     problem = build_problem(table, Scene(), Choices())
-    assert [(level.parameter, level.labels) for level in problem.forward.levels] == [("cor_10", ("concrete", "clay"))]
+    assert [(level.parameter, level.labels) for level in problem.forward.levels] == [
+        ("cor_10", ("concrete", "clay"))
+    ]
     names = [one.spec.name for one in problem.derived]
-    assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {*names} and "rebound_254cm" not in names
+    assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {
+        *names
+    } and "rebound_254cm" not in names
 
 
 @pytest.mark.parametrize(("column", "head"), [("surface", "surface"), ("location", "place")])

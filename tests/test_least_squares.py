@@ -1,4 +1,6 @@
-"""Least squares by lmfit: the errors that its documentation promises, and why a parameter has none."""
+"""Least squares by lmfit: the errors that its documentation promises, and why a parameter has
+none.
+"""
 
 import lmfit
 import numpy as np
@@ -21,14 +23,24 @@ def fitted(problem):
 def test_a_straight_line_as_curve_fit_has_it(noise):
     problem = line_problem(noise=noise)
     found = fitted(problem)
-    x, y = problem.rows.states.v_x1, problem.rows.y[:, 0]
-    best, covariance = curve_fit(lambda x, a, b: a * x + b, x, y, sigma=np.full(x.size, noise), absolute_sigma=False)
+    x = problem.rows.states.v_x1
+    y = problem.rows.y[:, 0]
+    best, covariance = curve_fit(
+        lambda x, a, b: a * x + b,
+        x,
+        y,
+        sigma=np.full(x.size, noise),
+        absolute_sigma=False,
+    )
     for k, name in enumerate(("slope", "shift")):
         assert found.values[name] == pytest.approx(best[k], rel=1e-6)
         # Whatever noise was expected: they follow from how the measurements scatter.
         assert found.stderr[name] == pytest.approx(np.sqrt(covariance[k, k]), rel=1e-4)
     square = np.sum(((y - best[0] * x - best[1]) / noise) ** 2)
-    assert (found.chi_square, found.degrees_of_freedom) == (pytest.approx(square, rel=1e-9), x.size - 2)
+    assert (found.chi_square, found.degrees_of_freedom) == (
+        pytest.approx(square, rel=1e-9),
+        x.size - 2,
+    )
     assert found.aic == pytest.approx(x.size * np.log(square / x.size) + 4.0, rel=1e-9)
     assert found.stderr["v_x_sd"] is None and found.missing["v_x_sd"].startswith("fixed")
 
@@ -36,7 +48,9 @@ def test_a_straight_line_as_curve_fit_has_it(noise):
 def test_the_noise_is_taken_as_expected():
     problem = line_problem(noise=0.0)
     found = fitted(problem)
-    assert found.values["v_x_sd"] == pytest.approx(0.25, rel=1e-6) and found.stderr["v_x_sd"] is None
+    assert (
+        found.values["v_x_sd"] == pytest.approx(0.25, rel=1e-6) and found.stderr["v_x_sd"] is None
+    )
     assert found.chi_square == pytest.approx(fitted(line_problem(noise=0.25)).chi_square, rel=1e-6)
 
 
@@ -44,7 +58,8 @@ def test_lmfit_itself_is_at_hand():
     table = table_of(REBOUND, labels=("surface",), count=14)
     problem = problem_of(table, scene_of(), pool={"mu": "surface"})
     point = best_fit(problem, np.random.default_rng(0))
-    found, known = minimized(problem, point), least_squares(problem, point)
+    found = minimized(problem, point)
+    known = least_squares(problem, point)
     assert isinstance(found, lmfit.minimizer.MinimizerResult)
     assert "mu_a_" in lmfit.fit_report(found) and found.redchi == found.chisqr / found.nfree
     assert found.params["mu_a_"].stderr == known.stderr["mu[a]"] > 0.0
@@ -54,12 +69,17 @@ def test_lmfit_itself_is_at_hand():
 def test_slopes_are_those_of_the_residuals():
     problem = problem_of(table_of(REBOUND, "corr"), scene_of(time=True, ball=True), "two-mass")
     values = truth_of(problem)
-    q, width = problem.coordinates(values), problem.prior.width
+    q = problem.coordinates(values)
+    width = problem.prior.width
 
     def at(row):
-        return search._linear(problem, {name: v[0] for name, v in problem.values(row[None]).items()})[0]
+        return search._linear(
+            problem,
+            {name: v[0] for name, v in problem.values(row[None]).items()},
+        )[0]
 
-    wanted, found = approx_fprime(q, at, 1e-7 * width), search._linear(problem, values)[1]
+    wanted = approx_fprime(q, at, 1e-7 * width)
+    found = search._linear(problem, values)[1]
     assert found.shape == (10 * 3 + 1 + 2, q.size)
     np.testing.assert_allclose(found * width, wanted * width, atol=1e-4)
     assert np.all(np.abs(found[-3:] * width).max(axis=1) > 0.1)
@@ -67,7 +87,8 @@ def test_slopes_are_those_of_the_residuals():
 
 def test_what_the_scene_measured_counts():
     ball = problem_of(table_of(REBOUND), scene_of(ball=True))
-    found, z = fitted(ball), 0.0
+    found = fitted(ball)
+    z = 0.0
     for name, stated, sd in (("ball_mass", 0.0577, 2e-4), ("inertia_ratio", 0.56, 0.01)):
         z += ((found.values[name] - stated) / sd) ** 2
         assert found.stderr[name] < 3.0 * sd

@@ -1,4 +1,6 @@
-"""Was a table read the right way round: no alarm on good tables, the right reading of misread ones."""
+"""Was a table read the right way round: no alarm on good tables, the right reading of misread
+ones.
+"""
 
 import numpy as np
 import pytest
@@ -33,21 +35,32 @@ def test_no_good_table_is_doubted():
 
 def test_misread_tables_are_found_and_the_right_reading_is_named():
     """By its numbers: a reading is right where it makes the columns those of the good table."""
-    missed, unnamed = [], []
+    missed = []
+    unnamed = []
     for kind, spoil in misread.MISREADINGS.items():
         for design in ("wide", "backspin", "basketball"):
             columns, ball = misread.table(design, 3)
             found = readings(spoil(columns), ball)
             missed += [] if found else [(kind, design)]
-            unnamed += [] if any(misread.means(one.columns, columns) for one in found) else [(kind, design)]
+            unnamed += (
+                []
+                if any(misread.means(one.columns, columns) for one in found)
+                else [(kind, design)]
+            )
     assert len(missed) <= 1, missed
     assert len(unnamed) <= 3, unnamed
 
 
-@pytest.mark.parametrize(("kind", "flip"), [
-    ("both spins", {"omega_1", "omega_2"}), ("v_y towards the court", {"v_y1"}),
-    ("from the normal", {"theta_1", "theta_2"}), ("v_x of the rebound", {"v_x2"}), ("rpm", set()),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "flip"),
+    [
+        ("both spins", {"omega_1", "omega_2"}),
+        ("v_y towards the court", {"v_y1"}),
+        ("from the normal", {"theta_1", "theta_2"}),
+        ("v_x of the rebound", {"v_x2"}),
+        ("rpm", set()),
+    ],
+)
 def test_what_can_be_flipped_is_flipped_by_an_option(kind, flip):
     found = readings(misread.MISREADINGS[kind](misread.table("wide", 0)[0]))
     assert flip in [{*one.flip} for one in found]
@@ -60,12 +73,18 @@ def test_two_flips_are_one_option():
 
 
 # Columns whose signs are gone, and those whose signs make a difference.
-@pytest.mark.parametrize(("design", "names", "missing"), [
-    ("wide", ("omega_1",), ("omega_1",)), ("wide", ("omega_1", "omega_2"), ("omega_1",)),
-    ("basketball", ("omega_1", "omega_2"), ("omega_1",)), ("golf", ("omega_2",), ("omega_2",)),
-    ("table tennis", ("omega_1",), ("omega_1",)), ("table tennis", ("omega_2",), ("omega_2",)),
-    ("table tennis", ("omega_1", "omega_2"), ("omega_1", "omega_2")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("design", "names", "missing"),
+    [
+        ("wide", ("omega_1",), ("omega_1",)),
+        ("wide", ("omega_1", "omega_2"), ("omega_1",)),
+        ("basketball", ("omega_1", "omega_2"), ("omega_1",)),
+        ("golf", ("omega_2",), ("omega_2",)),
+        ("table tennis", ("omega_1",), ("omega_1",)),
+        ("table tennis", ("omega_2",), ("omega_2",)),
+        ("table tennis", ("omega_1", "omega_2"), ("omega_1", "omega_2")),
+    ],
+)
 @pytest.mark.parametrize("form", [dict, misread.polar])
 def test_signs_that_are_missing_are_found_row_by_row(design, names, missing, form):
     columns, ball = misread.table(design, 3)
@@ -76,7 +95,10 @@ def test_signs_that_are_missing_are_found_row_by_row(design, names, missing, for
         assert np.all((np.sign(found[0].columns[name]) == np.sign(columns[name]))[clear])
 
 
-@pytest.mark.parametrize("design", ["wide", "all grip", "basketball", "superball", "squash", "rolling"])
+@pytest.mark.parametrize(
+    "design",
+    ["wide", "all grip", "basketball", "superball", "squash", "rolling"],
+)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_spins_that_all_are_topspin_are_not_doubted(design, seed):
     """After the bounce nearly all are; before it those of a topspin drill."""
@@ -88,40 +110,57 @@ def test_spins_that_all_are_topspin_are_not_doubted(design, seed):
 
 def test_tables_that_obey_the_laws_leave_nothing():
     """Sliding and gripping; another clock and the mirror image change nothing."""
-    ball, rng = (0.05, 0.03, 0.5), np.random.default_rng(0)
+    ball = (0.05, 0.03, 0.5)
+    rng = np.random.default_rng(0)
     state = rng.uniform(2, 20, 40), rng.uniform(3, 12, 40), rng.uniform(-200, 200, 40)
     names = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
     after = misread.bounce(*state, ball, (0.4, 0.2, 1.5e-3, 0.7, 0.0))
     columns = dict(zip(names, (*state, *after), strict=True))
     left = misfit(columns, Ball(*ball))
     assert left < 3.0
-    assert misfit({name: 3600.0 * values for name, values in columns.items()}, Ball(*ball)) == pytest.approx(left)
+    assert misfit(
+        {name: 3600.0 * values for name, values in columns.items()},
+        Ball(*ball),
+    ) == pytest.approx(left)
     mirrored = {name: values if "v_y" in name else -values for name, values in columns.items()}
     assert misfit(mirrored, Ball(*ball)) == pytest.approx(left, abs=0.1)
     assert misfit(columns | {"omega_2": -columns["omega_2"]}, Ball(*ball)) > 40.0
 
 
-@pytest.mark.parametrize(("surface", "spin", "cost"), [
-    ((0.25, 0.0, 0.0, 0.95, 0.0), 0.0, 0.5 * (1.0 + (np.log(0.5) / 0.8) ** 2)),
-    ((9.0, 0.4, 0.0, 0.75, 0.0), 300.0, 0.32), ((9.0, 0.0, 0.15 * 0.03, 0.6, 0.0), 300.0, 0.5 * (1.5**2 + 0.75**2)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("surface", "spin", "cost"),
+    [
+        ((0.25, 0.0, 0.0, 0.95, 0.0), 0.0, 0.5 * (1.0 + (np.log(0.5) / 0.8) ** 2)),
+        ((9.0, 0.4, 0.0, 0.75, 0.0), 300.0, 0.32),
+        ((9.0, 0.0, 0.15 * 0.03, 0.6, 0.0), 300.0, 0.5 * (1.5**2 + 0.75**2)),
+    ],
+)
 def test_a_table_without_noise_costs_what_is_unusual_of_its_ball(surface, spin, cost):
-    """Squares of ln(mu/0.5)/0.8, e_x/0.5, (offset/R)/0.1 and (COR - 0.75)/0.2, halved: sliding, then gripping. The
-    grid of the search costs up to 0.1.
+    """Squares of ln(mu/0.5)/0.8, e_x/0.5, (offset/R)/0.1 and (COR - 0.75)/0.2, halved: sliding,
+    then gripping. The grid of the search costs up to 0.1.
     """
-    rng, (x, y, w) = np.random.default_rng(0), np.ones((3, 60))
+    rng = np.random.default_rng(0)
+    x, y, w = np.ones((3, 60))
     state = 12.0 * x * rng.uniform(0.9, 1.1, 60), 8.0 * y, spin * w * rng.uniform(0.5, 1.5, 60)
     after = misread.bounce(*state, (0.05, 0.03, 0.5), surface)
-    columns = dict(zip(("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2"), (*state, *after), strict=True))
+    columns = dict(
+        zip(("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2"), (*state, *after), strict=True)
+    )
     assert misfit(columns, Ball(0.05, 0.03, 0.5)) == pytest.approx(cost, abs=0.12)
 
 
 def test_no_reading_is_proposed_that_is_absurd_itself():
-    """A ball that rebounds 2.2 times too fast: miles an hour explain it, but no ball has a restitution of 0.22."""
+    """A ball that rebounds 2.2 times too fast: miles an hour explain it, but no ball has a
+    restitution of 0.22.
+    """
     columns, ball = misread.table("rolling", 0)
     named = []
     for cor in (0.22, 0.5):
-        after = misread.bounce(*(columns[n] for n in ("v_x1", "v_y1", "omega_1")), ball, (0.6, 0.1, 0.0, cor, 0.0))
+        after = misread.bounce(
+            *(columns[n] for n in ("v_x1", "v_y1", "omega_1")),
+            ball,
+            (0.6, 0.1, 0.0, cor, 0.0),
+        )
         good = columns | dict(zip(("v_x2", "v_y2", "omega_2"), after, strict=True))
         found = readings(misread.times(misread.MPH, "v_x2", "v_y2")(good), ball)
         named.append(any(misread.means(one.columns, good) for one in found))
@@ -130,7 +169,9 @@ def test_no_reading_is_proposed_that_is_absurd_itself():
 
 @pytest.mark.parametrize("design", ["grazing", "all slide"])
 def test_balls_that_graze_the_court_are_not_doubted(design):
-    """Restitution and friction are mostly noise there, and shares of other motions would be smaller."""
+    """Restitution and friction are mostly noise there, and shares of other motions would be
+    smaller.
+    """
     for seed in range(24, 32):
         columns, ball = misread.table(design, seed)
         assert not readings(columns, ball) and not readings(misread.spinless(columns), ball), seed
@@ -154,7 +195,12 @@ def test_a_misread_table_with_gaps_is_doubted(never):
         for made in (columns, misread.MISREADINGS["rpm"](columns)):
             gappy = made | {"omega_2": np.where(gaps, np.nan, made["omega_2"])}
             found.append(
-                bool(readings(gappy | ({"v_y2": np.where(gaps, made["v_y2"], np.nan)} if never else {}), ball))
+                bool(
+                    readings(
+                        gappy | ({"v_y2": np.where(gaps, made["v_y2"], np.nan)} if never else {}),
+                        ball,
+                    )
+                )
             )
     assert not any(found[::2]) and sum(found[1::2]) >= 3
 
@@ -167,7 +213,10 @@ def test_nothing_that_can_be_read_is_too_odd_to_be_judged():
     for trial in range(40):
         chosen = ["v_1", "theta_1", *rng.choice(names, rng.integers(1, 8), replace=False)]
         odd = [0.0, np.pi / 2.0, 1e-12, 1e3, -1e5, 3.0]
-        columns = {name: rng.choice(odd, 5) * rng.choice([1.0, rng.normal()]) for name in dict.fromkeys(chosen)}
+        columns = {
+            name: rng.choice(odd, 5) * rng.choice([1.0, rng.normal()])
+            for name in dict.fromkeys(chosen)
+        }
         columns["theta_1"] = np.full(5, np.pi / 2.0) if trial % 2 else np.abs(columns["theta_1"])
         assert all(one.gain > 0.0 for one in readings(columns))
 

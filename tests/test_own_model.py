@@ -1,4 +1,6 @@
-"""A model of one's own: a Python function with priors as defaults, tried, known by its source, sent to processes."""
+"""A model of one's own: a Python function with priors as defaults, tried, known by its source, sent
+to processes.
+"""
 
 import hashlib
 import subprocess
@@ -21,10 +23,22 @@ from fitball.values import Ball, Impacts
 STATES = fitball.impacts([10.0, 8.0, -12.0], [9.0, 12.0, 5.0], [100.0, -50.0, 0.0])
 
 
-def sliding(v_x1, v_y1, omega_1, ball, mu="lognormal(0.5, 0.5)", e_x="normal(0, 0.3)", cor_10="uniform(0, 1)"):
+def sliding(
+    v_x1,
+    v_y1,
+    omega_1,
+    ball,
+    mu="lognormal(0.5, 0.5)",
+    e_x="normal(0, 0.3)",
+    cor_10="uniform(0, 1)",
+):
     a = ball.inertia / (ball.mass * ball.radius**2)
     slip = v_x1 - ball.radius * omega_1
-    change = np.clip(a / (1 + a) * (1 + e_x) * slip, -mu * (1 + cor_10) * v_y1, mu * (1 + cor_10) * v_y1)
+    change = np.clip(
+        a / (1 + a) * (1 + e_x) * slip,
+        -mu * (1 + cor_10) * v_y1,
+        mu * (1 + cor_10) * v_y1,
+    )
     return v_x1 - change, cor_10 * v_y1, omega_1 + change / (a * ball.radius)
 
 
@@ -47,25 +61,48 @@ def faulty(body, arguments="e_y='uniform(0, 1)'"):
 
 
 def test_it_is_a_model_like_grip_slip():
-    mine, theirs = fitball.model_from(sliding), fitball.model("grip-slip")
+    mine = fitball.model_from(sliding)
+    theirs = fitball.model("grip-slip")
     names = ("mu", "e_x", "cor_10")
-    assert tuple(spec.name for spec in mine.parameters) == names and not mine.timed and mine.text == "sliding"
+    assert (
+        tuple(spec.name for spec in mine.parameters) == names
+        and not mine.timed
+        and mine.text == "sliding"
+    )
     draws = np.array([[0.3, 0.1, 0.7], [0.8, -0.2, 0.75]])
-    common = {name: draws[:, k] for k, name in enumerate(names)} | {"ball_mass": 0.058, "ball_radius": 0.0335}
+    common = {name: draws[:, k] for k, name in enumerate(names)} | {
+        "ball_mass": 0.058,
+        "ball_radius": 0.0335,
+    }
     found = mine.rebound(common, STATES)
     wanted = theirs.rebound({**common, "offset": 0.0, "cor_slope": 0.0}, STATES)
     for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
-        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            getattr(found, name),
+            getattr(wanted, name),
+            rtol=1e-12,
+            atol=1e-12,
+        )
     assert found.regime.max() == 0 and found.status.max() == 0
     # Every draw of states of its own.
     own = Impacts(*(np.stack([c, c[::-1]]) for c in (STATES.v_x1, STATES.v_y1, STATES.omega_1)))
     each = mine.evaluate(names, draws, own)
-    np.testing.assert_array_equal(each.v_x2[1], mine.evaluate(names, draws[1:], STATES).v_x2[0, ::-1])
+    np.testing.assert_array_equal(
+        each.v_x2[1],
+        mine.evaluate(names, draws[1:], STATES).v_x2[0, ::-1],
+    )
 
 
 def test_parameters_of_fitball_keep_their_meaning_and_others_have_the_bounds_of_their_priors():
     def f(
-        v_x1, v_y1, omega_1, ball, mu="uniform(0.2, 1)", k="uniform(-1, 2)", b_1="lognormal(3, 1)", c="half-t(1, 4)"
+        v_x1,
+        v_y1,
+        omega_1,
+        ball,
+        mu="uniform(0.2, 1)",
+        k="uniform(-1, 2)",
+        b_1="lognormal(3, 1)",
+        c="half-t(1, 4)",
     ):
         return v_x1 * mu, v_y1 * k, omega_1 * b_1 * c
 
@@ -92,35 +129,54 @@ def test_without_an_answer_it_is_nan_with_a_status():
     found = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), states)
     assert found.status[0].tolist() == [Status.NO_ANSWER, Status.NO_IMPACT, Status.NO_ANSWER]
     assert found.status[1].tolist() == [Status.OK, Status.NO_IMPACT, Status.OK]
-    assert np.isnan(found.v_x2).tolist() == [[True] * 3, [False, True, False]] and found.v_y2[1, 0] == 4.0
+    assert (
+        np.isnan(found.v_x2).tolist() == [[True] * 3, [False, True, False]]
+        and found.v_y2[1, 0] == 4.0
+    )
     with pytest.raises(ParameterError) as caught:
         model.rebound({"e_y": 0.8}, STATES)
     assert caught.value.code == "no-answer"
 
 
-@pytest.mark.parametrize(("text", "code", "place"), [
-    (faulty("return v_x1, v_y1"), "own-model", "tuple"),
-    (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
-    (faulty("return v_x1, v_y1, 1j * omega_1"), "own-model", "complex128"),
-    (faulty("return v_x1, v_y1 * np.nan, omega_1"), "own-model", "v_y1 = "),
-    (faulty("return v_x1, v_y1.mean() + 0 * v_y1, omega_1"), "own-model", "v_y2 = "),
-    # The largest speed, and the last rows, have it right.
-    (faulty("return v_x1 / v_x1.max(), v_y1, omega_1"), "own-model", "v_x2 = "),
-    (faulty("return np.sort(v_x1), v_y1, omega_1"), "own-model", "v_x2 = "),
-    (faulty("raise SystemExit"), "own-model", "line 4 of mine.py with SystemExit"),
-    (faulty("return v_x1, lost * v_y1, omega_1"), "own-model", "line 4 of mine.py with NameError"),
-    (faulty("return (v_x1 if v_x1 > 9 else v_x1), v_y1, omega_1"), "own-model", "line 4 of mine.py"),
-    (faulty("return v_x1, v_y1, omega_1", "e_y"), "prior", "e_y"),
-    (faulty("return v_x1, v_y1, omega_1", "e_y=0.5"), "prior", "e_y"),
-    (faulty("return v_x1, v_y1, omega_1", "mu=''"), "prior", "mu"),
-    (faulty("return v_x1, v_y1, omega_1", "*rest"), "prior", "rest"),
-    ("def f(v_x1, v_y1, omega_1, ball):\n    return v_x1, v_y1, omega_1\n", "own-model", "omega_1, ball"),
-    ("def f(v, e_y='uniform(0, 1)'):\n    return v, v, v\n", "own-model", "(v, e_y)"),
-    ("x = 1\n", "own-model", "'f'"), ("f = 1\n", "own-model", "'f'"),
-    ("x = 1\ny = 1 / 0\n", "own-model", "line 2 of mine.py with ZeroDivisionError"),
-    ("import sys\nsys.exit(0)\n", "own-model", "line 2 of mine.py with SystemExit"),
-    ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "code", "place"),
+    [
+        (faulty("return v_x1, v_y1"), "own-model", "tuple"),
+        (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
+        (faulty("return v_x1, v_y1, 1j * omega_1"), "own-model", "complex128"),
+        (faulty("return v_x1, v_y1 * np.nan, omega_1"), "own-model", "v_y1 = "),
+        (faulty("return v_x1, v_y1.mean() + 0 * v_y1, omega_1"), "own-model", "v_y2 = "),
+        # The largest speed, and the last rows, have it right.
+        (faulty("return v_x1 / v_x1.max(), v_y1, omega_1"), "own-model", "v_x2 = "),
+        (faulty("return np.sort(v_x1), v_y1, omega_1"), "own-model", "v_x2 = "),
+        (faulty("raise SystemExit"), "own-model", "line 4 of mine.py with SystemExit"),
+        (
+            faulty("return v_x1, lost * v_y1, omega_1"),
+            "own-model",
+            "line 4 of mine.py with NameError",
+        ),
+        (
+            faulty("return (v_x1 if v_x1 > 9 else v_x1), v_y1, omega_1"),
+            "own-model",
+            "line 4 of mine.py",
+        ),
+        (faulty("return v_x1, v_y1, omega_1", "e_y"), "prior", "e_y"),
+        (faulty("return v_x1, v_y1, omega_1", "e_y=0.5"), "prior", "e_y"),
+        (faulty("return v_x1, v_y1, omega_1", "mu=''"), "prior", "mu"),
+        (faulty("return v_x1, v_y1, omega_1", "*rest"), "prior", "rest"),
+        (
+            "def f(v_x1, v_y1, omega_1, ball):\n    return v_x1, v_y1, omega_1\n",
+            "own-model",
+            "omega_1, ball",
+        ),
+        ("def f(v, e_y='uniform(0, 1)'):\n    return v, v, v\n", "own-model", "(v, e_y)"),
+        ("x = 1\n", "own-model", "'f'"),
+        ("f = 1\n", "own-model", "'f'"),
+        ("x = 1\ny = 1 / 0\n", "own-model", "line 2 of mine.py with ZeroDivisionError"),
+        ("import sys\nsys.exit(0)\n", "own-model", "line 2 of mine.py with SystemExit"),
+        ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
+    ],
+)
 def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
     with pytest.raises(FitballError) as caught:
         fitball.model(written(tmp_path, text))
@@ -130,10 +186,15 @@ def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
 COMMON = ["k_y", "ball_mass", "mu_spread", "spin_sd", "court_pace", *CAMERA_SPECS]
 
 
-@pytest.mark.parametrize("name", [*COMMON, *(spec.name for kind in KINDS.values() for spec in kind.parameters)])
+@pytest.mark.parametrize(
+    "name",
+    [*COMMON, *(spec.name for kind in KINDS.values() for spec in kind.parameters)],
+)
 def test_no_parameter_has_a_name_that_means_something_else(tmp_path, name):
     with pytest.raises(ModelError) as caught:
-        fitball.model(written(tmp_path, faulty("return v_x1, v_y1, omega_1", f"{name}='uniform(0, 1)'")))
+        fitball.model(
+            written(tmp_path, faulty("return v_x1, v_y1, omega_1", f"{name}='uniform(0, 1)'"))
+        )
     assert caught.value.code == "own-model" and name in str(caught.value)
 
 
@@ -146,7 +207,9 @@ def test_what_is_no_function_or_has_a_taken_name(tmp_path):
         lambda: fitball.model_from(np.add),
         lambda: fitball.model_from(sliding, name="grip-slip"),
         lambda: fitball.model(str(tmp_path / "none.py:f")),
-        lambda: fitball.model_from(eval("lambda v_x1, v_y1, omega_1, ball, e='uniform(0, 1)': (v_x1, v_y1, e)")),
+        lambda: fitball.model_from(
+            eval("lambda v_x1, v_y1, omega_1, ball, e='uniform(0, 1)': (v_x1, v_y1, e)")
+        ),
         lambda: fitball.model_from(drawn),
     ):
         with pytest.raises(ModelError) as caught:
@@ -173,7 +236,11 @@ def test_a_file_is_read_as_it_is_now_and_known_by_the_source_of_its_function(tmp
     assert fitball.model(written(tmp_path, f"# A remark.\n{text}")).source == first.source
     changed = fitball.model(written(tmp_path, text.replace("e_y * v_y1", "0.5 * e_y * v_y1")))
     assert changed.source != first.source
-    assert changed.rebound({"e_y": 0.8}, STATES).v_y2[0] == 0.5 * first.rebound({"e_y": 0.8}, STATES).v_y2[0] == 3.6
+    assert (
+        changed.rebound({"e_y": 0.8}, STATES).v_y2[0]
+        == 0.5 * first.rebound({"e_y": 0.8}, STATES).v_y2[0]
+        == 3.6
+    )
 
 
 def test_it_goes_to_another_process_without_its_file(tmp_path):
@@ -182,10 +249,15 @@ def test_it_goes_to_another_process_without_its_file(tmp_path):
     (tmp_path / "sent").write_bytes(cloudpickle.dumps(fitball.model(address)))
     (tmp_path / "mine.py").unlink()
     code = (
-        "import fitball, pathlib, pickle, sys; model = pickle.loads(pathlib.Path(sys.argv[1]).read_bytes()); "
+        "import fitball, pathlib, pickle, sys; model = "
+        "pickle.loads(pathlib.Path(sys.argv[1]).read_bytes()); "
         "print(model.rebound({'e_y': 0.5}, fitball.impacts(3.0, 8.0)).v_x2[0], model.source)"
     )
     answer = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "sent")], capture_output=True, text=True, check=True, cwd=tmp_path
+        [sys.executable, "-c", code, str(tmp_path / "sent")],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
     ).stdout.split()
     assert float(answer[0]) == 1.5 and len(answer[1]) == 64

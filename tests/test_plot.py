@@ -22,8 +22,15 @@ def stored(tmp_path_factory):
 
 @pytest.mark.parametrize("form", STARTS)
 def test_figures_are_written_beside_the_fit(stored, capsys, form):
-    before = {place: place.read_bytes() for place in stored.iterdir() if not place.name.startswith(".")}
-    assert cli.main(["plot", str(stored / "fit.json"), "forest", "regime_map", "--format", form, "--quiet"]) == 0
+    before = {
+        place: place.read_bytes() for place in stored.iterdir() if not place.name.startswith(".")
+    }
+    assert (
+        cli.main(
+            ["plot", str(stored / "fit.json"), "forest", "regime_map", "--format", form, "--quiet"]
+        )
+        == 0
+    )
     written = capsys.readouterr().out.split()
     assert written == [str(stored / f"{name}.{form}") for name in ("forest", "regime_map")]
     first = [(stored / f"{name}.{form}").read_bytes() for name in ("forest", "regime_map")]
@@ -38,7 +45,9 @@ def test_figures_are_written_beside_the_fit(stored, capsys, form):
 def test_without_names_all_that_there_is_data_for(tmp_path):
     made_fit(table_of(12, drop=True), sampled=False).save(tmp_path / "drop", figures=False)
     found = fitball.plot(tmp_path / "drop")
-    assert found.names == ("curves", "profiles", "predictive", "residuals") or "forest" in found.names
+    assert (
+        found.names == ("curves", "profiles", "predictive", "residuals") or "forest" in found.names
+    )
     assert {*FIGURES} - {*found.names} >= {"corner", "trace", "regimes", "regime_map"}
     assert [note.code for note in found.notes] == ["not-drawn"]
     places = found.save(tmp_path / "other")
@@ -67,12 +76,29 @@ def test_a_run_that_writes_into_the_folder_is_waited_for(stored, monkeypatch):
 def test_a_plan_and_a_simulation_go_below_the_fit(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     made_fit(model="two-mass").save("fit", figures=False)
-    words = ["--speed", "15..25:2", "--angle", "20..60:2", "--spin", "0", "--count", "1", "--sensor"]
+    words = [
+        "--speed",
+        "15..25:2",
+        "--angle",
+        "20..60:2",
+        "--spin",
+        "0",
+        "--count",
+        "1",
+        "--sensor",
+    ]
     assert cli.main(["plan", "fit", "--target", "mu", *words, "contact_time=0.1ms", "--quiet"]) == 0
     assert cli.main(["simulate", "fit", "--impact", "v_1=20, theta_1=30", "--quiet"]) == 0
-    for verb, names in (("plan", "to_fill_in.csv plan.csv gains.png"), ("simulate", "history.csv history.png")):
-        assert {*names.split(), "report.html"} <= {place.name for place in (tmp_path / "fit" / verb).iterdir()}
+    for verb, names in (
+        ("plan", "to_fill_in.csv plan.csv gains.png"),
+        ("simulate", "history.csv history.png"),
+    ):
+        assert {*names.split(), "report.html"} <= {
+            place.name for place in (tmp_path / "fit" / verb).iterdir()
+        }
     assert cli.main(["simulate", "fit", "--impact", "v_1=20, theta_1=30", "--quiet"]) == 0
     assert (tmp_path / "fit" / "simulate-2" / "report.html").is_file()
-    assert cli.main(["simulate", "--impact", "v_1=20, theta_1=30", "--json", "--out", "by_hand"]) == 0
+    assert (
+        cli.main(["simulate", "--impact", "v_1=20, theta_1=30", "--json", "--out", "by_hand"]) == 0
+    )
     assert '"contact_time"' in capsys.readouterr().out

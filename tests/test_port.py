@@ -1,5 +1,5 @@
-"""Ports in every language, compiled and run against the kernels: hard cases, random bounces, mirrored ones, impacts
-for which the model has no answer; self-tests that pass and fail.
+"""Ports in every language, compiled and run against the kernels: hard cases, random bounces,
+mirrored ones, impacts for which the model has no answer; self-tests that pass and fail.
 """
 
 import csv
@@ -25,64 +25,104 @@ MEASURED = (2.0, 25.0)
 
 
 def drawn(text):
-    """Parameters (bounces, names) and impacts (bounces, 3): hard cases, random bounces, near and far."""
-    model, rng = fitball.model(text), np.random.default_rng(5)
+    """Parameters (bounces, names) and impacts (bounces, 3): hard cases, random bounces, near and
+    far.
+    """
+    model = fitball.model(text)
+    rng = np.random.default_rng(5)
     names = [spec.name for spec in model.parameters]
     options = dict(bounces.DEFAULT) | dict(model.options)
-    values, impacts = [], []
+    values = []
+    impacts = []
     for k in range(300):
         one, impact = bounces.random_bounce(rng, options, wide=k % 2 == 1)
-        values.append({**one, "e_x": rng.uniform(-0.5, 0.9), "offset": 0.01 * rng.standard_normal()})
+        values.append(
+            {**one, "e_x": rng.uniform(-0.5, 0.9), "offset": 0.01 * rng.standard_normal()}
+        )
         impacts.append(impact)
     with answers.PLACE.open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             if text == "+".join(filter(None, ["two-mass", row["options"]])):
                 values.append({name: float(row[name]) for name in names})
                 impacts.append([float(row[name]) for name in answers.IMPACT])
-    return names, np.array([[float(one[name]) for name in names] for one in values]), np.array(impacts)
+    return (
+        names,
+        np.array([[float(one[name]) for name in names] for one in values]),
+        np.array(impacts),
+    )
 
 
 @functools.cache
 def bounced(text):
-    """Lines for a port, the mirror of each, and what the kernel answers to impacts that fly forwards."""
-    model, (names, values, impacts) = fitball.model(text), drawn(text)
+    """Lines for a port, the mirror of each, and what the kernel answers to impacts that fly
+    forwards.
+    """
+    model = fitball.model(text)
+    names, values, impacts = drawn(text)
     side = np.where(impacts[:, 0] < 0.0, -1.0, 1.0)
     forwards = impacts * np.stack([side, np.ones(len(side)), side], axis=1)
     found = model.solve(model.ball, tuple(names), values, Impacts(*forwards.T[:, :, None]), None)
     rng = np.random.default_rng(6)
-    space = np.concatenate([rng.uniform(-20.0, 20.0, (len(side), 3)), rng.uniform(-300.0, 300.0, (len(side), 3))], 1)
+    space = np.concatenate(
+        [rng.uniform(-20.0, 20.0, (len(side), 3)), rng.uniform(-300.0, 300.0, (len(side), 3))],
+        1,
+    )
     rows = model.solve.rows(model.ball, tuple(names), values)
     speeds = np.tile(MEASURED, (len(side), 1))
-    lines = np.concatenate([rows, speeds, impacts, space, rng.standard_normal((len(side), 3))], axis=1)
+    lines = np.concatenate(
+        [rows, speeds, impacts, space, rng.standard_normal((len(side), 3))],
+        axis=1,
+    )
     return lines, side, {name: getattr(found, name)[:, 0] for name in OUTPUTS[:-1]}
 
 
-@pytest.mark.parametrize(("language", "text"), [
-    *product(("c", "python"), MODELS), *product(("csharp", "javascript"), ("two-mass", "grip-slip")),
-    ("c++", "two-mass"), ("javascript", "thesis-exact"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("language", "text"),
+    [
+        *product(("c", "python"), MODELS),
+        *product(("csharp", "javascript"), ("two-mass", "grip-slip")),
+        ("c++", "two-mass"),
+        ("javascript", "thesis-exact"),
+    ],
+)
 def test_every_bounce_is_that_of_the_kernel(tmp_path, language, text):
     lines, side, wanted = bounced(text)
     columns = ports.run(tmp_path, language, [ports.typical(text)], lines)
-    found, spatial = dict(zip(OUTPUTS, columns.T, strict=False)), columns[:, 10:]
+    found = dict(zip(OUTPUTS, columns.T, strict=False))
+    spatial = columns[:, 10:]
     impacts = lines[:, -12:-9]
     good = wanted["status"] == Status.OK
     assert np.array_equal(found["status"], wanted["status"]) and good.sum() > 250
     speed = np.hypot(impacts[:, 0], impacts[:, 1]) + RADIUS * np.abs(impacts[:, 2])
     for name, sign, scale in (
-        ("v_x2", side, speed), ("v_y2", 1.0, speed), ("omega_2", side, speed / RADIUS),
-        ("contact_time", 1.0, wanted["contact_time"]), ("gap_time", 1.0, wanted["gap_time"]),
-        ("gap_path", side, speed * wanted["gap_time"]), ("gap_turn", side, speed * wanted["gap_time"] / RADIUS),
-    ):  # fmt: skip
+        ("v_x2", side, speed),
+        ("v_y2", 1.0, speed),
+        ("omega_2", side, speed / RADIUS),
+        ("contact_time", 1.0, wanted["contact_time"]),
+        ("gap_time", 1.0, wanted["gap_time"]),
+        ("gap_path", side, speed * wanted["gap_time"]),
+        ("gap_turn", side, speed * wanted["gap_time"] / RADIUS),
+    ):
         error = np.abs(found[name] - sign * wanted[name])[good]
-        assert np.all(error <= 1e-12 * np.broadcast_to(scale, good.shape)[good]) or np.isnan(wanted[name]).all(), name
+        assert (
+            np.all(error <= 1e-12 * np.broadcast_to(scale, good.shape)[good])
+            or np.isnan(wanted[name]).all()
+        ), name
         assert np.array_equal(np.isnan(found[name][good]), np.isnan(wanted[name][good]))
     assert np.array_equal(found["regime"][good], wanted["regime"][good] % 8**17)
-    assert np.array_equal(found["extrapolated"], (impacts[:, 1] < MEASURED[0]) | (impacts[:, 1] > MEASURED[1]))
+    assert np.array_equal(
+        found["extrapolated"],
+        (impacts[:, 1] < MEASURED[0]) | (impacts[:, 1] > MEASURED[1]),
+    )
     # In space all languages agree, and `test_port_space` holds one of them against an integration.
     other = ports.in_python(ports.reference(text), lines)[:, 10:]
-    sizes = np.linalg.norm(lines[:, -9:-6], axis=1) + RADIUS * np.linalg.norm(lines[:, -6:-3], axis=1)
-    assert np.all(np.abs(spatial - other) <= 1e-12 * np.outer(sizes, [1.0] * 3 + [1.0 / RADIUS] * 3))
+    sizes = np.linalg.norm(lines[:, -9:-6], axis=1) + RADIUS * np.linalg.norm(
+        lines[:, -6:-3],
+        axis=1,
+    )
+    assert np.all(
+        np.abs(spatial - other) <= 1e-12 * np.outer(sizes, [1.0] * 3 + [1.0 / RADIUS] * 3)
+    )
 
 
 def test_where_the_model_has_no_answer_a_rigid_ball_slides_or_rolls():
@@ -98,30 +138,58 @@ def test_where_the_model_has_no_answer_a_rigid_ball_slides_or_rolls():
     joined = np.concatenate([values[none], np.ones((none.sum(), 1))], axis=1)
     law = free.evaluate([*names, "zeta_theta"], joined, Impacts(v_x1, v_y1, omega_1))
     eps = one["eps_10"] + one["eps_slope"] * (v_y1 - 10.0)
-    mass, radius, a = 0.0576, RADIUS, 0.56
+    mass = 0.0576
+    radius = RADIUS
+    a = 0.56
     impulse = mass * (v_y1 + law.v_y2)
     stops = mass * a / (1.0 + a) * (v_x1 - radius * omega_1) + eps * impulse / (radius * (1.0 + a))
     friction = np.clip(stops, -one["mu"] * impulse, one["mu"] * impulse)
     spin = omega_1 + (radius * friction - eps * impulse) / (a * mass * radius**2)
     for name, right in (
-        ("v_x2", side[none, None] * (v_x1 - friction / mass)), ("v_y2", law.v_y2),
+        ("v_x2", side[none, None] * (v_x1 - friction / mass)),
+        ("v_y2", law.v_y2),
         ("omega_2", side[none, None] * spin),
-    ):  # fmt: skip
+    ):
         assert found[name][none] == pytest.approx(right[:, 0], rel=1e-9, abs=1e-9), name
 
 
 @pytest.mark.parametrize("text", MODELS)
 def test_every_impact_has_an_answer(text):
     """Over twelve decades of speed and spin, with parameters near and far."""
-    lines, rng = bounced(text)[0], np.random.default_rng(7)
-    made, count = ports.reference(text), len(lines[0]) - 12
+    lines = bounced(text)[0]
+    rng = np.random.default_rng(7)
+    made = ports.reference(text)
+    count = len(lines[0]) - 12
     for line in lines:
-        v_x, v_y, omega = 10.0 ** rng.uniform(-9.0, 3.0, 3) * (rng.choice([-1.0, 1.0]), 1.0, rng.choice([-1.0, 1.0]))
-        found = made.rebound(float(v_x), float(v_y), float(omega), made.Parameters(*line[:count].tolist()))
-        assert found.status >= 0 and np.isfinite([found.v_x2, found.omega_2]).all() and 0.0 <= found.v_y2 <= v_y
-        velocity, spin = made.Vector(float(v_x), 0.3 * v_y, float(-v_y)), made.Vector(omega, -omega, 1.0)
-        space = made.rebound_3d(velocity, spin, made.Vector(0.0, 0.0, 3.0), made.Parameters(*line[:count].tolist()))
-        assert space.status >= 0 and np.isfinite([*space.velocity, *space.spin]).all() and space.velocity.z >= 0.0
+        v_x, v_y, omega = 10.0 ** rng.uniform(-9.0, 3.0, 3) * (
+            rng.choice([-1.0, 1.0]),
+            1.0,
+            rng.choice([-1.0, 1.0]),
+        )
+        found = made.rebound(
+            float(v_x),
+            float(v_y),
+            float(omega),
+            made.Parameters(*line[:count].tolist()),
+        )
+        assert (
+            found.status >= 0
+            and np.isfinite([found.v_x2, found.omega_2]).all()
+            and 0.0 <= found.v_y2 <= v_y
+        )
+        velocity = made.Vector(float(v_x), 0.3 * v_y, float(-v_y))
+        spin = made.Vector(omega, -omega, 1.0)
+        space = made.rebound_3d(
+            velocity,
+            spin,
+            made.Vector(0.0, 0.0, 3.0),
+            made.Parameters(*line[:count].tolist()),
+        )
+        assert (
+            space.status >= 0
+            and np.isfinite([*space.velocity, *space.spin]).all()
+            and space.velocity.z >= 0.0
+        )
 
 
 @pytest.mark.parametrize("text", MODELS)
@@ -129,13 +197,33 @@ def test_a_ball_that_does_not_come_leaves_as_it_came_and_no_number_has_no_answer
     made = ports.reference(text)
     for v_y in (0.0, -3.0):
         found = made.rebound(5.0, v_y, 100.0, made.BALL)
-        assert (found.v_x2, found.v_y2, found.omega_2, found.status) == (5.0, -v_y, 100.0, Status.NO_IMPACT)
-        space = made.rebound_3d(made.Vector(1, 2, -v_y), made.Vector(3, 4, 5), made.Vector(0, 0, 2), made.BALL)
+        assert (found.v_x2, found.v_y2, found.omega_2, found.status) == (
+            5.0,
+            -v_y,
+            100.0,
+            Status.NO_IMPACT,
+        )
+        space = made.rebound_3d(
+            made.Vector(1, 2, -v_y),
+            made.Vector(3, 4, 5),
+            made.Vector(0, 0, 2),
+            made.BALL,
+        )
         assert [*space.velocity, *space.spin] == pytest.approx([1, 2, -v_y, 3, 4, 5], abs=1e-12)
-    for impact in ((np.nan, 1.0, 0.0), (0.0, np.inf, 0.0), (0.0, 1.0, -np.inf), (0.0, -np.inf, 1.0)):
+    for impact in (
+        (np.nan, 1.0, 0.0),
+        (0.0, np.inf, 0.0),
+        (0.0, 1.0, -np.inf),
+        (0.0, -np.inf, 1.0),
+    ):
         found = made.rebound(*impact, made.BALL)
         assert found.status == -1 and np.isnan([found.v_x2, found.v_y2, found.omega_2]).all()
-    nowhere = made.rebound_3d(made.Vector(1, 2, -3), made.Vector(0, 0, 0), made.Vector(0, 0, 0), made.BALL)
+    nowhere = made.rebound_3d(
+        made.Vector(1, 2, -3),
+        made.Vector(0, 0, 0),
+        made.Vector(0, 0, 0),
+        made.BALL,
+    )
     assert nowhere.status == -1 and np.isnan([*nowhere.velocity, *nowhere.spin]).all()
 
 
@@ -149,13 +237,19 @@ def test_self_test_passes_and_sees_a_wrong_constant(tmp_path, language):
         made = ports.module(text)
         assert made.self_test() < 1e-13 and ports.module(wrong).self_test() > 1e-6
         # One answer that is no number is enough.
-        rebound, answers_left = made.rebound, iter([True])
-        made.rebound = lambda *given: rebound(*given)._replace(**{"v_x2": np.nan} if next(answers_left, 0) else {})
+        rebound = made.rebound
+        answers_left = iter([True])
+        made.rebound = lambda *given: rebound(*given)._replace(
+            **{"v_x2": np.nan} if next(answers_left, 0) else {}
+        )
         assert made.self_test() > 1.0
         return
     for given, code in ((text, 0), (wrong, 1)):
         command = ports.compiled(tmp_path, language, given, driver=False)
-        assert subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=60).returncode == code
+        assert (
+            subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=60).returncode
+            == code
+        )
 
 
 def test_golden_table_has_the_rebounds_of_the_model():
@@ -165,9 +259,17 @@ def test_golden_table_has_the_rebounds_of_the_model():
     for number, row in enumerate(rows):
         side = (1.0, -1.0)[number % 2]
         signs = dict.fromkeys(("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn"), side)
-        at = {name: signs.get(name, 1.0) * float(row[name]) for name in (*answers.IMPACT, *OUTPUTS[:7])}
+        at = {
+            name: signs.get(name, 1.0) * float(row[name])
+            for name in (*answers.IMPACT, *OUTPUTS[:7])
+        }
         assert at["v_x1"] > 0.0
         one = sets[row["level"] != "clay"]
-        found = one.model.rebound(one.values, fitball.impacts(*(at[name] for name in answers.IMPACT)))
-        assert [at[name] for name in OUTPUTS[:7]] == [getattr(found, name)[0] for name in OUTPUTS[:7]]
+        found = one.model.rebound(
+            one.values,
+            fitball.impacts(*(at[name] for name in answers.IMPACT)),
+        )
+        assert [at[name] for name in OUTPUTS[:7]] == [
+            getattr(found, name)[0] for name in OUTPUTS[:7]
+        ]
         assert row["regime"] == fitball.regime_name(found.regime[0])

@@ -1,4 +1,6 @@
-"""The text of a port: nothing that a user wrote becomes code, names are free, what has no translation is refused."""
+"""The text of a port: nothing that a user wrote becomes code, names are free, what has no
+translation is refused.
+"""
 
 import math
 import re
@@ -16,19 +18,40 @@ from fitball.errors import FitballError
 from fitball.exports.port import FILES, dialects, port, python, source, translate
 
 HOSTILE = (
-    "*/ #error evil /*", '"""\nraise SystemExit(9)\n"""', "\n#error evil", "\r\nevil();", "??/\n#error evil",
-    "\\\n#error", "</script><script>alert(1)</script>", "\u2028evil()\u2029evil()", "\u202eevil\u202c",
-    "\\u002a/ evil", "@functions@", "{evil}", "${evil}", "`evil`", "'''\nevil", "\x0cevil\x0bevil", "\x00\x1a",
-    "-->evil<!--", "evil\x85evil",
-)  # fmt: skip
+    "*/ #error evil /*",
+    '"""\nraise SystemExit(9)\n"""',
+    "\n#error evil",
+    "\r\nevil();",
+    "??/\n#error evil",
+    "\\\n#error",
+    "</script><script>alert(1)</script>",
+    "\u2028evil()\u2029evil()",
+    "\u202eevil\u202c",
+    "\\u002a/ evil",
+    "@functions@",
+    "{evil}",
+    "${evil}",
+    "`evil`",
+    "'''\nevil",
+    "\x0cevil\x0bevil",
+    "\x00\x1a",
+    "-->evil<!--",
+    "evil\x85evil",
+)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_port_of_hostile_labels_compiles_and_passes(tmp_path, language):
-    sets = [replace(ports.typical("grip-slip", text), origin=text, sources={"mu": text}) for text in HOSTILE]
+    sets = [
+        replace(ports.typical("grip-slip", text), origin=text, sources={"mu": text})
+        for text in HOSTILE
+    ]
     text = ports.text_of(sets, language)
     # No control, no change of direction, no sign that begins a string or a tag.
-    assert not re.search('[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e<>`"]', text.split("MIT License")[0][5:])
+    assert not re.search(
+        '[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e<>`"]',
+        text.split("MIT License")[0][5:],
+    )
     if language == "python":
         assert ports.module(text).self_test() < 1e-13
         return
@@ -38,13 +61,24 @@ def test_a_port_of_hostile_labels_compiles_and_passes(tmp_path, language):
 
 def test_names_of_labels():
     named = {
-        "clay": "CLAY", "Clay": "CLAY_2", "clay!": "CLAY_3", "7 up": "BALL_7_UP", "Gras\u00e9 (wet)": "GRASE_WET",
-        "\u8349\u5730": "BALL", "self test": "SELF_TEST_2", "": "BALL_2", "x" * 90: "X" * 40, "_levels_": "LEVELS",
+        "clay": "CLAY",
+        "Clay": "CLAY_2",
+        "clay!": "CLAY_3",
+        "7 up": "BALL_7_UP",
+        "Gras\u00e9 (wet)": "GRASE_WET",
+        "\u8349\u5730": "BALL",
+        "self test": "SELF_TEST_2",
+        "": "BALL_2",
+        "x" * 90: "X" * 40,
+        "_levels_": "LEVELS",
         "clay, worn": "CLAY_WORN",
-    }  # fmt: skip
+    }
     sets = [ports.typical("grip-slip", label, mu=0.01 * k) for k, label in enumerate(named, 1)]
-    made, names = ports.module(port(sets, "python")), named.values()
-    assert [getattr(made, name).mu for name in names] == pytest.approx([0.01 * k for k in range(1, 12)])
+    made = ports.module(port(sets, "python"))
+    names = named.values()
+    assert [getattr(made, name).mu for name in names] == pytest.approx(
+        [0.01 * k for k in range(1, 12)]
+    )
 
 
 def test_what_cannot_be_ported():
@@ -56,7 +90,7 @@ def test_what_cannot_be_ported():
         ([replace(one, model=fitball.model_from(own), values={"e": 0.5})], "own-model"),
         ([ports.typical("two-mass", mass_ratio=0.5)], "no-answer"),
         ([ports.typical("two-mass", mu=-1.0)], "out-of-bounds"),
-    ):  # fmt: skip
+    ):
         for language in FILES:
             with pytest.raises(FitballError) as found:
                 port(sets, language)
@@ -68,11 +102,23 @@ class Pair(NamedTuple):
     two: int
 
 
-@pytest.mark.parametrize("body", [
-    "return x + len('text')", "return x or 1.0", "return x + n / 2", "return 0.0 < abs(x) < 1.0", "return x**2.5",
-    "return min(x, 1.0, key=abs)", "return Pair(x, x)", "return n[0]", "return x + y", "n = 0.5; return n",
-    "for k in range(n): n = k\n    return x", "while x < 1.0: x = x + later\n    return x",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return x + len('text')",
+        "return x or 1.0",
+        "return x + n / 2",
+        "return 0.0 < abs(x) < 1.0",
+        "return x**2.5",
+        "return min(x, 1.0, key=abs)",
+        "return Pair(x, x)",
+        "return n[0]",
+        "return x + y",
+        "n = 0.5; return n",
+        "for k in range(n): n = k\n    return x",
+        "while x < 1.0: x = x + later\n    return x",
+    ],
+)
 def test_what_has_no_translation_is_refused(tmp_path, body):
     place = tmp_path / "body.py"
     place.write_text(f"def function(x: float, n: int) -> float:\n    {body}\n")
@@ -80,7 +126,9 @@ def test_what_has_no_translation_is_refused(tmp_path, body):
     exec(compile(place.read_text(), place, "exec"), known)
     with pytest.raises(source.UnportableError):
         translate.translated(
-            source.collected((known["function"],), {}, {}, dialects.C.helpers), "function", dialects.C
+            source.collected((known["function"],), {}, {}, dialects.C.helpers),
+            "function",
+            dialects.C,
         )
 
 
@@ -90,7 +138,15 @@ def test_functions_of_the_port_in_python_are_those_of_ieee_754(name):
     with np.errstate(all="ignore"):
         for x in ends:
             wanted = getattr(np, name)(x)
-            assert python.HELPERS[f"math.{name}"](x) == pytest.approx(wanted, rel=1e-15, nan_ok=True)
+            assert python.HELPERS[f"math.{name}"](x) == pytest.approx(
+                wanted,
+                rel=1e-15,
+                nan_ok=True,
+            )
             for y in ends:
-                assert python.over(x, y) == pytest.approx(np.float64(x) / np.float64(y), rel=1e-15, nan_ok=True)
+                assert python.over(x, y) == pytest.approx(
+                    np.float64(x) / np.float64(y),
+                    rel=1e-15,
+                    nan_ok=True,
+                )
     assert python.whole(-2.7) == -2 and isinstance(python.whole(math.nan), int)

@@ -1,4 +1,6 @@
-"""Predictions of new impacts: coverage with stated errors, levels, ranges, scores; readings and refusals."""
+"""Predictions of new impacts: coverage with stated errors, levels, ranges, scores; readings and
+refusals.
+"""
 
 import json
 from dataclasses import replace
@@ -42,8 +44,13 @@ def surfaces():
     fast = frame.loc[1::2, ["v_x1", "v_y1", "v_x2", "v_y2"]] * 1.6
     frame.loc[1::2, ["v_x1", "v_y1", "v_x2", "v_y2"]] = fast
     fit = known_fit(frame)
-    draws, prior, rng = fit.draws, fit.problem.prior, np.random.default_rng(6)
-    beyond = prior.beyond(prior.coordinate(np.stack([draws.values[name] for name in fit.problem.free], axis=1)), rng)
+    draws = fit.draws
+    prior = fit.problem.prior
+    rng = np.random.default_rng(6)
+    beyond = prior.beyond(
+        prior.coordinate(np.stack([draws.values[name] for name in fit.problem.free], axis=1)),
+        rng,
+    )
     best = {name: np.median(column, keepdims=True) for name, column in beyond.items()}
     fit.made.draws = Draws(draws.point, {**draws.values, **beyond}, {**draws.best, **best})
     return fit
@@ -55,16 +62,22 @@ def rows_of(result, column):
 
 
 def new_table(count, rng, fit, errors):
-    """Impacts within the fit's range whose states are measured with `errors`, each with the rebound of a draw of the
-    posterior at its true state, and noise; what a laboratory would have.
+    """Impacts within the fit's range whose states are measured with `errors`, each with the rebound
+    of a draw of the posterior at its true state, and noise; what a laboratory would have.
     """
-    known, draw = fit.problem.rows.states, rng.integers(len(next(iter(fit.draws.values.values()))), size=count)
+    known = fit.problem.rows.states
+    draw = rng.integers(len(next(iter(fit.draws.values.values()))), size=count)
     picked = known.take(rng.integers(len(known), size=count))
     values = {name: column[draw] for name, column in fit.draws.values.items()}
-    true = fitball.impacts(*(getattr(picked, name) + sd * rng.standard_normal(count) for name, sd in errors.items()))
+    true = fitball.impacts(
+        *(getattr(picked, name) + sd * rng.standard_normal(count) for name, sd in errors.items())
+    )
     states = [fitball.impacts(true.v_x1[k], true.v_y1[k], true.omega_1[k]) for k in range(count)]
     forward = fit.problem.forward
-    made = [forward.rebound({n: v[k : k + 1] for n, v in values.items()}, states[k]) for k in range(count)]
+    made = [
+        forward.rebound({n: v[k : k + 1] for n, v in values.items()}, states[k])
+        for k in range(count)
+    ]
     table = {name: getattr(picked, name) for name in errors}
     noise = {"v_x2": "v_x_sd", "v_y2": "v_y_sd", "omega_2": "spin_sd"}
     for name in REBOUND:
@@ -90,21 +103,33 @@ def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
     known = table_of()
     mine = fit.predict(known.iloc[:10])
     scores = mine.frames["scores"].set_index("column")
-    assert list(scores.index) == list(REBOUND) and (scores["seen"] == 10).all() and (scores["impacts"] == 10).all()
+    assert (
+        list(scores.index) == list(REBOUND)
+        and (scores["seen"] == 10).all()
+        and (scores["impacts"] == 10).all()
+    )
     one = rows_of(mine, "v_x2")
     off = known["v_x2"].iloc[:10].to_numpy() - one["median"].to_numpy()
     assert scores.loc["v_x2", "bias"] == pytest.approx(off.mean())
     assert scores.loc["v_x2", "rms"] == pytest.approx(np.sqrt((off**2).mean()))
     # The same impacts by speed and angle are known again; others, or other rebounds, are not.
-    polar = known.assign(v_1=np.hypot(known.v_x1, known.v_y1), theta_1=np.degrees(np.arctan2(known.v_y1, known.v_x1)))
-    assert fit.predict(polar.drop(columns=["v_x1", "v_y1"])).frames["scores"]["seen"].tolist() == [24] * 3
+    polar = known.assign(
+        v_1=np.hypot(known.v_x1, known.v_y1),
+        theta_1=np.degrees(np.arctan2(known.v_y1, known.v_x1)),
+    )
+    assert (
+        fit.predict(polar.drop(columns=["v_x1", "v_y1"])).frames["scores"]["seen"].tolist()
+        == [24] * 3
+    )
     other = known.assign(v_y2=known["v_y2"] + [0.1, *[0.0] * 23])
     assert fit.predict(other).frames["scores"]["seen"].tolist() == [23] * 3
     assert fit.predict(known.drop(columns=list(REBOUND))).frames["scores"].empty
 
 
 def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit):
-    frame = pd.DataFrame({"v_1": [17.0, 20.0], "theta_1": [25.0, 40.0], "omega_1": [100.0, 0.0], "omega_1_sd": 5.0})
+    frame = pd.DataFrame(
+        {"v_1": [17.0, 20.0], "theta_1": [25.0, 40.0], "omega_1": [100.0, 0.0], "omega_1_sd": 5.0}
+    )
     whole = fit.predict(frame).frames["predictions"]
     alone = fit.predict(frame.iloc[1:]).frames["predictions"]
     words = fit.predict(impact="v_1=17, theta_1=25 deg, omega_1=100±5 rad/s").frames["predictions"]
@@ -120,14 +145,21 @@ def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit)
 def test_columns_are_those_that_the_model_predicts(fit):
     frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0]}).frames["predictions"]
     assert frame["column"].tolist() == ["v_x2", "v_y2", "theta_2", "omega_2"]
-    frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0], "v_2": [10.0]}).frames["predictions"]
+    frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0], "v_2": [10.0]}).frames[
+        "predictions"
+    ]
     assert "v_2" in frame["column"].tolist()
     drop = known_fit(table_of(drop=True), model="two-mass")
-    assert drop.predict(impact="v_y1=7").frames["predictions"]["column"].tolist() == ["v_y2", "contact_time"]
+    assert drop.predict(impact="v_y1=7").frames["predictions"]["column"].tolist() == [
+        "v_y2",
+        "contact_time",
+    ]
 
 
 def test_levels_by_column_by_option_and_new(surfaces):
-    states = pd.DataFrame({"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "surface": ["Clay", "hard"]})
+    states = pd.DataFrame(
+        {"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "surface": ["Clay", "hard"]}
+    )
     by_column = rows_of(surfaces.predict(states), "v_x2")
     bare = states.drop(columns="surface")
     for row, label in enumerate(("clay", "hard")):
@@ -137,7 +169,9 @@ def test_levels_by_column_by_option_and_new(surfaces):
     new = surfaces.predict(bare.iloc[:1], level={"surface": "new"})
     # A surface of which nothing was measured is less sure than either.
     assert rows_of(new, "v_x2")["sd"][0] > 1.5 * by_column["sd"].max()
-    assert "new-level" in {note.code for note in new.notes} and {*new.frames["predictions"]["surface"]} == {"new"}
+    assert "new-level" in {note.code for note in new.notes} and {
+        *new.frames["predictions"]["surface"]
+    } == {"new"}
 
 
 def refused(code, call):
@@ -158,8 +192,14 @@ def test_what_cannot_be_predicted_is_refused(fit, surfaces, tmp_path):
     refused("unknown-label", lambda: surfaces.predict(state | {"surface": ["grass"]}))
     refused("unknown-level", lambda: surfaces.predict(state, level={"court": "clay"}))
     refused("unknown-level", lambda: fit.predict(state, level={"surface": "clay"}))
-    refused("level-twice", lambda: surfaces.predict(state | {"surface": ["clay"]}, level={"surface": "hard"}))
-    error = refused("not-a-number", lambda: fit.predict({"v_x1": [1.0, "x"], "v_y1": [1, 2], "omega_1": [0, 0]}))
+    refused(
+        "level-twice",
+        lambda: surfaces.predict(state | {"surface": ["clay"]}, level={"surface": "hard"}),
+    )
+    error = refused(
+        "not-a-number",
+        lambda: fit.predict({"v_x1": [1.0, "x"], "v_y1": [1, 2], "omega_1": [0, 0]}),
+    )
     assert [(fault.row, fault.column) for fault in error.faults] == [(2, "v_x1")]
     refused("not-found", lambda: fit.predict(tmp_path / "none.csv"))
     refused("no-fit", lambda: fitball.predict(tmp_path, impact="v_y1=7"))
@@ -169,7 +209,10 @@ def test_extrapolation_is_judged_within_the_surface(surfaces):
     """An impact as the fastest on hard is far from all on clay."""
     known = surfaces.run.table
     fast = int(np.argmax(known.impacts.polar()[0]))
-    state = {name: [float(getattr(known.impacts, name)[fast])] * 3 for name in ("v_x1", "v_y1", "omega_1")}
+    state = {
+        name: [float(getattr(known.impacts, name)[fast])] * 3
+        for name in ("v_x1", "v_y1", "omega_1")
+    }
     assert known.labels["surface"][fast] == "hard"
     found = rows_of(surfaces.predict(state | {"surface": ["hard", "clay", "new"]}), "v_x2")
     assert found["outside"].tolist() == [False, True, False]
@@ -181,46 +224,82 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
     moved = {"mu": 0.3, "e_x": 0.3}
 
     def alternative(choice, as_good, reason="", **values):
-        return Alternative(choice, "noise=normal", "grip-slip", {**base, **values}, {}, 0.0, 1.0, as_good, reason)
+        return Alternative(
+            choice,
+            "noise=normal",
+            "grip-slip",
+            {**base, **values},
+            {},
+            0.0,
+            1.0,
+            as_good,
+            reason,
+        )
 
     tried = (
-        alternative("one", True, **moved), alternative("other", True, e_x=0.2), alternative("worse", False, mu=0.05),
+        alternative("one", True, **moved),
+        alternative("other", True, e_x=0.2),
+        alternative("worse", False, mu=0.05),
         alternative("none", True, reason="no answer", mu=0.01),
-    )  # fmt: skip
+    )
     known = known_fit(tried=tried)
     state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
     found = rows_of(known.predict(state), "v_x2")
-    model, at = fit.problem.forward.model, fitball.impacts(15.0, 8.0, 0.0)
+    model = fit.problem.forward.model
+    at = fitball.impacts(15.0, 8.0, 0.0)
     free = {spec.name: base[spec.name] for spec in model.parameters}
-    each = [float(model.rebound({**free, **change}, at).v_x2[0]) for change in ({}, moved, {"e_x": 0.2})]
+    each = [
+        float(model.rebound({**free, **change}, at).v_x2[0]) for change in ({}, moved, {"e_x": 0.2})
+    ]
     assert found["variant_low"][0] == pytest.approx(min(each), rel=1e-12)
-    assert found["variant_high"][0] == pytest.approx(max(each), rel=1e-12) and max(each) > min(each) + 0.1
+    assert (
+        found["variant_high"][0] == pytest.approx(max(each), rel=1e-12)
+        and max(each) > min(each) + 0.1
+    )
     assert rows_of(fit.predict(state), "v_x2")["variant_low"].isna().all()
 
 
 def test_no_new_measurement_where_its_error_is_not_known():
-    """The fit knows what columns scatter beyond their stated errors; a new table without these has no intervals."""
+    """The fit knows what columns scatter beyond their stated errors; a new table without these has
+    no intervals.
+    """
     fit = known_fit(table_of().assign(v_x2_sd=0.2))
-    state = pd.DataFrame({"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "v_x2": [9.0, 9.5]})
-    bare, stated = fit.predict(state), fit.predict(state.assign(v_x2_sd=[0.1, 0.5]))
+    state = pd.DataFrame(
+        {"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "v_x2": [9.0, 9.5]}
+    )
+    bare = fit.predict(state)
+    stated = fit.predict(state.assign(v_x2_sd=[0.1, 0.5]))
     assert rows_of(bare, "v_x2")[["new_q025", "noise"]].isna().all(axis=None)
-    assert rows_of(bare, "v_y2")["new_q025"].notna().all() and "unknown-noise" in {n.code for n in bare.notes}
+    assert rows_of(bare, "v_y2")["new_q025"].notna().all() and "unknown-noise" in {
+        n.code for n in bare.notes
+    }
     wide = rows_of(stated, "v_x2")["noise"]
     scatter = np.sqrt(np.mean(fit.draws.values["v_x_sd"] ** 2))
     np.testing.assert_allclose(wide, np.hypot(scatter, [0.1, 0.5]), rtol=1e-9)
     # Errors of states beside it change nothing in that.
     both = fit.predict(state.assign(v_y1_sd=0.3))
-    assert rows_of(both, "v_x2")["new_q025"].isna().all() and rows_of(both, "v_y2")["new_q025"].notna().all()
+    assert (
+        rows_of(both, "v_x2")["new_q025"].isna().all()
+        and rows_of(both, "v_y2")["new_q025"].notna().all()
+    )
 
 
 def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, monkeypatch):
     rng = np.random.default_rng(3)
-    table = {"v_x1": rng.uniform(8, 20, 300), "v_y1": rng.uniform(4, 12, 300), "omega_1": rng.uniform(-100, 100, 300)}
+    table = {
+        "v_x1": rng.uniform(8, 20, 300),
+        "v_y1": rng.uniform(4, 12, 300),
+        "omega_1": rng.uniform(-100, 100, 300),
+    }
     whole = fit.predict(table).frames["predictions"]
     monkeypatch.setattr(predictive, "_BLOCK", 7 * len(fit.draws.values["mu"]))
     for cores in (1, 3):
         with environment.threads(cores):
-            pd.testing.assert_frame_equal(fit.predict(table).frames["predictions"], whole, rtol=1e-12)
+            pd.testing.assert_frame_equal(
+                fit.predict(table).frames["predictions"],
+                whole,
+                rtol=1e-12,
+            )
     monkeypatch.setattr(predictive, "_FEWEST", 40)
     monkeypatch.setattr(predictive, "PREDICTED", 4)
     fewer = fit.predict(table).frames["predictions"]
@@ -228,7 +307,10 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
     chosen = (np.arange(count) * 400) // count
     values = {name: column[chosen] for name, column in fit.draws.values.items()}
     known = known_fit()
-    known.__dict__["made"] = type(fit.made)(problem=fit.problem, draws=Draws(fit.draws.point, values, fit.draws.best))
+    known.__dict__["made"] = type(fit.made)(
+        problem=fit.problem,
+        draws=Draws(fit.draws.point, values, fit.draws.best),
+    )
     monkeypatch.setattr(predictive, "PREDICTED", 20_000)
     np.testing.assert_array_equal(known.predict(table).frames["predictions"]["q975"], fewer["q975"])
     assert len(values["mu"]) == count < len(fit.draws.values["mu"])
@@ -237,9 +319,17 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
 def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     one = fit.predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     many = fit.predict(impact="v_1=15..60:4, theta_1=30 deg, omega_1=0")
-    assert [page.report(found).summary[0].lines[0].tone for found in (one, many)] == ["good", "part"]
+    assert [page.report(found).summary[0].lines[0].tone for found in (one, many)] == [
+        "good",
+        "part",
+    ]
     table = next(block for block in page.report(many).summary if getattr(block, "rows", None))
-    assert [row["remark"] for row in table.rows] == ["", "extrapolated", "extrapolated", "extrapolated"]
+    assert [row["remark"] for row in table.rows] == [
+        "",
+        "extrapolated",
+        "extrapolated",
+        "extrapolated",
+    ]
     assert all(len(result.plot("rebounds").get_axes()) == 4 for result in (one, many))
     alone = next(block for block in page.report(one).summary if getattr(block, "rows", None)).rows
     shown = {row[""]: float(row["median"]) for row in alone}
@@ -248,7 +338,9 @@ def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     frame = point.frames["predictions"]
     assert frame[["median", "new_q025"]].isna().all(axis=None) and frame["point"].notna().all()
     assert "theta_2" in point.report() and point.plot("rebounds").get_axes()
-    hostile = fit.predict({"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]})
+    hostile = fit.predict(
+        {"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]}
+    )
     assert "\x1b" not in hostile.report() and hostile.plot("rebounds").get_axes()
 
 
@@ -261,25 +353,56 @@ def test_the_page_says_which_impacts_are_outside_and_the_figure_shows_the_frame(
     drawn = within.plot("rebounds")
     assert not cut_off(drawn)
     for axis, name in zip(drawn.axes, ("v_x2", "v_y2", "theta_2", "omega_2"), strict=True):
-        mine, unit = rows_of(within, name), 180.0 / np.pi if name == "theta_2" else 1.0
+        mine = rows_of(within, name)
+        unit = 180.0 / np.pi if name == "theta_2" else 1.0
         wide, narrow = (one[:, :, 1] for one in bars(axis))
-        np.testing.assert_allclose(wide, unit * mine[["new_q025", "new_q975"]].to_numpy(), rtol=1e-12)
+        np.testing.assert_allclose(
+            wide,
+            unit * mine[["new_q025", "new_q975"]].to_numpy(),
+            rtol=1e-12,
+        )
         np.testing.assert_allclose(narrow, unit * mine[["q16", "q84"]].to_numpy(), rtol=1e-12)
         np.testing.assert_allclose(dots(axis, "_")[:, 1], unit * mine["median"], rtol=1e-12)
         np.testing.assert_allclose(dots(axis, "o")[:, 1], unit * mine["observed"], rtol=1e-12)
 
 
 def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
-    """Names, units and signs of the fit's own file, of which the spin counts backwards; by the command line."""
+    """Names, units and signs of the fit's own file, of which the spin counts backwards; by the
+    command line.
+    """
     known = table_of(16)
-    theirs = {"Vin": known.v_x1 * 3.6, "down": known.v_y1, "spin": -known.omega_1, "Vout": known.v_x2 * 3.6}
-    theirs = pd.DataFrame(theirs | {"v_y2": known.v_y2, "omega_2 [rpm]": -known.omega_2 * 30 / np.pi})
+    theirs = {
+        "Vin": known.v_x1 * 3.6,
+        "down": known.v_y1,
+        "spin": -known.omega_1,
+        "Vout": known.v_x2 * 3.6,
+    }
+    theirs = pd.DataFrame(
+        theirs | {"v_y2": known.v_y2, "omega_2 [rpm]": -known.omega_2 * 30 / np.pi}
+    )
     theirs.to_csv(tmp_path / "theirs.csv", index=False)
     known.drop(columns="id").to_csv(tmp_path / "ours.csv", index=False)
     options = ["--model", "brody", "--point-only", "--figures", "none", "--quiet"]
-    named = ["--columns", "v_x1=Vin [km/h],v_y1=down,omega_1=spin,v_x2=Vout [km/h]", "--flip", "omega_1,omega_2"]
+    named = [
+        "--columns",
+        "v_x1=Vin [km/h],v_y1=down,omega_1=spin,v_x2=Vout [km/h]",
+        "--flip",
+        "omega_1,omega_2",
+    ]
     for name, more in (("theirs", named), ("ours", [])):
-        assert main(["calibrate", str(tmp_path / f"{name}.csv"), *more, *options, "--out", str(tmp_path / name)]) == 0
+        assert (
+            main(
+                [
+                    "calibrate",
+                    str(tmp_path / f"{name}.csv"),
+                    *more,
+                    *options,
+                    "--out",
+                    str(tmp_path / name),
+                ]
+            )
+            == 0
+        )
     # Without rebounds, and without a unit in the header.
     theirs[["Vin", "down", "spin"]].iloc[:4].to_csv(tmp_path / "new.csv", index=False)
     known[["v_x1", "v_y1", "omega_1"]].iloc[:4].to_csv(tmp_path / "same.csv", index=False)
@@ -288,10 +411,21 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
     for name, table in (("theirs", "new.csv"), ("ours", "same.csv")):
         assert main(["predict", str(tmp_path / name), str(tmp_path / table), "--json"]) == 0
         made.append(pd.DataFrame(json.loads(capsys.readouterr().out)["frames"]["predictions"]))
-    np.testing.assert_allclose(made[0]["point"].astype(float), made[1]["point"].astype(float), rtol=1e-5)
+    np.testing.assert_allclose(
+        made[0]["point"].astype(float),
+        made[1]["point"].astype(float),
+        rtol=1e-5,
+    )
     written = {place.name for place in (tmp_path / "ours" / "predict").iterdir()}
-    assert {"predictions.csv", "report.html", "rebounds.png"} <= written and not [*(tmp_path / "ours").glob("*.png")]
-    assert main(["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]) == 2
+    assert {"predictions.csv", "report.html", "rebounds.png"} <= written and not [
+        *(tmp_path / "ours").glob("*.png")
+    ]
+    assert (
+        main(
+            ["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]
+        )
+        == 2
+    )
     assert not (tmp_path / "x").exists()
     refused("own-model", lambda: fitball.load_fit(tmp_path / "ours", "brody"))
 
@@ -299,9 +433,14 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
 def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
     table_of(10).to_csv(tmp_path / "balls.csv", index=False)
     place = tmp_path / "mine.py"
-    place.write_text("def roll(v_x1, v_y1, omega_1, ball, k='normal(0.6, 0.2)'):\n    return k * v_x1, v_y1, v_x1\n")
+    place.write_text(
+        "def roll(v_x1, v_y1, omega_1, ball, k='normal(0.6, 0.2)'):\n    return k * v_x1, v_y1, "
+        "v_x1\n"
+    )
     own = f"{place}:roll"
-    fitball.calibrate(tmp_path / "balls.csv", model=own, point_only=True, progress=False).save(tmp_path / "fit")
+    fitball.calibrate(tmp_path / "balls.csv", model=own, point_only=True, progress=False).save(
+        tmp_path / "fit"
+    )
     made = fitball.predict(tmp_path / "fit", impact="v_x1=10, v_y1=7", model=own)
     best = fitball.load_fit(tmp_path / "fit", own).point.optima[0]["k"]
     assert rows_of(made, "v_x2")["point"][0] == pytest.approx(10.0 * best, rel=1e-12)

@@ -13,10 +13,14 @@ def prior_of(text, lower=0.0, upper=5.0):
 
 
 class Tail:
-    """What is left of a law between two ends above its median; upper shares keep the digits there."""
+    """What is left of a law between two ends above its median; upper shares keep the digits
+    there.
+    """
 
     def __init__(self, law, low, high):
-        self.law, self.low, self.mass = law, low, law.sf(low) - law.sf(high)
+        self.law = law
+        self.low = low
+        self.mass = law.sf(low) - law.sf(high)
 
     def ppf(self, level):
         return self.law.isf(self.law.sf(self.low) - level * self.mass)
@@ -34,10 +38,12 @@ LN = np.log
 CASES = [
     ("normal(0.55, 0.05)", 0.0, 5.0, normal(0.0, 5.0, 0.55, 0.05)),
     ("normal(0, 0.005)", -0.033, 0.033, normal(-0.033, 0.033, 0.0, 0.005)),
-    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)), ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
+    ("normal(4, 1)", 0.0, 1.0, normal(0.0, 1.0, 4.0, 1.0)),
+    ("normal(-3, 1)", 0.0, 1.0, normal(0.0, 1.0, -3.0, 1.0)),
     ("lognormal(20000, 1)", 100.0, 1e7, normal(LN(100.0), LN(1e7), LN(2e4), 1.0)),
     ("lognormal(0.6, 0.4)", 0.0, 5.0, normal(-np.inf, LN(5.0), LN(0.6), 0.4)),
-    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)), ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
+    ("uniform(0.3, 1)", 0.3, 1.0, stats.uniform(0.3, 0.7)),
+    ("uniform(-1, 0.5)", 0.0, 1.0, stats.uniform(0.0, 0.5)),
     ("loguniform(1, 1000)", 0.0, 100.0, stats.uniform(0.0, LN(100.0))),
     ("half-normal(0.3)", -1.0, 5.0, normal(0.0, 5.0, 0.0, 0.3)),
     ("half-t(0.2, 4)", 0.0, 4.0, Tail(stats.t(4.0, 0.0, 0.2), 0.0, 4.0)),
@@ -46,8 +52,9 @@ CASES = [
     ("half-t(0.2, 1e11)", 0.0, 4.0, Tail(stats.norm(0.0, 0.2), 0.0, 4.0)),
     # What a prior must leave, far in a tail and in a narrow window.
     ("normal(0, 1)", 4.6, 9.0, Tail(stats.norm(0.0, 1.0), 4.6, 9.0)),
-    ("normal(9, 1)", 0.0, 4.4, normal(0.0, 4.4, 9.0, 1.0)), ("normal(0.5, 4e4)", 0.0, 1.0, stats.uniform(0.0, 1.0)),
-]  # fmt: skip
+    ("normal(9, 1)", 0.0, 4.4, normal(0.0, 4.4, 9.0, 1.0)),
+    ("normal(0.5, 4e4)", 0.0, 1.0, stats.uniform(0.0, 1.0)),
+]
 
 
 @pytest.mark.parametrize(("text", "lower", "upper", "law"), CASES, ids=[case[0] for case in CASES])
@@ -55,22 +62,61 @@ def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
     prior = prior_of(text, lower, upper)
     shares = np.array([1e-6, 0.01, 0.3, 0.5, 0.9, 0.999])
     coordinates = law.ppf(shares)
-    np.testing.assert_allclose(prior.coordinate(prior.quantile(shares)), coordinates, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(prior.value(coordinates), np.exp(coordinates) if "log" in text else coordinates)
-    np.testing.assert_allclose(prior.log_density(coordinates), law.logpdf(coordinates), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        prior.coordinate(prior.quantile(shares)),
+        coordinates,
+        rtol=1e-8,
+        atol=1e-9,
+    )
+    np.testing.assert_allclose(
+        prior.value(coordinates),
+        np.exp(coordinates) if "log" in text else coordinates,
+    )
+    np.testing.assert_allclose(
+        prior.log_density(coordinates),
+        law.logpdf(coordinates),
+        rtol=1e-9,
+        atol=1e-9,
+    )
     ends = prior.coordinate(prior.quantile(np.array([0.01, 0.99])))
     mass, _ = integrate.quad(lambda x: np.exp(prior.log_density(np.array([x]))[0]), *ends)
     assert mass == pytest.approx(0.98, abs=1e-7)
-    assert list(prior.log_density(np.array([prior.lower - 1e-9, prior.upper + 1e-9]))) == [-np.inf, -np.inf]
-    assert np.all(np.isfinite(prior.log_density(prior.coordinate(prior.quantile(np.array([0.001, 1.0]))))))
+    assert list(prior.log_density(np.array([prior.lower - 1e-9, prior.upper + 1e-9]))) == [
+        -np.inf,
+        -np.inf,
+    ]
+    assert np.all(
+        np.isfinite(prior.log_density(prior.coordinate(prior.quantile(np.array([0.001, 1.0])))))
+    )
 
 
-@pytest.mark.parametrize("text", [
-    "gauss(1, 2)", "normal 1 2", "normal(1)", "normal(1, two)", "normal(1, -2)", "normal(1, nan)", "normal(1, inf)",
-    "uniform(2, 1)", "lognormal(-1, 1)", "lognormal(1, 1e6)", "normal(0.5, 1e-300)", "loguniform(0.1, 1e300)",
-    "loguniform(0, 1)", "normal(50, 1)", "uniform(6, 7)", "half-t(0.2)", "half-normal(0.2, 4)", "half-t(-0.2, 4)",
-    "half-t(0.2, 0)", "half-normal(0)", "normal(10, 1)", "literature:clay",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "gauss(1, 2)",
+        "normal 1 2",
+        "normal(1)",
+        "normal(1, two)",
+        "normal(1, -2)",
+        "normal(1, nan)",
+        "normal(1, inf)",
+        "uniform(2, 1)",
+        "lognormal(-1, 1)",
+        "lognormal(1, 1e6)",
+        "normal(0.5, 1e-300)",
+        "loguniform(0.1, 1e300)",
+        "loguniform(0, 1)",
+        "normal(50, 1)",
+        "uniform(6, 7)",
+        "half-t(0.2)",
+        "half-normal(0.2, 4)",
+        "half-t(-0.2, 4)",
+        "half-t(0.2, 0)",
+        "half-normal(0)",
+        "normal(10, 1)",
+        "literature:clay",
+    ],
+)
 def test_a_bad_prior_is_refused(text):
     with pytest.raises(ParameterError) as caught:
         prior_of(text)

@@ -1,4 +1,6 @@
-"""Priors together, noises, what a problem is made of: against scipy and against numbers written down here."""
+"""Priors together, noises, what a problem is made of: against scipy and against numbers written
+down here.
+"""
 
 from dataclasses import replace
 
@@ -19,9 +21,13 @@ from fitball.inference.summary import bands, summarise
 from fitball.models.registry import model
 
 PRIORS = {
-    "mu": "uniform(0.2, 0.9)", "e_x": "normal(0, 0.5)", "offset": "half-t(0.003, 4)", "cor_10": "half-normal(0.7)",
-    "cor_slope": "normal(0.2, 0.05)", "v_x_sd": "loguniform(0.01, 3)",
-}  # fmt: skip
+    "mu": "uniform(0.2, 0.9)",
+    "e_x": "normal(0, 0.5)",
+    "offset": "half-t(0.003, 4)",
+    "cor_10": "half-normal(0.7)",
+    "cor_slope": "normal(0.2, 0.05)",
+    "v_x_sd": "loguniform(0.01, 3)",
+}
 
 
 def test_priors_together_are_those_of_scipy_one_by_one():
@@ -30,7 +36,10 @@ def test_priors_together_are_those_of_scipy_one_by_one():
     q = problem.prior.draw(np.random.default_rng(1), 40)
     values = problem.prior.value(q)
     items = [item for item in problem.parameters if item.fixed is None]
-    exact = [sum(log_prior(one.spec, one.prior.text, v) for one, v in zip(items, row, strict=True)) for row in values]
+    exact = [
+        sum(log_prior(one.spec, one.prior.text, v) for one, v in zip(items, row, strict=True))
+        for row in values
+    ]
     np.testing.assert_allclose(problem.prior.log_density(q), exact, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(problem.prior.coordinate(values), q, rtol=1e-13, atol=1e-13)
     named = dict(zip(problem.free, values[0], strict=True))
@@ -52,7 +61,10 @@ def test_draws_follow_the_priors():
 
 
 def test_widths_are_sds():
-    problem = problem_of(table_of(REBOUND), prior={"mu": "uniform(0.2, 0.9)", "e_x": "normal(0, 0.1)"})
+    problem = problem_of(
+        table_of(REBOUND),
+        prior={"mu": "uniform(0.2, 0.9)", "e_x": "normal(0, 0.1)"},
+    )
     drawn = problem.prior.draw(np.random.default_rng(3), 20_000).std(axis=0)
     for name in ("mu", "e_x", "v_x_sd"):
         k = problem.free.index(name)
@@ -61,12 +73,18 @@ def test_widths_are_sds():
 
 @pytest.mark.parametrize("kind", ["normal", "student-t"])
 def test_noise_against_scipy_and_quadrature(kind):
-    noise, nu = noise_kind(kind), np.array([2.0, 5.0, 90.0])
-    values, z = {"degrees_of_freedom": nu}, np.linspace(-30.0, 30.0, 121) * np.ones((3, 1))
+    noise = noise_kind(kind)
+    nu = np.array([2.0, 5.0, 90.0])
+    values = {"degrees_of_freedom": nu}
+    z = np.linspace(-30.0, 30.0, 121) * np.ones((3, 1))
     law = [stats.norm if kind == "normal" else stats.t(one) for one in nu]
     exact = np.array([own.logpdf(row) for own, row in zip(law, z, strict=True)])
     np.testing.assert_allclose(noise.log_density(z, values), exact, rtol=1e-10)
-    np.testing.assert_allclose(noise.log_density(z[:, :, None, None], values)[..., 0, 0], exact, rtol=1e-10)
+    np.testing.assert_allclose(
+        noise.log_density(z[:, :, None, None], values)[..., 0, 0],
+        exact,
+        rtol=1e-10,
+    )
     residual, rate = noise.residual(z, values)
     middle = np.array([[own.logpdf(0.0)] for own in law])
     np.testing.assert_allclose(residual**2, 2.0 * (middle - exact), rtol=1e-9, atol=1e-12)
@@ -78,11 +96,19 @@ def test_noise_against_scipy_and_quadrature(kind):
         def score(x, own=own):
             return (own.logpdf(x + 1e-5) - own.logpdf(x - 1e-5)) / 2e-5
 
-        on_centre = integrate.quad(lambda x, own=own: own.pdf(x) * score(x) ** 2, -np.inf, np.inf)[0]
-        on_scale = integrate.quad(lambda x, own=own: own.pdf(x) * (1.0 + x * score(x)) ** 2, -np.inf, np.inf)[0]
+        on_centre = integrate.quad(lambda x, own=own: own.pdf(x) * score(x) ** 2, -np.inf, np.inf)[
+            0
+        ]
+        on_scale = integrate.quad(
+            lambda x, own=own: own.pdf(x) * (1.0 + x * score(x)) ** 2,
+            -np.inf,
+            np.inf,
+        )[0]
         assert (centre[k], scale[k]) == pytest.approx((on_centre, on_scale), rel=1e-4)
     drawn = noise.draw(np.random.default_rng(4), (3, 4000), values)
-    assert all(stats.kstest(row, own.cdf).pvalue > 1e-3 for row, own in zip(drawn, law, strict=True))
+    assert all(
+        stats.kstest(row, own.cdf).pvalue > 1e-3 for row, own in zip(drawn, law, strict=True)
+    )
     with pytest.raises(ParameterError) as caught:
         noise_kind("students")
     assert caught.value.code == "noise"
@@ -94,28 +120,46 @@ def test_priors_that_nobody_chose():
     angle = f"{np.arctan2(0.25, speed):.2g}"
     stated = problem_of(table, text="two-mass").known
     assert {n: stated[n] for n in stated if n.endswith("_sd")} == {
-        "v_x_sd": "half-t(0.25, 4)", "v_y_sd": "half-t(0.25, 4)", "spin_sd": "half-t(10, 4)",
-        "contact_time_sd": "half-t(2e-4, 4)", "gap_time_sd": "half-t(1e-4, 4)", "gap_path_sd": "half-t(1e-3, 4)",
+        "v_x_sd": "half-t(0.25, 4)",
+        "v_y_sd": "half-t(0.25, 4)",
+        "spin_sd": "half-t(10, 4)",
+        "contact_time_sd": "half-t(2e-4, 4)",
+        "gap_time_sd": "half-t(1e-4, 4)",
+        "gap_path_sd": "half-t(1e-3, 4)",
         "gap_turn_sd": f"half-t({angle}, 4)",
-    }  # fmt: skip
+    }
     scene = Scene(
         ball=BallSection(mass=Quantity(0.0577, 1e-4), inertia=Quantity(3.5e-5, 7e-7)),
         surface={"mu": Quantity(0.55, 0.05)},
-        measurement={"nominal_velocity_sd": 0.4, "spin_sd": 7.0, "nominal_v_y_sd": 0.1, "noise": "student-t"},
-    )  # fmt: skip
+        measurement={
+            "nominal_velocity_sd": 0.4,
+            "spin_sd": 7.0,
+            "nominal_v_y_sd": 0.1,
+            "noise": "student-t",
+        },
+    )
     problem = build_problem(replace(table, sd={}), scene, Choices("grip-slip"))
     square = 0.0577 * 0.03302**2
     assert problem.known == {
-        "mu": "normal(0.55, 0.05)", "e_x": "normal(0, 0.5)", "offset": "normal(0, 0.005)",
-        "cor_10": "normal(0.75, 0.15)", "cor_slope": "normal(0, 0.02)", "degrees_of_freedom": "lognormal(8, 0.8)",
-        "v_x_sd": "lognormal(0.4, 0.7)", "v_y_sd": "lognormal(0.1, 0.7)", "spin_sd": "7.0",
+        "mu": "normal(0.55, 0.05)",
+        "e_x": "normal(0, 0.5)",
+        "offset": "normal(0, 0.005)",
+        "cor_10": "normal(0.75, 0.15)",
+        "cor_slope": "normal(0, 0.02)",
+        "degrees_of_freedom": "lognormal(8, 0.8)",
+        "v_x_sd": "lognormal(0.4, 0.7)",
+        "v_y_sd": "lognormal(0.1, 0.7)",
+        "spin_sd": "7.0",
         "ball_mass": "normal(0.0577, 0.0001)",
         "inertia_ratio": f"normal({3.5e-5 / square:.10g}, {7e-7 / square:.10g})",
-    }  # fmt: skip
+    }
     measured = {item.spec.name for item in problem.parameters if item.measured}
     assert measured == {"ball_mass", "inertia_ratio"}
     assert {note.code for note in problem.notes} >= {"unused-column", "assumed-ball"}
-    held = problem_of(table_of(REBOUND), Scene(surface={"mu": 0.6}, measurement={"velocity_sd": 0.1}))
+    held = problem_of(
+        table_of(REBOUND),
+        Scene(surface={"mu": 0.6}, measurement={"velocity_sd": 0.1}),
+    )
     fixed = {item.spec.name: item.fixed for item in held.parameters if item.fixed is not None}
     assert fixed == {"mu": 0.6, "v_x_sd": 0.1, "v_y_sd": 0.1}
 
@@ -125,9 +169,15 @@ def test_assumptions_are_named_where_they_concern_a_free_parameter():
         every = {"no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise"}
         return {note.code for note in problem_of(*of, **choices).notes} & every
 
-    table, timed = table_of(REBOUND), table_of(TIMED)
+    table = table_of(REBOUND)
+    timed = table_of(TIMED)
     assert named(table) == {"no-friction", "no-velocity-noise", "no-spin-noise"}
-    assert named(table, text="two-mass") == {"no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise"}
+    assert named(table, text="two-mass") == {
+        "no-friction",
+        "no-contact-time",
+        "no-velocity-noise",
+        "no-spin-noise",
+    }
     assert named(timed, text="two-mass") == {"no-friction", "no-velocity-noise", "no-spin-noise"}
     assert named(table, fix={"mu": 0.5, "spin_sd": 5.0, "v_x_sd": 0.1}) == {"no-velocity-noise"}
     assert "no-friction" in named(table_of(REBOUND, labels=("surface",)))
@@ -135,9 +185,14 @@ def test_assumptions_are_named_where_they_concern_a_free_parameter():
 
 def test_what_the_table_does_not_show_is_held():
     spinless = table_of(("v_x2", "v_y2"))
-    spinless = replace(spinless, values={n: v for n, v in spinless.values.items() if n != "omega_1"})
+    spinless = replace(
+        spinless,
+        values={n: v for n, v in spinless.values.items() if n != "omega_1"},
+    )
     named = {item.spec.name: item for item in problem_of(spinless).parameters}
-    assert named["offset"].fixed == 0.0 and "no-spin" in {n.code for n in problem_of(spinless).notes}
+    assert named["offset"].fixed == 0.0 and "no-spin" in {
+        n.code for n in problem_of(spinless).notes
+    }
     assert problem_of(spinless, text="").forward.model.text == "brody"
     drop = table_of(("v_y2",))
     drop = replace(drop, values={"v_y1": drop.values["v_y1"], "v_y2": drop.values["v_y2"]})
@@ -154,7 +209,11 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     problem = problem_of(table, scene, prior={"offset": "normal(0, 0.001)"}, fix={"e_x": 0.05})
     assert (problem.known["offset"], problem.known["e_x"]) == ("normal(0, 0.001)", "0.05")
     assert problem.known["mu"] == "lognormal(0.6, 0.4)" and "mu" in problem.free
-    stored = problem.known | {"cor_slope": "normal(0, 0.5)", "cor_10_spread": "half-t(0.01, 3)", "v_x_sd": "0.3"}
+    stored = problem.known | {
+        "cor_slope": "normal(0, 0.5)",
+        "cor_10_spread": "half-t(0.01, 3)",
+        "v_x_sd": "0.3",
+    }
     again = build_problem(table, scene, problem.choices, known=stored)
     assert again.known == stored and again.free == tuple(n for n in problem.free if n != "v_x_sd")
     q = near(problem, 3)
@@ -166,12 +225,22 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     assert "published-prior" in {note.code for note in literature.notes}
 
 
-@pytest.mark.parametrize(("choices", "code"), [
-    ({"prior": {"nu": "normal(0, 1)"}}, "unknown-parameter"), ({"fix": {"mu_spread": 0.1}}, "unknown-parameter"),
-    ({"fix": {"mu": -1.0}}, "out-of-bounds"), ({"fix": {"v_x_sd": 0.0}}, "out-of-bounds"),
-    ({"prior": {"mu": "normal(0.5)"}}, "prior"), ({"noise": "cauchy"}, "noise"), ({"text": "golf"}, "unknown-model"),
-    ({"fix": dict.fromkeys(("mu", "e_x", "offset", "cor_10", "cor_slope"), 0.0)}, "nothing-to-fit"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("choices", "code"),
+    [
+        ({"prior": {"nu": "normal(0, 1)"}}, "unknown-parameter"),
+        ({"fix": {"mu_spread": 0.1}}, "unknown-parameter"),
+        ({"fix": {"mu": -1.0}}, "out-of-bounds"),
+        ({"fix": {"v_x_sd": 0.0}}, "out-of-bounds"),
+        ({"prior": {"mu": "normal(0.5)"}}, "prior"),
+        ({"noise": "cauchy"}, "noise"),
+        ({"text": "golf"}, "unknown-model"),
+        (
+            {"fix": dict.fromkeys(("mu", "e_x", "offset", "cor_10", "cor_slope"), 0.0)},
+            "nothing-to-fit",
+        ),
+    ],
+)
 def test_what_is_refused(choices, code):
     with pytest.raises((ParameterError, ModelError, FitError)) as caught:
         problem_of(table_of(REBOUND), **choices)
@@ -196,11 +265,14 @@ def test_tables_that_cannot_be_fitted():
     # Whichever side of nothing rounding leaves.
     for sd in np.linspace(0.05, 0.3, 12):
         given = made(
-            {"v_x1": [20.0, 21.0], "v_y1": 8.0, "v_x2": 15.0}, {"v_x1": 0.13, "v_x2": sd}, {("v_x1", "v_x2"): 1}
+            {"v_x1": [20.0, 21.0], "v_y1": 8.0, "v_x2": 15.0},
+            {"v_x1": 0.13, "v_x2": sd},
+            {("v_x1", "v_x2"): 1},
         )
         with pytest.raises(FitError):
             row_errors(given, ("v_x2",), ("v_x2",))
-    values, sds = {"v_y1": [8.0, 9.0], "contact_time": 0.005}, {"v_y1": 0.1, "contact_time": 5e-6}
+    values = {"v_y1": [8.0, 9.0], "contact_time": 0.005}
+    sds = {"v_y1": 0.1, "contact_time": 5e-6}
     fine = made(values, sds, {("v_y1", "contact_time"): 0.5})
     assert row_errors(fine, ("contact_time",), ("contact_time",)).note.code == "uncertain-states"
     exact = replace(corr, sd={"v_x2": np.full(10, 0.1), "omega_2": np.full(10, 5.0)})
@@ -208,9 +280,15 @@ def test_tables_that_cannot_be_fitted():
 
 
 def test_choices_for_another_model():
-    fix, pool = {"spin_sd": 5.0}, {"mu": "surface", "all": "none"}
+    fix = {"spin_sd": 5.0}
+    pool = {"mu": "surface", "all": "none"}
     prior = {"mu_spread": "half-t(1, 4)", "tilt[a]": "normal(0, 1)"}
-    given = Choices("two-mass", fix | {"k_y": 2e4}, prior | {"eps_10": "normal(0, 1)"}, pool | {"k_y": "ball"})
+    given = Choices(
+        "two-mass",
+        fix | {"k_y": 2e4},
+        prior | {"eps_10": "normal(0, 1)"},
+        pool | {"k_y": "ball"},
+    )
     kept = given.fitting("brody", [spec.name for spec in model("brody").parameters])
     assert kept == Choices("brody", fix, prior, pool)
 
@@ -218,13 +296,23 @@ def test_choices_for_another_model():
 def test_summaries_of_draws():
     rng = np.random.default_rng(6)
     draws = rng.standard_normal(20_000)
-    found, exact = summarise(3.0 + 2.0 * draws, 2.9), 3.0 + 2.0 * stats.norm.ppf([0.025, 0.16, 0.5, 0.84, 0.975])
-    np.testing.assert_allclose([found.q025, found.q16, found.median, found.q84, found.q975], exact, atol=0.08)
+    found = summarise(3.0 + 2.0 * draws, 2.9)
+    exact = 3.0 + 2.0 * stats.norm.ppf([0.025, 0.16, 0.5, 0.84, 0.975])
+    np.testing.assert_allclose(
+        [found.q025, found.q16, found.median, found.q84, found.q975],
+        exact,
+        atol=0.08,
+    )
     assert found.point == 2.9 and found.sd == pytest.approx(2.0, rel=0.02)
-    some = np.column_stack([draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.1, np.nan, draws)])
+    some = np.column_stack(
+        [draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.1, np.nan, draws)]
+    )
     made = bands(some)
     assert np.isfinite(made[:, :2]).all() and np.isnan(made[:, 2]).all()
-    np.testing.assert_allclose(made[:, 1], np.quantile(draws[draws <= 0.5], [0.025, 0.16, 0.5, 0.84, 0.975]))
+    np.testing.assert_allclose(
+        made[:, 1],
+        np.quantile(draws[draws <= 0.5], [0.025, 0.16, 0.5, 0.84, 0.975]),
+    )
     assert np.isnan(summarise(np.empty(0), 1.0).median) and summarise(np.empty(0), 1.0).point == 1.0
 
 
@@ -233,7 +321,9 @@ def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
     first = effort.stream("search").random(4)
     effort.stream("chains").random(100)
     np.testing.assert_array_equal(effort.stream("search").random(4), first)
-    others = np.stack([effort.stream("chains").random(4), Effort(seed=4).stream("search").random(4)])
+    others = np.stack(
+        [effort.stream("chains").random(4), Effort(seed=4).stream("search").random(4)]
+    )
     assert np.all(np.abs(others - first) > 1e-6)
     for wrong in ({"seed": -1}, {"max_steps": 10}, {"cores": 0}, {"seed": 1.5}, {"seed": "one"}):
         with pytest.raises(ParameterError) as caught:

@@ -1,4 +1,6 @@
-"""Profile likelihoods against classical intervals, likelihoods written down, scipy's constrained search."""
+"""Profile likelihoods against classical intervals, likelihoods written down, scipy's constrained
+search.
+"""
 
 from dataclasses import replace
 
@@ -50,7 +52,9 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
             reach = law.ppf(0.5 + 0.5 * share) * np.sqrt(inverse[k, k])
             # A crossing between two points is linear in the root of the drop.
             np.testing.assert_allclose(
-                np.subtract(ends, best[k]), [-reach, reach], rtol=0.03 if share < 0.9 else 0.01
+                np.subtract(ends, best[k]),
+                [-reach, reach],
+                rtol=0.03 if share < 0.9 else 0.01,
             )
         more = (profile.values - best[k]) ** 2 / inverse[k, k]
         exact = 3.5 * np.log1p(more / squares) if noise is None else 0.5 * more / noise**2
@@ -58,7 +62,8 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
         assert np.all(np.diff(profile.values) > 0.0) and profile.drop.min() == 0.0
     if noise is None:
         # n ln(s/s0) + n (s0^2/s^2 - 1)/2.
-        profile, size = found["v_y_sd"], np.sqrt(squares / 7.0)
+        profile = found["v_y_sd"]
+        size = np.sqrt(squares / 7.0)
         exact = 7.0 * np.log(profile.values / size) + 3.5 * ((size / profile.values) ** 2 - 1.0)
         np.testing.assert_allclose(profile.drop, exact, atol=2e-3)
 
@@ -67,7 +72,10 @@ def test_the_drop_covers_with_seven_rows_and_that_of_many_does_not():
     rng = np.random.default_rng(5)
     y = 0.05 * rng.standard_normal((4000, 7))
     left = np.sum((y - y @ DESIGN @ np.linalg.inv(DESIGN.T @ DESIGN) @ DESIGN.T) ** 2, axis=1)
-    known = np.sum((y - y @ np.outer(DESIGN[:, 1], DESIGN[:, 1]) / np.sum(DESIGN[:, 1] ** 2)) ** 2, axis=1)
+    known = np.sum(
+        (y - y @ np.outer(DESIGN[:, 1], DESIGN[:, 1]) / np.sum(DESIGN[:, 1] ** 2)) ** 2,
+        axis=1,
+    )
     # Of a held at the truth.
     drop = 3.5 * np.log(known / left)
     problem = dropped(line, y[0])
@@ -75,7 +83,9 @@ def test_the_drop_covers_with_seven_rows_and_that_of_many_does_not():
     assert np.mean(drop < drops(problem)[1]) == pytest.approx(0.95, abs=0.01)
     assert np.mean(drop < drops(problem)[0]) == pytest.approx(0.683, abs=0.022)
     assert np.mean(drop < 1.92) < 0.90
-    assert drops(dropped(line, y[0], fix={"v_y_sd": 0.05}))[1] == pytest.approx(0.5 * stats.chi2(1).ppf(0.95))
+    assert drops(dropped(line, y[0], fix={"v_y_sd": 0.05}))[1] == pytest.approx(
+        0.5 * stats.chi2(1).ppf(0.95)
+    )
 
 
 def of_wells(y, a, c):
@@ -116,7 +126,10 @@ def two_mass(count=21, seed=0, scene=None, sizes=(0.1, 0.1, 4.0), **values):
     truth = {**truth_of(problem), **values}
     rebound = problem.seen(problem.values(problem.coordinates(truth)[None]))
     rng = np.random.default_rng(seed)
-    made_of = {n: rebound.column(n)[0] + s * rng.standard_normal(count) for n, s in zip(REBOUND, sizes, strict=True)}
+    made_of = {
+        n: rebound.column(n)[0] + s * rng.standard_normal(count)
+        for n, s in zip(REBOUND, sizes, strict=True)
+    }
     return problem_of(replace(table, values={**table.values, **made_of}), scene, "two-mass"), truth
 
 
@@ -124,9 +137,12 @@ def test_along_a_wall_the_profile_is_scipys():
     problem, truth = two_mass(mass_ratio=0.78, seed=3)
     x, _, _ = descend(Objective(problem, penalised=False), problem.coordinates(truth)[None])
     found, _ = profiles(problem, x)
-    profile, free = found["mass_ratio"], list(problem.free)
-    k, wall = free.index("mass_ratio"), free.index("cor_10")
-    others, width = np.delete(np.arange(len(free)), k), problem.prior.width
+    profile = found["mass_ratio"]
+    free = list(problem.free)
+    k = free.index("mass_ratio")
+    wall = free.index("cor_10")
+    others = np.delete(np.arange(len(free)), k)
+    width = problem.prior.width
     lowest = Objective(problem, penalised=False).cost(x)[0]
     for point in (0, -1):
         held = x[0].copy()
@@ -142,7 +158,13 @@ def test_along_a_wall_the_profile_is_scipys():
             return Objective(problem, penalised=False).cost(at(u)[None])[0]
 
         kept = {"type": "ineq", "fun": lambda u, at=at: at(u)[k] - at(u)[wall] - 1e-9}
-        scipys = minimize(cost, np.zeros(len(others)), method="SLSQP", constraints=kept, options={"ftol": 1e-9})
+        scipys = minimize(
+            cost,
+            np.zeros(len(others)),
+            method="SLSQP",
+            constraints=kept,
+            options={"ftol": 1e-9},
+        )
         assert profile.drop[point] == pytest.approx(scipys.fun - lowest, abs=5e-3)
     # The lower end was held by the restitution.
     assert held[wall] < held[k]
@@ -183,4 +205,7 @@ def test_some_tables_have_none():
     found, why = profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))
     assert found == {} and "v_y_sd" in why
     problem = dropped(line, y[:2], SPEEDS[:2])
-    assert drops(problem) == () and profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))[0] == {}
+    assert (
+        drops(problem) == ()
+        and profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))[0] == {}
+    )

@@ -16,7 +16,12 @@ from fitball.values import Ball
 
 MPH = 1609.344 / 3600
 HEAD = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2"
-ROWS = ["15.6,4.8,-5,11.1,4.2,239", "14.0,6.1,0,9.5,5.0,250", "13.1,7.7,3,8.2,6.1,260", "12.2,8.9,1,8.0,7.0,255"]
+ROWS = [
+    "15.6,4.8,-5,11.1,4.2,239",
+    "14.0,6.1,0,9.5,5.0,250",
+    "13.1,7.7,3,8.2,6.1,260",
+    "12.2,8.9,1,8.0,7.0,255",
+]
 
 
 def written(folder, *lines, name="t.csv"):
@@ -28,16 +33,28 @@ def codes(table):
 
 
 def test_units_convert_once(tmp_path):
-    """By the definitions of the units; angles are in degrees and all else in SI unless something else is said."""
-    table = fitball.load_table(written(
-        tmp_path, "v_1 [km/h],theta_1,omega_1 [rpm],v_2 [mph],theta_2 [rad],omega_2 [rev/s],contact_time/ms,gap_turn",
-        "72,30,60,30,0.6,10,5,500", "54,45,-120,25,0.8,20,4.5,-90",
-    ))  # fmt: skip
+    """By the definitions of the units; angles are in degrees and all else in SI unless something
+    else is said.
+    """
+    table = fitball.load_table(
+        written(
+            tmp_path,
+            "v_1 [km/h],theta_1,omega_1 [rpm],v_2 [mph],theta_2 [rad],omega_2 "
+            "[rev/s],contact_time/ms,gap_turn",
+            "72,30,60,30,0.6,10,5,500",
+            "54,45,-120,25,0.8,20,4.5,-90",
+        )
+    )
     wanted = {
-        "omega_1": [2 * np.pi, -4 * np.pi], "v_1": [20, 15], "theta_1": [np.pi / 6, np.pi / 4],
-        "v_2": [30 * MPH, 25 * MPH], "theta_2": [0.6, 0.8], "omega_2": [20 * np.pi, 40 * np.pi],
-        "contact_time": [0.005, 0.0045], "gap_turn": [500 * np.pi / 180, -np.pi / 2],
-    }  # fmt: skip
+        "omega_1": [2 * np.pi, -4 * np.pi],
+        "v_1": [20, 15],
+        "theta_1": [np.pi / 6, np.pi / 4],
+        "v_2": [30 * MPH, 25 * MPH],
+        "theta_2": [0.6, 0.8],
+        "omega_2": [20 * np.pi, 40 * np.pi],
+        "contact_time": [0.005, 0.0045],
+        "gap_turn": [500 * np.pi / 180, -np.pi / 2],
+    }
     assert list(table.values) == list(wanted)
     for name, numbers in wanted.items():
         np.testing.assert_allclose(table.values[name], numbers, rtol=1e-15, err_msg=name)
@@ -46,14 +63,22 @@ def test_units_convert_once(tmp_path):
 
 
 def test_standard_deviations_have_their_units(tmp_path):
-    table = fitball.load_table(written(
-        tmp_path, "v_x1,v_x1_sd [cm/s],v_y1,v_2,v_2_sd,theta_2,theta_2_sd,omega_1,omega_1_sd [rpm],gap_time [ms]",
-        "10,20,5,8,0.1,30,2,0,30,4 ± 0.1", "10,30,6,8,0.2,35,3,0,60,5 ± 0.2",
-    ))  # fmt: skip
+    table = fitball.load_table(
+        written(
+            tmp_path,
+            "v_x1,v_x1_sd [cm/s],v_y1,v_2,v_2_sd,theta_2,theta_2_sd,omega_1,omega_1_sd "
+            "[rpm],gap_time [ms]",
+            "10,20,5,8,0.1,30,2,0,30,4 ± 0.1",
+            "10,30,6,8,0.2,35,3,0,60,5 ± 0.2",
+        )
+    )
     wanted = {
-        "v_x1": [0.2, 0.3], "omega_1": [np.pi, 2 * np.pi], "v_2": [0.1, 0.2], "theta_2": np.radians([2, 3]),
+        "v_x1": [0.2, 0.3],
+        "omega_1": [np.pi, 2 * np.pi],
+        "v_2": [0.1, 0.2],
+        "theta_2": np.radians([2, 3]),
         "gap_time": [1e-4, 2e-4],
-    }  # fmt: skip
+    }
     assert list(table.sd) == list(wanted)
     for name, numbers in wanted.items():
         np.testing.assert_allclose(table.sd[name], numbers, rtol=1e-15, err_msg=name)
@@ -64,31 +89,63 @@ def test_correlations_in_a_file_beside_the_table_are_asked_for(tmp_path):
     (tmp_path / "t_covariance.csv").touch()
     with pytest.raises(InputError) as caught:
         fitball.load_table(place)
-    assert caught.value.code == "covariance-file" and len(fitball.load_table(place, ignore="corr").impacts) == 4
+    assert (
+        caught.value.code == "covariance-file"
+        and len(fitball.load_table(place, ignore="corr").impacts) == 4
+    )
 
 
-@pytest.mark.parametrize(("columns", "counted"), [
-    ("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"), ("v_x2 v_2 theta_2", "v_2 theta_2"), ("v_2 theta_2", "v_2 theta_2"),
-    ("v_x2 theta_2", "v_x2 theta_2"), ("v_y2 v_2", "v_y2 v_2"), ("v_y2 omega_2", "v_y2 omega_2"), ("v_2", "v_2"),
-    ("contact_time", "contact_time"), ("v_y2 theta_2", "v_y2 theta_2"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("columns", "counted"),
+    [
+        ("v_x2 v_y2 v_2 theta_2", "v_x2 v_y2"),
+        ("v_x2 v_2 theta_2", "v_2 theta_2"),
+        ("v_2 theta_2", "v_2 theta_2"),
+        ("v_x2 theta_2", "v_x2 theta_2"),
+        ("v_y2 v_2", "v_y2 v_2"),
+        ("v_y2 omega_2", "v_y2 omega_2"),
+        ("v_2", "v_2"),
+        ("contact_time", "contact_time"),
+        ("v_y2 theta_2", "v_y2 theta_2"),
+    ],
+)
 def test_each_quantity_counts_once(tmp_path, columns, counted):
-    cells = {"v_x2": "6", "v_y2": "4.5", "v_2": "7.5", "theta_2": "36.87", "omega_2": "100", "contact_time": "0.005"}
+    cells = {
+        "v_x2": "6",
+        "v_y2": "4.5",
+        "v_2": "7.5",
+        "theta_2": "36.87",
+        "omega_2": "100",
+        "contact_time": "0.005",
+    }
     row = "10,6,0," + ",".join(cells[name] for name in columns.split())
-    table = fitball.load_table(written(tmp_path, f"v_x1,v_y1,omega_1,{columns.replace(' ', ',')}", row, row))
+    table = fitball.load_table(
+        written(tmp_path, f"v_x1,v_y1,omega_1,{columns.replace(' ', ',')}", row, row)
+    )
     assert {*table.values} == {"v_x1", "v_y1", "omega_1", *counted.split()}
     assert not {"disagreement", "sd-not-used"} & {*codes(table)}
 
 
 def test_exactly_the_columns_of_wang_that_contradict_themselves_are_noted():
-    for name, count in {"wang_zero_spin": 3, "wang_all": 3, "wang_topspin": 0, "wang_backspin": 0}.items():
+    for name, count in {
+        "wang_zero_spin": 3,
+        "wang_all": 3,
+        "wang_topspin": 0,
+        "wang_backspin": 0,
+    }.items():
         assert codes(fitball.load_table(name)) == count * ["disagreement"]
 
 
 def test_measured_restitution_is_that_of_tables_2_4_and_6():
     for spin, number in (("zero_spin", 2), ("topspin", 4), ("backspin", 6)):
-        table, wanted = fitball.load_table(f"wang_{spin}"), printed(f"table_{number}")["cor"]
-        np.testing.assert_allclose(table.values["v_y2"] / table.impacts.v_y1, wanted, rtol=0.0, atol=1e-5)
+        table = fitball.load_table(f"wang_{spin}")
+        wanted = printed(f"table_{number}")["cor"]
+        np.testing.assert_allclose(
+            table.values["v_y2"] / table.impacts.v_y1,
+            wanted,
+            rtol=0.0,
+            atol=1e-5,
+        )
 
 
 POSSIBLE = {
@@ -97,7 +154,10 @@ POSSIBLE = {
     "a shell stores what a solid ball could not": ("12,5,0,9,4,346", ""),
     "the spin of a shell is worth as much as it gains": ("10,2,600,12,1.5,538", ""),
     # Kharaz, Gorham and Salman (2001): alumina spheres on glass, as printed; a table-tennis ball.
-    "alumina": ("0.6434,3.8466,0,0.4327,3.8081,225.8", "mass = 2.618e-4\nradius = 2.5e-3\ninertia_ratio = 0.4"),
+    "alumina": (
+        "0.6434,3.8466,0,0.4327,3.8081,225.8",
+        "mass = 2.618e-4\nradius = 2.5e-3\ninertia_ratio = 0.4",
+    ),
     "table tennis": ("8,3,0,2.56,2.5,408", "mass = 2.7e-3\nradius = 0.02\ninertia_ratio = 0.6666"),
 }
 
@@ -114,26 +174,42 @@ def test_what_balls_can_do_is_no_fault(tmp_path, name):
     assert codes(fitball.load_table(place)) == ["repeated-rows"]
 
 
-@pytest.mark.parametrize(("sd", "scene", "fault"), [
-    ("0.05", "", False), ("0.002", "", True), ("", "", False), ("", "v_y_sd = 0.003", True),
-    ("", "nominal_v_y_sd = 0.003", True), ("", "velocity_sd = 0.003", True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("sd", "scene", "fault"),
+    [
+        ("0.05", "", False),
+        ("0.002", "", True),
+        ("", "", False),
+        ("", "v_y_sd = 0.003", True),
+        ("", "nominal_v_y_sd = 0.003", True),
+        ("", "velocity_sd = 0.003", True),
+    ],
+)
 def test_noise_decides_what_is_too_fast(tmp_path, sd, scene, fault):
-    """0.82 after 0.80 m/s: within the stated, known or expected noise (0.25 m/s), or beyond five sd."""
+    """0.82 after 0.80 m/s: within the stated, known or expected noise (0.25 m/s), or beyond five
+    sd.
+    """
     cells, head = (f",{sd}", "v_y1,v_y1_sd,v_y2,v_y2_sd") if sd else ("", "v_y1,v_y2")
-    place = written(tmp_path, head, *(f"{one}{cells},{two}{cells}" for one, two in ((0.8, 0.82), (5, 4), (6, 4.7))))
+    place = written(
+        tmp_path,
+        head,
+        *(f"{one}{cells},{two}{cells}" for one, two in ((0.8, 0.82), (5, 4), (6, 4.7))),
+    )
     (tmp_path / "t.toml").write_text(f"[measurement]\n{scene}\n" if scene else "", encoding="utf-8")
     if not fault:
         assert fitball.load_table(place).notices == ()
         return
     with pytest.raises(InputError) as caught:
         fitball.load_table(place)
-    assert [(one.code, one.row, one.column) for one in caught.value.faults] == [("restitution", 1, "v_y2")]
+    assert [(one.code, one.row, one.column) for one in caught.value.faults] == [
+        ("restitution", 1, "v_y2")
+    ]
 
 
 def simulated(rows, sd=0.3, seed=5):
     rng = np.random.default_rng(seed)
-    speed, angle = rng.uniform(5.0, 35.0, rows), np.radians(rng.uniform(15.0, 70.0, rows))
+    speed = rng.uniform(5.0, 35.0, rows)
+    angle = np.radians(rng.uniform(15.0, 70.0, rows))
     state = speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-200.0, 300.0, rows)
     after = misread.bounce(*state, misread.TENNIS, (0.6, 0.1, 2e-3, 0.78, -0.012))
     noise = rng.normal(size=(3, rows)) * [[sd], [sd], [10.0]]
@@ -148,14 +224,23 @@ def test_twenty_thousand_impacts_are_read_though_noise_lifts_some_above_their_bo
     assert len(table) == len(frame) and table.notices == ()
 
 
-@pytest.mark.parametrize(("exchanged", "factors"), [
-    ("v_x1 v_y2 omega_1 v_x2 v_y1 omega_2", {}), ("v_x2 v_y2 omega_2 v_x1 v_y1 omega_1", {}),
-    (HEAD.replace(",", " "), {"v_x2": 3.6}), (HEAD.replace(",", " "), {"omega_2": 30.0 / np.pi}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("exchanged", "factors"),
+    [
+        ("v_x1 v_y2 omega_1 v_x2 v_y1 omega_2", {}),
+        ("v_x2 v_y2 omega_2 v_x1 v_y1 omega_1", {}),
+        (HEAD.replace(",", " "), {"v_x2": 3.6}),
+        (HEAD.replace(",", " "), {"omega_2": 30.0 / np.pi}),
+    ],
+)
 def test_swapped_columns_and_wrong_units_are_refused_with_what_may_be_meant(exchanged, factors):
     frame = simulated(40, 0.1).set_axis(exchanged.split(), axis="columns")
     with pytest.raises(InputError) as caught:
-        load_data(frame.assign(**{name: frame[name] * factor for name, factor in factors.items()}), None, False)
+        load_data(
+            frame.assign(**{name: frame[name] * factor for name, factor in factors.items()}),
+            None,
+            False,
+        )
     assert {fault.code for fault in caught.value.faults} <= {"restitution", "energy", "misread"}
     # Nobody measures one component of two in another unit.
     assert bool(caught.value.hints) == ("v_x2" not in factors)
@@ -171,17 +256,23 @@ def test_faults_that_no_reading_mends_bring_no_hint():
 
 def test_slow_impacts_swapped_are_found_together():
     """Each is within the expected noise of 0.25 m/s."""
-    slow = {"v_y1": np.round(0.8 * np.linspace(1.0, 4.0, 20), 2), "v_y2": np.round(np.linspace(1.0, 4.0, 20), 2)}
+    slow = {
+        "v_y1": np.round(0.8 * np.linspace(1.0, 4.0, 20), 2),
+        "v_y2": np.round(np.linspace(1.0, 4.0, 20), 2),
+    }
     with pytest.raises(InputError) as caught:
         load_data(slow, None, False)
     assert [fault.code for fault in caught.value.faults] == ["misread"]
 
 
-@pytest.mark.parametrize(("head", "rows", "name"), [
-    ("v_x1,v_y1,v_x2,v_y2", ("10,6,7,-4", "10,6,8,-5"), "v_y2"),
-    ("v_1,theta_1,v_y2", ("10,-30,4", "10,-40,5"), "theta_1"),
-    ("v_x1,v_y1,v_2,theta_2", ("10,6,8,-30", "10,6,9,-35"), "theta_2"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("head", "rows", "name"),
+    [
+        ("v_x1,v_y1,v_x2,v_y2", ("10,6,7,-4", "10,6,8,-5"), "v_y2"),
+        ("v_1,theta_1,v_y2", ("10,-30,4", "10,-40,5"), "theta_1"),
+        ("v_x1,v_y1,v_2,theta_2", ("10,6,8,-30", "10,6,9,-35"), "theta_2"),
+    ],
+)
 def test_what_is_counted_downward_is_turned_once(tmp_path, head, rows, name):
     up = fitball.load_table(written(tmp_path, head, *(row.replace("-", "") for row in rows)))
     down = fitball.load_table(written(tmp_path, head, *rows))
@@ -190,31 +281,56 @@ def test_what_is_counted_downward_is_turned_once(tmp_path, head, rows, name):
 
 
 def test_flips_turn_values_and_correlations():
-    rows = {name: [float(row.split(",")[k]) for row in ROWS] for k, name in enumerate(HEAD.split(","))}
+    rows = {
+        name: [float(row.split(",")[k]) for row in ROWS] for k, name in enumerate(HEAD.split(","))
+    }
     rows |= {f"{name}_sd": [0.1] * 4 for name in ("v_x2", "v_y2", "omega_2")}
     rows |= {"corr(v_y2,v_x2)": [0.5] * 4, "corr(omega_2,v_x2)": [0.2] * 4}
-    straight, turned = fitball.load_table(rows), fitball.load_table(rows, flip="omega_2,v_x2")
+    straight = fitball.load_table(rows)
+    turned = fitball.load_table(rows, flip="omega_2,v_x2")
     np.testing.assert_array_equal(turned.values["omega_2"], -straight.values["omega_2"])
-    assert {pair: one[0] for pair, one in straight.corr.items()} == {"v_x2,v_y2": 0.5, "v_x2,omega_2": 0.2}
-    assert {pair: one[0] for pair, one in turned.corr.items()} == {"v_x2,v_y2": -0.5, "v_x2,omega_2": 0.2}
+    assert {pair: one[0] for pair, one in straight.corr.items()} == {
+        "v_x2,v_y2": 0.5,
+        "v_x2,omega_2": 0.2,
+    }
+    assert {pair: one[0] for pair, one in turned.corr.items()} == {
+        "v_x2,v_y2": -0.5,
+        "v_x2,omega_2": 0.2,
+    }
     down = fitball.load_table(rows | {"v_y2": [-one for one in rows["v_y2"]]})
     assert down.corr["v_x2,v_y2"][0] == -0.5 and down.values["v_y2"][0] == 4.2
-    normal = fitball.load_table({"v_1": [17, 18], "theta_1": [73, 63], "v_y2": [4, 5]}, flip=["theta_1"])
+    normal = fitball.load_table(
+        {"v_1": [17, 18], "theta_1": [73, 63], "v_y2": [4, 5]},
+        flip=["theta_1"],
+    )
     np.testing.assert_allclose(normal.values["theta_1"], np.radians([17, 27]))
     for name in misread.SPEEDS + misread.SPINS:
         if name not in ("v_y1", "v_y2"):
-            np.testing.assert_array_equal(fitball.load_table(rows, flip=name).values[name], -np.array(rows[name]))
+            np.testing.assert_array_equal(
+                fitball.load_table(rows, flip=name).values[name],
+                -np.array(rows[name]),
+            )
 
 
 def test_correlations_that_no_errors_can_have_are_faults_of_their_rows():
-    """Of ((1, r, r), (r, 1, -r), (r, -r, 1)) the smallest eigenvalue is 1 - 2 r: no pair is above 1 here."""
-    rows = {"v_x1": [9, 9.5, 10], "v_y1": [6, 7, 8], "v_x2": [6, 7, 7], "v_y2": [4, 5, 6], "omega_2": [200, 210, 220]}
+    """Of ((1, r, r), (r, 1, -r), (r, -r, 1)) the smallest eigenvalue is 1 - 2 r: no pair is above 1
+    here.
+    """
+    rows = {
+        "v_x1": [9, 9.5, 10],
+        "v_y1": [6, 7, 8],
+        "v_x2": [6, 7, 7],
+        "v_y2": [4, 5, 6],
+        "omega_2": [200, 210, 220],
+    }
     rows |= {name: [0.1] * 3 for name in ("v_x2_sd", "v_y2_sd", "omega_2_sd")}
     size = np.array([0.4, 0.9, 0.5])
     rows |= {"corr(v_x2,v_y2)": size, "corr(v_x2,omega_2)": size, "corr(v_y2,omega_2)": -size}
     with pytest.raises(InputError) as caught:
         fitball.load_table(rows)
-    assert [(fault.code, fault.row) for fault in caught.value.faults] == [("impossible-correlations", 2)]
+    assert [(fault.code, fault.row) for fault in caught.value.faults] == [
+        ("impossible-correlations", 2)
+    ]
     assert fitball.load_table(rows, ignore="corr").corr == {}
     assert {*fitball.load_table(rows, ignore="omega_2").corr} == {"v_x2,v_y2"}
     bare = fitball.load_table(rows, ignore=("v_x2_sd", "v_y2_sd"))
@@ -225,7 +341,9 @@ def test_drop_heights_are_the_speeds_of_free_fall():
     """Against motion step by step, and sds against random draws."""
     heights = {"rebound_height [cm]": [140, 138], "rebound_height_sd [mm]": [5, 5]}
     table = fitball.load_table({"drop_height [in]": ["100 ± 0.5"] * 2, **heights})
-    speed, height, step = 0.0, 2.54, 1e-5
+    speed = 0.0
+    height = 2.54
+    step = 1e-5
     while height > 0.0:
         height -= speed * step + 0.5 * 9.80665 * step**2
         speed += 9.80665 * step
@@ -233,37 +351,55 @@ def test_drop_heights_are_the_speeds_of_free_fall():
     np.testing.assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
     cor = table.values["v_y2"] / table.impacts.v_y1
     np.testing.assert_allclose(cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
-    drawn = np.sqrt(2 * 9.80665 * (1.40 + 0.005 * np.random.default_rng(3).standard_normal(400_000)))
+    drawn = np.sqrt(
+        2 * 9.80665 * (1.40 + 0.005 * np.random.default_rng(3).standard_normal(400_000))
+    )
     assert table.sd["v_y2"][0] == pytest.approx(drawn.std(), rel=0.01)
     assert table.sd["v_y1"][0] == pytest.approx(0.5 * 0.0127 / 2.54 * speed, rel=1e-3)
 
 
 @pytest.mark.parametrize("cell", ["", "nan", "NaN", "NA", "n/a", "-", "null", " ", "#N/A"])
 def test_a_rebound_cell_without_a_number_is_a_gap(tmp_path, cell):
-    table = fitball.load_table(written(tmp_path, HEAD, *ROWS[:2], f"13.1,7.7,3,8.2,6.1,{cell}", ROWS[3]))
+    table = fitball.load_table(
+        written(tmp_path, HEAD, *ROWS[:2], f"13.1,7.7,3,8.2,6.1,{cell}", ROWS[3])
+    )
     np.testing.assert_array_equal(table.values["omega_2"], [239, 250, np.nan, 255])
     assert table.labels["id"] == ("1", "2", "3", "4")
 
 
 def test_rows_without_incident_state_or_rebound_are_left_out(tmp_path):
-    good, gaps = [f"b,hard,{ROWS[0]}", f"d,clay,{ROWS[1]}"], ["a,clay,14,,0,9,5,250", "c,hard,12,8,NA,8,7,250"]
-    table = fitball.load_table(written(tmp_path, f"id,surface,{HEAD}", *gaps, *good, "e,hard,12,8,0,,-,"))
-    assert table.labels == {"id": ("b", "d"), "surface": ("hard", "clay")} and codes(table) == ["rows-left-out"]
+    good = [f"b,hard,{ROWS[0]}", f"d,clay,{ROWS[1]}"]
+    gaps = ["a,clay,14,,0,9,5,250", "c,hard,12,8,NA,8,7,250"]
+    table = fitball.load_table(
+        written(tmp_path, f"id,surface,{HEAD}", *gaps, *good, "e,hard,12,8,0,,-,")
+    )
+    assert table.labels == {"id": ("b", "d"), "surface": ("hard", "clay")} and codes(table) == [
+        "rows-left-out"
+    ]
     np.testing.assert_array_equal(table.impacts.v_y1, [4.8, 6.1])
     assert len(fitball.load_table(written(tmp_path, HEAD, "12,8,0,,-,"), rebound=False)) == 1
 
 
 def test_an_empty_column_is_as_if_it_were_not_there(tmp_path):
     head = HEAD + ",contact_time,contact_time_sd,v_x2_sd"
-    table = fitball.load_table(written(tmp_path, head, *(row + ",,0.1," for row in ROWS)), ignore="contact_time_sd")
-    assert list(table.values) == HEAD.split(",") and table.sd == {} and {"empty-column"} < {*codes(table)}
+    table = fitball.load_table(
+        written(tmp_path, head, *(row + ",,0.1," for row in ROWS)),
+        ignore="contact_time_sd",
+    )
+    assert (
+        list(table.values) == HEAD.split(",")
+        and table.sd == {}
+        and {"empty-column"} < {*codes(table)}
+    )
 
 
 def test_gaps_beside_standard_deviations_and_energy(tmp_path):
     lines = ["5,4,0.1,0.005", "6,,,0.005", "7,,0.2,0.005", "8,6,0.3,"]
     table = fitball.load_table(written(tmp_path, "v_y1,v_y2,v_y2_sd,contact_time", *lines))
     np.testing.assert_array_equal(table.sd["v_y2"], [0.1, np.nan, np.nan, 0.3])
-    assert np.isnan(fitball.load_table(written(tmp_path, HEAD, *ROWS, "5,5,0,,,200")).values["v_x2"][4])
+    assert np.isnan(
+        fitball.load_table(written(tmp_path, HEAD, *ROWS, "5,5,0,,,200")).values["v_x2"][4]
+    )
     with pytest.raises(InputError) as caught:
         fitball.load_table(written(tmp_path, HEAD, *ROWS, "5,5,0,90,,200"))
     assert [(fault.code, fault.row) for fault in caught.value.faults] == [("energy", 5)]
@@ -271,7 +407,12 @@ def test_gaps_beside_standard_deviations_and_energy(tmp_path):
 
 def test_limits_themselves_are_allowed(tmp_path):
     rows = ("1000,0.001,1e5,0.001,0.1", "-1000,1000,-1e5,1,100")
-    assert len(fitball.load_table(written(tmp_path, "v_x1,v_y1,omega_1,v_y2,contact_time [ms]", *rows))) == 2
+    assert (
+        len(
+            fitball.load_table(written(tmp_path, "v_x1,v_y1,omega_1,v_y2,contact_time [ms]", *rows))
+        )
+        == 2
+    )
 
 
 def test_ids_are_made_unique_and_labels_have_one_spelling(tmp_path):
@@ -282,11 +423,16 @@ def test_ids_are_made_unique_and_labels_have_one_spelling(tmp_path):
     courts = ["clay", "Clay", "clay", "CLAY", "hard", "Hardd"]
     rows = [f"{court},{5 + k},{4 + k},{k}" for k, court in enumerate(courts)]
     table = fitball.load_table(written(tmp_path, "court,v_y1,v_y2,mood", *rows))
-    assert table.labels["court"] == ("clay",) * 4 + ("hard", "Hardd") and codes(table) == ["spellings"]
+    assert table.labels["court"] == ("clay",) * 4 + ("hard", "Hardd") and codes(table) == [
+        "spellings"
+    ]
     assert table.labels["mood"] == tuple("012345")
     own = "v_1,theta_1,theta_3,v_2,theta_2,omega_2"
     table = fitball.load_table(written(tmp_path, own, *["5,53.13,9,3,50,9"] * 2), ignore="theta_2")
-    assert table.labels["theta_3"] == ("9", "9") and {*codes(table)} > {"no-incident-spin", "ignored"}
+    assert table.labels["theta_3"] == ("9", "9") and {*codes(table)} > {
+        "no-incident-spin",
+        "ignored",
+    }
 
 
 def test_rows_that_repeat_others_are_noted():
@@ -298,22 +444,39 @@ def test_rows_that_repeat_others_are_noted():
 
 
 def test_names_of_ones_own_by_option_and_scene(tmp_path):
-    rows, names = ("38;20;42;23;1", "40;22;43;25;1"), {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout"}
+    rows = ("38;20;42;23;1", "40;22;43;25;1")
+    names = {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout"}
     place = written(tmp_path, "Vin (mph);angle_in;Vout [km/h];angle out;speed", *rows)
-    ours = fitball.load_table(written(tmp_path, "v_1 [mph];theta_1;v_2 [km/h];theta_2;speed", *rows, name="o.csv"))
-    (tmp_path / "t.toml").write_text('[columns]\nv_1 = "Vin"\ntheta_1 = "angle_in"\nv_2 = "Vout"\n', encoding="utf-8")
+    ours = fitball.load_table(
+        written(tmp_path, "v_1 [mph];theta_1;v_2 [km/h];theta_2;speed", *rows, name="o.csv")
+    )
+    (tmp_path / "t.toml").write_text(
+        '[columns]\nv_1 = "Vin"\ntheta_1 = "angle_in"\nv_2 = "Vout"\n',
+        encoding="utf-8",
+    )
     by_scene = fitball.load_table(place, columns={"theta_2": "  angle\n out "})
     assert by_scene.values.keys() == ours.values.keys() and by_scene.labels == ours.labels
     assert all(np.array_equal(by_scene.values[name], ours.values[name]) for name in ours.values)
     # What a caller says goes before the scene.
     turned = fitball.load_table(place, columns={"theta_1": "angle out", "theta_2": "angle_in"})
     np.testing.assert_allclose(turned.values["theta_1"], np.radians([23, 25]))
-    # New impacts are read as those of the fit, in its units where they have none, and need no rebound.
+    # New impacts are read as those of the fit, in its units where they have none, and need no
+    # rebound.
     units = {"v_1": "mph", "theta_1": "deg", "v_2": "km/h", "theta_2": "deg"}
     named = names | {"theta_2": "angle out"}
-    assert reading_of(by_scene)["columns"] == {name: f"{their} [{units[name]}]" for name, their in named.items()}
-    for table, head in ((by_scene, "Vin (mph),angle_in"), (by_scene, "Vin,angle_in"), (ours, "v_1,theta_1")):
-        new = fitball.load_table(written(tmp_path, head, "38,20", name="n.csv"), **reading_of(table), rebound=False)
+    assert reading_of(by_scene)["columns"] == {
+        name: f"{their} [{units[name]}]" for name, their in named.items()
+    }
+    for table, head in (
+        (by_scene, "Vin (mph),angle_in"),
+        (by_scene, "Vin,angle_in"),
+        (ours, "v_1,theta_1"),
+    ):
+        new = fitball.load_table(
+            written(tmp_path, head, "38,20", name="n.csv"),
+            **reading_of(table),
+            rebound=False,
+        )
         np.testing.assert_array_equal(new.values["v_1"], ours.values["v_1"][:1])
     other = {"v_x1 [m/s]": [10.0], "v_y1 [km/h]": [36.0]}
     assert fitball.load_table(other, **reading_of(ours), rebound=False).values["v_y1"] == 10.0
@@ -321,25 +484,45 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
 
 def test_how_a_table_was_read_is_kept(tmp_path):
     place = written(tmp_path, HEAD.replace("omega_2", "spin [rpm]"), *ROWS)
-    table = fitball.load_table(place, columns={"omega_2": "spin", "v_y1": "u"}, flip="v_x1,v_x2", ignore="v_y2")
+    table = fitball.load_table(
+        place,
+        columns={"omega_2": "spin", "v_y1": "u"},
+        flip="v_x1,v_x2",
+        ignore="v_y2",
+    )
     (read,) = table.read
-    assert read["sha256"] == hashlib.sha256(place.read_bytes()).hexdigest() and read["source"] == str(place)
-    assert (read["columns"], read["flip"], read["ignore"]) == ("omega_2=spin,v_y1=u", "v_x1,v_x2", "v_y2")
-    assert "omega_2=rpm" in read["units"].split(",") and "v_y2" not in read["units"] and "not-read" in codes(table)
+    assert read["sha256"] == hashlib.sha256(place.read_bytes()).hexdigest() and read[
+        "source"
+    ] == str(place)
+    assert (read["columns"], read["flip"], read["ignore"]) == (
+        "omega_2=spin,v_y1=u",
+        "v_x1,v_x2",
+        "v_y2",
+    )
+    assert (
+        "omega_2=rpm" in read["units"].split(",")
+        and "v_y2" not in read["units"]
+        and "not-read" in codes(table)
+    )
 
 
 def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
     (tmp_path / "a").mkdir()
-    one, two = written(tmp_path, HEAD, *ROWS[:2]), written(tmp_path / "a", HEAD, *ROWS[2:])
+    one = written(tmp_path, HEAD, *ROWS[:2])
+    two = written(tmp_path / "a", HEAD, *ROWS[2:])
     (tmp_path / "t.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
     with pytest.raises(InputError) as caught:
         load_data([one, two], None, False)
     assert caught.value.code == "scenes-differ"
     (tmp_path / "a" / "t.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
     (tmp_path / "t#2.toml").write_text("[ball]\nmass = 0.058\n", encoding="utf-8")
-    assert load_data(written(tmp_path, HEAD, *ROWS, name="t#2.csv"), None, False)[1].value() == Ball(0.058)
+    assert load_data(written(tmp_path, HEAD, *ROWS, name="t#2.csv"), None, False)[
+        1
+    ].value() == Ball(0.058)
     table, scene = load_data([one, two], None, False)
-    assert table.labels["table"] == ("t (1)", "t (1)", "t (2)", "t (2)") and scene.value() == Ball(0.057)
+    assert table.labels["table"] == ("t (1)", "t (1)", "t (2)", "t (2)") and scene.value() == Ball(
+        0.057
+    )
     assert load_data([one, two], tmp_path / "a" / "t.toml", False)[1].value() == Ball(0.057)
     with pytest.raises(InputError) as twice:
         load_data([one, one], None, False)
@@ -370,7 +553,9 @@ def test_doubts_are_refused_or_noted():
         load_data([good, wrong], None, False)
     assert (caught.value.code, caught.value.source) == ("misread", "wrong") and caught.value.hints
     assert "misread" in codes(load_data([good, wrong], None, True)[0])
-    assert load_data([wrong], None, False, flip=("omega_1", "omega_2"))[0].notices[0].code == "flipped"
+    assert (
+        load_data([wrong], None, False, flip=("omega_1", "omega_2"))[0].notices[0].code == "flipped"
+    )
     assert check(wrong, None, False).failed and not check(wrong, None, True).failed
     assert len(check(wrong, None, True).data["doubts"]) > 0 and check(wrong, None, True).notes == ()
 
@@ -378,10 +563,14 @@ def test_doubts_are_refused_or_noted():
 def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     shown = check("wang_all", None, False)
     assert not shown.failed and shown.data["faults"].empty and shown.data["doubts"].empty
-    assert shown.data["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * ["disagreement"]
+    assert shown.data["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * [
+        "disagreement"
+    ]
     offered = check(None, None, False)
     assert {"wang_all", "synthetic_gaps"} <= {*offered.data["bundled"]["table"]}
-    assert all(key in offered.report() for key in ("mu=literature:clay", *offered.data["priors"]["key"]))
+    assert all(
+        key in offered.report() for key in ("mu=literature:clay", *offered.data["priors"]["key"])
+    )
     # Of a long table what is printed and what not are all of it.
     long = check({"v_y1": np.linspace(4, 6, 500), "v_y2": np.linspace(3, 4.5, 500)}, None, True)
     assert "... and 460 more" in long.report()
@@ -392,10 +581,13 @@ def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
 @pytest.mark.parametrize("damping", [0.0, 0.03, 0.05, 0.1, 0.15])
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_the_contact_time_of_a_force_record(damping, noise):
-    """Against a core on a spring and damper, followed step by step until the force vanishes (without damping half a
-    sine, which lasts pi); a threshold of 5 % is wrong by more.
+    """Against a core on a spring and damper, followed step by step until the force vanishes
+    (without damping half a sine, which lasts pi); a threshold of 5 % is wrong by more.
     """
-    step, x, v, force = 1e-4, 0.0, 1.0, [2.0 * damping]
+    step = 1e-4
+    x = 0.0
+    v = 1.0
+    force = [2.0 * damping]
     while force[-1] >= 0.0:
         # Velocity before place: symplectic, of first order.
         v -= step * (x + 2.0 * damping * v)
@@ -412,10 +604,16 @@ def test_the_contact_time_of_a_force_record(damping, noise):
     assert abs(above[-1] - above[0] - duration) > 0.015 * duration
 
 
-@pytest.mark.parametrize(("t", "force"), [
-    ([0, 1, 2], [0, 1, 0]), ([0, 1, 2, 3, 3], [0, 1, 2, 1, 0]), ([0, 1, 2, 3, 4], [2, 3, 2, 1, 0]),
-    ([0, 1, 2, 3, 4], [0, -1, -2, -1, 0]), ([0, 1, 2, 3, 4], [0, 1, np.nan, 1, 0]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("t", "force"),
+    [
+        ([0, 1, 2], [0, 1, 0]),
+        ([0, 1, 2, 3, 3], [0, 1, 2, 1, 0]),
+        ([0, 1, 2, 3, 4], [2, 3, 2, 1, 0]),
+        ([0, 1, 2, 3, 4], [0, -1, -2, -1, 0]),
+        ([0, 1, 2, 3, 4], [0, 1, np.nan, 1, 0]),
+    ],
+)
 def test_what_is_no_force_record(t, force):
     with pytest.raises(ParameterError) as caught:
         fitball.contact_time(t, force)

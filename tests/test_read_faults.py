@@ -1,4 +1,6 @@
-"""Mistakes of tables (`data/mistakes.toml`): each is refused with its code, row, line and column, all at once."""
+"""Mistakes of tables (`data/mistakes.toml`): each is refused with its code, row, line and column,
+all at once.
+"""
 
 import tomllib
 from pathlib import Path
@@ -10,16 +12,27 @@ import fitball
 from fitball.data.read import check
 from fitball.errors import FolderError, InputError, ParameterError
 
-MISTAKES = tomllib.loads((Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8"))
+MISTAKES = tomllib.loads(
+    (Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8")
+)
 # A row that is good.
 GOOD = {
-    "v_x1": "12", "v_y1": "5", "omega_1": "0", "v_x2": "9.5", "v_y2": "4", "omega_2": "200", "contact_time": "0.005",
-    "v_y2_sd": "0.1", "omega_1_sd": "3",
-}  # fmt: skip
+    "v_x1": "12",
+    "v_y1": "5",
+    "omega_1": "0",
+    "v_x2": "9.5",
+    "v_y2": "4",
+    "omega_2": "200",
+    "contact_time": "0.005",
+    "v_y2_sd": "0.1",
+    "omega_1_sd": "3",
+}
 
 
 def placed(faults):
-    return sorted(" ".join(str("-" if part is None else part) for part in fault) for fault in faults)
+    return sorted(
+        " ".join(str("-" if part is None else part) for part in fault) for fault in faults
+    )
 
 
 def faults_of(source, **reading):
@@ -29,18 +42,26 @@ def faults_of(source, **reading):
     listed = check(source, None, False, **reading)
     assert listed.failed
     assert listed.data["faults"]["code"].tolist() == [fault.code for fault in caught.value.faults]
-    return placed((fault.code, fault.row, fault.line, fault.column) for fault in caught.value.faults)
+    return placed(
+        (fault.code, fault.row, fault.line, fault.column) for fault in caught.value.faults
+    )
 
 
-@pytest.mark.parametrize(("header", "row", "faults"), [(one, row, rest) for one, row, *rest in MISTAKES["header"]])
+@pytest.mark.parametrize(
+    ("header", "row", "faults"),
+    [(one, row, rest) for one, row, *rest in MISTAKES["header"]],
+)
 def test_headers(tmp_path, header, row, faults):
     assert faults_of(written(tmp_path, f"# comment\n{header}\n{row}\n{row}\n")) == sorted(faults)
 
 
 @pytest.mark.parametrize(("column", "cell", "code"), MISTAKES["cell"])
 def test_cells(tmp_path, column, cell, code):
-    good, bad = ",".join(GOOD.values()), ",".join((GOOD | {column: cell}).values())
-    text = f"{','.join(GOOD)}\n\n# this and a blank line shift lines\n{good}\n{good}\n{bad}\n{good}\n"
+    good = ",".join(GOOD.values())
+    bad = ",".join((GOOD | {column: cell}).values())
+    text = (
+        f"{','.join(GOOD)}\n\n# this and a blank line shift lines\n{good}\n{good}\n{bad}\n{good}\n"
+    )
     code, _, where = code.partition(" ")
     assert faults_of(written(tmp_path, text)) == [f"{code} 3 6 {where or column}"]
 
@@ -60,7 +81,13 @@ def test_a_thousand_bad_rows_are_told_in_bounds(tmp_path, row):
 
 def test_what_is_no_table(tmp_path):
     (tmp_path / "loop.csv").symlink_to("loop.csv")
-    for source in (tmp_path, tmp_path / "loop.csv", tmp_path / "absent.csv", "a" * 5000, "wang_topsin"):
+    for source in (
+        tmp_path,
+        tmp_path / "loop.csv",
+        tmp_path / "absent.csv",
+        "a" * 5000,
+        "wang_topsin",
+    ):
         with pytest.raises(FolderError) as caught:
             fitball.load_table(source)
         assert caught.value.code == "not-found"
@@ -70,11 +97,17 @@ def test_what_is_no_table(tmp_path):
         assert refused.value.code == "not-a-table"
 
 
-@pytest.mark.parametrize(("reading", "code"), [
-    ({"flip": "omega_3"}, "unknown-column"), ({"flip": ["v_x1", "contact_time"]}, "unknown-column"),
-    ({"ignore": "v_3"}, "unknown-column"), ({"ignore": ["omega_2_sd"]}, "unknown-column"),
-    ({"columns": {"speed_in": "Vin"}}, "columns"), ({"columns": {"v_1": "Vin", "v_2": "vin"}}, "columns"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("reading", "code"),
+    [
+        ({"flip": "omega_3"}, "unknown-column"),
+        ({"flip": ["v_x1", "contact_time"]}, "unknown-column"),
+        ({"ignore": "v_3"}, "unknown-column"),
+        ({"ignore": ["omega_2_sd"]}, "unknown-column"),
+        ({"columns": {"speed_in": "Vin"}}, "columns"),
+        ({"columns": {"v_1": "Vin", "v_2": "vin"}}, "columns"),
+    ],
+)
 def test_options_that_name_nothing(tmp_path, reading, code):
     row = ",".join(GOOD.values())
     with pytest.raises(ParameterError) as caught:

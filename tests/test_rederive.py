@@ -1,4 +1,6 @@
-"""`rederive` against what the thesis prints: counts, captions of Chapter V, Wang's tables, Table 9."""
+"""`rederive` against what the thesis prints: counts, captions of Chapter V, Wang's tables, Table
+9.
+"""
 
 import json
 
@@ -13,9 +15,18 @@ from fitball.values import Ball, impacts
 
 # Captions of Figs 36 to 44: c_y [lb s/in] of cases 1 to 3 for zero spin, topspin, backspin.
 CAPTIONS = {
-    "zero": (0.0225, 0.0239, 0.0185), "topspin": (0.0211, 0.0224, 0.0173), "backspin": (0.0262, 0.0277, 0.0215),
-}  # fmt: skip
-FREE = {"mass_ratio": 0.88, "k_y": 19300.0, "k_theta": 18.0, "mu": 0.567, "eps_10": 0.0024, "eps_slope": 0.0}
+    "zero": (0.0225, 0.0239, 0.0185),
+    "topspin": (0.0211, 0.0224, 0.0173),
+    "backspin": (0.0262, 0.0277, 0.0215),
+}
+FREE = {
+    "mass_ratio": 0.88,
+    "k_y": 19300.0,
+    "k_theta": 18.0,
+    "mu": 0.567,
+    "eps_10": 0.0024,
+    "eps_slope": 0.0,
+}
 FREE |= {"ball_mass": 0.0576, "ball_radius": 0.03302, "inertia_ratio": 0.56}
 
 
@@ -31,7 +42,9 @@ def test_counts_of_both_appendices(found):
     counts = found.frames["counts"].set_index(["table", "output"])
     # Their numbers are held in `test_thesis`.
     assert counts.loc[("Appendix C", "v_x2 and omega_2"), "within 0.1 %"] == 110
-    assert [counts.loc[("Appendix D", name), "within 0.1 points"] for name in appendices.OUTPUTS] == [55, 52, 57]
+    assert [
+        counts.loc[("Appendix D", name), "within 0.1 points"] for name in appendices.OUTPUTS
+    ] == [55, 52, 57]
     assert len(found.frames["appendix_d"]) == 63
 
 
@@ -46,7 +59,9 @@ def test_every_deviation_has_a_cause_or_is_called_unexplained(found):
 @pytest.mark.parametrize("spin", CAPTIONS)
 def test_damping_of_chapter_five_is_that_of_its_captions(spin):
     _, values = ranking.case_values({})
-    made = appendices.damping(appendices.MEAN_COR[spin], values["mass_ratio"], values["k_y"]) / DAMPING
+    made = (
+        appendices.damping(appendices.MEAN_COR[spin], values["mass_ratio"], values["k_y"]) / DAMPING
+    )
     np.testing.assert_allclose(made, CAPTIONS[spin], rtol=5e-3)
     # The mean of Wang's own, as printed with two or three digits.
     here = (appendices.wang()["group"] == spin).to_numpy()
@@ -54,7 +69,9 @@ def test_damping_of_chapter_five_is_that_of_its_captions(spin):
 
 
 def test_ranks_of_the_seven_sets(found):
-    """Table 9's cases are sets 5, 6 and 1. The first two are among the best three, the third is far off in spin."""
+    """Table 9's cases are sets 5, 6 and 1. The first two are among the best three, the third is far
+    off in spin.
+    """
     ranks = found.frames["rankings"].set_index(["source", "set"])
     for source, best in (("printed", 5), ("recomputed", 4), ("exact", 4)):
         mine = ranks.loc[source]
@@ -64,11 +81,16 @@ def test_ranks_of_the_seven_sets(found):
         assert mine.loc[[4, 5, 6], "score"].max() < 1.02 * mine["score"].min()
     printed = ranks.loc["printed"]
     assert printed["case"].tolist() == ["3", "", "", "", "1", "2", ""]
-    assert ranks.loc[("recomputed", 1), "omega_2 [rad/s]"] > 5 * ranks.loc[("recomputed", 5), "omega_2 [rad/s]"]
+    assert (
+        ranks.loc[("recomputed", 1), "omega_2 [rad/s]"]
+        > 5 * ranks.loc[("recomputed", 5), "omega_2 [rad/s]"]
+    )
 
 
 def test_the_bootstrap_knows_equal_sets(monkeypatch):
-    """Negative control: sets with the same errors at other impacts; none is sure to be among the first three."""
+    """Negative control: sets with the same errors at other impacts; none is sure to be among the
+    first three.
+    """
     errors = np.random.default_rng(1).normal(size=(3, 7))
     rolled = np.array([np.roll(errors, k, axis=1).ravel() for k in range(7)])
     same = dict.fromkeys(appendices.OUTPUTS, rolled)
@@ -84,37 +106,56 @@ def test_points_of_figures_are_printed_measured_and_recomputed(found):
     row = points[(points["case"] == "case 3") & (points["spin"] == "backspin")].iloc[0]
     assert row["omega_2 printed [rad/s]"] < 0.0 and row["theta_2 printed [deg]"] > 0.0
     first = points.iloc[0]
-    assert [first[f"{name} measured [{unit}]"] for name, unit in appendices.OUTPUTS.items()] == [11.09, 20.83, 239.1]
+    assert [first[f"{name} measured [{unit}]"] for name, unit in appendices.OUTPUTS.items()] == [
+        11.09,
+        20.83,
+        239.1,
+    ]
     assert first["v_x2 printed [m/s]"] == 12.309
 
 
 def test_a_set_of_ones_own_stands_beside_the_cases(found):
-    """Values near a free fit miss less by the equations than the three cases do, and lie inside the posterior."""
+    """Values near a free fit miss less by the equations than the three cases do, and lie inside the
+    posterior.
+    """
     scores = found.frames["cases"].set_index(["by", "case"])["score"]
     assert scores["exact"].idxmin() == "yours"
     shown = found.frames["parameters"].set_index("parameter")
     assert shown.loc["k_y", "yours"] == pytest.approx(19300.0 / STIFFNESS)
-    assert shown.loc["C1", "yours"] == 0.0 and shown.loc["C2", "yours"] == pytest.approx(0.0024 / INCH)
+    assert shown.loc["C1", "yours"] == 0.0 and shown.loc["C2", "yours"] == pytest.approx(
+        0.0024 / INCH
+    )
     places = found.frames["places"]
     assert (places["point"] == "yours").sum() == 2
     assert places[places["point"].str.startswith("case")]["level"].min() > 0.99
     assert [note.code for note in found.notes] == ["own-set"]
     # The core of another mass has another share of inertia.
-    shares = [ranking.case_values(fix)[1]["inertia_split"][-1] for fix in ({"mu": 0.6}, {"mass_ratio": 2 / 3})]
+    shares = [
+        ranking.case_values(fix)[1]["inertia_split"][-1]
+        for fix in ({"mu": 0.6}, {"mass_ratio": 2 / 3})
+    ]
     assert shares[0] == 0.532 and shares[1] == pytest.approx(0.532, abs=0.003)
 
 
 def test_the_offset_does_not_grow(found):
-    """A weighted line through offsets made by hand: R(v_x1 - v_x2) less the spin's share, over v_y1 + v_y2."""
-    offsets, wang = found.frames["offsets"], appendices.wang()
+    """A weighted line through offsets made by hand: R(v_x1 - v_x2) less the spin's share, over v_y1
+    + v_y2.
+    """
+    offsets = found.frames["offsets"]
+    wang = appendices.wang()
     spin = wang["omega_2 [rad/s]"] - wang["omega_1 [rad/s]"]
     turn = (wang["v_x1 [m/s]"] - wang["v_x2 [m/s]"]) / 0.03302 - 0.56 * spin
     lever = 0.03302**2 * turn / (wang["v_y1 [m/s]"] + wang["v_y2 [m/s]"]) / INCH
     np.testing.assert_allclose(offsets["offset [in]"], lever, rtol=1e-9)
     slope, error = posteriors.slope_of(offsets)
     assert abs(slope) < 3.0 * error < 0.0431 / 5.0
-    np.testing.assert_allclose(offsets["Eq. (53) [in]"], 0.0431 * wang["v_y1 [m/s]"] - 0.189, atol=1e-12)
-    # Fitted lines, like the offsets without a model, are ahead of the centre at every speed of the table.
+    np.testing.assert_allclose(
+        offsets["Eq. (53) [in]"],
+        0.0431 * wang["v_y1 [m/s]"] - 0.189,
+        atol=1e-12,
+    )
+    # Fitted lines, like the offsets without a model, are ahead of the centre at every speed of the
+    # table.
     assert offsets["thesis-exact [in]"].between(0.0, 0.6).all()
 
 
@@ -136,7 +177,8 @@ def test_each_slip_is_listed_beside_what_it_changes(found):
     assert only["v_x2 [m/s]"] == 0.0
     # Of half a damped period the damper leaves this share of the speed.
     rows = appendix_c()
-    core, c_y = set_values(rows)["mass_ratio"] * BALL_MASS, rows["c_y [lb s/in]"].to_numpy(float) * DAMPING
+    core = set_values(rows)["mass_ratio"] * BALL_MASS
+    c_y = rows["c_y [lb s/in]"].to_numpy(float) * DAMPING
     rate = np.sqrt(set_values(rows)["k_y"] / core - (0.5 * c_y / core) ** 2)
     left = core / BALL_MASS * np.exp(-0.5 * c_y / core * np.pi / rate)
     moved = (left - rows["cor"].to_numpy(float)) * rows["v_y1 [m/s]"].to_numpy(float)
@@ -147,17 +189,36 @@ def test_each_slip_is_listed_beside_what_it_changes(found):
 def test_the_computation_as_a_model_is_the_computation():
     """With the restitution of the law, the damping of Chapter V and tied inertia."""
     model = posteriors.computation()
-    values = {"mass_ratio": 0.65, "k_y": 15000.0, "k_theta": 9.0, "mu": 0.6, "eps_10": 0.008, "eps_slope": 1e-4}
+    values = {
+        "mass_ratio": 0.65,
+        "k_y": 15000.0,
+        "k_theta": 9.0,
+        "mu": 0.6,
+        "eps_10": 0.008,
+        "eps_slope": 1e-4,
+    }
     law = {"cor_10": 0.77, "cor_slope": -0.015}
     states = impacts([15.0, 9.0, -4.0], [6.0, 10.0, 8.0], [0.0, 150.0, 40.0])
     made = model.evaluate([*values, *law], np.array([[*values.values(), *law.values()]]), states)
     cor = fitball.model("brody").rebound({"mu": 0.1, **law}, states).v_y2 / states.v_y1
     ball = Ball()
     given = {name: np.array([value]) for name, value in values.items()}
-    given |= {"ball_mass": ball.mass, "ball_radius": ball.radius, "inertia_ratio": ball.inertia_ratio}
+    given |= {
+        "ball_mass": ball.mass,
+        "ball_radius": ball.radius,
+        "inertia_ratio": ball.inertia_ratio,
+    }
     given |= {"inertia_split": ranking.tied_split(0.65)}
     c_y = appendices.damping(cor, 0.65, 15000.0, ball.mass)
-    plain = fitball.thesis.printed.computed(given, states.v_x1, states.v_y1, states.omega_1, cor, c_y, ball.mass)
+    plain = fitball.thesis.printed.computed(
+        given,
+        states.v_x1,
+        states.v_y1,
+        states.omega_1,
+        cor,
+        c_y,
+        ball.mass,
+    )
     np.testing.assert_allclose(made.v_x2[0], plain.v_x2, rtol=1e-13)
     np.testing.assert_allclose(made.omega_2[0], plain.omega_2, rtol=1e-13)
     np.testing.assert_allclose(made.v_y2[0], cor * states.v_y1, rtol=1e-13)
@@ -173,8 +234,15 @@ def test_page_figures_and_files(found, tmp_path):
     for number in ("110", "127", "C15 case 7", "Eq. (73)", "yours"):
         assert number in page
     drawn = [line.get_ydata() for line in found.plot("chapter_v").axes[0].lines]
-    assert any(np.array_equal(found.frames["figures"]["v_x2 recomputed [m/s]"][:7], line) for line in drawn)
+    assert any(
+        np.array_equal(found.frames["figures"]["v_x2 recomputed [m/s]"][:7], line) for line in drawn
+    )
     # Eq. (53), in inches and m/s as it is printed.
-    lines = [line for axis in found.plot("glance").axes for line in axis.lines if line.get_linestyle() == "--"]
+    lines = [
+        line
+        for axis in found.plot("glance").axes
+        for line in axis.lines
+        if line.get_linestyle() == "--"
+    ]
     assert any(np.allclose(line.get_ydata(), 0.0431 * line.get_xdata() - 0.189) for line in lines)
     json.dumps(found.json(), allow_nan=False)

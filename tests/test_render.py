@@ -14,22 +14,56 @@ from fitball.report.render import to_markdown, to_notebook, to_page, to_text
 
 HOSTILE = "<script>alert(1)</script>\x1b[31m\u202e\udcff\"'|"
 REPORT = Report(
-    f"wang {HOSTILE}", [
-        Text([Mark("The model describes the data.", "good"), "Scatter of `v_x2`: 0.51 m/s."], "lead"),
-        Table("Parameters", [
-            {"parameter": Mark("mu", "name", "friction"), "median": "0.568", "empty": "",
-             "verdict": Mark("given", "part", HOSTILE)},
-            {"parameter": Mark("cor_slope", "name", "slope"), "median": "-15.1",
-             "verdict": Mark("identified", "good"), "rests on": "a & b|c"},
-        ], ("verdict", "rests on")),
-        Picture("curves", f"Lines {HOSTILE}"), Text([f"label {HOSTILE}", ""], "list"),
-    ], [
-        Section("All", [Table("", [{"row": str(k), "value": f"{k}.0"} for k in range(400)], (), "`all.csv`", 1000)],
-                True, "400 rows."),
-        Section("Nothing", [Text([""]), Table("", []), Table("", [{"a": ""}])], answer="never seen"),
+    f"wang {HOSTILE}",
+    [
+        Text(
+            [Mark("The model describes the data.", "good"), "Scatter of `v_x2`: 0.51 m/s."],
+            "lead",
+        ),
+        Table(
+            "Parameters",
+            [
+                {
+                    "parameter": Mark("mu", "name", "friction"),
+                    "median": "0.568",
+                    "empty": "",
+                    "verdict": Mark("given", "part", HOSTILE),
+                },
+                {
+                    "parameter": Mark("cor_slope", "name", "slope"),
+                    "median": "-15.1",
+                    "verdict": Mark("identified", "good"),
+                    "rests on": "a & b|c",
+                },
+            ],
+            ("verdict", "rests on"),
+        ),
+        Picture("curves", f"Lines {HOSTILE}"),
+        Text([f"label {HOSTILE}", ""], "list"),
+    ],
+    [
+        Section(
+            "All",
+            [
+                Table(
+                    "",
+                    [{"row": str(k), "value": f"{k}.0"} for k in range(400)],
+                    (),
+                    "`all.csv`",
+                    1000,
+                )
+            ],
+            True,
+            "400 rows.",
+        ),
+        Section(
+            "Nothing",
+            [Text([""]), Table("", []), Table("", [{"a": ""}])],
+            answer="never seen",
+        ),
         Section("Repeat", [Text(["fitball calibrate  'a  b'"], "code"), Text(["words " * 40])]),
     ],
-)  # fmt: skip
+)
 
 
 class Page(HTMLParser):
@@ -39,7 +73,10 @@ class Page(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.tags, self.texts, self.links = [], [], [], []
+        self.open = []
+        self.tags = []
+        self.texts = []
+        self.links = []
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
@@ -57,24 +94,41 @@ class Page(HTMLParser):
 def test_a_page_is_well_formed_complete_and_needs_nothing_else():
     page = Page(to_page(REPORT, {"curves": b"png"}, "fitball calibrate 'a  b'"))
     assert not page.open and page.links == ["data:image/png;base64,cG5n"]
-    assert page.tags.count("details") == 2 and page.tags.count("table") == 2 and page.tags.count("figure") == 1
+    assert (
+        page.tags.count("details") == 2
+        and page.tags.count("table") == 2
+        and page.tags.count("figure") == 1
+    )
     # 2 heads, 2 and 300 rows.
     assert page.tags.count("tr") == 304 and "300.0" not in page.texts
     assert {"400 rows.", "299.0", "all.csv"} < {*page.texts}
     assert "... and 700 more: " in page.texts
-    assert "fitball calibrate  'a  b'\n" in page.texts and "v_x2" in page.texts and "a & b|c" in page.texts
+    assert (
+        "fitball calibrate  'a  b'\n" in page.texts
+        and "v_x2" in page.texts
+        and "a & b|c" in page.texts
+    )
     assert "script" not in page.tags and any(HOSTILE[:25] in text for text in page.texts)
     for text in (
-        to_page(REPORT, {"curves": b"png"}, HOSTILE), to_notebook(REPORT), to_text(REPORT), to_markdown(REPORT),
-    ):  # fmt: skip
+        to_page(REPORT, {"curves": b"png"}, HOSTILE),
+        to_notebook(REPORT),
+        to_text(REPORT),
+        to_markdown(REPORT),
+    ):
         assert not {*"\x1b\u202e\udcff"} & {*text} and "never seen" not in text
-    assert "img" not in Page(to_page(REPORT, {})).tags and "html" not in Page(to_notebook(REPORT)).tags
+    assert (
+        "img" not in Page(to_page(REPORT, {})).tags and "html" not in Page(to_notebook(REPORT)).tags
+    )
     assert not Page(to_notebook(REPORT)).open
-    assert "button" in page.tags and "button" not in Page(to_page(Report("check", [Text(["a"])]), {})).tags
+    assert (
+        "button" in page.tags
+        and "button" not in Page(to_page(Report("check", [Text(["a"])]), {})).tags
+    )
 
 
 def test_a_terminal_shows_the_summary_or_all_in_its_width():
-    summary, full = to_text(REPORT, full=False), to_text(REPORT)
+    summary = to_text(REPORT, full=False)
+    full = to_text(REPORT)
     assert full.startswith(summary) and "All" not in summary
     lines = summary.split("\n")
     start = lines.index("Parameters") + 1
@@ -93,13 +147,22 @@ def test_a_terminal_shows_the_summary_or_all_in_its_width():
 
 
 def test_columns_of_wide_letters_and_of_lines_stay_below_each_other():
-    rows = [{"surface": "\u30af\u30ec\u30fc", "mu": "0.5"}, {"surface": "Sabl\u0301\ne", "mu": "0.7"}]
+    rows = [
+        {"surface": "\u30af\u30ec\u30fc", "mu": "0.5"},
+        {"surface": "Sabl\u0301\ne", "mu": "0.7"},
+    ]
     assert to_text(Report("", [Table("", rows)])).split("\n")[-3:] == [
-        "surface   mu", "\u30af\u30ec\u30fc   0.5", "Sabl\u0301 e   0.7",
-    ]  # fmt: skip
+        "surface   mu",
+        "\u30af\u30ec\u30fc   0.5",
+        "Sabl\u0301 e   0.7",
+    ]
     long = [{"a": "x", "reason": "word " * 30}]
     lines = to_text(Report("", [Table("", long, ("reason",))]), width=40).split("\n")
-    assert len(lines) == 9 and max(map(len, lines)) <= 40 and all(line.startswith("   word") for line in lines[5:])
+    assert (
+        len(lines) == 9
+        and max(map(len, lines)) <= 40
+        and all(line.startswith("   word") for line in lines[5:])
+    )
 
 
 def test_long_tables_are_looked_through_a_few_times_alone():
@@ -112,15 +175,22 @@ def test_long_tables_are_looked_through_a_few_times_alone():
 
     rows = Rows([{f"c{k}": "1" for k in range(9)}] * 500)
     report = Report("", [Table("", rows)])
-    assert len(to_text(report)) + len(to_page(report, {})) + len(to_markdown(report)) > 0 and rows.seen < 20
+    assert (
+        len(to_text(report)) + len(to_page(report, {})) + len(to_markdown(report)) > 0
+        and rows.seen < 20
+    )
 
 
 def test_markdown_has_every_row_and_keeps_its_columns():
     text = to_markdown(REPORT)
     rows = [line for line in text.split("\n") if line.startswith("|")]
-    assert len(rows) == 2 + 2 + 2 + 400 and {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {5, 3}
+    assert len(rows) == 2 + 2 + 2 + 400 and {
+        len(re.findall(r"(?<!\\)\|", row)) for row in rows
+    } == {5, 3}
     assert "| ---: |" in text and "`all.csv`" not in text and "    fitball calibrate" in text
-    assert "<" not in text and "<" not in to_markdown(Report("`<b>", [Text(["`<b>"]), Table("", [{"a": "`<b>"}])]))
+    assert "<" not in text and "<" not in to_markdown(
+        Report("`<b>", [Text(["`<b>"]), Table("", [{"a": "`<b>"}])])
+    )
 
 
 def test_marks_travel_with_their_tone():
@@ -135,8 +205,16 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize(("progress", "stream", "stages"), [(None, Terminal, 2), (None, io.StringIO, 0),
-    (True, io.StringIO, 2), (True, Terminal, 2), (False, Terminal, 0)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("progress", "stream", "stages"),
+    [
+        (None, Terminal, 2),
+        (None, io.StringIO, 0),
+        (True, io.StringIO, 2),
+        (True, Terminal, 2),
+        (False, Terminal, 0),
+    ],
+)
 def test_progress_is_shown_where_somebody_looks_on(progress, stream, stages, monkeypatch):
     monkeypatch.setattr(sys, "stderr", stream())
     with shown(progress) as show:
@@ -163,4 +241,7 @@ def test_progress_of_the_caller_and_messages_above_the_line(monkeypatch):
     with shown(True) as show:
         show("search", 0.5)
         log.info("kernels are compiled once")
-    assert "kernels are compiled once\n" in sys.stderr.getvalue() and (log.level, list(log.handlers)) == before
+    assert (
+        "kernels are compiled once\n" in sys.stderr.getvalue()
+        and (log.level, list(log.handlers)) == before
+    )

@@ -27,19 +27,28 @@ def draw():
 class Toy(Result):
     """A result whose page is this module."""
 
-    page, record, notes = __name__, "own.json", (Note("doubt", "a doubt"),)
+    page = __name__
+    record = "own.json"
+    notes = (Note("doubt", "a doubt"),)
 
     @property
     def frames(self):
         index = pd.Index(["mu", "k_y", "drop"], name="name")
         values = [0.1 + 0.2, np.inf, -np.inf]
-        return {"summary": pd.DataFrame({"median": values, "kind": ["model", None, None]}, index=index)}
+        return {
+            "summary": pd.DataFrame({"median": values, "kind": ["model", None, None]}, index=index)
+        }
 
 
 def report(result):
-    values = [{"name": name, "value": f"{value:.3f}"} for name, value in result.frames["summary"]["median"].items()]
+    values = [
+        {"name": name, "value": f"{value:.3f}"}
+        for name, value in result.frames["summary"]["median"].items()
+    ]
     return Report(
-        "Toy", [Text(["An answer."], "lead"), Table("", values)], [Section("More", [Picture("line", "A line.")])]
+        "Toy",
+        [Text(["An answer."], "lead"), Table("", values)],
+        [Section("More", [Picture("line", "A line.")])],
     )
 
 
@@ -52,30 +61,46 @@ def files(_result):
 
 
 def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
-    order, write = [], ResultFolder.write
+    order = []
+    write = ResultFolder.write
     monkeypatch.setattr(
-        ResultFolder, "write", lambda self, name, *more: order.append(name) or write(self, name, *more)
+        ResultFolder,
+        "write",
+        lambda self, name, *more: order.append(name) or write(self, name, *more),
     )
     places = Toy().save(tmp_path, command="fitball toy 'a b'")
     assert [place.name for place in places] == order and order[-1] == "own.json"
     # Of the figures those that the report shows.
     assert sorted(order) == ["line.png", "own.json", "references.bib", "report.html", "summary.csv"]
     page = (tmp_path / "report.html").read_text()
-    assert "0.300" in page and "data:image/png;base64," in page and "fitball toy &#39;a b&#39;" in page
+    assert (
+        "0.300" in page and "data:image/png;base64," in page and "fitball toy &#39;a b&#39;" in page
+    )
     back = pd.read_csv(tmp_path / "summary.csv", index_col="name")
     assert back["median"].tolist() == [0.1 + 0.2, np.inf, -np.inf]
     with pytest.raises(FolderError):
         Toy().save(tmp_path)
     Toy().save(tmp_path, overwrite=True, figures=False)
-    assert not (tmp_path / "line.png").exists() and "data:image" not in (tmp_path / "report.html").read_text()
+    assert (
+        not (tmp_path / "line.png").exists()
+        and "data:image" not in (tmp_path / "report.html").read_text()
+    )
     with result_folder(tmp_path / "held") as folder:
         assert len(Toy().save(folder, figures=False)) == 4
 
 
 def test_text_notebook_and_json_say_the_same():
     toy = Toy()
-    assert "0.300" in toy.report() and "More" in toy.report(colour=True) and "\x1b[" not in toy.report()
-    assert "More" not in toy.report(full=False) and "0.300" in toy._repr_html_() and "<html" not in toy._repr_html_()
+    assert (
+        "0.300" in toy.report()
+        and "More" in toy.report(colour=True)
+        and "\x1b[" not in toy.report()
+    )
+    assert (
+        "More" not in toy.report(full=False)
+        and "0.300" in toy._repr_html_()
+        and "<html" not in toy._repr_html_()
+    )
     found = json.loads(json.dumps(toy.json(), allow_nan=False))
     rows = [("mu", 0.1 + 0.2, "model"), ("k_y", None, None), ("drop", None, None)]
     summary = [dict(zip(("name", "median", "kind"), row, strict=True)) for row in rows]
@@ -96,7 +121,8 @@ def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot()
         first = {form: saved(Toy().plot("line"), form) for form in ("png", "svg", "pdf")}
     assert first == {form: saved(styled(draw), form) for form in first} and not plt.get_fignums()
     assert first["png"].startswith(b"\x89PNG") and not re.search(
-        rb"[Mm]atplotlib|20\d\d-", first["png"] + first["pdf"]
+        rb"[Mm]atplotlib|20\d\d-",
+        first["png"] + first["pdf"],
     )
     with pytest.raises(ParameterError) as caught:
         Toy().plot("lines")
@@ -105,5 +131,16 @@ def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot()
 
 def test_nothing_is_laid_out_before_a_report_is_asked_for():
     heavy = ("matplotlib", "pandas", "scipy", "jinja2", "tqdm", "joblib")
-    code = f"import sys, fitball.result, fitball.columns\nprint([m for m in {heavy} if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    code = (
+        f"import sys, fitball.result, fitball.columns\nprint([m for m in {heavy} if m in "
+        "sys.modules])"
+    )
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        == "[]\n"
+    )

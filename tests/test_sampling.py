@@ -1,4 +1,6 @@
-"""Draws of posteriors: a known one by chains and by weights, chains that have not converged, diagnostics."""
+"""Draws of posteriors: a known one by chains and by weights, chains that have not converged,
+diagnostics.
+"""
 
 import numpy as np
 import pytest
@@ -22,15 +24,20 @@ def quiet(_stage, _share):
 
 def begun(problem, at=None):
     """The normal density that touches the posterior at a maximum."""
-    q = problem.coordinates(best_fit(problem, np.random.default_rng(0)).optima[0] if at is None else at)
-    curvature = Objective(problem).linearised(q[None])[1][0] + np.diag(1e-8 / problem.prior.width**2)
+    q = problem.coordinates(
+        best_fit(problem, np.random.default_rng(0)).optima[0] if at is None else at
+    )
+    curvature = Objective(problem).linearised(q[None])[1][0] + np.diag(
+        1e-8 / problem.prior.width**2
+    )
     return [Student(q, np.linalg.cholesky(np.linalg.inv(curvature)))]
 
 
 def check(problem, posterior, size):
     """The moments of a straight line, within four standard errors of so many draws."""
     centre, covariance = exact(problem)
-    values, sds = posterior.values.reshape(-1, 2), np.sqrt(np.diagonal(covariance))
+    values = posterior.values.reshape(-1, 2)
+    sds = np.sqrt(np.diagonal(covariance))
     assert np.all(np.abs(values.mean(axis=0) - centre) < 4.0 * sds / np.sqrt(size))
     np.testing.assert_allclose(values.std(axis=0) / sds, 1.0, atol=4.0 / np.sqrt(2.0 * size))
     assert np.corrcoef(values.T)[0, 1] == pytest.approx(covariance[0, 1] / sds.prod(), abs=0.02)
@@ -39,16 +46,27 @@ def check(problem, posterior, size):
 
 
 def test_chains_have_the_moments_of_a_known_posterior(monkeypatch):
-    problem, shares = line_problem(), []
-    posterior, found = sample(problem, begun(problem), Effort(), lambda stage, share: shares.append((stage, share)))
+    problem = line_problem()
+    shares = []
+    posterior, found = sample(
+        problem,
+        begun(problem),
+        Effort(),
+        lambda stage, share: shares.append((stage, share)),
+    )
     assert found.converged and found.complaints == () and found.pareto_k is None
-    assert max(found.r_hat.values()) < 1.01 and min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
+    assert (
+        max(found.r_hat.values()) < 1.01
+        and min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
+    )
     assert posterior.values.shape == (4, found.steps - found.warm_up, 16, 2)
     check(problem, posterior, 1000.0)
     monkeypatch.setattr(sampling, "TARGET_R_HAT", min(found.r_hat.values()))
     _, worse = sample(problem, begun(problem), Effort(), quiet)
     assert worse.r_hat == found.r_hat and not worse.converged and len(worse.complaints) == 2
-    assert {stage for stage, _ in shares} == {"sampling"} and all(0.0 <= share <= 1.0 for _, share in shares)
+    assert {stage for stage, _ in shares} == {"sampling"} and all(
+        0.0 <= share <= 1.0 for _, share in shares
+    )
 
 
 def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
@@ -67,28 +85,44 @@ def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
 
 @pytest.mark.parametrize("long", [20, 3000])
 def test_the_same_seed_gives_the_same_bytes(long, monkeypatch):
-    problem, effort = line_problem(copies=2), Effort(seed=7, max_steps=100)
+    problem = line_problem(copies=2)
+    effort = Effort(seed=7, max_steps=100)
     monkeypatch.setattr(sampling, "LONG", long)
     one, two = (sample(problem, begun(problem), effort, quiet)[0] for _ in range(2))
-    assert one.values.tobytes() == two.values.tobytes() and one.log_density.tobytes() == two.log_density.tobytes()
+    assert (
+        one.values.tobytes() == two.values.tobytes()
+        and one.log_density.tobytes() == two.log_density.tobytes()
+    )
 
 
 def test_chains_that_have_not_converged_are_said_so():
     # Twelve hardly determined parameters and a hundred steps.
-    problem = problem_of(table_of(REBOUND, count=4), scene_of(ball=True), "two-mass", noise="student-t")
+    problem = problem_of(
+        table_of(REBOUND, count=4),
+        scene_of(ball=True),
+        "two-mass",
+        noise="student-t",
+    )
     posterior, found = sample(problem, begun(problem), Effort(max_steps=100), quiet)
     assert not found.converged and found.complaints
     assert found.steps == found.warm_up + 100 and np.isfinite(posterior.values).all()
 
 
-# Of 100 steps that are stored, every fourth, the first quarter is left out; draws that taught are no draws.
+# Of 100 steps that are stored, every fourth, the first quarter is left out; draws that taught are
+# no draws.
 @pytest.mark.parametrize(("lessons", "kept"), [(0, 75), (2, 100)])
 def test_a_long_chain_is_thinned_evenly(lessons, kept, monkeypatch):
     problem = line_problem()
     chains = "fitball.inference.sampling.chains."
     for name, value in (("STORED", 100), ("FIRST", 100), ("TARGET_ESS", 1e9), ("LESSONS", lessons)):
         monkeypatch.setattr(chains + name, value)
-    mixed, scores, rates, *steps = run(problem, begun(problem), np.random.default_rng(0), 400, lambda _share: None)
+    mixed, scores, rates, *steps = run(
+        problem,
+        begun(problem),
+        np.random.default_rng(0),
+        400,
+        lambda _share: None,
+    )
     assert steps == [160 + 100 * lessons, 160 + 400]
     assert mixed.chains.shape[:2] == (4, kept) == scores.shape[:2]
     assert all(0.2 < rate < 0.9 for rate in rates)
@@ -108,7 +142,12 @@ def test_a_walker_that_the_others_left_behind():
 
 
 def test_where_no_chain_can_start():
-    problem = problem_of(table_of(REBOUND), scene_of(), "two-mass", fix={"mass_ratio": 0.4, "cor_10": 0.9})
+    problem = problem_of(
+        table_of(REBOUND),
+        scene_of(),
+        "two-mass",
+        fix={"mass_ratio": 0.4, "cor_10": 0.9},
+    )
     nowhere = [Student(problem.prior.location, np.eye(len(problem.free)))]
     with pytest.raises(FitError) as caught:
         sample(problem, nowhere, Effort(), quiet)
@@ -120,9 +159,12 @@ def test_effective_sizes_and_r_hat():
     white = rng.standard_normal((4, 1000, 4, 4))
     found = Mixing(tuple("abcd"), white)
     size = 4 * 1000 * 4
-    assert all(abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values()))
+    assert all(
+        abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values())
+    )
     assert found.reached(0.8 * size, 1.01) and not found.reached(1.2 * size, 1.01)
-    # An autoregression of 0.9 is worth 1/19 of its length; an ensemble elsewhere, or one that never moved, shows.
+    # An autoregression of 0.9 is worth 1/19 of its length; an ensemble elsewhere, or one that never
+    # moved, shows.
     for k in range(1, 1000):
         white[:, k, :, 0] = 0.9 * white[:, k - 1, :, 0] + np.sqrt(0.19) * white[:, k, :, 0]
     white[2, :, :, 1] += 1.0
@@ -134,4 +176,8 @@ def test_effective_sizes_and_r_hat():
     assert found.r_hat["b"] > 1.05 and not found.reached(1.0, 1.05)
     wide = rng.standard_normal((4, 1000, 4, 1)) * np.repeat([0.2, 1.0], 500)[None, :, None, None]
     assert (now := Mixing("a", wide)).ess_tail["a"] < 0.2 * now.ess_bulk["a"]
-    assert not found.r_hat["c"] < np.inf and found.r_hat["d"] < 1.02 and found.ess_bulk["d"] < 0.1 * size
+    assert (
+        not found.r_hat["c"] < np.inf
+        and found.r_hat["d"] < 1.02
+        and found.ess_bulk["d"] < 0.1 * size
+    )

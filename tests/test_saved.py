@@ -1,4 +1,6 @@
-"""A fit as two files: all that it is comes back, other libraries read the draws, a changed file is refused."""
+"""A fit as two files: all that it is comes back, other libraries read the draws, a changed file is
+refused.
+"""
 
 import dataclasses
 import json
@@ -25,13 +27,21 @@ def plain(fit):
     def hook(value):
         return value.tolist() if isinstance(value, np.ndarray | np.generic) else dict(value)
 
-    return {one.name: msgspec.to_builtins(getattr(fit, one.name), enc_hook=hook) for one in dataclasses.fields(fit)}
+    return {
+        one.name: msgspec.to_builtins(getattr(fit, one.name), enc_hook=hook)
+        for one in dataclasses.fields(fit)
+    }
 
 
-@pytest.mark.parametrize(("table", "options"), [
-    (None, {}), (None, {"sampled": False}), (table_of(600, surfaces=("clay", "grass/new")), {}),
-    (table_of(12, drop=True), {"model": "two-mass+normal=total"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("table", "options"),
+    [
+        (None, {}),
+        (None, {"sampled": False}),
+        (table_of(600, surfaces=("clay", "grass/new")), {}),
+        (table_of(12, drop=True), {"model": "two-mass+normal=total"}),
+    ],
+)
 def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
     fit = made_fit(table, **options)
     again = pair.read(written(fit, tmp_path) / "fit.json")
@@ -48,21 +58,29 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
     with xarray.open_dataset(place, group="posterior", engine="h5netcdf") as draws:
         values = fit.posterior.values
         assert draws["mu"].dims == ("chain", "draw")
-        assert draws.coords["ensemble"].values.tolist() == np.repeat([0, 1], values.shape[2]).tolist()
+        assert (
+            draws.coords["ensemble"].values.tolist() == np.repeat([0, 1], values.shape[2]).tolist()
+        )
         np.testing.assert_array_equal(
-            draws["mu"][values.shape[2] + 3], values[1, :, 3, fit.posterior.names.index("mu")]
+            draws["mu"][values.shape[2] + 3],
+            values[1, :, 3, fit.posterior.names.index("mu")],
         )
     with xarray.open_dataset(place, group="observed_data", engine="h5netcdf") as seen:
         np.testing.assert_array_equal(seen["v_x2"], fit.run.table.values["v_x2"])
 
 
-@pytest.mark.parametrize(("name", "before", "after", "code"), [
-    ("fit.json", b'"point": 0.56', b'"point": 0.57', "changed"),
-    ("fit.json", b'"version": 1', b'"version": 2', "other-version"),
-    ("fit.json", b'"version": 1', b'"schema_version": 8', "other-version"),
-    ("fit.json", b'"kind": "fitball fit"', b'"kind": "other"', "no-fit"), ("fit.json", b"{", b"", "no-fit"),
-    ("fit.json", b"{", b"[" * 100_000, "no-fit"), ("fit.nc", b"HDF", b"hdf", "changed"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "before", "after", "code"),
+    [
+        ("fit.json", b'"point": 0.56', b'"point": 0.57', "changed"),
+        ("fit.json", b'"version": 1', b'"version": 2', "other-version"),
+        ("fit.json", b'"version": 1', b'"schema_version": 8', "other-version"),
+        ("fit.json", b'"kind": "fitball fit"', b'"kind": "other"', "no-fit"),
+        ("fit.json", b"{", b"", "no-fit"),
+        ("fit.json", b"{", b"[" * 100_000, "no-fit"),
+        ("fit.nc", b"HDF", b"hdf", "changed"),
+    ],
+)
 def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
     place = written(made_fit(), tmp_path) / name
     assert before in place.read_bytes()
@@ -88,4 +106,8 @@ def test_what_is_no_fit_says_so(tmp_path):
     (tmp_path / "of a table/fit.json").mkdir(parents=True)
     with pytest.raises(FolderError) as caught:
         pair.read(tmp_path)
-    assert caught.value.code == "no-fit" and pair.key_of(tmp_path) == "" and "of a table" in str(caught.value)
+    assert (
+        caught.value.code == "no-fit"
+        and pair.key_of(tmp_path) == ""
+        and "of a table" in str(caught.value)
+    )

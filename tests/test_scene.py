@@ -1,4 +1,6 @@
-"""Scenes: read and written without loss, limits with the unit that was meant, the first fault that says most."""
+"""Scenes: read and written without loss, limits with the unit that was meant, the first fault that
+says most.
+"""
 
 import pickle
 import tomllib
@@ -64,7 +66,9 @@ def refused(make):
     """Message of each fault by its key."""
     with pytest.raises(InputError) as caught:
         make()
-    assert {fault.code for fault in caught.value.faults} == {"scene"} and len(str(caught.value)) < 1000
+    assert {fault.code for fault in caught.value.faults} == {"scene"} and len(
+        str(caught.value)
+    ) < 1000
     return {fault.column: fault.message for fault in caught.value.faults}
 
 
@@ -83,27 +87,45 @@ def test_every_key_is_read_and_written_without_loss(tmp_path):
 def test_bundled_scenes_are_read():
     for kind in ("", "tracks"):
         for name, description in descriptions(kind).items():
-            scene, place = load_scene(place_of(name, kind)), place_of(name, kind).with_suffix(".toml")
+            scene = load_scene(place_of(name, kind))
+            place = place_of(name, kind).with_suffix(".toml")
             assert scene.source["description"] == description
             assert msgspec.to_builtins(scene) == tomllib.loads(place.read_text(encoding="utf-8"))
     wang = load_scene(place_of("wang_all"))
-    assert wang.value() == Ball(0.0576, 0.03302, 0.56) and wang.ball_sd() == {} and wang.assumed() == ()
+    assert (
+        wang.value() == Ball(0.0576, 0.03302, 0.56)
+        and wang.ball_sd() == {}
+        and wang.assumed() == ()
+    )
     assert wang.surface["mu"] == Quantity(0.55, 0.05) and wang.contact_time == Quantity(5e-3, 5e-4)
     assert wang.measurement == {"nominal_velocity_sd": 0.25, "nominal_spin_sd": 10.0}
-    assert load_scene(place_of("synthetic_gaps")).ball_sd() == {"mass": 1e-4, "radius": 1e-4, "inertia_ratio": 3e-3}
+    assert load_scene(place_of("synthetic_gaps")).ball_sd() == {
+        "mass": 1e-4,
+        "radius": 1e-4,
+        "inertia_ratio": 3e-3,
+    }
 
 
 def test_where_a_scene_comes_from(tmp_path):
     table = tmp_path / "t.csv"
     assert load_scene(table) == load_scene(None) == load_scene(table, "") == Scene()
     assert {note.code for note in Scene().assumed()} == {
-        "assumed-ball", "no-friction", "no-contact-time", "no-velocity-noise", "no-spin-noise",
-    }  # fmt: skip
-    assert "no-velocity-noise" not in {note.code for note in Scene(measurement={"nominal_v_x_sd": 0.1}).assumed()}
+        "assumed-ball",
+        "no-friction",
+        "no-contact-time",
+        "no-velocity-noise",
+        "no-spin-noise",
+    }
+    assert "no-velocity-noise" not in {
+        note.code for note in Scene(measurement={"nominal_v_x_sd": 0.1}).assumed()
+    }
     (tmp_path / "other.toml").write_text("[surface]\nmu = 0.5")
     table.with_suffix(".toml").write_text("[surface]\nmu = 0.6")
     assert load_scene(table).surface == {"mu": 0.6}
-    for found in (load_scene(table, tmp_path / "other.toml"), load_scene(str(tmp_path / "other.toml"))):
+    for found in (
+        load_scene(table, tmp_path / "other.toml"),
+        load_scene(str(tmp_path / "other.toml")),
+    ):
         assert found.surface == {"mu": 0.5}
     # What is beside the table and no file is not passed over.
     table.with_suffix(".toml").unlink()
@@ -116,7 +138,10 @@ def test_where_a_scene_comes_from(tmp_path):
 
 def test_columns_that_a_scene_flips_or_ignores():
     plain = load_table("wang_topspin")
-    turned = load_table("wang_topspin", scene=Scene(measurement={"flip": ("omega_1",), "ignore": ("omega_2",)}))
+    turned = load_table(
+        "wang_topspin",
+        scene=Scene(measurement={"flip": ("omega_1",), "ignore": ("omega_2",)}),
+    )
     np.testing.assert_array_equal(turned.values["omega_1"], -plain.values["omega_1"])
     assert {*plain.values} - {*turned.values} == {"omega_2"}
 
@@ -139,45 +164,73 @@ WRONG = [
     ("[measurement]\nnominal_spin_sd = 2000", "measurement.nominal_spin_sd", "2000 rpm?"),
     ("[camera]\ntilt = -2", "camera.tilt", "-2 deg?"),
     ("[camera]\ncourt_height = { value = 0, sd = 3 }", "camera.court_height", "3 mm or 3 cm?"),
-    ("[air]\npressure = 1013", "air.pressure", "1013 hPa?"), ("[bal]\nmass = 1", "bal", "'ball'"),
-    ("[ball]\nmas = 1", "ball.mas", "'mass'"), ("[measurement]\nspin = 1", "measurement.spin", "'spin_sd'"),
-    ("[surface]\nfriction = 1", "surface.friction", "mu"), ("ball = 3", "ball", ""), ("prior = 3", "prior", ""),
-    ("contact_time = 0.005", "contact_time", ""), ("[contact_time]\nvalue = 0.005", "contact_time", ""),
-    ("[ball]\nmass = -1", "ball.mass", ""), ("[ball]\nmass = nan", "ball.mass", ""),
-    ("[ball]\nmass = 1" + 400 * "0", "ball.mass", ""), ("[ball]\nmass = true", "ball.mass", ""),
-    ('[ball]\nmass = "57 g"', "ball.mass", ""), ("[ball]\nmass = { value = 0.057, sd = 0 }", "ball.mass", ""),
+    ("[air]\npressure = 1013", "air.pressure", "1013 hPa?"),
+    ("[bal]\nmass = 1", "bal", "'ball'"),
+    ("[ball]\nmas = 1", "ball.mas", "'mass'"),
+    ("[measurement]\nspin = 1", "measurement.spin", "'spin_sd'"),
+    ("[surface]\nfriction = 1", "surface.friction", "mu"),
+    ("ball = 3", "ball", ""),
+    ("prior = 3", "prior", ""),
+    ("contact_time = 0.005", "contact_time", ""),
+    ("[contact_time]\nvalue = 0.005", "contact_time", ""),
+    ("[ball]\nmass = -1", "ball.mass", ""),
+    ("[ball]\nmass = nan", "ball.mass", ""),
+    ("[ball]\nmass = 1" + 400 * "0", "ball.mass", ""),
+    ("[ball]\nmass = true", "ball.mass", ""),
+    ('[ball]\nmass = "57 g"', "ball.mass", ""),
+    ("[ball]\nmass = { value = 0.057, sd = 0 }", "ball.mass", ""),
     ("[ball]\nmass = { value = 0.057, sd = 1e-300 }", "ball.mass", ""),
     ("[ball]\nmass = { value = 0.057, sd = 0.001, unit = 1 }", "ball.mass", ""),
-    ("[ball]\nradius = 0.33", "ball.mass", ""), ("[ball]\ninertia = 1", "ball.inertia", ""),
+    ("[ball]\nradius = 0.33", "ball.mass", ""),
+    ("[ball]\ninertia = 1", "ball.inertia", ""),
     ("[ball]\ninertia = 3e-5\ninertia_ratio = 0.5", "ball.inertia", ""),
     ('[ball]\ntype = "type-5"', "ball.type", "'type-"),
     ("[measurement]\nspin_sd = 1\nnominal_spin_sd = 1", "measurement.spin_sd", ""),
     ("[measurement]\nvelocity_sd = 0.0", "measurement.velocity_sd", ""),
     ("[measurement]\nignore = 'omega_2'", "measurement.ignore", ""),
-    ("[measurement]\nignore = [3]", "measurement.ignore", ""), ("[surface]\nname = 3", "surface.name", ""),
-    ("[camera]\nfps = { value = 240, sd = 1 }", "camera.fps", ""), ("[camera]\nfold = 2.5", "camera.fold", ""),
-    ("[prior]\ncor_10 = 'normal(0.7, 0.1)'\nmu = 0.5", "prior.mu", ""), ("[fix]\nmu = inf", "fix.mu", ""),
-    ("[model]\nclosures = { normal = 3 }", "model.closures", "name"), ("[ball]\nmass = \n", None, ""),
-    ("x = " + "[" * 5000, None, ""), ("x = " + "9" * 5000, None, ""), (b"# caf\xe9\n", None, ""),
-]  # fmt: skip
+    ("[measurement]\nignore = [3]", "measurement.ignore", ""),
+    ("[surface]\nname = 3", "surface.name", ""),
+    ("[camera]\nfps = { value = 240, sd = 1 }", "camera.fps", ""),
+    ("[camera]\nfold = 2.5", "camera.fold", ""),
+    ("[prior]\ncor_10 = 'normal(0.7, 0.1)'\nmu = 0.5", "prior.mu", ""),
+    ("[fix]\nmu = inf", "fix.mu", ""),
+    ("[model]\nclosures = { normal = 3 }", "model.closures", "name"),
+    ("[ball]\nmass = \n", None, ""),
+    ("x = " + "[" * 5000, None, ""),
+    ("x = " + "9" * 5000, None, ""),
+    (b"# caf\xe9\n", None, ""),
+]
 
 
 @pytest.mark.parametrize(("text", "key", "hint"), WRONG)
-def test_what_no_scene_holds_is_refused_at_its_key_with_what_may_be_meant(tmp_path, text, key, hint):
+def test_what_no_scene_holds_is_refused_at_its_key_with_what_may_be_meant(
+    tmp_path,
+    text,
+    key,
+    hint,
+):
     ((found, message),) = refused(lambda: scene_of(tmp_path, text)).items()
     assert found == key and (hint in message if hint else "did you mean" not in message)
 
 
 def test_every_fault_is_named_at_once(tmp_path):
     text = "[bal]\nmass = 1\n[ball]\nmas = 1\nmass = 57.7\n[surface]\nmu = '0.5'"
-    assert [*refused(lambda: scene_of(tmp_path, text))] == ["bal", "ball.mas", "ball.mass", "surface.mu"]
+    assert [*refused(lambda: scene_of(tmp_path, text))] == [
+        "bal",
+        "ball.mas",
+        "ball.mass",
+        "surface.mu",
+    ]
 
 
-@pytest.mark.parametrize(("parts", "key"), [
-    ({"ball": BallSection(mass=Quantity(0.0577, -0.1))}, "ball.mass"),
-    ({"measurement": {"velocty_sd": 1.0}}, "measurement.velocty_sd"),
-    ({"camera": CameraSection(scale=50.0)}, "camera.scale"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("parts", "key"),
+    [
+        ({"ball": BallSection(mass=Quantity(0.0577, -0.1))}, "ball.mass"),
+        ({"measurement": {"velocty_sd": 1.0}}, "measurement.velocty_sd"),
+        ({"camera": CameraSection(scale=50.0)}, "camera.scale"),
+    ],
+)
 def test_a_scene_made_in_python_has_the_same_limits(parts, key):
     assert [*refused(lambda: Scene(**parts))] == [key]
 

@@ -40,7 +40,9 @@ def test_every_item_comes_back_with_its_place_and_faults_are_results(cores):
     made = dict(as_completed(square, range(8), cores))
     assert sorted(made) == list(range(8))
     assert [made.pop(k).code for k in (3, 6)] == ["three", "memory"]
-    assert {place: value for place, (_, value) in made.items()} == {k: k**2 for k in (0, 1, 2, 4, 5, 7)}
+    assert {place: value for place, (_, value) in made.items()} == {
+        k: k**2 for k in (0, 1, 2, 4, 5, 7)
+    }
     here = {pid == os.getpid() for pid, _ in made.values()}
     assert here == {cores == 1}
 
@@ -49,7 +51,11 @@ def test_every_item_comes_back_with_its_place_and_faults_are_results(cores):
 def test_a_worker_that_dies_takes_no_other_item_with_it(tmp_path):
     made = dict(as_completed(partial(dying, tmp_path), range(9), 2))
     error = made.pop(3)
-    assert isinstance(error, MachineError) and error.code == "worker-died" and "SIGKILL(-9)" in str(error)
+    assert (
+        isinstance(error, MachineError)
+        and error.code == "worker-died"
+        and "SIGKILL(-9)" in str(error)
+    )
     # What died once was tried again.
     assert made == {k: k for k in (0, 1, 2, 4, 5, 6, 7, 8)}
 
@@ -80,19 +86,27 @@ def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
 
 
 WAITING = """import time, fitball.scheduling
-list(fitball.scheduling.as_completed(lambda k: (print(k, flush=True), time.sleep(300)), [1, 2], 2))"""
+def wait(k):
+    print(k, flush=True)
+    time.sleep(300)
+list(fitball.scheduling.as_completed(wait, [1, 2], 2))"""
 
 
 @POSIX
 def test_workers_end_with_the_process_that_asked():
-    made = subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    made = subprocess.Popen(
+        [sys.executable, "-c", WAITING],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
     assert sorted(made.stdout.readline() for _ in range(2)) == [b"1\n", b"2\n"]
     made.kill()
     # Workers write to the same pipe: it ends with the last of them.
     made.communicate(timeout=120)
 
 
-# A program of its own: a thread of a cluster that dies here, by a warning taken for an error, would be waited for.
+# A program of its own: a thread of a cluster that dies here, by a warning taken for an error, would
+# be waited for.
 CLUSTER = """
 import os, sys
 from distributed import LocalCluster
@@ -112,7 +126,8 @@ if __name__ == "__main__":
         made = dict(as_completed(square, range(5), address=address))
         assert made.pop(3).code == "three" and [made[k][1] for k in (0, 1, 2, 4)] == [0, 1, 4, 16]
         assert {made[k][0] for k in made} == {worker.pid for worker in cluster.workers.values()}
-        assert dict(as_completed(os.path.exists, ["here", "there"], address=address)) == {0: True, 1: False}
+        exist = as_completed(os.path.exists, ["here", "there"], address=address)
+        assert dict(exist) == {0: True, 1: False}
     scheduling._PATIENCE = 0.5
     try:
         list(as_completed(square, [1], address="nonsense"))

@@ -1,4 +1,6 @@
-"""Searches: cost and slopes, steps within bounds and walls, maxima against scipy's, long tables by parts."""
+"""Searches: cost and slopes, steps within bounds and walls, maxima against scipy's, long tables by
+parts.
+"""
 
 from dataclasses import replace
 
@@ -45,10 +47,16 @@ def test_cost_is_minus_the_posterior_and_its_slopes_are_right(name):
     # Without the spike of the prior where all levels agree, which is none elsewhere.
     raised = replace(problem, prior=problem.prior.smooth)
     np.testing.assert_allclose(objective.cost(x), -density.log_posterior(raised, x), rtol=1e-12)
-    assert (name == "levels") == bool(np.any(objective.cost(x) != -density.log_posterior(problem, x)))
+    assert (name == "levels") == bool(
+        np.any(objective.cost(x) != -density.log_posterior(problem, x))
+    )
     gradient, curvature = objective.linearised(x)
     for row, found in zip(x, gradient, strict=True):
-        wanted = approx_fprime(row, lambda q: objective.cost(q[None])[0], 1e-7 * problem.prior.width)
+        wanted = approx_fprime(
+            row,
+            lambda q: objective.cost(q[None])[0],
+            1e-7 * problem.prior.width,
+        )
         np.testing.assert_allclose(found, wanted, atol=2e-5 * np.abs(wanted).max())
     assert np.all(np.linalg.eigvalsh(curvature) > 0.0)
 
@@ -60,10 +68,16 @@ def test_the_curvature_of_a_straight_line_is_its_precision():
     gradient, curvature = Objective(problem).linearised(x)
     np.testing.assert_allclose(np.linalg.inv(curvature[0]), covariance, rtol=1e-6)
     np.testing.assert_allclose(x[0] - np.linalg.solve(curvature[0], gradient[0]), centre, rtol=1e-6)
-    # A logarithm of a normal scale has twice the information of a measurement, and nothing in common with the mean.
+    # A logarithm of a normal scale has twice the information of a measurement, and nothing in
+    # common with the mean.
     free = line_problem(noise=0.0)
     _, curvature = Objective(free).linearised(np.array([[0.4, 2.0, np.log(0.3)]]))
-    np.testing.assert_allclose(curvature[0, 2], [0.0, 0.0, 2.0 * 12 + 0.7**-2], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        curvature[0, 2],
+        [0.0, 0.0, 2.0 * 12 + 0.7**-2],
+        rtol=1e-6,
+        atol=1e-6,
+    )
 
 
 def test_not_penalised_only_evidence_counts():
@@ -92,11 +106,16 @@ def test_impacts_that_do_not_count(monkeypatch):
     found = descend(Objective(problem, counted=counted), start)
     for row, rows in enumerate(([3], [5, 6, 7])):
         alone = descend(Objective(problem.without(np.array(rows))), start[row : row + 1])
-        np.testing.assert_allclose(found[0][row], alone[0][0], atol=1e-9 * problem.prior.width.max())
+        np.testing.assert_allclose(
+            found[0][row],
+            alone[0][0],
+            atol=1e-9 * problem.prior.width.max(),
+        )
         assert found[1][row] == pytest.approx(alone[1][0], rel=1e-12)
     assert abs(found[1][0] - found[1][1]) > 0.1
     whole = Objective(problem, counted=counted)
-    cost, (gradient, _) = whole.cost(start), whole.linearised(start)
+    cost = whole.cost(start)
+    gradient, _ = whole.linearised(start)
     monkeypatch.setattr(density, "AT_ONCE", 50)
     np.testing.assert_allclose(whole.cost(start), cost, rtol=1e-12)
     np.testing.assert_allclose(whole.linearised(start)[0], gradient, rtol=1e-9, atol=1e-9)
@@ -104,7 +123,8 @@ def test_impacts_that_do_not_count(monkeypatch):
 
 def test_what_is_held_stays_to_the_last_bit():
     problem = form("timed")
-    start, place = near(problem, len(problem.free)), np.arange(len(problem.free))
+    start = near(problem, len(problem.free))
+    place = np.arange(len(problem.free))
     mu = problem.free.index("mu")
     start[mu, mu] = np.nextafter(problem.prior.high[mu], 0.0)
     x, cost, _ = descend(Objective(problem, penalised=False, held=place), start)
@@ -120,11 +140,13 @@ def test_what_is_held_stays_to_the_last_bit():
 def test_walls_and_bounds_are_kept():
     problem = form("timed")
     names = list(problem.free)
-    ratio, cor = names.index("mass_ratio"), names.index("cor_10")
+    ratio = names.index("mass_ratio")
+    cor = names.index("cor_10")
     start = np.repeat(near(problem, 1), 5, axis=0)
     start[:4, ratio], start[4, names.index("mu")] = [0.6, 0.7, 0.75, 0.77], 6.0
     held = np.array([ratio, ratio, ratio, ratio, -1])
-    # Held below what the data say of COR, which then lies against the wall; outside of the bounds it starts inside.
+    # Held below what the data say of COR, which then lies against the wall; outside of the bounds
+    # it starts inside.
     x, cost, _ = descend(Objective(problem, penalised=False, held=held), start)
     assert np.isfinite(cost).all() and np.all(np.diff(cost[:4]) < 0.0)
     assert np.all(x[:, cor] < x[:, ratio]) and np.all(x[:2, ratio] - x[:2, cor] < 0.01)
@@ -139,23 +161,31 @@ def test_walls_and_bounds_are_kept():
 def test_steps_solve_the_quadratic_programme(seed):
     rng = seeded(seed)
     root = rng.standard_normal((5, 5))
-    curvature, slope = root @ root.T + 0.1 * np.eye(5), rng.standard_normal(5)
-    a, b = rng.standard_normal((7, 5)), rng.uniform(-0.2, 0.5, 7)
+    curvature = root @ root.T + 0.1 * np.eye(5)
+    slope = rng.standard_normal(5)
+    a = rng.standard_normal((7, 5))
+    b = rng.uniform(-0.2, 0.5, 7)
     found = constrained_step(curvature, slope, a, b)
     assert np.all(a @ found <= b + 1e-9)
     other = minimize(
-        lambda d: 0.5 * d @ curvature @ d + slope @ d, np.zeros(5), jac=lambda d: curvature @ d + slope,
-        constraints={"type": "ineq", "fun": lambda d: b - a @ d, "jac": lambda _: -a}, method="SLSQP",
+        lambda d: 0.5 * d @ curvature @ d + slope @ d,
+        np.zeros(5),
+        jac=lambda d: curvature @ d + slope,
+        constraints={"type": "ineq", "fun": lambda d: b - a @ d, "jac": lambda _: -a},
+        method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 500},
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(found, other.x, atol=1e-5)
-    assert constrained_step(curvature, slope, np.array([a[0], -a[0]]), np.array([-1.0, 0.5])) is None
+    assert (
+        constrained_step(curvature, slope, np.array([a[0], -a[0]]), np.array([-1.0, 0.5])) is None
+    )
 
 
 @pytest.mark.parametrize("name", ["simple", "camera"])
 def test_no_maximum_of_scipy_is_higher(name):
     problem = form(name)
-    found, width = best_fit(problem, seeded()), problem.prior.width
+    found = best_fit(problem, seeded())
+    width = problem.prior.width
     begin = problem.coordinates(found.optima[0])
 
     def cost(steps):
@@ -167,7 +197,10 @@ def test_no_maximum_of_scipy_is_higher(name):
     options = {"maxfev": 1200, "xatol": 1e-4, "fatol": 1e-7, "adaptive": True}
     other = -minimize(cost, truth, method="Nelder-Mead", options=options).fun
     assert found.log_posterior[0] - 1.0 < other < found.log_posterior[0] + 1e-4
-    assert found.log_likelihood == pytest.approx(density.log_likelihood(problem, begin[None])[0][0], abs=1e-9)
+    assert found.log_likelihood == pytest.approx(
+        density.log_likelihood(problem, begin[None])[0][0],
+        abs=1e-9,
+    )
     made = density.cells(problem, begin[None])
     for k, item in enumerate(problem.observables):
         wanted = np.sqrt(np.nanmean((problem.rows.y[:, k] - made.mean[0, :, k]) ** 2))
@@ -176,9 +209,21 @@ def test_no_maximum_of_scipy_is_higher(name):
 
 def test_the_mode_in_which_all_impacts_grip_is_found():
     # Nothing there depends on friction, and searches from plain draws of the priors end elsewhere.
-    table, rng = table_of(REBOUND, count=20, seed=1), seeded(101)
-    truth = {"mass_ratio": 0.99, "k_y": 2.2e4, "k_theta": 24.0, "mu": 2.0, "eps_10": -7e-4, "eps_slope": 1.4e-4,
-             "cor_10": 0.78, "cor_slope": -0.0156, "v_x_sd": 0.25, "v_y_sd": 0.2, "spin_sd": 8.0}  # fmt: skip
+    table = table_of(REBOUND, count=20, seed=1)
+    rng = seeded(101)
+    truth = {
+        "mass_ratio": 0.99,
+        "k_y": 2.2e4,
+        "k_theta": 24.0,
+        "mu": 2.0,
+        "eps_10": -7e-4,
+        "eps_slope": 1.4e-4,
+        "cor_10": 0.78,
+        "cor_slope": -0.0156,
+        "v_x_sd": 0.25,
+        "v_y_sd": 0.2,
+        "spin_sd": 8.0,
+    }
     made = model("two-mass").rebound(dict(list(truth.items())[:8]), table.impacts)
     for name, sd in zip(REBOUND, list(truth.values())[8:], strict=True):
         table.values[name][:] = made.column(name) + sd * rng.standard_normal(20)
@@ -199,14 +244,18 @@ def test_a_ridge_is_climbed_by_points_at_random():
 
 def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):
     problem = line_problem(60, noise=0.0)
-    whole, tall = best_fit(problem, seeded()), form("levels")
+    whole = best_fit(problem, seeded())
+    tall = form("levels")
     other = best_fit(tall, seeded())
     monkeypatch.setattr(search, "FIRST", 6)
     monkeypatch.setattr(search, "GROWTH", 2)
     assert [len(part.rows.y) for part in search._growing(problem, seeded())] == [6, 12, 24, 60]
     for one, before in ((problem, whole), (tall, other)):
         monkeypatch.setattr(density, "AT_ONCE", 400)
-        assert best_fit(one, seeded()).log_posterior[0] == pytest.approx(before.log_posterior[0], abs=1e-5)
+        assert best_fit(one, seeded()).log_posterior[0] == pytest.approx(
+            before.log_posterior[0],
+            abs=1e-5,
+        )
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_the_same_maximum():
@@ -225,16 +274,27 @@ def test_a_better_place_known_beside_is_taken(monkeypatch):
 
 
 def test_a_model_without_an_answer():
-    problem = problem_of(table_of(REBOUND), scene_of(), "two-mass", fix={"mass_ratio": 0.4, "cor_10": 0.9})
+    problem = problem_of(
+        table_of(REBOUND),
+        scene_of(),
+        "two-mass",
+        fix={"mass_ratio": 0.4, "cor_10": 0.9},
+    )
     with pytest.raises(FitError) as caught:
         best_fit(problem, seeded())
     assert caught.value.code == "no-answer"
-    stated = problem_of(table_of(REBOUND, "corr"), scene_of(), fix={"v_x_sd": 0.0, "v_y_sd": 0.0, "spin_sd": 0.0})
+    stated = problem_of(
+        table_of(REBOUND, "corr"),
+        scene_of(),
+        fix={"v_x_sd": 0.0, "v_y_sd": 0.0, "spin_sd": 0.0},
+    )
     assert np.isfinite(best_fit(stated, seeded()).log_posterior[0])
 
 
 def test_levels_that_differ_are_not_found_to_agree(monkeypatch):
-    """Two surfaces, 1.8 m/s apart: with its spike the prior has the highest density where both agree."""
+    """Two surfaces, 1.8 m/s apart: with its spike the prior has the highest density where both
+    agree.
+    """
     table = table_of(REBOUND, labels=("surface",), count=24)
     first = np.array(table.labels["surface"]) == table.labels["surface"][0]
     moved = table.values["v_x2"] + np.where(first, 0.9, -0.9)

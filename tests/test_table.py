@@ -20,17 +20,26 @@ def codes(tables):
     return {fault.code: fault.column for fault in caught.value.faults}
 
 
-@pytest.mark.parametrize(("columns", "tangential", "spin"), [
-    ("v_y1 omega_1 v_y2", False, True), ("v_x1 v_y1 v_y2", False, False), ("v_x1 v_y1 v_x2", True, False),
-    ("v_1 theta_1 v_2", True, False), ("v_y1 v_x2", False, False), ("v_x1 v_y1 omega_2", True, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("columns", "tangential", "spin"),
+    [
+        ("v_y1 omega_1 v_y2", False, True),
+        ("v_x1 v_y1 v_y2", False, False),
+        ("v_x1 v_y1 v_x2", True, False),
+        ("v_1 theta_1 v_2", True, False),
+        ("v_y1 v_x2", False, False),
+        ("v_x1 v_y1 omega_2", True, True),
+    ],
+)
 def test_what_motion_a_table_shows(columns, tangential, spin):
     table = made(dict.fromkeys(columns.split(), 1.0))
     assert (table.shows("tangential"), table.shows("spin")) == (tangential, spin)
 
 
 def test_dense_errors_are_those_stated_in_any_order_of_columns():
-    """Of the bundled film all nine sds and thirteen pairs; asked for in another order, and for some columns alone."""
+    """Of the bundled film all nine sds and thirteen pairs; asked for in another order, and for some
+    columns alone.
+    """
     table = bundled("synthetic_gaps", GAPS)
     whole = table.covariance(GAPS[3:])
     sds = np.stack([table.sd[name] for name in GAPS], 1)
@@ -52,11 +61,20 @@ def test_errors_of_speed_and_angle_are_propagated_together_with_the_rebound():
     pairs = {("v_1", "theta_1"): 0.5, ("theta_1", "v_x2"): -0.7}
     table = made(POLAR, sd, pairs)
     found = table.covariance(["v_x2", "omega_2"])
-    matrix = np.array([[1.0, 0.5, 0.0], [0.5, 1.0, -0.7], [0.0, -0.7, 1.0]]) * np.outer(*[[0.05, 0.004, 0.06]] * 2)
-    v, theta, x_2 = np.random.default_rng(2).multivariate_normal([10.0, 0.3, 5.0], matrix, 400_000).T
+    matrix = np.array([[1.0, 0.5, 0.0], [0.5, 1.0, -0.7], [0.0, -0.7, 1.0]]) * np.outer(
+        *[[0.05, 0.004, 0.06]] * 2
+    )
+    v, theta, x_2 = (
+        np.random.default_rng(2).multivariate_normal([10.0, 0.3, 5.0], matrix, 400_000).T
+    )
     drawn = np.cov([v * np.cos(theta), v * np.sin(theta), x_2])
     np.testing.assert_allclose(found[0][np.ix_([0, 1, 3], [0, 1, 3])], drawn, rtol=0.02, atol=2e-6)
-    assert found.shape == (2, 5, 5) and not found[:, [2, 4]].any() and not found[1, 3].any() and found[1, 0, 0] > 0.0
+    assert (
+        found.shape == (2, 5, 5)
+        and not found[:, [2, 4]].any()
+        and not found[1, 3].any()
+        and found[1, 0, 0] > 0.0
+    )
     assert made(POLAR).covariance(["v_x2"]) is None
     assert made(POLAR, {"omega_2": 1.0}).covariance(["v_x2"]) is None
 
@@ -68,7 +86,11 @@ def test_stated_errors_of_a_covariance_make_it_again():
     columns = ("v_x2", "omega_1", "v_y1", "v_x1")
     sd, corr = stated(columns, covariance)
     table = made({"v_x1": [9.0, 8.0, 7.0], "v_y1": 8.0, "omega_1": 7.0, "v_x2": 6.0}, sd)
-    again = made(table.values, sd, {tuple(pair.split(",")): one for pair, one in corr.items()}).covariance(["v_x2"])
+    again = made(
+        table.values,
+        sd,
+        {tuple(pair.split(",")): one for pair, one in corr.items()},
+    ).covariance(["v_x2"])
     np.testing.assert_allclose(again[:, [3, 2, 1, 0]][:, :, [3, 2, 1, 0]], covariance, rtol=1e-13)
     assert "v_x1,v_x2" in corr and pair_of("gap_time", "v_x1") == "v_x1,gap_time"
     covariance[:, 2] = covariance[:, :, 2] = 0.0
@@ -77,13 +99,25 @@ def test_stated_errors_of_a_covariance_make_it_again():
 
 
 def test_some_of_the_rows():
-    table = made(POLAR, {"v_1": [0.1, 0.2]}, {("v_1", "theta_1"): [0.3, 0.4]}, labels={"surface": ("clay", "grass")})
+    table = made(
+        POLAR,
+        {"v_1": [0.1, 0.2]},
+        {("v_1", "theta_1"): [0.3, 0.4]},
+        labels={"surface": ("clay", "grass")},
+    )
     part = table.take(np.array([1]))
     assert len(part) == 1 and part.labels == {"id": ("2",), "surface": ("grass",)}
-    assert (part.values["v_1"].item(), part.sd["v_1"].item(), part.corr["v_1,theta_1"].item()) == (20.0, 0.2, 0.4)
+    assert (part.values["v_1"].item(), part.sd["v_1"].item(), part.corr["v_1,theta_1"].item()) == (
+        20.0,
+        0.2,
+        0.4,
+    )
 
 
-@pytest.mark.parametrize("name", ["synthetic_gaps", "wang_all", "synthetic_drop", "synthetic_court"])
+@pytest.mark.parametrize(
+    "name",
+    ["synthetic_gaps", "wang_all", "synthetic_drop", "synthetic_court"],
+)
 def test_a_frame_read_again_is_the_table_to_the_last_digit(name, tmp_path):
     """In memory and through a file; what the file states is what the bundled text says."""
     table = load_table(name)
@@ -91,22 +125,46 @@ def test_a_frame_read_again_is_the_table_to_the_last_digit(name, tmp_path):
     for back in (load_table(table.to_frame()), load_table(tmp_path / "t.csv")):
         assert back.labels == table.labels
         for part in ("values", "sd", "corr"):
-            one, other = getattr(table, part), getattr(back, part)
+            one = getattr(table, part)
+            other = getattr(back, part)
             assert [*one] == [*other]
             for column, numbers in one.items():
                 np.testing.assert_array_equal(other[column], numbers)
     if name == "synthetic_gaps":
         plain = bundled(name, GAPS)
-        np.testing.assert_allclose(table.covariance(GAPS[3:]), plain.covariance(GAPS[3:]), rtol=1e-12, atol=1e-18)
+        np.testing.assert_allclose(
+            table.covariance(GAPS[3:]),
+            plain.covariance(GAPS[3:]),
+            rtol=1e-12,
+            atol=1e-18,
+        )
 
 
 def test_tables_together():
-    sd, pair = {"v_x2": [0.1, np.nan], "v_1": 0.1}, {("v_1", "v_x2"): 0.5}
-    one = made(POLAR, sd, pair, name="one", labels={"surface": ("Hard court", "clay")}, read=({"n": "1"},))
+    sd = {"v_x2": [0.1, np.nan], "v_1": 0.1}
+    pair = {("v_1", "v_x2"): 0.5}
+    one = made(
+        POLAR,
+        sd,
+        pair,
+        name="one",
+        labels={"surface": ("Hard court", "clay")},
+        read=({"n": "1"},),
+    )
     short = {"v_1": 12.0, "theta_1": 0.2, "v_y2": 4.0}
-    other = made(short, {"v_1": 0.1}, name="other", labels={"surface": ("hard  Court",)}, read=({"n": "2"},))
+    other = made(
+        short,
+        {"v_1": 0.1},
+        name="other",
+        labels={"surface": ("hard  Court",)},
+        read=({"n": "2"},),
+    )
     both = joined([one, other])
-    assert both.labels["id"] == ("one:1", "one:2", "other:1") and both.labels["table"] == ("one", "one", "other")
+    assert both.labels["id"] == ("one:1", "one:2", "other:1") and both.labels["table"] == (
+        "one",
+        "one",
+        "other",
+    )
     assert both.labels["surface"] == ("Hard court", "clay", "Hard court")
     assert [*both.values] == ["v_1", "theta_1", "v_x2", "v_y2", "omega_2"] and len(both.read) == 2
     np.testing.assert_array_equal(both.values["v_x2"], [5.0, np.nan, np.nan])
@@ -118,31 +176,62 @@ def test_tables_together():
     assert joined([one]) is one
 
 
-@pytest.mark.parametrize(("other", "code", "column"), [
-    (made({"v_x1": 1.0, "v_y1": 1.0, "v_x2": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
-    (made(POLAR | {"omega_1": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
-    (made({"v_1": 1.0, "theta_1": 1.0, "v_2": 1.0, "theta_2": 1.0}, name="b"), "rebound-columns-differ", None),
-    (made(POLAR, name="b"), "stated-in-some", "v_x2"),
-    (made(POLAR, {"v_x2": 0.1, "v_1": 0.1}, name="b"), "stated-in-some", "v_1"),
-    (made(POLAR, {"v_x2": 0.1}, name="a"), "same-table-twice", None),
-    (made(POLAR, {"v_x2": 0.1}, name="b", read=({"sha256": "0f", "source": "x"},)), "same-table-twice", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("other", "code", "column"),
+    [
+        (
+            made({"v_x1": 1.0, "v_y1": 1.0, "v_x2": 1.0}, {"v_x2": 0.1}, name="b"),
+            "incident-columns-differ",
+            None,
+        ),
+        (made(POLAR | {"omega_1": 1.0}, {"v_x2": 0.1}, name="b"), "incident-columns-differ", None),
+        (
+            made({"v_1": 1.0, "theta_1": 1.0, "v_2": 1.0, "theta_2": 1.0}, name="b"),
+            "rebound-columns-differ",
+            None,
+        ),
+        (made(POLAR, name="b"), "stated-in-some", "v_x2"),
+        (made(POLAR, {"v_x2": 0.1, "v_1": 0.1}, name="b"), "stated-in-some", "v_1"),
+        (made(POLAR, {"v_x2": 0.1}, name="a"), "same-table-twice", None),
+        (
+            made(POLAR, {"v_x2": 0.1}, name="b", read=({"sha256": "0f", "source": "x"},)),
+            "same-table-twice",
+            None,
+        ),
+    ],
+)
 def test_tables_that_do_not_belong_together(other, code, column):
     first = made(POLAR, {"v_x2": 0.1}, name="a", read=({"sha256": "0f", "source": "y"},))
     assert codes([first, other]) == {code: column}
 
-    sheets = [made(POLAR, name=n, read=({"sha256": "0f", "source": f"book.xlsx#{n}"},)) for n in "ab"]
+    sheets = [
+        made(POLAR, name=n, read=({"sha256": "0f", "source": f"book.xlsx#{n}"},)) for n in "ab"
+    ]
     assert len(joined(sheets)) == 4
 
 
 def test_roles_of_labels():
     names = ("Surface", "court_type", "Ball no", "location", "session", "table", "operator")
-    assert [role_of(name) for name in names] == ["surface", "surface", "ball", "place", "session", "table", ""]
+    assert [role_of(name) for name in names] == [
+        "surface",
+        "surface",
+        "ball",
+        "place",
+        "session",
+        "table",
+        "",
+    ]
 
 
 def test_what_columns_need():
-    """Vertical columns need no motion along the court; times and gaps need a model with a time axis."""
-    along, gaps = {"v_x2", "theta_2", "omega_2"}, {"gap_time", "gap_path", "gap_turn"}
-    needs = {kind: {name for name, one in COLUMNS.items() if getattr(one, kind)} for kind in ("tangential", "timed")}
+    """Vertical columns need no motion along the court; times and gaps need a model with a time
+    axis.
+    """
+    along = {"v_x2", "theta_2", "omega_2"}
+    gaps = {"gap_time", "gap_path", "gap_turn"}
+    needs = {
+        kind: {name for name, one in COLUMNS.items() if getattr(one, kind)}
+        for kind in ("tangential", "timed")
+    }
     assert needs == {"tangential": along | gaps - {"gap_time"}, "timed": gaps | {"contact_time"}}
     assert {name for name, one in COLUMNS.items() if one.gap} == gaps

@@ -6,33 +6,66 @@ import unicodedata
 import numpy as np
 import pytest
 
-from fitball.errors import Fault, FolderError, InputError, MachineError, ParameterError, enough_memory
+from fitball.errors import (
+    Fault,
+    FolderError,
+    InputError,
+    MachineError,
+    ParameterError,
+    enough_memory,
+)
 from fitball.numbers import Unit, percent, signed
 from fitball.text import one_line, short, visible
 from fitball.values import Ball, impacts
 
-PLAIN, MS = Unit(""), Unit("ms", 1e3)
+PLAIN = Unit("")
+MS = Unit("ms", 1e3)
 
 
-@pytest.mark.parametrize(("value", "sd", "text"), [
-    # The four examples of the Particle Data Group, sect. 5.3: 0.827 +- 0.119, 0.367, and limits of their rule.
-    (0.827, 0.119, "0.83 ± 0.12"), (0.827, 0.367, "0.8 ± 0.4"), (0.827, 0.354, "0.83 ± 0.35"),
-    (0.827, 0.355, "0.8 ± 0.4"), (0.827, 0.949, "0.8 ± 0.9"), (0.827, 0.95, "0.8 ± 1.0"),
-    (14674.2, 964.0, "14700 ± 1000"), (21345.0, 1234.0, "21300 ± 1200"), (0.95, 0.0999, "0.95 ± 0.10"),
-    (-0.0001, 0.02, "0.000 ± 0.020"), (-3.25, 0.4, "-3.2 ± 0.4"), (1e30, 1e28, f"1{'0' * 30} ± 1{'0' * 28}"),
-    (0.5, 0.0, "0.5000"), (0.5, np.nan, "0.5000"), (0.5, np.inf, "0.5000"), (np.nan, 0.1, ""),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "sd", "text"),
+    [
+        # The four examples of the Particle Data Group, sect. 5.3: 0.827 +- 0.119, 0.367, and limits
+        # of their rule.
+        (0.827, 0.119, "0.83 ± 0.12"),
+        (0.827, 0.367, "0.8 ± 0.4"),
+        (0.827, 0.354, "0.83 ± 0.35"),
+        (0.827, 0.355, "0.8 ± 0.4"),
+        (0.827, 0.949, "0.8 ± 0.9"),
+        (0.827, 0.95, "0.8 ± 1.0"),
+        (14674.2, 964.0, "14700 ± 1000"),
+        (21345.0, 1234.0, "21300 ± 1200"),
+        (0.95, 0.0999, "0.95 ± 0.10"),
+        (-0.0001, 0.02, "0.000 ± 0.020"),
+        (-3.25, 0.4, "-3.2 ± 0.4"),
+        (1e30, 1e28, f"1{'0' * 30} ± 1{'0' * 28}"),
+        (0.5, 0.0, "0.5000"),
+        (0.5, np.nan, "0.5000"),
+        (0.5, np.inf, "0.5000"),
+        (np.nan, 0.1, ""),
+    ],
+)
 def test_the_sd_decides_the_digits(value, sd, text):
     assert PLAIN.plus_minus(value, sd) == text
     assert MS.plus_minus(value / 1e3, sd / 1e3) == text
 
 
-@pytest.mark.parametrize(("low", "high", "text"), [
-    (0.516, 0.608, "[0.516, 0.608]"), (-0.2, 0.31, "[-0.20, 0.31]"), (None, 0.3, "[..., 0.300]"),
-    # Ends far apart have digits of their own: none is rounded to zero.
-    (0.4, 300.0, "[0.40, 300]"), (-300.0, -0.4, "[-300, -0.40]"), (2.0, 2.0, "[2.00, 2.00]"),
-    (0.0841, 11641.0, "[0.084, 11600]"), (np.nan, np.nan, ""), (None, None, ""), (16000.0, 23000.0, "[16000, 23000]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [
+        (0.516, 0.608, "[0.516, 0.608]"),
+        (-0.2, 0.31, "[-0.20, 0.31]"),
+        (None, 0.3, "[..., 0.300]"),
+        # Ends far apart have digits of their own: none is rounded to zero.
+        (0.4, 300.0, "[0.40, 300]"),
+        (-300.0, -0.4, "[-300, -0.40]"),
+        (2.0, 2.0, "[2.00, 2.00]"),
+        (0.0841, 11641.0, "[0.084, 11600]"),
+        (np.nan, np.nan, ""),
+        (None, None, ""),
+        (16000.0, 23000.0, "[16000, 23000]"),
+    ],
+)
 def test_an_interval_has_the_decimals_of_its_width(low, high, text):
     assert PLAIN.interval(low, high) == text
 
@@ -66,7 +99,9 @@ def test_nothing_that_steers_or_hides_remains_and_nothing_that_is_read_is_lost()
     kept = "".join(c for c in EVERYTHING if c.isprintable() or c in "\n\t")
     assert visible(kept) == kept
     # Joiners are part of Persian, and of nothing that Latin letters spell.
-    assert visible("cl\u200day") == "cl\\u200day" and "\\u" not in visible("\u0645\u06cc\u200c\u062e")
+    assert visible("cl\u200day") == "cl\\u200day" and "\\u" not in visible(
+        "\u0645\u06cc\u200c\u062e"
+    )
 
 
 def test_one_line_keeps_both_ends_of_what_is_long():
@@ -79,14 +114,29 @@ def test_one_line_keeps_both_ends_of_what_is_long():
 def test_all_faults_are_kept_and_their_message_is_bounded():
     faults = [Fault("not-a-number", f"read '{k}'", k, k + 1, f"c{k % 60}") for k in range(100_000)]
     error = InputError("t\x1b.csv", faults, ["flip v_x1"])
-    assert error.faults == tuple(faults) and error.code == "not-a-number" and error.source == "t\\x1b.csv"
+    assert (
+        error.faults == tuple(faults)
+        and error.code == "not-a-number"
+        and error.source == "t\\x1b.csv"
+    )
     text = str(error)
-    assert len(text) < 10_000 and "100,000 faults" in text and "flip v_x1" in text and "\x1b" not in text
+    assert (
+        len(text) < 10_000
+        and "100,000 faults" in text
+        and "flip v_x1" in text
+        and "\x1b" not in text
+    )
     # Column, rows and line of a kind that repeats.
-    assert "rows 3, 63, 123, 183, 243, 303 and 1,661 more (first: line 4), column 'c3': read '3'" in text
+    assert (
+        "rows 3, 63, 123, 183, 243, 303 and 1,661 more (first: line 4), column 'c3': read '3'"
+        in text
+    )
 
 
-@pytest.mark.parametrize("error", [FolderError("a\x1b", "b"), InputError("t", [Fault("a", "x", 2)], ["h"])])
+@pytest.mark.parametrize(
+    "error",
+    [FolderError("a\x1b", "b"), InputError("t", [Fault("a", "x", 2)], ["h"])],
+)
 def test_an_error_of_another_process_is_the_same(error):
     back = pickle.loads(pickle.dumps(error))
     assert (type(back), str(back), back.code) == (type(error), str(error), error.code)
@@ -100,7 +150,8 @@ def test_running_out_of_memory_is_an_error_in_words():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"mass": 0.0}, {"radius": np.nan}, {"inertia_ratio": 1.01}, {"mass": "57"}, {"mass": 1e7}]
+    "wrong",
+    [{"mass": 0.0}, {"radius": np.nan}, {"inertia_ratio": 1.01}, {"mass": "57"}, {"mass": 1e7}],
 )
 def test_a_ball_that_cannot_be_is_refused(wrong):
     with pytest.raises(ParameterError) as caught:
@@ -108,10 +159,18 @@ def test_a_ball_that_cannot_be_is_refused(wrong):
     assert caught.value.code == "ball"
 
 
-@pytest.mark.parametrize("wrong", [
-    (1.0, 0.0), (1.0, -1.0), (np.nan, 1.0), (np.ma.masked_array([1.0, 2.0], [False, True]), 1.0), ([1, 2], [1, 2, 3]),
-    ("a", 1.0), ([[1.0]], 1.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (1.0, 0.0),
+        (1.0, -1.0),
+        (np.nan, 1.0),
+        (np.ma.masked_array([1.0, 2.0], [False, True]), 1.0),
+        ([1, 2], [1, 2, 3]),
+        ("a", 1.0),
+        ([[1.0]], 1.0),
+    ],
+)
 def test_what_is_no_impact_is_refused(wrong):
     with pytest.raises(ParameterError) as caught:
         impacts(*wrong)

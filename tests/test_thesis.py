@@ -1,4 +1,6 @@
-"""The computation of the thesis against print, and against its own real formulas in inches, by quadrature."""
+"""The computation of the thesis against print, and against its own real formulas in inches, by
+quadrature.
+"""
 
 from fractions import Fraction
 
@@ -40,13 +42,22 @@ def test_each_row_agrees_or_is_listed_among_the_errata(rows):
         rounding = 100.0 * half / rows[column].abs()
         off = rows[f"{name}_error"].abs() > np.maximum(0.1, rounding)
         assert not np.any(off & ~listed)
-        # Nor does the list explain what needs no cause: but for three rows of C5, of a slip that all six share.
+        # Nor does the list explain what needs no cause: but for three rows of C5, of a slip that
+        # all six share.
         assert set(rows["table"][listed & ~off]) <= {"C5"} and np.sum(listed & ~off) <= 3
 
 
 def test_without_the_slips_of_sliding_the_spin_keeps_the_balance():
-    """A joint so stiff that it follows: the shell gains what the loss of V_x gives; with the slips I1/I2 times it."""
-    ball = {"mass": 0.0576, "radius": 0.033, "inertia": 3.2e-5, "inertia_split": 0.6, "mass_ratio": 2 / 3}
+    """A joint so stiff that it follows: the shell gains what the loss of V_x gives; with the slips
+    I1/I2 times it.
+    """
+    ball = {
+        "mass": 0.0576,
+        "radius": 0.033,
+        "inertia": 3.2e-5,
+        "inertia_split": 0.6,
+        "mass_ratio": 2 / 3,
+    }
     given = ball | {"k_y": 1.4e4, "k_theta": 1e7, "mu": 0.1, "eps": 0.0, "c_y": 2.0}
     for mended, share in (((), 0.6 / 0.4), (("torque", "sign", "cosine"), 1.0)):
         made = thesis_rebound(25.0, 8.0, 0.0, 0.75, **given, mended=mended)
@@ -66,15 +77,25 @@ def integral(function, start, end):
 
 
 def by_quadrature(row):
-    """Formulas as Appendix B codes them, in inches, integrals done numerically: start of rolling, velocity, spin."""
-    m, k_y, c_y = float(Fraction(row["mass_ratio"])), row["k_y [lb/in]"], row["c_y [lb s/in]"]
-    mass, radius, mu, k = 0.127 / 386.4, 1.3, 0.55, 1000.0
+    """Formulas as Appendix B codes them, in inches, integrals done numerically: start of rolling,
+    velocity, spin.
+    """
+    m = float(Fraction(row["mass_ratio"]))
+    k_y = row["k_y [lb/in]"]
+    c_y = row["c_y [lb s/in]"]
+    mass = 0.127 / 386.4
+    radius = 1.3
+    mu = 0.55
+    k = 1000.0
     inertia = INERTIA_OF[row["mass_ratio"]]
-    i1, i2 = row["i1_over_i"] * inertia, (1.0 - row["i1_over_i"]) * inertia
-    v_x, v_y = row["v_x1 [m/s]"] * 39.37, row["v_y1 [m/s]"] * 39.37
+    i1 = row["i1_over_i"] * inertia
+    i2 = (1.0 - row["i1_over_i"]) * inertia
+    v_x = row["v_x1 [m/s]"] * 39.37
+    v_y = row["v_y1 [m/s]"] * 39.37
     w = np.sqrt(k_y / (m * mass))
     zeta = c_y / (2.0 * m * mass * w)
-    wd, alpha = w * np.sqrt(1.0 - zeta**2), -zeta * w
+    wd = w * np.sqrt(1.0 - zeta**2)
+    alpha = -zeta * w
     t_c = np.pi / wd
 
     def amplitudes(shell, drive):
@@ -83,7 +104,8 @@ def by_quadrature(row):
         c = 2.0 * np.sqrt(1.0 - (wd / wn) ** 2) * np.sqrt(k * a)
         g1 = drive / shell * (k_y * v_y / wd - c_y * zeta * w * v_y / wd) * a
         g2 = drive / shell * c_y * v_y * a
-        p, q = a * (alpha**2 - wd**2) + c * alpha + k, 2.0 * a * alpha * wd + c * wd
+        p = a * (alpha**2 - wd**2) + c * alpha + k
+        q = 2.0 * a * alpha * wd + c * wd
         big_a = q / (p**2 + q**2) * (g2 + g1 * p / q)
         return big_a, (big_a * p - g1) / q, c, g1, g2
 
@@ -91,11 +113,14 @@ def by_quadrature(row):
         return lambda t: np.exp(alpha * t) * (a * np.sin(wd * t) + b * np.cos(wd * t))
 
     a, b, c, g1, g2 = amplitudes(i2, mu * radius)
-    twist, push = wave(a, b), wave(g1, g2)
+    twist = wave(a, b)
+    push = wave(g1, g2)
     force = wave(k_y * v_y / wd - c_y * zeta * w * v_y / wd, c_y * v_y)
 
     def spin(t):
-        turning = c / i2 * (twist(t) - b) + k / i2 * integral(twist, 0.0, t) + integral(push, 0.0, t)
+        turning = (
+            c / i2 * (twist(t) - b) + k / i2 * integral(twist, 0.0, t) + integral(push, 0.0, t)
+        )
         return row["omega_1 [rad/s]"] + turning
 
     def velocity(t):
@@ -115,16 +140,26 @@ def by_quadrature(row):
     shell = i2 + mass * radius**2
     roll_a, roll_b, roll_c, *_ = amplitudes(shell, -(0.0431 * row["v_y1 [m/s]"] - 0.189))
     turn = wave(roll_a, roll_b)
-    omega = spin(t_r) + roll_c / shell * (turn(t_c) - turn(t_r)) + k / shell * integral(turn, t_r, t_c)
+    omega = (
+        spin(t_r) + roll_c / shell * (turn(t_c) - turn(t_r)) + k / shell * integral(turn, t_r, t_c)
+    )
     return t_r, radius * omega / 39.37, omega
 
 
 def test_it_is_what_the_formulas_of_the_thesis_give(rows):
-    values, few = set_values(rows), list(range(0, 147, 6))
+    values = set_values(rows)
+    few = list(range(0, 147, 6))
     found = [by_quadrature(rows.iloc[k]) for k in few]
-    given = {name.removeprefix("ball_"): values[name] for name in values if not name.startswith(("eps", "inertia_r"))}
+    given = {
+        name.removeprefix("ball_"): values[name]
+        for name in values
+        if not name.startswith(("eps", "inertia_r"))
+    }
     made = thesis_rebound(
-        *(rows[f"{name}"].to_numpy(float) for name in ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "cor")),
+        *(
+            rows[f"{name}"].to_numpy(float)
+            for name in ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "cor")
+        ),
         **given,
         inertia=values["inertia_ratio"] * values["ball_mass"] * values["ball_radius"] ** 2,
         eps=values["eps_10"] + values["eps_slope"] * (rows["v_y1 [m/s]"].to_numpy(float) - 10.0),
@@ -138,14 +173,31 @@ def test_it_is_what_the_formulas_of_the_thesis_give(rows):
 
 def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
     """A damper beyond critical, and a joint too soft to swing as fast as the ball is pressed in."""
-    ball = {"mass": 0.0576, "radius": 0.033, "inertia": 3.2e-5, "inertia_split": 0.5, "mass_ratio": 0.75}
+    ball = {
+        "mass": 0.0576,
+        "radius": 0.033,
+        "inertia": 3.2e-5,
+        "inertia_split": 0.5,
+        "mass_ratio": 0.75,
+    }
     made = thesis_rebound(
-        [15.0, 9.0], [[6.0], [8.0]], 10.0, 0.75, **ball, k_y=2e4, k_theta=110.0, mu=0.55, eps=1e-3, c_y=4.0
+        [15.0, 9.0],
+        [[6.0], [8.0]],
+        10.0,
+        0.75,
+        **ball,
+        k_y=2e4,
+        k_theta=110.0,
+        mu=0.55,
+        eps=1e-3,
+        c_y=4.0,
     )
     assert made.v_x2.shape == made.v_y2.shape == (2, 2) and np.isfinite(made.v_x2).all()
     for changes in ({"c_y": 70.0}, {"k_theta": 0.5}):
         given = {"k_y": 2e4, "k_theta": 110.0, "c_y": 4.0} | changes
-        assert np.isnan(thesis_rebound(15.0, 6.0, 10.0, 0.75, **ball, mu=0.55, eps=1e-3, **given).v_x2)
+        assert np.isnan(
+            thesis_rebound(15.0, 6.0, 10.0, 0.75, **ball, mu=0.55, eps=1e-3, **given).v_x2
+        )
 
 
 def test_table_8_is_eq_79():

@@ -1,4 +1,6 @@
-"""What `track` writes: files that `calibrate` reads as they are, a page and figures, the command line."""
+"""What `track` writes: files that `calibrate` reads as they are, a page and figures, the command
+line.
+"""
 
 import json
 import subprocess
@@ -23,7 +25,8 @@ HOSTILE = "<script>alert(1)</script>\x1b[31m=1+1"
 def film():
     rng = np.random.default_rng(20)
     table = filmed(bounces(7, rng), Camera(240, fold=2), rng)
-    # A film in which spins are sure in some impacts, ambiguous in others, and one clip has no bounce.
+    # A film in which spins are sure in some impacts, ambiguous in others, and one clip has no
+    # bounce.
     table.loc[table["id"] == "7", "y [m]"] = 0.1
     table["surface"] = HOSTILE
     # Of a frame "name" is a column, of a file what it is called.
@@ -34,7 +37,14 @@ def film():
 
 def test_calibrate_reads_what_track_writes(film, tmp_path):
     places = {place.name for place in film.save(tmp_path / "out", figures=False)}
-    assert places >= {"impacts.csv", "impacts.toml", "tracks.csv", "spins.csv", "session.csv", "report.html"}
+    assert places >= {
+        "impacts.csv",
+        "impacts.toml",
+        "tracks.csv",
+        "spins.csv",
+        "session.csv",
+        "report.html",
+    }
     table, scene = load_data([tmp_path / "out" / "impacts.csv"], None, True)
     assert scene == film.scene and not scene.columns
     assert scene.camera.tilt.sd == pytest.approx(np.radians(0.3), rel=1e-3)
@@ -45,9 +55,18 @@ def test_calibrate_reads_what_track_writes(film, tmp_path):
         np.testing.assert_array_equal(table.values[name], film.table.values[name])
         np.testing.assert_array_equal(table.sd[name], film.table.sd[name])
     matrix = table.covariance(NINE[3:])
-    assert np.all(np.linalg.eigvalsh(matrix / np.sqrt(np.einsum("rii,rjj->rij", matrix, matrix)))[:, 0] > 0.0)
-    fit = fitball.calibrate(tmp_path / "out" / "impacts.csv", model="grip-slip", point_only=True, progress=False)
-    assert {"scale", "clock", "tilt"} <= {*fit.parameters} and abs(fit.parameters["mu"].point - 0.56) < 0.05
+    assert np.all(
+        np.linalg.eigvalsh(matrix / np.sqrt(np.einsum("rii,rjj->rij", matrix, matrix)))[:, 0] > 0.0
+    )
+    fit = fitball.calibrate(
+        tmp_path / "out" / "impacts.csv",
+        model="grip-slip",
+        point_only=True,
+        progress=False,
+    )
+    assert {"scale", "clock", "tilt"} <= {*fit.parameters} and abs(
+        fit.parameters["mu"].point - 0.56
+    ) < 0.05
 
 
 def test_frames_of_the_film_are_told_one_by_one(film):
@@ -56,13 +75,16 @@ def test_frames_of_the_film_are_told_one_by_one(film):
     contact = own["role"] == "contact"
     assert own.loc[contact, ["outlier", "residual_x [m]"]].isna().all(axis=None)
     flying = own.loc[~contact]
-    assert flying["outlier"].between(0.0, 1.0).all() and flying["residual_y [m]"].abs().median() < 2e-3
+    assert (
+        flying["outlier"].between(0.0, 1.0).all() and flying["residual_y [m]"].abs().median() < 2e-3
+    )
     assert set(film.refused) == {"7"}
     assert sum(film.spins["used"] == "yes") == film.impacts["omega_1 [rad/s]"].notna().sum()
 
 
 def test_the_page_says_what_was_found_and_runs_nothing(film):
-    html, text = film._repr_html_(), film.report()
+    html = film._repr_html_()
+    text = film.report()
     assert "<script>alert" not in html and "\x1b" not in text
     for word in ("6 impacts", "gap_time", "court_height", "no minimum"):
         assert word in text
@@ -73,23 +95,42 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
     for name in shown:
         axes = film.plot(name).axes
         assert axes and all(axis.lines or axis.collections for axis in axes)
-    impacts, session = film.impacts, film.plot("session").axes
-    for axis, values in zip(session, (impacts["v_y2 [m/s]"] / impacts["v_y1 [m/s]"], 1e3 * impacts["gap_time [s]"],
-                                      1e3 * impacts["gap_path [m]"], np.degrees(impacts["gap_turn [rad]"])),
-                            strict=True):  # fmt: skip
+    impacts = film.impacts
+    session = film.plot("session").axes
+    for axis, values in zip(
+        session,
+        (
+            impacts["v_y2 [m/s]"] / impacts["v_y1 [m/s]"],
+            1e3 * impacts["gap_time [s]"],
+            1e3 * impacts["gap_path [m]"],
+            np.degrees(impacts["gap_turn [rad]"]),
+        ),
+        strict=True,
+    ):
         shown = axis.lines[0].get_xydata()
-        np.testing.assert_allclose(shown, np.column_stack([impacts["v_y1 [m/s]"], values]), rtol=1e-12)
+        np.testing.assert_allclose(
+            shown,
+            np.column_stack([impacts["v_y1 [m/s]"], values]),
+            rtol=1e-12,
+        )
     # The sd of a ratio, by its gradient.
-    (fall, fall_sd), (rise, rise_sd) = ((impacts[f"{n} [m/s]"], impacts[f"{n}_sd [m/s]"]) for n in ("v_y1", "v_y2"))
+    (fall, fall_sd), (rise, rise_sd) = (
+        (impacts[f"{n} [m/s]"], impacts[f"{n}_sd [m/s]"]) for n in ("v_y1", "v_y2")
+    )
     both = impacts["corr(v_y1,v_y2)"] * fall_sd * rise_sd
-    sd = np.sqrt((rise_sd / fall) ** 2 + (rise * fall_sd / fall**2) ** 2 - 2.0 * rise / fall**3 * both)
+    sd = np.sqrt(
+        (rise_sd / fall) ** 2 + (rise * fall_sd / fall**2) ** 2 - 2.0 * rise / fall**3 * both
+    )
     ends = bars(session[0])[0][:, :, 1]
     np.testing.assert_allclose(0.5 * (ends[:, 1] - ends[:, 0]), sd, rtol=1e-9)
     own = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
     assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
     # The contact lies between the flights.
-    ends = own.loc[own["role"] == "after", "t [s]"].min() - own.loc[own["role"] == "before", "t [s]"].max()
+    ends = (
+        own.loc[own["role"] == "after", "t [s]"].min()
+        - own.loc[own["role"] == "before", "t [s]"].max()
+    )
     assert film.plot("track-1").axes[1].patches[0].get_width() == pytest.approx(1e3 * ends)
 
 
@@ -110,5 +151,8 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
 
 
 def test_the_estimator_is_not_loaded_before_it_is_needed():
-    code = "import sys, fitball.cli as cli; cli.make_parser(); sys.exit('fitball.tracks.session' in sys.modules)"
+    code = (
+        "import sys, fitball.cli as cli; cli.make_parser(); sys.exit('fitball.tracks.session' "
+        "in sys.modules)"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)

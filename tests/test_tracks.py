@@ -1,4 +1,6 @@
-"""`track` finds impacts with right errors: films whose flights scipy integrates, and controls that must fail."""
+"""`track` finds impacts with right errors: films whose flights scipy integrates, and controls that
+must fail.
+"""
 
 from dataclasses import replace
 
@@ -15,23 +17,41 @@ from fitball.tracks.spins import lines
 
 # The cameras of the study: rates, noise, outliers, marks.
 CAMERAS = [
-    Camera(240), Camera(240, 2e-3), Camera(240, fold=2), Camera(500), Camera(1000, 0.5e-3), Camera(1000),
-    Camera(1000, outliers=0.0), Camera(1000, outliers=0.1), Camera(1000, 2e-3), Camera(1000, fold=2), Camera(2000),
+    Camera(240),
+    Camera(240, 2e-3),
+    Camera(240, fold=2),
+    Camera(500),
+    Camera(1000, 0.5e-3),
+    Camera(1000),
+    Camera(1000, outliers=0.0),
+    Camera(1000, outliers=0.1),
+    Camera(1000, 2e-3),
+    Camera(1000, fold=2),
+    Camera(2000),
     Camera(10000),
-]  # fmt: skip
-ROLLING, LASTING = Camera(240, row_time=3.7e-6), Camera(1000, lasting=1e-3)
-SPEEDS, GAPS = [0, 1, 3, 4], [6, 7]
+]
+ROLLING = Camera(240, row_time=3.7e-6)
+LASTING = Camera(1000, lasting=1e-3)
+SPEEDS = [0, 1, 3, 4]
+GAPS = [6, 7]
 
 
 def tracked(table, camera, as_read=False, flight_=None, **said):
-    scene = Scene(camera=CameraSection(**{"fps": camera.fps, "court": 0.0, **said}), flight=flight_ or {})
+    scene = Scene(
+        camera=CameraSection(**{"fps": camera.fps, "court": 0.0, **said}),
+        flight=flight_ or {},
+    )
     return fitball.track(table, scene=scene, as_read=as_read, progress=False)
 
 
 def film_of(camera, count=8, seed=1):
     rng = np.random.default_rng(seed)
     truth = bounces(count, rng)
-    return filmed(truth, replace(camera, drag=films.DRAG + 0.05 * rng.standard_normal()), rng), truth
+    return filmed(
+        truth,
+        replace(camera, drag=films.DRAG + 0.05 * rng.standard_normal()),
+        rng,
+    ), truth
 
 
 def within(z, sds):
@@ -41,7 +61,8 @@ def within(z, sds):
 
 def whitened(film, truth):
     """Squares of errors of whole rows by their stated covariance."""
-    table, rows = film.table, truth[[int(name) - 1 for name in film.table.labels["id"]]]
+    table = film.table
+    rows = truth[[int(name) - 1 for name in film.table.labels["id"]]]
     errors = np.stack([table.values[name] for name in NINE], axis=1) - rows
     return np.einsum("ri,rij,rj->r", errors, np.linalg.inv(table.covariance(NINE[3:])), errors)
 
@@ -62,7 +83,9 @@ def test_intervals_of_all_nine_hold_on_twelve_cameras(study):
 
 
 def test_errors_of_a_row_belong_together_as_stated(study):
-    squares = np.concatenate([whitened(film, truth) for camera, film, truth in study if camera != CAMERAS[2]])
+    squares = np.concatenate(
+        [whitened(film, truth) for camera, film, truth in study if camera != CAMERAS[2]]
+    )
     # Nine degrees of freedom, of 88 rows: sd of the mean 0.45.
     assert 7.6 < squares.mean() < 10.8
     # Without correlations rows would be far more spread.
@@ -76,32 +99,49 @@ def test_spins_are_sure_or_empty_never_wrong(study):
         assert film.spins["probability"].max() <= 1.0 + 1e-9 or not sure.any()
         assert not np.any(np.abs(errors[sure][:, [2, 5]]) > 40.0)
         assert sure.all() if camera.fps >= 500 or camera.fold == 1 else not sure.all()
-    film, truth = study[2][1], study[2][2]
+    film = study[2][1]
+    truth = study[2][2]
     # What is not chosen is listed, the right one among it, in shares that add up to one at most.
     for name in film.impacts.index[film.impacts["omega_1 [rad/s]"].isna()]:
         own = film.spins[film.spins["id"] == name]
         first = own["omega_1 [rad/s]"] - truth[int(name) - 1, 2]
         second = own["omega_2 [rad/s]"] - truth[int(name) - 1, 5]
         assert np.min(np.hypot(first, second)) < 15.0
-        assert len(own) > 1 and own["probability"].sum() <= 1.0 + 1e-9 and set(own["used"]) == {"no"}
+        assert (
+            len(own) > 1 and own["probability"].sum() <= 1.0 + 1e-9 and set(own["used"]) == {"no"}
+        )
 
 
 def test_angles_of_a_mark_leave_spins_apart_by_whole_turns():
-    d, rng = np.arange(-12.0, 0.0) / 240.0, np.random.default_rng(2)
+    d = np.arange(-12.0, 0.0) / 240.0
+    rng = np.random.default_rng(2)
     phi = (0.4 + 1000.0 * d + 0.03 * rng.standard_normal(d.size)) % np.pi
     found = lines(d, phi, 2, 0.03, 0.05, 420.0)
     turns = (np.array([one.omega for one in found]) - 1000.0) / (np.pi * 240.0)
     # Of a table-tennis ball, to four sds of its spins: 1000 - 754 n rad/s.
-    assert sorted(np.round(turns)) == [-3, -2, -1, 0] and np.abs(turns - np.round(turns)).max() < 5e-3
+    assert (
+        sorted(np.round(turns)) == [-3, -2, -1, 0] and np.abs(turns - np.round(turns)).max() < 5e-3
+    )
     assert np.ptp([one.log for one in found]) < 1e-6
     for one in found:
-        assert np.sqrt(one.covariance[1, 1]) == pytest.approx(0.03 / np.sqrt(12 * np.var(d)), rel=0.1)
+        assert np.sqrt(one.covariance[1, 1]) == pytest.approx(
+            0.03 / np.sqrt(12 * np.var(d)),
+            rel=0.1,
+        )
 
 
 def test_noise_and_outliers_of_a_session_are_those_of_the_film(study):
-    shares = [film.session[f"noise_{axis} [m]"][0] / camera.noise for camera, film, _ in study for axis in "xy"]
+    shares = [
+        film.session[f"noise_{axis} [m]"][0] / camera.noise
+        for camera, film, _ in study
+        for axis in "xy"
+    ]
     # Of some 200 frames each, of which flights take up a tenth.
-    assert max(shares) < 1.25 and min(shares) > 0.8 and np.mean(shares) == pytest.approx(1.0, abs=0.035)
+    assert (
+        max(shares) < 1.25
+        and min(shares) > 0.8
+        and np.mean(shares) == pytest.approx(1.0, abs=0.035)
+    )
     for camera, film, _ in study:
         row = film.session.iloc[0]
         assert row["noise_angle [rad]"] == pytest.approx(camera.angle_noise, rel=0.25)
@@ -117,8 +157,12 @@ def test_a_rolling_shutter_is_right_where_its_rows_are_known_and_asked_for_where
     assert within(z, 1.96) > 0.9 and within(scores(unstated, truth)[0][:, SPEEDS], 1.96) < 0.1
     codes = {note.code for note in unstated.notes}
     assert "shutter" in codes
-    assert "shutter" not in {note.code for note in tracked(table, ROLLING, row_time=0.0, **known).notes}
-    assert "shutter" not in {note.code for note in tracked(*film_of(Camera(500), 2)[:1], Camera(500)).notes}
+    assert "shutter" not in {
+        note.code for note in tracked(table, ROLLING, row_time=0.0, **known).notes
+    }
+    assert "shutter" not in {
+        note.code for note in tracked(*film_of(Camera(500), 2)[:1], Camera(500)).notes
+    }
 
 
 def test_errors_that_last_are_counted_where_they_are_stated():
@@ -157,7 +201,12 @@ def test_a_court_that_may_be_tilted_is_less_certain_where_balls_land_far_apart()
     )
     slope = 1.0 / plain["v_y1 [m/s]"] + 1.0 / plain["v_y2 [m/s]"]
     more = apart["gap_time_sd [s]"] ** 2 - plain["gap_time_sd [s]"] ** 2
-    np.testing.assert_allclose(more, (np.radians(0.3) * np.array([*far.values()]) * slope) ** 2, rtol=0.05, atol=1e-9)
+    np.testing.assert_allclose(
+        more,
+        (np.radians(0.3) * np.array([*far.values()]) * slope) ** 2,
+        rtol=0.05,
+        atol=1e-9,
+    )
 
 
 def test_a_court_that_is_not_stated_is_found_by_the_contacts():
@@ -173,15 +222,19 @@ def test_a_court_that_is_not_stated_is_found_by_the_contacts():
 @pytest.mark.parametrize("other", ["leftward", "down", "clockwise"])
 def test_the_same_film_seen_otherwise_gives_the_same_impacts(other):
     rng = np.random.default_rng(4)
-    truth, said = bounces(4, rng), {}
-    plain, mirror = (filmed(truth, Camera(leftward=left), np.random.default_rng(5)) for left in (False, True))
+    truth = bounces(4, rng)
+    said = {}
+    plain, mirror = (
+        filmed(truth, Camera(leftward=left), np.random.default_rng(5)) for left in (False, True)
+    )
     table = mirror if other == "leftward" else plain.copy()
     if other == "down":
         # Pixels from the top, angles as in the picture.
         table["y [m]"], said = 1.0 - table["y [m]"], {"y": "down", "court": 1.0}
     if other == "clockwise":
         table["angle [rad]"], said = -table["angle [rad]"], {"angles": "clockwise"}
-    one, two = tracked(plain, Camera()).impacts, tracked(table, Camera(), **said).impacts
+    one = tracked(plain, Camera()).impacts
+    two = tracked(table, Camera(), **said).impacts
     np.testing.assert_allclose(two, one, rtol=1e-5, atol=1e-7)
 
 
@@ -210,19 +263,24 @@ def test_films_that_cannot_be_are_refused():
     camera = Camera(240)
     table, _ = film_of(camera)
     for change, said, code in (
-        (lambda t: t, {"fps": 30.0}, "gravity"), (lambda t: t, {"fps": 2000.0}, "gravity"),
-        (lambda t: t, {"fps": 4.0, "court": None}, "gravity"), (lambda t: t, {"court": 0.3}, "no-impact"),
+        (lambda t: t, {"fps": 30.0}, "gravity"),
+        (lambda t: t, {"fps": 2000.0}, "gravity"),
+        (lambda t: t, {"fps": 4.0, "court": None}, "gravity"),
+        (lambda t: t, {"court": 0.3}, "no-impact"),
         (lambda t: t.assign(**{"y [m]": -t["y [m]"]}), {}, "gravity"),
         (lambda t: t.assign(**{"angle [rad]": -t["angle [rad]"]}), {}, "misread"),
         (lambda t: t.assign(**{"x [m]": -t["x [m]"]}), {}, "misread"),
         (lambda t: t.groupby("id").head(9), {}, "no-impact"),
         (lambda t: t.assign(frame=-t["frame"]), {}, "no-impact"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(InputError) as caught:
             tracked(change(table.copy()), camera, **said)
         assert caught.value.code == code
-    assert "gravity" in {note.code for note in tracked(table, camera, as_read=True, fps=100.0).notes}
-    # Marks that turn the other way: of most impacts such spins are not taken, whatever their angles say.
+    assert "gravity" in {
+        note.code for note in tracked(table, camera, as_read=True, fps=100.0).notes
+    }
+    # Marks that turn the other way: of most impacts such spins are not taken, whatever their angles
+    # say.
     other = tracked(table.assign(**{"angle [rad]": -table["angle [rad]"]}), camera, as_read=True)
     assert (other.spins["used"] == "yes").sum() < 4 and len({*other.spins["id"]}) == 8
 
@@ -231,7 +289,11 @@ def test_a_clip_that_ends_soon_after_the_bounce_leaves_the_others():
     table, truth = film_of(Camera(500))
     landed = table.loc[table[table["id"] == "3"]["y [m]"].idxmin(), "frame"]
     film = tracked(table[(table["id"] != "3") | (table["frame"] < landed + 4)], Camera(500))
-    assert set(film.refused) == {"3"} and len(film.impacts) == 7 and within(scores(film, truth)[0], 2.6) > 0.9
+    assert (
+        set(film.refused) == {"3"}
+        and len(film.impacts) == 7
+        and within(scores(film, truth)[0], 2.6) > 0.9
+    )
 
 
 def test_several_bounces_of_a_clip_and_sessions_apart():
@@ -259,14 +321,16 @@ def test_balls_without_marks_have_speeds_and_gaps_alone():
     table, truth = film_of(camera, 24)
     film = tracked(table.drop(columns=["angle [rad]", "angle_fold"]), camera)
     assert not [name for name in film.impacts if "omega" in name or "turn" in name]
-    # Lift of spins that nobody saw is within the errors, those of the rebound near those of a ball that rolls.
+    # Lift of spins that nobody saw is within the errors, those of the rebound near those of a ball
+    # that rolls.
     z = scores(film, truth)[0]
     assert within(z[:, SPEEDS], 1.96) > 0.9 and np.abs(np.mean(z[:, [3, 4]], axis=0)).max() < 0.6
     assert "no-spins" in {note.code for note in film.notes}
 
 
 def test_a_shell_that_swings_after_release_does_not_bias_the_turn():
-    camera, rng = Camera(2000, angle_outliers=0.0), np.random.default_rng(7)
+    camera = Camera(2000, angle_outliers=0.0)
+    rng = np.random.default_rng(7)
     truth = bounces(8, rng)
     film = tracked(filmed(truth, camera, rng, ahead=np.full(8, 0.15)), camera)
     errors = scores(film, truth)[1]

@@ -1,4 +1,6 @@
-"""Files of positions become tracks: every dialect, units, scale, rate; mistakes by code, row, line and column."""
+"""Files of positions become tracks: every dialect, units, scale, rate; mistakes by code, row, line
+and column.
+"""
 
 import tomllib
 from pathlib import Path
@@ -12,8 +14,11 @@ from fitball.data.scene import BallSection, CameraSection, Scene
 from fitball.errors import InputError
 from fitball.tracks.read import read_tracks, scene_of
 
-MISTAKES = tomllib.loads((Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8"))
-FPS, MM = 240.0, 0.8
+MISTAKES = tomllib.loads(
+    (Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8")
+)
+FPS = 240.0
+MM = 0.8
 RNG = np.random.default_rng(1)
 TABLE = filmed(bounces(2, RNG), Camera(FPS, 1e-4, outliers=0.0, lost=0.0), RNG)
 ONE, TWO = (TABLE[TABLE["id"] == name].reset_index(drop=True) for name in "12")
@@ -51,14 +56,25 @@ LONG = [
     ("id,t [s],x [m],y [m]", lambda: rows_of(["a"] * len(X), TIME, X, Y, sign=","), {}),
     ("Time [ms];X [mm];Y [mm]", lambda: rows_of(*(map(comma, 1e3 * v) for v in (TIME, X, Y))), {}),
     ("frame x_cm y_cm", lambda: rows_of(FRAME, 100 * X, 100 * Y, sign=" "), {"fps": FPS}),
-    ("bild;x_pos [px];y_pos [px]", lambda: rows_of(FRAME, 1e3 * X / MM, 1e3 * Y / MM), {"fps": FPS, "mm_per_px": MM}),
-    ("frame\tx\ty", lambda: rows_of(FRAME, 1e3 * X / MM, 1e3 * Y / MM, sign="\t"), {"fps": FPS, "mm_per_px": MM}),
+    (
+        "bild;x_pos [px];y_pos [px]",
+        lambda: rows_of(FRAME, 1e3 * X / MM, 1e3 * Y / MM),
+        {"fps": FPS, "mm_per_px": MM},
+    ),
+    (
+        "frame\tx\ty",
+        lambda: rows_of(FRAME, 1e3 * X / MM, 1e3 * Y / MM, sign="\t"),
+        {"fps": FPS, "mm_per_px": MM},
+    ),
     ("t;x;y\ns;cm;cm", lambda: rows_of(TIME, 100 * X, 100 * Y), {}),
     # Times of playback at 30 frames a second, rounded to a millisecond.
     ("t,x [m],y [m]", lambda: rows_of(np.round(FRAME / 30.0, 3), X, Y, sign=","), {"fps": FPS}),
-    ("frame,x [px],y [px]", lambda: rows_of(FRAME, 1e3 * X / MM, -1e3 * Y / MM, sign=","),
-     {"fps": FPS, "mm_per_px": MM, "y": "down"}),
-]  # fmt: skip
+    (
+        "frame,x [px],y [px]",
+        lambda: rows_of(FRAME, 1e3 * X / MM, -1e3 * Y / MM, sign=","),
+        {"fps": FPS, "mm_per_px": MM, "y": "down"},
+    ),
+]
 
 
 @pytest.mark.parametrize(("header", "rows", "camera"), LONG, ids=[header for header, *_ in LONG])
@@ -71,7 +87,10 @@ def test_long_tables_as_people_write_them(tmp_path, header, rows, camera):
 def test_a_frame_a_workbook_and_a_file_are_read_alike(tmp_path):
     ONE.to_excel(tmp_path / "clip.xlsx", index=False)
     ONE.to_csv(tmp_path / "clip.csv", index=False)
-    tracks = [read(source, fps=FPS)[0][0] for source in (ONE, tmp_path / "clip.xlsx", tmp_path / "clip.csv")]
+    tracks = [
+        read(source, fps=FPS)[0][0]
+        for source in (ONE, tmp_path / "clip.xlsx", tmp_path / "clip.csv")
+    ]
     for track in tracks:
         same(track)
         np.testing.assert_allclose(track.angle, ONE["angle [rad]"], atol=1e-12)
@@ -86,7 +105,8 @@ def test_tracker_has_names_above_and_velocities_that_are_left_out(tmp_path):
 @pytest.mark.parametrize("head", ["t;x;y;x;y", "t;x;y;t;x;y"])
 def test_tracker_has_masses_side_by_side(tmp_path, head):
     count = min(len(X), len(TWO))
-    u, v = TWO["x [m]"].to_numpy(), TWO["y [m]"].to_numpy()
+    u = TWO["x [m]"].to_numpy()
+    v = TWO["y [m]"].to_numpy()
     lines = []
     for k in range(count):
         # The second ball is lost in two frames.
@@ -102,7 +122,10 @@ def test_tracker_has_masses_side_by_side(tmp_path, head):
 
 def test_kinovea_has_objects_in_one_table(tmp_path):
     head = '"Time (ms)","Trajectory 1/0/X","Trajectory 1/0/Y","Marker 1/0/X","Marker 1/0/Y"'
-    lines = [",".join(f'"{comma(v)}"' for v in row) + ",," for row in zip(1e3 * (TIME + 1.0), X, Y, strict=True)]
+    lines = [
+        ",".join(f'"{comma(v)}"' for v in row) + ",,"
+        for row in zip(1e3 * (TIME + 1.0), X, Y, strict=True)
+    ]
     lines[5] = lines[5][:-1] + '"0,5","0,5"'
     ball, marker = read(written(tmp_path, "\n".join([head, *lines])))[0]
     same(ball)
@@ -110,7 +133,10 @@ def test_kinovea_has_objects_in_one_table(tmp_path):
 
 
 def test_dltdv_counts_rows_and_is_in_pixels(tmp_path):
-    lines = ["NaN,NaN,1,1", *(f"{a:.4f},{b:.4f},NaN,NaN" for a, b in zip(1e3 * X / MM, 1e3 * Y / MM, strict=True))]
+    lines = [
+        "NaN,NaN,1,1",
+        *(f"{a:.4f},{b:.4f},NaN,NaN" for a, b in zip(1e3 * X / MM, 1e3 * Y / MM, strict=True)),
+    ]
     text = "\n".join(["pt1_cam1_X,pt1_cam1_Y,pt2_cam1_X,pt2_cam1_Y", *lines])
     ball, other = read(written(tmp_path, text), fps=FPS, mm_per_px=MM)[0]
     same(ball)
@@ -119,7 +145,9 @@ def test_dltdv_counts_rows_and_is_in_pixels(tmp_path):
 
 def test_the_ball_itself_is_a_scale(tmp_path):
     radius = 1e3 * RADIUS / MM * (1.0 + 0.01 * RNG.standard_normal(len(X)))
-    table = pd.DataFrame({"t": TIME, "x [px]": 1e3 * X / MM, "y [px]": 1e3 * Y / MM, "diameter [px]": 2.0 * radius})
+    table = pd.DataFrame(
+        {"t": TIME, "x [px]": 1e3 * X / MM, "y [px]": 1e3 * Y / MM, "diameter [px]": 2.0 * radius}
+    )
     scene = scene_of([table], Scene(), 0.0, 0.0, f"{2e3 * RADIUS} mm")
     (track,), _ = read_tracks([table], scene, {})
     np.testing.assert_allclose(track.x, X, rtol=0.01)
@@ -143,7 +171,11 @@ def test_frames_without_a_ball_are_left_out():
 
 def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
     mixed = ONE.sample(frac=1.0, random_state=1).rename(columns={"x [m]": "Hor", "y [m]": "Ver"})
-    (track,), _ = read(mixed.assign(surface="clay", mood="good"), {"x": "Hor [m]", "y": "Ver [m]"}, fps=FPS)
+    (track,), _ = read(
+        mixed.assign(surface="clay", mood="good"),
+        {"x": "Hor [m]", "y": "Ver [m]"},
+        fps=FPS,
+    )
     same(track)
     assert track.labels == {"surface": "clay"}
     for name, film in (("a", ONE), ("b", ONE.iloc[1:])):
@@ -165,8 +197,12 @@ def test_times_of_playback_count_frames_that_are_missing():
 
 
 def test_a_rolling_shutter_reads_lower_rows_later():
-    table = ONE.drop(columns=["x [m]", "y [m]"]).assign(**{"x [px]": 1e3 * X / MM, "y [px]": -1e3 * Y / MM})
-    (still,), (late,) = (read(table, fps=FPS, mm_per_px=MM, y="down", row_time=tau)[0] for tau in (0.0, 1e-6))
+    table = ONE.drop(columns=["x [m]", "y [m]"]).assign(
+        **{"x [px]": 1e3 * X / MM, "y [px]": -1e3 * Y / MM}
+    )
+    (still,), (late,) = (
+        read(table, fps=FPS, mm_per_px=MM, y="down", row_time=tau)[0] for tau in (0.0, 1e-6)
+    )
     np.testing.assert_allclose(late.time - still.time, 1e-6 * -1e3 * Y / MM, atol=1e-15)
 
 

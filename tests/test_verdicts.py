@@ -40,7 +40,13 @@ def fitted(problem, **start):
 def judged(problem, **start):
     """Every verdict of a problem, searched from some values."""
     point, x = fitted(problem, **start)
-    return judge(problem, point, first_order(problem, point), profiles(problem, x)[0], problem.derived)
+    return judge(
+        problem,
+        point,
+        first_order(problem, point),
+        profiles(problem, x)[0],
+        problem.derived,
+    )
 
 
 def of_line(problem, **start):
@@ -48,16 +54,19 @@ def of_line(problem, **start):
     return {name: (found[name].verdict, found[name].rule, found[name].given) for name in ("a", "b")}
 
 
-@pytest.mark.parametrize(("function", "prior", "a", "b"), [
-    (line, {}, ("identified", "determined", ()), ("identified", "determined", ())),
-    (bounded, {}, ("identified", "determined", ()), ("one-sided", "bounded", ())),
-    # It moves no rebound by a tenth of a noise.
-    (idle, {}, ("identified", "determined", ()), ("prior-dominated", "traded", ())),
-    # The data say 0.7 to 0.01; priors far off hold it, one nearer meets it half way.
-    (line, {"a": "normal(0.9, 1e-3)"}, ("prior-dominated", "held-off", ()), None),
-    (line, {"a": "normal(0.74, 0.01)"}, ("given", "determined", ("the prior of a",)), None),
-    (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("function", "prior", "a", "b"),
+    [
+        (line, {}, ("identified", "determined", ()), ("identified", "determined", ())),
+        (bounded, {}, ("identified", "determined", ()), ("one-sided", "bounded", ())),
+        # It moves no rebound by a tenth of a noise.
+        (idle, {}, ("identified", "determined", ()), ("prior-dominated", "traded", ())),
+        # The data say 0.7 to 0.01; priors far off hold it, one nearer meets it half way.
+        (line, {"a": "normal(0.9, 1e-3)"}, ("prior-dominated", "held-off", ()), None),
+        (line, {"a": "normal(0.74, 0.01)"}, ("given", "determined", ("the prior of a",)), None),
+        (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
+    ],
+)
 def test_lines_whose_verdict_is_known(function, prior, a, b):
     far = {"a": 0.9, "v_y_sd": 1.0} if "0.9" in prior.get("a", "") else {}
     found = of_line(dropped(function, prior=prior), **far)
@@ -71,7 +80,8 @@ def test_lines_whose_verdict_is_known(function, prior, a, b):
 def test_contraction_is_that_of_a_linear_model():
     problem = dropped(line, fix={"v_y_sd": 0.05, "b": -0.02}, prior={"a": "normal(0.7, 0.004)"})
     point, _ = fitted(problem, a=0.7)
-    spec, first = problem.prior.parameters[0].spec, first_order(problem, point)
+    spec = problem.prior.parameters[0].spec
+    first = first_order(problem, point)
     asked = [derived.Quantity(spec, lambda values, by=by: by * values["a"]) for by in (-3.0, 0.0)]
     linear = module._linear(problem, first, asked)
     left = 1.0 / (1.0 + 0.004**2 * np.sum((SPEEDS / 0.05) ** 2))
@@ -103,8 +113,10 @@ def two_mass(time=None, **choices):
 
 
 def test_stiffnesses_rest_on_the_contact_time_and_without_one_on_priors():
-    told, silent = two_mass(time=True), two_mass()
-    known, unknown = judged(told, **truth_of(told)), judged(silent, **truth_of(silent))
+    told = two_mass(time=True)
+    silent = two_mass()
+    known = judged(told, **truth_of(told))
+    unknown = judged(silent, **truth_of(silent))
     for name in ("k_y", "k_theta"):
         assert (known[name].verdict, known[name].given) == ("given", ("contact_time",))
         assert (unknown[name].verdict, unknown[name].rule) == ("prior-dominated", "traded")
@@ -131,16 +143,21 @@ def test_what_moves_with_a_stated_constant_is_given_its_prior():
     """As a refit with the constant's prior two of its sds away says."""
     balls = [BallSection(inertia_ratio=Quantity(value, 0.015)) for value in (0.56, 0.59)]
     problem, moved, held = (
-        problem_of(table_of(REBOUND, count=21), Scene(ball=ball), "grip-slip") for ball in (*balls, BallSection())
+        problem_of(table_of(REBOUND, count=21), Scene(ball=ball), "grip-slip")
+        for ball in (*balls, BallSection())
     )
     point, x = fitted(problem, **truth_of(problem))
     _, there = fitted(moved, **point.optima[0])
     own = first_order(held, fitted(held, **truth_of(held))[0])
     found = judged(problem, **truth_of(problem))
     for name in ("mu", "e_x", "offset", "cor_10"):
-        k, j = problem.free.index(name), own.names.index(name)
+        k = problem.free.index(name)
+        j = own.names.index(name)
         shift = abs(there[0, k] - x[0, k]) / (np.linalg.norm(own.root[j]) * own.sds[j])
-        assert (found[name].given == ("the prior of inertia_ratio",)) is bool(shift > 1.0), (name, shift)
+        assert (found[name].given == ("the prior of inertia_ratio",)) is bool(shift > 1.0), (
+            name,
+            shift,
+        )
     assert found["offset"].verdict == "given" and found["cor_10"].verdict == "identified"
 
 
@@ -148,9 +165,16 @@ def bounces(v_x, v_y, omega, mu):
     """A table of grip-slip, and its truth."""
     values = {"mu": mu, "e_x": 0.15, "offset": 0.002, "cor_10": 0.77, "cor_slope": -0.012}
     made_by = fitball.model("grip-slip").rebound(values, fitball.impacts(v_x, v_y, omega))
-    rng, sizes = np.random.default_rng(3), {"v_x2": 0.03, "v_y2": 0.03, "omega_2": 1.5}
-    rebound = {name: made_by.column(name) + size * rng.standard_normal(16) for name, size in sizes.items()}
-    problem = problem_of(made({"v_x1": v_x, "v_y1": v_y, "omega_1": omega, **rebound}), None, "grip-slip")
+    rng = np.random.default_rng(3)
+    sizes = {"v_x2": 0.03, "v_y2": 0.03, "omega_2": 1.5}
+    rebound = {
+        name: made_by.column(name) + size * rng.standard_normal(16) for name, size in sizes.items()
+    }
+    problem = problem_of(
+        made({"v_x1": v_x, "v_y1": v_y, "omega_1": omega, **rebound}),
+        None,
+        "grip-slip",
+    )
     return problem, {**values, "v_x_sd": 0.03, "v_y_sd": 0.03, "spin_sd": 1.5}
 
 
@@ -158,10 +182,20 @@ SPINS = np.tile([-40.0, 0.0, 40.0, 10.0], 4)
 
 
 def test_an_anchor_that_was_not_measured_is_extrapolated():
-    problem, truth = bounces(np.linspace(6.0, 1.0, 16), np.tile(np.linspace(0.8, 2.7, 8), 2), SPINS, 0.4)
+    problem, truth = bounces(
+        np.linspace(6.0, 1.0, 16),
+        np.tile(np.linspace(0.8, 2.7, 8), 2),
+        SPINS,
+        0.4,
+    )
     found = judged(problem, **truth)
     assert found["cor_10"].verdict == "extrapolated"
-    assert found["cor_slope"].verdict == found["mu"].verdict == found["cor_median"].verdict == "identified"
+    assert (
+        found["cor_slope"].verdict
+        == found["mu"].verdict
+        == found["cor_median"].verdict
+        == "identified"
+    )
     fixed = problem_of(problem.table, None, "grip-slip", fix={"cor_slope": 0.0})
     held = judged(fixed, **{name: value for name, value in truth.items() if name != "cor_slope"})
     assert (held["cor_10"].verdict, held["cor_slope"].verdict) == ("identified", "fixed")
@@ -177,15 +211,21 @@ def test_a_friction_that_no_impact_feels_leaves_what_follows_from_it():
 
 RANKED = [
     ({"traded": ("k_y",), "interval": (None, None), "freedom": 1.0}, "traded"),
-    ({"missing": True, "freedom": 1.0}, "no-maximum"), ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
-    ({"interval": (None, None), "contraction": 0.1}, "open"), ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
+    ({"missing": True, "freedom": 1.0}, "no-maximum"),
+    ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
+    ({"interval": (None, None), "contraction": 0.1}, "open"),
+    ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
     ({"interval": (None, 2.0), "contraction": 0.1}, "bounded"),
     ({"bounded": ("mu",), "extrapolated": "far"}, "bounded-part"),
-    ({"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"}, "held-off"),
+    (
+        {"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"},
+        "held-off",
+    ),
     ({"contraction": 0.19, "extrapolated": "far"}, "unchanged"),
-    ({"extrapolated": "far", "missing": True}, "extrapolated"), ({"missing": True}, "exact"),
+    ({"extrapolated": "far", "missing": True}, "extrapolated"),
+    ({"missing": True}, "exact"),
     ({"contraction": 0.2, "interval": (1.0, 2.0)}, "determined"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("numbers", "rule"), RANKED)
@@ -201,15 +241,20 @@ def adequacy(answer="describes", **moved):
 
 def test_adequacy_and_assumptions_qualify_what_is_determined():
     within = {
-        "mu": Judgement("identified", "determined", "."), "pace": Judgement("identified", "determined", "."),
+        "mu": Judgement("identified", "determined", "."),
+        "pace": Judgement("identified", "determined", "."),
         "k_y": Judgement("given", "determined", ".", ("contact_time",)),
         "cor_10": Judgement("extrapolated", "extrapolated", "."),
-    }  # fmt: skip
+    }
 
     def said(*asked):
         return {name: (one.verdict, one.given) for name, one in qualified(within, *asked).items()}
 
-    rests = {"mu": ("offset=contact",), "k_y": ("spin=mean", "contact_time"), "cor_10": ("spin=mean",)}
+    rests = {
+        "mu": ("offset=contact",),
+        "k_y": ("spin=mean", "contact_time"),
+        "cor_10": ("spin=mean",),
+    }
     plain = said(adequacy(), {})
     assert plain == {name: (one.verdict, one.given) for name, one in within.items()}
     given = {"mu": ("given", ("offset=contact",)), "k_y": ("given", ("contact_time", "spin=mean"))}
@@ -220,4 +265,8 @@ def test_adequacy_and_assumptions_qualify_what_is_determined():
     moved = said(adequacy("describes except", mu=1.1, k_y=0.9, pace=1.2), rests)
     assert moved["mu"][0] == moved["pace"][0] == "conditional" and moved["k_y"][0] == "given"
     fails = said(adequacy("does not describe"), rests)
-    assert {name for name, one in fails.items() if one == ("conditional", ())} == {"mu", "k_y", "pace"}
+    assert {name for name, one in fails.items() if one == ("conditional", ())} == {
+        "mu",
+        "k_y",
+        "pace",
+    }

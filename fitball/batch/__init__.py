@@ -1,4 +1,4 @@
-"""Room: many tables, each fitted on its own; continues what is not finished. Imports: exports and below.
+"""Room: many tables, each fitted on its own; continues what is not finished.
 
 It writes as it goes, so it is given the locked folder; `batch.csv` is output, never read.
 """
@@ -40,9 +40,10 @@ PAGE = "report.html"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch(Result):
-    """Frames `tables` (`batch.csv`: a row a table, with outcome, adequacy, quantities in SI with sds and verdicts,
-    measured pace and rebound) and `populations` (centre and spread of each quantity that three tables determine).
-    `quantities` are those of each table, by name; `own` is the function of one's own that all were fitted with.
+    """Frames `tables` (`batch.csv`: a row a table, with outcome, adequacy, quantities in SI with
+    sds and verdicts, measured pace and rebound) and `populations` (centre and spread of each
+    quantity that three tables determine). `quantities` are those of each table, by name; `own` is
+    the function of one's own that all were fitted with.
     """
 
     page: ClassVar[str] = "fitball.batch.page"
@@ -55,7 +56,10 @@ class Batch(Result):
     own: Model | None = None
 
     def __repr__(self) -> str:
-        return f"<Batch of {counted(len(self.tables), 'table')} in {self.folder}, {len(self.failed)} failed>"
+        return (
+            f"<Batch of {counted(len(self.tables), 'table')} in {self.folder}, "
+            f"{len(self.failed)} failed>"
+        )
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
@@ -73,7 +77,9 @@ class Batch(Result):
         return int(bool(self.failed) or bool((self.tables["status"] == "not converged").any()))
 
     def __getitem__(self, name: str) -> Fit:
-        """The fit of a table, read when asked for. Raises KeyError with the reason of a table that failed."""
+        """The fit of a table, read when asked for. Raises KeyError with the reason of a table that
+        failed.
+        """
         if name not in self.tables.index:
             raise KeyError(f"{name}: {suggestion(name, self.tables.index)}")
         if name in self.failed:
@@ -81,9 +87,9 @@ class Batch(Result):
         return pair.read(self.folder / name, self.own)
 
     def population(self, name: str) -> Hierarchy:
-        """Draws of centre and spread of a quantity over the tables that determine it, of a new table, of each given
-        all others; in SI, but the spread of a logarithm, which is relative. Raises ParameterError
-        (`unknown-quantity`, `too-few-tables`).
+        """Draws of centre and spread of a quantity over the tables that determine it, of a new
+        table, of each given all others; in SI, but the spread of a logarithm, which is relative.
+        Raises ParameterError (`unknown-quantity`, `too-few-tables`).
         """
         known = dict.fromkeys(one for found in self.quantities.values() for one in found)
         if name not in known:
@@ -97,8 +103,8 @@ class Batch(Result):
 
 @dataclass(frozen=True)
 class Task:
-    """What all tables of a batch have in common: the locked folder, options of a fit, its effort; whether fits of
-    other data or settings are replaced; figures of each page, None for no page.
+    """What all tables of a batch have in common: the locked folder, options of a fit, its effort;
+    whether fits of other data or settings are replaced; figures of each page, None for no page.
     """
 
     folder: ResultFolder
@@ -109,11 +115,12 @@ class Task:
 
 
 def fit_many(data: Any, task: Task, address: str, show: Progress) -> Batch:
-    """Fit each table over processes as `calibrate` would, with one thread; a table whose `Run.key` is in the folder
-    is not fitted again; one that fails is a row. Raises ParameterError (`no-tables`, `scheduler`, `noise`),
-    ModelError, InputError (`scene`).
+    """Fit each table over processes as `calibrate` would, with one thread; a table whose `Run.key`
+    is in the folder is not fitted again; one that fails is a row. Raises ParameterError
+    (`no-tables`, `scheduler`, `noise`), ModelError, InputError (`scene`).
     """
-    sources, options = named(data, task.folder.path), dict(task.options)
+    sources = named(data, task.folder.path)
+    options = dict(task.options)
     # What all tables would fail for is said at once.
     if isinstance(options["model"], str) and options["model"]:
         model_of(options["model"])
@@ -121,18 +128,26 @@ def fit_many(data: Any, task: Task, address: str, show: Progress) -> Batch:
         noise_kind(options["noise"])
     if options["scene"] and not isinstance(options["scene"], Scene):
         options["scene"] = load_scene(None, options["scene"])
-    found, stage = dict[str, Kept](), f"fitting {counted(len(sources), 'table')}"
+    found = dict[str, Kept]()
+    stage = f"fitting {counted(len(sources), 'table')}"
     show(stage, 0.0)
     names = list(sources)
     # One thread each; no number depends on it.
-    one = partial(_one, replace(task, options=options, effort=msgspec.structs.replace(task.effort, cores=1)))
+    one = partial(
+        _one,
+        replace(task, options=options, effort=msgspec.structs.replace(task.effort, cores=1)),
+    )
     for place, made in as_completed(one, list(sources.items()), task.effort.cores, address):
         name = names[place]
         found[name] = rows.failed(name, made) if isinstance(made, FitballError) else made
         show(stage, len(found) / len(names))
     show("comparing tables", 0.0)
     model = task.options.get("model")
-    return _batch(task.folder.path, [found[name] for name in names], model if isinstance(model, Model) else None)
+    return _batch(
+        task.folder.path,
+        [found[name] for name in names],
+        model if isinstance(model, Model) else None,
+    )
 
 
 def _batch(folder: Path, found: Sequence[Kept], own: Model | None) -> Batch:
@@ -144,7 +159,9 @@ def _batch(folder: Path, found: Sequence[Kept], own: Model | None) -> Batch:
     tables["impacts"] = tables["impacts"].astype("Int64")
     quantities = {one.row["table"]: one.quantities for one in found}
     names = dict.fromkeys(name for known in quantities.values() for name in known)
-    by_name = {name: [known[name] for known in quantities.values() if name in known] for name in names}
+    by_name = {
+        name: [known[name] for known in quantities.values() if name in known] for name in names
+    }
     return Batch(folder, tables, rows.populations(by_name), quantities, (), own)
 
 
@@ -164,13 +181,17 @@ def _fitted(task: Task, name: str, source: Any) -> Fit:
     """The fit of a table, from its folder if that has the same one."""
     problem, own = pose([source], **task.options)
     place = task.folder.path / name
-    key, fit = pair.key_of(place), None
+    key = pair.key_of(place)
+    fit = None
     if key == run_of(problem, task.effort).key:
         # One that is damaged is made again.
         with suppress(FolderError):
             fit = pair.read(place, own)
     elif key and not task.overwrite:
-        text = f"{place}: has a fit of other data or settings; replace it with --overwrite (overwrite=True)"
+        text = (
+            f"{place}: has a fit of other data or settings; replace it with --overwrite "
+            "(overwrite=True)"
+        )
         raise FolderError(f"{text}, or name another folder", "older-result")
     if fit is not None and (task.figures is None or (place / PAGE).exists()):
         return fit
@@ -186,9 +207,14 @@ def _fitted(task: Task, name: str, source: Any) -> Fit:
 
 
 def load(folder: Path, own: Model | None) -> Batch:
-    """The finished tables of a folder, by name. Raises FolderError (`no-batch`), ModelError (`own-model`)."""
+    """The finished tables of a folder, by name. Raises FolderError (`no-batch`), ModelError
+    (`own-model`).
+    """
     names = sorted(place.parent.name for place in folder.glob(f"*/{pair.RECORD}"))
     if not names:
-        text = f"{folder}: no finished table; expected the folder of a batch (to finish one, run it again)"
+        text = (
+            f"{folder}: no finished table; expected the folder of a batch (to finish one, run "
+            "it again)"
+        )
         raise FolderError(text, "no-batch")
     return _batch(folder, [rows.kept(name, pair.read(folder / name, own)) for name in names], own)

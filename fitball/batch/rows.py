@@ -1,4 +1,4 @@
-"""What a batch keeps of one fit: its row, and its quantities as groups of a hierarchy. Imports: uses, base."""
+"""What a batch keeps of one fit: its row, and its quantities as groups of a hierarchy."""
 
 from __future__ import annotations
 
@@ -14,20 +14,31 @@ from fitball.inference.fit import Fit
 from fitball.inference.problem.levels import FREEDOM, usual_spread
 from fitball.numbers import Unit
 from fitball.priors import ParameterSpec, Prior, parse_prior
-from fitball.uses.hierarchy import LEAST, Group, Hierarchy, group_of, hierarchy, is_log, measured, spread_prior
+from fitball.uses.hierarchy import (
+    LEAST,
+    Group,
+    Hierarchy,
+    group_of,
+    hierarchy,
+    is_log,
+    measured,
+    spread_prior,
+)
 from fitball.uses.lab import drop_test, measured_pace
 from fitball.values import DataFrame
 
-DONE, FAILED = "done", "failed"
+DONE = "done"
+FAILED = "failed"
 HEAD = ("table", "outcome", "code", "reason", "impacts", "model", "status", "adequacy")
 # Kinds of quantities that are compared over tables, and sds of a 95 % interval.
-_KINDS, _WIDE = ("model", "level", "derived"), 3.92
+_KINDS = ("model", "level", "derived")
+_WIDE = 3.92
 ENDS = ("", "_q025", "_q975")
 
 
 class Quantity(NamedTuple):
-    """A quantity of one table: its `group`, the prior of its `spread` between tables, whether its coordinate is the
-    logarithm; its `unit` in SI and as people read it, and what it is.
+    """A quantity of one table: its `group`, the prior of its `spread` between tables, whether its
+    coordinate is the logarithm; its `unit` in SI and as people read it, and what it is.
     """
 
     group: Group
@@ -48,13 +59,23 @@ class Kept(NamedTuple):
 def failed(name: str, error: FitballError) -> Kept:
     """Of a table that could not be fitted."""
     reason = str(error)
-    for broken, joined in (("faults\n  - ", "faults: "), (":\n  - ", ": "), ("\n  - ", "; "), ("\n", ". ")):
+    for broken, joined in (
+        ("faults\n  - ", "faults: "),
+        (":\n  - ", ": "),
+        ("\n  - ", "; "),
+        ("\n", ". "),
+    ):
         reason = reason.replace(broken, joined)
-    return Kept({"table": name, "outcome": FAILED, "code": error.code, "reason": " ".join(reason.split())}, {})
+    return Kept(
+        {"table": name, "outcome": FAILED, "code": error.code, "reason": " ".join(reason.split())},
+        {},
+    )
 
 
 def kept(name: str, fit: Fit) -> Kept:
-    """Of a fit: outcome, adequacy, labels that all its impacts share, every quantity in SI, laboratory tests."""
+    """Of a fit: outcome, adequacy, labels that all its impacts share, every quantity in SI,
+    laboratory tests.
+    """
     model = fit.problem.forward.model.text
     said = name, DONE, "", "", len(fit.run.table), model, fit.status, fit.adequacy.answer
     row: dict[str, Any] = dict(zip(HEAD, said, strict=True))
@@ -68,13 +89,22 @@ def kept(name: str, fit: Fit) -> Kept:
         row[f"{one.name}_verdict"] = one.verdict
         if one.kind in _KINDS and (group := group_of(fit, one.name)) is not None:
             spec = fit.quantity(one.name).spec
-            handy, short = spec.shown, one.meaning.partition(",")[0]
-            found[one.name] = Quantity(group, spread_prior(fit, one.name), is_log(spec), spec.unit, handy, short)
+            handy = spec.shown
+            short = one.meaning.partition(",")[0]
+            found[one.name] = Quantity(
+                group,
+                spread_prior(fit, one.name),
+                is_log(spec),
+                spec.unit,
+                handy,
+                short,
+            )
     for tested, handy, meaning, (value, low, high) in _tested(fit, row):
         unit = "m" if handy.name else ""
         row |= _cells(tested, unit, value, low, high)
         if high > low:
-            group, size = measured(value, (high - low) / _WIDE), usual_spread(value, 0.0, log=False)
+            group = measured(value, (high - low) / _WIDE)
+            size = usual_spread(value, 0.0, log=False)
             spec = ParameterSpec(tested, "", 0.0, np.inf, f"half-t({size:.6g}, {FREEDOM})", "", "")
             found[tested] = Quantity(group, parse_prior(spec), False, unit, handy, meaning)
     return Kept(row, found)
@@ -84,24 +114,40 @@ def _cells(name: str, unit: str, value: float, low: float, high: float) -> dict[
     return {f"{name} [{unit}]" if unit else name: value, f"{name}_q025": low, f"{name}_q975": high}
 
 
-def _tested(fit: Fit, row: dict[str, Any]) -> Iterator[tuple[str, Unit, str, tuple[float, float, float]]]:
-    """Name, unit, meaning, value and interval of what was measured in laboratory tests; into the `row` go the
-    category and the chances to pass.
+def _tested(
+    fit: Fit,
+    row: dict[str, Any],
+) -> Iterator[tuple[str, Unit, str, tuple[float, float, float]]]:
+    """Name, unit, meaning, value and interval of what was measured in laboratory tests; into the
+    `row` go the category and the chances to pass.
     """
     given = fit.run.table, fit.run.scene, fit.run.choices.prior
     for one in measured_pace(*given).to_dict("records"):
         if not one["place"]:
             name = _at("pace_measured", one["surface"])
-            yield name, Unit(""), "court pace rating, as measured", (one["rating"], one["q025"], one["q975"])
+            yield (
+                name,
+                Unit(""),
+                "court pace rating, as measured",
+                (one["rating"], one["q025"], one["q975"]),
+            )
             row[f"{name}_category"] = max(itf.PACE_CATEGORIES, key=lambda category: one[category])
     for one in drop_test(*given).to_dict("records"):
         if one["kind"] in ("mean", "another") and np.isfinite(one["passes"]):
             row[_at(f"{one['kind']}_passes", one["surface"])] = one["passes"]
         if one["kind"] == "mean":
-            for name, unit, meaning in (("cor", Unit(""), "COR of drops"), ("rebound", Unit("cm", 100.0), "rebound")):
+            for name, unit, meaning in (
+                ("cor", Unit(""), "COR of drops"),
+                ("rebound", Unit("cm", 100.0), "rebound"),
+            ):
                 if np.isfinite(one[name]):
                     ends = one[name], one[f"{name}_q025"], one[f"{name}_q975"]
-                    yield _at(f"{name}_measured", one["surface"]), unit, f"{meaning}, as measured", ends
+                    yield (
+                        _at(f"{name}_measured", one["surface"]),
+                        unit,
+                        f"{meaning}, as measured",
+                        ends,
+                    )
 
 
 def _at(name: str, surface: str) -> str:
@@ -109,22 +155,26 @@ def _at(name: str, surface: str) -> str:
 
 
 def over_tables(name: str, found: Sequence[Quantity]) -> Hierarchy:
-    """Centre, spread and a new table of a quantity that three tables determine: in SI, but the spread of a logarithm,
-    which is relative. Raises ParameterError (`too-few-tables`).
+    """Centre, spread and a new table of a quantity that three tables determine: in SI, but the
+    spread of a logarithm, which is relative. Raises ParameterError (`too-few-tables`).
     """
     if len(found) < LEAST:
         text = f"{name}: the data of {len(found)} tables determine it; expected at least {LEAST}"
         raise ParameterError(text, "too-few-tables")
-    made = hierarchy([one.group for one in found], found[0].spread, Effort().stream(f"population of {name}"))
+    made = hierarchy(
+        [one.group for one in found],
+        found[0].spread,
+        Effort().stream(f"population of {name}"),
+    )
     if not found[0].log:
         return made
     return made._replace(centre=np.exp(made.centre), new=np.exp(made.new), each=np.exp(made.each))
 
 
 def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
-    """A row a quantity that three tables determine, index `quantity`: `unit` in SI, `meaning`, `tables`; `mean`,
-    `spread` and a table that is `new`, each median with ends of 95 %; whether the spread is `relative`; the largest
-    Pareto k.
+    """A row a quantity that three tables determine, index `quantity`: `unit` in SI, `meaning`,
+    `tables`; `mean`, `spread` and a table that is `new`, each median with ends of 95 %; whether the
+    spread is `relative`; the largest Pareto k.
     """
     import pandas as pd
 
@@ -132,13 +182,21 @@ def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
     for name, found in quantities.items():
         if len(found) < LEAST:
             continue
-        made, first = over_tables(name, found), found[0]
+        made = over_tables(name, found)
+        first = found[0]
         row: dict[str, Any] = {"unit": first.unit, "meaning": first.meaning, "tables": len(found)}
         for head, drawn in (("mean", made.centre), ("spread", made.spread), ("new", made.new)):
             values = np.quantile(drawn, (0.5, 0.025, 0.975)).tolist()
             row |= {f"{head}{end}": value for end, value in zip(ENDS, values, strict=True)}
         rows[name] = row | {"relative": first.log, "pareto_k": float(made.pareto_k.max())}
-    heads = ["unit", "meaning", "tables", *(f"{head}{end}" for head in ("mean", "spread", "new") for end in ENDS)]
-    return pd.DataFrame.from_dict(rows, orient="index", columns=[*heads, "relative", "pareto_k"]).rename_axis(
-        "quantity"
-    )
+    heads = [
+        "unit",
+        "meaning",
+        "tables",
+        *(f"{head}{end}" for head in ("mean", "spread", "new") for end in ENDS),
+    ]
+    return pd.DataFrame.from_dict(
+        rows,
+        orient="index",
+        columns=[*heads, "relative", "pareto_k"],
+    ).rename_axis("quantity")

@@ -1,7 +1,8 @@
-"""Tables and folders named, names safe on every file system. Imports: data, base.
+"""Tables and folders named, names safe on every file system.
 
-A table is called after its file, as its folder and its row are. Where several would be called the same, whatever the
-case, these have the path below their common folder, then the ending too; one that still is not alone gets a digest.
+A table is called after its file, as its folder and its row are. Where several would be called the
+same, whatever the case, these have the path below their common folder, then the ending too; one
+that still is not alone gets a digest.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ from fitball.errors import ParameterError
 
 # Endings of tables in a folder; what `*` matches besides, scenes and notes, is none.
 ENDINGS = (".csv", ".tsv", ".txt", *WORKBOOKS, *PARQUET)
-# What Windows keeps for devices (learn.microsoft.com: Naming Files, Paths, and Namespaces), and bytes of a name that
-# every file system takes, with what is put beside it for a moment.
+# What Windows keeps for devices (learn.microsoft.com: Naming Files, Paths, and Namespaces), and
+# bytes of a name that every file system takes, with what is put beside it for a moment.
 _DEVICE = re.compile(r"con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]", re.IGNORECASE)
-_LONGEST, _DIGEST = 100, 8
+_LONGEST = 100
+_DIGEST = 8
 
 
 def named(data: Any, out: Path) -> dict[str, Any]:
-    """Tables by safe names: of a mapping its own; of paths, folders, patterns (`courts/*.csv`, `**`), bundled names
-    and frames made of their files. What lies in `out` is none of them. Raises ParameterError (`no-tables`).
+    """Tables by safe names: of a mapping its own; of paths, folders, patterns (`courts/*.csv`,
+    `**`), bundled names and frames made of their files. What lies in `out` is none of them. Raises
+    ParameterError (`no-tables`).
     """
     if isinstance(data, Mapping):
         forms: dict[str, tuple[str, ...]] = {str(name): (str(name),) for name in data}
@@ -40,10 +43,16 @@ def named(data: Any, out: Path) -> dict[str, Any]:
         many = data if isinstance(data, list | tuple | Iterator) else [data]
         found = [one for given in many for one in _expanded(given, out)]
         # `a.csv` and `./a.csv` are one table.
-        own = {os.path.abspath(one) if isinstance(one, str) else f"{k}": one for k, one in enumerate(found)}  # noqa: PTH100
-        sources, forms = own, _forms(own)
+        sources = {
+            os.path.abspath(one) if isinstance(one, str) else f"{k}": one  # noqa: PTH100
+            for k, one in enumerate(found)
+        }
+        forms = _forms(sources)
     if not sources:
-        raise ParameterError("batch: no table was given; expected files, folders or patterns", "no-tables")
+        raise ParameterError(
+            "batch: no table was given; expected files, folders or patterns",
+            "no-tables",
+        )
     return {name: sources[key] for key, name in _alone(forms).items()}
 
 
@@ -62,7 +71,10 @@ def _expanded(given: Any, out: Path) -> Iterator[Any]:
     kept = [one for one in inside if one.suffix.lower() in ENDINGS and one.is_file()]
     kept = [one for one in kept if not one.absolute().is_relative_to(out.absolute())]
     if not kept:
-        raise ParameterError(f"{text}: no table there; names of tables end with {', '.join(ENDINGS)}", "no-tables")
+        raise ParameterError(
+            f"{text}: no table there; names of tables end with {', '.join(ENDINGS)}",
+            "no-tables",
+        )
     yield from map(str, kept)
 
 
@@ -73,20 +85,27 @@ def _forms(sources: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     forms: dict[str, tuple[str, ...]] = {}
     for key, one in sources.items():
         if isinstance(one, str):
-            file, sheet = Path(files[key]), file_and_sheet(key)[1]
+            file = Path(files[key])
+            sheet = file_and_sheet(key)[1]
             whole = "-".join(file.relative_to(common).parts)
             forms[key] = tuple(
-                f"{name}-{sheet}" if sheet else name for name in (file.stem, whole.removesuffix(file.suffix), whole)
+                f"{name}-{sheet}" if sheet else name
+                for name in (file.stem, whole.removesuffix(file.suffix), whole)
             )
         else:
-            own = one.name if isinstance(one, ImpactTable) else getattr(one, "attrs", {}).get("name", "table")
+            own = (
+                one.name
+                if isinstance(one, ImpactTable)
+                else getattr(one, "attrs", {}).get("name", "table")
+            )
             forms[key] = (str(own), f"{own}-{int(key) + 1}")
     return forms
 
 
 def _alone(forms: Mapping[str, Sequence[str]]) -> dict[str, str]:
     """A safe name for each, no two the same on any file system."""
-    names, rest = dict[str, str](), dict(forms)
+    names = dict[str, str]()
+    rest = dict(forms)
     for step in range(1 + max(map(len, forms.values()))):
         tried = {
             key: safe(own[step])
@@ -103,7 +122,9 @@ def _alone(forms: Mapping[str, Sequence[str]]) -> dict[str, str]:
 
 
 def safe(name: str) -> str:
-    """A name that is that of a folder everywhere: letters, digits, blanks and `_+=-()` of any script."""
+    """A name that is that of a folder everywhere: letters, digits, blanks and `_+=-()` of any
+    script.
+    """
     kept = re.sub(r"[^\w +=()-]", "_", unicodedata.normalize("NFC", name)).strip()
     kept = kept.encode()[:_LONGEST].decode(errors="ignore").strip() or "table"
     return f"{kept}_" if _DEVICE.fullmatch(kept) else kept

@@ -1,4 +1,4 @@
-"""Room: speed against error of one bounce, on hard cases as data. Imports: report, models, base."""
+"""Room: speed against error of one bounce, on hard cases as data."""
 
 import math
 import time
@@ -15,18 +15,25 @@ if TYPE_CHECKING:
     from fitball.models.model import Model
 
 # Rounds in which all rivals take turns, and seconds of a turn at least. Draws of a large batch.
-ROUNDS, TURN, DRAWS = 5, 2e-3, 200
+ROUNDS = 5
+TURN = 2e-3
+DRAWS = 200
 STEPS = {4: (5, 10, 20, 50, 100, 200, 400, 1600), 8: (5, 10, 20, 40, 80)}
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
-OURS, ONE, HARD = "fitball, many draws", "fitball, one call a bounce", "hard cases"
+OURS = "fitball, many draws"
+ONE = "fitball, one call a bounce"
+HARD = "hard cases"
 FIXED = {4: "RK4, compiled, events located", 8: "order 8, compiled, events located"}
-# Longest steps of `solve_ivp` as a share of the contact: as it is called, and stepping over no grip.
+# Longest steps of `solve_ivp` as a share of the contact: as it is called, and stepping over no
+# grip.
 ADAPTIVE = {"solve_ivp RK45": ("RK45", math.inf), "solve_ivp DOP853, short steps": ("DOP853", 0.05)}
 Solve = Callable[[], FloatArray]
 
 
 class Scene(NamedTuple):
-    """Impacts with their exact rebounds `v_x2`, `omega_2` (impacts, 2), of one set of parameters or of many."""
+    """Impacts with their exact rebounds `v_x2`, `omega_2` (impacts, 2), of one set of parameters or
+    of many.
+    """
 
     rows: DataFrame
     impacts: Impacts
@@ -41,16 +48,22 @@ class Scene(NamedTuple):
         return chosen, {spec.name: float(row[spec.name]) for spec in chosen.parameters}
 
     def errors(self, found: FloatArray) -> FloatArray:
-        """Error of velocity, or of the speed of the surface, over the incident speed of the surface, (impacts,)."""
+        """Error of velocity, or of the speed of the surface, over the incident speed of the
+        surface, (impacts,).
+        """
         import numpy as np
 
         radius = self.model(0)[0].ball.radius
-        speed = np.hypot(self.impacts.v_x1, self.impacts.v_y1) + radius * np.abs(self.impacts.omega_1)
+        speed = np.hypot(self.impacts.v_x1, self.impacts.v_y1) + radius * np.abs(
+            self.impacts.omega_1
+        )
         return np.asarray((np.abs(found - self.exact) * (1.0, radius)).max(axis=1) / speed)
 
 
 def scenes() -> dict[str, Scene]:
-    """Wang's 21 impacts, three kinds of contact, and cases that are hard; answers of fifty digits."""
+    """Wang's 21 impacts, three kinds of contact, and cases that are hard; answers of fifty
+    digits.
+    """
     import pandas as pd
 
     from fitball.data.bundled import folder
@@ -65,8 +78,8 @@ def scenes() -> dict[str, Scene]:
 
 
 def solvers(name: str, scene: Scene) -> Iterator[tuple[str, str, Solve, int]]:
-    """Name, setting, what solves every impact of a scene, and how many times over. Of the hard cases fitball alone:
-    explicit steps of any practical size diverge on joints of 1e8 N m/rad.
+    """Name, setting, what solves every impact of a scene, and how many times over. Of the hard
+    cases fitball alone: explicit steps of any practical size diverge on joints of 1e8 N m/rad.
     """
     import numpy as np
 
@@ -94,20 +107,27 @@ def solvers(name: str, scene: Scene) -> Iterator[tuple[str, str, Solve, int]]:
         return np.stack([made.v_x2[-1], made.omega_2[-1]], axis=1)
 
     yield OURS, "", many, DRAWS
-    call, given = chosen.kernel_call(kept[0][1]), scene.impacts
+    call = chosen.kernel_call(kept[0][1])
+    given = scene.impacts
     coming = zip(given.v_x1, given.v_y1, given.omega_1, strict=True)
     setups = np.array([rivals.set_up(np.array(call.row), call.flags, *state) for state in coming])
     for order, counts in STEPS.items():
         for steps in counts:
-            yield FIXED[order], f"{steps} steps", partial(rivals.fixed_steps, setups, order, steps), 1
+            yield (
+                FIXED[order],
+                f"{steps} steps",
+                partial(rivals.fixed_steps, setups, order, steps),
+                1,
+            )
     for rival, (method, most) in ADAPTIVE.items():
         for rtol in TOLERANCES:
             yield rival, f"rtol {rtol:g}", partial(rivals.adaptive, setups, method, rtol, most), 1
 
 
 def by_turns(actions: Mapping[str, Solve]) -> dict[str, float]:
-    """CPU seconds that one call of each takes: the least over the rounds, in each of which all have a turn. CPU time,
-    because the machine may do other things; the least, because these can only add to it.
+    """CPU seconds that one call of each takes: the least over the rounds, in each of which all have
+    a turn. CPU time, because the machine may do other things; the least, because these can only add
+    to it.
     """
     counts = {}
     for name, action in actions.items():
@@ -129,25 +149,38 @@ def _spent(action: Solve, count: int) -> float:
 
 
 def bench(progress: Progress) -> Frames:
-    """Frame `bench`: microseconds a bounce and error of each rival in each scene, least CPU time of turns."""
+    """Frame `bench`: microseconds a bounce and error of each rival in each scene, least CPU time of
+    turns.
+    """
     import numpy as np
     import pandas as pd
 
     from fitball.environment import threads
 
-    rows, known = [], scenes()
+    rows = []
+    known = scenes()
     with threads(1):
         for k, (name, scene) in enumerate(known.items()):
             progress(f"measuring: {name}", k / len(known))
-            made = {f"{rival}, {setting}": (rival, setting, solve, times) for rival, setting, solve, times in
-                    solvers(name, scene)}  # fmt: skip
+            made = {
+                f"{rival}, {setting}": (rival, setting, solve, times)
+                for rival, setting, solve, times in solvers(name, scene)
+            }
             spent = by_turns({key: solve for key, (_, _, solve, _) in made.items()})
             for key, (rival, setting, solve, times) in made.items():
                 errors = scene.errors(solve())
-                rows.append({
-                    "scene": name, "solver": rival, "setting": setting,
-                    "microseconds": 1e6 * spent[key] / (len(errors) * times),
-                    "largest_error": float(errors.max()), "median_error": float(np.median(errors)),
-                })  # fmt: skip
-    note = Note("timings", "Times are CPU times on this machine, the least of several turns; only ratios carry over.")
+                rows.append(
+                    {
+                        "scene": name,
+                        "solver": rival,
+                        "setting": setting,
+                        "microseconds": 1e6 * spent[key] / (len(errors) * times),
+                        "largest_error": float(errors.max()),
+                        "median_error": float(np.median(errors)),
+                    }
+                )
+    note = Note(
+        "timings",
+        "Times are CPU times on this machine, the least of several turns; only ratios carry over.",
+    )
     return Frames("bench.page", {"bench": pd.DataFrame(rows)}, (note,))

@@ -1,6 +1,7 @@
-"""Files that come with the package: tables, films, printed tables, published priors. Imports: priors, base.
+"""Files that come with the package: tables, films, printed tables, published priors.
 
-`datasets/thesis` has tables of Jafri (2004) as printed, `datasets/literature/priors.csv` priors with their sources.
+`datasets/thesis` has tables of Jafri (2004) as printed, `datasets/literature/priors.csv` priors
+with their sources.
 """
 
 import csv
@@ -37,10 +38,11 @@ def descriptions(kind: str = "") -> dict[str, str]:
 
 
 def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
-    """The file that a path, or the name of a bundled table (of kind "tracks": film), means; a path that exists wins.
-    Raises FolderError (`not-found`).
+    """The file that a path, or the name of a bundled table (of kind "tracks": film), means; a path
+    that exists wins. Raises FolderError (`not-found`).
     """
-    path, text = Path(source), os.fspath(source)
+    path = Path(source)
+    text = os.fspath(source)
     # Unlike those of Path, these answer for a name too long for the system. Pipes are files here.
     is_folder = os.path.isdir(text)  # noqa: PTH112
     if os.path.exists(text) and not is_folder:  # noqa: PTH110
@@ -51,11 +53,16 @@ def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
     fault = "a folder, no file" if is_folder else "no such file"
     fits = sorted(path.glob("*/fit.json")) if is_folder else []
     hint = f"did you mean the fit {fits[0].parent}?" if fits else suggestion(path.stem, known)
-    raise FolderError(f"{one_line(text)}: {fault}, and no bundled one of this name; {hint}", "not-found")
+    raise FolderError(
+        f"{one_line(text)}: {fault}, and no bundled one of this name; {hint}",
+        "not-found",
+    )
 
 
 def printed(name: str) -> DataFrame:
-    """A printed table of Jafri (2004) such as `appendix_c`; a column with any text, such as 2/3, is one of texts."""
+    """A printed table of Jafri (2004) such as `appendix_c`; a column with any text, such as 2/3, is
+    one of texts.
+    """
     import pandas as pd
 
     return pd.read_csv(folder() / "thesis" / f"{name}.csv", na_filter=False)
@@ -63,15 +70,18 @@ def printed(name: str) -> DataFrame:
 
 @cache
 def published() -> tuple[Mapping[str, str], ...]:
-    """Published priors: parameter, key, distribution, value [SI] and sd (of a lognormal the median and the sd of the
-    logarithm, of a half-t scale and freedom), source, and a note on what the value and its width are.
+    """Published priors: parameter, key, distribution, value [SI] and sd (of a lognormal the median
+    and the sd of the logarithm, of a half-t scale and freedom), source, and a note on what the
+    value and its width are.
     """
     with (folder() / "literature" / "priors.csv").open(encoding="utf-8", newline="") as file:
         return tuple(csv.DictReader(file))
 
 
 def published_prior(spec: ParameterSpec, key: str) -> Prior:
-    """`literature:KEY` for a parameter or a spread, with its source. Raises ParameterError (`unknown-key`)."""
+    """`literature:KEY` for a parameter or a spread, with its source. Raises ParameterError
+    (`unknown-key`).
+    """
     wanted = key.strip().removeprefix(PUBLISHED).strip().casefold()
     rows = {row["key"]: row for row in published() if row["parameter"] == spec.name}
     if wanted not in rows:

@@ -1,7 +1,8 @@
-"""What cannot be: missing columns, limits, signs, contradictions, energy gained by 5 sd. Imports: kinematics, base.
+"""What cannot be: missing columns, limits, signs, contradictions, energy gained by 5 sd.
 
-Each check adds faults to `Cells`, by row and column. Numbers are by column, `NAME_sd` among them, (rows,) in SI, NaN
-where nothing was measured, so that no check sees a gap. `units` are symbols by column as in the file.
+Each check adds faults to `Cells`, by row and column. Numbers are by column, `NAME_sd` among them,
+(rows,) in SI, NaN where nothing was measured, so that no check sees a gap. `units` are symbols by
+column as in the file.
 """
 
 from __future__ import annotations
@@ -21,14 +22,18 @@ from fitball.values import Ball, FloatArray
 Numbers = Mapping[str, FloatArray]
 Units = Mapping[str, str]
 
-# Columns that determine an incident velocity; columns that tables which count along a fixed axis have all negative.
+# Columns that determine an incident velocity; columns that tables which count along a fixed axis
+# have all negative.
 INCIDENCES = (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
 _ONE_SIGN = ("v_y2", "theta_1", "theta_2")
-# Shares of the speed, or of the angle, by which columns that say the same may differ, and may not: tables print means
-# of repeated throws, and a mean of speeds exceeds the speed of the mean by half the squared relative scatter across
-# it (0.5 % for a scatter of 10 %); no averaging or misprint of a late digit makes a fifth.
-_NOTED, _GROSS = 0.01, 0.2
-# Sds of the noise by which no row is above what is possible: by chance one of three million on the bound.
+# Shares of the speed, or of the angle, by which columns that say the same may differ, and may not:
+# tables print means of repeated throws, and a mean of speeds exceeds the speed of the mean by half
+# the squared relative scatter across it (0.5 % for a scatter of 10 %); no averaging or misprint of
+# a late digit makes a fifth.
+_NOTED = 0.01
+_GROSS = 0.2
+# Sds of the noise by which no row is above what is possible: by chance one of three million on the
+# bound.
 _SDS = 5.0
 
 
@@ -39,10 +44,22 @@ def shown(name: str, value: float, units: Units) -> str:
     return f"{value / factor_of(unit, si):.5g} {unit}"
 
 
-def missing_columns(cells: Cells, present: Collection[str], guesses: Mapping[str, str], rebound: bool) -> None:
-    """Faults of columns that are needed and not `present`; `guesses` are those of other names that may be meant."""
-    incident, option = counted(present, "1"), ",".join(f"{ours}={theirs}" for ours, theirs in guesses.items())
-    meant = f': did you mean --columns "{option}"?' if guesses else f" (columns: {listed(cells.names, most=20)})"
+def missing_columns(
+    cells: Cells,
+    present: Collection[str],
+    guesses: Mapping[str, str],
+    rebound: bool,
+) -> None:
+    """Faults of columns that are needed and not `present`; `guesses` are those of other names that
+    may be meant.
+    """
+    incident = counted(present, "1")
+    option = ",".join(f"{ours}={theirs}" for ours, theirs in guesses.items())
+    meant = (
+        f': did you mean --columns "{option}"?'
+        if guesses
+        else f" (columns: {listed(cells.names, most=20)})"
+    )
     if incident not in INCIDENCES:
         read = f"read {listed(incident) or 'no incident velocity'}"
         forms = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
@@ -50,26 +67,39 @@ def missing_columns(cells: Cells, present: Collection[str], guesses: Mapping[str
         meant = ""
     elif incident == ("v_y1",):
         for name in [name for name in REBOUND if name in present and COLUMNS[name].tangential]:
-            expected = "expected a column v_x1 (zeros if the ball was dropped; a rebound speed straight up is v_y2)"
-            cells.fault("no-incident-motion", f"motion along the court after the impact only; {expected}", name)
+            expected = (
+                "expected a column v_x1 (zeros if the ball was dropped; a rebound speed "
+                "straight up is v_y2)"
+            )
+            cells.fault(
+                "no-incident-motion",
+                f"motion along the court after the impact only; {expected}",
+                name,
+            )
     if rebound and not {*REBOUND} & {*present}:
-        cells.fault("no-rebound", f"no rebound column; expected one of {listed(REBOUND, 'or', 20)}{meant}")
+        cells.fault(
+            "no-rebound",
+            f"no rebound column; expected one of {listed(REBOUND, 'or', 20)}{meant}",
+        )
     if "omega_2" in present and "omega_1" not in present:
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
 
 
 def one_sign(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
-    """The numbers with v_y2 and angles counted positive: turned where they are negative throughout; faults of the
-    rows whose sign is that of fewer.
+    """The numbers with v_y2 and angles counted positive: turned where they are negative throughout;
+    faults of the rows whose sign is that of fewer.
     """
     turned = dict(numbers)
     for name in [name for name in _ONE_SIGN if name in numbers and (numbers[name] < 0.0).any()]:
-        negative, positive = numbers[name] < 0.0, numbers[name] > 0.0
+        negative = numbers[name] < 0.0
+        positive = numbers[name] > 0.0
         turned[name] = np.abs(numbers[name])
         if not positive.any():
             cells.note("turned", f"{name} is negative in every row: its sign was changed")
             continue
-        odd, others = (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
+        odd, others = (
+            (negative, "positive") if negative.sum() <= positive.sum() else (positive, "negative")
+        )
         for k in np.flatnonzero(odd).tolist():
             read = f"read {shown(name, float(numbers[name][k]), units)}, but most rows are {others}"
             cells.fault("mixed-signs", f"{read}; expected one sign in all rows", name, k)
@@ -87,50 +117,86 @@ def limits(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArray
         unit = column.shown
         ends = f"{low * unit.factor:.4g} to {high * unit.factor:.4g} {unit.name}"
         for k in np.flatnonzero(bad).tolist():
-            read = f"read {shown(name, float(values[k]), units)}; expected {'more than ' * (low == 0.0)}{ends}"
+            read = (
+                f"read {shown(name, float(values[k]), units)}; expected "
+                f"{'more than ' * (low == 0.0)}{ends}"
+            )
             cells.fault("out-of-limits", f"{read}: check the unit and the sign", name, k)
         within[name] = np.where(bad, np.nan, values)
     return within
 
 
 def deviations(cells: Cells, numbers: Numbers) -> None:
-    """Faults of deviations without their column, and of measured cells without one in a column that states them."""
+    """Faults of deviations without their column, and of measured cells without one in a column that
+    states them.
+    """
     for name in [name for name in numbers if name.endswith("_sd")]:
         value = name.removesuffix("_sd")
         if value not in numbers:
-            cells.fault("sd-without-column", f"standard deviation of {value}, but there is no such column", name)
+            cells.fault(
+                "sd-without-column",
+                f"standard deviation of {value}, but there is no such column",
+                name,
+            )
             continue
         for k in np.flatnonzero(np.isnan(numbers[name]) & ~np.isnan(numbers[value])).tolist():
-            cells.fault("no-sd", f"no sd of {value}; expected one in every measured row or in none", name, k)
+            cells.fault(
+                "no-sd",
+                f"no sd of {value}; expected one in every measured row or in none",
+                name,
+                k,
+            )
 
 
 def redundant(cells: Cells, numbers: Numbers, units: Units) -> None:
     """Faults and notes of velocity columns that contradict those which count, row by row."""
     for end in "12":
         names = counted(numbers, end)
-        said, basis = velocity({name: numbers[name] for name in names}, end), listed(names)
+        said = velocity({name: numbers[name] for name in names}, end)
+        basis = listed(names)
         for name in [name for name in said if name in numbers and name not in names]:
             scale = np.abs(said[name] if name.startswith("theta") else said[f"v_{end}"])
             share = np.abs(numbers[name] - said[name]) / np.maximum(scale, 1e-12)
             for k in np.flatnonzero(share > _GROSS).tolist():
-                read, given = (shown(name, float(column[name][k]), units) for column in (numbers, said))
-                words = f"read {read}, but {basis} give {given}; expected agreement: check the units and the row"
-                cells.fault("contradiction", f"{words}, or leave the column out (--ignore {name})", name, k)
+                read, given = (
+                    shown(name, float(column[name][k]), units) for column in (numbers, said)
+                )
+                words = (
+                    f"read {read}, but {basis} give {given}; expected agreement: check the "
+                    "units and the row"
+                )
+                cells.fault(
+                    "contradiction",
+                    f"{words}, or leave the column out (--ignore {name})",
+                    name,
+                    k,
+                )
             if (rows := np.flatnonzero((share > _NOTED) & (share <= _GROSS))).size:
                 named = f"row{'s' * (rows.size > 1)} {listed(cells.rows[rows].astype(str))}"
                 where = f"{100.0 * float(share[rows].max()):.2g} % ({named})"
-                cells.note("disagreement", f"{name} differs from {basis} by up to {where}; {basis} are used")
+                cells.note(
+                    "disagreement",
+                    f"{name} differs from {basis} by up to {where}; {basis} are used",
+                )
             if f"{name}_sd" in numbers:
                 cells.note("sd-not-used", f"{name}_sd is not used: {basis} are")
 
 
-def energy(cells: Cells, numbers: Numbers, units: Units, ball: Ball, noise: Mapping[str, float]) -> None:
-    """Faults of rows that rebound faster, or with more energy, than they came, by 5 sd of the stated or expected
-    `noise` [SI, by column]. What was not measured of the rebound counts as zero.
+def energy(
+    cells: Cells,
+    numbers: Numbers,
+    units: Units,
+    ball: Ball,
+    noise: Mapping[str, float],
+) -> None:
+    """Faults of rows that rebound faster, or with more energy, than they came, by 5 sd of the
+    stated or expected `noise` [SI, by column]. What was not measured of the rebound counts as zero.
     """
     used = [*counted(numbers, "1"), *counted(numbers, "2"), "omega_1", "omega_2"]
     used = [name for name in used if name in numbers]
-    known = {name: np.nan_to_num(numbers[name]) if name.endswith("2") else numbers[name] for name in used}
+    known = {
+        name: np.nan_to_num(numbers[name]) if name.endswith("2") else numbers[name] for name in used
+    }
     results, slope = slopes(lambda columns: _gains(columns, ball), known)
     variance = np.zeros(slope.shape[:2])
     for k, name in enumerate(used):
@@ -140,21 +206,45 @@ def energy(cells: Cells, numbers: Numbers, units: Units, ball: Ball, noise: Mapp
     # Where a slope is not finite nothing is known, and no comparison holds.
     for code, gain, sds in zip(results, results.values(), np.sqrt(variance).T, strict=True):
         above = (gain > _SDS * sds) & ~blamed
-        column = next((name for name in ("v_y2", "v_2") if name in known), None) if code == "restitution" else None
+        column = (
+            next((name for name in ("v_y2", "v_2") if name in known), None)
+            if code == "restitution"
+            else None
+        )
         blamed |= above
         for k in np.flatnonzero(above).tolist():
-            read = listed((f"{name} = {shown(name, float(known[name][k]), units)}" for name in used), most=8)
+            read = listed(
+                (f"{name} = {shown(name, float(known[name][k]), units)}" for name in used),
+                most=8,
+            )
             gained = "v_y2 exceeds v_y1" if code == "restitution" else "the ball gains energy"
             size = Unit("").number(gain[k] / sds[k], 2)
-            words = f"{gained} by {size} sd of the noise: {read}; expected a loss: look for swapped columns and"
-            cells.fault(code, f"{words} other units, or state ball and noise in the scene", column, k)
+            words = (
+                f"{gained} by {size} sd of the noise: {read}; expected a loss: look for "
+                "swapped columns and"
+            )
+            cells.fault(
+                code,
+                f"{words} other units, or state ball and noise in the scene",
+                column,
+                k,
+            )
 
 
 def _gains(known: Columns, ball: Ball) -> Columns:
-    """By how much v_y2 exceeds v_y1 [m/s], and energy after energy before, over half the mass [m^2/s^2]."""
-    before, after = velocity(known, "1"), velocity(known, "2")
+    """By how much v_y2 exceeds v_y1 [m/s], and energy after energy before, over half the mass
+    [m^2/s^2].
+    """
+    before = velocity(known, "1")
+    after = velocity(known, "2")
     none = 0.0 * next(iter(known.values()))
     last = after.get("v_2", after.get("v_x2", after.get("v_y2", none)))
     spins = known.get("omega_2", none) ** 2 - known.get("omega_1", none) ** 2
-    gain = last**2 - before.get("v_1", before["v_y1"]) ** 2 + ball.inertia_ratio * ball.radius**2 * spins
-    return ({"restitution": after["v_y2"] - before["v_y1"]} if "v_y2" in after else {}) | {"energy": gain}
+    gain = (
+        last**2
+        - before.get("v_1", before["v_y1"]) ** 2
+        + ball.inertia_ratio * ball.radius**2 * spins
+    )
+    return ({"restitution": after["v_y2"] - before["v_y1"]} if "v_y2" in after else {}) | {
+        "energy": gain
+    }

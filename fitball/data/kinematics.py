@@ -1,7 +1,7 @@
-"""Speeds, angles, components: which columns count, propagated errors, balances without a model. Imports: base.
+"""Speeds, angles, components: which columns count, propagated errors, balances without a model.
 
-The angle is that between velocity and court, 0 to pi, above pi/2 when the ball moves backwards: v_x = v cos(theta),
-v_y = v sin(theta).
+The angle is that between velocity and court, 0 to pi, above pi/2 when the ball moves backwards: v_x
+= v cos(theta), v_y = v sin(theta).
 """
 
 from __future__ import annotations
@@ -20,23 +20,30 @@ if TYPE_CHECKING:
 # Arrays (impacts,) by name; complex ones where a step goes through.
 Columns: TypeAlias = Mapping[str, Any]
 
-# The derivative of an analytic function f is Im f(x + ih)/h without any difference (Squire and Trapp, SIAM Rev. 40
-# (1998) 110): the error is of order h^2, and a power of two multiplies exactly.
+# The derivative of an analytic function f is Im f(x + ih)/h without any difference (Squire and
+# Trapp, SIAM Rev. 40 (1998) 110): the error is of order h^2, and a power of two multiplies exactly.
 _STEP = 2.0**-100
 # Balances and their units.
 BALANCES: Mapping[str, str] = {
-    "cor": "", "mu_bar": "", "e_x": "", "offset": "m", "energy_lost": "J", "energy_fraction": "",
-}  # fmt: skip
+    "cor": "",
+    "mu_bar": "",
+    "e_x": "",
+    "offset": "m",
+    "energy_lost": "J",
+    "energy_fraction": "",
+}
 
 
 def counted(names: Iterable[str], end: str) -> tuple[str, ...]:
-    """The velocity columns of one `end` ("1" or "2") that count: at most two, components before polar.
+    """The velocity columns of one `end` ("1" or "2") that count: at most two, components before
+    polar.
 
-    With one component and both polar columns the polar pair counts: it always determines the velocity, while a
-    component and the angle or the speed need not.
+    With one component and both polar columns the polar pair counts: it always determines the
+    velocity, while a component and the angle or the speed need not.
     """
     present = set(names)
-    components, polar = (f"v_x{end}", f"v_y{end}"), (f"v_{end}", f"theta_{end}")
+    components = (f"v_x{end}", f"v_y{end}")
+    polar = (f"v_{end}", f"theta_{end}")
     for pair in (components, polar):
         if present.issuperset(pair):
             return pair
@@ -44,10 +51,11 @@ def counted(names: Iterable[str], end: str) -> tuple[str, ...]:
 
 
 def velocity(known: Columns, end: str) -> dict[str, FloatArray]:
-    """Of `v_x, v_y, v_, theta_` of one `end` those that its columns determine, `known` first; v_y is positive.
+    """Of `v_x, v_y, v_, theta_` of one `end` those that its columns determine, `known` first; v_y
+    is positive.
 
-    Analytic, so that complex steps pass. From v_y and the speed alone the sign of v_x stays open. What has no finite
-    value is NaN or infinite, without a warning.
+    Analytic, so that complex steps pass. From v_y and the speed alone the sign of v_x stays open.
+    What has no finite value is NaN or infinite, without a warning.
     """
     x, y, speed, angle = (known.get(f"{name}{end}") for name in ("v_x", "v_y", "v_", "theta_"))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -60,7 +68,8 @@ def velocity(known: Columns, end: str) -> dict[str, FloatArray]:
             if y is not None:
                 x = y / np.tan(angle)
             elif speed is not None:
-                x, y = speed * np.cos(angle), speed * np.sin(angle)
+                x = speed * np.cos(angle)
+                y = speed * np.sin(angle)
         if x is not None and y is not None:
             speed = np.sqrt(x**2 + y**2) if speed is None else speed
             angle = np.pi / 2 - np.arctan(x / y) if angle is None else angle
@@ -75,8 +84,8 @@ def state(known: Columns, count: int) -> dict[str, FloatArray]:
 
 
 def slopes(function: Callable[[Columns], Columns], values: Columns) -> tuple[Columns, FloatArray]:
-    """An analytic `function` of columns (impacts,), and its derivatives (impacts, results, columns), NaN where a
-    result is not finite.
+    """An analytic `function` of columns (impacts,), and its derivatives (impacts, results,
+    columns), NaN where a result is not finite.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         results = function(values)
@@ -90,30 +99,37 @@ def slopes(function: Callable[[Columns], Columns], values: Columns) -> tuple[Col
 
 
 def propagate(
-    function: Callable[[Columns], Columns], values: Columns, covariance: FloatArray
+    function: Callable[[Columns], Columns],
+    values: Columns,
+    covariance: FloatArray,
 ) -> tuple[Columns, FloatArray]:
-    """Results of an analytic function of columns, and their covariance (impacts, results, results) to first order
-    from that of the columns (impacts, columns, columns): JCGM 100:2008, Eq. 13.
+    """Results of an analytic function of columns, and their covariance (impacts, results, results)
+    to first order from that of the columns (impacts, columns, columns): JCGM 100:2008, Eq. 13.
     """
     results, slope = slopes(function, values)
     return results, slope @ covariance @ slope.swapaxes(-1, -2)
 
 
 def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None = None) -> DataFrame:
-    """What each impact says by conservation laws alone (index `id`), NaN where the columns do not determine it.
+    """What each impact says by conservation laws alone (index `id`), NaN where the columns do not
+    determine it.
 
-    `cor` is v_y2/v_y1; `mu_bar` the mean friction (v_x1 - v_x2)/(v_y1 + v_y2) (Jafri 2004, Eq. 65); `e_x` the
-    tangential restitution of the contact point; `offset` [m] the distance of the normal force ahead of the centre,
-    from angular momentum about the contact point; `energy_lost` [J], and its share of the incident energy.
+    `cor` is v_y2/v_y1; `mu_bar` the mean friction (v_x1 - v_x2)/(v_y1 + v_y2) (Jafri 2004, Eq. 65);
+    `e_x` the tangential restitution of the contact point; `offset` [m] the distance of the normal
+    force ahead of the centre, from angular momentum about the contact point; `energy_lost` [J], and
+    its share of the incident energy.
 
-    NAME_sd is propagated from the stated errors of the whole row with their correlations; `noise` are sds of rebound
-    columns that state none, without which what depends on them has no sd. The ball is exact.
+    NAME_sd is propagated from the stated errors of the whole row with their correlations; `noise`
+    are sds of rebound columns that state none, without which what depends on them has no sd. The
+    ball is exact.
     """
     import pandas as pd
 
     impacts = table.impacts
     rebound = [name for name in (*counted(table.values, "2"), "omega_2") if name in table.values]
-    values = {name: getattr(impacts, name) for name in STATE} | {name: table.values[name] for name in rebound}
+    values = {name: getattr(impacts, name) for name in STATE} | {
+        name: table.values[name] for name in rebound
+    }
     covariance = table.covariance(rebound)
     if covariance is None:
         covariance = np.zeros((len(impacts), len(values), len(values)))
@@ -122,7 +138,8 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
         if name in rebound and name not in table.sd:
             covariance[:, k, k] = (noise or {}).get(name, 0.0) ** 2
             unknown += [] if name in (noise or {}) else [k]
-    drop, spun = not table.shows("tangential"), table.shows("spin")
+    drop = not table.shows("tangential")
+    spun = table.shows("spin")
     results, slope = slopes(lambda known: _balances(known, ball, drop, spun), values)
     with np.errstate(invalid="ignore"):
         sds = np.sqrt(np.einsum("kri,kij,krj->rk", slope, covariance, slope))
@@ -130,7 +147,8 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
     sds[np.any(slope[:, :, unknown] != 0.0, axis=2).T] = np.nan
     frame: dict[str, FloatArray] = {}
     for name, unit in BALANCES.items():
-        bracket, column = f" [{unit}]" if unit else "", np.full(len(impacts), np.nan)
+        bracket = f" [{unit}]" if unit else ""
+        column = np.full(len(impacts), np.nan)
         sd = column
         if name in results:
             column = np.where(np.isfinite(results[name]), results[name], np.nan)
@@ -140,11 +158,15 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
 
 
 def _balances(known: Columns, ball: Ball, drop: bool, spun: bool) -> Columns:
-    """Balances of the rebound columns in `known`; a `drop` has no motion along the court, spin if `spun`."""
+    """Balances of the rebound columns in `known`; a `drop` has no motion along the court, spin if
+    `spun`.
+    """
     x_1, y_1, omega_1 = (known[name] for name in STATE)
-    after, omega_2 = velocity(known, "2"), known.get("omega_2")
+    after = velocity(known, "2")
+    omega_2 = known.get("omega_2")
     x_2, y_2, speed = (after.get(name) for name in ("v_x2", "v_y2", "v_2"))
-    inertia, found = ball.inertia_ratio * ball.mass * ball.radius**2, {}
+    inertia = ball.inertia_ratio * ball.mass * ball.radius**2
+    found = {}
     if y_2 is not None:
         found["cor"] = y_2 / y_1
     if x_2 is not None and not drop:

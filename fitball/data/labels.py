@@ -1,9 +1,10 @@
-"""Label columns: what they name, and when two spellings are one. Imports: base."""
+"""Label columns: what they name, and when two spellings are one."""
 
 from collections.abc import Iterable
 
 _NAMES = {
-    "surface": "surface surfaces surfacetype court courts courttype courtsurface playingsurface floor",
+    "surface": "surface surfaces surfacetype court courts courttype courtsurface playingsurface "
+    "floor",
     "ball": "ball balls balltype ballid ballno ballnumber ballname ballbrand ballmodel",
     "place": "location locations place places position positions spot testlocation testposition",
     "session": "session sessions filmsession",
@@ -13,12 +14,16 @@ _ROLES = {name: role for role, names in _NAMES.items() for name in names.split()
 
 
 def role_of(column: str) -> str:
-    """What the labels of a column name: surface, ball, place, session, table, or "" where only the user knows."""
+    """What the labels of a column name: surface, ball, place, session, table, or "" where only the
+    user knows.
+    """
     return _ROLES.get("".join(letter for letter in column.casefold() if letter not in " _-"), "")
 
 
 def spelled(label: str) -> str:
-    """What spellings of one label have in common: case and blanks. One rule for tables, new tables and `--level`."""
+    """What spellings of one label have in common: case and blanks. One rule for tables, new tables
+    and `--level`.
+    """
     return " ".join(label.casefold().split())
 
 

@@ -1,7 +1,8 @@
-"""The road from a source to a table, and what `check` returns. Imports: the rest of data, result, base.
+"""The road from a source to a table, and what `check` returns.
 
-Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> heights become speeds -> contradictions,
-energy -> gaps, labels -> `ImpactTable`. Faults are collected on the way and refused together.
+Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> heights become speeds ->
+contradictions, energy -> gaps, labels -> `ImpactTable`. Faults are collected on the way and refused
+together.
 """
 
 import os
@@ -38,13 +39,19 @@ Known: TypeAlias = dict[str, FloatArray]
 
 
 def load_table(
-    source: Source, *, scene: Scene | None = None, columns: Mapping[str, str] | None = None, flip: Names = (),
-    ignore: Names = (), rebound: bool = True,
-) -> ImpactTable:  # fmt: skip
-    """A table of impacts. The scene (default: beside the file) gives names, ignored columns and the ball; `columns`
-    our names to the file's, with the unit if the header has none; `ignore` names columns, `NAME_sd` or `corr`.
-    Without `rebound` incident columns suffice, and what is said of others concerns another table. Raises InputError
-    with every fault, FolderError (`not-found`), ParameterError (`unknown-column`, `not-a-table`).
+    source: Source,
+    *,
+    scene: Scene | None = None,
+    columns: Mapping[str, str] | None = None,
+    flip: Names = (),
+    ignore: Names = (),
+    rebound: bool = True,
+) -> ImpactTable:
+    """A table of impacts. The scene (default: beside the file) gives names, ignored columns and the
+    ball; `columns` our names to the file's, with the unit if the header has none; `ignore` names
+    columns, `NAME_sd` or `corr`. Without `rebound` incident columns suffice, and what is said of
+    others concerns another table. Raises InputError with every fault, FolderError (`not-found`),
+    ParameterError (`unknown-column`, `not-a-table`).
     """
     source, name = _found(source)
     scene = _scene(source) if scene is None else scene
@@ -53,10 +60,15 @@ def load_table(
     ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
     naming = Naming(columns)
     cells = read_cells(source, naming.worth, name)
-    header = read_header(cells, naming, () if rebound else (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS)))
+    header = read_header(
+        cells,
+        naming,
+        () if rebound else (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS)),
+    )
     if not rebound:
         flip, ignore = (
-            tuple(name for name in names if name in (*header.numbers, "corr")) for names in (flip, ignore)
+            tuple(name for name in names if name in (*header.numbers, "corr"))
+            for names in (flip, ignore)
         )
     units = header.units
     if rebound and isinstance(source, Path) and "corr" not in ignore:
@@ -65,7 +77,8 @@ def load_table(
     corr = {item[5:-1]: known.pop(item) for item in [*known] if item.startswith("corr(")}
     known, signs = _turned(cells, known, flip, units)
     checks.deviations(cells, known)
-    all_of_it, known = known, _speeds(cells, checks.limits(cells, known, units))
+    all_of_it = known
+    known = _speeds(cells, checks.limits(cells, known, units))
     measured = [item for item in known if item in COLUMNS]
     checks.missing_columns(cells, measured, header.guesses, rebound)
     if complete := counted(measured, "1") in checks.INCIDENCES:
@@ -73,10 +86,16 @@ def load_table(
         checks.energy(cells, known, units, scene.value(), _noises(scene))
     said_twice = {f"{item}{end}" for end in "12" for item in ("v_x", "v_y", "v_", "theta_")}
     said_twice -= {*counted(measured, "1"), *counted(measured, "2")}
-    values = {item: known[item] for item in (*INCIDENT, *REBOUND) if item in measured and item not in said_twice}
+    values = {
+        item: known[item]
+        for item in (*INCIDENT, *REBOUND)
+        if item in measured and item not in said_twice
+    }
     rows = _rows(cells, values, rebound)
     if cells.faults:
-        whole = {item: all_of_it.get(item, array) for item, array in values.items()} if complete else {}
+        whole = (
+            {item: all_of_it.get(item, array) for item, array in values.items()} if complete else {}
+        )
         cells.refuse([one.text for one in better_readings(whole, units, scene.value())])
     sds = {item: known[f"{item}_sd"] for item in values if f"{item}_sd" in known}
     sds = {item: np.where(np.isnan(values[item]), np.nan, sd)[rows] for item, sd in sds.items()}
@@ -86,7 +105,8 @@ def load_table(
     read = {"source": str(source) if isinstance(source, Path) else name, "sha256": cells.sha256}
     read |= {"columns": _pairs(naming.columns), "flip": ",".join(flip), "ignore": ",".join(ignore)}
     read |= {"units": _pairs({item: units[item] for item in values if item in units})}
-    values, labels = {item: array[rows] for item, array in values.items()}, _labels(cells, header, rows)
+    values = {item: array[rows] for item, array in values.items()}
+    labels = _labels(cells, header, rows)
     table = ImpactTable(name, values, sds, stated, labels, read=(read,))
     for row in rows[table.impossible()].tolist():
         cells.fault("impossible-correlations", "correlations that no errors can have", None, row)
@@ -95,17 +115,25 @@ def load_table(
 
 
 def _check_beside(cells: Cells, place: Path) -> None:
-    """A fault where the second edition would have read correlations of the table: without them its fit is another."""
+    """A fault where the second edition would have read correlations of the table: without them its
+    fit is another.
+    """
     beside = place.with_name(f"{place.stem}_covariance.csv")
     # Unlike that of Path, this answers for a name too long for the system.
     if os.path.exists(beside):  # noqa: PTH110
-        text = f"{beside.name} is there, which is not read: correlations stand in columns corr(a,b) of the table"
-        cells.fault("covariance-file", f"{text}; add them, or leave them out with --ignore corr (ignore=)")
+        text = (
+            f"{beside.name} is there, which is not read: correlations stand in columns "
+            "corr(a,b) of the table"
+        )
+        cells.fault(
+            "covariance-file",
+            f"{text}; add them, or leave them out with --ignore corr (ignore=)",
+        )
 
 
 def reading_of(table: ImpactTable) -> dict[str, Any]:
-    """How a table was read, as arguments of `load_table`: new impacts are read like those of the fit, in its units
-    where they have none.
+    """How a table was read, as arguments of `load_table`: new impacts are read like those of the
+    fit, in its units where they have none.
     """
     first = table.read[0] if table.read else {}
     units, columns = (
@@ -124,7 +152,11 @@ def _pairs(items: Mapping[str, str]) -> str:
 
 def _names(given: Any) -> tuple[str, ...]:
     """Names of an option: A,B or a sequence."""
-    return tuple(dict.fromkeys(map(str.strip, given.split(",") if isinstance(given, str) and given else given)))
+    return tuple(
+        dict.fromkeys(
+            map(str.strip, given.split(",") if isinstance(given, str) and given else given)
+        )
+    )
 
 
 def _found(source: Source) -> tuple[Source, str]:
@@ -133,7 +165,10 @@ def _found(source: Source) -> tuple[Source, str]:
         return source, str(getattr(source, "attrs", {}).get("name", "table"))
     if not isinstance(source, str | Path):
         read = f"read a table of type {type(source).__name__}"
-        raise ParameterError(f"{read}; expected a file, a data frame, or columns by name", "not-a-table")
+        raise ParameterError(
+            f"{read}; expected a file, a data frame, or columns by name",
+            "not-a-table",
+        )
     file, sheet = file_and_sheet(str(source))
     place = place_of(file)
     return (Path(f"{place}#{sheet}"), f"{place.stem}-{sheet}") if sheet else (place, place.stem)
@@ -146,22 +181,36 @@ def _scene(source: Source, given: str | Path | None = None) -> Scene:
 
 
 def _known(cells: Cells, header: Header, ignore: Sequence[str]) -> Known:
-    """Numbers (rows,) in SI without what is ignored or empty. Raises ParameterError (`unknown-column`)."""
+    """Numbers (rows,) in SI without what is ignored or empty. Raises ParameterError
+    (`unknown-column`).
+    """
 
     def used(name: str) -> bool:
-        parts = ["corr", *name[5:-1].split(",")] if name.startswith("corr(") else [name, name.removesuffix("_sd")]
+        parts = (
+            ["corr", *name[5:-1].split(",")]
+            if name.startswith("corr(")
+            else [name, name.removesuffix("_sd")]
+        )
         return {*parts}.isdisjoint(ignore)
 
     written = numbers(cells, {name: place for name, place in header.numbers.items() if used(name)})
     for name in {*ignore} - {"corr", *header.numbers, *written}:
         hint = suggestion(name, header.numbers)
-        raise ParameterError(f"ignore: {cells.source} has no column '{name}'; {hint}", "unknown-column")
+        raise ParameterError(
+            f"ignore: {cells.source} has no column '{name}'; {hint}",
+            "unknown-column",
+        )
     if ignore:
         cells.note("ignored", f"not used, as requested: {listed(ignore)}")
-    factors = {name: header.factors.get(name) or header.factors[name.removesuffix("_sd")] for name in written}
+    factors = {
+        name: header.factors.get(name) or header.factors[name.removesuffix("_sd")]
+        for name in written
+    }
     known = {name: values * factors[name] for name, values in written.items() if used(name)}
     spared = {fault.column for fault in cells.faults}
-    empty = [name for name, values in known.items() if np.isnan(values).all() and name not in spared]
+    empty = [
+        name for name, values in known.items() if np.isnan(values).all() and name not in spared
+    ]
     for name in empty if len(cells.rows) else []:
         cells.note("empty-column", f"{name} has no numbers: read as if it were not there")
         del known[name]
@@ -169,58 +218,86 @@ def _known(cells: Cells, header: Header, ignore: Sequence[str]) -> Known:
 
 
 def _turned(
-    cells: Cells, known: Known, flip: Sequence[str], units: Mapping[str, str]
+    cells: Cells,
+    known: Known,
+    flip: Sequence[str],
+    units: Mapping[str, str],
 ) -> tuple[Known, dict[str, float]]:
-    """Numbers counted as we count, and the sign by which errors of a column turn with it. Raises ParameterError
-    (`unknown-column`).
+    """Numbers counted as we count, and the sign by which errors of a column turn with it. Raises
+    ParameterError (`unknown-column`).
     """
-    flipped, can = dict(known), [name for name in known if name in COLUMNS and COLUMNS[name].opposite]
+    flipped = dict(known)
+    can = [name for name in known if name in COLUMNS and COLUMNS[name].opposite]
     for name in flip:
         if name not in can:
             words = f"flip: {cells.source} has no column '{name}' to flip; {suggestion(name, can)}"
             raise ParameterError(words, "unknown-column")
-        flipped[name] = -known[name] if COLUMNS[name].opposite == "negated" else np.pi / 2.0 - known[name]
+        flipped[name] = (
+            -known[name] if COLUMNS[name].opposite == "negated" else np.pi / 2.0 - known[name]
+        )
         cells.note("flipped", f"{name} is read {COLUMNS[name].opposite}, as requested")
-    turned, signs = checks.one_sign(cells, flipped, units), dict.fromkeys(flip, -1.0)
-    return turned, signs | {name: -signs.get(name, 1.0) for name in known if turned[name] is not flipped[name]}
+    turned = checks.one_sign(cells, flipped, units)
+    signs = dict.fromkeys(flip, -1.0)
+    return turned, signs | {
+        name: -signs.get(name, 1.0) for name in known if turned[name] is not flipped[name]
+    }
 
 
 def _speeds(cells: Cells, known: Known) -> Known:
     """Speeds of free fall, v = sqrt(2 g h), for heights; their sds to first order."""
     made = dict(known)
     for name, speed in zip(HEIGHTS, ("v_y1", "v_y2"), strict=True):
-        height, sd = made.pop(name, None), made.pop(f"{name}_sd", None)
+        height = made.pop(name, None)
+        sd = made.pop(f"{name}_sd", None)
         if height is not None and speed in known:
-            cells.fault("height-and-speed", f"says the same as {speed}: leave one of them out (--ignore)", name)
+            cells.fault(
+                "height-and-speed",
+                f"says the same as {speed}: leave one of them out (--ignore)",
+                name,
+            )
         elif height is not None:
             made[speed] = np.sqrt(2.0 * GRAVITY * np.abs(height))
             made |= {} if sd is None else {f"{speed}_sd": GRAVITY * sd / made[speed]}
-            cells.note("heights", f"{name}: {speed} = sqrt(2 g h), without air drag, h at the bottom of the ball")
+            cells.note(
+                "heights",
+                f"{name}: {speed} = sqrt(2 g h), without air drag, h at the bottom of the ball",
+            )
     return made
 
 
 def _noises(scene: Scene) -> dict[str, float]:
-    """Noise of rebound columns [SI] that state no errors: what the scene says, else the median of its prior."""
+    """Noise of rebound columns [SI] that state no errors: what the scene says, else the median of
+    its prior.
+    """
     found = {}
     for name, spec in [(name, COLUMNS[name].noise) for name in REBOUND]:
         if spec is not None:
             names = [spec.name, *(["velocity_sd"] if spec.unit == "m/s" else [])]
-            said = [scene.measurement.get(f"{prefix}{one}") for one in names for prefix in ("", "nominal_")]
+            said = [
+                scene.measurement.get(f"{prefix}{one}")
+                for one in names
+                for prefix in ("", "nominal_")
+            ]
             stated = [one for one in said if isinstance(one, float | int)]
             found[name] = stated[0] if stated else float(np.exp(parse_prior(spec).location))
     return found
 
 
 def _rows(cells: Cells, values: Known, rebound: bool) -> IntArray:
-    """Places of the rows of which the incident state and, with `rebound`, something of the rebound is known; a note
-    on the others, a fault (`few-rows`) where fewer than two are left: one does not determine its noise.
+    """Places of the rows of which the incident state and, with `rebound`, something of the rebound
+    is known; a note on the others, a fault (`few-rows`) where fewer than two are left: one does not
+    determine its noise.
     """
     gaps = {name: np.isnan(array) for name, array in values.items()}
     unusable = np.any([gaps[name] for name in gaps if name in INCIDENT] or [cells.rows < 0], axis=0)
     if rebound and (after := [gaps[name] for name in gaps if name in REBOUND]):
         unusable |= np.all(after, axis=0)
-    kept, least = np.flatnonzero(~unusable), 1 + rebound
-    why = f"rows without incident state or rebound: {listed(cells.rows[unusable].astype(str)) or 'none'}"
+    kept = np.flatnonzero(~unusable)
+    least = 1 + rebound
+    why = (
+        "rows without incident state or rebound: "
+        f"{listed(cells.rows[unusable].astype(str)) or 'none'}"
+    )
     if len(kept) < least and not cells.faults:
         cells.fault("few-rows", f"{len(kept)} rows can be used; expected at least {least} ({why})")
     elif unusable.any():
@@ -229,7 +306,9 @@ def _rows(cells: Cells, values: Known, rebound: bool) -> IntArray:
 
 
 def _labels(cells: Cells, header: Header, rows: IntArray) -> dict[str, tuple[str, ...]]:
-    """Texts by column, `id` first: unique, by default the number of the row; others in one spelling."""
+    """Texts by column, `id` first: unique, by default the number of the row; others in one
+    spelling.
+    """
     written = {name: cells.text(place) for name, place in header.labels.items()}
     texts = {name: [column[row] for row in rows.tolist()] for name, column in written.items()}
     numbered = cells.rows[rows].astype(str).tolist()
@@ -240,55 +319,79 @@ def _labels(cells: Cells, header: Header, rows: IntArray) -> dict[str, tuple[str
     for name, column in texts.items():
         found[name] = first_spelled(column)
         pairs = zip(column, found[name], strict=True)
-        if other := dict.fromkeys(f"'{one.strip()}' as '{first}'" for one, first in pairs if one.strip() != first):
+        if other := dict.fromkeys(
+            f"'{one.strip()}' as '{first}'" for one, first in pairs if one.strip() != first
+        ):
             cells.note("spellings", f"{name}: {listed(other)}")
     return found
 
 
 def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
-    """Ids; of those that are empty or repeated with the number of the row, which all are where that is not enough."""
+    """Ids; of those that are empty or repeated with the number of the row, which all are where that
+    is not enough.
+    """
     count = Counter(ids)
     pairs = zip(ids, numbered, strict=True)
-    made = [one if one and count[one] == 1 else f"{one} ({number})".strip() for one, number in pairs]
+    made = [
+        one if one and count[one] == 1 else f"{one} ({number})".strip() for one, number in pairs
+    ]
     return made if len({*made}) == len(made) else [*numbered]
 
 
 def load_data(
     sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
 ) -> tuple[ImpactTable, Scene]:
-    """What every fit begins with: one or several tables joined, the scene given or beside the first, doubts refused
-    (InputError `misread`) or, `as_read`, noted. Scenes of further tables must name the same ball (`scenes-differ`).
-    Raises ParameterError (`no-data`) without any.
+    """What every fit begins with: one or several tables joined, the scene given or beside the
+    first, doubts refused (InputError `misread`) or, `as_read`, noted. Scenes of further tables must
+    name the same ball (`scenes-differ`). Raises ParameterError (`no-data`) without any.
     """
     read = [_read(source, scene, reading) for source in _several(sources)]
     if not read:
-        raise ParameterError("no table was given; expected files, data frames, or names of bundled ones", "no-data")
-    known, notes = read[0][1], list[Note]()
+        raise ParameterError(
+            "no table was given; expected files, data frames, or names of bundled ones",
+            "no-data",
+        )
+    known = read[0][1]
+    notes = list[Note]()
     for table, own in read:
         if own.ball != known.ball:
-            words = "the scene beside this table names another ball than that of the first; expected one ball"
-            raise InputError(table.name, [Fault("scenes-differ", f"{words}, or one scene for all (--scene)")])
+            words = (
+                "the scene beside this table names another ball than that of the first; "
+                "expected one ball"
+            )
+            raise InputError(
+                table.name,
+                [Fault("scenes-differ", f"{words}, or one scene for all (--scene)")],
+            )
         found = [one.text for one in doubts(table, known.value())]
         if found and not as_read:
-            words = "another reading of the columns fits the data much better; if the table is right, pass --as-read"
+            words = (
+                "another reading of the columns fits the data much better; if the table is "
+                "right, pass --as-read"
+            )
             raise InputError(table.name, [Fault("misread", words)], found)
         notes += [Note("misread", f"{table.name}: {text}") for text in found]
     # Files of several folders may have one name.
     names = _unique([table.name for table, _ in read], [str(k + 1) for k in range(len(read))])
-    whole = joined([replace(table, name=name) for (table, _), name in zip(read, names, strict=True)])
+    whole = joined(
+        [replace(table, name=name) for (table, _), name in zip(read, names, strict=True)]
+    )
     return replace(whole, notices=(*whole.notices, *notes)), known
 
 
-def check(sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any) -> Frames:
-    """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without sources `bundled`,
-    `priors`.
+def check(
+    sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
+) -> Frames:
+    """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without
+    sources `bundled`, `priors`.
     """
     import pandas as pd
 
     if not (given := _several(sources)):
         known = pd.DataFrame(descriptions().items(), columns=["table", "description"])
         return Frames("report.check", {"bundled": known, "priors": pd.DataFrame(published())})
-    errors, whole = dict[str, InputError](), None
+    errors = dict[str, InputError]()
+    whole = None
     # Of several tables the faults of each, then those of all together.
     for tried in (*([one] for one in given if len(given) > 1), given):
         try:
@@ -296,7 +399,9 @@ def check(sources: Source, scene: Scene | str | Path | None, as_read: bool, **re
         except InputError as error:
             errors[error.source], whole = error, None
     names = ("code", "row", "line", "column", "message")
-    faults = [(e.source, *(getattr(one, n) for n in names)) for e in errors.values() for one in e.faults]
+    faults = [
+        (e.source, *(getattr(one, n) for n in names)) for e in errors.values() for one in e.faults
+    ]
     notes = () if whole is None else whole.notices
     doubted = [hint for error in errors.values() for hint in error.hints]
     doubted += [note.text for note in notes if note.code == "misread"]
@@ -313,40 +418,61 @@ def _several(sources: Source) -> list[Source]:
     return [*sources] if isinstance(sources, list | tuple) else [] if sources is None else [sources]
 
 
-def _read(source: Source, scene: Scene | str | Path | None, reading: Mapping[str, Any]) -> tuple[ImpactTable, Scene]:
+def _read(
+    source: Source,
+    scene: Scene | str | Path | None,
+    reading: Mapping[str, Any],
+) -> tuple[ImpactTable, Scene]:
     """A table and its scene, that given or beside it. Raises ParameterError (`read-already`)."""
     made = isinstance(source, ImpactTable)
     if made and any(reading.values()):
         words = f"{source.name} has been read already; pass {listed(reading, 'or')} to load_table"
         raise ParameterError(words, "read-already")
-    place = Path(source.read[0]["source"]) if made and source.read else source if made else _found(source)[0]
+    place = (
+        Path(source.read[0]["source"])
+        if made and source.read
+        else source
+        if made
+        else _found(source)[0]
+    )
     own = scene if isinstance(scene, Scene) else _scene(place, scene)
     return source if made else load_table(source, scene=own, **reading), own
 
 
-# Widths of the force of a spring and damper on a court, from touch to where it vanishes, over its rms width, by the
-# skewness of the pulse: x'' + 2 z x' + x = 0 from x = 0, x' = 1, force x + 2 z x', for dampings z of 0, 0.02, 0.05,
-# 0.1, 0.15, 0.2 (restitution 1 to 0.57). The first is 2/sqrt(1 - 8/pi^2), of half a sine.
+# Widths of the force of a spring and damper on a court, from touch to where it vanishes, over its
+# rms width, by the skewness of the pulse: x'' + 2 z x' + x = 0 from x = 0, x' = 1, force x + 2 z
+# x', for dampings z of 0, 0.02, 0.05, 0.1, 0.15, 0.2 (restitution 1 to 0.57). The first is 2/sqrt(1
+# - 8/pi^2), of half a sine.
 _SKEWNESS = (0.0, 0.0130, 0.0383, 0.0913, 0.1517, 0.2156)
 _WIDTHS = (4.5952, 4.5406, 4.4723, 4.3889, 4.3359, 4.3068)
-# Shares of the peak from which a force belongs to the pulse, and below which a record must begin and end.
-_PULSE, _CUT = 0.05, 0.2
+# Shares of the peak from which a force belongs to the pulse, and below which a record must begin
+# and end.
+_PULSE = 0.05
+_CUT = 0.2
 
 
 def contact_time(t: FloatArray, force: FloatArray) -> float:
-    """Duration of contact [s] of a record of force [N] over time [s], by the rms width of the pulse: a threshold is
-    too short by some 3 %, which makes a stiffness 6 % too large. Raises ParameterError (`force-record`).
+    """Duration of contact [s] of a record of force [N] over time [s], by the rms width of the
+    pulse: a threshold is too short by some 3 %, which makes a stiffness 6 % too large. Raises
+        ParameterError (`force-record`).
     """
-    t, force = np.asarray(t, dtype=np.float64), np.asarray(force, dtype=np.float64)
-    rising = t.ndim == 1 and t.shape == force.shape and t.size > 4 and bool(np.all(np.diff(t) > 0.0))
+    t = np.asarray(t, dtype=np.float64)
+    force = np.asarray(force, dtype=np.float64)
+    rising = (
+        t.ndim == 1 and t.shape == force.shape and t.size > 4 and bool(np.all(np.diff(t) > 0.0))
+    )
     if not (rising and np.isfinite(force).all() and max(force[0], force[-1]) < _CUT * force.max()):
-        words = "expected five or more forces at rising times, with a positive pulse that begins and ends within them"
+        words = (
+            "expected five or more forces at rising times, with a positive pulse that begins "
+            "and ends within them"
+        )
         raise ParameterError(f"contact_time: {words}", "force-record")
     above = np.flatnonzero(force > _PULSE * force.max())
     # Noise far away would count by its distance.
     edge = max((above[-1] - above[0]) // 10, 1)
     within = slice(max(above[0] - edge, 0), above[-1] + edge + 1)
     weight = np.gradient(t)[within] * force[within]
-    from_mean, weight = t[within] - weight @ t[within] / weight.sum(), weight / weight.sum()
+    from_mean = t[within] - weight @ t[within] / weight.sum()
+    weight = weight / weight.sum()
     rms = float(np.sqrt(weight @ from_mean**2))
     return rms * float(np.interp(weight @ from_mean**3 / rms**3, _SKEWNESS, _WIDTHS))

@@ -1,4 +1,4 @@
-"""Scenes: what is known besides the numbers; the type is the file, the value, a part of fit.json. Imports: itf, base.
+"""Scenes: what is known besides the numbers; the type is the file, the value, a part of fit.json.
 
 Sections `prior`, `fix`, `pool`, `columns` are the options of the same names, which override them.
 """
@@ -31,7 +31,8 @@ class Quantity(Section, frozen=True):
 
 
 class BallSection(Section, frozen=True):
-    """The ball: kg, m, I/(M R^2) or I [kg m^2] (`inertia`, not both), degrees Celsius, ITF type. What is None is
+    """The ball: kg, m, I/(M R^2) or I [kg m^2] (`inertia`, not both), degrees Celsius, ITF type.
+    What is None is
     assumed: `Scene.value` and `Scene.ball_sd` have the numbers.
     """
 
@@ -44,9 +45,9 @@ class BallSection(Section, frozen=True):
 
 
 class CameraSection(Section, frozen=True):
-    """What the impacts of a camera share. Of fits: `scale`, `clock` (true over measured), `tilt` [rad],
-    `court_height` [m]. Of films: rate, scale, directions, `court` [m], `fold` of marks, and `lasting` [m], errors
-    that last over frames, `row_time` [s/px] of a rolling shutter.
+    """What the impacts of a camera share. Of fits: `scale`, `clock` (true over measured), `tilt`
+    [rad], `court_height` [m]. Of films: rate, scale, directions, `court` [m], `fold` of marks, and
+    `lasting` [m], errors that last over frames, `row_time` [s/px] of a rolling shutter.
     """
 
     scale: float | Quantity | None = None
@@ -64,10 +65,11 @@ class CameraSection(Section, frozen=True):
 
 
 class Scene(Section, frozen=True):
-    """What is known; SI, every section may be left out. `surface` has name, court, mu; `measurement` for each noise
-    parameter NAME (held) or nominal_NAME (median of its prior), `noise`, `ignore`, `flip`; `flight` drag, lift,
-    spin_sd and `air` of a film; `model` a name as `--model` takes it, but no file to run; `laboratory` and `source`
-    texts for reports. Raises InputError (`scene`) with each key that no ball, court or instrument has.
+    """What is known; SI, every section may be left out. `surface` has name, court, mu;
+    `measurement` for each noise parameter NAME (held) or nominal_NAME (median of its prior),
+    `noise`, `ignore`, `flip`; `flight` drag, lift, spin_sd and `air` of a film; `model` a name as
+    `--model` takes it, but no file to run; `laboratory` and `source` texts for reports. Raises
+    InputError (`scene`) with each key that no ball, court or instrument has.
     """
 
     ball: BallSection = BallSection()
@@ -91,14 +93,19 @@ class Scene(Section, frozen=True):
 
     def value(self) -> Ball:
         """The ball at its stated values."""
-        assumed, ball = Ball(), self.ball
-        mass, radius = (_number(getattr(ball, name), getattr(assumed, name)) for name in ("mass", "radius"))
+        assumed = Ball()
+        ball = self.ball
+        mass, radius = (
+            _number(getattr(ball, name), getattr(assumed, name)) for name in ("mass", "radius")
+        )
         if ball.inertia is not None:
             return Ball(mass, radius, _number(ball.inertia, 0.0) / (mass * radius**2))
         return Ball(mass, radius, _number(ball.inertia_ratio, assumed.inertia_ratio))
 
     def ball_sd(self) -> dict[str, float]:
-        """Stated sds of mass [kg], radius [m] and inertia_ratio; that of an inertia at the stated mass and radius."""
+        """Stated sds of mass [kg], radius [m] and inertia_ratio; that of an inertia at the stated
+        mass and radius.
+        """
         stated = {name: getattr(self.ball, name) for name in ("mass", "radius", "inertia_ratio")}
         found = {name: one.sd for name, one in stated.items() if isinstance(one, Quantity)}
         if isinstance(self.ball.inertia, Quantity):
@@ -108,16 +115,29 @@ class Scene(Section, frozen=True):
 
     def assumed(self) -> tuple[Note, ...]:
         """What is assumed because nothing was stated."""
-        ball, fitted = self.ball, "it is fitted with a default prior"
-        parts = {"mass": ball.mass, "radius": ball.radius, "inertia": ball.inertia or ball.inertia_ratio}
+        ball = self.ball
+        fitted = "it is fitted with a default prior"
+        parts = {
+            "mass": ball.mass,
+            "radius": ball.radius,
+            "inertia": ball.inertia or ball.inertia_ratio,
+        }
         unstated = listed(name for name, one in parts.items() if one is None)
         tennis = f"the {unstated} of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
         noise = {name.removeprefix("nominal_") for name in self.measurement}
         velocities = noise & {"velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
         silent = (
             ("assumed-ball", tennis, bool(unstated)),
-            ("no-friction", "nothing of the friction: mu has a wide prior", "mu" not in self.surface),
-            ("no-contact-time", "nothing of the contact time: k_y depends on its prior", self.contact_time is None),
+            (
+                "no-friction",
+                "nothing of the friction: mu has a wide prior",
+                "mu" not in self.surface,
+            ),
+            (
+                "no-contact-time",
+                "nothing of the contact time: k_y depends on its prior",
+                self.contact_time is None,
+            ),
             ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not velocities),
             ("no-spin-noise", f"nothing of the noise of spins: {fitted}", "spin_sd" not in noise),
         )
@@ -135,44 +155,81 @@ class _Size(NamedTuple):
 # Noise parameters; one sd may hold for both components of the velocity.
 _NOISES = {noise.name: noise for column in COLUMNS.values() if (noise := column.noise) is not None}
 _NOISES |= {"velocity_sd": _NOISES["v_x_sd"]}
-_CELSIUS, _FACTOR, _TEXT = _Size(-40.0, 80.0, "degrees Celsius"), _Size(0.2, 5.0), ()
-# What keys take: numbers, from a grain of shot to the largest ball that people throw, from the best instruments to
-# useless ones; texts to choose from, without any: all; lists of columns. A section with `*` has any name.
+_CELSIUS = _Size(-40.0, 80.0, "degrees Celsius")
+_FACTOR = _Size(0.2, 5.0)
+_TEXT = ()
+# What keys take: numbers, from a grain of shot to the largest ball that people throw, from the best
+# instruments to useless ones; texts to choose from, without any: all; lists of columns. A section
+# with `*` has any name.
 _KEYS: Mapping[str, _Size | tuple[str, ...] | type] = {
-    "ball.mass": _Size(1e-6, 20.0, "kg"), "ball.radius": _Size(1e-4, 0.5, "m"),
-    "ball.inertia_ratio": _Size(0.01, 1.0), "ball.inertia": _Size(1e-14, 5.0, "kg m^2"),
-    "ball.temperature": _CELSIUS, "ball.type": (*BALL_TYPES,),
-    "surface.name": _TEXT, "surface.court": _TEXT, "surface.mu": _Size(1e-6, 100.0),
+    "ball.mass": _Size(1e-6, 20.0, "kg"),
+    "ball.radius": _Size(1e-4, 0.5, "m"),
+    "ball.inertia_ratio": _Size(0.01, 1.0),
+    "ball.inertia": _Size(1e-14, 5.0, "kg m^2"),
+    "ball.temperature": _CELSIUS,
+    "ball.type": (*BALL_TYPES,),
+    "surface.name": _TEXT,
+    "surface.court": _TEXT,
+    "surface.mu": _Size(1e-6, 100.0),
     "contact_time": _Size(1e-6, 0.1, "s"),
-    **{f"measurement.{nominal}{name}": _Size(noise.lower, noise.upper, noise.unit)
-       for name, noise in _NOISES.items() for nominal in ("", "nominal_")},
-    "measurement.noise": ("normal", "student-t"), "measurement.ignore": list, "measurement.flip": list,
-    "camera.scale": _FACTOR, "camera.clock": _FACTOR, "camera.tilt": _Size(-pi / 18.0, pi / 18.0, "rad"),
-    "camera.court_height": _Size(-0.2, 0.2, "m"), "camera.fps": _Size(1.0, 1e7, "frames/s"),
-    "camera.mm_per_px": _Size(1e-4, 1e3, "mm"), "camera.court": _Size(-100.0, 100.0, "m"),
-    "camera.y": ("up", "down"), "camera.angles": ("counterclockwise", "clockwise"), "camera.fold": _Size(1, 100),
-    "camera.lasting": _Size(0.0, 0.1, "m"), "camera.row_time": _Size(0.0, 0.01, "s"),
-    "flight.drag": _Size(0.01, 3.0), "flight.lift": _Size(-2.0, 2.0), "flight.spin_sd": _Size(0.1, 1e4, "rad/s"),
-    "air.density": _Size(0.3, 2.0, "kg/m^3"), "air.temperature": _CELSIUS, "air.pressure": _Size(3e4, 1.2e5, "Pa"),
-    "model.name": _TEXT, "prior.*": _TEXT, "fix.*": _Size(-1e300, 1e300), "pool.*": _TEXT, "columns.*": _TEXT,
-    "laboratory.*": _TEXT, "source.*": _TEXT,
-}  # fmt: skip
+    **{
+        f"measurement.{nominal}{name}": _Size(noise.lower, noise.upper, noise.unit)
+        for name, noise in _NOISES.items()
+        for nominal in ("", "nominal_")
+    },
+    "measurement.noise": ("normal", "student-t"),
+    "measurement.ignore": list,
+    "measurement.flip": list,
+    "camera.scale": _FACTOR,
+    "camera.clock": _FACTOR,
+    "camera.tilt": _Size(-pi / 18.0, pi / 18.0, "rad"),
+    "camera.court_height": _Size(-0.2, 0.2, "m"),
+    "camera.fps": _Size(1.0, 1e7, "frames/s"),
+    "camera.mm_per_px": _Size(1e-4, 1e3, "mm"),
+    "camera.court": _Size(-100.0, 100.0, "m"),
+    "camera.y": ("up", "down"),
+    "camera.angles": ("counterclockwise", "clockwise"),
+    "camera.fold": _Size(1, 100),
+    "camera.lasting": _Size(0.0, 0.1, "m"),
+    "camera.row_time": _Size(0.0, 0.01, "s"),
+    "flight.drag": _Size(0.01, 3.0),
+    "flight.lift": _Size(-2.0, 2.0),
+    "flight.spin_sd": _Size(0.1, 1e4, "rad/s"),
+    "air.density": _Size(0.3, 2.0, "kg/m^3"),
+    "air.temperature": _CELSIUS,
+    "air.pressure": _Size(3e4, 1.2e5, "Pa"),
+    "model.name": _TEXT,
+    "prior.*": _TEXT,
+    "fix.*": _Size(-1e300, 1e300),
+    "pool.*": _TEXT,
+    "columns.*": _TEXT,
+    "laboratory.*": _TEXT,
+    "source.*": _TEXT,
+}
 # Units that people write where SI is meant.
 _MEANT = {
-    "kg": {"g": 1e-3}, "m": {"mm": 1e-3, "cm": 1e-2}, "s": {"ms": 1e-3}, "kg m^2": {"g cm^2": 1e-7},
-    "m/s": {"cm/s": 1e-2}, "rad": {"deg": pi / 180.0}, "rad/s": {"rpm": pi / 30.0}, "Pa": {"hPa": 1e2},
-}  # fmt: skip
+    "kg": {"g": 1e-3},
+    "m": {"mm": 1e-3, "cm": 1e-2},
+    "s": {"ms": 1e-3},
+    "kg m^2": {"g cm^2": 1e-7},
+    "m/s": {"cm/s": 1e-2},
+    "rad": {"deg": pi / 180.0},
+    "rad/s": {"rpm": pi / 30.0},
+    "Pa": {"hPa": 1e2},
+}
 # The most that is read of a file: one that never ends is none.
 _BYTES = 1_000_000
 # Two keys of one quantity, beside NAME and nominal_NAME.
 _SAME = {"inertia": "inertia_ratio"}
-# Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come down.
-_LIGHTEST, _DENSEST = 1.2, 22_600.0
+# Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come
+# down.
+_LIGHTEST = 1.2
+_DENSEST = 22_600.0
 
 
 def load_scene(table: str | Path | None, given: str | Path | None = None) -> Scene:
-    """The scene in `given`, else beside the table, or that file itself if it is a .toml, else all defaults. Raises
-    InputError (`scene`) with all faults.
+    """The scene in `given`, else beside the table, or that file itself if it is a .toml, else all
+    defaults. Raises InputError (`scene`) with all faults.
     """
     given = given or (table if table and Path(table).suffix == ".toml" else None)
     place = Path(given) if given else None if table is None else Path(table).with_suffix(".toml")
@@ -187,11 +244,15 @@ def load_scene(table: str | Path | None, given: str | Path | None = None) -> Sce
         faults = error.faults
     except msgspec.ValidationError as error:
         # What is left: a whole number, numbers that have no sd, and one that has.
-        what, _, where = str(error).replace("object", "{ value = ..., sd = ... }").partition(" - at `$.")
+        what, _, where = (
+            str(error).replace("object", "{ value = ..., sd = ... }").partition(" - at `$.")
+        )
         faults = (_fault(where.rstrip("`"), what),)
     except (OSError, ValueError, RecursionError) as error:
         words = one_line(str(getattr(error, "strerror", "") or error))
-        faults = (Fault("scene", f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"),)
+        faults = (
+            Fault("scene", f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"),
+        )
     raise InputError(str(place), faults)
 
 
@@ -213,7 +274,13 @@ def _refuse(faults: Iterable[Fault]) -> None:
 
 
 def _number(quantity: float | Quantity | None, assumed: float) -> float:
-    return quantity.value if isinstance(quantity, Quantity) else assumed if quantity is None else quantity
+    return (
+        quantity.value
+        if isinstance(quantity, Quantity)
+        else assumed
+        if quantity is None
+        else quantity
+    )
 
 
 def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
@@ -226,17 +293,22 @@ def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
             yield _fault(section, f"read {one_line(repr(part))}; expected a section [{section}]")
         else:
             for name, given in named.items():
-                key, other = f"{section}.{name}".rstrip("."), _SAME.get(name, f"nominal_{name}")
+                key = f"{section}.{name}".rstrip(".")
+                other = _SAME.get(name, f"nominal_{name}")
                 if words := _wrong(key, given):
                     yield _fault(key, words)
                 elif other in named:
-                    yield _fault(key, f"given beside {other}, which says the same; keep one of them")
+                    yield _fault(
+                        key,
+                        f"given beside {other}, which says the same; keep one of them",
+                    )
 
 
 def _wrong(key: str, given: object) -> str:
     """What is wrong with what a key holds, in words; empty if nothing."""
     section, _, name = key.partition(".")
-    takes, read = _KEYS.get(key, _KEYS.get(f"{section}.*")), one_line(repr(given))
+    takes = _KEYS.get(key, _KEYS.get(f"{section}.*"))
+    read = one_line(repr(given))
     if takes is None:
         known = [one.partition(".")[2] for one in _KEYS if one.startswith(f"{section}.")]
         return f"unknown key; {suggestion(name, known)}"
@@ -251,7 +323,9 @@ def _wrong(key: str, given: object) -> str:
 
 
 def _wrong_number(given: Any, size: _Size) -> str:
-    """The same for a number, or a value and its sd: a positive one is known better than to 100 %."""
+    """The same for a number, or a value and its sd: a positive one is known better than to 100
+    %.
+    """
     pair = isinstance(given, dict) and given.keys() == {"value", "sd"}
     value, sd = (given["value"], given["sd"]) if pair else (given, 1.0)
     if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in (value, sd)):
@@ -262,23 +336,42 @@ def _wrong_number(given: Any, size: _Size) -> str:
     most = size.high if size.low < 0.0 else value
     if pair and not (sd > 0.0 and 1e-9 * abs(value) <= sd <= most):
         hint = _meant(sd, _Size(0.0, most, size.unit)) if sd > most else ""
-        return f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}"
+        return (
+            f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}"
+        )
     return ""
 
 
 def _meant(value: float, size: _Size) -> str:
     """A question, where another unit makes the value possible."""
-    units = [unit for unit, one in _MEANT.get(size.unit, {}).items() if size.low / one <= value <= size.high / one]
-    return f"; did you mean {listed((f'{value:g} {unit}' for unit in units), 'or')}?" if units else ""
+    units = [
+        unit
+        for unit, one in _MEANT.get(size.unit, {}).items()
+        if size.low / one <= value <= size.high / one
+    ]
+    return (
+        f"; did you mean {listed((f'{value:g} {unit}' for unit in units), 'or')}?" if units else ""
+    )
 
 
 def _faults_of(ball: BallSection) -> Iterator[Fault]:
-    """Mass, size and inertia belong together: often one of them was left out, or is in another unit."""
-    mass, radius = (_number(getattr(ball, name), getattr(Ball(), name)) for name in ("mass", "radius"))
-    volume, square = 4.0 / 3.0 * pi * radius**3, mass * radius**2
+    """Mass, size and inertia belong together: often one of them was left out, or is in another
+    unit.
+    """
+    mass, radius = (
+        _number(getattr(ball, name), getattr(Ball(), name)) for name in ("mass", "radius")
+    )
+    volume = 4.0 / 3.0 * pi * radius**3
+    square = mass * radius**2
     if not _LIGHTEST <= mass / volume <= _DENSEST:
         than = "denser than any metal" if mass > _DENSEST * volume else "lighter than air"
         hint = _meant(mass, _Size(_LIGHTEST * volume, _DENSEST * volume, "kg"))
-        yield _fault("ball.mass", f"read {mass:g} kg for a ball of radius {radius:g} m, {than}; state both{hint}")
-    if words := _wrong_number(_number(ball.inertia, square), _Size(0.01 * square, square, "kg m^2")):
+        yield _fault(
+            "ball.mass",
+            f"read {mass:g} kg for a ball of radius {radius:g} m, {than}; state both{hint}",
+        )
+    if words := _wrong_number(
+        _number(ball.inertia, square),
+        _Size(0.01 * square, square, "kg m^2"),
+    ):
         yield _fault("ball.inertia", f"{words} (at most M R^2)")

@@ -1,4 +1,4 @@
-"""`ImpactTable`, the only form in which measurements leave this room. Imports: kinematics, labels, base."""
+"""`ImpactTable`, the only form in which measurements leave this room."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from fitball.errors import Fault, InputError, Note
 from fitball.text import listed
 from fitball.values import DataFrame, FloatArray, Impacts, IntArray
 
-# Correlations printed to six digits are possible still where an eigenvalue of their matrix is this far below zero.
+# Correlations printed to six digits are possible still where an eigenvalue of their matrix is this
+# far below zero.
 _ROUNDED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class ImpactTable:
-    """Measured impacts, SI, angles in radians. Arrays by column are (impacts,), NaN where nothing was measured.
+    """Measured impacts, SI, angles in radians. Arrays by column are (impacts,), NaN where nothing
+    was measured.
 
-    `values` are the columns that count, each information once, incident first and without gaps. `sd` are stated
-    errors; a column states them in all its measured cells or in none. `corr` are stated correlations by pair,
-    "v_x1,gap_time". `labels` are texts by column, `id` first, spelled as at their first use. `read` says of each file
-    how it was read: source, SHA-256, columns, flip, ignore.
+    `values` are the columns that count, each information once, incident first and without gaps.
+    `sd` are stated errors; a column states them in all its measured cells or in none. `corr` are
+    stated correlations by pair, "v_x1,gap_time". `labels` are texts by column, `id` first, spelled
+    as at their first use. `read` says of each file how it was read: source, SHA-256, columns, flip,
+    ignore.
     """
 
     name: str
@@ -44,7 +47,9 @@ class ImpactTable:
 
     @property
     def impacts(self) -> Impacts:
-        """Incident states (impacts,), from components or speed and angle; spin zero without a column."""
+        """Incident states (impacts,), from components or speed and angle; spin zero without a
+        column.
+        """
         return Impacts(*state(self.values, len(self)).values())
 
     def shows(self, motion: str) -> bool:
@@ -56,24 +61,30 @@ class ImpactTable:
         return along and "v_x1" in velocity(self.values, "1")
 
     def covariance(self, columns: Sequence[str]) -> FloatArray | None:
-        """Covariance (impacts, 3 + columns, 3 + columns) of stated errors of (v_x1, v_y1, omega_1) and these rebound
-        columns, propagated from speed and angle where these count, zero where nothing is stated; None if nowhere. The
-        only dense form of errors, made for some rows at a time.
+        """Covariance (impacts, 3 + columns, 3 + columns) of stated errors of (v_x1, v_y1, omega_1)
+        and these rebound columns, propagated from speed and angle where these count, zero where
+        nothing is stated; None if nowhere. The only dense form of errors, made for some rows at a
+        time.
         """
         names = [*(name for name in INCIDENT if name in self.values), *columns]
         if not any(name in self.sd for name in names):
             return None
         none = np.zeros(len(self))
-        # The slopes of a rebound column, one and zero, do not depend on its values: gaps may be any number.
+        # The slopes of a rebound column, one and zero, do not depend on its values: gaps may be any
+        # number.
         values = {name: np.nan_to_num(self.values.get(name, none)) for name in names}
         sds = np.stack([np.nan_to_num(self.sd.get(name, none)) for name in names], axis=1)
         stated = self._correlations(names) * sds[:, :, None] * sds[:, None, :]
         return propagate(
-            lambda known: state(known, len(self)) | {name: known[name] for name in columns}, values, stated
+            lambda known: state(known, len(self)) | {name: known[name] for name in columns},
+            values,
+            stated,
         )[1]
 
     def impossible(self) -> IntArray:
-        """Rows whose stated correlations no errors can have: their matrix has an eigenvalue below -1e-6."""
+        """Rows whose stated correlations no errors can have: their matrix has an eigenvalue below
+        -1e-6.
+        """
         names = [*dict.fromkeys(name for pair in self.corr for name in pair.split(","))]
         if not names:
             return np.empty(0, dtype=np.int64)
@@ -90,14 +101,20 @@ class ImpactTable:
 
     def take(self, rows: IntArray) -> ImpactTable:
         """Some of the rows."""
-        arrays = ({name: one[rows] for name, one in part.items()} for part in (self.values, self.sd, self.corr))
-        labels = {name: tuple(texts[row] for row in rows.tolist()) for name, texts in self.labels.items()}
+        arrays = (
+            {name: one[rows] for name, one in part.items()}
+            for part in (self.values, self.sd, self.corr)
+        )
+        labels = {
+            name: tuple(texts[row] for row in rows.tolist()) for name, texts in self.labels.items()
+        }
         values, sd, corr = arrays
         return replace(self, values=values, sd=sd, corr=corr, labels=labels)
 
     def to_frame(self) -> DataFrame:
-        """As a file has it, index `id`: `v_x1 [m/s]`, `v_x1_sd [m/s]`, `corr(v_x1,gap_time)`, labels. `load_table` of
-        it is this table to the last digit; `track` writes its impacts by it.
+        """As a file has it, index `id`: `v_x1 [m/s]`, `v_x1_sd [m/s]`, `corr(v_x1,gap_time)`,
+        labels. `load_table` of it is this table to the last digit; `track` writes its impacts by
+        it.
         """
         import pandas as pd
 
@@ -116,9 +133,12 @@ def pair_of(one: str, other: str) -> str:
     return ",".join(sorted((one, other), key=[*COLUMNS].index))
 
 
-def stated(columns: Sequence[str], covariance: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """The `sd` and `corr` of an ImpactTable from the covariance (impacts, columns, columns) of each row [SI]; of a
-    variance that is zero or NaN nothing is stated.
+def stated(
+    columns: Sequence[str],
+    covariance: FloatArray,
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """The `sd` and `corr` of an ImpactTable from the covariance (impacts, columns, columns) of each
+    row [SI]; of a variance that is zero or NaN nothing is stated.
     """
     variances = np.diagonal(covariance, axis1=1, axis2=2)
     sds = np.sqrt(np.where(variances > 0.0, variances, np.nan))
@@ -132,8 +152,9 @@ def stated(columns: Sequence[str], covariance: FloatArray) -> tuple[dict[str, Fl
 
 
 def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
-    """Tables together, with a label `table` if there are several; columns that one lacks are gaps. Raises InputError
-    (`incident-columns-differ`, `rebound-columns-differ`, `stated-in-some`, `same-table-twice`).
+    """Tables together, with a label `table` if there are several; columns that one lacks are gaps.
+    Raises InputError (`incident-columns-differ`, `rebound-columns-differ`, `stated-in-some`,
+    `same-table-twice`).
     """
     first = tables[0]
     if len(tables) == 1:
@@ -145,19 +166,26 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
         raise InputError(" + ".join(names), faults)
     columns = [*(name for name in first.values if name in INCIDENT), *measured]
     labels = {
-        name: first_spelled(text for table in tables for text in table.labels.get(name, ("",) * len(table)))
+        name: first_spelled(
+            text for table in tables for text in table.labels.get(name, ("",) * len(table))
+        )
         for name in dict.fromkeys(name for table in tables for name in table.labels)
     }
     labels["id"] = tuple(f"{table.name}:{text}" for table in tables for text in table.labels["id"])
     labels["table"] = tuple(table.name for table in tables for _ in range(len(table)))
-    notes = [Note(note.code, f"{table.name}: {note.text}") for table in tables for note in table.notices]
+    notes = [
+        Note(note.code, f"{table.name}: {note.text}") for table in tables for note in table.notices
+    ]
     for name in measured:
         if absent := [table.name for table in tables if name not in table.values]:
             text = f"{name} was not measured in {listed(absent)}. Its other measurements are used."
             notes.append(Note("column-in-some", text))
     return ImpactTable(
         name="+".join(names),
-        values={name: _stacked([table.values.get(name) for table in tables], tables, np.nan) for name in columns},
+        values={
+            name: _stacked([table.values.get(name) for table in tables], tables, np.nan)
+            for name in columns
+        },
         sd={
             name: _stacked([table.sd.get(name) for table in tables], tables, np.nan)
             for name in columns
@@ -173,34 +201,50 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
     )
 
 
-def _stacked(columns: Iterable[FloatArray | None], tables: Sequence[ImpactTable], gap: float) -> FloatArray:
+def _stacked(
+    columns: Iterable[FloatArray | None],
+    tables: Sequence[ImpactTable],
+    gap: float,
+) -> FloatArray:
     """One column of all tables."""
     pieces = zip(columns, tables, strict=True)
-    return np.concatenate([np.full(len(table), gap) if one is None else one for one, table in pieces])
+    return np.concatenate(
+        [np.full(len(table), gap) if one is None else one for one, table in pieces]
+    )
 
 
 def _differences(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Iterator[Fault]:
-    """What keeps tables from being one: a table twice, incident columns, rebound velocities, sds in some."""
+    """What keeps tables from being one: a table twice, incident columns, rebound velocities, sds in
+    some.
+    """
     read = [entry for table in tables for entry in table.read if entry.get("sha256")]
     # Sheets of one workbook are different tables.
     digests = [(entry["sha256"], entry.get("source", "").partition("#")[2]) for entry in read]
     names = [table.name for table in tables]
     if len({*names}) < len(names) or len({*digests}) < len(digests):
-        text = f"read {', '.join(names)}, expected different tables with different names: give each table once"
+        text = (
+            f"read {', '.join(names)}, expected different tables with different names: give "
+            "each table once"
+        )
         yield Fault("same-table-twice", text)
     sets = {table.name: [name for name in table.values if name in INCIDENT] for table in tables}
     if any(columns != sets[names[0]] for columns in sets.values()):
         found = "; ".join(f"{', '.join(columns)} in {name}" for name, columns in sets.items())
-        text = f"incident columns differ: {found}. Tables that are fitted together need the same incident columns"
+        text = (
+            f"incident columns differ: {found}. Tables that are fitted together need the same "
+            "incident columns"
+        )
         yield Fault("incident-columns-differ", text)
     velocities = [name for name in measured if name in ("v_x2", "v_y2", "v_2", "theta_2")]
     if {*counted(velocities, "2")} != {*velocities}:
         found = "; ".join(
-            f"{', '.join(name for name in velocities if name in table.values) or 'none'} in {table.name}"
+            f"{', '.join(name for name in velocities if name in table.values) or 'none'} in "
+            f"{table.name}"
             for table in tables
         )
         text = (
-            f"rebound velocities differ: {found}. Tables that are fitted together need components, or speed and angle"
+            f"rebound velocities differ: {found}. Tables that are fitted together need "
+            "components, or speed and angle"
         )
         yield Fault("rebound-columns-differ", text)
     for name in (*INCIDENT, *measured):

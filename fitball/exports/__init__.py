@@ -1,4 +1,4 @@
-"""Room: parameter sets and ports for other programs. Imports: report, uses, inference, models, data, base."""
+"""Room: parameter sets and ports for other programs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from fitball.text import listed
 
 
 class Format(NamedTuple):
-    """The `file` of a format; who makes it of sets, the fit or None and an impact in words; `measured`: of a whole
-    fit, no less; `at`: takes an impact.
+    """The `file` of a format; who makes it of sets, the fit or None and an impact in words;
+    `measured`: of a whole fit, no less; `at`: takes an impact.
     """
 
     file: str
@@ -30,20 +30,33 @@ class Format(NamedTuple):
 
 
 FORMATS: Mapping[str, Format] = {
-    **{name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name)) for name, file in FILES.items()},
+    **{
+        name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name))
+        for name, file in FILES.items()
+    },
     "page": Format("bounce.html", lambda sets, _fit, at: page.page(sets, at), at=True),
     "engine": Format("engine.md", lambda sets, _fit, at: engine.engine(sets, at), at=True),
     "engine-json": Format("engine.json", lambda sets, _fit, at: engine.as_json(sets, at), at=True),
     "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
-    "latex": Format("parameters.tex", lambda _sets, fit, _at: parameters.as_latex(fit), measured=True),
-    "markdown": Format("parameters.md", lambda _sets, fit, _at: parameters.as_markdown(fit), measured=True),
+    "latex": Format(
+        "parameters.tex",
+        lambda _sets, fit, _at: parameters.as_latex(fit),
+        measured=True,
+    ),
+    "markdown": Format(
+        "parameters.md",
+        lambda _sets, fit, _at: parameters.as_markdown(fit),
+        measured=True,
+    ),
     "arviz": Format("arviz.nc", lambda _sets, fit, _at: arviz.netcdf(fit), measured=True),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Exported(Result):
-    """Files by name; `save` writes them alone, and without a folder the command line prints the text."""
+    """Files by name; `save` writes them alone, and without a folder the command line prints the
+    text.
+    """
 
     record: ClassVar[str] = ""
     contents: Mapping[str, str | bytes]
@@ -53,7 +66,10 @@ class Exported(Result):
         """The text itself. Raises ParameterError (`no-text`) of a file that has none."""
         for name, content in self.contents.items():
             if isinstance(content, bytes):
-                raise ParameterError(f"{name} is no text: name a folder for it, --out DIR", "no-text")
+                raise ParameterError(
+                    f"{name} is no text: name a folder for it, --out DIR",
+                    "no-text",
+                )
         return "\n".join(str(content).removesuffix("\n") for content in self.contents.values())
 
     def _repr_html_(self) -> str:
@@ -61,14 +77,16 @@ class Exported(Result):
 
     def json(self) -> dict[str, Any]:
         """The texts by name."""
-        texts = {name: content for name, content in self.contents.items() if isinstance(content, str)}
+        texts = {
+            name: content for name, content in self.contents.items() if isinstance(content, str)
+        }
         return {"files": texts, "notes": [], "exit_code": self.exit_code}
 
     def save(
         self, folder: str | Path | ResultFolder, *, overwrite: bool = False, **_options: Any
     ) -> tuple[Path, ...]:
-        """Write the files and nothing else. Raises FolderError as `result_folder`, and `older-result` where one is
-        there already.
+        """Write the files and nothing else. Raises FolderError as `result_folder`, and
+        `older-result` where one is there already.
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder)) as held:
@@ -76,27 +94,42 @@ class Exported(Result):
         there = [name for name in self.contents if (folder.path / name).exists() and not overwrite]
         if there:
             remedy = "replace it with --overwrite (overwrite=True), or name another folder"
-            raise FolderError(f"{folder.path / there[0]}: is there already; {remedy}", "older-result")
-        texts = {name: text.encode() if isinstance(text, str) else text for name, text in self.contents.items()}
+            raise FolderError(
+                f"{folder.path / there[0]}: is there already; {remedy}",
+                "older-result",
+            )
+        texts = {
+            name: text.encode() if isinstance(text, str) else text
+            for name, text in self.contents.items()
+        }
         return tuple(folder.write(name, text) for name, text in texts.items())
 
 
-def export(source: Fit | Model, to: str, *, level: Mapping[str, str], fix: Mapping[str, Any], at: str) -> Exported:
-    """A fit at its point on each of its surfaces, or those of `level`; or a model at numbers or `literature:KEY`,
-    other parameters at their typical value. Raises ParameterError (`unknown-format`, `unknown-label`,
-    `not-for-this-format`), ModelError (`own-model`).
+def export(
+    source: Fit | Model,
+    to: str,
+    *,
+    level: Mapping[str, str],
+    fix: Mapping[str, Any],
+    at: str,
+) -> Exported:
+    """A fit at its point on each of its surfaces, or those of `level`; or a model at numbers or
+    `literature:KEY`, other parameters at their typical value. Raises ParameterError
+    (`unknown-format`, `unknown-label`, `not-for-this-format`), ModelError (`own-model`).
     """
     if to not in FORMATS:
         raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMATS)}", "unknown-format")
-    form, fit = FORMATS[to], source if isinstance(source, Fit) else None
+    form = FORMATS[to]
+    fit = source if isinstance(source, Fit) else None
     faults = {
         f"format {to} needs a fit": form.measured and fit is None,
         f"format {to} has all surfaces of a fit: leave out level": form.measured and bool(level),
         "level chooses a surface or ball of a fit: leave it out": fit is None and bool(level),
-        "fix sets values of a model: leave it out, or name a model instead of a fit": fit is not None and bool(fix),
-        f"at is an impact for {listed((n for n, f in FORMATS.items() if f.at), last='and')}, not for {to}": (
-            bool(at) and not form.at
-        ),
+        "fix sets values of a model: leave it out, or name a model instead of a fit": fit
+        is not None
+        and bool(fix),
+        f"at is an impact for {listed((n for n, f in FORMATS.items() if f.at), last='and')}, not "
+        f"for {to}": (bool(at) and not form.at),
     }
     for fault, found in faults.items():
         if found:

@@ -1,5 +1,5 @@
-"""A parameter set as JSON, with verdicts and correlations, and `fit.summary` as a table in LaTeX and Markdown.
-Imports: parameter_set, report, inference.fit, base.
+"""A parameter set as JSON, with verdicts and correlations, and `fit.summary` as a table in LaTeX
+and Markdown.
 """
 
 from __future__ import annotations
@@ -23,29 +23,47 @@ from fitball.report.render import to_markdown
 from fitball.text import one_line
 from fitball.version import __version__
 
-KIND, VERSION = "fitball parameter set", 1
+KIND = "fitball parameter set"
+VERSION = 1
 # Verdicts of values that the data determine, alone or under assumptions.
 DETERMINED = ("identified", "given")
-# What a table says of values that the data do not determine alone: a letter for each verdict, and words.
+# What a table says of values that the data do not determine alone: a letter for each verdict, and
+# words.
 _GIVEN = {"given": "depends on model assumptions that the data cannot test"}
-_MARKS = {name: (mark, words) for mark, (name, words) in zip("abcde", {**_GIVEN, **UNSURE}.items(), strict=True)}
+_MARKS = {
+    name: (mark, words)
+    for mark, (name, words) in zip("abcde", {**_GIVEN, **UNSURE}.items(), strict=True)
+}
 
 
 def as_json(sets: Sequence[ParameterSet], fit: Fit | None) -> str:
-    """SI, angles in radians, null for what there is not. `sets`: values of a bounce on each surface with each ball,
-    at the best fit. `parameters` and `derived` of a fit: numbers, prior, verdict, `determined` or not, and why.
-    `correlation` of the free parameters, of the draws.
+    """SI, angles in radians, null for what there is not. `sets`: values of a bounce on each surface
+    with each ball, at the best fit. `parameters` and `derived` of a fit: numbers, prior, verdict,
+    `determined` or not, and why. `correlation` of the free parameters, of the draws.
     """
     first = sets[0]
     content: dict[str, Any] = {
-        "kind": KIND, "version": VERSION, "fitball": __version__, "units": "SI, angles in radians",
-        "model": {"name": first.model.name, "text": first.model.text, "options": dict(first.model.options)},
-        "fitted": fit is not None, "origin": first.origin,
+        "kind": KIND,
+        "version": VERSION,
+        "fitball": __version__,
+        "units": "SI, angles in radians",
+        "model": {
+            "name": first.model.name,
+            "text": first.model.text,
+            "options": dict(first.model.options),
+        },
+        "fitted": fit is not None,
+        "origin": first.origin,
         "sets": [
-            {"label": one.label, "values": dict(one.values), "remarks": dict(one.sources), "measured": _range(one)}
+            {
+                "label": one.label,
+                "values": dict(one.values),
+                "remarks": dict(one.sources),
+                "measured": _range(one),
+            }
             for one in sets
         ],
-    }  # fmt: skip
+    }
     if fit is not None:
         content |= _of_fit(fit)
     # On the way what is no finite number becomes null.
@@ -56,23 +74,35 @@ def _range(one: ParameterSet) -> dict[str, list[float]] | None:
     """Smallest and largest of each incident column on this surface."""
     if one.impacts is None:
         return None
-    return {name: [float(column.min()), float(column.max())] for name, column in vars(one.impacts).items()}
+    return {
+        name: [float(column.min()), float(column.max())]
+        for name, column in vars(one.impacts).items()
+    }
 
 
 def _of_fit(fit: Fit) -> dict[str, Any]:
     table = fit.run.table
     content: dict[str, Any] = {
-        "table": {"name": table.name, "impacts": len(table), "sha256": [one.get("sha256", "") for one in table.read]},
+        "table": {
+            "name": table.name,
+            "impacts": len(table),
+            "sha256": [one.get("sha256", "") for one in table.read],
+        },
         "status": fit.status,
         "adequacy": {"answer": fit.adequacy.answer, "sentence": fit.adequacy.sentence},
-        "not_determined": [one.name for one in fit.reported if one.verdict not in (*DETERMINED, "fixed")],
+        "not_determined": [
+            one.name for one in fit.reported if one.verdict not in (*DETERMINED, "fixed")
+        ],
         "parameters": {one.name: _estimate(one) for one in fit.parameters.values()},
         "derived": {one.name: _estimate(one) for one in fit.derived.values()},
         "correlation": None,
     }
     if fit.posterior is not None:
         matrix = fit.correlation
-        content["correlation"] = {"names": list(matrix.columns), "values": matrix.to_numpy().tolist()}
+        content["correlation"] = {
+            "names": list(matrix.columns),
+            "values": matrix.to_numpy().tolist(),
+        }
     return content
 
 
@@ -83,7 +113,9 @@ def _estimate(one: Estimate) -> dict[str, Any]:
 
 
 class _Row(NamedTuple):
-    """A quantity as text; `sd` and `interval` are empty without a posterior, `mark` refers to a note."""
+    """A quantity as text; `sd` and `interval` are empty without a posterior, `mark` refers to a
+    note.
+    """
 
     name: str
     symbol: str
@@ -100,14 +132,24 @@ def _rows(fit: Fit) -> Iterator[_Row]:
     for row in records(fit.summary):
         if row["kind"] not in (*MAIN, "noise"):
             continue
-        unit, name = unit_of(fit, row["name"]), row["name"]
+        unit = unit_of(fit, row["name"])
+        name = row["name"]
         sampled = bool(np.isfinite(row["median"])) and row["sd"] > 0.0
         # A few far draws make an sd that no reader expects after a plus-minus sign.
         wide = 0.5 * (row["q84"] - row["q16"])
         value, _, sd = unit.plus_minus(row["median" if sampled else "point"], wide).partition(" ± ")
         interval = unit.interval(row["q025"], row["q975"]) if sampled else ""
         mark = _MARKS.get(row["verdict"], ("", ""))[0]
-        yield _Row(name, fit.quantity(name).spec.symbol, row["meaning"], value, sd, interval, unit.name, mark)
+        yield _Row(
+            name,
+            fit.quantity(name).spec.symbol,
+            row["meaning"],
+            value,
+            sd,
+            interval,
+            unit.name,
+            mark,
+        )
 
 
 def _notes(rows: Sequence[_Row]) -> list[tuple[str, str]]:
@@ -118,32 +160,55 @@ def _notes(rows: Sequence[_Row]) -> list[tuple[str, str]]:
 def _caption(fit: Fit) -> str:
     what = "point estimates"
     if fit.posterior is not None:
-        what = "posterior median, half of the central 68 % interval, 95 % interval; values without them are fixed"
-    model, table = fit.problem.forward.model.text, fit.run.table
+        what = (
+            "posterior median, half of the central 68 % interval, 95 % interval; values "
+            "without them are fixed"
+        )
+    model = fit.problem.forward.model.text
+    table = fit.run.table
     failed = " The sampler did not converge." * (fit.status == "not converged")
-    misfit = " The model does not describe these data." * (fit.adequacy.answer == "does not describe")
-    return f"Parameters of {model} fitted to {len(table):,} impacts ({one_line(table.name)}): {what}.{misfit}{failed}"
+    misfit = " The model does not describe these data." * (
+        fit.adequacy.answer == "does not describe"
+    )
+    return (
+        f"Parameters of {model} fitted to {len(table):,} impacts ({one_line(table.name)}): "
+        f"{what}.{misfit}{failed}"
+    )
 
 
 def as_latex(fit: Fit) -> str:
-    """A `table` environment; it needs the package booktabs. What a user wrote is text, never a command."""
+    """A `table` environment; it needs the package booktabs. What a user wrote is text, never a
+    command.
+    """
     rows = list(_rows(fit))
     lines = [
-        r"% needs \usepackage{booktabs}", r"\begin{table}", r"  \centering",
-        rf"  \caption{{{_latex(_caption(fit))}}}", r"  \small",
-        r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}", r"    \toprule",
-        r"    Parameter & & Value & 95\,\% interval & Unit \\", r"    \midrule",
-    ]  # fmt: skip
+        r"% needs \usepackage{booktabs}",
+        r"\begin{table}",
+        r"  \centering",
+        rf"  \caption{{{_latex(_caption(fit))}}}",
+        r"  \small",
+        r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}",
+        r"    \toprule",
+        r"    Parameter & & Value & 95\,\% interval & Unit \\",
+        r"    \midrule",
+    ]
     for row in rows:
         base, bracket, level = row.name.partition("[")
         symbol = f"{row.symbol or _latex(base)}{', ' + _latex(level[:-1]) if bracket else ''}"
-        mark, sd = rf"^{{\mathrm{{{row.mark}}}}}" * bool(row.mark), rf" \pm {row.sd}" * bool(row.sd)
+        mark = rf"^{{\mathrm{{{row.mark}}}}}" * bool(row.mark)
+        sd = rf" \pm {row.sd}" * bool(row.sd)
         value = f"${_power(row.value)}{sd}{mark}$"
         interval = f"${row.interval.replace('...', chr(92) + 'ldots')}$" if row.interval else ""
         meaning = rf"\raggedright {_latex(row.meaning)}"
-        lines.append(f"    {symbol} & {meaning} & {value} & {_power(interval)} & {_unit(row.unit)} {chr(92) * 2}")
+        lines.append(
+            f"    {symbol} & {meaning} & {value} & {_power(interval)} & {_unit(row.unit)} "
+            f"{chr(92) * 2}"
+        )
     lines += [r"    \bottomrule", r"  \end{tabular}"]
-    lines += [rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {words}." for mark, words in _notes(rows)]
+    lines += [
+        rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {words}."
+        for mark, words in _notes(rows)
+    ]
     return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
@@ -153,7 +218,11 @@ def _latex(text: str) -> str:
 
 def _power(number: str) -> str:
     """Numbers with a power of ten as LaTeX writes them."""
-    return re.sub(r"e([+-])0*(\d+)", lambda found: rf" \times 10^{{{found[1].strip('+')}{found[2]}}}", number)
+    return re.sub(
+        r"e([+-])0*(\d+)",
+        lambda found: rf" \times 10^{{{found[1].strip('+')}{found[2]}}}",
+        number,
+    )
 
 
 def _unit(unit: str) -> str:
@@ -166,11 +235,17 @@ def as_markdown(fit: Fit) -> str:
     """The same as a Markdown table."""
     rows = list(_rows(fit))
     cells = [
-        {"parameter": f"`{row.name}`", "meaning": row.meaning,
-         "value": f"{row.value}{' ± ' + row.sd if row.sd else ''}{f' ({row.mark})' if row.mark else ''}",
-         "95 % interval": row.interval, "unit": row.unit}
+        {
+            "parameter": f"`{row.name}`",
+            "meaning": row.meaning,
+            "value": row.value
+            + (f" ± {row.sd}" if row.sd else "")
+            + (f" ({row.mark})" if row.mark else ""),
+            "95 % interval": row.interval,
+            "unit": row.unit,
+        }
         for row in rows
-    ]  # fmt: skip
+    ]
     notes = [f"({mark}) {words}." for mark, words in _notes(rows)]
     table = Table("", cells, ("meaning", "unit"))
     return to_markdown(Report("Parameters", [Text([_caption(fit)]), table, Text(notes)]))

@@ -1,4 +1,4 @@
-"""Numbers and judgements -> estimates, and the headline of a fit. Imports: results, problem, summary, base."""
+"""Numbers and judgements -> estimates, and the headline of a fit."""
 
 from __future__ import annotations
 
@@ -30,26 +30,50 @@ _SAID = (
 
 
 def estimates(
-    problem: Problem, draws: Draws, judged: Mapping[str, Judgement]
+    problem: Problem,
+    draws: Draws,
+    judged: Mapping[str, Judgement],
 ) -> tuple[dict[str, Estimate], dict[str, Estimate]]:
     """All parameters, fixed ones too, and derived quantities, by name."""
 
     def estimate(
-        spec: ParameterSpec, kind: str, sampled: FloatArray, point: float, prior: str = "", source: str = ""
+        spec: ParameterSpec,
+        kind: str,
+        sampled: FloatArray,
+        point: float,
+        prior: str = "",
+        source: str = "",
     ) -> Estimate:
         own = judged[spec.name]
         return Estimate(
-            **asdict(summarise(sampled, point)), name=spec.name, kind=kind, unit=spec.unit, meaning=spec.meaning,
-            prior=prior, prior_source=source, contraction=own.contraction, verdict=own.verdict, rule=own.rule,
-            reason=own.reason, given=own.given,
-        )  # fmt: skip
+            **asdict(summarise(sampled, point)),
+            name=spec.name,
+            kind=kind,
+            unit=spec.unit,
+            meaning=spec.meaning,
+            prior=prior,
+            prior_source=source,
+            contraction=own.contraction,
+            verdict=own.verdict,
+            rule=own.rule,
+            reason=own.reason,
+            given=own.given,
+        )
 
-    parameters, derived = dict[str, Estimate](), dict[str, Estimate]()
+    parameters = dict[str, Estimate]()
+    derived = dict[str, Estimate]()
     for item in problem.parameters:
         name = item.spec.name
         prior = item.prior.text if item.fixed is None else f"fixed: {item.why}"
         sampled = draws.values[name] if item.fixed is None else np.empty(0)
-        parameters[name] = estimate(item.spec, _kind(name), sampled, draws.point[name], prior, item.prior.source)
+        parameters[name] = estimate(
+            item.spec,
+            _kind(name),
+            sampled,
+            draws.point[name],
+            prior,
+            item.prior.source,
+        )
     for one in problem.derived:
         point = float(one.rule(draws.best)[0])
         derived[one.spec.name] = estimate(one.spec, "derived", one.rule(draws.values), point)
@@ -67,16 +91,21 @@ def _kind(name: str) -> str:
 
 
 def outside(found: Sequence[Estimate]) -> list[Note]:
-    """That best values lie outside of the intervals of the draws: a high peak of the posterior may hold little of it.
-    At a bound of a value that is limited on one side, or not determined, that is usual.
+    """That best values lie outside of the intervals of the draws: a high peak of the posterior may
+    hold little of it. At a bound of a value that is limited on one side, or not determined, that is
+    usual.
     """
     names = [
-        f"{one.name} ({f'{one.point:.3g} {one.unit}'.strip()})" for one in found
-        if one.verdict in ("identified", "given", "conditional") and one.kind in ("model", "level", "derived")
-        and np.isfinite(one.q975 - one.q025) and not one.q025 <= one.point <= one.q975
-    ]  # fmt: skip
+        f"{one.name} ({f'{one.point:.3g} {one.unit}'.strip()})"
+        for one in found
+        if one.verdict in ("identified", "given", "conditional")
+        and one.kind in ("model", "level", "derived")
+        and np.isfinite(one.q975 - one.q025)
+        and not one.q025 <= one.point <= one.q975
+    ]
     text = (
-        f"Best values outside of their 95 % intervals: {listed(names, most=8)}. The best fit is a narrow peak that "
+        f"Best values outside of their 95 % intervals: {listed(names, most=8)}. The best fit is a "
+        "narrow peak that "
         "holds little of the posterior: use medians and draws, not best values."
     )
     return [Note("best-outside", text)] * bool(names)
@@ -86,7 +115,11 @@ def headline(tested: Adequacy, found: Sequence[Estimate]) -> str:
     """What adequacy says, and a sentence for each verdict that a value of interest has."""
     sentences = [tested.sentence]
     for verdict, words in _SAID:
-        names = [one.name for one in found if one.verdict == verdict and one.kind in ("model", "level", "derived")]
+        names = [
+            one.name
+            for one in found
+            if one.verdict == verdict and one.kind in ("model", "level", "derived")
+        ]
         if names:
             sentences.append(words.format(listed(names, most=8)))
     return " ".join(sentences)

@@ -1,4 +1,4 @@
-"""The road: search, linearise, sample, search from the best draw, profile, judge, assemble. Imports: all below."""
+"""The road: search, linearise, sample, search from the best draw, profile, judge, assemble."""
 
 from __future__ import annotations
 
@@ -31,7 +31,12 @@ from fitball.progress import Progress
 _ABOVE = 0.01
 
 
-def calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model | None = None) -> Fit:
+def calibrate(
+    problem: Problem,
+    effort: Effort,
+    progress: Progress,
+    own: Model | None = None,
+) -> Fit:
     """Fit a problem. Raises FitError, MachineError (`memory`), KeyboardInterrupt."""
     with enough_memory(), threads(effort.cores):
         return _calibrate(problem, effort, progress, own)
@@ -59,23 +64,37 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         with stage("searching"):
             point = _beside(problem, point, posterior, effort)
     with stage("judging"):
-        first, derived = first_order(problem, point), problem.derived
-        profiled, why = profiles(problem, np.stack([problem.coordinates(values) for values in point.optima]))
+        first = first_order(problem, point)
+        derived = problem.derived
+        profiled, why = profiles(
+            problem,
+            np.stack([problem.coordinates(values) for values in point.optima]),
+        )
         tested = adequacy(problem, point, first, derived)
     with stage("trying assumptions"):
         # The same numbers whatever the seed: verdicts rest on them.
         tried, fitted = alternatives(problem, point, Effort().stream("assumptions"))
         held = constants(problem, first, derived)
     with stage("judging"):
-        # Half a degree of tilt where nothing is known of it moves values of most tables: no verdict rests on that.
+        # Half a degree of tilt where nothing is known of it moves values of most tables: no verdict
+        # rests on that.
         known = {item.spec.name for item in problem.parameters}
         sure = tuple(one for one in held if one.name != "tilt" or one.name in known)
         within = judge(problem, point, first, profiled, derived)
         judged = qualified(within, tested, given(tried, sure, fitted))
         squares = least_squares(problem, point)
-        parameters, following = estimates(problem, draws_of(problem, point, posterior, effort), judged)
+        parameters, following = estimates(
+            problem,
+            draws_of(problem, point, posterior, effort),
+            judged,
+        )
         found = [*parameters.values(), *following.values()]
-        notes = [*problem.table.notices, *problem.notes, *[Note("no-profiles", why)] * bool(why), *outside(found)]
+        notes = [
+            *problem.table.notices,
+            *problem.notes,
+            *[Note("no-profiles", why)] * bool(why),
+            *outside(found),
+        ]
     return Fit(
         run=run_of(problem, effort),
         status=status,
@@ -97,14 +116,24 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
 
 
 def _beside(
-    problem: Problem, point: results.PointFit, posterior: results.Posterior, effort: Effort
+    problem: Problem,
+    point: results.PointFit,
+    posterior: results.Posterior,
+    effort: Effort,
 ) -> results.PointFit:
-    """The best values searched for again from the best draw, where that lies above them in what searches raise."""
-    values, prior = posterior.values.reshape(-1, len(posterior.names)), problem.prior
+    """The best values searched for again from the best draw, where that lies above them in what
+    searches raise.
+    """
+    values = posterior.values.reshape(-1, len(posterior.names))
+    prior = problem.prior
     q = prior.coordinate(values)
     density = posterior.log_density.ravel() + (prior.smooth.log_density(q) - prior.log_density(q))
     place = int(density.argmax())
     if density[place] <= point.log_posterior[0] + _ABOVE:
         return point
     best = dict(zip(posterior.names, values[place].tolist(), strict=True))
-    return best_fit(problem, effort.stream("search again"), [*point.optima, {**point.optima[0], **best}])
+    return best_fit(
+        problem,
+        effort.stream("search again"),
+        [*point.optima, {**point.optima[0], **best}],
+    )

@@ -1,6 +1,5 @@
-"""Curves that figures draw: the model over incidence, at speeds and spins where a table has most impacts.
-
-Imports: predictive, problem, base.
+"""Curves that figures draw: the model over incidence, at speeds and spins where a table has most
+impacts.
 """
 
 from __future__ import annotations
@@ -18,17 +17,23 @@ from fitball.models.types import Status
 from fitball.values import DataFrame, FloatArray, Impacts, IntArray
 
 # Draws and points of a curve; curves at most.
-_DRAWS, _POINTS, _MOST = 400, 61, 6
-# How far from the speed of a curve, and from its spin times the radius, an impact may be, as a share of that speed;
-# impacts with which a further curve shows something; impacts whose speed and spin are tried as those of a curve.
-_NEAR, _FEWEST, _TRIED = 0.1, 3, 256
+_DRAWS = 400
+_POINTS = 61
+_MOST = 6
+# How far from the speed of a curve, and from its spin times the radius, an impact may be, as a
+# share of that speed; impacts with which a further curve shows something; impacts whose speed and
+# spin are tried as those of a curve.
+_NEAR = 0.1
+_FEWEST = 3
+_TRIED = 256
 # Least range of angles [rad] that is drawn, and how near to the court it may come.
-_NARROWEST, _LOWEST = math.radians(10.0), math.radians(0.5)
+_NARROWEST = math.radians(10.0)
+_LOWEST = math.radians(0.5)
 
 
 class Series(NamedTuple):
-    """A curve: labels of its level in words, a round speed [m/s] (NaN in a drop test) and spin [rad/s], the levels
-    (levels,) on which it lies, and an impact `like` it.
+    """A curve: labels of its level in words, a round speed [m/s] (NaN in a drop test) and spin
+    [rad/s], the levels (levels,) on which it lies, and an impact `like` it.
     """
 
     name: str
@@ -62,15 +67,23 @@ class _Places(NamedTuple):
 
 
 def series(problem: Problem) -> tuple[tuple[Series, ...], IntArray]:
-    """The curves of a table, and of each impact (impacts,) the nearest: of its own level, if that has one, by speed,
-    and spin as the speed of the surface. A drop test has one a level.
+    """The curves of a table, and of each impact (impacts,) the nearest: of its own level, if that
+    has one, by speed, and spin as the speed of the surface. A drop test has one a level.
     """
-    forward, states = problem.forward, problem.rows.states
-    tangential, radius = forward.model.tangential, forward.model.ball.radius
-    places, every = _Places(states.polar()[0], states.omega_1, radius), np.arange(len(states))
+    forward = problem.forward
+    states = problem.rows.states
+    tangential = forward.model.tangential
+    radius = forward.model.ball.radius
+    places = _Places(states.polar()[0], states.omega_1, radius)
+    every = np.arange(len(states))
     levels = np.unique(problem.rows.index, axis=0, return_inverse=True)[1].ravel()
-    left, found, drawn = {int(key): every[levels == key] for key in np.unique(levels)}, list[Series](), set[int]()
-    crowds = {key: places.crowd(rows) if tangential else (math.nan, 0.0, rows) for key, rows in left.items()}
+    left = {int(key): every[levels == key] for key in np.unique(levels)}
+    found = list[Series]()
+    drawn = set[int]()
+    crowds = {
+        key: places.crowd(rows) if tangential else (math.nan, 0.0, rows)
+        for key, rows in left.items()
+    }
     while crowds and len(found) < _MOST:
         # First every level, then where most impacts are.
         key = max(crowds, key=lambda key: (key not in drawn, crowds[key][2].size))
@@ -78,7 +91,10 @@ def series(problem: Problem) -> tuple[tuple[Series, ...], IntArray]:
         if key in drawn and near.size < _FEWEST:
             continue
         drawn.add(key)
-        labels = (own.labels[k] for own, k in zip(forward.levels, problem.rows.index[near[0]], strict=True))
+        labels = (
+            own.labels[k]
+            for own, k in zip(forward.levels, problem.rows.index[near[0]], strict=True)
+        )
         found.append(Series(", ".join(dict.fromkeys(labels)), middle, turning, int(near[0])))
         if tangential:
             # What lies a little further off would make another curve like this one.
@@ -88,7 +104,10 @@ def series(problem: Problem) -> tuple[tuple[Series, ...], IntArray]:
     found.sort(key=lambda one: (one.name, one.spin, one.speed))
     away = np.stack(
         [
-            np.hypot(radius * (places.spin - one.spin), places.speed - one.speed if tangential else 0.0)
+            np.hypot(
+                radius * (places.spin - one.spin),
+                places.speed - one.speed if tangential else 0.0,
+            )
             for one in found
         ]
     )
@@ -108,8 +127,10 @@ def curves(problem: Problem, draws: Draws) -> DataFrame:
     import pandas as pd
 
     found, which = series(problem)
-    tangential, states = problem.forward.model.tangential, problem.rows.states
-    place, frames = states.polar()[1] if tangential else states.v_y1, []
+    tangential = problem.forward.model.tangential
+    states = problem.rows.states
+    place = states.polar()[1] if tangential else states.v_y1
+    frames = []
     count = len(next(iter(draws.values.values())))
     rows = np.linspace(0, count - 1, min(count, _DRAWS)).round().astype(np.int64)
     values = {name: array[rows] for name, array in draws.values.items()}
@@ -124,7 +145,11 @@ def curves(problem: Problem, draws: Draws) -> DataFrame:
         best = shown.shown(problem.forward, draws.best, shown.impacts)
         drawn = shown.shown(problem.forward, values if count else draws.best, shown.impacts)
         own = place[which == k]
-        within = (along >= own.min()) & (along <= own.max()) if own.size else np.zeros(_POINTS, dtype=np.bool_)
+        within = (
+            (along >= own.min()) & (along <= own.max())
+            if own.size
+            else np.zeros(_POINTS, dtype=np.bool_)
+        )
         shared = {"series": k, "name": one.name if len(names) > 1 else "", "speed": one.speed}
         shared |= {"spin": one.spin if tangential else math.nan}
         for column in columns:
@@ -133,19 +158,33 @@ def curves(problem: Problem, draws: Draws) -> DataFrame:
             point = np.where(best.status[0] == Status.OK, best.column(column)[0], np.nan)
             frames.append(
                 pd.DataFrame(
-                    {**shared, "column": column, "along": along, "point": point, "q025": q025, "q16": q16,
-                     "median": median, "q84": q84, "q975": q975, "within": within}
+                    {
+                        **shared,
+                        "column": column,
+                        "along": along,
+                        "point": point,
+                        "q025": q025,
+                        "q16": q16,
+                        "median": median,
+                        "q84": q84,
+                        "q975": q975,
+                        "within": within,
+                    }
                 )
-            )  # fmt: skip
+            )
     return pd.concat(frames, ignore_index=True)
 
 
 def _range(place: FloatArray, tangential: bool) -> FloatArray:
-    """Points over all angles [rad] of a table, or vertical speeds [m/s] of a drop test, over some range at least."""
-    low, high = float(place.min()), float(place.max())
+    """Points over all angles [rad] of a table, or vertical speeds [m/s] of a drop test, over some
+    range at least.
+    """
+    low = float(place.min())
+    high = float(place.max())
     room = max(0.0, 0.5 * ((_NARROWEST if tangential else _NEAR * high) - (high - low)))
     if tangential:
-        low, high = max(low, _LOWEST + room), min(high, math.pi - _LOWEST - room)
+        low = max(low, _LOWEST + room)
+        high = min(high, math.pi - _LOWEST - room)
     return np.linspace(low - room, high + room, _POINTS)
 
 

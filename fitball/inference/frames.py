@@ -1,5 +1,5 @@
-"""The frames of a fit: all numbers that its page, figures and files show, laid out once. Imports: curves, predictive,
-problem, results, base. `report.fit_page` says what each column is.
+"""The frames of a fit: all numbers that its page, figures and files show, laid out once.
+`report.fit_page` says what each column is.
 """
 
 from __future__ import annotations
@@ -27,30 +27,48 @@ _REGIMES = 400
 
 
 def summary(
-    estimates: Sequence[Estimate], profiles: Mapping[str, Profile], found: Diagnostics | None, tried: DataFrame
+    estimates: Sequence[Estimate],
+    profiles: Mapping[str, Profile],
+    found: Diagnostics | None,
+    tried: DataFrame,
 ) -> DataFrame:
     """A row a parameter and derived quantity."""
     import pandas as pd
 
     rows = {}
     # Of several choices instead of one the farthest, among those that fit equally well.
-    moves = tried[tried["as_good"].astype(bool)].groupby(["rests_on", "quantity"])["reach"].max().to_dict()
+    moves = (
+        tried[tried["as_good"].astype(bool)]
+        .groupby(["rests_on", "quantity"])["reach"]
+        .max()
+        .to_dict()
+    )
     for one in sorted(estimates, key=lambda one: _ORDER.index(one.kind)):
         profile = profiles.get(one.name)
         ends = (np.nan, np.nan) if profile is None else profile.interval_95
         moved = {given: float(moves.get((given, one.name), np.nan)) for given in one.given}
-        order = sorted(moved, key=lambda given: -moved[given] if np.isfinite(moved[given]) else np.inf)
+        order = sorted(
+            moved,
+            key=lambda given: -moved[given] if np.isfinite(moved[given]) else np.inf,
+        )
         rows[one.name] = {
-            "kind": one.kind, "unit": one.unit, "meaning": one.meaning,
+            "kind": one.kind,
+            "unit": one.unit,
+            "meaning": one.meaning,
             **{name: getattr(one, name) for name in Summary.__struct_fields__},
-            "prior": one.prior, "contraction": one.contraction,
+            "prior": one.prior,
+            "contraction": one.contraction,
             "profile_low": -np.inf if ends[0] is None else ends[0],
             "profile_high": np.inf if ends[1] is None else ends[1],
-            "ess": np.nan if found is None else min(_of(found.ess_bulk, one), _of(found.ess_tail, one)),
+            "ess": np.nan
+            if found is None
+            else min(_of(found.ess_bulk, one), _of(found.ess_tail, one)),
             "r_hat": np.nan if found is None or found.r_hat is None else _of(found.r_hat, one),
-            "verdict": one.verdict, "reason": one.reason, "given": "; ".join(order),
+            "verdict": one.verdict,
+            "reason": one.reason,
+            "given": "; ".join(order),
             "moved": moved[order[0]] if order else np.nan,
-        }  # fmt: skip
+        }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("name")
 
 
@@ -66,35 +84,48 @@ def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> Dat
 
 def _asked(problem: Problem) -> Asked:
     """The rows of the fit's own table."""
-    rows, columns = problem.rows, tuple(item.column.name for item in problem.observables)
+    rows = problem.rows
+    columns = tuple(item.column.name for item in problem.observables)
     return Asked(rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, rows.sd)
 
 
 def regimes(problem: Problem, draws: Draws) -> DataFrame:
-    """A row an impact and sequence of slip and grip, with its share of _REGIMES draws that have an answer (without
-    draws of the best fit); of a long table PREDICTED impacts, evenly spread.
+    """A row an impact and sequence of slip and grip, with its share of _REGIMES draws that have an
+    answer (without draws of the best fit); of a long table PREDICTED impacts, evenly spread.
     """
     count = len(problem.table)
     rows = np.unique(np.linspace(0, count - 1, min(count, PREDICTED)).round().astype(np.int64))
-    some = {name: column[:: max(1, len(column) // _REGIMES)] for name, column in draws.values.items()}
-    found = predictive.regimes(problem.forward, draws._replace(values=some), _asked(problem).part(rows))
+    some = {
+        name: column[:: max(1, len(column) // _REGIMES)] for name, column in draws.values.items()
+    }
+    found = predictive.regimes(
+        problem.forward,
+        draws._replace(values=some),
+        _asked(problem).part(rows),
+    )
     found["row"] = rows[found["row"]]
     found.insert(1, "id", np.asarray(problem.table.labels["id"])[found["row"]])
     return found
 
 
 def balances(problem: Problem, draws: Draws) -> DataFrame:
-    """A row an impact: what conservation laws say of it without a model, with errors as stated or as fitted."""
+    """A row an impact: what conservation laws say of it without a model, with errors as stated or
+    as fitted.
+    """
     noise = {
-        item.column.name: float(np.ravel(problem.forward.column_sd(item.column.name, draws.best))[0])
+        item.column.name: float(
+            np.ravel(problem.forward.column_sd(item.column.name, draws.best))[0]
+        )
         for item in problem.observables
     }
     return kinematics.balances(problem.table, problem.scene.value(), noise)
 
 
-def laid_out(found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any) -> DataFrame:
-    """What `predict` found with id, labels, incident state and `more` of each impact (impacts,) before it; a label
-    does not replace a column.
+def laid_out(
+    found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any
+) -> DataFrame:
+    """What `predict` found with id, labels, incident state and `more` of each impact (impacts,)
+    before it; a label does not replace a column.
     """
     import pandas as pd
 
@@ -103,42 +134,97 @@ def laid_out(found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impa
     shared |= {**{name: getattr(states, name) for name in STATE}, **more}
     places = found.pop("row").to_numpy()
     lead = {
-        name: np.asarray(column)[places] for name, column in shared.items() if name not in ("row", *found.columns)
+        name: np.asarray(column)[places]
+        for name, column in shared.items()
+        if name not in ("row", *found.columns)
     }
     return pd.concat([pd.DataFrame({"row": places} | lead), found], axis=1)
 
 
-def variants(estimates: Sequence[Estimate], tried: Sequence[Alternative], held: Sequence[Constant]) -> DataFrame:
-    """A row a choice (or held constant) and quantity; `rests_on` is what a value is given that rests on it."""
+def variants(
+    estimates: Sequence[Estimate],
+    tried: Sequence[Alternative],
+    held: Sequence[Constant],
+) -> DataFrame:
+    """A row a choice (or held constant) and quantity; `rests_on` is what a value is given that
+    rests on it.
+    """
     import pandas as pd
 
-    own, rows = {one.name: one for one in estimates}, []
+    own = {one.name: one for one in estimates}
+    rows = []
     for choice in tried:
         shared = {
-            "choice": choice.choice, "instead_of": choice.instead_of, "rests_on": choice.instead_of, "low": np.nan,
-            "high": np.nan, "score": np.nan if choice.score is None else choice.score,
-            "error": np.nan if choice.score is None else choice.error, "as_good": choice.as_good,
+            "choice": choice.choice,
+            "instead_of": choice.instead_of,
+            "rests_on": choice.instead_of,
+            "low": np.nan,
+            "high": np.nan,
+            "score": np.nan if choice.score is None else choice.score,
+            "error": np.nan if choice.score is None else choice.error,
+            "as_good": choice.as_good,
             "reason": choice.reason,
-        }  # fmt: skip
+        }
         for name, there in choice.summaries.items() if not choice.reason else ():
             moved = reach = np.nan
             if name in own and own[name].half > 0.0:
                 here = own[name]
                 moved = abs(there.median - here.median) / here.half
-                reach = max(moved, (here.q025 - there.q025) / here.half, (there.q975 - here.q975) / here.half)
-            ends = {"median": there.median, "q025": there.q025, "q975": there.q975, "moved": moved, "reach": reach}
+                reach = max(
+                    moved,
+                    (here.q025 - there.q025) / here.half,
+                    (there.q975 - here.q975) / here.half,
+                )
+            ends = {
+                "median": there.median,
+                "q025": there.q025,
+                "q975": there.q975,
+                "moved": moved,
+                "reach": reach,
+            }
             rows.append({**shared, "quantity": name, **ends})
         if choice.reason:
             rows.append({**shared, "quantity": ""})
     for constant in held:
         for name, moved in constant.moves.items():
             here = own[name]
-            ends = {"q025": here.median - abs(moved) * here.half, "q975": here.median + abs(moved) * here.half}
+            ends = {
+                "q025": here.median - abs(moved) * here.half,
+                "q975": here.median + abs(moved) * here.half,
+            }
             rows.append(
-                {"choice": constant.name, "instead_of": "", "rests_on": constant.name, "low": constant.low,
-                 "high": constant.high, "score": np.nan, "error": np.nan, "as_good": True, "reason": "",
-                 "quantity": name, "median": np.nan, **ends, "moved": abs(moved), "reach": abs(moved)}
-            )  # fmt: skip
-    names = ["choice", "instead_of", "rests_on", "low", "high", "score", "error", "as_good", "reason", "quantity",
-             "median", "q025", "q975", "moved", "reach"]  # fmt: skip
+                {
+                    "choice": constant.name,
+                    "instead_of": "",
+                    "rests_on": constant.name,
+                    "low": constant.low,
+                    "high": constant.high,
+                    "score": np.nan,
+                    "error": np.nan,
+                    "as_good": True,
+                    "reason": "",
+                    "quantity": name,
+                    "median": np.nan,
+                    **ends,
+                    "moved": abs(moved),
+                    "reach": abs(moved),
+                }
+            )
+    names = [
+        "choice",
+        "instead_of",
+        "rests_on",
+        "low",
+        "high",
+        "score",
+        "error",
+        "as_good",
+        "reason",
+        "quantity",
+        "median",
+        "q025",
+        "q975",
+        "moved",
+        "reach",
+    ]
     return pd.DataFrame(rows, columns=names)

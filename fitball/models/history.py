@@ -1,4 +1,4 @@
-"""One impact through time: the forward kernel with the contact cut at `t`. Imports: kernels, types, base."""
+"""One impact through time: the forward kernel with the contact cut at `t`."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,13 @@ from fitball.values import FloatArray, Impacts, IntArray
 
 
 class History(NamedTuple):
-    """At `time` (times,) after landing the `phase` and courses by name, SI: compression `y` and rate `v_y`, `v_x`,
-    spins `omega_core`, `omega_shell`, `twist`, `slip` of the contact point, `normal_force`, `friction_force`.
+    """At `time` (times,) after landing the `phase` and courses by name, SI: compression `y` and
+    rate `v_y`, `v_x`, spins `omega_core`, `omega_shell`, `twist`, `slip` of the contact point,
+    `normal_force`, `friction_force`.
 
-    With normal=momentum the shell stops at landing, with an impulse that takes no time: courses begin after it. Where
-    a phase ends, they are those of the next. At release the core picks the shell up, and with spin=mean they end with
-    one spin.
+    With normal=momentum the shell stops at landing, with an impulse that takes no time: courses
+    begin after it. Where a phase ends, they are those of the next. At release the core picks the
+    shell up, and with spin=mean they end with one spin.
     """
 
     time: FloatArray
@@ -22,7 +23,11 @@ class History(NamedTuple):
 
 
 def followed(row: FloatArray, flags: Flags, impact: Impacts, times: FloatArray) -> History:
-    """Courses of one impact (1,) that has an answer, of a kernel `row`, at `times` (times,) within the contact."""
-    v_x1, v_y1, omega_1 = impact.v_x1.item(), impact.v_y1.item(), impact.omega_1.item()
+    """Courses of one impact (1,) that has an answer, of a kernel `row`, at `times` (times,) within
+    the contact.
+    """
+    v_x1 = impact.v_x1.item()
+    v_y1 = impact.v_y1.item()
+    omega_1 = impact.omega_1.item()
     courses, phase, _status = moments(row, flags, v_x1, v_y1, omega_1, times)
     return History(times, phase, dict(zip(COURSES, courses, strict=True)))

@@ -1,4 +1,4 @@
-"""`Model`: a value, no hierarchy. Imports: specs, types, history, base."""
+"""`Model`: a value, no hierarchy."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,8 +19,9 @@ from fitball.values import Ball, FloatArray, Impacts, IntArray
 
 
 class KernelCall(NamedTuple):
-    """The scalar kernel of one impact and its constant arguments: all that a port needs besides the kernel's source.
-    Every kernel is called `entry(row, flags, v_x1, v_y1, omega_1, cor)`; `row` holds `columns` in SI.
+    """The scalar kernel of one impact and its constant arguments: all that a port needs besides the
+    kernel's source. Every kernel is called `entry(row, flags, v_x1, v_y1, omega_1, cor)`; `row`
+    holds `columns` in SI.
     """
 
     entry: Callable[..., Outcome]
@@ -31,10 +32,11 @@ class KernelCall(NamedTuple):
 
 @dataclass(frozen=True)
 class KernelSolver:
-    """Rebounds by a compiled kernel under the choices `flags`; `absent` is what columns without a parameter hold.
+    """Rebounds by a compiled kernel under the choices `flags`; `absent` is what columns without a
+    parameter hold.
 
-    A subclass names the `entry` of one impact, the `batch` over draws and impacts as in `kernels.batch`, and the
-    `columns` of a row, of which the last are BALL_PARAMETERS.
+    A subclass names the `entry` of one impact, the `batch` over draws and impacts as in
+    `kernels.batch`, and the `columns` of a row, of which the last are BALL_PARAMETERS.
     """
 
     flags: Flags
@@ -52,11 +54,23 @@ class KernelSolver:
         return rows
 
     def __call__(
-        self, ball: Ball, names: Sequence[str], values: FloatArray, impacts: Impacts, cor: FloatArray | None
+        self,
+        ball: Ball,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts,
+        cor: FloatArray | None,
     ) -> Rebound:
         """See `Model.evaluate`."""
         rows = self.rows(ball, names, values)
-        out, regime, status = type(self).batch(rows, self.flags, impacts.v_x1, impacts.v_y1, impacts.omega_1, cor)
+        out, regime, status = type(self).batch(
+            rows,
+            self.flags,
+            impacts.v_x1,
+            impacts.v_y1,
+            impacts.omega_1,
+            cor,
+        )
         return Rebound(out[0], out[1], out[2], out[3], out[4], out[5], out[6], regime, status)
 
 
@@ -68,13 +82,14 @@ def _places(columns: tuple[str, ...], names: tuple[str, ...]) -> IntArray:
 
 @dataclass(frozen=True)
 class Model:
-    """A model of the bounce: `options` are its named assumptions, `parameters` what it takes besides the ball's.
+    """A model of the bounce: `options` are its named assumptions, `parameters` what it takes
+    besides the ball's.
 
-    Not `tangential`: vertical motion only. `timed`: it follows the contact in time. `below`: pairs of parameters of
-    which the first must be less, ("cor_10", "mass_ratio"), the only wall within bounds. `source`: SHA-256 of a
-    function of one's own, by which a saved fit knows it again. `text` is as `--model` takes it,
-    `two-mass+offset=grip`. A model of another ball is `replace(model, ball=...)`. `solve` is a `KernelSolver` or a
-    function of one's own.
+    Not `tangential`: vertical motion only. `timed`: it follows the contact in time. `below`: pairs
+    of parameters of which the first must be less, ("cor_10", "mass_ratio"), the only wall within
+    bounds. `source`: SHA-256 of a function of one's own, by which a saved fit knows it again.
+    `text` is as `--model` takes it, `two-mass+offset=grip`. A model of another ball is
+    `replace(model, ball=...)`. `solve` is a `KernelSolver` or a function of one's own.
     """
 
     name: str
@@ -89,10 +104,15 @@ class Model:
     source: str = ""
 
     def evaluate(
-        self, names: Sequence[str], values: FloatArray, impacts: Impacts, cor: FloatArray | None = None
+        self,
+        names: Sequence[str],
+        values: FloatArray,
+        impacts: Impacts,
+        cor: FloatArray | None = None,
     ) -> Rebound:
-        """Rebounds (draws, impacts) at `values` (draws, names) of its parameters and any of BALL_PARAMETERS,
-        unchecked. `cor` (impacts,) replaces the law of restitution, as the thesis's computation needs it.
+        """Rebounds (draws, impacts) at `values` (draws, names) of its parameters and any of
+        BALL_PARAMETERS, unchecked. `cor` (impacts,) replaces the law of restitution, as the
+        thesis's computation needs it.
         """
         rebound = self.solve(self.ball, names, values, impacts, cor)
         if not self.tangential:
@@ -100,15 +120,18 @@ class Model:
         return rebound
 
     def rebound(self, parameters: Mapping[str, ArrayLike], impacts: Impacts) -> Rebound:
-        """The same, checked: numbers give (impacts,), draws (draws, impacts). Raises ParameterError (`parameters`,
-        `out-of-bounds`, `no-answer` for a single set).
+        """The same, checked: numbers give (impacts,), draws (draws, impacts). Raises ParameterError
+        (`parameters`, `out-of-bounds`, `no-answer` for a single set).
         """
         names, values, single = self._checked(parameters)
         if impacts.v_x1.ndim > 1:
             draws = len(impacts.v_x1)
-            values, single = np.repeat(values, draws, axis=0) if single else values, False
+            values = np.repeat(values, draws, axis=0) if single else values
+            single = False
             if len(values) != draws:
-                raise self._wrong(f"takes as many draws as of impacts: read {len(values)} and {draws}")
+                raise self._wrong(
+                    f"takes as many draws as of impacts: read {len(values)} and {draws}"
+                )
         rebound = self.evaluate(names, values, impacts)
         if not single:
             return rebound
@@ -116,16 +139,27 @@ class Model:
             first = int(np.flatnonzero(rebound.status[0])[0])
             reason = REASONS[Status(int(rebound.status[0, first]))]
             raise ParameterError(
-                f"model {self.name} has no answer for impact {first + 1} (v_y1 = {impacts.v_y1[first]:g} m/s): "
+                f"model {self.name} has no answer for impact {first + 1} (v_y1 = "
+                f"{impacts.v_y1[first]:g} m/s): "
                 f"{reason}.",
                 "no-answer",
             )
         return Rebound(*(array[0] for array in vars(rebound).values()))
 
-    def history(self, parameters: Mapping[str, float], impact: Impacts, times: FloatArray) -> History:
-        """Courses of one impact at `times` [s after landing]. Raises ModelError (`no-history`), ParameterError."""
+    def history(
+        self,
+        parameters: Mapping[str, float],
+        impact: Impacts,
+        times: FloatArray,
+    ) -> History:
+        """Courses of one impact at `times` [s after landing]. Raises ModelError (`no-history`),
+        ParameterError.
+        """
         if not (self.timed and isinstance(self.solve, KernelSolver)):
-            raise ModelError(f"model {self.name} has no time axis: use two-mass or thesis-exact", "no-history")
+            raise ModelError(
+                f"model {self.name} has no time axis: use two-mass or thesis-exact",
+                "no-history",
+            )
         names, values, single = self._checked(parameters)
         if not single or impact.v_x1.shape != (1,):
             raise self._wrong("has courses of one impact with one value of each parameter")
@@ -133,11 +167,17 @@ class Model:
         times = np.atleast_1d(np.asarray(times, dtype=np.float64))
         if not np.all((times >= 0.0) & (times <= contact_time)):
             raise ParameterError(
-                f"read times from {times.min():g} to {times.max():g} s: expected times within the contact, "
+                f"read times from {times.min():g} to {times.max():g} s: expected times within the "
+                "contact, "
                 f"0 to {contact_time:.6g} s",
                 "times",
             )
-        found = followed(self.solve.rows(self.ball, names, values)[0], self.solve.flags, impact, times)
+        found = followed(
+            self.solve.rows(self.ball, names, values)[0],
+            self.solve.flags,
+            impact,
+            times,
+        )
         if not self.tangential:
             found.phase[:] = 0
         return found
@@ -145,17 +185,31 @@ class Model:
     def kernel_call(self, parameters: Mapping[str, float]) -> KernelCall:
         """What ports are made of. Raises ModelError (`own-model`)."""
         if not isinstance(self.solve, KernelSolver):
-            raise ModelError(f"model {self.name} is a Python function: it cannot be ported", "own-model")
+            raise ModelError(
+                f"model {self.name} is a Python function: it cannot be ported",
+                "own-model",
+            )
         names, values, _ = self._checked(parameters)
         row = self.solve.rows(self.ball, names, values)[0]
-        return KernelCall(type(self.solve).entry, self.solve.columns, tuple(map(float, row)), self.solve.flags)
+        return KernelCall(
+            type(self.solve).entry,
+            self.solve.columns,
+            tuple(map(float, row)),
+            self.solve.flags,
+        )
 
     @cached_property
     def specs(self) -> Mapping[str, ParameterSpec]:
         """Its parameters and those of its ball, by name."""
-        return {spec.name: spec for spec in (*self.parameters, *(SPECS[name] for name in BALL_PARAMETERS))}
+        return {
+            spec.name: spec
+            for spec in (*self.parameters, *(SPECS[name] for name in BALL_PARAMETERS))
+        }
 
-    def _checked(self, parameters: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], FloatArray, bool]:
+    def _checked(
+        self,
+        parameters: Mapping[str, ArrayLike],
+    ) -> tuple[tuple[str, ...], FloatArray, bool]:
         """Names, values (draws, names), and whether they are numbers. Raises ParameterError."""
         for name in parameters:
             if name not in self.specs:
@@ -166,16 +220,22 @@ class Model:
             columns = [np.asarray(value, dtype=np.float64) for value in parameters.values()]
             given = np.stack(np.broadcast_arrays(*columns), axis=-1)
         except (TypeError, ValueError) as error:
-            raise self._wrong(f"takes numbers, or as many draws of each parameter: {error}") from None
+            raise self._wrong(
+                f"takes numbers, or as many draws of each parameter: {error}"
+            ) from None
         if given.ndim > 2:
             raise self._wrong(f"takes numbers or draws (draws,): read shape {given.shape[:-1]}")
-        values, specs = np.atleast_2d(given), [self.specs[name] for name in parameters]
+        values = np.atleast_2d(given)
+        specs = [self.specs[name] for name in parameters]
         low, high = np.array([(spec.lower, spec.upper) for spec in specs]).T
         good = (values >= low) & (values <= high)
         if not good.all():
             draw, place = np.argwhere(~good)[0]
             read = f"{specs[place].name} = {values[draw, place]:g} {specs[place].unit}".rstrip()
-            raise ParameterError(f"{read}: expected a value from {low[place]:g} to {high[place]:g}", "out-of-bounds")
+            raise ParameterError(
+                f"{read}: expected a value from {low[place]:g} to {high[place]:g}",
+                "out-of-bounds",
+            )
         return tuple(parameters), values, given.ndim == 1
 
     def _wrong(self, text: str) -> ParameterError:

@@ -1,4 +1,4 @@
-"""Models by name, their options, and what a comparison tries; a new model is one row. Imports: model, own, base."""
+"""Models by name, their options, and what a comparison tries; a new model is one row."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,15 +11,25 @@ from fitball.models.own import model_from
 from fitball.values import Ball
 
 TWO_MASS = {
-    "normal": "momentum", "offset": "contact", "torsion": "matched", "inertia": "tied", "spin": "mean",
+    "normal": "momentum",
+    "offset": "contact",
+    "torsion": "matched",
+    "inertia": "tied",
+    "spin": "mean",
     "release": "zero_force",
-}  # fmt: skip
-THESIS_EXACT = {**TWO_MASS, "normal": "inner", "offset": "grip", "spin": "shell", "release": "zero_displacement"}
+}
+THESIS_EXACT = {
+    **TWO_MASS,
+    "normal": "inner",
+    "offset": "grip",
+    "spin": "shell",
+    "release": "zero_displacement",
+}
 
 
 class Entry(NamedTuple):
-    """How a model is composed from text, ball, whether there is motion along the court, and its `options` (by default
-    these), which can be changed among `choices`.
+    """How a model is composed from text, ball, whether there is motion along the court, and its
+    `options` (by default these), which can be changed among `choices`.
     """
 
     compose: Callable[[str, str, Ball, bool, Mapping[str, str]], Model]
@@ -37,20 +47,23 @@ MODELS: Mapping[str, Entry] = {
 VERTICAL = ("normal", "release")
 
 
-def model(text: str = "two-mass", *, ball: Ball | None = None, tangential: bool = True, **options: str) -> Model:
-    """`two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free, inertia tied|table,
-    spin mean|shell, release zero_force|zero_displacement), `thesis-exact`, `grip-slip`,
-    `brody`, with options as `+NAME=OPTION` or by keyword; FILE.py:NAME. Raises ModelError (`unknown-model`,
-    `unknown-option`, `option-twice`, `own-model`).
+def model(
+    text: str = "two-mass", *, ball: Ball | None = None, tangential: bool = True, **options: str
+) -> Model:
+    """`two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free, inertia
+    tied|table, spin mean|shell, release zero_force|zero_displacement), `thesis-exact`, `grip-slip`,
+    `brody`, with options as `+NAME=OPTION` or by keyword; FILE.py:NAME. Raises ModelError
+    (`unknown-model`, `unknown-option`, `option-twice`, `own-model`).
 
-    One law of restitution holds at every speed: `COR = c (1 + (v/v_0)^q)^(-1/q)`, with value `cor_10` and slope
-    `cor_slope` at 10 m/s; c = mass_ratio with normal=momentum, else 1.
+    One law of restitution holds at every speed: `COR = c (1 + (v/v_0)^q)^(-1/q)`, with value
+    `cor_10` and slope `cor_slope` at 10 m/s; c = mass_ratio with normal=momentum, else 1.
     """
     ball = Ball() if ball is None else ball
     if ".py:" in text:
         if options:
             raise ModelError(
-                f"model {text} is a function, without options: read {', '.join(options)}", "unknown-option"
+                f"model {text} is a function, without options: read {', '.join(options)}",
+                "unknown-option",
             )
         return replace(model_from(text), ball=ball, tangential=tangential)
     name, *parts = text.split("+")
@@ -73,10 +86,13 @@ def model(text: str = "two-mass", *, ball: Ball | None = None, tangential: bool 
 
 
 def known_model(text: str, *, ball: Ball, tangential: bool) -> Model:
-    """The model that a scene or a saved fit names: these are data, and run no file. Raises as `model`."""
+    """The model that a scene or a saved fit names: these are data, and run no file. Raises as
+    `model`.
+    """
     if ".py:" in text:
         words = (
-            f"model {text}: a scene or a saved fit names no function of a file; if you trust it, name it (--model)"
+            f"model {text}: a scene or a saved fit names no function of a file; if you trust "
+            "it, name it (--model)"
         )
         raise ModelError(words, "own-model")
     return model(text, ball=ball, tangential=tangential)
@@ -85,12 +101,17 @@ def known_model(text: str, *, ball: Ball, tangential: bool) -> Model:
 def _text(name: str, options: Mapping[str, str]) -> str:
     """A model as `--model` takes it, with the options that are not its default."""
     default = MODELS[name].options
-    return "+".join([name, *(f"{choice}={value}" for choice, value in options.items() if value != default[choice])])
+    return "+".join(
+        [
+            name,
+            *(f"{choice}={value}" for choice, value in options.items() if value != default[choice]),
+        ]
+    )
 
 
 def variants(chosen: Model) -> tuple[str, ...]:
-    """Texts of all models that differ from it in one option, of those that act without motion along the court if it
-    has none.
+    """Texts of all models that differ from it in one option, of those that act without motion along
+    the court if it has none.
     """
     choices = MODELS[chosen.name].choices if chosen.name in MODELS else {}
     return tuple(
@@ -102,14 +123,16 @@ def variants(chosen: Model) -> tuple[str, ...]:
 
 
 def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
-    """Texts of the models that can differ on such a table, the default there last: `two-mass`, but `brody` where no
-    spin was measured beside motion along the court, and `two-mass+normal=total` in drops, where a mass ratio is no
-    more than an upper end of COR.
+    """Texts of the models that can differ on such a table, the default there last: `two-mass`, but
+    `brody` where no spin was measured beside motion along the court, and `two-mass+normal=total` in
+    drops, where a mass ratio is no more than an upper end of COR.
     """
     if not tangential:
         return ("two-mass+normal=total",)
     if not spin:
         return ("grip-slip", "brody")
     # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names it.
-    others = () if quick else tuple(text for text in variants(model()) if "normal=inner" not in text)
+    others = (
+        () if quick else tuple(text for text in variants(model()) if "normal=inner" not in text)
+    )
     return ("thesis-exact", "grip-slip", "brody", *others, "two-mass")

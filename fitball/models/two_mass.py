@@ -1,4 +1,4 @@
-"""The two-mass ball: rows and flags of a composition, batches over threads. Imports: model, kernels, base."""
+"""The two-mass ball: rows and flags of a composition, batches over threads."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,7 +12,8 @@ from fitball.models.specs import SPECS
 from fitball.values import Ball
 
 CHOICES: Mapping[str, tuple[str, ...]] = dict(FLAGS)
-# What a column without a parameter holds, where not zero: in a drop core and shell have any inertia.
+# What a column without a parameter holds, where not zero: in a drop core and shell have any
+# inertia.
 ABSENT = {"inertia_split": 0.5}
 # A drop has no twist, whose damping could not be matched.
 DROP = {"torsion": "free", "inertia": "table"}
@@ -27,25 +28,40 @@ class TwoMass(KernelSolver):
 
 
 def _parameters(options: Mapping[str, str], tangential: bool) -> tuple[str, ...]:
-    """Names of the parameters of a composition, without motion along the court only the vertical ones.
+    """Names of the parameters of a composition, without motion along the court only the vertical
+    ones.
 
-    The mass ratio acts on the vertical motion unless the whole mass rides the spring, and on the spin where it sets
-    the inertia of the core.
+    The mass ratio acts on the vertical motion unless the whole mass rides the spring, and on the
+    spin where it sets the inertia of the core.
     """
     heavy = options["normal"] != "total" or (tangential and options["inertia"] == "tied")
     wanted = {
-        "mass_ratio": heavy, "k_y": True, "k_theta": tangential, "mu": tangential, "eps_10": tangential,
-        "eps_slope": tangential, "cor_10": True, "cor_slope": True,
+        "mass_ratio": heavy,
+        "k_y": True,
+        "k_theta": tangential,
+        "mu": tangential,
+        "eps_10": tangential,
+        "eps_slope": tangential,
+        "cor_10": True,
+        "cor_slope": True,
         "zeta_theta": tangential and options["torsion"] == "free",
         "inertia_split": tangential and options["inertia"] == "table",
-    }  # fmt: skip
+    }
     return tuple(name for name, present in wanted.items() if present)
 
 
-def compose(name: str, text: str, ball: Ball, tangential: bool, options: Mapping[str, str]) -> Model:
+def compose(
+    name: str,
+    text: str,
+    ball: Ball,
+    tangential: bool,
+    options: Mapping[str, str],
+) -> Model:
     """The model of a composition with its parameters."""
     used = options if tangential else {**options, **DROP}
-    normal, offset, torsion, inertia, spin, release = (values.index(used[key]) for key, values in CHOICES.items())
+    normal, offset, torsion, inertia, spin, release = (
+        values.index(used[key]) for key, values in CHOICES.items()
+    )
     flags = (normal, offset, torsion, inertia, spin, release)
     solver = TwoMass(flags, tuple(ABSENT.get(column, 0.0) for column in COLUMNS[:-3]))
     specs = tuple(SPECS[own] for own in _parameters(options, tangential))

@@ -1,4 +1,4 @@
-"""What a model returns. Imports: columns, values."""
+"""What a model returns."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -36,15 +36,21 @@ class Status(IntEnum):
 REASONS: dict[Status, str] = {
     Status.OK: "",
     Status.COR_OUT_OF_RANGE: "COR must be above 0 and at most 1. Change cor_10",
-    Status.COR_EXCEEDS_MASS_RATIO: "with normal=momentum COR cannot exceed mass_ratio. Use a larger mass_ratio, or "
+    Status.COR_EXCEEDS_MASS_RATIO: "with normal=momentum COR cannot exceed mass_ratio. Use a "
+    "larger mass_ratio, or "
     "normal=total",
-    Status.TORSION_TOO_SOFT: "with torsion=matched the torsional frequency cannot be below the vertical one. Use a "
+    Status.TORSION_TOO_SOFT: "with torsion=matched the torsional frequency cannot be below the "
+    "vertical one. Use a "
     "larger k_theta, or torsion=free",
-    Status.TOO_MANY_PHASES: "core and shell oscillate too fast to be followed. Use a mass_ratio further from 1, or a "
+    Status.TOO_MANY_PHASES: "core and shell oscillate too fast to be followed. Use a mass_ratio "
+    "further from 1, or a "
     "smaller k_theta",
-    Status.LEVEL_OUT_OF_BOUNDS: "a parameter is outside its bounds on a surface or ball. Use a narrower prior there",
-    Status.NO_IMPACT: "the ball does not move towards the court. v_y1 must be positive; check it and its error",
-    Status.NO_ANSWER: "your function gives a number that is not finite. Use priors within which it has an answer",
+    Status.LEVEL_OUT_OF_BOUNDS: "a parameter is outside its bounds on a surface or ball. Use a "
+    "narrower prior there",
+    Status.NO_IMPACT: "the ball does not move towards the court. v_y1 must be positive; check it "
+    "and its error",
+    Status.NO_ANSWER: "your function gives a number that is not finite. Use priors within which "
+    "it has an answer",
     Status.NO_INERTIA: "core or shell has no inertia. Use a mass_ratio below 1, or inertia=table",
     Status.REBOUND_FALLS: "v_y2 would fall with v_y1. cor_slope must be above -cor_10/(10 m/s)",
 }
@@ -61,8 +67,9 @@ PHASE_BITS = 3
 
 @dataclass(frozen=True, eq=False)
 class Rebound:
-    """Rebounds (draws, impacts), SI, NaN where `status` is not OK: velocity, spin, `contact_time`; time, path and
-    turn between the flights (gaps; NaN without a time axis, as `contact_time`); the packed `regime`.
+    """Rebounds (draws, impacts), SI, NaN where `status` is not OK: velocity, spin, `contact_time`;
+    time, path and turn between the flights (gaps; NaN without a time axis, as `contact_time`); the
+    packed `regime`.
     """
 
     v_x2: FloatArray
@@ -86,10 +93,14 @@ class Rebound:
 
 def regime_name(regime: int) -> str:
     """A packed regime in words: `slide, grip, slide back`. Raises ParameterError (`regime`)."""
-    phases, rest = [], int(regime)
+    phases = []
+    rest = int(regime)
     while rest > 0:
         phases.append(rest & (1 << PHASE_BITS) - 1)
         rest >>= PHASE_BITS
     if rest < 0 or not all(phase in PHASE_NAMES for phase in phases):
-        raise ParameterError(f"read regime {regime}: expected a packed regime of a rebound", "regime")
+        raise ParameterError(
+            f"read regime {regime}: expected a packed regime of a rebound",
+            "regime",
+        )
     return ", ".join(PHASE_NAMES[Phase(phase)] for phase in phases)

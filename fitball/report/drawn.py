@@ -1,4 +1,4 @@
-"""What `plot` returns: figures of a fit, written into its folder. Imports: figures, style, result, files."""
+"""What `plot` returns: figures of a fit, written into its folder."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ class Drawn(Result):
         figures: bool | Literal["all"] = True,
         command: str = "",
     ) -> tuple[Path, ...]:
-        """Write the figures beside what the folder has, in place of older ones of the same names."""
+        """Write the figures beside what the folder has, in place of older ones of the same
+        names.
+        """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), wait=WAIT) as held:
                 return self.save(held, overwrite=overwrite, figures=figures, command=command)
@@ -52,27 +54,38 @@ class Drawn(Result):
 
 
 def drawn(fit: Fit, names: Sequence[str], form: str) -> Drawn:
-    """The figures `names`, or all that a fit has data for. Raises ParameterError (`format`, `unknown-figure`,
-    `no-such-data`).
+    """The figures `names`, or all that a fit has data for. Raises ParameterError (`format`,
+    `unknown-figure`, `no-such-data`).
     """
     if form not in FORMATS:
-        raise ParameterError(f"format: read '{form}', expected {listed(FORMATS, last='or')}", "format")
+        raise ParameterError(
+            f"format: read '{form}', expected {listed(FORMATS, last='or')}",
+            "format",
+        )
     known = drawable(fit)
     for name in names:
         if name not in FIGURES:
-            raise ParameterError(f"no figure '{name}': {suggestion(name, FIGURES)}", "unknown-figure")
+            raise ParameterError(
+                f"no figure '{name}': {suggestion(name, FIGURES)}",
+                "unknown-figure",
+            )
         if name not in known:
             text = f"figure {name}: this fit has no data for it; it has {listed(known, most=20)}"
             raise ParameterError(text, "no-such-data")
     missing = [name for name in FIGURES if name not in known and not names]
-    notes = [Note("not-drawn", f"This fit has no data for {listed(missing, most=20)}.")] * bool(missing)
+    notes = [Note("not-drawn", f"This fit has no data for {listed(missing, most=20)}.")] * bool(
+        missing
+    )
     return Drawn(fit, tuple(dict.fromkeys(names)) or known, form, tuple(notes))
 
 
 def report(result: Drawn) -> Report:
     """Which figures there are."""
     text = f"{listed(result.names, most=20)}, as {result.form}."
-    return Report(f"Figures of {result.fit.run.table.name}", [Text([text, *(note.text for note in result.notes)])])
+    return Report(
+        f"Figures of {result.fit.run.table.name}",
+        [Text([text, *(note.text for note in result.notes)])],
+    )
 
 
 def figures(result: Drawn) -> Mapping[str, Callable[[], Figure]]:

@@ -1,4 +1,4 @@
-"""How pages and figures name quantities: unit, symbol, middle. Imports: columns, inference.fit, base."""
+"""How pages and figures name quantities: unit, symbol, middle."""
 
 from typing import Any
 
@@ -33,7 +33,9 @@ def plain(text: str, most: int = _LABEL) -> str:
 
 
 def symbol(fit: Fit, name: str, most: int = _LABEL) -> str:
-    """Mathtext of a quantity, with at most so many letters of its level; the name of one that has no symbol."""
+    """Mathtext of a quantity, with at most so many letters of its level; the name of one that has
+    no symbol.
+    """
     base, bracket, level = name.partition("[")
     shown = fit.quantity(name).spec.symbol or plain(base.replace("_", " "))
     return f"{shown}, {plain(level[:-1], most)}" if bracket else shown
@@ -53,4 +55,7 @@ def chance(share: float) -> str:
 
 def records(frame: DataFrame) -> list[dict[str, Any]]:
     """Rows as mappings, with the index where that has a name."""
-    return [{str(name): cell for name, cell in row.items()} for row in with_index(frame).to_dict("records")]
+    return [
+        {str(name): cell for name, cell in row.items()}
+        for row in with_index(frame).to_dict("records")
+    ]

@@ -1,4 +1,4 @@
-"""A stored fit run again from what it depends on, as it was or varied. Imports: pair, inference, base."""
+"""A stored fit run again from what it depends on, as it was or varied."""
 
 from __future__ import annotations
 
@@ -32,14 +32,20 @@ def is_fit(source: Any) -> bool:
 
 
 def run_again(
-    source: Any, reading: Mapping[str, Any], chosen: Mapping[str, Any], effort: Mapping[str, Any], progress: Progress
+    source: Any,
+    reading: Mapping[str, Any],
+    chosen: Mapping[str, Any],
+    effort: Mapping[str, Any],
+    progress: Progress,
 ) -> Fit:
-    """The fit to the stored table, with what is given of choices and effort, and a note by how much values moved.
-    Raises ParameterError (`stored-table` for options of reading), FolderError, ModelError, FitError.
+    """The fit to the stored table, with what is given of choices and effort, and a note by how much
+    values moved. Raises ParameterError (`stored-table` for options of reading), FolderError,
+    ModelError, FitError.
     """
     if names := [name for name, value in reading.items() if value]:
         text = (
-            f"{listed(names)}: a stored fit has its table as it was read; to read it otherwise, fit the table again"
+            f"{listed(names)}: a stored fit has its table as it was read; to read it "
+            "otherwise, fit the table again"
         )
         raise ParameterError(text, "stored-table")
     changed, own = choices_of(**chosen)
@@ -53,8 +59,11 @@ def run_again(
 
 
 def _varied(stored: Fit, changed: Choices, own: Model | None) -> Problem:
-    """What is changed has the defaults of this version, all else the priors and values of the stored fit."""
-    run, was = stored.run, stored.run.choices
+    """What is changed has the defaults of this version, all else the priors and values of the
+    stored fit.
+    """
+    run = stored.run
+    was = stored.run.choices
     if changed.model:
         model = own or model_of(changed.model)
         was = was.fitting(changed.model, [spec.name for spec in model.parameters])
@@ -76,8 +85,15 @@ def _moved(fit: Fit, stored: Fit) -> Note:
     """By how much values moved since the stored fit."""
     moved = fit.moved_from(stored)
     if not any(moved.values()):
-        return Note("run-again", "Run again: all values are those of the stored fit to the last digit.")
+        return Note(
+            "run-again",
+            "Run again: all values are those of the stored fit to the last digit.",
+        )
     name = max(moved, key=lambda one: moved[one])
     sampled = stored.posterior is not None and fit.posterior is not None
-    by = f"{Unit('').number(moved[name], 2)} of its sds" if sampled else f"{percent(moved[name])} of its value"
+    by = (
+        f"{Unit('').number(moved[name], 2)} of its sds"
+        if sampled
+        else f"{percent(moved[name])} of its value"
+    )
     return Note("run-again", f"Run again: of {len(moved)} values {name} moved most, by {by}.")

@@ -1,4 +1,4 @@
-"""Long tables, Tracker, Kinovea, DLTdv -> `Track`. Imports: data, types.
+"""Long tables, Tracker, Kinovea, DLTdv -> `Track`.
 
 | program | header | rows |
 |---|---|---|
@@ -50,25 +50,52 @@ NAMES: Mapping[str, tuple[str, str]] = {
     "quality": ("", "likelihood confidence conf score"),
 }
 _OURS = {word: ours for ours, (_, words) in NAMES.items() for word in (bare(ours), *words.split())}
-_PIXELS = re.compile(r"(?P<name>.*?\w)[\s_/,]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?", re.IGNORECASE)
+_PIXELS = re.compile(
+    r"(?P<name>.*?\w)[\s_/,]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?",
+    re.IGNORECASE,
+)
 _DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
 _KINOVEA = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
 _LONGEST = 100
-# Coordinates without a unit that reach further [m] are none; radii that make a scale, and how far a stated one may be
-# off without a note; the quality of a good frame.
-_WIDEST, _LEAST_RADII, _SAME_SCALE, _LEAST_QUALITY = 30.0, 5, 0.02, 0.9
+# Coordinates without a unit that reach further [m] are none; radii that make a scale, and how far a
+# stated one may be off without a note; the quality of a good frame.
+_WIDEST = 30.0
+_LEAST_RADII = 5
+_SAME_SCALE = 0.02
+_LEAST_QUALITY = 0.9
 # What programs write for both coordinates of a frame in which they found no ball.
 _LOST = (-99.0, -999.0, -9999.0, -99999.0)
 # A step shorter than this many usual ones misses no frame.
 _ONE_STEP = 1.5
 # Endings of what people have beside their positions.
-_FILMS = ["mp4", "mov", "avi", "mkv", "m4v", "wmv", "webm", "mts", "mpg", "mpeg", "cine", "gif", "trk", "trz", "kva"]
-_EXPECTED = "expected x and y, t or frame, such as 'id,t [s],x [m],y [m]', or an export of Tracker, Kinovea, DLTdv"
+_FILMS = [
+    "mp4",
+    "mov",
+    "avi",
+    "mkv",
+    "m4v",
+    "wmv",
+    "webm",
+    "mts",
+    "mpg",
+    "mpeg",
+    "cine",
+    "gif",
+    "trk",
+    "trz",
+    "kva",
+]
+_EXPECTED = (
+    "expected x and y, t or frame, such as 'id,t [s],x [m],y [m]', or an export of "
+    "Tracker, Kinovea, DLTdv"
+)
 
 
 class _Part(NamedTuple):
-    """One ball of a file: what it adds to the file's name, the place of each column, whether it is in pixels."""
+    """One ball of a file: what it adds to the file's name, the place of each column, whether it is
+    in pixels.
+    """
 
     name: str
     places: dict[str, int]
@@ -76,16 +103,21 @@ class _Part(NamedTuple):
 
 
 def scene_of(
-    sources: Sequence[Source], scene: Scene | str | Path, fps: float, mm_per_px: float, ball_diameter: str
+    sources: Sequence[Source],
+    scene: Scene | str | Path,
+    fps: float,
+    mm_per_px: float,
+    ball_diameter: str,
 ) -> Scene:
-    """The scene that is given, or that beside the first file, with what overrides it. Raises ParameterError
-    (`length`), FolderError (`not-found`), InputError (`scene`).
+    """The scene that is given, or that beside the first file, with what overrides it. Raises
+    ParameterError (`length`), FolderError (`not-found`), InputError (`scene`).
     """
     first = sources[0] if sources and isinstance(sources[0], str | Path) else None
     beside = None if first is None else place_of(file_and_sheet(str(first))[0], "tracks")
     known = scene if isinstance(scene, Scene) else load_scene(beside, scene or None)
     stated = {name: value for name, value in (("fps", fps), ("mm_per_px", mm_per_px)) if value}
-    camera, ball = changed(known.camera or CameraSection(), **stated), known.ball
+    camera = changed(known.camera or CameraSection(), **stated)
+    ball = known.ball
     if ball_diameter:
         if (found := _LENGTH.fullmatch(ball_diameter)) is None:
             read = f"ball_diameter: read '{one_line(ball_diameter)}'"
@@ -95,35 +127,48 @@ def scene_of(
 
 
 def read_tracks(
-    sources: Sequence[Source], scene: Scene, columns: Mapping[str, str]
+    sources: Sequence[Source],
+    scene: Scene,
+    columns: Mapping[str, str],
 ) -> tuple[list[Track], list[Note]]:
-    """The tracks of files of positions, or of data frames with the same columns, and notes on what was assumed or
-    left out. Raises InputError with every fault by row and column (`no-positions`, `no-column`, `no-rate`,
-    `no-scale`, `three-coordinates`, `two-positions`, `same-table-twice`, `fold`, `film`, and what cells have),
-    FolderError, ParameterError (`columns`, `no-data`).
+    """The tracks of files of positions, or of data frames with the same columns, and notes on what
+    was assumed or left out. Raises InputError with every fault by row and column (`no-positions`,
+    `no-column`, `no-rate`, `no-scale`, `three-coordinates`, `two-positions`, `same-table-twice`,
+    `fold`, `film`, and what cells have), FolderError, ParameterError (`columns`, `no-data`).
     """
     if not sources:
         raise ParameterError("no film was given; expected tables of positions", "no-data")
-    naming, tracks, notes = _Naming({**scene.columns, **columns}), list[Track](), dict[Note, None]()
+    naming = _Naming({**scene.columns, **columns})
+    tracks = list[Track]()
+    notes = dict[Note, None]()
     digests = set[tuple[str, str]]()
     for source in sources:
-        place, sheet, name = source, "", str(getattr(source, "attrs", {}).get("name", "positions"))
+        place = source
+        sheet = ""
+        name = str(getattr(source, "attrs", {}).get("name", "positions"))
         if isinstance(source, str | Path):
             file, sheet = file_and_sheet(str(source))
             path = place_of(file, "tracks")
             if path.suffix.lower()[1:] in _FILMS:
-                words = "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
+                words = (
+                    "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
+                )
                 raise InputError(str(path), [Fault("film", words)])
-            place, name = f"{path}#{sheet}" if sheet else path, path.stem
+            place = f"{path}#{sheet}" if sheet else path
+            name = path.stem
         cells = read_cells(place, naming.worth, name)
         tracks += _Reader(cells, name, naming, scene).tracks()
         cells.refuse()
         # Sheets of one workbook are different films.
         if (cells.sha256, sheet) in digests:
-            raise InputError(cells.source, [Fault("same-table-twice", "read a second time; give each film once")])
+            raise InputError(
+                cells.source,
+                [Fault("same-table-twice", "read a second time; give each film once")],
+            )
         digests.add((cells.sha256, sheet))
         notes |= dict.fromkeys(cells.notes)
-    count, seen = Counter(one.id for one in tracks), Counter[str]()
+    count = Counter(one.id for one in tracks)
+    seen = Counter[str]()
     for k, one in enumerate(tracks):
         seen[one.id] += 1
         tracks[k] = one if count[one.id] == 1 else replace(one, id=f"{one.id} ({seen[one.id]})")
@@ -131,11 +176,15 @@ def read_tracks(
 
 
 class _Naming:
-    """What header cells of positions mean, with the user's names. Raises ParameterError (`columns`)."""
+    """What header cells of positions mean, with the user's names. Raises ParameterError
+    (`columns`).
+    """
 
     def __init__(self, columns: Mapping[str, str]) -> None:
         for name in columns.keys() - NAMES.keys():
-            words = f"columns: '{one_line(name)}' is no column of positions; {suggestion(name, NAMES)}"
+            words = (
+                f"columns: '{one_line(name)}' is no column of positions; {suggestion(name, NAMES)}"
+            )
             raise ParameterError(words, "columns")
         self.plain = Naming({})
         cells = {ours: self.split(their) for ours, their in columns.items()}
@@ -148,7 +197,11 @@ class _Naming:
             return pixels["name"], "px"
         name, unit = self.plain.split(cell)
         front, _, last = cell.strip().replace(" ", "_").rpartition("_")
-        return (front, last) if unit is None and bare(front) in _OURS and symbol_of(last) else (name, unit)
+        return (
+            (front, last)
+            if unit is None and bare(front) in _OURS and symbol_of(last)
+            else (name, unit)
+        )
 
     def read(self, cell: str) -> tuple[str | None, str | None]:
         """Our name of a cell (None: not used), and its unit as written."""
@@ -177,14 +230,25 @@ class _Reader:
 
     def tracks(self) -> list[Track]:
         """The tracks; those with faults are left out."""
-        cells, parts = self.cells, self._parts()
-        known = {name.casefold() for cell in cells.names for name in (cell.strip(), self.naming.split(cell)[0])}
+        cells = self.cells
+        parts = self._parts()
+        known = {
+            name.casefold()
+            for cell in cells.names
+            for name in (cell.strip(), self.naming.split(cell)[0])
+        }
         for their in self.naming.theirs.keys() - known:
-            cells.fault("no-column", f"columns: no column is '{one_line(their)}': {listed(cells.names, most=20)}")
+            cells.fault(
+                "no-column",
+                f"columns: no column is '{one_line(their)}': {listed(cells.names, most=20)}",
+            )
         if not parts:
             cells.fault("no-positions", f"read columns {listed(cells.names, most=12)}; {_EXPECTED}")
         for part in [part for part in parts if "z" in part.places]:
-            words = "three coordinates; expected x along the court and y upwards: project onto the plane of flight"
+            words = (
+                "three coordinates; expected x along the court and y upwards: project onto "
+                "the plane of flight"
+            )
             cells.fault("three-coordinates", words, cells.names[part.places["z"]])
         cells.refuse()
         measured = [k for part in parts for n, k in part.places.items() if NAMES[n][0] != "text"]
@@ -210,29 +274,50 @@ class _Reader:
                     points.setdefault(found["name"], {**clock})[found["axis"].casefold()] = k
             whole = {name: places for name, places in points.items() if {"x", "y"} <= {*places}}
             if whole:
-                return [_Part(n * (len(whole) > 1), p, "_cam" in n.casefold()) for n, p in whole.items()]
+                return [
+                    _Part(n * (len(whole) > 1), p, "_cam" in n.casefold()) for n, p in whole.items()
+                ]
         starts = [k for k, name in enumerate(ours) if name == "x"]
         if len(starts) < 2:
             return [_Part("", shared)] if {"x", "y"} <= {*shared} else []
         # Masses side by side: each x begins one, its time is the last before it.
         parts = list[_Part]()
         for first, last in pairwise([*starts, len(ours)]):
-            block = {what: j for j, what in reversed([*enumerate(ours[:last])]) if what and j >= first}
+            block = {
+                what: j for j, what in reversed([*enumerate(ours[:last])]) if what and j >= first
+            }
             times = {what: j for j, what in enumerate(ours[:first]) if what in ("t", "frame")}
             parts += [_Part(str(len(parts) + 1), {**block, **times})] if "y" in block else []
         return parts
 
     def _of_part(self, part: _Part, values: Mapping[str, FloatArray]) -> Iterator[Track]:
-        """The tracks of a ball, one for each id and session, or for each time that the clock starts again."""
-        cells, columns, pixels = self.cells, dict[str, FloatArray](), set[str]()
-        own = {name: values[self._key(k)] for name, k in part.places.items() if NAMES[name][0] != "text"}
+        """The tracks of a ball, one for each id and session, or for each time that the clock starts
+        again.
+        """
+        cells = self.cells
+        columns = dict[str, FloatArray]()
+        pixels = set[str]()
+        own = {
+            name: values[self._key(k)]
+            for name, k in part.places.items()
+            if NAMES[name][0] != "text"
+        }
         codes = [np.isclose(own["x"], code) & np.isclose(own["y"], code) for code in _LOST]
-        self._left_out(self.name, lost := np.any(codes, axis=0), "both coordinates are a code, such as -999")
+        self._left_out(
+            self.name,
+            lost := np.any(codes, axis=0),
+            "both coordinates are a code, such as -999",
+        )
         for name, written in own.items():
-            si, unit = NAMES[name][0], self.naming.read(cells.names[part.places[name]])[1]
+            si = NAMES[name][0]
+            unit = self.naming.read(cells.names[part.places[name]])[1]
             column = np.where(lost, np.nan, written)
             if si == "m" and unit is None:
-                unit = "px" if part.pixels else self._assumed(np.where(lost, np.nan, [own["x"], own["y"]]))
+                unit = (
+                    "px"
+                    if part.pixels
+                    else self._assumed(np.where(lost, np.nan, [own["x"], own["y"]]))
+                )
             if unit == "px" and si == "m":
                 pixels.add(name)
             elif si:
@@ -247,34 +332,54 @@ class _Reader:
             for name in ("id", "session")
         )
         clock = columns.get("t", columns.get("frame", np.arange(float(len(cells.rows)))))
-        turns, timed = np.zeros(len(clock), dtype=np.int64), np.flatnonzero(np.isfinite(clock))
+        turns = np.zeros(len(clock), dtype=np.int64)
+        timed = np.flatnonzero(np.isfinite(clock))
         if "id" not in part.places:
             turns[timed[1:]] = np.diff(clock[timed]) < 0.0
             turns = np.cumsum(turns)
         groups: dict[tuple[str, str, int], list[int]] = {}
         for k, key in enumerate(zip(sessions, ids, turns.tolist(), strict=True)):
             groups.setdefault(key, []).append(k)
-        labels = {n: cells.text(k) for k, n in enumerate(cells.names) if role_of(n) and not self.naming.read(n)[0]}
+        labels = {
+            n: cells.text(k)
+            for k, n in enumerate(cells.names)
+            if role_of(n) and not self.naming.read(n)[0]
+        }
         for (session, one, turn), rows in groups.items():
             # Objects of Kinovea have names of their own.
             file = "" if part.name and not re.fullmatch(r"\d+|pt\d.*", part.name) else self.name
-            name = one or "-".join(filter(None, [file, part.name, str(turn + 1) * bool(turns.any())]))
-            named = {n: text[rows[0]] for n, text in labels.items()} | ({"session": session} if session else {})
+            name = one or "-".join(
+                filter(None, [file, part.name, str(turn + 1) * bool(turns.any())])
+            )
+            named = {n: text[rows[0]] for n, text in labels.items()} | (
+                {"session": session} if session else {}
+            )
             if track := self._track(name, np.array(rows), columns, pixels, named):
                 yield track
 
     def _assumed(self, place: FloatArray) -> str:
-        """The unit of lengths (2, rows) that state none: nobody films a bounce so wide that it could be metres."""
+        """The unit of lengths (2, rows) that state none: nobody films a bounce so wide that it
+        could be metres.
+        """
         known = np.isfinite(place).all(axis=0)
         wide = bool(known.any() and np.ptp(place[:, known], axis=1).max() > _WIDEST)
-        self.cells.note("no-unit", f"{self.name}: coordinates without a unit were read as {'px' if wide else 'm'}")
+        self.cells.note(
+            "no-unit",
+            f"{self.name}: coordinates without a unit were read as {'px' if wide else 'm'}",
+        )
         return "px" if wide else "m"
 
     def _track(
-        self, name: str, rows: IntArray, columns: Mapping[str, FloatArray], pixels: set[str], labels: dict[str, str]
+        self,
+        name: str,
+        rows: IntArray,
+        columns: Mapping[str, FloatArray],
+        pixels: set[str],
+        labels: dict[str, str],
     ) -> Track | None:
         """The frames of a clip in which the ball was found, by time; None where there are none."""
-        camera, fps = self.camera, self.camera.fps
+        camera = self.camera
+        fps = self.camera.fps
         own = {what: column[rows] for what, column in columns.items()}
         unsure = own.get("quality", np.ones(rows.size)) < _LEAST_QUALITY
         self._left_out(name, unsure, f"the quality is below {_LEAST_QUALITY:g}")
@@ -286,16 +391,28 @@ class _Reader:
             return None
         twice = np.flatnonzero(np.diff(clock[order]) <= 0.0)
         if twice.size:
-            words = f"'{one_line(name)}' has two positions at one time ({twice.size} times); expected an id a ball"
+            words = (
+                f"'{one_line(name)}' has two positions at one time ({twice.size} times); "
+                "expected an id a ball"
+            )
             self.cells.fault("two-positions", words, None, int(rows[order[twice[0] + 1]]))
         place = np.column_stack([own["x"], own["y"]])[order]
         again = np.concatenate([[False], ~np.any(np.diff(place, axis=0), axis=1)])
         self._left_out(name, again, "they repeat the one before")
-        order, place = order[~again], place[~again]
+        order = order[~again]
+        place = place[~again]
         if fps is None and clock is frame:
-            self.cells.fault("no-rate", "frames have no time; expected the camera's rate: --fps, or fps in [camera]")
-        time = clock[order] if fps is None else (frame[order] if clock is frame else _counted(clock[order])) / fps
-        size, fold = self._metres_per_px(name, own, order, pixels), self._fold(own, rows, order)
+            self.cells.fault(
+                "no-rate",
+                "frames have no time; expected the camera's rate: --fps, or fps in [camera]",
+            )
+        time = (
+            clock[order]
+            if fps is None
+            else (frame[order] if clock is frame else _counted(clock[order])) / fps
+        )
+        size = self._metres_per_px(name, own, order, pixels)
+        fold = self._fold(own, rows, order)
         x, y = (place * [size if axis in pixels else 1.0 for axis in "xy"]).T
         y = -y if camera.y == "down" else y
         if camera.row_time:
@@ -308,21 +425,45 @@ class _Reader:
     def _left_out(self, name: str, which: BoolArray, why: str) -> None:
         if which.any():
             of = counted(which.size, "frame")
-            self.cells.note("frames-left-out", f"{one_line(name)}: {which.sum()} of {of} left out: {why}")
+            self.cells.note(
+                "frames-left-out",
+                f"{one_line(name)}: {which.sum()} of {of} left out: {why}",
+            )
 
-    def _metres_per_px(self, name: str, own: Mapping[str, FloatArray], order: IntArray, pixels: set[str]) -> float:
-        """Metres a pixel, as stated or by the radius of the ball in the picture; 1 where nothing needs it."""
-        camera, ball = self.camera, self.scene.ball.radius
-        stated, by_ball = 1e-3 * (camera.mm_per_px or 0.0), 0.0
+    def _metres_per_px(
+        self,
+        name: str,
+        own: Mapping[str, FloatArray],
+        order: IntArray,
+        pixels: set[str],
+    ) -> float:
+        """Metres a pixel, as stated or by the radius of the ball in the picture; 1 where nothing
+        needs it.
+        """
+        camera = self.camera
+        ball = self.scene.ball.radius
+        stated = 1e-3 * (camera.mm_per_px or 0.0)
+        by_ball = 0.0
         for what, share in (("radius", 1.0), ("diameter", 0.5)):
             sizes = own[what][order][own[what][order] > 0.0] if what in pixels else np.empty(0)
             if ball is not None and sizes.size >= _LEAST_RADII:
-                by_ball = (ball.value if isinstance(ball, Quantity) else ball) / (share * float(np.median(sizes)))
+                by_ball = (ball.value if isinstance(ball, Quantity) else ball) / (
+                    share * float(np.median(sizes))
+                )
         if stated and by_ball and abs(stated / by_ball - 1.0) > _SAME_SCALE:
-            scale = f"{Unit('', 1e3).number(by_ball)} mm/px, the stated scale is {1e3 * stated:.3g} mm/px"
-            self.cells.note("scales-differ", f"{one_line(name)}: the radius of the ball gives {scale}")
+            scale = (
+                f"{Unit('', 1e3).number(by_ball)} mm/px, the stated scale is "
+                f"{1e3 * stated:.3g} mm/px"
+            )
+            self.cells.note(
+                "scales-differ",
+                f"{one_line(name)}: the radius of the ball gives {scale}",
+            )
         if not (stated or by_ball) and ({"x", "y"} & pixels or camera.row_time):
-            words = "positions in pixels, and row_time, need a scale: expected --mm-per-px, mm_per_px in [camera], or"
+            words = (
+                "positions in pixels, and row_time, need a scale: expected --mm-per-px, "
+                "mm_per_px in [camera], or"
+            )
             if all(fault.code != "no-scale" for fault in self.cells.faults):
                 self.cells.fault("no-scale", f"{words} --ball-diameter and a column radius [px]")
         return stated or by_ball or 1.0
@@ -334,7 +475,10 @@ class _Reader:
         first = float(folds[known[0]]) if known.size else float(self.camera.fold)
         wrong = known[(folds[known] < 1.0) | (np.abs(folds[known] - round(first)) > 0.0)]
         if wrong.size:
-            words = f"read {folds[wrong[0]]:g}; expected one whole number in a clip, 1 for a dot, 2 for a stripe"
+            words = (
+                f"read {folds[wrong[0]]:g}; expected one whole number in a clip, 1 for a dot, "
+                "2 for a stripe"
+            )
             self.cells.fault("fold", words, "angle_fold", int(rows[wrong[0]]))
         return round(first)
 

@@ -1,4 +1,4 @@
-"""All impacts of a session: common noise and drag, spins, court height. Imports: the rest of tracks, data, base."""
+"""All impacts of a session: common noise and drag, spins, court height."""
 
 from __future__ import annotations
 
@@ -26,31 +26,51 @@ from fitball.tracks.spins import pairs_of, weights
 from fitball.tracks.types import Filming, Track
 from fitball.values import FloatArray
 
-# Noise before it is known: of an angle [rad]; shares of outliers, the frames that these count as, and their range.
-_ANGLE, _OUTLIERS, _ANGLE_OUTLIERS, _OUTLIER_FRAMES, _RANGE = 0.05, 0.02, 0.05, 50.0, (2e-3, 0.3)
-_LEAST_NOISE, _LEAST_ANGLE = 1e-7, 1e-4
-# Frames of a session's noise that a track's own is drawn to, where tracks are too few to show how much it differs
-# between them; tracks that show it; most such frames.
-_FRAMES, _SHOWING, _MOST = 6.0, 10, 1e3
+# Noise before it is known: of an angle [rad]; shares of outliers, the frames that these count as,
+# and their range.
+_ANGLE = 0.05
+_OUTLIERS = 0.02
+_ANGLE_OUTLIERS = 0.05
+_OUTLIER_FRAMES = 50.0
+_RANGE = (2e-3, 0.3)
+_LEAST_NOISE = 1e-7
+_LEAST_ANGLE = 1e-4
+# Frames of a session's noise that a track's own is drawn to, where tracks are too few to show how
+# much it differs between them; tracks that show it; most such frames.
+_FRAMES = 6.0
+_SHOWING = 10
+_MOST = 1e3
 # Drag from shot to shot (Cross and Lindsey 2014).
 _DRAG_SHOT = 0.024
-# Passes over a session, and those after which spins are looked for: twice as their noise is renewed, and at the end;
-# times by which errors are widened in the first sweeps, with outliers among the frames.
-_PASSES, _MARKED, _WIDE = 5, (1, 2, 4), (8.0, 4.0, 2.0)
+# Passes over a session, and those after which spins are looked for: twice as their noise is
+# renewed, and at the end; times by which errors are widened in the first sweeps, with outliers
+# among the frames.
+_PASSES = 5
+_MARKED = (1, 2, 4)
+_WIDE = (8.0, 4.0, 2.0)
 # What the height of a court begins with below the lowest frames [m].
 _PRESSED = 0.01
 # A film that states none of these is taken to have these sds: 1, 0.1 %, 0.3 deg, 3 mm.
-_CAMERA = {"scale": (1.0, 0.01), "clock": (1.0, 1e-3), "tilt": (0.0, 0.005236), "court_height": (0.0, 3e-3)}
-# Fewer frames a second than 500, give or take rounding, may be a phone's, whose rows are read one after the other.
+_CAMERA = {
+    "scale": (1.0, 0.01),
+    "clock": (1.0, 1e-3),
+    "tilt": (0.0, 0.005236),
+    "court_height": (0.0, 3e-3),
+}
+# Fewer frames a second than 500, give or take rounding, may be a phone's, whose rows are read one
+# after the other.
 _PHONE = 495.0
-# Sds by which gravity is off from which a note is due; radii of tennis balls (ITF Rules of Tennis, and wear) [m].
-_DIFFERENT, _TENNIS = 3.0, (0.030, 0.037)
+# Sds by which gravity is off from which a note is due; radii of tennis balls (ITF Rules of Tennis,
+# and wear) [m].
+_DIFFERENT = 3.0
+_TENNIS = (0.030, 0.037)
 
 
 @dataclass
 class Session:
-    """What impacts of a session have in common: height of the centre at contact [m], its sd where contacts show it;
-    noise of x and y [m], of angles [rad], shares of outliers, gravity with its sd.
+    """What impacts of a session have in common: height of the centre at contact [m], its sd where
+    contacts show it; noise of x and y [m], of angles [rad], shares of outliers, gravity with its
+    sd.
     """
 
     impacts: list[Impact]
@@ -70,15 +90,25 @@ class Session:
 
 
 def track(
-    sources: Sequence[Source], scene: Scene, columns: Mapping[str, str], as_read: bool, progress: Progress
+    sources: Sequence[Source],
+    scene: Scene,
+    columns: Mapping[str, str],
+    as_read: bool,
+    progress: Progress,
 ) -> Film:
-    """The impacts on films: velocities, spins and gaps are the unknowns of two flights (gravity, drag, Magnus force)
-    that end and begin at the height of contact. Raises InputError (`no-rate`, `no-scale`, `gravity`, `no-impact`,
-    `misread`, and what `read_tracks` does).
+    """The impacts on films: velocities, spins and gaps are the unknowns of two flights (gravity,
+    drag, Magnus force) that end and begin at the height of contact. Raises InputError (`no-rate`,
+    `no-scale`, `gravity`, `no-impact`, `misread`, and what `read_tracks` does).
     """
     tracks, notes = read_tracks(sources, scene, columns)
-    source = listed((str(one) if isinstance(one, str | Path) else "a table" for one in sources), most=3)
-    camera, refused, found, sessions = _camera(scene), dict[str, str](), list[Impact](), dict[str, Session]()
+    source = listed(
+        (str(one) if isinstance(one, str | Path) else "a table" for one in sources),
+        most=3,
+    )
+    camera = _camera(scene)
+    refused = dict[str, str]()
+    found = list[Impact]()
+    sessions = dict[str, Session]()
     known = Filming.of(scene, camera)
     for ball in tracks:
         impacts, reason = impacts_of(ball, known)
@@ -95,7 +125,9 @@ def track(
         own = [one for one in found if one.track.labels.get("session", "") == name]
         sessions[name] = session = _placed(own, known, camera)
         # Of several sessions the least certain one.
-        if session.height_sd > (camera.court_height.sd if isinstance(camera.court_height, Quantity) else 0.0):
+        if session.height_sd > (
+            camera.court_height.sd if isinstance(camera.court_height, Quantity) else 0.0
+        ):
             camera = changed(camera, court_height=Quantity(0.0, session.height_sd))
         for number in range(_PASSES):
             progress(f"Impacts {name}".strip(), number / _PASSES)
@@ -103,13 +135,21 @@ def track(
         for one in session.good:
             one.failed = _impossible(one, known)
         g, sd = session.gravity = gravity(session.good)
-        far = abs(g - GRAVITY) > 2.0 * _DIFFERENT * sd and not GRAVITY / FACTOR < g < FACTOR * GRAVITY
+        far = (
+            abs(g - GRAVITY) > 2.0 * _DIFFERENT * sd and not GRAVITY / FACTOR < g < FACTOR * GRAVITY
+        )
         doubted("gravity", of_gravity(g, _rate(own)) if far else "")
         notes += _notes(session, name, scene)
     refused |= {one.id: one.failed for one in found if one.failed}
     if not any(session.good for session in sessions.values()):
-        words = listed(dict.fromkeys(map(one_line, refused.values())), most=4) or "no row has a position"
-        raise InputError(source, [Fault("no-impact", f"no impact in {counted(len(tracks), 'track')}: {words}")])
+        words = (
+            listed(dict.fromkeys(map(one_line, refused.values())), most=4)
+            or "no row has a position"
+        )
+        raise InputError(
+            source,
+            [Fault("no-impact", f"no impact in {counted(len(tracks), 'track')}: {words}")],
+        )
     film = film_of(sessions, known, changed(scene, camera=camera), refused, source)
     doubted("misread", _misread(film))
     return replace(film, notes=tuple(notes))
@@ -118,7 +158,9 @@ def track(
 def _camera(scene: Scene) -> CameraSection:
     """What the scene states, with the usual sds of what it does not."""
     camera = scene.camera or CameraSection()
-    usual = {name: Quantity(*pair) for name, pair in _CAMERA.items() if getattr(camera, name) is None}
+    usual = {
+        name: Quantity(*pair) for name, pair in _CAMERA.items() if getattr(camera, name) is None
+    }
     if isinstance(camera.court, Quantity) and "court_height" in usual:
         usual["court_height"] = Quantity(0.0, camera.court.sd)
     return changed(camera, **usual)
@@ -128,15 +170,20 @@ def _wrong(tracks: Sequence[Track], found: Sequence[Impact], known: Filming) -> 
     """What is wrong with films whose balls do not fall as on earth; "" where they may."""
     if not found:
         # The other way up there may be bounces.
-        other = [one for track in tracks for one in impacts_of(replace(track, y=-track.y), known)[0]]
+        other = [
+            one for track in tracks for one in impacts_of(replace(track, y=-track.y), known)[0]
+        ]
         if other and not wrong_gravity(other, known):
-            return 'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] of the scene'
+            return (
+                'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] '
+                "of the scene"
+            )
     return wrong_gravity(found, known)
 
 
 def _placed(impacts: list[Impact], known: Filming, camera: CameraSection) -> Session:
-    """A session with the height of its court: as stated, or that at which the median time between the flights is the
-    usual one, with its sd.
+    """A session with the height of its court: as stated, or that at which the median time between
+    the flights is the usual one, with its sd.
     """
     session = Session(impacts, known, known.ball.radius)
     if camera.court is not None:
@@ -145,7 +192,10 @@ def _placed(impacts: list[Impact], known: Filming, camera: CameraSection) -> Ses
         return session
     usual, low, high = known.contact
     # The second lowest frame: the lowest may be an outlier.
-    session.height, slope = float(np.median([np.sort(one.place[:, 1])[:2].max() for one in impacts])) + _PRESSED, 0.2
+    session.height = (
+        float(np.median([np.sort(one.place[:, 1])[:2].max() for one in impacts])) + _PRESSED
+    )
+    slope = 0.2
     for _ in range(4):
         _pass(session, 0)
         if not session.good:
@@ -162,11 +212,14 @@ def _placed(impacts: list[Impact], known: Filming, camera: CameraSection) -> Ses
 
 
 def _pass(session: Session, number: int) -> None:
-    """Fit all impacts with the noise, drag and spins of the pass before, then renew these; the first begins anew."""
+    """Fit all impacts with the noise, drag and spins of the pass before, then renew these; the
+    first begins anew.
+    """
     known = session.known
     for one in session.impacts:
         if number == 0:
-            one.failed, one.pairs = "", ()
+            one.failed = ""
+            one.pairs = ()
             start(one, known, session.height)
             one.take_prior(known, known.drag[0], np.hypot(known.drag[1], _DRAG_SHOT))
         if not one.failed:
@@ -185,13 +238,15 @@ def _pass(session: Session, number: int) -> None:
 
 
 def _renew_noise(session: Session) -> None:
-    """Noise of a session and of each of its tracks, and the share of outliers. With s of the session a track has
-    (n s^2 + sum w r^2)/(n + its degrees of freedom); n by how far tracks differ (Smyth, Stat. Appl. Genet. Mol. Biol.
-    3 (2004) 3).
+    """Noise of a session and of each of its tracks, and the share of outliers. With s of the
+    session a track has (n s^2 + sum w r^2)/(n + its degrees of freedom); n by how far tracks differ
+    (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3).
     """
     good = session.good
     weight = np.array([np.nansum(one.weight) for one in good])
-    spent = np.array([[np.sum(one.covariance * info[:-1, :-1]) for info in one.info] for one in good])
+    spent = np.array(
+        [[np.sum(one.covariance * info[:-1, :-1]) for info in one.info] for one in good]
+    )
     squares = np.array([np.nansum(one.weight[:, None] * one.residual**2, axis=0) for one in good])
     free = np.maximum(weight[:, None] - spent, 0.0)
     pooled = np.maximum(squares.sum(axis=0) / np.maximum(free.sum(axis=0), 1.0), _LEAST_NOISE**2)
@@ -210,7 +265,9 @@ def _share(out: float, seen: float, before: float) -> float:
 
 
 def _shared_frames(squares: FloatArray, free: FloatArray) -> float:
-    """Degrees of freedom of the distribution of variances over tracks, by the moments of their logarithms."""
+    """Degrees of freedom of the distribution of variances over tracks, by the moments of their
+    logarithms.
+    """
     from scipy.optimize import brentq
     from scipy.special import digamma, polygamma
 
@@ -223,13 +280,23 @@ def _shared_frames(squares: FloatArray, free: FloatArray) -> float:
     if excess <= polygamma(1, _MOST / 2.0):
         return _MOST
     # Trigamma falls; half a degree of freedom is the least.
-    return float(2.0 * brentq(lambda n: polygamma(1, n) - min(excess, float(polygamma(1, 0.5))), 0.5, _MOST / 2.0))
+    return float(
+        2.0
+        * brentq(
+            lambda n: polygamma(1, n) - min(excess, float(polygamma(1, 0.5))),
+            0.5,
+            _MOST / 2.0,
+        )
+    )
 
 
 def _drags(session: Session) -> list[tuple[float, float]]:
     """Prior of each impact's drag, by what all others determine of the session's, and its sd."""
-    good, (mean, sd) = session.good, session.known.drag
-    variance, before = np.array([(one.covariance[DRAG, DRAG], one.precision[DRAG, DRAG]) for one in good]).T
+    good = session.good
+    mean, sd = session.known.drag
+    variance, before = np.array(
+        [(one.covariance[DRAG, DRAG], one.precision[DRAG, DRAG]) for one in good]
+    ).T
     found, prior = np.array([(one.p[DRAG], one.prior[DRAG]) for one in good]).T
     precision = np.maximum(1.0 / variance - before, 1e-9)
     own = (found / variance - prior * before) / precision
@@ -240,13 +307,17 @@ def _drags(session: Session) -> list[tuple[float, float]]:
 
 
 def _renew_angles(session: Session, sure: Sequence[Impact]) -> None:
-    """Noise of angles, one for the session, and the share of their outliers; an impact has four fitted numbers."""
+    """Noise of angles, one for the session, and the share of their outliers; an impact has four
+    fitted numbers.
+    """
     weight = square = seen = 0.0
     for one in sure:
         r = one.angle_residuals()
         r = r[np.isfinite(r)]
         g = weights(r, one.track.fold, session.angle, session.angle_outliers)[0]
-        weight, square, seen = weight + g.sum() - 4.0, square + float(np.sum(g * r**2)), seen + r.size
+        weight = weight + g.sum() - 4.0
+        square = square + float(np.sum(g * r**2))
+        seen = seen + r.size
     if weight >= 1.0:
         session.angle = max(float(np.sqrt(square / weight)), _LEAST_ANGLE)
         session.angle_outliers = _share(seen - weight - 4.0 * len(sure), seen, _ANGLE_OUTLIERS)
@@ -255,24 +326,34 @@ def _renew_angles(session: Session, sure: Sequence[Impact]) -> None:
 def _impossible(one: Impact, known: Filming) -> str:
     """Why this is no impact that a table could have; "" where it is."""
     values, covariance = nine(one)
-    sds, (_, low, high) = np.sqrt(np.diagonal(covariance)), known.contact
+    sds = np.sqrt(np.diagonal(covariance))
+    _, low, high = known.contact
     v_y1, v_y2, time = values[[1, 4, 6]]
     for side, where in zip(one.sides(), ("before", "after"), strict=True):
         fitting = int(np.sum(one.weight[side] > 0.5))
         if fitting < 3:
-            return f"{fitting} of {side.sum()} frames {where} the contact fit a flight; 3 are needed"
+            return (
+                f"{fitting} of {side.sum()} frames {where} the contact fit a flight; 3 are needed"
+            )
     if v_y2 > v_y1 + 2.0 * np.hypot(sds[1], sds[4]):
         cor = f"coefficient of restitution {v_y2 / v_y1:.2f}"
-        return f"the ball rebounds at {v_y2:.3g} m/s after {v_y1:.3g} m/s ({cor}): it was hit, or hidden"
+        return (
+            f"the ball rebounds at {v_y2:.3g} m/s after {v_y1:.3g} m/s ({cor}): it was hit, or "
+            "hidden"
+        )
     if not max(2.0 * low - high, COLUMNS["gap_time"].limits[0]) < time < 2.0 * high - low:
         return f"gap_time is {1e3 * time:.3g} ms; {_usual([one], known)}"
     return ""
 
 
 def _usual(impacts: Sequence[Impact], known: Filming) -> str:
-    """What times between the flights are usual, and by how much the height of the court would be off."""
+    """What times between the flights are usual, and by how much the height of the court would be
+    off.
+    """
     usual, low, high = known.contact
-    wrong = np.median([(one.p[T2] - one.p[T1] - usual) / (1.0 / one.p[VY2] - 1.0 / one.p[VY1]) for one in impacts])
+    wrong = np.median(
+        [(one.p[T2] - one.p[T1] - usual) / (1.0 / one.p[VY2] - 1.0 / one.p[VY1]) for one in impacts]
+    )
     court = f"the court is taken {1e3 * abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}"
     words = f"{1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible: {court}, or times are off"
     return f"{words} (court in [camera]; without it the height is found from the contacts)"
@@ -280,45 +361,77 @@ def _usual(impacts: Sequence[Impact], known: Filming) -> str:
 
 def _notes(session: Session, name: str, scene: Scene) -> Iterator[Note]:
     """What to look at in a session."""
-    good, known, of = session.good, session.known, f" of session {one_line(name)}" if name else ""
-    many, (g, sd), (usual, least, most) = counted(len(good), "impact") + of, session.gravity, known.contact
+    good = session.good
+    known = session.known
+    of = f" of session {one_line(name)}" if name else ""
+    many = counted(len(good), "impact") + of
+    g, sd = session.gravity
+    usual, least, most = known.contact
     if session.height_sd:
         court = Unit("mm", 1e3).plus_minus(session.height - known.ball.radius, session.height_sd)
-        words = f"No height of the court is stated{of}: it is at y = {court} mm, where the median gap_time is"
+        words = (
+            f"No height of the court is stated{of}: it is at y = {court} mm, where the median "
+            "gap_time is"
+        )
         more = f"{1e3 * usual:.2g} ms ({1e3 * least:.2g} to {1e3 * most:.2g} ms are plausible)"
         yield Note("court-found", f"{words} {more}. k_y depends on this assumption.")
     if abs(g - GRAVITY) > _DIFFERENT * sd:
         scale, clock = ("large", "fast") if g > GRAVITY else ("small", "slow")
-        off, late = percent(abs(g / GRAVITY - 1.0)), percent(abs(np.sqrt(max(g, 0.0) / GRAVITY) - 1.0))
+        off = percent(abs(g / GRAVITY - 1.0))
+        late = percent(abs(np.sqrt(max(g, 0.0) / GRAVITY) - 1.0))
         read = f"g comes out as {Unit('').plus_minus(g, sd)} m/s^2{of}, expected 9.81"
-        yield Note("gravity-off", f"{read}: the scale is {off} too {scale}, or the clock {late} too {clock}.")
+        yield Note(
+            "gravity-off",
+            f"{read}: the scale is {off} too {scale}, or the clock {late} too {clock}.",
+        )
     if unsure := sum(bool(one.pairs) and not one.taken for one in good):
         words = f"Spins are ambiguous in {unsure} of {many}, where they are left empty"
-        yield Note("spins-ambiguous", f"{words}: a higher frame rate, or a mark of lower fold, determines them.")
+        yield Note(
+            "spins-ambiguous",
+            f"{words}: a higher frame rate, or a mark of lower fold, determines them.",
+        )
     if good and not any(one.pairs for one in good):
         words = f"No spins were measured{of}. A fit takes incident spins as zero"
         yield Note("no-spins", f"{words}: its intervals are too narrow for balls that spin.")
     odd = [one for one in good if not least < one.p[T2] - one.p[T1] < most]
     if 2 * len(odd) > len(good):
-        yield Note("gap-time", f"gap_time is implausible in {len(odd)} of {many}: {_usual(odd, known)}.")
+        yield Note(
+            "gap-time",
+            f"gap_time is implausible in {len(odd)} of {many}: {_usual(odd, known)}.",
+        )
     other = not _TENNIS[0] <= known.ball.radius <= _TENNIS[1]
     if other and ("drag" not in scene.flight or scene.contact_time is None):
         words = "The ball is no tennis ball, but drag and contact time of one are taken"
-        yield Note("other-ball", f"{words}: state drag in [flight] and [contact_time] in the scene.")
+        yield Note(
+            "other-ball",
+            f"{words}: state drag in [flight] and [contact_time] in the scene.",
+        )
     rate = _rate(session.impacts)
     if rate < _PHONE and (scene.camera is None or scene.camera.row_time is None):
-        words = f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which positions do not show"
+        words = (
+            f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which "
+            "positions do not show"
+        )
         more = "Unstated, 4 ms over a picture move v_x1 by 7 % and the restitution by 10 %"
-        yield Note("shutter", f"{words}. {more}: state row_time [s] of a row in [camera], 0 for a global shutter.")
+        yield Note(
+            "shutter",
+            f"{words}. {more}: state row_time [s] of a row in [camera], 0 for a global shutter.",
+        )
 
 
 def _misread(film: Film) -> str:
-    """That angles grow the other way, or columns are exchanged: another reading of the impacts fits far better."""
+    """That angles grow the other way, or columns are exchanged: another reading of the impacts fits
+    far better.
+    """
     try:
         found = doubts(film.table, film.scene.value())
     except InputError:
         return ""
-    return f'{found[0].text}; of films: angles = "clockwise" or y = "down" in [camera]' if found else ""
+    return (
+        f'{found[0].text}; of films: angles = "clockwise" or y = "down" in [camera]'
+        if found
+        else ""
+    )
 
 
 def _rate(impacts: Sequence[Impact]) -> float:

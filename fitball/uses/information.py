@@ -1,6 +1,4 @@
-"""Information of planned impacts at posterior draws, as rows whose squares add up to it. Imports: planned, inference,
-data, base.
-"""
+"""Information of planned impacts at posterior draws, as rows whose squares add up to it."""
 
 from __future__ import annotations
 
@@ -23,14 +21,16 @@ from fitball.priors import parse_prior
 from fitball.uses.planned import Sensor
 from fitball.values import BoolArray, FloatArray, Impacts, IntArray
 
-# Steps of differences in sds; the share of the widest direction of the posterior below which one is known.
-STEP, NARROW = 1e-5, 1e-10
+# Steps of differences in sds; the share of the widest direction of the posterior below which one is
+# known.
+STEP = 1e-5
+NARROW = 1e-10
 HEIGHT = "court_height"
 
 
 class Look(NamedTuple):
-    """Impacts measured by a sensor: rows (draws, impacts, rows, directions) whose squares add up to their Fisher
-    information, and whether a draw has an answer (draws, impacts).
+    """Impacts measured by a sensor: rows (draws, impacts, rows, directions) whose squares add up to
+    their Fisher information, and whether a draw has an answer (draws, impacts).
     """
 
     rows: FloatArray
@@ -38,17 +38,26 @@ class Look(NamedTuple):
 
 
 class Known:
-    """Coordinates `at` (draws, unknowns) of a posterior, and `root` (unknowns, directions), whose square is their
-    covariance. Unknowns are the free parameters, and `height`, of the court, where gaps are measured for the first
+    """Coordinates `at` (draws, unknowns) of a posterior, and `root` (unknowns, directions), whose
+    square is their covariance. Unknowns are the free parameters, and `height`, of the court, where
+    gaps are measured for the first
     time: of it the scene is known, or else its prior.
     """
 
     def __init__(self, fit: Fit, gaps: bool) -> None:
         problem = fit.problem
-        self.fit, self.problem, self.camera, self.height = fit, problem, problem.camera, 0.0
-        q = problem.prior.coordinate(np.stack([fit.draws.values[name] for name in problem.free], axis=1))
-        prior, spec = problem.prior, CAMERA_SPECS[HEIGHT]
-        self.low, self.high, self.step = prior.low, prior.high, STEP * prior.width
+        self.fit = fit
+        self.problem = problem
+        self.camera = problem.camera
+        self.height = 0.0
+        q = problem.prior.coordinate(
+            np.stack([fit.draws.values[name] for name in problem.free], axis=1)
+        )
+        prior = problem.prior
+        spec = CAMERA_SPECS[HEIGHT]
+        self.low = prior.low
+        self.high = prior.high
+        self.step = STEP * prior.width
         size = np.maximum(q.std(axis=0), np.finfo(float).tiny)
         # In sds first: units and scales of coordinates differ by many powers of ten.
         values, vectors = np.linalg.eigh(np.atleast_2d(np.cov(q / size, rowvar=False)))
@@ -72,18 +81,22 @@ class Known:
 
     def thinned(self, count: int) -> None:
         """Keep so many draws, evenly spread."""
-        self.at = self.at[np.linspace(0, len(self.at) - 1, min(count, len(self.at))).astype(np.int64)]
+        self.at = self.at[
+            np.linspace(0, len(self.at) - 1, min(count, len(self.at))).astype(np.int64)
+        ]
 
     def values(self, q: FloatArray) -> Values:
         """All parameters by name."""
         values = dict(self.problem.values(q[:, : len(self.problem.free)]))
         if self.height and self.camera is not None:
-            values |= {self.camera.name(HEIGHT, session): q[:, -1] for session in self.camera.sessions}
+            values |= {
+                self.camera.name(HEIGHT, session): q[:, -1] for session in self.camera.sessions
+            }
         return values
 
     def gradients(self, target: Sequence[Quantity]) -> FloatArray:
-        """Of the target (draws, targets, unknowns); draws that do not give it are dropped. Raises ParameterError
-        (`fixed`, `no-answer`).
+        """Of the target (draws, targets, unknowns); draws that do not give it are dropped. Raises
+        ParameterError (`fixed`, `no-answer`).
         """
 
         def values(q: FloatArray) -> FloatArray:
@@ -94,7 +107,10 @@ class Known:
         solved = np.isfinite(made).all(axis=1)
         for k, one in enumerate(target):
             if 2 * np.isfinite(made[:, k]).sum() <= len(made):
-                text = f"target {one.spec.name}: the model has no answer there for most posterior draws"
+                text = (
+                    f"target {one.spec.name}: the model has no answer there for most posterior "
+                    "draws"
+                )
                 raise ParameterError(text, "no-answer")
             if not rates[solved][..., k].any():
                 text = f"target {one.spec.name}: it is fixed in this fit; name one that is not"
@@ -102,9 +118,15 @@ class Known:
         self.at = self.at[solved]
         return np.asarray(rates[solved].swapaxes(1, 2))
 
-    def looked(self, impacts: Impacts, index: IntArray, sensors: Sequence[Sensor], noisy: bool) -> list[Look]:
-        """Impacts by each of these sensors, each measured before as the nearest impact of the table was; `noisy`:
-        information on the noises too.
+    def looked(
+        self,
+        impacts: Impacts,
+        index: IntArray,
+        sensors: Sequence[Sensor],
+        noisy: bool,
+    ) -> list[Look]:
+        """Impacts by each of these sensors, each measured before as the nearest impact of the table
+        was; `noisy`: information on the noises too.
         """
         columns = [item.column.name for item in self.problem.observables]
         columns += dict.fromkeys(name for one in sensors for name in one.sds if name not in columns)
@@ -115,26 +137,38 @@ class Known:
             for looks, sensor in zip(found, sensors, strict=True):
                 looks.append(measured.by(sensor, noisy))
         return [
-            Look(np.concatenate([one.rows for one in looks], 1), np.concatenate([one.solved for one in looks], 1))
+            Look(
+                np.concatenate([one.rows for one in looks], 1),
+                np.concatenate([one.solved for one in looks], 1),
+            )
             for looks in found
         ]
 
 
 class _Measured:
-    """What `columns` show of impacts at the draws: `slopes` (draws, impacts, columns, directions), and `moves`
-    (draws, impacts, columns, 3) by one sd along each axis of the errors of the state.
+    """What `columns` show of impacts at the draws: `slopes` (draws, impacts, columns, directions),
+    and `moves` (draws, impacts, columns, 3) by one sd along each axis of the errors of the state.
     """
 
-    def __init__(self, known: Known, impacts: Impacts, index: IntArray, columns: Sequence[str]) -> None:
+    def __init__(
+        self,
+        known: Known,
+        impacts: Impacts,
+        index: IntArray,
+        columns: Sequence[str],
+    ) -> None:
         problem = known.problem
-        self.known, self.columns, self.size = known, columns, known.at.shape[1]
+        self.known = known
+        self.columns = columns
+        self.size = known.at.shape[1]
         self.like = _nearest(known.fit, impacts)
         self.errors = None if problem.rows.errors is None else problem.rows.errors.take(self.like)
         # Planned impacts are filmed as the last were.
         camera = known.camera
         if camera is not None:
             camera = camera._replace(session=np.full(len(impacts), len(camera.sessions) - 1))
-        asked, errors = Asked(impacts, index, tuple(columns), camera=camera), self.errors
+        asked = Asked(impacts, index, tuple(columns), camera=camera)
+        errors = self.errors
 
         def shown(rows: FloatArray) -> FloatArray:
             states = impacts
@@ -158,34 +192,47 @@ class _Measured:
 
     def by(self, sensor: Sensor, noisy: bool) -> Look:
         """As a sensor reads them."""
-        known, problem = self.known, self.known.problem
-        values, forward, rows = known.values(known.at), problem.forward, problem.rows
+        known = self.known
+        problem = self.known.problem
+        values = known.values(known.at)
+        forward = problem.forward
+        rows = problem.rows
         items = {item.column.name: (k, item) for k, item in enumerate(problem.observables)}
         names = [
             name
             for name in self.columns
             if (name in items or name in sensor.sds) and (sensor.drop is None or vertical(name))
         ]
-        places, own = [self.columns.index(name) for name in names], list[FloatArray]()
-        shape, seen = self.solved.shape, np.ones((len(self.like), len(names)), dtype=np.bool_)
+        places = [self.columns.index(name) for name in names]
+        own = list[FloatArray]()
+        shape = self.solved.shape
+        seen = np.ones((len(self.like), len(names)), dtype=np.bool_)
         for k, name in enumerate(names):
             column = items.get(name)
             if name in sensor.sds:
                 # What balls scatter beyond stated errors they go on to scatter.
                 scatters = column is not None and column[1].stated
-                sd = forward.column_sd(name, values, sensor.sds[name]) if scatters else sensor.sds[name]
+                sd = (
+                    forward.column_sd(name, values, sensor.sds[name])
+                    if scatters
+                    else sensor.sds[name]
+                )
             else:
                 assert column is not None
                 sd = forward.column_sd(name, values, rows.sd[self.like, column[0]])
                 seen[:, k] = np.isfinite(rows.y[self.like, column[0]])
             own.append(np.broadcast_to(sd, shape))
-        worth, scale = (np.broadcast_to(one, shape[:1]) for one in forward.noise.information(values))
+        worth, scale = (
+            np.broadcast_to(one, shape[:1]) for one in forward.noise.information(values)
+        )
         slopes = self.slopes[:, :, places] * seen[..., None]
         variance = np.stack(own, axis=2) ** 2
         if self.errors is None:
             found = slopes / np.sqrt(variance)[..., None]
         else:
-            before = [items[name][0] if name in items and name not in sensor.sds else -1 for name in names]
+            before = [
+                items[name][0] if name in items and name not in sensor.sds else -1 for name in names
+            ]
             # A column that a sensor reads has an error of its own alone.
             kept = seen & (np.array(before) >= 0)
             follows = self.errors.follows[:, before] * kept[..., None]
@@ -196,11 +243,19 @@ class _Measured:
             variance = np.diagonal(whole, axis1=2, axis2=3)
         parts = [np.sqrt(worth)[:, None, None, None] * found]
         if noisy:
-            parts.append(np.sqrt(scale)[:, None, None, None] * self._growth(sensor, names, values, seen, variance))
+            parts.append(
+                np.sqrt(scale)[:, None, None, None]
+                * self._growth(sensor, names, values, seen, variance)
+            )
         return Look(np.concatenate(parts, axis=2), self.solved)
 
     def _growth(
-        self, sensor: Sensor, names: Sequence[str], values: Values, seen: BoolArray, variance: FloatArray
+        self,
+        sensor: Sensor,
+        names: Sequence[str],
+        values: Values,
+        seen: BoolArray,
+        variance: FloatArray,
     ) -> FloatArray:
         """Derivatives of the logarithm of the sd of each column, in directions."""
         problem = self.known.problem
@@ -209,7 +264,8 @@ class _Measured:
         for k, name in enumerate(names):
             noise = noises.get(name, "")
             if name not in sensor.sds and noise in problem.free:
-                place, size = problem.free.index(noise), values[noise][:, None]
+                place = problem.free.index(noise)
+                size = values[noise][:, None]
                 rate = size**2 / variance[..., k] / (1.0 if problem.prior.logs[place] else size)
                 found[:, :, k] = (rate * seen[:, k])[..., None] * self.known.root[place]
         return found
@@ -222,7 +278,8 @@ def vertical(name: str) -> bool:
 
 def _nearest(fit: Fit, impacts: Impacts) -> IntArray:
     """Of each impact the nearest row of the table, among those in which most was measured."""
-    rows, radius = fit.problem.rows, fit.problem.forward.model.ball.radius
+    rows = fit.problem.rows
+    radius = fit.problem.forward.model.ball.radius
     counts = np.isfinite(rows.y).sum(axis=1)
     whole = np.flatnonzero(counts == counts.max())
     if rows.errors is None and not rows.sd.any():

@@ -1,4 +1,4 @@
-"""What a plan is asked, in words: settings, sensors, targets. Imports: inference, data, base."""
+"""What a plan is asked, in words: settings, sensors, targets."""
 
 from __future__ import annotations
 
@@ -24,14 +24,17 @@ from fitball.values import FloatArray, Impacts, IntArray
 STEPS: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}
 MOST = 20_000
 # How an impact is measured as those of the table were, and what a sensor is besides a column.
-BEFORE, GAPS, DROP = "as before", "gaps", "drop"
+BEFORE = "as before"
+GAPS = "gaps"
+DROP = "drop"
 # Velocities of a rebound, any two of which say the others.
 _VELOCITY = ("v_x2", "v_y2", "v_2", "theta_2")
 _IMPACT = "impact="
 
 
 class Settings(NamedTuple):
-    """Impacts (settings,) that a machine can be set to, their levels (settings, levels), the options that were not
+    """Impacts (settings,) that a machine can be set to, their levels (settings, levels), the
+    options that were not
     given: their ranges are those of the table.
     """
 
@@ -41,8 +44,8 @@ class Settings(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """A way of measuring: `sds` [SI] of columns that are read besides, or better than, before; a `drop` has one
-    impact, of which the vertical speed alone is read.
+    """A way of measuring: `sds` [SI] of columns that are read besides, or better than, before; a
+    `drop` has one impact, of which the vertical speed alone is read.
     """
 
     name: str
@@ -51,21 +54,33 @@ class Sensor(NamedTuple):
 
 
 def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) -> Settings:
-    """The grid of `words` (speed, angle, spin), by default over the measured range, on every measured surface or
-    those of `level`. Raises ParameterError (`impact`, `not-measured`, `too-many-settings`, those of `levels_of`).
+    """The grid of `words` (speed, angle, spin), by default over the measured range, on every
+    measured surface or those of `level`. Raises ParameterError (`impact`, `not-measured`,
+    `too-many-settings`, those of `levels_of`).
     """
-    model, states = fit.problem.forward.model, fit.problem.rows.states
+    model = fit.problem.forward.model
+    states = fit.problem.rows.states
     speed, angle = states.polar()
     spun = model.tangential and fit.run.table.shows("spin")
-    axes, assumed = list[FloatArray](), list[str]()
+    axes = list[FloatArray]()
+    assumed = list[str]()
     for option, column, values, varies in (
         ("speed", "v_1", speed if model.tangential else states.v_y1, True),
-        ("angle", "theta_1", angle if model.tangential else np.array([np.pi / 2.0]), model.tangential),
+        (
+            "angle",
+            "theta_1",
+            angle if model.tangential else np.array([np.pi / 2.0]),
+            model.tangential,
+        ),
         ("spin", "omega_1", states.omega_1 if spun else np.zeros(1), spun),
     ):
-        span, given = Span(float(values.min()), float(values.max())), words.get(option, "")
+        span = Span(float(values.min()), float(values.max()))
+        given = words.get(option, "")
         if given and not varies:
-            text = f"--{option}: the fit has no {COLUMNS[column].title}, since none was measured; leave it out"
+            text = (
+                f"--{option}: the fit has no {COLUMNS[column].title}, since none was measured; "
+                "leave it out"
+            )
             raise ParameterError(text, "not-measured")
         if given:
             span = spans(f"{column}={given}", "value range count")[column]
@@ -76,25 +91,33 @@ def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) ->
     keys = measured_levels(fit, level)
     count = len(keys) * axes[0].size * axes[1].size * axes[2].size
     if count > MOST:
-        raise ParameterError(f"{count:,} settings: expected at most {MOST:,}; use fewer steps", "too-many-settings")
-    place, fast, steep, spin = (one.ravel() for one in np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij"))
+        raise ParameterError(
+            f"{count:,} settings: expected at most {MOST:,}; use fewer steps",
+            "too-many-settings",
+        )
+    place, fast, steep, spin = (
+        one.ravel() for one in np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij")
+    )
     along = fast * np.cos(steep) if model.tangential else np.zeros(fast.size)
     found = Impacts(along, fast * np.sin(steep), spin)
     return Settings(found, keys[place.astype(np.int64)], tuple(assumed))
 
 
 def measured_levels(fit: Fit, level: Mapping[str, str]) -> IntArray:
-    """The combinations (combinations, levels) of a table, or those with the labels of `level`. Raises ParameterError
-    (`unknown-level`, `unknown-label`, `no-such-levels`).
+    """The combinations (combinations, levels) of a table, or those with the labels of `level`.
+    Raises ParameterError (`unknown-level`, `unknown-label`, `no-such-levels`).
     """
-    forward, keys = fit.problem.forward, np.unique(fit.problem.rows.index, axis=0)
+    forward = fit.problem.forward
+    keys = np.unique(fit.problem.rows.index, axis=0)
     forward.check_columns(level)
     asked = {spelled(column): label for column, label in level.items()}
     for k, one in enumerate(forward.levels):
         if (label := asked.get(spelled(one.column))) is not None:
             place = one.place(label)
             if place == NEW_LEVEL:
-                text = f"level: a plan needs a {one.column} that was fitted: {', '.join(one.labels)}"
+                text = (
+                    f"level: a plan needs a {one.column} that was fitted: {', '.join(one.labels)}"
+                )
                 raise ParameterError(text, "unknown-label")
             keys = keys[keys[:, k] == place]
     if not len(keys):
@@ -110,14 +133,17 @@ def _predicts(model: Model, name: str) -> bool:
 
 
 def sensors_of(fit: Fit, words: Mapping[str, str] | None) -> list[Sensor]:
-    """Measuring as before, then `COLUMN=SD`, `gaps=SHARE` of their usual errors, `drop=HEIGHT`; by default those that
-    the model can answer for and the table has not: the contact time to 0.2 ms, gaps, a drop from 254 cm. Raises
-    ParameterError (`impact`, `sensor`).
+    """Measuring as before, then `COLUMN=SD`, `gaps=SHARE` of their usual errors, `drop=HEIGHT`; by
+    default those that the model can answer for and the table has not: the contact time to 0.2 ms,
+    gaps, a drop from 254 cm. Raises ParameterError (`impact`, `sensor`).
     """
-    model, measured = fit.problem.forward.model, [item.column.name for item in fit.problem.observables]
+    model = fit.problem.forward.model
+    measured = [item.column.name for item in fit.problem.observables]
     gaps = [name for name in REBOUND if COLUMNS[name].gap and _predicts(model, name)]
     if words is None:
-        vertical = any(not COLUMNS[name].tangential and not COLUMNS[name].timed for name in measured)
+        vertical = any(
+            not COLUMNS[name].tangential and not COLUMNS[name].timed for name in measured
+        )
         usual = {
             "contact_time": ("0.2 ms", model.timed and "contact_time" not in measured),
             GAPS: ("1", bool(gaps) and not {*gaps} & {*measured}),
@@ -140,7 +166,8 @@ def sensors_of(fit: Fit, words: Mapping[str, str] | None) -> list[Sensor]:
         else:
             hint = suggestion(name, (*REBOUND, GAPS, DROP))
             raise ParameterError(
-                f"sensor {name}={text}: expected COLUMN=SD such as contact_time=0.2ms, gaps=SHARE of their usual "
+                f"sensor {name}={text}: expected COLUMN=SD such as contact_time=0.2ms, gaps=SHARE "
+                "of their usual "
                 f"errors, or drop=HEIGHT; {hint}",
                 "sensor",
             )
@@ -160,35 +187,50 @@ def _share(text: str) -> float:
     except ValueError:
         share = np.nan
     if not 0.0 < share < np.inf:
-        raise ParameterError(f"sensor gaps={text}: expected a share of the usual errors, such as 0.5", "sensor")
+        raise ParameterError(
+            f"sensor gaps={text}: expected a share of the usual errors, such as 0.5",
+            "sensor",
+        )
     return share
 
 
 def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None:
-    """Refuse columns of which the model says nothing, and velocities that follow from those measured before."""
+    """Refuse columns of which the model says nothing, and velocities that follow from those
+    measured before.
+    """
     for name in names:
         if not _predicts(model, name):
-            why = "it has no time axis" if COLUMNS[name].timed and not model.timed else "it has vertical motion only"
+            why = (
+                "it has no time axis"
+                if COLUMNS[name].timed and not model.timed
+                else "it has vertical motion only"
+            )
             text = f"sensor {name}: {model.text} does not predict the {COLUMNS[name].title}: {why}"
             raise ParameterError(text, "sensor")
         known = [one for one in measured if one in _VELOCITY]
         if name in _VELOCITY and name not in measured and len(known) > 1:
-            raise ParameterError(f"sensor {name}: it follows from {' and '.join(known)}; name these", "sensor")
+            raise ParameterError(
+                f"sensor {name}: it follows from {' and '.join(known)}; name these",
+                "sensor",
+            )
 
 
 def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]:
-    """Parameters and derived quantities by name (`mu`: on every surface), `impact=v_1=30, theta_1=16 deg`: its
-    rebound; none: all free parameters of the model. `keys` are the combinations of levels that count. Raises
-    ParameterError (`unknown-quantity`, `fixed`, `impact`, `not-measured`, `nothing-free`).
+    """Parameters and derived quantities by name (`mu`: on every surface), `impact=v_1=30,
+    theta_1=16 deg`: its rebound; none: all free parameters of the model. `keys` are the
+    combinations of levels that count. Raises ParameterError (`unknown-quantity`, `fixed`, `impact`,
+    `not-measured`, `nothing-free`).
     """
-    summary, levels = fit.summary, fit.problem.forward.levels
+    summary = fit.summary
+    levels = fit.problem.forward.levels
     left_out = {
         one.name(label)
         for k, one in enumerate(levels)
         for place, label in enumerate(one.labels)
         if place not in keys[:, k]
     }
-    names, words = list[str](), list[str]()
+    names = list[str]()
+    words = list[str]()
     for item in asked:
         if item.startswith(_IMPACT) and item not in summary.index:
             words.append(item.removeprefix(_IMPACT))
@@ -196,7 +238,11 @@ def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]
             # Commas separate targets and parts of an impact.
             words[-1] += f", {item}"
         else:
-            at_levels = [one for one in summary.index if one.partition("[")[0] == item and one not in left_out]
+            at_levels = [
+                one
+                for one in summary.index
+                if one.partition("[")[0] == item and one not in left_out
+            ]
             names += [item] if item in summary.index or not at_levels else at_levels
     if not asked:
         main = summary.index[summary["kind"].isin(("model", "level"))]
@@ -205,7 +251,10 @@ def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]
             raise ParameterError("no parameter of the model is free: name a target", "nothing-free")
     found = [fit.quantity(name) for name in dict.fromkeys(names)]
     if held := [one.spec.name for one in found if one.spec.name not in summary.index]:
-        raise ParameterError(f"target {held[0]}: it is held in this fit; name one that is not", "fixed")
+        raise ParameterError(
+            f"target {held[0]}: it is held in this fit; name one that is not",
+            "fixed",
+        )
     for number, text in enumerate(words, 1):
         found += _rebounds(fit, text, keys, f" ({number})" if len(words) > 1 else "")
     return found
@@ -230,9 +279,15 @@ def _rebounds(fit: Fit, text: str, keys: IntArray, number: str) -> list[Quantity
                 continue
             column = COLUMNS[name]
             spec = ParameterSpec(
-                f"{name}{number}{f'[{label}]' if label else ''}", column.unit, -np.inf, np.inf, "", column.title,
-                column.symbol, handy=column.shown,
-            )  # fmt: skip
+                f"{name}{number}{f'[{label}]' if label else ''}",
+                column.unit,
+                -np.inf,
+                np.inf,
+                "",
+                column.title,
+                column.symbol,
+                handy=column.shown,
+            )
             found.append(Quantity(spec, partial(rebound, name, key[None])))
     return found
 

@@ -1,4 +1,6 @@
-"""Replicates of a study over processes, kept as they are made: a study that was stopped goes on where it was."""
+"""Replicates of a study over processes, kept as they are made: a study that was stopped goes on
+where it was.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ class Rate(NamedTuple):
     @property
     def interval(self) -> tuple[float, float]:
         """Its ends."""
-        k, n = self.hits, self.total
+        k = self.hits
+        n = self.total
         low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
         return low, float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
 
@@ -46,7 +49,12 @@ def tried(make: Callable[[int], Record], number: int) -> Record:
         return {"number": number, "failed": traceback.format_exc()}
 
 
-def replicates(name: str, make: Callable[[int], Record], numbers: Sequence[int], folder: Path) -> list[Record]:
+def replicates(
+    name: str,
+    make: Callable[[int], Record],
+    numbers: Sequence[int],
+    folder: Path,
+) -> list[Record]:
     """`make` of each number, those that are in the folder already as they are there."""
     folder.mkdir(parents=True, exist_ok=True)
     place = folder / f"{name}.jsonl"

@@ -1,9 +1,10 @@
 """Is what a fit says of itself true? `trust.py FOLDER [--tables 400 --faulty 20 --made 200]`.
 
-Tables that no code of fitball made, of a ball that slides or grips (Walton 1993, Cross 2002): clean ones of 8, 12 and
-24 rows, at most 6 % of which may be objected to, and tables with one fault each, of which at least 17 in 20 must be.
-Then tables made by the default model: 95 % intervals of parameters called identified or given must hold in 92 to 98 %
-of cases. Negative controls: halved intervals must not hold, and faults of size zero must not be found.
+Tables that no code of fitball made, of a ball that slides or grips (Walton 1993, Cross 2002): clean
+ones of 8, 12 and 24 rows, at most 6 % of which may be objected to, and tables with one fault each,
+of which at least 17 in 20 must be. Then tables made by the default model: 95 % intervals of
+parameters called identified or given must hold in 92 to 98 % of cases. Negative controls: halved
+intervals must not hold, and faults of size zero must not be found.
 """
 
 from __future__ import annotations
@@ -31,26 +32,51 @@ from fitball.inference.problem.problem import Choices
 from fitball.inference.search.best_fit import best_fit
 from fitball.values import FloatArray
 
-MASS, RADIUS, INERTIA_RATIO = 0.0576, 0.03302, 0.56
-FRICTION, TANGENTIAL, OFFSET = 0.60, 0.15, 2.0e-3
+MASS = 0.0576
+RADIUS = 0.03302
+INERTIA_RATIO = 0.56
+FRICTION = 0.60
+TANGENTIAL = 0.15
+OFFSET = 2.0e-3
 # Of the velocities [m/s] and of the spin [rad/s].
 NOISE = np.array([[0.2], [0.2], [8.0]])
-CLEAN_ROWS, ROWS, MODELS = (8, 12, 24), 24, ("grip-slip", "two-mass")
-# Truth of the tables that the default model makes; the ranges are those of measured balls and courts.
+CLEAN_ROWS = (8, 12, 24)
+ROWS = 24
+MODELS = ("grip-slip", "two-mass")
+# Truth of the tables that the default model makes; the ranges are those of measured balls and
+# courts.
 TRUE: Mapping[str, tuple[float, float]] = {
-    "mass_ratio": (0.84, 0.92), "k_y": (1.5e4, 3.0e4), "k_theta": (8.0, 40.0), "mu": (0.45, 0.75),
-    "eps_10": (0.001, 0.004), "eps_slope": (-2e-4, 2e-4), "cor_10": (0.72, 0.8), "cor_slope": (-0.016, -0.008),
-}  # fmt: skip
+    "mass_ratio": (0.84, 0.92),
+    "k_y": (1.5e4, 3.0e4),
+    "k_theta": (8.0, 40.0),
+    "mu": (0.45, 0.75),
+    "eps_10": (0.001, 0.004),
+    "eps_slope": (-2e-4, 2e-4),
+    "cor_10": (0.72, 0.8),
+    "cor_slope": (-0.016, -0.008),
+}
 OBJECTIONS = ("describes except", "does not describe")
 
 
 class Made:
-    """A table under construction: incidence (3, rows), friction and restitution (rows,), noise (3, rows)."""
+    """A table under construction: incidence (3, rows), friction and restitution (rows,), noise (3,
+    rows).
+    """
 
-    def __init__(self, rows: int, rng: np.random.Generator, speeds: tuple[float, float], angles: tuple[float, float]):
-        speed, angle = rng.uniform(*speeds, rows), np.radians(rng.uniform(*angles, rows))
-        self.incident = np.stack([speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-180.0, 180.0, rows)])
-        self.friction, self.noise = np.full(rows, FRICTION), NOISE * rng.standard_normal((3, rows))
+    def __init__(
+        self,
+        rows: int,
+        rng: np.random.Generator,
+        speeds: tuple[float, float],
+        angles: tuple[float, float],
+    ):
+        speed = rng.uniform(*speeds, rows)
+        angle = np.radians(rng.uniform(*angles, rows))
+        self.incident = np.stack(
+            [speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-180.0, 180.0, rows)]
+        )
+        self.friction = np.full(rows, FRICTION)
+        self.noise = NOISE * rng.standard_normal((3, rows))
         self.restitution = 0.77 - 0.012 * (self.incident[1] - 10.0)
         self.surface: list[str] | None = None
 
@@ -58,19 +84,26 @@ class Made:
         """Velocities and spin (3, rows) after the impact, without noise."""
         v_x, v_y, spin = self.incident
         inertia = INERTIA_RATIO * MASS * RADIUS**2
-        normal, slip = MASS * (1.0 + self.restitution) * v_y, v_x - RADIUS * spin
+        normal = MASS * (1.0 + self.restitution) * v_y
+        slip = v_x - RADIUS * spin
         # The impulse after which the point of contact leaves with -TANGENTIAL times its slip.
         grip = (1.0 + TANGENTIAL) * slip + RADIUS * OFFSET * normal / inertia
         grip = grip / (1.0 / MASS + RADIUS**2 / inertia)
         along = np.clip(grip, -self.friction * normal, self.friction * normal)
         return np.stack(
-            [v_x - along / MASS, self.restitution * v_y, spin + (RADIUS * along - OFFSET * normal) / inertia]
+            [
+                v_x - along / MASS,
+                self.restitution * v_y,
+                spin + (RADIUS * along - OFFSET * normal) / inertia,
+            ]
         )
 
     def frame(self) -> pd.DataFrame:
         """As a table."""
         names = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
-        found = pd.DataFrame(dict(zip(names, [*self.incident, *(self.rebound() + self.noise)], strict=True)))
+        found = pd.DataFrame(
+            dict(zip(names, [*self.incident, *(self.rebound() + self.noise)], strict=True))
+        )
         return found if self.surface is None else found.assign(surface=self.surface)
 
 
@@ -107,9 +140,12 @@ def surfaces(made: Made, size: float, rng: np.random.Generator) -> None:
 Spoil = Callable[[Made, float, np.random.Generator], None]
 # Each fault with the speeds [m/s] and the angles [deg] of its impacts.
 FAULTS: Mapping[Spoil, tuple[tuple[float, float], tuple[float, float]]] = {
-    bias: ((10.0, 25.0), (15.0, 70.0)), growing: ((5.0, 30.0), (15.0, 70.0)), wild: ((10.0, 25.0), (15.0, 70.0)),
-    drift: ((10.0, 25.0), (15.0, 70.0)), surfaces: ((10.0, 25.0), (12.0, 45.0)),
-}  # fmt: skip
+    bias: ((10.0, 25.0), (15.0, 70.0)),
+    growing: ((5.0, 30.0), (15.0, 70.0)),
+    wild: ((10.0, 25.0), (15.0, 70.0)),
+    drift: ((10.0, 25.0), (15.0, 70.0)),
+    surfaces: ((10.0, 25.0), (12.0, 45.0)),
+}
 
 
 def answered(frame: pd.DataFrame, model: str, rng: np.random.Generator) -> Record:
@@ -122,7 +158,8 @@ def answered(frame: pd.DataFrame, model: str, rng: np.random.Generator) -> Recor
 
 def clean(model: str, number: int) -> Record:
     """Table `number` without a fault."""
-    rng, rows = np.random.default_rng([1, number]), CLEAN_ROWS[number % len(CLEAN_ROWS)]
+    rng = np.random.default_rng([1, number])
+    rows = CLEAN_ROWS[number % len(CLEAN_ROWS)]
     made = Made(rows, rng, (10.0, 25.0), (15.0, 70.0))
     return {"rows": rows, **answered(made.frame(), model, rng)}
 
@@ -137,10 +174,14 @@ def faulty(model: str, fault: str, size: float, number: int) -> Record:
 
 
 def told(number: int) -> Record:
-    """Of table `number` that the default model made: verdict, 95 % interval, truth of each parameter, by name."""
+    """Of table `number` that the default model made: verdict, 95 % interval, truth of each
+    parameter, by name.
+    """
     rng = np.random.default_rng([3, number])
-    known, sd = load_table("wang_all.csv"), 5e-4
-    model, states = fitball.model("two-mass"), known.impacts
+    known = load_table("wang_all.csv")
+    sd = 5e-4
+    model = fitball.model("two-mass")
+    states = known.impacts
     while True:
         truth = {name: float(rng.uniform(*ends)) for name, ends in TRUE.items()}
         values = {spec.name: spec.typical for spec in model.parameters} | truth
@@ -153,10 +194,16 @@ def told(number: int) -> Record:
         columns[name] = getattr(made, name) + truth[noise] * rng.standard_normal(len(states))
     # The scene's contact time is a measurement, too.
     time = float(made.contact_time.mean() + sd * rng.standard_normal())
-    problem = build_problem(load_table(pd.DataFrame(columns)), Scene(contact_time=Quantity(time, sd)), Choices())
+    problem = build_problem(
+        load_table(pd.DataFrame(columns)),
+        Scene(contact_time=Quantity(time, sd)),
+        Choices(),
+    )
     fit = calibrate(problem, Effort(number), lambda _stage, _share: None)
     said = {
-        name: [one.verdict, one.q025, one.q975, truth[name]] for name, one in fit.parameters.items() if name in truth
+        name: [one.verdict, one.q025, one.q975, truth[name]]
+        for name, one in fit.parameters.items()
+        if name in truth
     }
     return {"said": said, "answer": fit.adequacy.answer}
 
@@ -167,7 +214,8 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     for name, count in (("tables", 400), ("faulty", 20), ("made", 200)):
         parser.add_argument(f"--{name}", type=int, default=count)
-    asked, kept = parser.parse_args(), []
+    asked = parser.parse_args()
+    kept = []
 
     def say(words: str, rate: Rate, holds: bool) -> None:
         kept.append(holds)
@@ -177,30 +225,58 @@ def main() -> int:
         return Rate(sum(one.get("answer") in OBJECTIONS for one in found), len(found))
 
     for model in MODELS:
-        made = replicates(f"clean-{model}", partial(clean, model), range(asked.tables), asked.folder)
+        made = replicates(
+            f"clean-{model}",
+            partial(clean, model),
+            range(asked.tables),
+            asked.folder,
+        )
         for rows in CLEAN_ROWS:
             rate = objected([one for one in made if one.get("rows") == rows])
             say(f"clean, {rows} rows, {model} objects", rate, rate.interval[0] <= 0.06)
         for spoil in FAULTS:
             name = spoil.__name__
             found = replicates(
-                f"{name}-{model}", partial(faulty, model, name, 1.0), range(asked.faulty), asked.folder
+                f"{name}-{model}",
+                partial(faulty, model, name, 1.0),
+                range(asked.faulty),
+                asked.folder,
             )
-            say(f"{name}, {model} objects", objected(found), objected(found).hits >= 0.85 * asked.faulty)
+            say(
+                f"{name}, {model} objects",
+                objected(found),
+                objected(found).hits >= 0.85 * asked.faulty,
+            )
             found = replicates(
-                f"{name}0-{model}", partial(faulty, model, name, 0.0), range(asked.faulty), asked.folder
+                f"{name}0-{model}",
+                partial(faulty, model, name, 0.0),
+                range(asked.faulty),
+                asked.folder,
             )
-            say(f"control: {name} of size zero, {model} objects", objected(found), objected(found).hits <= 4)
-    made = [one["said"] for one in replicates("told", told, range(asked.made), asked.folder) if "said" in one]
+            say(
+                f"control: {name} of size zero, {model} objects",
+                objected(found),
+                objected(found).hits <= 4,
+            )
+    made = [
+        one["said"]
+        for one in replicates("told", told, range(asked.made), asked.folder)
+        if "said" in one
+    ]
     for half, wanted in ((1.0, True), (0.5, False)):
         held: dict[str, list[bool]] = {}
         for verdict, low, high, truth in (row for one in made for row in one.values()):
-            middle, arm = 0.5 * (low + high), 0.5 * half * (high - low)
+            middle = 0.5 * (low + high)
+            arm = 0.5 * half * (high - low)
             held.setdefault(verdict, []).append(abs(truth - middle) <= arm)
         relied = [one for verdict in ("identified", "given") for one in held.get(verdict, [])]
         rate = Rate(sum(relied), len(relied))
         within = 0.92 <= rate.hits / max(rate.total, 1) <= 0.98
-        say(f"identified or given, intervals {'whole' if wanted else 'halved, a control'}", rate, within == wanted)
+        say(
+            f"identified or given, intervals {'whole' if wanted else 'halved, a control'}",
+            rate,
+            within == wanted,
+        )
         for verdict, some in held.items():
             print(f"         {verdict}: {Rate(sum(some), len(some))}")
     return int(not all(kept))

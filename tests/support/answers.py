@@ -1,7 +1,9 @@
-"""Makes the answers of `datasets/bench` anew, by the Taylor oracle with fifty digits (some minutes).
+"""Makes the answers of `datasets/bench` anew, by the Taylor oracle with fifty digits (some
+minutes).
 
-`python -m support.answers [NAME ...]`, from the folder of the tests. Inputs stay; besides the answers the file says
-by how much one rounding of each input together moves them, over their scales (`rounding`): nobody can promise less.
+`python -m support.answers [NAME ...]`, from the folder of the tests. Inputs stay; besides the
+answers the file says by how much one rounding of each input together moves them, over their scales
+(`rounding`): nobody can promise less.
 """
 
 import csv
@@ -16,8 +18,17 @@ from fitball.data.bundled import folder
 PLACE, SCENES = (folder() / "bench" / f"{name}.csv" for name in ("hard_cases", "scenes"))
 IMPACT = ("v_x1", "v_y1", "omega_1")
 PARAMETERS = (
-    "mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "cor_10", "cor_slope", "zeta_theta", "inertia_split",
-)  # fmt: skip
+    "mass_ratio",
+    "k_y",
+    "k_theta",
+    "mu",
+    "eps_10",
+    "eps_slope",
+    "cor_10",
+    "cor_slope",
+    "zeta_theta",
+    "inertia_split",
+)
 
 ENOUGH = taylor.FIFTY._replace(digits=36)
 
@@ -31,11 +42,21 @@ def scales(impact, contact_time, gap_time, radius=0.03302):
     """What errors of OUTPUTS are relative to: the speed of the ball's surface, and the times."""
     speed = (float(impact[0]) ** 2 + float(impact[1]) ** 2) ** 0.5 + radius * abs(float(impact[2]))
     gap = float(gap_time)
-    return (speed, speed, speed / radius, float(contact_time), gap, speed * gap, speed * gap / radius)
+    return (
+        speed,
+        speed,
+        speed / radius,
+        float(contact_time),
+        gap,
+        speed * gap,
+        speed * gap / radius,
+    )
 
 
 def sensitivity(options, values, impact, answer):
-    """By how much one rounding of each input together moves the outputs, the largest over its scale."""
+    """By how much one rounding of each input together moves the outputs, the largest over its
+    scale.
+    """
     moved = [0.0] * len(OUTPUTS)
     sizes = scales(impact, answer.contact_time, answer.gap_time)
     with localcontext(prec=60):
@@ -66,7 +87,8 @@ def rewrite(place):
     with place.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in [row for row in rows if row["name"] in sys.argv[1:] or len(sys.argv) == 1]:
-        options, impact = options_of(row), [float(row[name]) for name in IMPACT]
+        options = options_of(row)
+        impact = [float(row[name]) for name in IMPACT]
         values = {name: float(row[name]) for name in PARAMETERS if row[name]}
         answer = taylor.solve(options, values, impact, kind=taylor.FIFTY)
         row |= {"status": answer.status}

@@ -1,4 +1,6 @@
-"""Fits of small problems: their maxima, points, and drops of which each speed is linear in two parameters."""
+"""Fits of small problems: their maxima, points, and drops of which each speed is linear in two
+parameters.
+"""
 
 from made_tables import made
 from support.density import near
@@ -21,7 +23,11 @@ def at(problem, x):
 
 def best(problem, start=None):
     """Coordinates of the maximum near the truth or a start."""
-    x, _, converged = descend(Objective(problem), near(problem, 1, 0.0) if start is None else start[None], 1e-10)
+    x, _, converged = descend(
+        Objective(problem),
+        near(problem, 1, 0.0) if start is None else start[None],
+        1e-10,
+    )
     assert converged.all()
     return x[0]
 

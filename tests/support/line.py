@@ -1,4 +1,6 @@
-"""A problem whose posterior is known: a model that is linear in its parameters, normal noise of known size."""
+"""A problem whose posterior is known: a model that is linear in its parameters, normal noise of
+known size.
+"""
 
 import numpy as np
 
@@ -17,10 +19,16 @@ def line(v_x1, v_y1, omega_1, ball, slope="normal(0.5, 0.3)", shift="normal(0, 2
 
 
 def line_problem(count=12, seed=0, noise=SD, copies=1, **choices):
-    """Of `count` measured v_x2, of a line with slope 0.6 and shift 1, `copies` times; its noise fixed, or free."""
+    """Of `count` measured v_x2, of a line with slope 0.6 and shift 1, `copies` times; its noise
+    fixed, or free.
+    """
     rng = np.random.default_rng(seed)
     v_x1 = rng.uniform(5.0, 20.0, count)
-    values = {"v_x1": v_x1, "v_y1": np.full(count, 8.0), "v_x2": 0.6 * v_x1 + 1.0 + SD * rng.standard_normal(count)}
+    values = {
+        "v_x1": v_x1,
+        "v_y1": np.full(count, 8.0),
+        "v_x2": 0.6 * v_x1 + 1.0 + SD * rng.standard_normal(count),
+    }
     values = {name: np.tile(column, copies) for name, column in values.items()}
     table = ImpactTable("line", values, {}, {}, {"id": tuple(map(str, range(count * copies)))})
     choices = {"fix": {"v_x_sd": noise} if noise else {}} | choices
@@ -31,5 +39,8 @@ def exact(problem):
     """Mean (2,) and covariance (2, 2) of slope and shift."""
     design = np.column_stack([problem.rows.states.v_x1, np.ones(len(problem.rows.y))])
     precision = design.T @ design / SD**2 + np.diag([0.3**-2, 2.0**-2])
-    centre = np.linalg.solve(precision, design.T @ problem.rows.y[:, 0] / SD**2 + np.array([0.5 / 0.3**2, 0.0]))
+    centre = np.linalg.solve(
+        precision,
+        design.T @ problem.rows.y[:, 0] / SD**2 + np.array([0.5 / 0.3**2, 0.0]),
+    )
     return centre, np.linalg.inv(precision)

@@ -1,4 +1,6 @@
-"""Ports compiled and run: lines of parameters, an impact in the plane and one in three dimensions, to rebounds."""
+"""Ports compiled and run: lines of parameters, an impact in the plane and one in three dimensions,
+to rebounds.
+"""
 
 import functools
 import shutil
@@ -13,8 +15,17 @@ from fitball.exports.parameter_set import ParameterSet
 from fitball.exports.port import FILES, port
 
 OUTPUTS = (
-    "v_x2", "v_y2", "omega_2", "contact_time", "gap_time", "gap_path", "gap_turn", "regime", "status", "extrapolated",
-)  # fmt: skip
+    "v_x2",
+    "v_y2",
+    "omega_2",
+    "contact_time",
+    "gap_time",
+    "gap_path",
+    "gap_turn",
+    "regime",
+    "status",
+    "extrapolated",
+)
 C = """#include "bounce.h"
 #include <stdio.h>
 #include <string.h>
@@ -44,7 +55,10 @@ using System.Globalization;
 using System.Linq;
 static class Run
 {
-    static Bounce.Vector vector(double[] i, int k) { return new Bounce.Vector(i[k], i[k + 1], i[k + 2]); }
+    static Bounce.Vector vector(double[] i, int k)
+    {
+        return new Bounce.Vector(i[k], i[k + 1], i[k + 2]);
+    }
 
     static void Main()
     {
@@ -57,9 +71,11 @@ static class Run
             var p = (Bounce.Parameters)make.Invoke(x.Take(n).Cast<object>().ToArray());
             var r = Bounce.rebound(i[0], i[1], i[2], p);
             var s = Bounce.rebound_3d(vector(i, 3), vector(i, 6), vector(i, 9), p);
-            double[] y = { r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn, r.regime,
-                           r.status, r.extrapolated ? 1 : 0, s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x,
-                           s.spin.y, s.spin.z };
+            double[] y = {
+                r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn,
+                r.regime, r.status, r.extrapolated ? 1 : 0,
+                s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x, s.spin.y, s.spin.z
+            };
             Console.WriteLine(string.Join(" ", y.Select(one => one.ToString("R", culture))));
         }
     }
@@ -71,14 +87,24 @@ for (const line of require("fs").readFileSync(0, "utf8").trim().split("\\n")) {
     const x = line.split(" ").map(Number), i = x.slice(n);
     const p = Object.fromEntries(names.map((name, k) => [name, x[k]]));
     const vector = (k) => ({ x: i[k], y: i[k + 1], z: i[k + 2] });
-    const r = Bounce.rebound(i[0], i[1], i[2], p), s = Bounce.rebound_3d(vector(3), vector(6), vector(9), p);
-    console.log([...Object.values(r).map(Number), ...Object.values(s.velocity), ...Object.values(s.spin)].join(" "));
+    const r = Bounce.rebound(i[0], i[1], i[2], p);
+    const s = Bounce.rebound_3d(vector(3), vector(6), vector(9), p);
+    const plane = Object.values(r).map(Number);
+    console.log([...plane, ...Object.values(s.velocity), ...Object.values(s.spin)].join(" "));
 }
 """
 # What runs first, how a file is compiled, how a self-test is, and the driver.
 RUNS = {
-    "c": ("gcc", "gcc -std=c99 -Wall -Wextra -Werror -pedantic -O0 -x c {} -lm -o run", ("run.c", C)),
-    "c++": ("g++", "g++ -std=c++11 -Wall -Wextra -Werror -pedantic -O0 -x c++ {} -lm -o run", ("run.c", C)),
+    "c": (
+        "gcc",
+        "gcc -std=c99 -Wall -Wextra -Werror -pedantic -O0 -x c {} -lm -o run",
+        ("run.c", C),
+    ),
+    "c++": (
+        "g++",
+        "g++ -std=c++11 -Wall -Wextra -Werror -pedantic -O0 -x c++ {} -lm -o run",
+        ("run.c", C),
+    ),
     "csharp": ("mcs", "mcs -warnaserror -out:run.exe {}", ("Run.cs", CSHARP)),
     "javascript": ("node", "", ("run.js", JAVASCRIPT)),
 }
@@ -99,17 +125,22 @@ def module(text):
 
 def in_python(made, lines):
     """Rebounds of lines (lines, numbers) by the port in Python."""
-    found, count = [], len(made.Parameters._fields)
+    found = []
+    count = len(made.Parameters._fields)
     for line in lines.tolist():
-        row, impact = made.Parameters(*line[:count]), line[count:]
+        row = made.Parameters(*line[:count])
+        impact = line[count:]
         vectors = (made.Vector(*impact[k : k + 3]) for k in (3, 6, 9))
-        flat, spatial = made.rebound(*impact[:3], row), made.rebound_3d(*vectors, row)
+        flat = made.rebound(*impact[:3], row)
+        spatial = made.rebound_3d(*vectors, row)
         found.append([*map(float, flat), *spatial.velocity, *spatial.spin])
     return np.array(found)
 
 
 def compiled(folder, language, text, driver=True):
-    """The command that runs the port in `text` with its driver, or its self-test. Skips without a compiler."""
+    """The command that runs the port in `text` with its driver, or its self-test. Skips without a
+    compiler.
+    """
     tool, command, (name, source) = RUNS[language]
     if shutil.which(tool) is None:
         pytest.skip(f"{tool} is not installed")
@@ -132,8 +163,18 @@ def run(folder, language, sets, lines):
         return in_python(module(text), lines)
     command = compiled(folder, language, text)
     given = "\n".join(" ".join(map(repr, line)) for line in lines.tolist())
-    done = subprocess.run(command, cwd=folder, input=given, capture_output=True, text=True, check=True, timeout=120)
-    return np.array([[float(number) for number in line.split()] for line in done.stdout.splitlines()])
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        input=given,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    return np.array(
+        [[float(number) for number in line.split()] for line in done.stdout.splitlines()]
+    )
 
 
 @functools.cache

@@ -1,15 +1,19 @@
-"""An independent solution of one bounce: the equations of motion summed as Taylor series, in any kind of number.
+"""An independent solution of one bounce: the equations of motion summed as Taylor series, in any
+kind of number.
 
-Nothing comes from the package, and no motion is a closed form. While the contact point slides, grips or holds, the
-ball obeys `z' = A z`, z = (y, y', v_x, omega_1, omega_2, twist, path, turn), so that a term of its series gives the
-next; what ends a phase is a weighted sum over z, a polynomial whose first zero is isolated by bounds. With core (1),
-shell (2), normal force F, friction f on the ball, torque T of the joint, mass M_r on the spring:
+Nothing comes from the package, and no motion is a closed form. While the contact point slides,
+grips or holds, the ball obeys `z' = A z`, z = (y, y', v_x, omega_1, omega_2, twist, path, turn), so
+that a term of its series gives the next; what ends a phase is a weighted sum over z, a polynomial
+whose first zero is isolated by bounds. With core (1), shell (2), normal force F, friction f on the
+ball, torque T of the joint, mass M_r on the spring:
 
-    M_r y'' = -F,  F = K_y y + C_y y';   I_1 omega_1' = -T,  T = K th + C th',  th' = omega_1 - omega_2
-    M v_x' = f,  I_2 omega_2' = T - R f - eps F;  slide f = -s mu F;  at rest f such that v_x' = R omega_2'
+    M_r y'' = -F,  F = K_y y + C_y y';   I_1 omega_1' = -T,  T = K th + C th',  th' = omega_1 -
+    omega_2 M v_x' = f,  I_2 omega_2' = T - R f - eps F;  slide f = -s mu F;  at rest f such that
+    v_x' = R omega_2'
 
-A contact point at rest takes the first of grip, hold (a grip without the offset), slide forward, slide back that does
-not contradict itself just after: the first Taylor term that is more than rounding decides. Damping is found by
+A contact point at rest takes the first of grip, hold (a grip without the offset), slide forward,
+slide back that does not contradict itself just after: the first Taylor term that is more than
+rounding decides. Damping is found by
 shooting: that with which the core keeps the given share of its speed.
 """
 
@@ -20,14 +24,25 @@ from decimal import Decimal, localcontext
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-SLIDE_FORWARD, SLIDE_BACKWARD, GRIP, HOLD, FREE = 1, 2, 3, 4, 5
+SLIDE_FORWARD = 1
+SLIDE_BACKWARD = 2
+GRIP = 3
+HOLD = 4
+FREE = 5
 Y, V, X, W1, W2, TWIST, PATH, TURN = range(8)
-# Fastest pole times the length of a piece; terms that decide what comes next; most phases of a contact.
-REACH, FIRST, PHASES = 2, 5, 4000
+# Fastest pole times the length of a piece; terms that decide what comes next; most phases of a
+# contact.
+REACH = 2
+FIRST = 5
+PHASES = 4000
 DEFAULT = {
-    "normal": "momentum", "offset": "contact", "torsion": "matched", "inertia": "tied", "spin": "mean",
+    "normal": "momentum",
+    "offset": "contact",
+    "torsion": "matched",
+    "inertia": "tied",
+    "spin": "mean",
     "release": "zero_force",
-}  # fmt: skip
+}
 BALL = (0.0576, 0.03302, 0.56)
 OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time", "gap_time", "gap_path", "gap_turn")
 
@@ -48,7 +63,9 @@ class Numbers(NamedTuple):
     @property
     def terms(self):
         """Terms after which a series of reach REACH has converged."""
-        return next(n for n in range(999) if REACH**n < math.factorial(n) * 10 ** (-self.digits - 2))
+        return next(
+            n for n in range(999) if REACH**n < math.factorial(n) * 10 ** (-self.digits - 2)
+        )
 
 
 DOUBLE = Numbers(float, math.sqrt, math.log, 16)
@@ -56,11 +73,21 @@ DOUBLE = Numbers(float, math.sqrt, math.log, 16)
 FIFTY = Numbers(Decimal, Decimal.sqrt, Decimal.ln, 60)
 
 
-class Answer(namedtuple("Answer", ("status", *OUTPUTS, "phases", "state"), defaults=[math.nan] * 7 + [()] * 2)):
-    """A bounce; `phases` are pairs of phase and duration, `state` is z at the end. NaN unless `status` is OK."""
+class Answer(
+    namedtuple(
+        "Answer",
+        ("status", *OUTPUTS, "phases", "state"),
+        defaults=[math.nan] * 7 + [()] * 2,
+    )
+):
+    """A bounce; `phases` are pairs of phase and duration, `state` is z at the end. NaN unless
+    `status` is OK.
+    """
 
     def regime(self, shortest=0.0):
-        """Octal digits of the phases, the first lowest, without those up to a share `shortest` of the contact."""
+        """Octal digits of the phases, the first lowest, without those up to a share `shortest` of
+        the contact.
+        """
         kept = [p for p, lasted in self.phases if lasted > shortest * float(self.contact_time)]
         return sum(p << 3 * k for k, p in enumerate(kept[:20]))
 
@@ -75,14 +102,16 @@ def value(c, x):
 
 
 def first_fall(c, zero, least):
-    """First x in (0, 1] where a polynomial that is positive at first falls to zero, else None: intervals are proved
-    free of zeros, or monotonic, by a bound of the second derivative, or halved.
+    """First x in (0, 1] where a polynomial that is positive at first falls to zero, else None:
+    intervals are proved free of zeros, or monotonic, by a bound of the second derivative, or
+    halved.
     """
     bend = sum(k * (k - 1) * abs(one) for k, one in enumerate(c))
     parts = [(zero, zero + 1)]
     while parts:
         low, high = parts.pop()
-        middle, half = (low + high) / 2, (high - low) / 2
+        middle = (low + high) / 2
+        half = (high - low) / 2
         f, d = value(c, middle)
         if abs(f) > abs(d) * half + bend * half * half / 2:
             if f < 0:
@@ -98,28 +127,38 @@ def first_fall(c, zero, least):
 
 
 def falling(c, low, high, least):
-    """The zero of a falling polynomial between two points, by Newton's steps that stay between them."""
-    x, old = (low + high) / 2, high
+    """The zero of a falling polynomial between two points, by Newton's steps that stay between
+    them.
+    """
+    x = (low + high) / 2
+    old = high
     for _ in range(400):
         if abs(x - old) <= least / 1000:
             break
         f, d = value(c, x)
         low, high = (x, high) if f > 0 else (low, x)
-        old, x = x, min(max(x - f / d, low), high) if d < 0 else (low + high) / 2
+        old = x
+        x = min(max(x - f / d, low), high) if d < 0 else (low + high) / 2
     return x
 
 
 def total(*parts):
-    """A sum of multiples of weights, `(factor, weights)`; weights are mappings from places in the state."""
+    """A sum of multiples of weights, `(factor, weights)`; weights are mappings from places in the
+    state.
+    """
     places = sorted({place for _, weights in parts for place in weights})
-    return {place: sum(factor * weights.get(place, 0) for factor, weights in parts) for place in places}
+    return {
+        place: sum(factor * weights.get(place, 0) for factor, weights in parts) for place in places
+    }
 
 
 def series(rates, z, h, count):
     """Terms in t/h of the motion z' = A z that begins at z; `rates` are the rows of A."""
-    rows, terms = [tuple(row.items()) for row in rates], [z]
+    rows = [tuple(row.items()) for row in rates]
+    terms = [z]
     for k in range(1, count):
-        share, last = h / k, terms[-1]
+        share = h / k
+        last = terms[-1]
         terms.append([share * sum([w * last[i] for i, w in row]) for row in rows])
     return terms
 
@@ -128,19 +167,25 @@ class Piece:
     """A piece of a motion: its terms, and the size of what is added up in the first of them."""
 
     def __init__(self, rates, z, h, kind, count=0):
-        self.terms, self.kind, self.zero = series(rates, z, h, count or kind.terms), kind, 0 * z[0]
+        self.terms = series(rates, z, h, count or kind.terms)
+        self.kind = kind
+        self.zero = 0 * z[0]
         sizes = [{place: abs(weight) for place, weight in row.items()} for row in rates]
         self.sizes = series(sizes, [abs(one) for one in z], h, FIRST)
 
     def leading(self, weights):
-        """A weighted sum of the state as terms, and the place of the first that is not rounding (None: all are)."""
+        """A weighted sum of the state as terms, and the place of the first that is not rounding
+        (None: all are).
+        """
         c = [sum([w * z[i] for i, w in weights.items()]) for z in self.terms]
         sizes = [sum([abs(w) * z[i] for i, w in weights.items()]) for z in self.sizes]
         noise = self.kind.rounding
         return c, next((k for k, size in enumerate(sizes) if abs(c[k]) > noise * size), None)
 
     def sign(self, weights):
-        """Whether a weighted sum is positive just after the start (1), negative (-1) or neither (0)."""
+        """Whether a weighted sum is positive just after the start (1), negative (-1) or neither
+        (0).
+        """
         c, k = self.leading(weights)
         return 0 if k is None else 1 if c[k] > 0 else -1
 
@@ -148,7 +193,13 @@ class Piece:
         """When a weighted sum falls to zero: None if not here, 0 if it is falling from there."""
         c, k = self.leading(weights)
         falls = k is not None and c[k] < 0
-        return None if k is None else self.zero if falls else first_fall(c[k:], self.zero, self.kind.rounding)
+        return (
+            None
+            if k is None
+            else self.zero
+            if falls
+            else first_fall(c[k:], self.zero, self.kind.rounding)
+        )
 
     def at(self, x):
         """The state at x."""
@@ -162,8 +213,11 @@ def fastest(decay, natural_squared, sqrt):
 
 
 def law(cor_10, slope, cap, v, log):
-    """The one law of restitution, of this value and slope at 10 m/s; None where the rebound would fall with speed."""
-    e, w = cor_10 / cap, -10 * slope / cor_10
+    """The one law of restitution, of this value and slope at 10 m/s; None where the rebound would
+    fall with speed.
+    """
+    e = cor_10 / cap
+    w = -10 * slope / cor_10
     if w >= 1:
         return None
     if e >= 1:
@@ -176,61 +230,84 @@ def law(cor_10, slope, cap, v, log):
 
 
 def swing(zeta, by_force, kind):
-    """The swing y'' + 2 zeta y' + y = 0 from y = 0, y' = 1: when the force ends, when the contact ends, and -y'."""
-    z, t, ends = [0 * zeta, 0 * zeta + 1], 0 * zeta, []
+    """The swing y'' + 2 zeta y' + y = 0 from y = 0, y' = 1: when the force ends, when the contact
+    ends, and -y'.
+    """
+    z = [0 * zeta, 0 * zeta + 1]
+    t = 0 * zeta
+    ends = []
     h = REACH / fastest(zeta, 0 * zeta + 1, kind.sqrt)
     for end in ({0: 1, 1: 2 * zeta}, {0: 1})[: 1 if by_force else 2]:
         x = None
         while x is None:
             piece = Piece([{1: 1}, {0: -1, 1: -2 * zeta}], z, h, kind)
             x = piece.fall(end)
-            z, t = piece.at(1 if x is None else x), t + h * (1 if x is None else x)
+            z = piece.at(1 if x is None else x)
+            t = t + h * (1 if x is None else x)
         ends.append(t)
     return ends[0], ends[-1], -z[1]
 
 
 @lru_cache(maxsize=4096)
 def damping(kept, by_force, kind):
-    """`zeta` with which a swing keeps this share of its speed, by Ridders' method, and the times of `swing`."""
+    """`zeta` with which a swing keeps this share of its speed, by Ridders' method, and the times of
+    `swing`.
+    """
 
     def excess(zeta):
         return swing(zeta, by_force, kind)[2] - kept
 
-    low, above, high = 0 * kept, 1 - kept, 0 * kept + 1 / kind.make(2)
+    low = 0 * kept
+    above = 1 - kept
+    high = 0 * kept + 1 / kind.make(2)
     if above <= 0:
         return low, *swing(low, by_force, kind)[:2]
     while (below := excess(high)) > 0:
-        low, above, high = high, below, 2 * high if by_force else (1 + high) / 2
-    x, old = high, low
+        low = high
+        above = below
+        high = 2 * high if by_force else (1 + high) / 2
+    x = high
+    old = low
     while abs(x - old) > kind.rounding / 500 * x:
-        middle, old = (low + high) / 2, x
+        middle = (low + high) / 2
+        old = x
         f = excess(middle)
         x = middle + (middle - low) * f / kind.sqrt(f * f - above * below)
         for at, f_at in sorted(((middle, f), (x, excess(x)))):
             if f_at > 0 and at > low:
-                low, above = at, f_at
+                low = at
+                above = f_at
             elif f_at < 0 and at < high:
-                high, below = at, f_at
+                high = at
+                below = f_at
     return x, *swing(x, by_force, kind)[:2]
 
 
 def landed(v_x, omega_2, impulse, mass, radius, shell, mu, eps, in_slide):
-    """Velocity and spin of the shell after the impulse that stops it, while friction obeys Coulomb's law."""
+    """Velocity and spin of the shell after the impulse that stops it, while friction obeys
+    Coulomb's law.
+    """
     yields = 1 / mass + radius * radius / shell
     slip = v_x - radius * omega_2
-    # Friction and offset per normal force: in slip, until it is used up; then what keeps the contact point at rest.
+    # Friction and offset per normal force: in slip, until it is used up; then what keeps the
+    # contact point at rest.
     sliding = (-mu if slip > 0 else mu, eps if in_slide else 0)
     rate = yields * sliding[0] + radius * sliding[1] / shell
     spent = min(impulse, -slip / rate) if rate * slip < 0 else impulse if slip != 0 else 0
     need = -radius * eps / (shell * yields)
-    resting = (need, eps) if abs(need) <= mu else (mu if need > 0 else -mu, eps) if in_slide else (0, 0)
+    resting = (
+        (need, eps) if abs(need) <= mu else (mu if need > 0 else -mu, eps) if in_slide else (0, 0)
+    )
     for (friction, lever), part in ((sliding, spent), (resting, impulse - spent)):
-        v_x, omega_2 = v_x + friction * part / mass, omega_2 - (radius * friction + lever) * part / shell
+        v_x = v_x + friction * part / mass
+        omega_2 = omega_2 - (radius * friction + lever) * part / shell
     return v_x, omega_2
 
 
 def solve(options, parameters, impact, *, ball=BALL, cor=None, until=None, kind=DOUBLE):
-    """The bounce of an impact (v_x1, v_y1, omega_1), SI; `cor` in place of the law, only up to the time `until`."""
+    """The bounce of an impact (v_x1, v_y1, omega_1), SI; `cor` in place of the law, only up to the
+    time `until`.
+    """
     with localcontext(prec=kind.digits):
         return _bounce({**DEFAULT, **options}, parameters, impact, ball, cor, until, kind)
 
@@ -239,51 +316,83 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
     p = {name: kind.make(number) for name, number in parameters.items()}
     v_x, v_y, omega = map(kind.make, impact)
     mass, radius, ratio = map(kind.make, ball)
-    inertia, one, zero = ratio * mass * radius * radius, kind.make(1), kind.make(0)
-    m, mu, momentum = p.get("mass_ratio", one), p["mu"], options["normal"] == "momentum"
+    inertia = ratio * mass * radius * radius
+    one = kind.make(1)
+    zero = kind.make(0)
+    m = p.get("mass_ratio", one)
+    mu = p["mu"]
+    momentum = options["normal"] == "momentum"
     cap = m if momentum else one
     e = law(p["cor_10"], p["cor_slope"], cap, v_y, kind.log) if cor is None else kind.make(cor)
     if e is None or not 0 < e <= cap:
         return Answer(
-            "REBOUND_FALLS" if e is None else "COR_EXCEEDS_MASS_RATIO" if 0 < e <= 1 else "COR_OUT_OF_RANGE"
+            "REBOUND_FALLS"
+            if e is None
+            else "COR_EXCEEDS_MASS_RATIO"
+            if 0 < e <= 1
+            else "COR_OUT_OF_RANGE"
         )
     riding = mass if options["normal"] == "total" else m * mass
-    k_y, omega_y = p["k_y"], kind.sqrt(p["k_y"] / riding)
+    k_y = p["k_y"]
+    omega_y = kind.sqrt(p["k_y"] / riding)
     zeta, t_force, t_contact = damping(e / cap, options["release"] == "zero_force", kind)
-    c_y, t_force, t_contact = 2 * zeta * omega_y * riding, t_force / omega_y, t_contact / omega_y
+    c_y = 2 * zeta * omega_y * riding
+    t_force = t_force / omega_y
+    t_contact = t_contact / omega_y
 
-    solid, thin = one * 2 / 5 * 97 * 97 / 10000 * m, one * 2 / 3 * (1 - m)
+    solid = one * 2 / 5 * 97 * 97 / 10000 * m
+    thin = one * 2 / 3 * (1 - m)
     split = solid / (solid + thin) if options["inertia"] == "tied" else p["inertia_split"]
-    core, shell = split * inertia, (1 - split) * inertia
+    core = split * inertia
+    shell = (1 - split) * inertia
     if not (core > 0 and shell > 0):
         return Answer("NO_INERTIA")
-    k, compliance = p["k_theta"], 1 / core + 1 / shell
+    k = p["k_theta"]
+    compliance = 1 / core + 1 / shell
     squared = 1 - (1 - zeta * zeta) * omega_y * omega_y / (k * compliance)
     if options["torsion"] == "matched" and squared < 0:
         return Answer("TORSION_TOO_SOFT")
-    c = 2 * (kind.sqrt(squared) if options["torsion"] == "matched" else p["zeta_theta"]) * kind.sqrt(k / compliance)
+    c = (
+        2
+        * (kind.sqrt(squared) if options["torsion"] == "matched" else p["zeta_theta"])
+        * kind.sqrt(k / compliance)
+    )
 
-    eps, in_slide = p["eps_10"] + p["eps_slope"] * (v_y - 10), options["offset"] == "contact"
+    eps = p["eps_10"] + p["eps_slope"] * (v_y - 10)
+    in_slide = options["offset"] == "contact"
     stopped = (1 - m) * mass * v_y if momentum else zero
     v_x, omega_2 = landed(v_x, omega, stopped, mass, radius, shell, mu, eps, in_slide)
 
-    # Weights of forces over the state, and the equations of motion of each phase: friction, and offset.
-    force, torque, slip = {Y: k_y, V: c_y}, {TWIST: k, W1: c, W2: -c}, {X: one, W2: -radius}
-    gyration, acting = shell + mass * radius * radius, eps if in_slide else zero
+    # Weights of forces over the state, and the equations of motion of each phase: friction, and
+    # offset.
+    force = {Y: k_y, V: c_y}
+    torque = {TWIST: k, W1: c, W2: -c}
+    slip = {X: one, W2: -radius}
+    gyration = shell + mass * radius * radius
+    acting = eps if in_slide else zero
     full, bare = (
-        total((mass * radius / gyration, torque), (-mass * radius / gyration * lever, force)) for lever in (eps, zero)
+        total((mass * radius / gyration, torque), (-mass * radius / gyration * lever, force))
+        for lever in (eps, zero)
     )
     rates = {
         phase: [
-            {V: one}, total((-1 / riding, force)), total((1 / mass, friction)), total((-1 / core, torque)),
-            total((1 / shell, torque), (-radius / shell, friction), (-lever / shell, force)), {W1: one, W2: -one},
-            {X: one}, {W1: core / inertia, W2: shell / inertia},
+            {V: one},
+            total((-1 / riding, force)),
+            total((1 / mass, friction)),
+            total((-1 / core, torque)),
+            total((1 / shell, torque), (-radius / shell, friction), (-lever / shell, force)),
+            {W1: one, W2: -one},
+            {X: one},
+            {W1: core / inertia, W2: shell / inertia},
         ]
         for phase, friction, lever in (
-            (SLIDE_FORWARD, total((-mu, force)), acting), (SLIDE_BACKWARD, total((mu, force)), acting),
-            (GRIP, full, eps), (HOLD, bare, zero), (FREE, {}, zero),
+            (SLIDE_FORWARD, total((-mu, force)), acting),
+            (SLIDE_BACKWARD, total((mu, force)), acting),
+            (GRIP, full, eps),
+            (HOLD, bare, zero),
+            (FREE, {}, zero),
         )
-    }  # fmt: skip
+    }
 
     def beginning(phase, z):
         """Whether a phase can begin at z, and what falls through zero where it ends."""
@@ -294,21 +403,31 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
             ends = [total((mu, force), (side, full if phase == GRIP else bare)) for side in (-1, 1)]
         if phase == HOLD:
             ends.append(total((near.sign(full), full), (-mu, force)))
-        return all(near.sign(end) > 0 for end in ends) and not (phase == HOLD and (in_slide or eps == 0)), ends
+        return all(near.sign(end) > 0 for end in ends) and not (
+            phase == HOLD and (in_slide or eps == 0)
+        ), ends
 
     def at_rest(z):
-        """The phase that begins at zero slip, and what ends it; StopIteration if every phase contradicts itself."""
-        tried = ((phase, beginning(phase, z)) for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD))
+        """The phase that begins at zero slip, and what ends it; StopIteration if every phase
+        contradicts itself.
+        """
+        tried = (
+            (phase, beginning(phase, z)) for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD)
+        )
         return next((phase, ends) for phase, (can, ends) in tried if can)
 
-    z, now, began, phases = [zero, v_y, v_x, omega, omega_2, zero, zero, zero], zero, zero, []
+    z = [zero, v_y, v_x, omega, omega_2, zero, zero, zero]
+    now = zero
+    began = zero
+    phases = []
     apart = v_x - radius * omega_2
     if mu > 0 and abs(apart) <= kind.rounding * (abs(v_x) + radius * abs(omega_2)):
         phase, ends = at_rest(z)
     else:
         phase = SLIDE_FORWARD if apart > 0 else SLIDE_BACKWARD
         ends = beginning(phase, z)[1]
-    stop, nearly = t_contact if until is None else min(kind.make(until), t_contact), kind.rounding * t_contact
+    stop = t_contact if until is None else min(kind.make(until), t_contact)
+    nearly = kind.rounding * t_contact
     swinging = fastest(zeta * omega_y, omega_y * omega_y, kind.sqrt)
     while len(phases) < PHASES:
         limit = stop if phase == FREE else min(stop, t_force)
@@ -321,14 +440,16 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
         # At the end of force itself slip and cone are touched by all: no event.
         hits = [x for x in map(piece.fall, ends) if x is not None and x * h < left - nearly]
         x = min(hits, default=one)
-        z, now = piece.at(x), now + x * h
+        z = piece.at(x)
+        now = now + x * h
         if hits or last:
             phases.append((phase, now - began))
             began = now
         if hits:
             phase, ends = at_rest(z)
         elif last and limit < stop and t_contact - t_force > nearly:
-            phase, ends = FREE, []
+            phase = FREE
+            ends = []
         elif last:
             break
     else:

@@ -30,7 +30,10 @@ def cell(content, repeated=""):
     """A cell of a spreadsheet, of a number or a text."""
     if isinstance(content, float):
         return f'<table:table-cell office:value-type="float" office:value="{content}"/>'
-    return f'<table:table-cell office:value-type="string"{repeated}><text:p>{content}</text:p></table:table-cell>'
+    return (
+        "<table:table-cell "
+        f'office:value-type="string"{repeated}><text:p>{content}</text:p></table:table-cell>'
+    )
 
 
 def row(cells, repeated=""):
@@ -41,11 +44,15 @@ def row(cells, repeated=""):
 def ods(rows):
     """A spreadsheet of these rows."""
     parts = ("office", "table", "text")
-    spaces = " ".join(f'xmlns:{part}="urn:oasis:names:tc:opendocument:xmlns:{part}:1.0"' for part in parts)
-    return packed({
-        "mimetype": "application/vnd.oasis.opendocument.spreadsheet",
-        "META-INF/manifest.xml": "<manifest/>",
-        "content.xml": f"<office:document-content {spaces}><office:body><office:spreadsheet>"
-        f'<table:table table:name="t">{rows}</table:table>'
-        "</office:spreadsheet></office:body></office:document-content>",
-    })  # fmt: skip
+    spaces = " ".join(
+        f'xmlns:{part}="urn:oasis:names:tc:opendocument:xmlns:{part}:1.0"' for part in parts
+    )
+    return packed(
+        {
+            "mimetype": "application/vnd.oasis.opendocument.spreadsheet",
+            "META-INF/manifest.xml": "<manifest/>",
+            "content.xml": f"<office:document-content {spaces}><office:body><office:spreadsheet>"
+            f'<table:table table:name="t">{rows}</table:table>'
+            "</office:spreadsheet></office:body></office:document-content>",
+        }
+    )

@@ -1,7 +1,4 @@
-"""Ports: kernels as syntax trees -> C, C#, JavaScript, Python, with golden self-test.
-
-Imports: parameter_set, models.
-"""
+"""Ports: kernels as syntax trees -> C, C#, JavaScript, Python, with golden self-test."""
 
 from fitball.exports.port.port import FILES as FILES
 from fitball.exports.port.port import port as port

@@ -1,8 +1,9 @@
-"""The functions of a port around its kernel, in the kernels' own restricted Python: a bounce in the plane and in
-three dimensions with an answer for every impact, the self-test, and what some languages lack.
+"""The functions of a port around its kernel, in the kernels' own restricted Python: a bounce in the
+plane and in three dimensions with an answer for every impact, the self-test, and what some
+languages lack.
 
-They are never run here: `source` collects them like kernels. `SOLVED` is then one of `two_mass` and `grip_slip`, and
-`FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of the port.
+They are never run here: `source` collects them like kernels. `SOLVED` is then one of `two_mass` and
+`grip_slip`, and `FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of the port.
 """
 
 import math
@@ -16,7 +17,8 @@ from fitball.models.kernels.phases import rebound as followed
 from fitball.models.types import Status
 from fitball.values import FloatArray
 
-NO_IMPACT, NOT_FINITE = +Status.NO_IMPACT, -1
+NO_IMPACT = +Status.NO_IMPACT
+NOT_FINITE = -1
 # A contact that is free at once after its first phase, packed.
 FREED = FREE << PHASE_BITS
 # Numbers of a golden impact: its level, state and rebound, and the packed regime.
@@ -48,8 +50,8 @@ IMPACTS = GRIP_ONLY = 0
 
 
 class Rebound(NamedTuple):
-    """Velocity [m/s], spin [rad/s]; contact time [s]; time [s], path [m] and turn [rad] between the flights; packed
-    regime; status; extrapolated.
+    """Velocity [m/s], spin [rad/s]; contact time [s]; time [s], path [m] and turn [rad] between the
+    flights; packed regime; status; extrapolated.
     """
 
     v_x2: float
@@ -84,8 +86,8 @@ class Rebound3(NamedTuple):
 
 
 def two_mass(row: FloatArray, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
-    """The two-mass ball, its offset times `share`; where it has no answer a rigid ball of the same restitution,
-    friction and offset that slides or rolls, with the status of the former.
+    """The two-mass ball, its offset times `share`; where it has no answer a rigid ball of the same
+    restitution, friction and offset that slides or rolls, with the status of the former.
     """
     status, ball = ball_of(row, FLAGS)
     ball = ball._replace(eps_10=share * ball.eps_10, eps_slope=share * ball.eps_slope)
@@ -102,10 +104,14 @@ def two_mass(row: FloatArray, share: float, v_x: float, v_y: float, omega: float
 
 
 def grip_slip(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
-    """The rigid ball, its offset times `share`; it has an answer wherever the law of restitution has a number."""
+    """The rigid ball, its offset times `share`; it has an answer wherever the law of restitution
+    has a number.
+    """
     status, law = law_of(row.cor_10, row.cor_slope, 1.0)
     bad, cor, _ = restitution(law, v_y, math.nan)
-    mass, radius, a = row.ball_mass, row.ball_radius, row.inertia_ratio
+    mass = row.ball_mass
+    radius = row.ball_radius
+    a = row.inertia_ratio
     found = struck(row.mu, row.e_x, share * row.offset, cor, mass, radius, a, v_x, v_y, omega)
     return found._replace(status=bad if status == OK else status)
 
@@ -114,12 +120,17 @@ SOLVED: Callable[..., Outcome] = two_mass
 
 
 def either_way(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
-    """The bounce of a ball that flies either way: with `v_x < 0` the mirror image, its offset ahead too."""
+    """The bounce of a ball that flies either way: with `v_x < 0` the mirror image, its offset ahead
+    too.
+    """
     if not v_x < 0.0:
         return SOLVED(row, share, v_x, v_y, omega)
     found = SOLVED(row, share, -v_x, v_y, -omega)
     return found._replace(
-        v_x2=-found.v_x2, omega_2=-found.omega_2, gap_path=-found.gap_path, gap_turn=-found.gap_turn
+        v_x2=-found.v_x2,
+        omega_2=-found.omega_2,
+        gap_path=-found.gap_path,
+        gap_turn=-found.gap_turn,
     )
 
 
@@ -130,7 +141,8 @@ def rebound(v_x1: float, v_y1: float, omega_1: float, parameters: Parameters) ->
 
 def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parameters) -> Rebound:
     """The same with the offset times `share`."""
-    none, size = math.nan, abs(v_x1) + abs(v_y1) + abs(omega_1)
+    none = math.nan
+    size = abs(v_x1) + abs(v_y1) + abs(omega_1)
     if size < math.inf and v_y1 <= 0.0:
         return Rebound(v_x1, -v_y1, omega_1, 0.0, 0.0, 0.0, 0.0, 0, NO_IMPACT, False)
     if size < math.inf:
@@ -138,9 +150,17 @@ def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parame
         size = abs(found.v_x2) + abs(found.v_y2) + abs(found.omega_2)
         if size < math.inf:
             return Rebound(
-                found.v_x2, found.v_y2, found.omega_2, found.contact_time, found.gap_time, found.gap_path,
-                found.gap_turn, found.regime, found.status, not row.v_y1_low <= v_y1 <= row.v_y1_high,
-            )  # fmt: skip
+                found.v_x2,
+                found.v_y2,
+                found.omega_2,
+                found.contact_time,
+                found.gap_time,
+                found.gap_path,
+                found.gap_turn,
+                found.regime,
+                found.status,
+                not row.v_y1_low <= v_y1 <= row.v_y1_high,
+            )
     return Rebound(none, none, none, none, none, none, none, 0, NOT_FINITE, True)
 
 
@@ -166,40 +186,74 @@ def along(a: Vector, otherwise: Vector) -> Vector:
 
 
 def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Parameters) -> Rebound3:
-    """The rebound of any impact in three dimensions, velocities relative to the surface, `normal` away from it."""
+    """The rebound of any impact in three dimensions, velocities relative to the surface, `normal`
+    away from it.
+    """
     up = along(normal, Vector(math.nan, math.nan, math.nan))
     v_y = -dot(velocity, up)
     # Velocity and spin as vectors in the surface, spin about the normal.
-    v_t, w, about = plus(velocity, v_y, up), cross(spin, up), dot(spin, up)
+    v_t = plus(velocity, v_y, up)
+    w = cross(spin, up)
+    about = dot(spin, up)
     travel = along(v_t, Vector(0.0, 0.0, 0.0))
     slip = plus(v_t, -parameters.ball_radius, w)
     slow = NO_SLIP * (math.sqrt(dot(v_t, v_t)) + parameters.ball_radius * math.sqrt(dot(w, w)))
-    # All that moves along the surface lies along the slip; without slip along the travel, without both anywhere.
+    # All that moves along the surface lies along the slip; without slip along the travel, without
+    # both anywhere.
     side = Vector(1.0, 0.0, 0.0) if abs(up.x) < 0.8 else Vector(0.0, 1.0, 0.0)
     first = along(slip, side) if dot(slip, slip) > slow * slow else along(travel, side)
     second = along(cross(up, first), side)
     first = cross(second, up)
-    v_s, v_c, omega_c = dot(v_t, first), dot(v_t, second), dot(w, second)
+    v_s = dot(v_t, first)
+    v_c = dot(v_t, second)
+    omega_c = dot(w, second)
     one = answered(v_s, v_y, dot(w, first), abs(dot(travel, first)), parameters)
     if v_y > 0.0:
-        v_c, omega_c = across(one, v_s, dot(slip, first), v_c, v_y, omega_c, abs(dot(travel, second)), parameters)
+        v_c, omega_c = across(
+            one,
+            v_s,
+            dot(slip, first),
+            v_c,
+            v_y,
+            omega_c,
+            abs(dot(travel, second)),
+            parameters,
+        )
     v_t = plus(plus(plus(Vector(0.0, 0.0, 0.0), one.v_x2, first), v_c, second), one.v_y2, up)
     w = plus(plus(Vector(0.0, 0.0, 0.0), one.omega_2, first), omega_c, second)
-    return Rebound3(v_t, plus(cross(up, w), about, up), one.contact_time, one.regime, one.status, one.extrapolated)
+    return Rebound3(
+        v_t,
+        plus(cross(up, w), about, up),
+        one.contact_time,
+        one.regime,
+        one.status,
+        one.extrapolated,
+    )
 
 
 def across(
-    one: Rebound, v_s: float, slip: float, v: float, v_y: float, omega: float, share: float, parameters: Parameters
+    one: Rebound,
+    v_s: float,
+    slip: float,
+    v: float,
+    v_y: float,
+    omega: float,
+    share: float,
+    parameters: Parameters,
 ) -> tuple[float, float]:
-    """Velocity and spin across the slip, `v` and `omega`, after the bounce `one` along it, where velocity and slip
-    were `v_s` and `slip`. Only the offset, of which a `share` lies across, changes them.
+    """Velocity and spin across the slip, `v` and `omega`, after the bounce `one` along it, where
+    velocity and slip were `v_s` and `slip`. Only the offset, of which a `share` lies across,
+    changes them.
 
-    A slip that dies out does so in all directions, by an impulse across that is that of a grip from landing on. One
-    that lasts turns: of a rigid ball with `u' = -A mu u/|u| + b` it ends with `b/(A mu) |u| ln(|slip|/|u|)` across.
+    A slip that dies out does so in all directions, by an impulse across that is that of a grip from
+    landing on. One that lasts turns: of a rigid ball with `u' = -A mu u/|u| + b` it ends with `b/(A
+    mu) |u| ln(|slip|/|u|)` across.
     """
-    mass, radius = parameters.ball_mass, parameters.ball_radius
+    mass = parameters.ball_mass
+    radius = parameters.ball_radius
     inertia = parameters.inertia_ratio * mass * radius * radius
-    compliance, braked = 1.0 / mass + radius * radius / inertia, mass * abs(v_s - one.v_x2)
+    compliance = 1.0 / mass + radius * radius / inertia
+    braked = mass * abs(v_s - one.v_x2)
     slides = one.regime < GRIP or FREED < one.regime < FREED + GRIP
     if GRIP_ONLY == 1:
         # What is left of the normal impulse once friction has used up the slip of a rigid ball.
@@ -209,7 +263,8 @@ def across(
     left = abs(one.v_x2 - radius * one.omega_2)
     if not (slides and left > 0.0 and braked > 0.0):
         return other.v_x2, other.omega_2
-    # By the balance of angular momentum the offset across times the normal impulse; `braked` is `mu` times that.
+    # By the balance of angular momentum the offset across times the normal impulse; `braked` is
+    # `mu` times that.
     turned = mass * radius * (v - other.v_x2) + inertia * (omega - other.omega_2)
     kept = radius * turned / (inertia * compliance * braked) * left * math.log(abs(slip) / left)
     more = (kept - (other.v_x2 - radius * other.omega_2)) / compliance
@@ -217,19 +272,25 @@ def across(
 
 
 def self_test() -> float:
-    """The largest difference from the golden impacts, relative: of speeds and R omega to the incident speed of the
-    ball and its surface, of times to themselves, of what lies between the flights to that speed times that time.
+    """The largest difference from the golden impacts, relative: of speeds and R omega to the
+    incident speed of the ball and its surface, of times to themselves, of what lies between the
+    flights to that speed times that time.
     """
     worst = 0.0
     for k in range(IMPACTS):
         at = WIDTH * k
-        row, v_x, v_y, omega = LEVELS[int(GOLDEN[at])], GOLDEN[at + 1], GOLDEN[at + 2], GOLDEN[at + 3]
-        found, radius = rebound(v_x, v_y, omega, row), row.ball_radius
+        row = LEVELS[int(GOLDEN[at])]
+        v_x = GOLDEN[at + 1]
+        v_y = GOLDEN[at + 2]
+        omega = GOLDEN[at + 3]
+        found = rebound(v_x, v_y, omega, row)
+        radius = row.ball_radius
         speed = math.sqrt(v_x * v_x + v_y * v_y + radius * omega * radius * omega)
         worst = larger(worst, (found.v_x2 - GOLDEN[at + 4]) / speed)
         worst = larger(worst, (found.v_y2 - GOLDEN[at + 5]) / speed)
         worst = larger(worst, radius * (found.omega_2 - GOLDEN[at + 6]) / speed)
-        time, between = GOLDEN[at + 7], GOLDEN[at + 8]
+        time = GOLDEN[at + 7]
+        between = GOLDEN[at + 8]
         # A rigid ball has none.
         if time > 0.0:
             worst = larger(worst, (found.contact_time - time) / time)
@@ -239,9 +300,15 @@ def self_test() -> float:
         if found.status != OK or found.regime != GOLDEN[at + 11]:
             worst = math.inf
         # The same in space, on a slope.
-        up, travel = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0), Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
+        up = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)
+        travel = Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
         none = Vector(0.0, 0.0, 0.0)
-        spatial = rebound_3d(plus(plus(none, v_x, travel), -v_y, up), plus(none, omega, cross(up, travel)), up, row)
+        spatial = rebound_3d(
+            plus(plus(none, v_x, travel), -v_y, up),
+            plus(none, omega, cross(up, travel)),
+            up,
+            row,
+        )
         velocity = plus(plus(spatial.velocity, -GOLDEN[at + 4], travel), -GOLDEN[at + 5], up)
         spin = plus(spatial.spin, -GOLDEN[at + 6], cross(up, travel))
         worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
@@ -251,7 +318,11 @@ def self_test() -> float:
 
 def larger(worst: float, difference: float) -> float:
     """The larger of two differences; one that is no number is the largest."""
-    return worst if abs(difference) <= worst else (math.inf if difference != difference else abs(difference))
+    return (
+        worst
+        if abs(difference) <= worst
+        else (math.inf if difference != difference else abs(difference))
+    )
 
 
 def least(a: float, b: float) -> float:
@@ -272,7 +343,8 @@ def sixth(x: float) -> float:
 
 def hypot(a: float, b: float) -> float:
     """The hypotenuse, for languages without one, or with one that is off in its last digits."""
-    large, small = max(abs(a), abs(b)), min(abs(a), abs(b))
+    large = max(abs(a), abs(b))
+    small = min(abs(a), abs(b))
     return large * math.sqrt(1.0 + (small / large) * (small / large)) if large > 0.0 else large
 
 

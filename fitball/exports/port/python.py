@@ -1,4 +1,6 @@
-"""The port in Python: the kernels' own text, with the arithmetic of IEEE 754 where Python raises an error instead."""
+"""The port in Python: the kernels' own text, with the arithmetic of IEEE 754 where Python raises an
+error instead.
+"""
 
 import ast
 import math
@@ -38,10 +40,16 @@ def whole(x: float) -> int:
     return int(x) if abs(x) < math.inf else 0
 
 
-# Cosines, sines and log1p of what is finite have no errors, and kernels have no others, whatever the impact.
+# Cosines, sines and log1p of what is finite have no errors, and kernels have no others, whatever
+# the impact.
 HELPERS: Mapping[str, Callable[..., Any]] = {
-    "/": over, "**6": face.sixth, "int": whole, "math.exp": exp, "math.log": log, "math.sqrt": sqrt,
-}  # fmt: skip
+    "/": over,
+    "**6": face.sixth,
+    "int": whole,
+    "math.exp": exp,
+    "math.log": log,
+    "math.sqrt": sqrt,
+}
 
 
 def function_text(source: Source, name: str) -> str:
@@ -57,4 +65,8 @@ def struct_text(kind: Type) -> str:
 
 def constant_text(name: str, value: Any) -> str:
     """The definition of a constant."""
-    return f"{name} = [\n{listed(map(repr, value))}]" if isinstance(value, list) else f"{name} = {value!r}"
+    return (
+        f"{name} = [\n{listed(map(repr, value))}]"
+        if isinstance(value, list)
+        else f"{name} = {value!r}"
+    )

@@ -1,5 +1,5 @@
-"""The typed walk over the trees, the same for all languages of the C family: variables are declared at the top of
-their function, with inferred types, and what has no translation is refused.
+"""The typed walk over the trees, the same for all languages of the C family: variables are declared
+at the top of their function, with inferred types, and what has no translation is refused.
 """
 
 import ast
@@ -8,13 +8,34 @@ from textwrap import wrap
 from typing import get_args
 
 from fitball.exports.port.dialects import Dialect
-from fitball.exports.port.source import Source, Type, UnportableError, fields_of, is_struct, origin_of, type_of
+from fitball.exports.port.source import (
+    Source,
+    Type,
+    UnportableError,
+    fields_of,
+    is_struct,
+    origin_of,
+    type_of,
+)
 
 _SIGNS: Mapping[type[ast.AST], str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.BitOr: "|",
-    ast.LShift: "<<", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
-    ast.And: "&&", ast.Or: "||",
-}  # fmt: skip
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.FloorDiv: "//",
+    ast.Mod: "%",
+    ast.BitOr: "|",
+    ast.LShift: "<<",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.And: "&&",
+    ast.Or: "||",
+}
 _WHOLE = ("//", "%", "|", "<<")
 
 
@@ -22,25 +43,38 @@ def translated(source: Source, name: str, dialect: Dialect) -> str:
     """One function in a language. Raises UnportableError for what has no translation."""
     walk = _Walk(source, name, dialect)
     walk.infer()
-    function, (kinds, result) = source.functions[name], source.signatures[name]
+    function = source.functions[name]
+    kinds, result = source.signatures[name]
     names = [argument.arg for argument in function.args.args]
     lines = [
-        *(f"{dialect.local(walk.kinds[own], own)};" for own in sorted(walk.kinds.keys() - set(names))),
-        *(dialect.unread.format(dialect.name(own)) for own in names if own not in walk.read and dialect.unread),
+        *(
+            f"{dialect.local(walk.kinds[own], own)};"
+            for own in sorted(walk.kinds.keys() - set(names))
+        ),
+        *(
+            dialect.unread.format(dialect.name(own))
+            for own in names
+            if own not in walk.read and dialect.unread
+        ),
         *(line for item in walk.body for line in walk.statement(item)),
     ]
-    taken = ", ".join(dialect.declared(kind, dialect.name(own)) for kind, own in zip(kinds, names, strict=True))
+    taken = ", ".join(
+        dialect.declared(kind, dialect.name(own)) for kind, own in zip(kinds, names, strict=True)
+    )
     comment = " ".join((ast.get_docstring(function) or "").split("\n\n")[0].split())
     head = dialect.head.format(
         comment="\n   ".join(wrap(comment.replace("*/", "* /"), 110)),
         declared=dialect.declared(result, dialect.function(name)),
-        taken=taken or dialect.nothing, offered="" if name.endswith("_") else dialect.offered,
-    )  # fmt: skip
+        taken=taken or dialect.nothing,
+        offered="" if name.endswith("_") else dialect.offered,
+    )
     return "\n".join([head, *(f"    {line}" for line in lines), "}"])
 
 
 def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
-    """Statements with one target an assignment; a tuple is held first if what is stored is read in it."""
+    """Statements with one target an assignment; a tuple is held first if what is stored is read in
+    it.
+    """
     for node in body:
         match node:
             case ast.AugAssign(target=ast.Name(id=name)):
@@ -48,7 +82,9 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
             case ast.Assign(targets=[ast.Name(id=first), ast.Name(id=other)]):
                 yield _stored(other, node.value)
                 yield _stored(first, ast.Name(other, ast.Load()))
-            case ast.Assign(value=ast.IfExp(test=test, body=ast.Tuple(elts=ones), orelse=ast.Tuple(elts=others))):
+            case ast.Assign(
+                value=ast.IfExp(test=test, body=ast.Tuple(elts=ones), orelse=ast.Tuple(elts=others))
+            ):
                 parts: list[ast.expr] = list(map(ast.IfExp, [test] * len(ones), ones, others))
                 yield from _simple([ast.Assign(node.targets, ast.Tuple(parts, ast.Load()))])
             case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple(elts=values)):
@@ -59,10 +95,16 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
                 for target, value in zip(targets, values, strict=True):
                     yield _stored(ast.unparse(target), value)
             case ast.Assign(targets=[ast.Tuple(elts=targets)]):
-                held_name = "_".join(["of", *(ast.unparse(target).strip("_") or "none" for target in targets)])
+                held_name = "_".join(
+                    ["of", *(ast.unparse(target).strip("_") or "none" for target in targets)]
+                )
                 yield _stored(held_name, node.value)
                 for place, target in enumerate(targets):
-                    part = ast.Subscript(ast.Name(held_name, ast.Load()), ast.Constant(place), ast.Load())
+                    part = ast.Subscript(
+                        ast.Name(held_name, ast.Load()),
+                        ast.Constant(place),
+                        ast.Load(),
+                    )
                     yield _stored(ast.unparse(target), part)
             case ast.If():
                 yield ast.If(node.test, list(_simple(node.body)), list(_simple(node.orelse)))
@@ -93,22 +135,34 @@ class _UnknownYetError(UnportableError):
 
 
 class _Walk:
-    """The walk over one function: `kinds` are the types of its parameters, then of its locals too."""
+    """The walk over one function: `kinds` are the types of its parameters, then of its locals
+    too.
+    """
 
     def __init__(self, source: Source, name: str, dialect: Dialect) -> None:
-        self.all, self.dialect, self.of = source, dialect, name
+        self.all = source
+        self.dialect = dialect
+        self.of = name
         function = source.functions[name]
         kinds, self.result = source.signatures[name]
-        self.kinds: dict[str, Type] = dict(zip((item.arg for item in function.args.args), kinds, strict=True))
+        self.kinds: dict[str, Type] = dict(
+            zip((item.arg for item in function.args.args), kinds, strict=True)
+        )
         self.body = list(_simple(function.body))
-        nodes = [node for item in self.body for node in ast.walk(item) if isinstance(node, ast.Name)]
+        nodes = [
+            node for item in self.body for node in ast.walk(item) if isinstance(node, ast.Name)
+        ]
         self.read = {node.id for node in nodes if isinstance(node.ctx, ast.Load)}
 
     def infer(self) -> None:
-        """Fill in the types of the locals that are read: assignments are gone through until nothing changes."""
-        before, waiting = None, ""
+        """Fill in the types of the locals that are read: assignments are gone through until nothing
+        changes.
+        """
+        before = None
+        waiting = ""
         while before != self.kinds:
-            before, waiting = dict(self.kinds), ""
+            before = dict(self.kinds)
+            waiting = ""
             for node in (part for item in self.body for part in ast.walk(item)):
                 match node:
                     case ast.For(target=ast.Name(id=name)):
@@ -138,7 +192,9 @@ class _Walk:
         return self.dialect.cast.format(text) if kind != wanted else text
 
     def code(self, node: ast.expr) -> tuple[str, Type]:
-        """Text and type of an expression. Raises UnportableError for a construct that is not known."""
+        """Text and type of an expression. Raises UnportableError for a construct that is not
+        known.
+        """
         d = self.dialect
         match node:
             case ast.Constant(value=bool() as truth):
@@ -159,7 +215,11 @@ class _Walk:
                     return f"({'!' if kind is bool else '-'}{text})", kind
             case ast.IfExp(test=test, body=one, orelse=other):
                 kind = self.joined(self.code(one)[1], self.code(other)[1], node)
-                return f"({self.fitted(test, bool)} ? {self.fitted(one, kind)} : {self.fitted(other, kind)})", kind
+                return (
+                    f"({self.fitted(test, bool)} ? {self.fitted(one, kind)} : "
+                    f"{self.fitted(other, kind)})",
+                    kind,
+                )
             case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in d.values:
                 return d.values[name], float
             case ast.Attribute(value=value, attr=name):
@@ -181,23 +241,30 @@ class _Walk:
         """Operators: of numbers, comparisons in a chain, truth values."""
         d = self.dialect
         if isinstance(node, ast.BoolOp):
-            return f"({f' {_SIGNS[type(node.op)]} '.join(self.fitted(item, bool) for item in node.values)})", bool
+            sign = f" {_SIGNS[type(node.op)]} "
+            return f"({sign.join(self.fitted(item, bool) for item in node.values)})", bool
         if isinstance(node, ast.Compare):
             terms = [node.left, *node.comparators]
             codes = [self.code(term) for term in terms]
             # What stands in the middle would be evaluated twice.
-            if any(isinstance(part, ast.Call) for term in terms[1:-1] for part in ast.walk(term)) or not all(
-                kind in (int, float) for _, kind in codes
-            ):
+            if any(
+                isinstance(part, ast.Call) for term in terms[1:-1] for part in ast.walk(term)
+            ) or not all(kind in (int, float) for _, kind in codes):
                 raise _refused(node)
             steps = zip(codes, node.ops, codes[1:], strict=False)
             links = [f"({left} {_SIGNS[type(op)]} {right})" for (left, _), op, (right, _) in steps]
             return links[0] if len(links) == 1 else f"({' && '.join(links)})", bool
         sign = _SIGNS.get(type(node.op), "")
-        (left, one), (right, other) = self.code(node.left), self.code(node.right)
+        left, one = self.code(node.left)
+        right, other = self.code(node.right)
         kind = self.joined(one, other, node)
         # The quotient of whole numbers is none.
-        if not sign or (sign in _WHOLE and kind is not int) or (sign == "/" and kind is int) or kind is bool:
+        if (
+            not sign
+            or (sign in _WHOLE and kind is not int)
+            or (sign == "/" and kind is int)
+            or kind is bool
+        ):
             raise _refused(node)
         return d.operators.get(sign, f"({{}} {sign} {{}})").format(left, right), kind
 
@@ -205,8 +272,12 @@ class _Walk:
         """Functions, and named tuples made or made anew with other fields."""
         d = self.dialect
         match node:
-            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr=name), keywords=[]) if name in d.math:
-                return d.math[name].format(", ".join(self.fitted(item, float) for item in node.args)), float
+            case ast.Call(
+                func=ast.Attribute(value=ast.Name(id="math"), attr=name), keywords=[]
+            ) if name in d.math:
+                return d.math[name].format(
+                    ", ".join(self.fitted(item, float) for item in node.args)
+                ), float
             case ast.Call(func=ast.Name(id="abs"), args=[value], keywords=[]):
                 return d.math["fabs"].format(self.fitted(value, float)), float
             case ast.Call(func=ast.Name(id="int"), args=[value], keywords=[]):
@@ -222,11 +293,17 @@ class _Walk:
                     return d.make(kind, items), kind
             case ast.Call(func=ast.Name(id=name), keywords=[]) if name in self.all.signatures:
                 wanted, result = self.all.signatures[name]
-                return f"{d.function(name)}({', '.join(self.items(node.args, wanted, node))})", result
+                return (
+                    f"{d.function(name)}({', '.join(self.items(node.args, wanted, node))})",
+                    result,
+                )
             case ast.Call(func=ast.Name(id=name), keywords=[]):
                 for kind in self.all.compounds:
                     if is_struct(kind) and kind.__name__ == name:
-                        return d.make(kind, self.items(node.args, list(fields_of(kind).values()), node)), kind
+                        return d.make(
+                            kind,
+                            self.items(node.args, list(fields_of(kind).values()), node),
+                        ), kind
         raise _refused(node)
 
     def items(self, nodes: Sequence[ast.expr], wanted: Sequence[Type], node: ast.AST) -> list[str]:
@@ -240,9 +317,15 @@ class _Walk:
         d = self.dialect
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                return [f"{d.name(name)} = {self.fitted(value, self.kinds[name])};"] if name in self.read else []
+                return (
+                    [f"{d.name(name)} = {self.fitted(value, self.kinds[name])};"]
+                    if name in self.read
+                    else []
+                )
             case ast.Return(value=ast.Tuple(elts=items)) if origin_of(self.result) is tuple:
-                return [f"return {d.make(self.result, self.items(items, get_args(self.result), node))};"]
+                return [
+                    f"return {d.make(self.result, self.items(items, get_args(self.result), node))};"
+                ]
             case ast.Return(value=ast.expr() as value):
                 return [f"return {self.fitted(value, self.result)};"]
             case ast.Break() | ast.Continue():
@@ -252,16 +335,24 @@ class _Walk:
                 return [f"if ({self.fitted(test, bool)}) {{", *self.inner(body), *more, "}"]
             case ast.While(test=test, body=body):
                 return [f"while ({self.fitted(test, bool)}) {{", *self.inner(body), "}"]
-            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds)) if (
-                len(bounds) <= 2
-            ):
-                stored = {ast.unparse(part.targets[0]) for part in ast.walk(node) if isinstance(part, ast.Assign)}
+            case ast.For(
+                target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds)
+            ) if len(bounds) <= 2:
+                stored = {
+                    ast.unparse(part.targets[0])
+                    for part in ast.walk(node)
+                    if isinstance(part, ast.Assign)
+                }
                 # The end of the range is looked at in each turn.
                 if _names(bounds) & stored or name in stored:
                     raise _refused(node)
                 first, end = ["0", *(self.fitted(bound, int) for bound in bounds)][-2:]
                 own = d.name(name)
-                return [f"for ({own} = {first}; {own} < {end}; {own} = {own} + 1) {{", *self.inner(node.body), "}"]
+                return [
+                    f"for ({own} = {first}; {own} < {end}; {own} = {own} + 1) {{",
+                    *self.inner(node.body),
+                    "}",
+                ]
         raise _refused(node)
 
     def inner(self, body: Iterable[ast.stmt]) -> list[str]:

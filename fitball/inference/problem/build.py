@@ -1,4 +1,4 @@
-"""Table, scene and choices -> `Problem`, in one pass. Imports: the rest of problem, models, data, base."""
+"""Table, scene and choices -> `Problem`, in one pass."""
 
 from __future__ import annotations
 
@@ -19,7 +19,14 @@ from fitball.inference.forward import ForwardModel, Levels, at_label
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.camera import CAMERA_SPECS, camera_of
 from fitball.inference.problem.joint_prior import Parameter, joint_prior
-from fitball.inference.problem.levels import ALL, NOT_POOLED, LevelPrior, asked_levels, default_pool, level_prior
+from fitball.inference.problem.levels import (
+    ALL,
+    NOT_POOLED,
+    LevelPrior,
+    asked_levels,
+    default_pool,
+    level_prior,
+)
 from fitball.inference.problem.problem import COMMON, Choices, Observable, Problem, Rows, base_of
 from fitball.inference.problem.row_errors import row_errors
 from fitball.models.model import Model
@@ -29,13 +36,18 @@ from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.priors import ParameterSpec, parse_prior
 from fitball.text import listed
 
-# Sizes of noises that are expected where the scene expects none: Wang's tables. An angle has that of a velocity
-# across the flight. Degrees of freedom of the half-t prior of a scatter beyond stated errors, which may be nothing.
-VELOCITY_SD, SPIN_SD, SCATTER_FREEDOM = 0.25, 10.0, 4
+# Sizes of noises that are expected where the scene expects none: Wang's tables. An angle has that
+# of a velocity across the flight. Degrees of freedom of the half-t prior of a scatter beyond stated
+# errors, which may be nothing.
+VELOCITY_SD = 0.25
+SPIN_SD = 10.0
+SCATTER_FREEDOM = 4
 VELOCITY_NOISES = ("v_x_sd", "v_y_sd", "speed_sd")
 # What acts on the spin alone; the stiffness where only a contact time would show it.
-SPIN_ONLY, STIFFNESS = ("eps_10", "eps_slope", "offset"), 2.0e4
-# Spreads of dropped balls and of places of a court, which no problem has: `uses.lab` asks for their priors.
+SPIN_ONLY = ("eps_10", "eps_slope", "offset")
+STIFFNESS = 2.0e4
+# Spreads of dropped balls and of places of a court, which no problem has: `uses.lab` asks for their
+# priors.
 LAB_SPREADS = ("cor_10_spread", "rating_spread")
 
 Specs: TypeAlias = Mapping[str, ParameterSpec]
@@ -44,12 +56,20 @@ Given: TypeAlias = dict[str, str | tuple[float, str]]
 
 
 def pose(
-    sources: Sequence[Any], *, scene: Any = "", as_read: bool = False, model: Model | str = "",
-    fix: Mapping[str, float] | None = None, prior: Mapping[str, str] | None = None,
-    pool: Mapping[str, str] | None = None, noise: str = "", **reading: Any,
-) -> tuple[Problem, Model | None]:  # fmt: skip
-    """The problem of one fit to some sources, by the options of `calibrate` (`reading` as `load_table`), and its
-    model if that is one of one's own. Raises as reading and `build_problem` do.
+    sources: Sequence[Any],
+    *,
+    scene: Any = "",
+    as_read: bool = False,
+    model: Model | str = "",
+    fix: Mapping[str, float] | None = None,
+    prior: Mapping[str, str] | None = None,
+    pool: Mapping[str, str] | None = None,
+    noise: str = "",
+    **reading: Any,
+) -> tuple[Problem, Model | None]:
+    """The problem of one fit to some sources, by the options of `calibrate` (`reading` as
+    `load_table`), and its model if that is one of one's own. Raises as reading and `build_problem`
+    do.
     """
     known = load_data(sources, scene or None, as_read, **reading)
     choices, own = choices_of(model, fix, prior, pool, noise)
@@ -57,9 +77,12 @@ def pose(
 
 
 def choices_of(
-    model: Model | str = "", fix: Mapping[str, float] | None = None, prior: Mapping[str, str] | None = None,
-    pool: Mapping[str, str] | None = None, noise: str = "",
-) -> tuple[Choices, Model | None]:  # fmt: skip
+    model: Model | str = "",
+    fix: Mapping[str, float] | None = None,
+    prior: Mapping[str, str] | None = None,
+    pool: Mapping[str, str] | None = None,
+    noise: str = "",
+) -> tuple[Choices, Model | None]:
     """Choices by the options of `calibrate`, and the model if that is one of one's own."""
     # A function of one's own is no text that a fit can be made of again.
     own = model if isinstance(model, Model) else model_of(model) if ".py:" in model else None
@@ -72,21 +95,33 @@ def _number(name: str, value: Any) -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise ParameterError(f"fix: read {name} = {value!r}; expected a number in SI", "not-a-number") from None
+        raise ParameterError(
+            f"fix: read {name} = {value!r}; expected a number in SI",
+            "not-a-number",
+        ) from None
 
 
 def build_problem(
-    table: ImpactTable, scene: Scene, choices: Choices, own: Model | None = None,
+    table: ImpactTable,
+    scene: Scene,
+    choices: Choices,
+    own: Model | None = None,
     known: Mapping[str, str] = MappingProxyType({}),
-) -> Problem:  # fmt: skip
-    """The problem, with a note on all that was assumed or is idle; each column has a noise of its own. `known` are
-    prior or fixed value of all parameters, as a saved fit has them, instead of this version's defaults. Raises
-    ParameterError, ModelError, FitError (`too-few-impacts`, `nothing-to-fit`).
+) -> Problem:
+    """The problem, with a note on all that was assumed or is idle; each column has a noise of its
+    own. `known` are prior or fixed value of all parameters, as a saved fit has them, instead of
+    this version's defaults. Raises ParameterError, ModelError, FitError (`too-few-impacts`,
+    `nothing-to-fit`).
     """
     if len(table) < 2:
-        text = f"{table.name} has {len(table)} impact; expected at least 2, since one does not determine the noise"
+        text = (
+            f"{table.name} has {len(table)} impact; expected at least 2, since one does not "
+            "determine the noise"
+        )
         raise FitError(text, "too-few-impacts")
-    tangential, notes, ball = table.shows("tangential"), list[Note](), scene.value()
+    tangential = table.shows("tangential")
+    notes = list[Note]()
+    ball = scene.value()
     text = choices.model or str(scene.model.get("name", ""))
     text = text or candidates(tangential=tangential, spin=table.shows("spin"))[-1]
     chosen = known_model(text, ball=ball, tangential=tangential) if own is None else own
@@ -94,7 +129,13 @@ def build_problem(
     observables = _observables(table, model, notes)
     noise = noise_kind(choices.noise or str(scene.measurement.get("noise", "normal")))
     named = [*choices.prior, *choices.fix, *scene.prior, *scene.fix]
-    camera, of_camera = camera_of(table, scene.camera, named, {item.column.gap for item in observables}, notes)
+    camera, of_camera = camera_of(
+        table,
+        scene.camera,
+        named,
+        {item.column.gap for item in observables},
+        notes,
+    )
     uncertain = [name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd()]
     specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | of_camera
     specs |= _noises(table, scene, observables) | {name: SPECS[name] for name in uncertain}
@@ -106,27 +147,44 @@ def build_problem(
     free = [item for item in parameters if item.fixed is None]
     if all(item.spec.name in COMMON for item in free):
         names = listed(spec.name for spec in model.parameters)
-        text = f"{table.name}: every parameter of {model.text} is fixed: free at least one of {names}"
+        text = (
+            f"{table.name}: every parameter of {model.text} is fixed: free at least one of {names}"
+        )
         raise FitError(text, "nothing-to-fit")
     columns = [item.column.name for item in observables]
     exact = {item.spec.name for item in parameters if item.fixed == 0.0}
-    errors = row_errors(table, columns, [item.column.name for item in observables if item.noise in exact])
+    errors = row_errors(
+        table,
+        columns,
+        [item.column.name for item in observables if item.noise in exact],
+    )
     if errors is not None:
         notes.append(errors.note)
     sd = np.zeros((len(table), len(columns)))
     if errors is None:
-        sd = np.stack([np.nan_to_num(table.sd.get(name, np.zeros(len(table)))) for name in columns], axis=1)
+        sd = np.stack(
+            [np.nan_to_num(table.sd.get(name, np.zeros(len(table)))) for name in columns],
+            axis=1,
+        )
     forward = ForwardModel(model, noise, levels)
     index = forward.levels_of(table.labels, len(table))
     y = np.stack([table.values[name] for name in columns], axis=1)
     time = scene.contact_time if model.timed else None
     return Problem(
-        table=table, scene=scene, choices=choices, forward=forward, parameters=tuple(parameters),
-        free=tuple(item.spec.name for item in free), prior=joint_prior(free, priors), observables=observables,
-        rows=Rows(table.impacts, y, sd, errors, index), camera=camera,
+        table=table,
+        scene=scene,
+        choices=choices,
+        forward=forward,
+        parameters=tuple(parameters),
+        free=tuple(item.spec.name for item in free),
+        prior=joint_prior(free, priors),
+        observables=observables,
+        rows=Rows(table.impacts, y, sd, errors, index),
+        camera=camera,
         contact_time=None if time is None else (time.value, time.sd),
-        notes=(*_assumed(scene, {base_of(item.spec.name) for item in free}, timed), *notes), known=texts,
-    )  # fmt: skip
+        notes=(*_assumed(scene, {base_of(item.spec.name) for item in free}, timed), *notes),
+        known=texts,
+    )
 
 
 def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[Observable, ...]:
@@ -138,26 +196,41 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
         text = "No spin was measured: incident spin is taken as zero, and offsets are held at 0."
         notes.append(Note("no-spin", text))
     elif "omega_1" not in table.values:
-        notes.append(Note("no-incident-spin", "No column omega_1: the incident spin is taken as zero."))
+        notes.append(
+            Note("no-incident-spin", "No column omega_1: the incident spin is taken as zero.")
+        )
     found = []
     for column in (COLUMNS[name] for name in REBOUND if name in table.values):
         if column.tangential and not model.tangential:
             text = f"{column.name} is not used: only the vertical motion is fitted."
             notes.append(Note("unused-column", text))
         elif column.timed and not model.timed:
-            notes.append(Note("unused-column", f"{column.name} is not used: {model.text} has no time axis."))
+            notes.append(
+                Note("unused-column", f"{column.name} is not used: {model.text} has no time axis.")
+            )
         elif column.noise is not None:
             found.append(Observable(column, column.noise.name, column.name in table.sd))
     if not found:
-        raise FitError(f"{table.name}: {model.text} predicts none of the measured columns", "nothing-to-fit")
+        raise FitError(
+            f"{table.name}: {model.text} predicts none of the measured columns",
+            "nothing-to-fit",
+        )
     return tuple(found)
 
 
-def _noises(table: ImpactTable, scene: Scene, observables: Iterable[Observable]) -> dict[str, ParameterSpec]:
-    """The noise of each column, with a prior about the size that the scene expects; beyond stated errors a scatter,
-    which may be nothing.
+def _noises(
+    table: ImpactTable,
+    scene: Scene,
+    observables: Iterable[Observable],
+) -> dict[str, ParameterSpec]:
+    """The noise of each column, with a prior about the size that the scene expects; beyond stated
+    errors a scatter, which may be nothing.
     """
-    said = {name: float(size) for name, size in scene.measurement.items() if isinstance(size, int | float)}
+    said = {
+        name: float(size)
+        for name, size in scene.measurement.items()
+        if isinstance(size, int | float)
+    }
     velocity = said.get("nominal_velocity_sd", said.get("velocity_sd", VELOCITY_SD))
     angle = float(np.arctan2(velocity, np.median(table.impacts.polar()[0])))
     spin = said.get("nominal_spin_sd", SPIN_SD)
@@ -169,26 +242,35 @@ def _noises(table: ImpactTable, scene: Scene, observables: Iterable[Observable])
         size = expected.get(spec.unit, spec.prior.partition("(")[2].partition(",")[0])
         size = f"{said[nominal]:.10g}" if (nominal := f"nominal_{item.noise}") in said else size
         prior = f"half-t({size}, {SCATTER_FREEDOM})" if item.stated else f"lognormal({size}, 0.7)"
-        words = f"scatter of {item.column.name}, beyond stated errors" if item.stated else spec.meaning
+        words = (
+            f"scatter of {item.column.name}, beyond stated errors" if item.stated else spec.meaning
+        )
         found[item.noise] = replace(spec, prior=prior, meaning=words)
     return found
 
 
 def _given(
-    specs: Specs, table: ImpactTable, scene: Scene, choices: Choices, known: Mapping[str, str], timed: bool
+    specs: Specs,
+    table: ImpactTable,
+    scene: Scene,
+    choices: Choices,
+    known: Mapping[str, str],
+    timed: bool,
 ) -> Given:
-    """What is given of parameters, later ones before earlier ones: a saved fit, facts of the table, numbers of the
-    scene, its sections, the user.
+    """What is given of parameters, later ones before earlier ones: a saved fit, facts of the table,
+    numbers of the scene, its sections, the user.
     """
     given: Given = {
-        name: text if "(" in text else (float(text), "fixed in the stored fit") for name, text in known.items()
+        name: text if "(" in text else (float(text), "fixed in the stored fit")
+        for name, text in known.items()
     }
     if table.shows("tangential") and not table.shows("spin"):
         why = "it affects the spin, which was not measured"
         given |= {name: (0.0, why) for name in SPIN_ONLY if name in specs}
     if "k_y" in specs and "k_theta" not in specs and not timed:
         given["k_y"] = (STIFFNESS, "it affects only the contact time, which was not measured")
-    ball, noise = scene.value(), scene.measurement
+    ball = scene.value()
+    noise = scene.measurement
     numbers: dict[str, object] = {"mu": scene.surface.get("mu")}
     numbers |= dict.fromkeys(VELOCITY_NOISES, noise.get("velocity_sd"))
     numbers |= {name: noise[name] for name in specs if name in noise}
@@ -209,13 +291,25 @@ def _given(
 
 
 def _levels(
-    table: ImpactTable, scene: Scene, choices: Choices, model: Model, given: Given, timed: bool, notes: list[Note]
+    table: ImpactTable,
+    scene: Scene,
+    choices: Choices,
+    model: Model,
+    given: Given,
+    timed: bool,
+    notes: list[Note],
 ) -> tuple[Levels, ...]:
-    """The parameters that differ between labels: as asked, else by default; none that has a value."""
+    """The parameters that differ between labels: as asked, else by default; none that has a
+    value.
+    """
     names = {spec.name for spec in model.parameters}
     fixed = {name for name, said in given.items() if isinstance(said, tuple)}
-    asked = {name: column for name, column in scene.pool.items() if name in names or name == ALL} | choices.pool
-    pool = {name: column for name, column in asked.items() if column != NOT_POOLED and name not in fixed}
+    asked = {
+        name: column for name, column in scene.pool.items() if name in names or name == ALL
+    } | choices.pool
+    pool = {
+        name: column for name, column in asked.items() if column != NOT_POOLED and name not in fixed
+    }
     if asked.get(ALL) != NOT_POOLED:
         more, remarks = default_pool(table, model, {*asked, *fixed}, timed)
         pool |= more
@@ -224,41 +318,66 @@ def _levels(
 
 
 def _refuse_unknown(choices: Choices, scene: Scene, specs: Specs, levels: Sequence[Levels]) -> None:
-    """Raises ParameterError (`unknown-parameter`) for a name that nothing has; a scene may serve several models."""
+    """Raises ParameterError (`unknown-parameter`) for a name that nothing has; a scene may serve
+    several models.
+    """
     spreads = [*(f"{level.parameter}_spread" for level in levels), *LAB_SPREADS]
     others = {name for name in (*scene.prior, *scene.fix) if base_of(name) in {*SPECS, *COMMON}}
 
     def refuse(names: Collection[str], known: Collection[str]) -> None:
         for name in names:
             if name not in known and name not in others:
-                raise ParameterError(f"read '{name}': {suggestion(name, known)}", "unknown-parameter")
+                raise ParameterError(
+                    f"read '{name}': {suggestion(name, known)}",
+                    "unknown-parameter",
+                )
 
     refuse([*scene.prior, *choices.prior], [*specs, *spreads])
     refuse([*scene.fix, *choices.fix], [*specs])
 
 
 def _parameters(
-    specs: Specs, given: Given, levels: Sequence[Levels], scene: Scene, notes: list[Note]
+    specs: Specs,
+    given: Given,
+    levels: Sequence[Levels],
+    scene: Scene,
+    notes: list[Note],
 ) -> tuple[list[Parameter], list[LevelPrior], dict[str, str]]:
-    """The parameters in order, the joint priors of those at levels, and the prior or value of each as text."""
+    """The parameters in order, the joint priors of those at levels, and the prior or value of each
+    as text.
+    """
     by_level = {level.parameter: level for level in levels}
-    parameters, joint, texts = list[Parameter](), list[LevelPrior](), dict[str, str]()
+    parameters = list[Parameter]()
+    joint = list[LevelPrior]()
+    texts = dict[str, str]()
     for name, spec in specs.items():
         said = given.get(name, "")
         text, value, why = (said, None, "") if isinstance(said, str) else ("", *said)
-        prior = published_prior(spec, text) if text.startswith(PUBLISHED) else parse_prior(spec, text)
+        prior = (
+            published_prior(spec, text) if text.startswith(PUBLISHED) else parse_prior(spec, text)
+        )
         if prior.source:
             notes.append(Note("published-prior", f"Prior of {name} from {prior.source}."))
         texts[name] = prior.text if value is None else repr(value)
         if name in by_level:
             start = sum(item.fixed is None for item in parameters)
             spread = given.get(f"{name}_spread", "")
-            level = level_prior(by_level[name], start, spec, prior, scene.value(), str(spread), notes)
+            level = level_prior(
+                by_level[name],
+                start,
+                spec,
+                prior,
+                scene.value(),
+                str(spread),
+                notes,
+            )
             joint.append(level)
             texts[f"{name}_spread"] = level.text
             where = by_level[name]
             for label in where.labels:
-                parameters.append(Parameter(at_label(spec, where.name(label), label, f"on {where.column}"), prior))
+                parameters.append(
+                    Parameter(at_label(spec, where.name(label), label, f"on {where.column}"), prior)
+                )
             continue
         lower = 0.0 if spec.prior.startswith("half") else spec.lower
         if value is not None and not lower <= value <= spec.upper:

@@ -1,12 +1,13 @@
-"""What a session shares because one camera saw it. Imports: data.scene, models.types, forward, base.
+"""What a session shares because one camera saw it.
 
-With scale s and clock c (true over measured), tilt tau, court height h, R = [[cos tau, -sin tau], [sin tau, cos
-tau]], v_1 = (v_x1, v_y1) with v_y1 downwards, v_2 = (v_x2, v_y2) upwards; ' is measured, T, P, Q are time, path and
-turn:
+With scale s and clock c (true over measured), tilt tau, court height h, R = [[cos tau, -sin tau],
+[sin tau, cos tau]], v_1 = (v_x1, v_y1) with v_y1 downwards, v_2 = (v_x2, v_y2) upwards; ' is
+measured, T, P, Q are time, path and turn:
     v_1 = (s/c) R v_1',  omega_1 = omega_1'/c,  v_2' = (c/s) R v_2,  omega_2' = c omega_2,
     T' = T/c - h/v_y1' - r/v_y2',  P' = (P/s) cos(tau) - h v_x1'/v_y1' - r v_x2'/v_y2',
     Q' = Q - h omega_1'/v_y1' - r omega_2'/v_y2',  r = h + (P/s) sin(tau).
-A court that is higher is reached earlier and left later; a tilted one has the height h at landing and r at release.
+A court that is higher is reached earlier and left later; a tilted one has the height h at landing
+and r at release.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -26,23 +27,54 @@ from fitball.priors import ParameterSpec
 from fitball.values import FloatArray, Impacts, IntArray
 
 _ALL = (
-    ParameterSpec("scale", "", 0.2, 5.0, "normal(1, 0.01)",
-        "scale of the camera, true lengths over measured ones", r"$s$"),
-    ParameterSpec("clock", "", 0.2, 5.0, "normal(1, 0.001)",
-        "clock of the camera, true times over measured ones", r"$c$"),
-    ParameterSpec("tilt", "rad", -0.3, 0.3, "normal(0, 0.005)",
-        "tilt of the court, upwards along the flight in the picture", r"$\tau$", handy=Unit("deg", 180.0 / pi)),
-    ParameterSpec("court_height", "m", -0.2, 0.2, "normal(0, 0.003)",
-        "height of the court, above the one assumed", r"$h$", handy=Unit("mm", 1e3)),
-)  # fmt: skip
+    ParameterSpec(
+        "scale",
+        "",
+        0.2,
+        5.0,
+        "normal(1, 0.01)",
+        "scale of the camera, true lengths over measured ones",
+        r"$s$",
+    ),
+    ParameterSpec(
+        "clock",
+        "",
+        0.2,
+        5.0,
+        "normal(1, 0.001)",
+        "clock of the camera, true times over measured ones",
+        r"$c$",
+    ),
+    ParameterSpec(
+        "tilt",
+        "rad",
+        -0.3,
+        0.3,
+        "normal(0, 0.005)",
+        "tilt of the court, upwards along the flight in the picture",
+        r"$\tau$",
+        handy=Unit("deg", 180.0 / pi),
+    ),
+    ParameterSpec(
+        "court_height",
+        "m",
+        -0.2,
+        0.2,
+        "normal(0, 0.003)",
+        "height of the court, above the one assumed",
+        r"$h$",
+        handy=Unit("mm", 1e3),
+    ),
+)
 CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
 # What nobody states.
 LEVEL = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
 
 
 class CameraModel(NamedTuple):
-    """Which of scale, clock, tilt, court_height are parameters, of each of the `sessions` (`tilt[monday]`, or
-    `tilt`); `session` (impacts,) of each impact. States that do not reach the court have status NO_IMPACT.
+    """Which of scale, clock, tilt, court_height are parameters, of each of the `sessions`
+    (`tilt[monday]`, or `tilt`); `session` (impacts,) of each impact. States that do not reach the
+    court have status NO_IMPACT.
     """
 
     keys: tuple[str, ...]
@@ -68,7 +100,9 @@ class CameraModel(NamedTuple):
     def true(self, values: Values, measured: Impacts) -> Impacts:
         """True states (draws, impacts)."""
         scale, clock, tilt, _ = self._settings(values)
-        fast, cosine, sine = scale / clock, np.cos(tilt), np.sin(tilt)
+        fast = scale / clock
+        cosine = np.cos(tilt)
+        sine = np.sin(tilt)
         along = fast * (measured.v_x1 * cosine - measured.v_y1 * sine)
         down = fast * (measured.v_x1 * sine + measured.v_y1 * cosine)
         return Impacts(*np.broadcast_arrays(along, down, measured.omega_1 / clock))
@@ -76,51 +110,85 @@ class CameraModel(NamedTuple):
     def seen(self, values: Values, measured: Impacts, rebound: Rebound) -> Rebound:
         """What the camera shows of true rebounds."""
         scale, clock, tilt, landing = self._settings(values)
-        slow, cosine, sine, path = clock / scale, np.cos(tilt), np.sin(tilt), rebound.gap_path / scale
+        slow = clock / scale
+        cosine = np.cos(tilt)
+        sine = np.sin(tilt)
+        path = rebound.gap_path / scale
         v_x2 = slow * (rebound.v_x2 * cosine - rebound.v_y2 * sine)
         v_y2 = slow * (rebound.v_x2 * sine + rebound.v_y2 * cosine)
-        omega_2, release = clock * rebound.omega_2, landing + path * sine
-        # A state that moves away from the court has no landing: its gaps are no numbers of anything.
+        omega_2 = clock * rebound.omega_2
+        release = landing + path * sine
+        # A state that moves away from the court has no landing: its gaps are no numbers of
+        # anything.
         with np.errstate(divide="ignore", invalid="ignore"):
-            early, late = landing / measured.v_y1, release / v_y2
+            early = landing / measured.v_y1
+            late = release / v_y2
             gaps = (
                 rebound.gap_time / clock - early - late,
                 path * cosine - early * measured.v_x1 - late * v_x2,
                 rebound.gap_turn - early * measured.omega_1 - late * omega_2,
             )
-        status = np.where((measured.v_y1 > 0.0) | (rebound.status != Status.OK), rebound.status, Status.NO_IMPACT)
+        status = np.where(
+            (measured.v_y1 > 0.0) | (rebound.status != Status.OK),
+            rebound.status,
+            Status.NO_IMPACT,
+        )
         return Rebound(v_x2, v_y2, omega_2, rebound.contact_time, *gaps, rebound.regime, status)
 
 
 def filmed(
-    camera: CameraModel | None, forward: ForwardModel, values: Values, measured: Impacts, index: IntArray | None
+    camera: CameraModel | None,
+    forward: ForwardModel,
+    values: Values,
+    measured: Impacts,
+    index: IntArray | None,
 ) -> Rebound:
-    """Rebounds (draws, impacts) of measured states as the camera shows them, true ones where there is none."""
+    """Rebounds (draws, impacts) of measured states as the camera shows them, true ones where there
+    is none.
+    """
     if camera is None:
         return forward.rebound(values, measured, index)
-    return camera.seen(values, measured, forward.rebound(values, camera.true(values, measured), index))
+    return camera.seen(
+        values,
+        measured,
+        forward.rebound(values, camera.true(values, measured), index),
+    )
 
 
 def camera_of(
-    table: ImpactTable, stated: CameraSection | None, named: Iterable[str], gaps: Collection[bool], notes: list[Note]
+    table: ImpactTable,
+    stated: CameraSection | None,
+    named: Iterable[str],
+    gaps: Collection[bool],
+    notes: list[Note],
 ) -> tuple[CameraModel | None, dict[str, ParameterSpec]]:
-    """The camera of a table of which the scene has `stated` something, or a parameter is `named`, and what its
-    parameters are, by name. `gaps` says whether any column lies between the flights.
+    """The camera of a table of which the scene has `stated` something, or a parameter is `named`,
+    and what its parameters are, by name. `gaps` says whether any column lies between the flights.
     """
     asked = {name.partition("[")[0] for name in named}
     keys = [key for key in CAMERA_SPECS if key in asked or getattr(stated, key, None) is not None]
     idle = {} if True in gaps else {"court_height": "no column shows what is between the flights"}
     if not table.shows("tangential"):
         idle["tilt"] = "no motion along the court was measured"
-    notes += [Note("camera-idle", f"{key} of the camera is not used: {idle[key]}.") for key in keys if key in idle]
+    notes += [
+        Note("camera-idle", f"{key} of the camera is not used: {idle[key]}.")
+        for key in keys
+        if key in idle
+    ]
     texts = next((cells for name, cells in table.labels.items() if role_of(name) == "session"), ())
     places = {text: k for k, text in enumerate(dict.fromkeys(texts))}
     if len(places) < 2:
-        places, texts = {"": 0}, ("",) * len(table)
+        places = {"": 0}
+        texts = ("",) * len(table)
     session = np.array([places[text] for text in texts], dtype=np.int64)
     camera = CameraModel(tuple(key for key in keys if key not in idle), tuple(places), session)
     specs = {
-        camera.name(key, session): at_label(CAMERA_SPECS[key], camera.name(key, session), session, "in session")
+        camera.name(key, session): at_label(
+            CAMERA_SPECS[key],
+            camera.name(key, session),
+            session,
+            "in session",
+        )
         for session in camera.sessions
         for key in camera.keys
     }

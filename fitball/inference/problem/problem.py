@@ -1,4 +1,4 @@
-"""`Problem`: all that defines a posterior. Imports: derived, forward, joint_prior, camera, row_errors, data, base."""
+"""`Problem`: all that defines a posterior."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ COMMON = frozenset(
 
 
 class Choices(msgspec.Struct, frozen=True):
-    """The user's choices, which override the scene's sections of the same names; empty: the default."""
+    """The user's choices, which override the scene's sections of the same names; empty: the
+    default.
+    """
 
     model: str = ""
     fix: dict[str, float] = {}
@@ -46,8 +48,8 @@ class Choices(msgspec.Struct, frozen=True):
     noise: str = ""
 
     def fitting(self, model: str, parameters: Collection[str]) -> Choices:
-        """The same for another model, without what concerns parameters that it lacks: so compare and assumptions keep
-        priors and fixed values.
+        """The same for another model, without what concerns parameters that it lacks: so compare
+        and assumptions keep priors and fixed values.
         """
         known = {*parameters, *COMMON, ALL}
 
@@ -64,7 +66,9 @@ def base_of(name: str) -> str:
 
 
 class Observable(NamedTuple):
-    """A measured column of a problem, its `noise` parameter, and whether rows state errors beside that."""
+    """A measured column of a problem, its `noise` parameter, and whether rows state errors beside
+    that.
+    """
 
     column: Column
     noise: str
@@ -73,8 +77,9 @@ class Observable(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """What has one entry an impact: measured `states`, `y` (impacts, columns), NaN where not measured or withheld
-    (the one mask), `sd` (impacts, columns) of independent stated errors, zero where none, `index` (impacts, levels).
+    """What has one entry an impact: measured `states`, `y` (impacts, columns), NaN where not
+    measured or withheld (the one mask), `sd` (impacts, columns) of independent stated errors, zero
+    where none, `index` (impacts, levels).
     """
 
     states: Impacts
@@ -91,9 +96,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class Problem:
-    """A table under a forward model with priors; `contact_time` is the scene's mean of the table, (value, sd) [s];
-    `free` names free parameters in the order of coordinates; `known` has the prior, or fixed value, of every
-    parameter as text, with which `build_problem` makes the same problem whatever its defaults.
+    """A table under a forward model with priors; `contact_time` is the scene's mean of the table,
+    (value, sd) [s]; `free` names free parameters in the order of coordinates; `known` has the
+    prior, or fixed value, of every parameter as text, with which `build_problem` makes the same
+    problem whatever its defaults.
     """
 
     table: ImpactTable
@@ -120,7 +126,9 @@ class Problem:
     def noises(self) -> frozenset[str]:
         """The parameters of noise, which move no prediction."""
         kind = self.forward.noise.parameters
-        return frozenset([*(item.noise for item in self.observables), *(spec.name for spec in kind)])
+        return frozenset(
+            [*(item.noise for item in self.observables), *(spec.name for spec in kind)]
+        )
 
     @property
     def derived(self) -> tuple[Quantity, ...]:
@@ -140,9 +148,14 @@ class Problem:
         row = self.prior.coordinate(np.array([[values[name] for name in self.free]]))
         return np.asarray(row[0])
 
-    def seen(self, values: Values, states: Impacts | None = None, like: IntArray | None = None) -> Rebound:
-        """Rebounds (draws, impacts) of its rows, at measured `states` (default: theirs), as the camera shows them;
-        states of another number are those of the rows `like`.
+    def seen(
+        self,
+        values: Values,
+        states: Impacts | None = None,
+        like: IntArray | None = None,
+    ) -> Rebound:
+        """Rebounds (draws, impacts) of its rows, at measured `states` (default: theirs), as the
+        camera shows them; states of another number are those of the rows `like`.
         """
         measured = self.rows.states if states is None else states
         index = self.rows.index if like is None else self.rows.index[like]
@@ -159,8 +172,12 @@ class Problem:
         return replace(self.part(rows), table=self.table.take(rows))
 
     def holding(self, name: str, value: float) -> Problem:
-        """Another value of a constant of ball or camera; of a camera that nobody stated, of all sessions."""
-        key, camera, names = name.partition("[")[0], self.camera, [name]
+        """Another value of a constant of ball or camera; of a camera that nobody stated, of all
+        sessions.
+        """
+        key = name.partition("[")[0]
+        camera = self.camera
+        names = [name]
         if key in CAMERA_SPECS and (camera is None or key not in camera.keys):
             camera = camera or CameraModel((), ("",), np.zeros(len(self.rows.y), dtype=np.int64))
             camera = camera._replace(keys=(*camera.keys, key))

@@ -1,7 +1,7 @@
-"""Stated errors of rows, of a fit or to be predicted. Imports: data.table, base.
+"""Stated errors of rows, of a fit or to be predicted.
 
-A row reads `u + e_u` and `f(u) + e_y + s`, with `e_y = B e_u + e`, B = C_yu C_uu^+: at the true state `u + t` it is
-predicted as `f(u + t) - B t`.
+A row reads `u + e_u` and `f(u) + e_y + s`, with `e_y = B e_u + e`, B = C_yu C_uu^+: at the true
+state `u + t` it is predicted as `f(u + t) - B t`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ PART = 20_000
 
 
 class RowErrors(NamedTuple):
-    """SI, zero where nothing is stated or measured: `axes` (impacts, 3, 3) have in columns one sd along each axis of
-    the correlation of C_uu, `follows` (impacts, columns, 3) is B, `rest` (impacts, columns, columns) C_yy - B C_uy.
+    """SI, zero where nothing is stated or measured: `axes` (impacts, 3, 3) have in columns one sd
+    along each axis of the correlation of C_uu, `follows` (impacts, columns, 3) is B, `rest`
+    (impacts, columns, columns) C_yy - B C_uy.
     """
 
     axes: FloatArray
@@ -40,29 +41,46 @@ class RowErrors(NamedTuple):
     def note(self) -> Note:
         """What a fit does with them."""
         if self.axes.any():
-            text = "Incident states are uncertain: the fit averages over true states, by six sigma points an impact."
+            text = (
+                "Incident states are uncertain: the fit averages over true states, by six "
+                "sigma points an impact."
+            )
             return Note("uncertain-states", text)
-        return Note("correlated-errors", "Stated errors of an impact belong together, as the table says.")
+        return Note(
+            "correlated-errors",
+            "Stated errors of an impact belong together, as the table says.",
+        )
 
 
-def row_errors(table: ImpactTable, columns: Sequence[str], bare: Sequence[str] = ()) -> RowErrors | None:
-    """Of rows of a fit or to be predicted; None where states are exact and errors independent (then they are sds
-    alone). `bare` columns do not scatter beyond what is stated. Raises FitError (`singular-errors`).
+def row_errors(
+    table: ImpactTable,
+    columns: Sequence[str],
+    bare: Sequence[str] = (),
+) -> RowErrors | None:
+    """Of rows of a fit or to be predicted; None where states are exact and errors independent (then
+    they are sds alone). `bare` columns do not scatter beyond what is stated. Raises FitError
+    (`singular-errors`).
     """
     used = {*columns, *(name for name in INCIDENT if name in table.values)}
     together = any({*pair.split(",")} <= used for pair in table.corr)
     if not together and not any(name in table.sd for name in INCIDENT):
         return None
     count = len(table)
-    parts = [_errors(table.take(rows), columns, bare) for rows in np.array_split(np.arange(count), -(-count // PART))]
+    parts = [
+        _errors(table.take(rows), columns, bare)
+        for rows in np.array_split(np.arange(count), -(-count // PART))
+    ]
     return RowErrors(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def _errors(table: ImpactTable, columns: Sequence[str], bare: Sequence[str]) -> RowErrors:
     covariance = table.covariance(columns)
     assert covariance is not None
-    states, across, own = covariance[:, :3, :3], covariance[:, 3:, :3], covariance[:, 3:, 3:]
-    unit, units = _units(states), _units(own)
+    states = covariance[:, :3, :3]
+    across = covariance[:, 3:, :3]
+    own = covariance[:, 3:, 3:]
+    unit = _units(states)
+    units = _units(own)
     sizes, vectors = np.linalg.eigh(states / (unit[:, :, None] * unit[:, None, :]))
     # Of axes without an error nothing follows.
     some = sizes > NOTHING * sizes.max(axis=1, keepdims=True)
@@ -72,7 +90,11 @@ def _errors(table: ImpactTable, columns: Sequence[str], bare: Sequence[str]) -> 
     left = own - follows @ across.swapaxes(1, 2)
     rest = 0.5 * (left + left.swapaxes(1, 2))
     _refuse_singular(table, columns, rest / (units[:, :, None] * units[:, None, :]), bare)
-    return RowErrors(unit[:, :, None] * vectors * np.sqrt(np.maximum(sizes, 0.0))[:, None, :], follows, rest)
+    return RowErrors(
+        unit[:, :, None] * vectors * np.sqrt(np.maximum(sizes, 0.0))[:, None, :],
+        follows,
+        rest,
+    )
 
 
 def _units(covariance: FloatArray) -> FloatArray:
@@ -81,20 +103,32 @@ def _units(covariance: FloatArray) -> FloatArray:
     return np.where(sds > 0.0, sds, 1.0)
 
 
-def _refuse_singular(table: ImpactTable, columns: Sequence[str], rest: FloatArray, bare: Sequence[str]) -> None:
-    """Refuse rows in which errors of columns that do not scatter are combinations of others: of `rest` in units of
-    what is stated (impacts, columns, columns) nothing but rounding is left in some direction.
+def _refuse_singular(
+    table: ImpactTable,
+    columns: Sequence[str],
+    rest: FloatArray,
+    bare: Sequence[str],
+) -> None:
+    """Refuse rows in which errors of columns that do not scatter are combinations of others: of
+    `rest` in units of what is stated (impacts, columns, columns) nothing but rounding is left in
+    some direction.
     """
     if not bare:
         return
     places = [columns.index(name) for name in bare]
     used = np.isfinite(np.stack([table.values[name] for name in bare], axis=1))
-    own = np.where(used[:, :, None] & used[:, None, :], rest[:, places][:, :, places], np.eye(len(bare)))
+    own = np.where(
+        used[:, :, None] & used[:, None, :],
+        rest[:, places][:, :, places],
+        np.eye(len(bare)),
+    )
     for row in np.flatnonzero(np.linalg.eigvalsh(own)[:, 0] < NOTHING)[:1]:
         names = listed(name for name, one in zip(bare, used[row], strict=True) if one)
         raise FitError(
-            f"{table.name}: impact {table.labels['id'][row]}: stated errors of {names} are exact combinations of "
-            "each other or of incident errors. Without scatter no fit can weigh them: leave their noise free, or "
+            f"{table.name}: impact {table.labels['id'][row]}: stated errors of {names} are exact "
+            "combinations of "
+            "each other or of incident errors. Without scatter no fit can weigh them: leave their "
+            "noise free, or "
             "state other correlations",
             "singular-errors",
         )

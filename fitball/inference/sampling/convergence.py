@@ -1,4 +1,4 @@
-"""Effective sizes and nested R-hat, ensembles as superchains (Margossian et al. 2024), by ArviZ. Imports: base."""
+"""Effective sizes and nested R-hat, ensembles as superchains (Margossian et al. 2024), by ArviZ."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ TAILS = (0.05, 0.95)
 
 @dataclass(frozen=True)
 class Mixing:
-    """Effective sizes of bulk and tails, and rank-normalised nested R-hat, by name, of `chains` (ensembles, steps,
-    walkers, names); each is found when it is asked for. Walkers are the chains of effective sizes; since those of one
-    ensemble are not independent, R-hat compares ensembles.
+    """Effective sizes of bulk and tails, and rank-normalised nested R-hat, by name, of `chains`
+    (ensembles, steps, walkers, names); each is found when it is asked for. Walkers are the chains
+    of effective sizes; since those of one ensemble are not independent, R-hat compares ensembles.
     """
 
     names: Sequence[str]
@@ -38,14 +38,19 @@ class Mixing:
     @cached_property
     def r_hat(self) -> Mapping[str, float]:
         """By name; NaN of what never moved."""
-        return self._each("rhat_nested", superchain_ids=np.repeat(np.arange(len(self.chains)), self.chains.shape[2]))
+        return self._each(
+            "rhat_nested",
+            superchain_ids=np.repeat(np.arange(len(self.chains)), self.chains.shape[2]),
+        )
 
     def _each(self, statistic: str, **options: Any) -> Mapping[str, float]:
         ensembles, steps, walkers, free = self.chains.shape
         columns = self.chains.transpose(3, 0, 2, 1).reshape(free, ensembles * walkers, steps)
         function = partial(getattr(arviz(), statistic), chain_axis=0, draw_axis=1, **options)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return {name: float(function(own)) for name, own in zip(self.names, columns, strict=True)}
+            return {
+                name: float(function(own)) for name, own in zip(self.names, columns, strict=True)
+            }
 
     @property
     def least(self) -> float:

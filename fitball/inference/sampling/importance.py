@@ -1,7 +1,7 @@
-"""Weighted draws: adaptive multiple importance sampling (Cornuet et al. 2012), Pareto smoothing. Imports: base.
+"""Weighted draws: adaptive multiple importance sampling (Cornuet et al. 2012), Pareto smoothing.
 
-Draws come from Student distributions that are fitted to them round by round, and all draws so far are weighted by the
-mixture of all proposals so far.
+Draws come from Student distributions that are fitted to them round by round, and all draws so far
+are weighted by the mixture of all proposals so far.
 """
 
 from __future__ import annotations
@@ -17,23 +17,36 @@ from fitball.inference.sampling.convergence import arviz
 from fitball.values import FloatArray
 
 # Draws of a round; rounds at most, and how many times as many draws as are asked for they may make.
-ROUND, ROUNDS, LAVISH = 500, 16, 5.0
-# Effective draws a parameter from which the next proposal is fitted; where there are fewer the weights are flattened,
-# in steps, to so flat at most.
-SPANNING, FLATTER, FLATTEST = 5.0, 0.8, 0.05
-# Degrees of freedom of a fitted proposal, and what it is wider than its draws, in squares; condition of correlations
-# from which they span no space.
-FREEDOM, WIDENING, CONDITION = 8.0, 1.1, 1e12
-# Parts of a proposal for chains, rounds that fit them, draws that these see; what keeps a part of few draws regular,
-# as a share of the variance of all.
-PARTS, FITTING, SEEN, REGULAR = 6, 20, 6_000, 1e-6
-# Pareto k up to which weights are reliable (Vehtari et al. 2024, JMLR 25, 72); fewest draws in a tail.
-RELIABLE, LEAST_TAIL = 0.7, 5
+ROUND = 500
+ROUNDS = 16
+LAVISH = 5.0
+# Effective draws a parameter from which the next proposal is fitted; where there are fewer the
+# weights are flattened, in steps, to so flat at most.
+SPANNING = 5.0
+FLATTER = 0.8
+FLATTEST = 0.05
+# Degrees of freedom of a fitted proposal, and what it is wider than its draws, in squares;
+# condition of correlations from which they span no space.
+FREEDOM = 8.0
+WIDENING = 1.1
+CONDITION = 1e12
+# Parts of a proposal for chains, rounds that fit them, draws that these see; what keeps a part of
+# few draws regular, as a share of the variance of all.
+PARTS = 6
+FITTING = 20
+SEEN = 6_000
+REGULAR = 1e-6
+# Pareto k up to which weights are reliable (Vehtari et al. 2024, JMLR 25, 72); fewest draws in a
+# tail.
+RELIABLE = 0.7
+LEAST_TAIL = 5
 
 
 @dataclass(frozen=True)
 class Student:
-    """A multivariate t: `centre` (free,), lower `factor` (free, free) of its scale matrix, degrees of `freedom`."""
+    """A multivariate t: `centre` (free,), lower `factor` (free, free) of its scale matrix, degrees
+    of `freedom`.
+    """
 
     centre: FloatArray
     factor: FloatArray
@@ -58,13 +71,16 @@ class Student:
 
     @cached_property
     def _at_centre(self) -> float:
-        nu, size = self.freedom, self.centre.size
+        nu = self.freedom
+        size = self.centre.size
         constant = lgamma(0.5 * (nu + size)) - lgamma(0.5 * nu) - 0.5 * size * log(nu * pi)
         return float(constant - np.sum(np.log(np.diagonal(self.factor))))
 
 
 def fitted(x: FloatArray, log_weights: FloatArray | None = None) -> Student | None:
-    """The Student distribution of draws (draws, free), equal or weighted; None where they do not span the space."""
+    """The Student distribution of draws (draws, free), equal or weighted; None where they do not
+    span the space.
+    """
     log_weights = np.zeros(len(x)) if log_weights is None else log_weights
     power = 1.0
     while True:
@@ -80,30 +96,40 @@ def fitted(x: FloatArray, log_weights: FloatArray | None = None) -> Student | No
     scale = np.sqrt(np.diagonal(covariance))
     if not np.all(scale > 0.0) or np.linalg.cond(covariance / np.outer(scale, scale)) > CONDITION:
         return None
-    return Student(weights @ x, np.asarray(np.linalg.cholesky(WIDENING * covariance), dtype=np.float64), FREEDOM)
+    return Student(
+        weights @ x,
+        np.asarray(np.linalg.cholesky(WIDENING * covariance), dtype=np.float64),
+        FREEDOM,
+    )
 
 
 def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student]]:
-    """Student distributions of parts of draws (draws, free) with their shares, by EM of normal ones (Dempster, Laird
-    and Rubin 1977): together they follow a bent posterior, or one at a wall, closer than one does. Empty where the
-    draws do not span the space.
+    """Student distributions of parts of draws (draws, free) with their shares, by EM of normal ones
+    (Dempster, Laird and Rubin 1977): together they follow a bent posterior, or one at a wall,
+    closer than one does. Empty where the draws do not span the space.
     """
     x = x[np.linspace(0, len(x) - 1, min(len(x), SEEN)).astype(np.int64)]
     whole = fitted(x)
     if whole is None:
         return []
-    # Of normal parts about the mean of all: units and scales of coordinates differ by powers of ten.
+    # Of normal parts about the mean of all: units and scales of coordinates differ by powers of
+    # ten.
     w = (x - whole.centre) @ whole.whitening
-    logs, parts = -np.sum((w - w[rng.choice(len(w), PARTS, replace=False), None]) ** 2, axis=2), list[Student]()
+    logs = -np.sum((w - w[rng.choice(len(w), PARTS, replace=False), None]) ** 2, axis=2)
+    parts = list[Student]()
     for _ in range(FITTING):
         belongs = np.exp(logs - np.logaddexp.reduce(logs))
         belongs = belongs[belongs.sum(axis=1) >= SPANNING * x.shape[1]]
-        shares, parts, normal = belongs.mean(axis=1), [], list[FloatArray]()
+        shares = belongs.mean(axis=1)
+        parts = []
+        normal = list[FloatArray]()
         for share, own in zip(shares, belongs / belongs.sum(axis=1, keepdims=True), strict=True):
             away = w - own @ w
             factor = np.linalg.cholesky((own * away.T) @ away + REGULAR * np.eye(x.shape[1]))
             z = away @ np.linalg.inv(factor).T
-            normal.append(np.log(share) - np.sum(np.log(np.diagonal(factor))) - 0.5 * np.sum(z * z, axis=1))
+            normal.append(
+                np.log(share) - np.sum(np.log(np.diagonal(factor))) - 0.5 * np.sum(z * z, axis=1)
+            )
             centre = whole.centre + whole.factor @ (own @ w)
             parts.append(Student(centre, np.sqrt(WIDENING) * whole.factor @ factor, FREEDOM))
         logs = np.stack(normal)
@@ -111,21 +137,30 @@ def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student
 
 
 def importance(
-    log_density: Callable[[FloatArray], FloatArray], begin: Sequence[Student], rng: np.random.Generator, enough: float
+    log_density: Callable[[FloatArray], FloatArray],
+    begin: Sequence[Student],
+    rng: np.random.Generator,
+    enough: float,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Coordinates (draws, free) of a log density, until their effective size is `enough`; log weights (draws,) that
-    add up to one; Pareto k. No draws, and k infinite, where none is possible.
+    """Coordinates (draws, free) of a log density, until their effective size is `enough`; log
+    weights (draws,) that add up to one; Pareto k. No draws, and k infinite, where none is possible.
     """
-    used, proposals = list[tuple[float, Student]](), [*begin]
-    x, score, mixed = np.empty((0, begin[0].centre.size)), np.empty(0), np.empty(0)
+    used = list[tuple[float, Student]]()
+    proposals = [*begin]
+    x = np.empty((0, begin[0].centre.size))
+    score = np.empty(0)
+    mixed = np.empty(0)
     weights = score
     for _ in range(max(ROUNDS, round(LAVISH * enough / ROUND))):
         count = -(-ROUND // len(proposals))
         new = np.concatenate([one.draw(rng, count) for one in proposals])
         now = [(log(count), one) for one in proposals]
         used += now
-        x, score = np.concatenate([x, new]), np.concatenate([score, log_density(new)])
-        mixed = np.concatenate([np.logaddexp(mixed, _mixture(now, x[: len(mixed)])), _mixture(used, new)])
+        x = np.concatenate([x, new])
+        score = np.concatenate([score, log_density(new)])
+        mixed = np.concatenate(
+            [np.logaddexp(mixed, _mixture(now, x[: len(mixed)])), _mixture(used, new)]
+        )
         if not np.isfinite(score).any():
             continue
         weights = _normalised(score - mixed)
@@ -146,7 +181,9 @@ def effective(log_weights: FloatArray) -> float:
 
 def _mixture(proposals: Sequence[tuple[float, Student]], x: FloatArray) -> FloatArray:
     """Log density (draws,) of draws from all proposals, each with the logarithm of their number."""
-    return np.asarray(np.logaddexp.reduce([count + one.log_density(x) for count, one in proposals], axis=0))
+    return np.asarray(
+        np.logaddexp.reduce([count + one.log_density(x) for count, one in proposals], axis=0)
+    )
 
 
 def _normalised(log_ratios: FloatArray) -> FloatArray:
@@ -154,9 +191,9 @@ def _normalised(log_ratios: FloatArray) -> FloatArray:
 
 
 def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, float]:
-    """Pareto-smoothed log weights (draws,) that add up to one, and k (Vehtari et al. 2024), of draws whose effective
-    size over their number is `efficiency`. k is infinite where too few differ for a tail, -infinite where all ratios
-    are equal.
+    """Pareto-smoothed log weights (draws,) that add up to one, and k (Vehtari et al. 2024), of
+    draws whose effective size over their number is `efficiency`. k is infinite where too few differ
+    for a tail, -infinite where all ratios are equal.
     """
     size = int(min(log_ratios.size / 5.0, 3.0 * np.sqrt(log_ratios.size / efficiency)))
     tail = np.sort(log_ratios)[-size - 1 :]

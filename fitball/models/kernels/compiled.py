@@ -1,7 +1,10 @@
-"""How kernels are compiled: `njit(cache=True)` without the GIL, in a folder named by the hash of all their sources.
+"""How kernels are compiled: `njit(cache=True)` without the GIL, in a folder named by the hash of
+all their sources.
 
-Numba keeps what it compiled until the file of that function changes, and does not see edits of what it calls in other
-files: so new sources mean a new folder. Of processes that start together one compiles, and the others wait for it.
+Numba keeps what it compiled until the file of that function changes, and does not see edits of what
+it calls in other
+files: so new sources mean a new folder. Of processes that start together one compiles, and the
+    others wait for it.
 """
 
 import functools
@@ -16,10 +19,16 @@ import numba
 
 from fitball.environment import cache_folder, first_time
 
-# A division by zero gives an infinity or NaN, which ends as a status; products and sums may be contracted.
+# A division by zero gives an infinity or NaN, which ends as a status; products and sums may be
+# contracted.
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}}
 # Without ways in for the interpreter and for C, which take a fifth of the time to compile.
-INNER: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
+INNER: dict[str, Any] = {
+    "forceinline": True,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    **OPTIONS,
+}
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -31,7 +40,9 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """A part of kernels, expanded where it is called (without that a bounce takes 1.8 times as long)."""
+    """A part of kernels, expanded where it is called (without that a bounce takes 1.8 times as
+    long).
+    """
     made: Callable[P, R] = numba.njit(**INNER)(function)
     return made
 
@@ -45,7 +56,9 @@ def folder() -> Path:
 
 
 def entry(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that Python calls, kept on disk; the first call compiles it, or waits for a process that does."""
+    """A kernel that Python calls, kept on disk; the first call compiles it, or waits for a process
+    that does.
+    """
     settings: Any = numba.config
     before, settings.CACHE_DIR = settings.CACHE_DIR, os.fspath(folder())
     try:
@@ -59,7 +72,10 @@ def entry(function: Callable[P, R]) -> Callable[P, R]:
         nonlocal ready
         if ready:
             return compiled(*arguments, **named)
-        with first_time(folder() / f"{function.__module__}.{function.__name__}", "compiling the models, once"):
+        with first_time(
+            folder() / f"{function.__module__}.{function.__name__}",
+            "compiling the models, once",
+        ):
             collecting = gc.isenabled()
             # A compiler makes little but objects that stay.
             gc.disable()

@@ -1,10 +1,13 @@
-"""What decides a contact: the law of restitution, the vertical motion to its release, the joint, the landing impulse.
+"""What decides a contact: the law of restitution, the vertical motion to its release, the joint,
+the landing impulse.
 
-`M1 y'' + C_y y' + K_y y = 0`, `y(0) = 0`, `y'(0) = v` (Jafri 2004, Eqs 1-2; `M` for `M1` with `normal = total`). The
-restitution `e` of the core fixes the damping `zeta`; how depends on when the ball is taken to leave: at `y = 0`
-(Eq. 5), or when the force has fallen to zero. Of the whole ball `v_y2 = COR v_y1` (Eq. 7).
+`M1 y'' + C_y y' + K_y y = 0`, `y(0) = 0`, `y'(0) = v` (Jafri 2004, Eqs 1-2; `M` for `M1` with
+`normal = total`). The restitution `e` of the core fixes the damping `zeta`; how depends on when the
+ball is taken to leave: at `y = 0` (Eq. 5), or when the force has fallen to zero. Of the whole ball
+`v_y2 = COR v_y1` (Eq. 7).
 
-Constants of a parameter set are made once (`ball_of`) for all its impacts. Choices are small integers (`CHOICES`).
+Constants of a parameter set are made once (`ball_of`) for all its impacts. Choices are small
+integers (`CHOICES`).
 """
 
 import math
@@ -19,38 +22,77 @@ Flags: TypeAlias = tuple[int, int, int, int, int, int]
 
 # Speed at which the law of restitution has the value `cor_10` and the slope `cor_slope` [m/s].
 ANCHOR_SPEED = 10.0
-# Where the exponential of a double would overflow; restitution that is none: it would take damping without bounds.
-LARGE, LEAST_COR = 600.0, 1e-12
+# Where the exponential of a double would overflow; restitution that is none: it would take damping
+# without bounds.
+LARGE = 600.0
+LEAST_COR = 1e-12
 # Inner radius of the shell in units of the outer one, for the split of inertia (Appendix B).
 CORE_RADIUS_RATIO = 0.97
 
 # As kernels have them: plain integers.
-OK, COR_OUT_OF_RANGE, COR_EXCEEDS_MASS_RATIO = +Status.OK, +Status.COR_OUT_OF_RANGE, +Status.COR_EXCEEDS_MASS_RATIO
-TORSION_TOO_SOFT, TOO_MANY_PHASES = +Status.TORSION_TOO_SOFT, +Status.TOO_MANY_PHASES
-NO_INERTIA, REBOUND_FALLS, NO_IMPACT = +Status.NO_INERTIA, +Status.REBOUND_FALLS, +Status.NO_IMPACT
+OK = +Status.OK
+COR_OUT_OF_RANGE = +Status.COR_OUT_OF_RANGE
+COR_EXCEEDS_MASS_RATIO = +Status.COR_EXCEEDS_MASS_RATIO
+TORSION_TOO_SOFT = +Status.TORSION_TOO_SOFT
+TOO_MANY_PHASES = +Status.TOO_MANY_PHASES
+NO_INERTIA = +Status.NO_INERTIA
+REBOUND_FALLS = +Status.REBOUND_FALLS
+NO_IMPACT = +Status.NO_IMPACT
 
 COLUMNS = (
-    "mass_ratio", "k_y", "k_theta", "mu", "eps_10", "eps_slope", "cor_10", "cor_slope", "zeta_theta", "inertia_split",
-    "ball_mass", "ball_radius", "inertia_ratio",
-)  # fmt: skip
+    "mass_ratio",
+    "k_y",
+    "k_theta",
+    "mu",
+    "eps_10",
+    "eps_slope",
+    "cor_10",
+    "cor_slope",
+    "zeta_theta",
+    "inertia_split",
+    "ball_mass",
+    "ball_radius",
+    "inertia_ratio",
+)
 (
-    MASS_RATIO, K_Y, K_THETA, MU, EPS_10, EPS_SLOPE, COR_10, COR_SLOPE, ZETA_THETA, INERTIA_SPLIT,
-    BALL_MASS, BALL_RADIUS, INERTIA_RATIO,
-) = range(len(COLUMNS))  # fmt: skip
+    MASS_RATIO,
+    K_Y,
+    K_THETA,
+    MU,
+    EPS_10,
+    EPS_SLOPE,
+    COR_10,
+    COR_SLOPE,
+    ZETA_THETA,
+    INERTIA_SPLIT,
+    BALL_MASS,
+    BALL_RADIUS,
+    INERTIA_RATIO,
+) = range(len(COLUMNS))
 
 # The choices of a composition in the order of `flags`, each the place of its option here.
 CHOICES = (
-    ("normal", ("inner", "momentum", "total")), ("offset", ("grip", "contact")), ("torsion", ("matched", "free")),
-    ("inertia", ("table", "tied")), ("spin", ("shell", "mean")), ("release", ("zero_displacement", "zero_force")),
-)  # fmt: skip
+    ("normal", ("inner", "momentum", "total")),
+    ("offset", ("grip", "contact")),
+    ("torsion", ("matched", "free")),
+    ("inertia", ("table", "tied")),
+    ("spin", ("shell", "mean")),
+    ("release", ("zero_displacement", "zero_force")),
+)
 NORMAL, OFFSET, TORSION, INERTIA, SPIN, RELEASE = range(6)
-NORMAL_INNER, NORMAL_MOMENTUM, NORMAL_TOTAL = 0, 1, 2
-OFFSET_CONTACT, TORSION_FREE, INERTIA_TIED, SPIN_SHELL, ZERO_FORCE = 1, 1, 1, 0, 1
+NORMAL_INNER = 0
+NORMAL_MOMENTUM = 1
+NORMAL_TOTAL = 2
+OFFSET_CONTACT = 1
+TORSION_FREE = 1
+INERTIA_TIED = 1
+SPIN_SHELL = 0
+ZERO_FORCE = 1
 
 
 class Law(NamedTuple):
-    """The law of restitution, `COR = cap e`: `cor_10`, with `ln(e) = log_10`, where `odds` are zero, else with
-    `x = ln(v_y/10)` `ln(e) = -share ln(1 + odds exp(power x))`.
+    """The law of restitution, `COR = cap e`: `cor_10`, with `ln(e) = log_10`, where `odds` are
+    zero, else with `x = ln(v_y/10)` `ln(e) = -share ln(1 + odds exp(power x))`.
     """
 
     cap: float
@@ -64,9 +106,10 @@ class Law(NamedTuple):
 class Ball(NamedTuple):
     """A parameter set on a ball, SI: what its impacts share.
 
-    `core`, `shell` moments of inertia, `gyration = shell + M R^2`, `lever = M R/gyration`; `slip`, `rest` the
-    compliances of the twist in slip and at zero slip; `riding` the mass on the spring, of `frequency` [rad/s] with
-    its square, `landing` the mass that landing stops; `law` of restitution.
+    `core`, `shell` moments of inertia, `gyration = shell + M R^2`, `lever = M R/gyration`; `slip`,
+    `rest` the compliances of the twist in slip and at zero slip; `riding` the mass on the spring,
+    of `frequency` [rad/s] with its square, `landing` the mass that landing stops; `law` of
+    restitution.
     """
 
     mass: float
@@ -91,9 +134,10 @@ class Ball(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """One impact on a ball: the vertical oscillator, COR of the whole ball; end of compression, release [s], and when
-    the flight after it, followed back, is at the height of contact; the twist in slip and at zero slip, damping of
-    the joint [N m s], offset [m], and the state just before landing.
+    """One impact on a ball: the vertical oscillator, COR of the whole ball; end of compression,
+    release [s], and when the flight after it, followed back, is at the height of contact; the twist
+    in slip and at zero slip, damping of the joint [N m s], offset [m], and the state just before
+    landing.
     """
 
     ball: Ball
@@ -116,59 +160,94 @@ class Contact(NamedTuple):
 def law_of(cor_10: float, cor_slope: float, cap: float) -> tuple[int, Law]:
     """Status and law of restitution with this value and slope at 10 m/s.
 
-    With `e = COR/cap` and `w = -10 cor_slope/cor_10`: `e = (1 + (v/v_0)^q)^(-1/q)` for 0 < w < 1; the odds of `e` go
-    as a power of `v` for w < 0; `e` is constant for w = 0, or where it is 1.
+    With `e = COR/cap` and `w = -10 cor_slope/cor_10`: `e = (1 + (v/v_0)^q)^(-1/q)` for 0 < w < 1;
+    the odds of `e` go as a power of `v` for w < 0; `e` is constant for w = 0, or where it is 1.
     """
-    e, w = cor_10 / cap, -ANCHOR_SPEED * cor_slope / cor_10
-    log_10, odds, power, share = math.log(e), 0.0, 0.0, 0.0
+    e = cor_10 / cap
+    w = -ANCHOR_SPEED * cor_slope / cor_10
+    log_10 = math.log(e)
+    odds = 0.0
+    power = 0.0
+    share = 0.0
     status = OK if w < 1.0 else REBOUND_FALLS
     if not e > 0.0:
         status = COR_OUT_OF_RANGE
     elif e < 1.0 and w < 0.0:
-        odds, power, share = (1.0 - e) / e, w / (1.0 - e), 1.0
+        odds = (1.0 - e) / e
+        power = w / (1.0 - e)
+        share = 1.0
     elif e < 1.0 and 0.0 < w < 1.0:
         q = math.log1p(-w) / log_10
-        odds, power, share = w / (1.0 - w), q, 1.0 / q
+        odds = w / (1.0 - w)
+        power = q
+        share = 1.0 / q
     return status, Law(cap, cor_10, log_10, odds, power, share)
 
 
 @kernel
 def ball_of(row: FloatArray, flags: Flags) -> tuple[int, Ball]:
     """Status and constants of a parameter set `row` (COLUMNS) under the choices `flags`."""
-    ratio, mass, radius = row[MASS_RATIO], row[BALL_MASS], row[BALL_RADIUS]
+    ratio = row[MASS_RATIO]
+    mass = row[BALL_MASS]
+    radius = row[BALL_RADIUS]
     inertia = row[INERTIA_RATIO] * mass * radius * radius
     if flags[INERTIA] == INERTIA_TIED:
         # A solid core in a thin shell (Eqs 67 and 69 with their fractions in the right order).
-        solid, thin = 0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * ratio, 2.0 / 3.0 * (1.0 - ratio)
-        core, shell = inertia * (solid / (solid + thin)), inertia * (thin / (solid + thin))
+        solid = 0.4 * CORE_RADIUS_RATIO * CORE_RADIUS_RATIO * ratio
+        thin = 2.0 / 3.0 * (1.0 - ratio)
+        core = inertia * (solid / (solid + thin))
+        shell = inertia * (thin / (solid + thin))
     else:
-        core, shell = inertia * row[INERTIA_SPLIT], inertia * (1.0 - row[INERTIA_SPLIT])
+        core = inertia * row[INERTIA_SPLIT]
+        shell = inertia * (1.0 - row[INERTIA_SPLIT])
     momentum = flags[NORMAL] == NORMAL_MOMENTUM
     cap = ratio if momentum else 1.0
     status, law = law_of(row[COR_10], row[COR_SLOPE], cap)
     if not (core > 0.0 and shell > 0.0) and status == OK:
         status = NO_INERTIA
     riding = mass if flags[NORMAL] == NORMAL_TOTAL else ratio * mass
-    gyration, natural_squared = shell + mass * radius * radius, row[K_Y] / riding
+    gyration = shell + mass * radius * radius
+    natural_squared = row[K_Y] / riding
     return status, Ball(
-        mass, radius, inertia, core, shell, gyration, mass * radius / gyration, 1.0 / core + 1.0 / shell,
-        1.0 / core + 1.0 / gyration, row[K_THETA], row[ZETA_THETA], riding, (1.0 - ratio) * mass if momentum else 0.0,
-        natural_squared, math.sqrt(natural_squared), row[MU], row[EPS_10], row[EPS_SLOPE], law,
-    )  # fmt: skip
+        mass,
+        radius,
+        inertia,
+        core,
+        shell,
+        gyration,
+        mass * radius / gyration,
+        1.0 / core + 1.0 / shell,
+        1.0 / core + 1.0 / gyration,
+        row[K_THETA],
+        row[ZETA_THETA],
+        riding,
+        (1.0 - ratio) * mass if momentum else 0.0,
+        natural_squared,
+        math.sqrt(natural_squared),
+        row[MU],
+        row[EPS_10],
+        row[EPS_SLOPE],
+        law,
+    )
 
 
 @inlined
 def restitution(law: Law, v_y: float, cor: float) -> tuple[int, float, float]:
-    """Status, COR and logarithm of `COR/cap` at the speed `v_y`; `cor` replaces the law unless it is NaN."""
+    """Status, COR and logarithm of `COR/cap` at the speed `v_y`; `cor` replaces the law unless it
+    is NaN.
+    """
     if not v_y > 0.0:
         return NO_IMPACT, 0.0, 0.0
     if cor == cor:
         log_e = math.log(cor / law.cap)
     elif law.odds == 0.0:
-        cor, log_e = law.cor_10, law.log_10
+        cor = law.cor_10
+        log_e = law.log_10
     else:
         x = law.power * math.log(v_y / ANCHOR_SPEED)
-        log_e = -law.share * (math.log1p(law.odds * math.exp(x)) if x < LARGE else x + math.log(law.odds))
+        log_e = -law.share * (
+            math.log1p(law.odds * math.exp(x)) if x < LARGE else x + math.log(law.odds)
+        )
         cor = law.cap * math.exp(log_e)
     if not LEAST_COR < cor <= 1.0:
         return COR_OUT_OF_RANGE, cor, log_e
@@ -177,10 +256,11 @@ def restitution(law: Law, v_y: float, cor: float) -> tuple[int, float, float]:
 
 @inlined
 def zero_force_release(log_e: float) -> tuple[float, float, float]:
-    """`(zeta, 1 - zeta^2, omega_y t)` for which the core's force returns to zero at restitution `exp(log_e)`.
+    """`(zeta, 1 - zeta^2, omega_y t)` for which the core's force returns to zero at restitution
+    `exp(log_e)`.
 
-    With `zeta = cos(b)` the force vanishes at `omega_y t = 2 b/sin(b)`, and `-log_e = 2 b cot(b)`: solved for `b^2`,
-    which is negative beyond critical damping.
+    With `zeta = cos(b)` the force vanishes at `omega_y t = 2 b/sin(b)`, and `-log_e = 2 b cot(b)`:
+    solved for `b^2`, which is negative beyond critical damping.
     """
     x = -0.5 * log_e
     # Good to 4e-12 below 0.5 (restitution above 0.37).
@@ -189,7 +269,8 @@ def zero_force_release(log_e: float) -> tuple[float, float, float]:
     z = z if x < 1.0 else (1.0 - x) * (2.0 + x)
     for _ in range(60):
         swing = swing_at(spring_of(0.0, z, z), 1.0)
-        c, s = 1.0 + swing.c, swing.s
+        c = 1.0 + swing.c
+        s = swing.s
         # Of the slopes by z that of the cosine is -s/2; this is that of s.
         fall = 0.5 * (c - s) / z if abs(z) > 1e-4 else -1.0 / 6.0
         step = (c / s - x) / (0.5 + c * fall / (s * s))
@@ -201,27 +282,45 @@ def zero_force_release(log_e: float) -> tuple[float, float, float]:
 
 
 @inlined
-def contact_of(ball: Ball, flags: Flags, v_x: float, v_y: float, omega: float, cor: float) -> tuple[int, Contact]:
+def contact_of(
+    ball: Ball,
+    flags: Flags,
+    v_x: float,
+    v_y: float,
+    omega: float,
+    cor: float,
+) -> tuple[int, Contact]:
     """Status and contact of one impact; `cor` replaces the law of restitution unless it is NaN.
 
-    A ball that leaves when its force has gone is still pressed in, by `y = 2 zeta e v_y1/omega_y`: its flight, of
-    speed `v_y2 = COR v_y1`, begins `y/v_y2` later.
+    A ball that leaves when its force has gone is still pressed in, by `y = 2 zeta e v_y1/omega_y`:
+    its flight, of speed `v_y2 = COR v_y1`, begins `y/v_y2` later.
     """
     status, cor, log_e = restitution(ball.law, v_y, cor)
     if status != OK:
-        zeta, share, angle_force, angle, late = 0.0, 1.0, math.pi, math.pi, 0.0
+        zeta = 0.0
+        share = 1.0
+        angle_force = math.pi
+        angle = math.pi
+        late = 0.0
     elif flags[RELEASE] == ZERO_FORCE:
         zeta, share, angle = zero_force_release(log_e)
-        angle_force, late = angle, 2.0 * zeta / ball.law.cap
+        angle_force = angle
+        late = 2.0 * zeta / ball.law.cap
     else:
         length = math.hypot(math.pi, log_e)
-        zeta, root = -log_e / length, math.pi / length
-        share, angle_force, angle, late = root * root, 2.0 * math.atan2(root, zeta) / root, math.pi / root, 0.0
-    natural, per_omega = ball.slip * ball.stiffness, 1.0 / ball.frequency
+        zeta = -log_e / length
+        root = math.pi / length
+        share = root * root
+        angle_force = 2.0 * math.atan2(root, zeta) / root
+        angle = math.pi / root
+        late = 0.0
+    natural = ball.slip * ball.stiffness
+    per_omega = 1.0 / ball.frequency
     spring = spring_of(zeta * ball.frequency, share * ball.natural_squared, ball.natural_squared)
     if flags[TORSION] == TORSION_FREE:
         zeta = ball.zeta_theta
-        decay, damped = zeta * math.sqrt(natural), natural * (1.0 - zeta) * (1.0 + zeta)
+        decay = zeta * math.sqrt(natural)
+        damped = natural * (1.0 - zeta) * (1.0 + zeta)
     else:
         damped = spring.damped_squared
         if natural < damped and status == OK:
@@ -229,23 +328,40 @@ def contact_of(ball: Ball, flags: Flags, v_x: float, v_y: float, omega: float, c
         decay = math.sqrt(max(natural - damped, 0.0))
     softer = ball.rest / ball.slip
     return status, Contact(
-        ball, spring, cor, angle_force * per_omega, angle * per_omega, (angle + late) * per_omega,
+        ball,
+        spring,
+        cor,
+        angle_force * per_omega,
+        angle * per_omega,
+        (angle + late) * per_omega,
         spring_of(decay, damped, natural),
-        spring_of(decay * softer, natural * softer - decay * softer * (decay * softer), natural * softer),
-        2.0 * decay / ball.slip, ball.eps_10 + ball.eps_slope * (v_y - ANCHOR_SPEED), flags[OFFSET] == OFFSET_CONTACT,
-        v_x, v_y, omega,
-    )  # fmt: skip
+        spring_of(
+            decay * softer,
+            natural * softer - decay * softer * (decay * softer),
+            natural * softer,
+        ),
+        2.0 * decay / ball.slip,
+        ball.eps_10 + ball.eps_slope * (v_y - ANCHOR_SPEED),
+        flags[OFFSET] == OFFSET_CONTACT,
+        v_x,
+        v_y,
+        omega,
+    )
 
 
 @inlined
 def landed(contact: Contact) -> tuple[float, float, bool]:
-    """`(v_x, omega_2, stuck)` just after the impulse that stops the shell: `stuck` if it has used up the slip.
+    """`(v_x, omega_2, stuck)` just after the impulse that stops the shell: `stuck` if it has used
+    up the slip.
 
-    While the impulse grows the slip obeys `du/dJ = -s mu A + R eps/I_s` with the compliance `A = 1/M + R^2/I_s`: a
-    bounce with constant force ratio, so that Coulomb's law is followed exactly.
+    While the impulse grows the slip obeys `du/dJ = -s mu A + R eps/I_s` with the compliance `A =
+    1/M + R^2/I_s`: a bounce with constant force ratio, so that Coulomb's law is followed exactly.
     """
     ball = contact.ball
-    impulse, mu, radius, shell = ball.landing * contact.v_y, ball.mu, ball.radius, ball.shell
+    impulse = ball.landing * contact.v_y
+    mu = ball.mu
+    radius = ball.radius
+    shell = ball.shell
     slip = contact.v_x - radius * contact.omega
     compliance = 1.0 / ball.mass + radius * radius / shell
     # Friction per normal force that balances the offset, at rest and where it acts in slip.
@@ -256,9 +372,12 @@ def landed(contact: Contact) -> tuple[float, float, bool]:
     stuck = slip == 0.0 or rate * impulse > side * slip
     # What of the normal impulse it takes to use up the slip.
     spent = (side * slip / rate if slip != 0.0 else 0.0) if stuck else impulse
-    friction, acting, left = side * mu * spent, 0.0, impulse - spent
+    friction = side * mu * spent
+    acting = 0.0
+    left = impulse - spent
     if abs(need) <= mu:
-        friction, acting = friction + need * left, left
+        friction = friction + need * left
+        acting = left
     elif abs(need_slide) > mu and stuck:
         # The offset overcomes friction: the contact slips on in the direction it drives.
         friction += math.copysign(mu, need_slide) * left

@@ -1,17 +1,21 @@
 """One contact along the court through its phases: slide, grip, hold and slip again; and one bounce.
 
-Shell (2) and core (1) are joined by a torsional spring and damper of torque `T = K th + C th'`. With `P` the impulse
-of the normal force since a phase began, `s` the direction of slip, `J = I2 + M R^2` (Jafri 2004):
+Shell (2) and core (1) are joined by a torsional spring and damper of torque `T = K th + C th'`.
+With `P` the impulse of the normal force since a phase began, `s` the direction of slip, `J = I2 + M
+R^2` (Jafri 2004):
 
-    slide         M v_x' = -s mu F;  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P     (Eqs 9, 11, 14, 15, 40)
-    grip, hold    v_x = R omega_2;   I1 omega_1 + J omega_2 = const - eps P                 (Eqs 10, 14, 17, 42)
+    slide         M v_x' = -s mu F;  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P     (Eqs 9,
+    11, 14, 15, 40) grip, hold    v_x = R omega_2;   I1 omega_1 + J omega_2 = const - eps P
+           (Eqs 10, 14, 17, 42)
 
-so that both spins are algebraic but for the twist; `eps` is zero in a hold, and in slip where it acts while gripping
-only. What ends a phase, with `L = I1 omega_1 + I2 omega_2` and `v_x` at its start:
+so that both spins are algebraic but for the twist; `eps` is zero in a hold, and in slip where it
+acts while gripping only. What ends a phase, with `L = I1 omega_1 + I2 omega_2` and `v_x` at its
+start:
 
     slide         the slip,  s (v_x - R L/I) + s R I1/I th' - (mu/M + s R (s mu R - eps)/I) P
-    grip, hold    the margin of the friction cone,  mu F - |M R/J (T - eps F)|, which the thesis does not ask for
-    hold          besides, the same with eps, on the side where it is outside: there it gives way to grip
+    grip, hold    the margin of the friction cone,  mu F - |M R/J (T - eps F)|, which the thesis
+    does not ask for hold          besides, the same with eps, on the side where it is outside:
+    there it gives way to grip
 """
 
 import math
@@ -20,10 +24,34 @@ from typing import NamedTuple
 from fitball.models.kernels.compiled import inlined, kernel
 
 # isort: off
-from fitball.models.kernels.contact import OK, SPIN, SPIN_SHELL, TOO_MANY_PHASES, Ball, Contact, Flags
+from fitball.models.kernels.contact import (
+    OK,
+    SPIN,
+    SPIN_SHELL,
+    TOO_MANY_PHASES,
+    Ball,
+    Contact,
+    Flags,
+)
 from fitball.models.kernels.contact import ball_of, contact_of, landed
-from fitball.models.kernels.motion import FLAT, NO_ZERO, SERIES_FAR, START, Piece, State, Swing, Weights
-from fitball.models.kernels.motion import curve_of, fastest, first_fall, load_of, motion_at, piece_of
+from fitball.models.kernels.motion import (
+    FLAT,
+    NO_ZERO,
+    SERIES_FAR,
+    START,
+    Piece,
+    State,
+    Swing,
+    Weights,
+)
+from fitball.models.kernels.motion import (
+    curve_of,
+    fastest,
+    first_fall,
+    load_of,
+    motion_at,
+    piece_of,
+)
 from fitball.models.kernels.motion import swing_at, swings_anew, swung
 from fitball.models.types import Phase
 from fitball.values import FloatArray
@@ -33,24 +61,35 @@ from fitball.values import FloatArray
 # In place of a phase: the friction cone decides which one follows.
 UNDECIDED = 0
 SLIDE_FORWARD, SLIDE_BACKWARD, GRIP, HOLD, FREE = (int(phase) for phase in Phase)
-PHASE_BITS, MAX_PACKED_PHASES, MAX_PIECES = 3, 20, 1000
+PHASE_BITS = 3
+MAX_PACKED_PHASES = 20
+MAX_PIECES = 1000
 # Relative distance to the edge of the friction cone that rounding of the forces alone can make.
 CONE_ROUNDING = 1e-13
 # Slip below this share of its two terms is none: their rounding.
 SLIP_ROUNDING = 4.5e-16
-# Share of the time until the normal force ends from which on nothing is an event: force and cone vanish there.
+# Share of the time until the normal force ends from which on nothing is an event: force and cone
+# vanish there.
 FORCE_END_SHARE = 1.0 - 1e-13
-# Share of what is left of it within which an event may be the work of cancellation: a series looks for it again.
+# Share of what is left of it within which an event may be the work of cancellation: a series looks
+# for it again.
 DOUBTFUL_SHARE = 1e-3
-# Where so many phases take no time in succession, as friction and its limit agree to rounding with all their rates,
-# the next moves on for the share NUDGE of the time: which phase that is makes a difference of rounding only.
-NO_TIME, PATIENCE, NUDGE = 1e-12, 8, 1e-9
+# Where so many phases take no time in succession, as friction and its limit agree to rounding with
+# all their rates, the next moves on for the share NUDGE of the time: which phase that is makes a
+# difference of rounding only.
+NO_TIME = 1e-12
+PATIENCE = 8
+NUDGE = 1e-9
 # How a phase ends: with its piece only, by an event, or as a hold that gives way to grip.
-LASTS, EVENT, RESUMES = 0, 1, 2
+LASTS = 0
+EVENT = 1
+RESUMES = 2
 
 
 class Outcome(NamedTuple):
-    """One impact solved, in SI: m/s, rad/s, s, m, rad. All but `status` and `regime` are NaN where that is not OK."""
+    """One impact solved, in SI: m/s, rad/s, s, m, rad. All but `status` and `regime` are NaN where
+    that is not OK.
+    """
 
     status: int
     v_x2: float
@@ -65,8 +104,11 @@ class Outcome(NamedTuple):
 
 @inlined
 def cone_margin(friction: float, friction_rate: float, limit: float, limit_rate: float) -> float:
-    """Positive when `|friction| <= limit` now and just after; at the edge itself, to rounding, the rates decide."""
-    margin, noise = limit - abs(friction), CONE_ROUNDING * (limit + abs(friction))
+    """Positive when `|friction| <= limit` now and just after; at the edge itself, to rounding, the
+    rates decide.
+    """
+    margin = limit - abs(friction)
+    noise = CONE_ROUNDING * (limit + abs(friction))
     if abs(margin) > noise:
         return margin
     if friction > noise:
@@ -78,10 +120,13 @@ def cone_margin(friction: float, friction_rate: float, limit: float, limit_rate:
 
 @inlined
 def decide(contact: Contact, s: State, broke: bool) -> tuple[int, float, int]:
-    """`(phase, side, order)` of what a contact point without slip does next: grip if friction can, else hold if it
-    can, else slip, in which the slip has `order` zeros at the start. A grip that `broke` does not grip at once.
+    """`(phase, side, order)` of what a contact point without slip does next: grip if friction can,
+    else hold if it can, else slip, in which the slip has `order` zeros at the start. A grip that
+    `broke` does not grip at once.
     """
-    ball, eps, lever = contact.ball, contact.eps, contact.ball.lever
+    ball = contact.ball
+    eps = contact.eps
+    lever = contact.ball.lever
     force, force_rate = load_of(contact.spring, ball.riding, s.y, s.y_rate)
     accel = -2.0 * contact.rest.decay * s.rate - contact.rest.natural_squared * s.angle
     # Friction that holds without the offset, and the full one with it, each with its rate.
@@ -89,7 +134,8 @@ def decide(contact: Contact, s: State, broke: bool) -> tuple[int, float, int]:
     free_rate = lever * (ball.stiffness * s.rate + contact.damping * accel)
     full = free - lever * eps * force
     full_rate = free_rate + lever * eps * (contact.damping * force / ball.gyration - force_rate)
-    limit, limit_rate = ball.mu * force, ball.mu * force_rate
+    limit = ball.mu * force
+    limit_rate = ball.mu * force_rate
     if not broke and cone_margin(full, full_rate, limit, limit_rate) > 0.0:
         return GRIP, 0.0, 0
     # Without an offset to speak of a hold is the grip that has just broken.
@@ -98,32 +144,54 @@ def decide(contact: Contact, s: State, broke: bool) -> tuple[int, float, int]:
         return HOLD, 1.0 if full > 0.0 or (full == 0.0 and full_rate > 0.0) else -1.0, 0
     needed, rate = (full, full_rate) if contact.eps_in_slide else (free, free_rate)
     side = -1.0 if needed > 0.0 or (needed == 0.0 and rate > 0.0) else 1.0
-    # Slip starts with what friction cannot balance; at the very edge of the cone that is zero and grows.
+    # Slip starts with what friction cannot balance; at the very edge of the cone that is zero and
+    # grows.
     order = 1 if abs(needed) - limit > CONE_ROUNDING * (limit + abs(needed)) else 2
     return (SLIDE_FORWARD if side > 0.0 else SLIDE_BACKWARD), side, order
 
 
 @inlined
 def search(
-    contact: Contact, piece: Piece, phase: int, side: float, order: int, eps: float, spinning_up: float
-) -> tuple[float, int, float, Swing, Swing]:  # fmt: skip
-    """When a phase ends: `(time, kind, side, swings there)`: kind LASTS if with the piece only, else an EVENT on that
-    `side` of the cone, or a hold that RESUMES its grip. Time is NaN if it cannot be found.
+    contact: Contact,
+    piece: Piece,
+    phase: int,
+    side: float,
+    order: int,
+    eps: float,
+    spinning_up: float,
+) -> tuple[float, int, float, Swing, Swing]:
+    """When a phase ends: `(time, kind, side, swings there)`: kind LASTS if with the piece only,
+    else an EVENT on that `side` of the cone, or a hold that RESUMES its grip. Time is NaN if it
+    cannot be found.
     """
-    ball, s = contact.ball, piece.start
-    k, c = ball.lever * ball.stiffness, ball.lever * contact.damping
+    ball = contact.ball
+    s = piece.start
+    k = ball.lever * ball.stiffness
+    c = ball.lever * contact.damping
     # At the end of compression force and cone vanish: no event.
     latest = FORCE_END_SHARE * contact.t_force - s.time
-    time, kind, at, p, q = piece.length, LASTS, side, START, START
+    time = piece.length
+    kind = LASTS
+    at = side
+    p = START
+    q = START
     for attempt in range(2 if phase == HOLD else 1):
         paired = phase >= GRIP and attempt == 0
         offset = eps if paired else contact.eps
-        friction, limit = k * s.angle + c * s.rate - ball.lever * offset * piece.force, ball.mu * piece.force
+        friction = k * s.angle + c * s.rate - ball.lever * offset * piece.force
+        limit = ball.mu * piece.force
         noise = CONE_ROUNDING * (limit + abs(friction))
         if phase < GRIP:
             turn = side * ball.radius / ball.inertia
             slip = side * s.v_x - turn * s.spin_sum
-            wa = wb = Weights(order, slip, 0.0, turn * ball.core, 0.0, -(ball.mu / ball.mass + turn * spinning_up))
+            wa = wb = Weights(
+                order,
+                slip,
+                0.0,
+                turn * ball.core,
+                0.0,
+                -(ball.mu / ball.mass + turn * spinning_up),
+            )
         elif paired:
             a_order = 1 if limit - friction <= noise or (phase == GRIP and side > 0.0) else 0
             b_order = 1 if limit + friction <= noise or (phase == GRIP and side < 0.0) else 0
@@ -131,7 +199,14 @@ def search(
             wb = Weights(b_order, 0.0, k, c, ball.mu - ball.lever * eps, 0.0)
         else:
             outside = 1 if side * friction - limit <= noise else 0
-            wa = wb = Weights(outside, 0.0, side * k, side * c, -(ball.mu + side * ball.lever * contact.eps), 0.0)
+            wa = wb = Weights(
+                outside,
+                0.0,
+                side * k,
+                side * c,
+                -(ball.mu + side * ball.lever * contact.eps),
+                0.0,
+            )
         a = curve_of(piece, wa)
         b = curve_of(piece, wb) if paired else FLAT
         t, second, p1, q1 = first_fall(piece, a, b, paired, time)
@@ -139,53 +214,87 @@ def search(
             return t, LASTS, side, p1, q1
         event = t != NO_ZERO and t < latest
         if event or attempt == 0:
-            p, q = p1, q1
+            p = p1
+            q = q1
         if event:
-            time, kind = t, EVENT if attempt == 0 else RESUMES
+            time = t
+            kind = EVENT if attempt == 0 else RESUMES
             at = -1.0 if second else 1.0 if paired else side
     return time, kind, at, p, q
 
 
 @inlined
 def moved(
-    contact: Contact, piece: Piece, resting: bool, eps: float, braking: float, spinning_up: float, t: float, p: Swing,
+    contact: Contact,
+    piece: Piece,
+    resting: bool,
+    eps: float,
+    braking: float,
+    spinning_up: float,
+    t: float,
+    p: Swing,
     q: Swing,
-) -> State:  # fmt: skip
+) -> State:
     """The state at the time `t` of a piece, where the swings are `p` and `q`."""
-    ball, s = contact.ball, piece.start
+    ball = contact.ball
+    s = piece.start
     y, y_rate, angle, rate = motion_at(piece, t, p, q)
     impulse = ball.riding * (s.y_rate - y_rate)
     # The integral of the impulse over time.
     drift = ball.riding * (s.y_rate * t - (y - s.y))
     if resting:
         total = s.spin_sum + ball.mass * ball.radius * s.v_x
-        per, twisted = 1.0 / (ball.core + ball.gyration), ball.core * (angle - s.angle)
+        per = 1.0 / (ball.core + ball.gyration)
+        twisted = ball.core * (angle - s.angle)
         omega_2 = (total - eps * impulse - ball.core * rate) * per
         turned = (total * t - eps * drift - twisted) * per
         return State(
-            s.time + t, y, y_rate, angle, rate, ball.radius * omega_2, ball.inertia * omega_2 + ball.core * rate,
-            s.path + ball.radius * turned, s.turn + ball.inertia * turned + twisted,
-        )  # fmt: skip
+            s.time + t,
+            y,
+            y_rate,
+            angle,
+            rate,
+            ball.radius * omega_2,
+            ball.inertia * omega_2 + ball.core * rate,
+            s.path + ball.radius * turned,
+            s.turn + ball.inertia * turned + twisted,
+        )
     return State(
-        s.time + t, y, y_rate, angle, rate, s.v_x - braking * impulse, s.spin_sum + spinning_up * impulse,
-        s.path + s.v_x * t - braking * drift, s.turn + s.spin_sum * t + spinning_up * drift,
-    )  # fmt: skip
+        s.time + t,
+        y,
+        y_rate,
+        angle,
+        rate,
+        s.v_x - braking * impulse,
+        s.spin_sum + spinning_up * impulse,
+        s.path + s.v_x * t - braking * drift,
+        s.turn + s.spin_sum * t + spinning_up * drift,
+    )
 
 
 @inlined
 def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:
-    """`(status, state, regime, phase)` of a contact at the time `until` after landing: `regime` packs its phases till
-    then, `phase` is the last.
+    """`(status, state, regime, phase)` of a contact at the time `until` after landing: `regime`
+    packs its phases till then, `phase` is the last.
     """
-    ball, spring, radius = contact.ball, contact.spring, contact.ball.radius
+    ball = contact.ball
+    spring = contact.spring
+    radius = contact.ball.radius
     v_x, omega_2, stuck = landed(contact)
     slip = v_x - radius * omega_2
     spin_sum = ball.core * contact.omega + ball.shell * omega_2
     s = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum, 0.0, 0.0)
-    phase, side, order, broke = (SLIDE_FORWARD, 1.0, 0, False) if slip > 0.0 else (SLIDE_BACKWARD, -1.0, 0, False)
+    phase, side, order, broke = (
+        (SLIDE_FORWARD, 1.0, 0, False) if slip > 0.0 else (SLIDE_BACKWARD, -1.0, 0, False)
+    )
     if ball.mu > 0.0 and (stuck or abs(slip) <= SLIP_ROUNDING * (abs(v_x) + radius * abs(omega_2))):
         phase = UNDECIDED
-    regime, count, lasted, careful, idle, status = 0, 0, False, False, 0, TOO_MANY_PHASES
+    regime = 0
+    count = 0
+    lasted = False
+    careful = False
+    idle = 0
+    status = TOO_MANY_PHASES
     eps_slide = contact.eps if contact.eps_in_slide else 0.0
     end = min(until, contact.t_force)
     for _ in range(MAX_PIECES):
@@ -197,25 +306,32 @@ def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:
             break
         resting = phase >= GRIP
         eps = contact.eps if phase == GRIP else 0.0
-        braking, spinning_up = side * ball.mu / ball.mass, side * ball.mu * radius - eps_slide
+        braking = side * ball.mu / ball.mass
+        spinning_up = side * ball.mu * radius - eps_slide
         kappa = eps / ball.gyration if resting else -spinning_up / ball.shell
         torsion = contact.rest if resting else contact.slip
         span = end - s.time
         piece = piece_of(torsion, spring, ball.riding, kappa, s, span, contact.t_force, careful)
-        t, kind, at = piece.length, LASTS, side
+        t = piece.length
+        kind = LASTS
+        at = side
         if resting or ball.mu > 0.0:
             t, kind, at, p, q = search(contact, piece, phase, side, order, eps, spinning_up)
         else:
             p, q = swings_anew(piece, t)
         if t != t:
             break
-        careful = kind != LASTS and piece.terms == 0 and t < DOUBTFUL_SHARE * (contact.t_force - s.time)
+        careful = (
+            kind != LASTS and piece.terms == 0 and t < DOUBTFUL_SHARE * (contact.t_force - s.time)
+        )
         if careful and max(fastest(torsion), fastest(spring)) * t <= SERIES_FAR:
             continue
         careful = False
         idle = idle + 1 if kind != LASTS and t < NO_TIME * contact.t_force else 0
         if idle > PATIENCE:
-            t, kind, idle = min(NUDGE * contact.t_force, piece.length), LASTS, 0
+            t = min(NUDGE * contact.t_force, piece.length)
+            kind = LASTS
+            idle = 0
             p, q = swings_anew(piece, t)
         s = moved(contact, piece, resting, eps, braking, spinning_up, t, p, q)
         last = kind == LASTS and t >= span
@@ -229,19 +345,28 @@ def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:
             status = OK
             break
         if kind == LASTS:
-            side, order, broke = 0.0 if phase == GRIP else side, 0, False
+            side = 0.0 if phase == GRIP else side
+            order = 0
+            broke = False
         elif kind == RESUMES:
-            phase, order, broke = GRIP, 0, False
+            phase = GRIP
+            order = 0
+            broke = False
         elif not resting:
             # What the search leaves of the slip is rounding.
             omega_2 = s.v_x / radius
             rate = (s.spin_sum - ball.shell * omega_2) / ball.core - omega_2
             s = State(s.time, s.y, s.y_rate, s.angle, rate, s.v_x, s.spin_sum, s.path, s.turn)
-            phase, broke = UNDECIDED, False
+            phase = UNDECIDED
+            broke = False
         elif phase == GRIP and not contact.eps_in_slide:
-            phase, broke = UNDECIDED, True
+            phase = UNDECIDED
+            broke = True
         else:
-            phase, side, order, broke = SLIDE_BACKWARD if at > 0.0 else SLIDE_FORWARD, -at, 2, False
+            phase = SLIDE_BACKWARD if at > 0.0 else SLIDE_FORWARD
+            side = -at
+            order = 2
+            broke = False
     if status == OK and min(until, contact.t_contact) > contact.t_force:
         # No force any more: the joint alone swings.
         phase = FREE
@@ -250,7 +375,17 @@ def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:
         t = min(until, contact.t_contact) - s.time
         angle, rate = swung(contact.slip, swing_at(contact.slip, t), s.angle, s.rate)
         y, y_rate = swung(spring, swing_at(spring, t), s.y, s.y_rate)
-        s = State(s.time + t, y, y_rate, angle, rate, s.v_x, s.spin_sum, s.path + s.v_x * t, s.turn + s.spin_sum * t)
+        s = State(
+            s.time + t,
+            y,
+            y_rate,
+            angle,
+            rate,
+            s.v_x,
+            s.spin_sum,
+            s.path + s.v_x * t,
+            s.turn + s.spin_sum * t,
+        )
     return status, s, regime, phase
 
 
@@ -268,19 +403,43 @@ def rebound(ball: Ball, flags: Flags, v_x: float, v_y: float, omega: float, cor:
         spin = (s.spin_sum - ball.core * s.rate) / ball.inertia
     late = contact.t_flight - contact.t_contact
     return Outcome(
-        OK, s.v_x, contact.cor * v_y, spin, contact.t_contact, contact.t_flight, s.path + s.v_x * late,
-        s.turn / ball.inertia + spin * late, regime,
-    )  # fmt: skip
+        OK,
+        s.v_x,
+        contact.cor * v_y,
+        spin,
+        contact.t_contact,
+        contact.t_flight,
+        s.path + s.v_x * late,
+        s.turn / ball.inertia + spin * late,
+        regime,
+    )
 
 
 @inlined
 def unsolved(status: int, regime: int) -> Outcome:
     """The bounce of an impact that cannot be evaluated."""
-    return Outcome(status, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, regime)
+    return Outcome(
+        status,
+        math.nan,
+        math.nan,
+        math.nan,
+        math.nan,
+        math.nan,
+        math.nan,
+        math.nan,
+        regime,
+    )
 
 
 @kernel
-def bounce(row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float, cor: float) -> Outcome:
+def bounce(
+    row: FloatArray,
+    flags: Flags,
+    v_x: float,
+    v_y: float,
+    omega: float,
+    cor: float,
+) -> Outcome:
     """Solve one impact of a parameter set `row` (COLUMNS) under the choices `flags`."""
     status, ball = ball_of(row, flags)
     if status != OK:
@@ -289,8 +448,8 @@ def bounce(row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float, 
 
 
 class Moment(NamedTuple):
-    """The ball at one instant of a contact, SI: compression and its rate, velocity along the court, spins, twist,
-    velocity of the contact point, and the forces of the ground.
+    """The ball at one instant of a contact, SI: compression and its rate, velocity along the court,
+    spins, twist, velocity of the contact point, and the forces of the ground.
     """
 
     y: float
@@ -306,19 +465,29 @@ class Moment(NamedTuple):
 
 @kernel
 def moment(
-    row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float, cor: float, time: float
-) -> tuple[int, int, Moment]:  # fmt: skip
-    """Status, phase and the ball at `time` after landing, or at release; of no use where the status is not OK."""
+    row: FloatArray,
+    flags: Flags,
+    v_x: float,
+    v_y: float,
+    omega: float,
+    cor: float,
+    time: float,
+) -> tuple[int, int, Moment]:
+    """Status, phase and the ball at `time` after landing, or at release; of no use where the status
+    is not OK.
+    """
     status, ball = ball_of(row, flags)
     bad, contact = contact_of(ball, flags, v_x, v_y, omega, cor)
     if status == OK:
         status = bad
-    s, phase = State(0.0, 0.0, v_y, 0.0, 0.0, v_x, 0.0, 0.0, 0.0), UNDECIDED
+    s = State(0.0, 0.0, v_y, 0.0, 0.0, v_x, 0.0, 0.0, 0.0)
+    phase = UNDECIDED
     if status == OK:
         status, s, _, phase = follow(contact, min(time, contact.t_contact))
     shell = (s.spin_sum - ball.core * s.rate) / ball.inertia
     force, _ = load_of(contact.spring, ball.riding, s.y, s.y_rate)
-    friction, torque = 0.0, ball.stiffness * s.angle + contact.damping * s.rate
+    friction = 0.0
+    torque = ball.stiffness * s.angle + contact.damping * s.rate
     if phase == FREE:
         force = 0.0
     elif phase >= GRIP:
@@ -326,4 +495,8 @@ def moment(
     else:
         friction = -ball.mu * force if phase == SLIDE_FORWARD else ball.mu * force
     slip = s.v_x - ball.radius * shell
-    return status, phase, Moment(s.y, s.y_rate, s.v_x, shell + s.rate, shell, s.angle, slip, force, friction)
+    return (
+        status,
+        phase,
+        Moment(s.y, s.y_rate, s.v_x, shell + s.rate, shell, s.angle, slip, force, friction),
+    )

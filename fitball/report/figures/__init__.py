@@ -1,6 +1,5 @@
-"""Figures of a fit: curves, corner, forest, residuals, predictive, profiles, trace, regimes, regime_map.
-
-Imports: style, quantities, inference, base.
+"""Figures of a fit: curves, corner, forest, residuals, predictive, profiles, trace, regimes,
+regime_map.
 """
 
 from collections.abc import Callable, Mapping

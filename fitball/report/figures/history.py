@@ -1,4 +1,4 @@
-"""The figure of one impact through time. Imports: style, result, columns."""
+"""The figure of one impact through time."""
 
 from typing import Any
 
@@ -12,18 +12,25 @@ from fitball.result import Frames
 from fitball.values import DataFrame, Figure
 
 # Pale, so that lines stand out: phases of the contact point.
-_SHADES = {"slide": "#e3eefb", "slide back": "#fbeee0", "grip": "#e2f3e8", "hold": "#f3e6f5", "free": "#eeeeee"}
+_SHADES = {
+    "slide": "#e3eefb",
+    "slide back": "#fbeee0",
+    "grip": "#e2f3e8",
+    "hold": "#f3e6f5",
+    "free": "#eeeeee",
+}
 _CORE = "#008060"
 # Slip [m/s] that the axis shows at least.
 _LEAST_SLIP = 0.1
 
 
 def history(result: Frames) -> Figure:
-    """Compression and forces, with motion along the court also velocities and slip, over the time of the contact,
-    shaded by phase; bands are drawn at the same share of each draw's own contact.
+    """Compression and forces, with motion along the court also velocities and slip, over the time
+    of the contact, shaded by phase; bands are drawn at the same share of each draw's own contact.
     """
     frame, phases, impact = (result.frames[name] for name in ("history", "phases", "impact"))
-    radius, sliding = float(impact["radius"].iloc[0]), len(phases) > 0
+    radius = float(impact["radius"].iloc[0])
+    sliding = len(phases) > 0
     figure, axes = new_figure(1 + sliding, 2, high=2.5 + 2.1 * sliding, wide=7.5, sharex=True)
     compression, force, *along = axes.ravel()
     _draw(compression, frame, "y", MODEL, 1e3)
@@ -34,7 +41,11 @@ def history(result: Frames) -> Figure:
         speed, slip = along
         for sign in (-1.0, 1.0):
             force.plot(
-                1e3 * frame["time"], sign * frame["friction_limit"], color=GUIDE, linewidth=0.8, linestyle="--"
+                1e3 * frame["time"],
+                sign * frame["friction_limit"],
+                color=GUIDE,
+                linewidth=0.8,
+                linestyle="--",
             )
         _draw(force, frame, "friction_force", PRIOR)
         _draw(speed, frame, "v_x", MODEL)
@@ -49,7 +60,13 @@ def history(result: Frames) -> Figure:
         slip.set_ylim(min(low, -_LEAST_SLIP), max(high, _LEAST_SLIP))
     for axis in axes.ravel():
         for row in records(phases):
-            axis.axvspan(1e3 * row["start"], 1e3 * row["end"], color=_SHADES[row["phase"]], linewidth=0, zorder=0)
+            axis.axvspan(
+                1e3 * row["start"],
+                1e3 * row["end"],
+                color=_SHADES[row["phase"]],
+                linewidth=0,
+                zorder=0,
+            )
         axis.set_xlim(0.0, 1e3 * frame["time"].iloc[-1])
         axis.grid(visible=False)
         few_ticks(axis.yaxis)
@@ -74,22 +91,42 @@ def _flights(axis: Any, frame: DataFrame, result: Frames, radius: float) -> None
     """Velocity and surface speed in flight, where they jump at landing and release."""
     values = result.frames["outcome"].set_index("quantity")["value"]
     before = result.frames["impact"].iloc[0]
-    ends = ((0.0, before["v_x1"], before["omega_1"]), (frame["time"].iloc[-1], values["v_x2"], values["omega_2"]))
+    ends = (
+        (0.0, before["v_x1"], before["omega_1"]),
+        (frame["time"].iloc[-1], values["v_x2"], values["omega_2"]),
+    )
     for time, speed, spin in ends:
         for value, colour in ((speed, MODEL), (radius * spin, PRIOR)):
             axis.plot(
-                1e3 * time, value, "o", color=colour, markerfacecolor="white", markersize=5, clip_on=False, zorder=5
+                1e3 * time,
+                value,
+                "o",
+                color=colour,
+                markerfacecolor="white",
+                markersize=5,
+                clip_on=False,
+                zorder=5,
             )
 
 
 def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
-    found: list[Any] = [Line2D([], [], color=MODEL, label="normal force, velocity" if len(phases) else "model")]
+    found: list[Any] = [
+        Line2D([], [], color=MODEL, label="normal force, velocity" if len(phases) else "model")
+    ]
     if len(phases):
         found += [
             Line2D([], [], color=PRIOR, label="friction, surface of shell"),
             Line2D([], [], color=_CORE, label="surface of core"),
             Line2D([], [], color=GUIDE, linestyle="--", label=r"$\pm\mu F$"),
-            Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="", label="in flight"),
+            Line2D(
+                [],
+                [],
+                color=INK,
+                marker="o",
+                markerfacecolor="white",
+                linestyle="",
+                label="in flight",
+            ),
         ]
     found += [Patch(color=_SHADES[name], label=name) for name in dict.fromkeys(phases["phase"])]
     if "y_q025" in frame and np.isfinite(frame["y_q025"]).any():

@@ -1,4 +1,4 @@
-"""What figures have in common: how series look, dots of few impacts and bins of many. Imports: style, quantities."""
+"""What figures have in common: how series look, dots of few impacts and bins of many."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,8 +10,10 @@ from fitball.report.quantities import plain, records
 from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
 from fitball.values import BoolArray, DataFrame, Figure, FloatArray
 
-# Impacts of a panel that are drawn one by one; of more, the medians of so many bins of equal numbers.
-DOTS, BINS = 600, 24
+# Impacts of a panel that are drawn one by one; of more, the medians of so many bins of equal
+# numbers.
+DOTS = 600
+BINS = 24
 
 
 class Look(NamedTuple):
@@ -31,7 +33,11 @@ def looks(curves: DataFrame) -> dict[int, Look]:
     found = {}
     several = curves["speed"].nunique() > 1
     for k, row in enumerate(first):
-        spin = f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 ") if np.isfinite(row["spin"]) else ""
+        spin = (
+            f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 ")
+            if np.isfinite(row["spin"])
+            else ""
+        )
         speed = f"{row['speed']:.3g} m/s" if several else ""
         words = ", ".join(filter(None, (plain(row["name"]), spin, speed)))
         colour = SERIES[k % len(SERIES)]
@@ -52,27 +58,55 @@ def opacity(count: int) -> float:
 
 
 def binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), of bins of equal numbers."""
+    """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), of bins of
+    equal numbers.
+    """
     parts = np.array_split(np.argsort(place, kind="stable"), BINS)
     bands = np.stack([np.quantile(values[part], (0.16, 0.5, 0.84)) for part in parts], axis=1)
     return np.array([np.median(place[part]) for part in parts]), bands
 
 
-def scattered(axis: Any, place: FloatArray, values: FloatArray, look: Look, sd: FloatArray | None = None) -> None:
-    """Dots with bars of one `sd`, or medians of bins with the middle 68 % of their values; NaN are left out."""
+def scattered(
+    axis: Any,
+    place: FloatArray,
+    values: FloatArray,
+    look: Look,
+    sd: FloatArray | None = None,
+) -> None:
+    """Dots with bars of one `sd`, or medians of bins with the middle 68 % of their values; NaN are
+    left out.
+    """
     known = np.isfinite(place) & np.isfinite(values)
-    place, values = place[known], values[known]
-    shade, size, ends = opacity(len(place)), 5.0, None if sd is None else (values - sd[known], values + sd[known])
+    place = place[known]
+    values = values[known]
+    shade = opacity(len(place))
+    size = 5.0
+    ends = None if sd is None else (values - sd[known], values + sd[known])
     if len(place) > DOTS:
         place, (low, values, high) = binned(place, values)
-        shade, size, ends = 1.0, 3.5, (low, high)
+        shade = 1.0
+        size = 3.5
+        ends = (low, high)
     if ends is not None:
         axis.vlines(place, *ends, color=look.dots, linewidth=1.0, alpha=0.55 * shade)
-    axis.plot(place, values, look.marker, color=look.dots, markersize=size, markeredgewidth=0.6,
-              markeredgecolor="white", alpha=shade, zorder=3)  # fmt: skip
+    axis.plot(
+        place,
+        values,
+        look.marker,
+        color=look.dots,
+        markersize=size,
+        markeredgewidth=0.6,
+        markeredgecolor="white",
+        alpha=shade,
+        zorder=3,
+    )
 
 
-def series_legend(figure: Figure, shown: Sequence[tuple[Look, BoolArray]], more: Sequence[Any] = ()) -> None:
+def series_legend(
+    figure: Figure,
+    shown: Sequence[tuple[Look, BoolArray]],
+    more: Sequence[Any] = (),
+) -> None:
     """Dots of the series, where there are several, and what else is drawn."""
     handles = [
         Line2D([], [], color=look.dots, marker=look.marker, linestyle="", label=look.name)
@@ -84,8 +118,11 @@ def series_legend(figure: Figure, shown: Sequence[tuple[Look, BoolArray]], more:
 
 
 def hide(axes: Any, count: int, across: str = "") -> None:
-    """Hide the panels after the first `count`; what is `across` stands below the lowest of each column."""
-    flat, wide = axes.ravel(), axes.shape[1]
+    """Hide the panels after the first `count`; what is `across` stands below the lowest of each
+    column.
+    """
+    flat = axes.ravel()
+    wide = axes.shape[1]
     for axis in flat[count:]:
         axis.set_visible(False)
     for axis in flat[max(count - wide, 0) : count] if across else ():
