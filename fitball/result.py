@@ -13,9 +13,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from fitball.errors import Note, ParameterError, suggestion
-from fitball.files import ResultFolder, csv_bytes, result_folder, with_index
-from fitball.values import DataFrame, Figure
+from fitball.base.errors import Note, ParameterError, suggestion
+from fitball.base.files import ResultFolder, csv_bytes, result_folder, with_index
+from fitball.base.values import DataFrame, Figure
 
 
 class Result:

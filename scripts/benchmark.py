@@ -22,7 +22,7 @@ import pandas as pd
 from scipy.integrate import solve_ivp
 
 import fitball
-from fitball.values import Impacts
+from fitball.base.values import Impacts
 
 COMMAND = "import sys; from fitball.cli import main; sys.exit(main())"
 # CPU seconds of what a fit imports, a fit, its files without and with figures.

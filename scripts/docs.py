@@ -25,8 +25,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from fitball import cli
-from fitball import units as spellings
-from fitball.columns import COLUMNS
+from fitball.base import units as spellings
+from fitball.base.columns import COLUMNS
 from fitball.data import scene as scenes
 from fitball.data.bundled import published
 from fitball.models.registry import MODELS, model

@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
 from fitball.data.bundled import place_of
 from fitball.data.table import ImpactTable, pair_of
 

@@ -13,10 +13,10 @@ from support.fits import at
 from support.misread import TENNIS, bounce
 
 from fitball.data.table import ImpactTable
-from fitball.inference import adequacy as module
-from fitball.inference import first_order as thinning
-from fitball.inference.adequacy import EXCEPT, adequacy, farthest
-from fitball.inference.first_order import first_order
+from fitball.inference.judgement import adequacy as module
+from fitball.inference.judgement import first_order as thinning
+from fitball.inference.judgement.adequacy import EXCEPT, adequacy, farthest
+from fitball.inference.judgement.first_order import first_order
 from fitball.inference.search.objective import Objective, descend
 
 START = {

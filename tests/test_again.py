@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fitball
+from fitball.base.errors import FitballError
 from fitball.cli import main
-from fitball.errors import FitballError
-from fitball.saved.pair import read
+from fitball.saved.files_of_fit import read
 
 
 def law(v_x1, v_y1, omega_1, ball, cor_10="uniform(0, 1)"):

@@ -11,16 +11,16 @@ from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of
 from support.fits import NOISE, at, best
 
 from fitball.data.scene import BallSection, CameraSection, Scene
-from fitball.inference import assumptions as module
-from fitball.inference.assumptions import alternatives, given, left_out
-from fitball.inference.constants import constants
 from fitball.inference.density import log_posterior, pointwise
 from fitball.inference.derived import Quantity
-from fitball.inference.first_order import first_order, proposal
+from fitball.inference.judgement import assumptions as module
+from fitball.inference.judgement.assumptions import alternatives, given, left_out
+from fitball.inference.judgement.constants import constants
+from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
-from fitball.inference.results import Alternative, Constant, Summary
 from fitball.inference.sampling.importance import importance
+from fitball.inference.schema import Alternative, Constant, Summary
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective, descend
 

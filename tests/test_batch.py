@@ -15,10 +15,10 @@ from support.drawn import cut_off
 from support.made_fit import made_fit, table_of
 
 import fitball
-from fitball.batch import Batch, page, rows
-from fitball.batch.tables import named, safe
+from fitball.base.errors import FolderError, MachineError, ModelError, ParameterError
+from fitball.batches import Batch, page, rows
+from fitball.batches.tables import named, safe
 from fitball.cli import main
-from fitball.errors import FolderError, MachineError, ModelError, ParameterError
 from fitball.report.render import to_text
 from fitball.report.style import MODEL
 
@@ -174,7 +174,7 @@ def test_what_is_no_option_and_no_batch(tmp_path):
 
 
 def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
-    monkeypatch.setattr(import_module("fitball.batch"), "calibrate", lambda *_: 1 / 0)
+    monkeypatch.setattr(import_module("fitball.batches"), "calibrate", lambda *_: 1 / 0)
     found = fitball.batch(
         {"a": table_of(8)},
         out=tmp_path / "x",
@@ -249,7 +249,7 @@ def made():
     drops["v_y2"] = 0.745 * drops["v_y1"] * (1.0 + 2e-3 * np.sin(np.arange(9)))
     kept.append(rows.kept("drops", made_fit(drops)))
     kept.append(rows.failed("bad", MachineError("out of memory", "memory")))
-    from fitball.batch import _batch
+    from fitball.batches import _batch
 
     return _batch(None, kept, None)
 

@@ -11,7 +11,7 @@ from support import answers, taylor
 
 import fitball
 
-bench = import_module("fitball.bench")
+bench = import_module("fitball.speed")
 SCENES = bench.scenes()
 
 
@@ -94,12 +94,6 @@ def test_errors_are_shares_of_the_incident_surface_speed():
         0.03302 / speed,
         rtol=1e-9,
     )
-
-
-@pytest.mark.parametrize("name", ["bench", "batch"])
-def test_a_room_does_not_hide_the_verb_of_its_name(name):
-    room = import_module(f"fitball.{name}")
-    assert getattr(fitball, name) is getattr(import_module("fitball.verbs"), name) is not room
 
 
 def test_rivals_take_turns_and_the_least_time_counts(monkeypatch):

@@ -5,9 +5,9 @@ import os
 import numpy as np
 import pytest
 
+from fitball.base.errors import FolderError, ParameterError
+from fitball.base.priors import ParameterSpec
 from fitball.data.bundled import descriptions, place_of, published, published_prior
-from fitball.errors import FolderError, ParameterError
-from fitball.priors import ParameterSpec
 
 
 def test_a_file_that_exists_wins_over_a_bundled_name(tmp_path, monkeypatch):

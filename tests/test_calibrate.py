@@ -10,7 +10,7 @@ from support.made_fit import TRUTH, made_fit, table_of
 import fitball
 from fitball.cli import main
 from fitball.inference.assemble import outside
-from fitball.saved.pair import read
+from fitball.saved.files_of_fit import read
 
 
 def test_a_table_of_the_model_itself_gives_its_parameters(tmp_path):

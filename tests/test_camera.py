@@ -9,11 +9,11 @@ import pytest
 from support.density import REBOUND, TIMED, problem_of, scene_of, table_of, truth_of
 from support.density import log_posterior as written_out
 
+from fitball.base.values import Impacts
 from fitball.data.scene import CameraSection, Quantity, Scene
 from fitball.inference.density import log_posterior
 from fitball.inference.problem.camera import CameraModel
 from fitball.models.types import Rebound, Status
-from fitball.values import Impacts
 
 KEYS = ("scale", "clock", "tilt", "court_height")
 

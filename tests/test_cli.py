@@ -14,8 +14,8 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball import cli
-from fitball.errors import FitballError
-from fitball.saved import pair
+from fitball.base.errors import FitballError
+from fitball.saved import files_of_fit
 
 DATA = Path(__file__).parent / "data"
 TABLES = {
@@ -104,7 +104,7 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
     }
     for name, fit in (fits | {"T": made_fit(surfaces, model="two-mass")}).items():
         Path(name).mkdir()
-        for file, content in pair.files(fit).items():
+        for file, content in files_of_fit.files(fit).items():
             Path(name, file).write_bytes(content())
     for name, text in TABLES.items():
         Path(name).write_text(text)

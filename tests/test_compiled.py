@@ -10,7 +10,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from fitball import environment
+from fitball.base import environment
 from fitball.models.kernels import compiled
 
 TINY = """
@@ -107,7 +107,7 @@ def test_an_error_in_a_thread_arrives():
 def test_a_child_has_threads_of_its_own(tmp_path):
     text = """
 import os
-from fitball import environment
+from fitball.base import environment
 def run():
     seen = []
     environment.shared(lambda a, b: seen.append(b - a), 10, 5)

@@ -10,10 +10,10 @@ import pytest
 from made_tables import written
 from support import workbooks
 
+from fitball.base.errors import FitballError, InputError, ParameterError
 from fitball.data.cells import numbers, read_cells
 from fitball.data.header import Naming, end_of, guess_of, read_header
 from fitball.data.read import load_table
-from fitball.errors import FitballError, InputError, ParameterError
 
 HEADER = [
     "id",

@@ -15,10 +15,10 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball import cli
+from fitball.base.errors import FitballError
+from fitball.base.values import Ball
 from fitball.data import bundled
-from fitball.errors import FitballError
 from fitball.exports import FORMATS, engine, parameter_set
-from fitball.values import Ball
 
 NASTY = (
     "</script><script>alert(1)</script>",

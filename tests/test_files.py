@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fitball.environment import cache_folder
-from fitball.errors import FolderError
-from fitball.files import csv_bytes, json_bytes, result_folder
+from fitball.base.environment import cache_folder
+from fitball.base.errors import FolderError
+from fitball.base.files import csv_bytes, json_bytes, result_folder
 
 LOCK = ".fitball.lock"
 WRITTEN = ".fitball-files"
@@ -28,7 +28,7 @@ def names(folder):
 
 def run(code, *words, **more):
     head = (
-        "import os, signal, sys\nfrom pathlib import Path\nfrom fitball.files import "
+        "import os, signal, sys\nfrom pathlib import Path\nfrom fitball.base.files import "
         "result_folder\n"
     )
     return subprocess.Popen(

@@ -8,9 +8,9 @@ from scipy.optimize import least_squares
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
 from support.fits import NOISE, at, best
 
-from fitball.inference import first_order as module
 from fitball.inference.density import cells
-from fitball.inference.first_order import factor_of_inverse, first_order, proposal
+from fitball.inference.judgement import first_order as module
+from fitball.inference.judgement.first_order import factor_of_inverse, first_order, proposal
 from fitball.inference.search.objective import Objective
 
 

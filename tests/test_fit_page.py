@@ -10,9 +10,9 @@ import pytest
 from msgspec.structs import replace
 from support.made_fit import made_fit, table_of
 
-from fitball import itf
+from fitball.base import itf
+from fitball.base.numbers import percent
 from fitball.data.scene import Scene
-from fitball.numbers import percent
 from fitball.report import cite, fit_page, fit_tables, fit_words, lab, style
 from fitball.report.quantities import MAIN, unit_of
 from fitball.report.render import to_text
@@ -244,7 +244,7 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
 def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
     monkeypatch.setattr(style, "styled", lambda draw: draw)
     monkeypatch.setattr(style, "saved", lambda _: b"png")
-    monkeypatch.setattr(fit_page.pair, "files", lambda _: {"fit.json": lambda: b"{}"})
+    monkeypatch.setattr(fit_page.files_of_fit, "files", lambda _: {"fit.json": lambda: b"{}"})
     fit.save(tmp_path / "usual")
     usual = {place.stem for place in (tmp_path / "usual").glob("*.png")}
     assert usual == {"curves", "corner", "forest", "residuals", "predictive"}

@@ -12,7 +12,7 @@ from support.made_fit import made_fit, table_of
 import fitball
 from fitball.inference import frames
 from fitball.inference.curves import curves, series
-from fitball.inference.results import Alternative, Summary
+from fitball.inference.schema import Alternative, Summary
 from fitball.inference.summary import summarise
 
 SHOWN = ("v_x2", "v_y2", "omega_2")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.values import Ball
+from fitball.base.values import Ball
 
 BALL = Ball()
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2

@@ -9,8 +9,8 @@ from support.answers import IMPACT, PARAMETERS
 from support.taylor import OUTPUTS
 
 import fitball
+from fitball.base.values import Impacts
 from fitball.models.specs import SPECS
-from fitball.values import Impacts
 
 with answers.PLACE.open(encoding="utf-8") as file:
     CASES = {row["name"]: row for row in csv.DictReader(file)}

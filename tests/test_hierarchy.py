@@ -7,7 +7,7 @@ from scipy.stats import binom, lognorm, norm
 from scipy.stats import t as student
 from support.made_fit import made_fit, table_of
 
-from fitball.priors import ParameterSpec, parse_prior
+from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.uses.hierarchy import (
     EACH,
     Group,

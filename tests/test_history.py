@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball.errors import FitballError
+from fitball.base.errors import FitballError
+from fitball.base.values import Ball
 from fitball.models.types import Phase
-from fitball.values import Ball
 
 BALL = Ball()
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2

@@ -18,16 +18,16 @@ import pyarrow.parquet
 import pytest
 from support.workbooks import cell, ods, packed, row, xlsx
 
+from fitball.base.errors import InputError
 from fitball.data import records
 from fitball.data.cells import numbers, read_cells
-from fitball.errors import InputError
 
 PROGRAM = """
 import json, sys
 from pathlib import Path
 from fitball.data.cells import numbers, read_cells
 from fitball.data.header import Naming, read_header
-from fitball.errors import InputError
+from fitball.base.errors import InputError
 
 def read(source):
     naming = Naming({})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitball import itf
+from fitball.base import itf
 
 
 def test_the_rating_has_the_values_of_the_guide():

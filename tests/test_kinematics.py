@@ -5,9 +5,9 @@ import pytest
 from made_tables import bundled, made
 from support import misread
 
+from fitball.base.values import Ball
 from fitball.data.bundled import printed
 from fitball.data.kinematics import BALANCES, balances, slopes, velocity
-from fitball.values import Ball
 
 FULL = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
 

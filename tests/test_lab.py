@@ -9,12 +9,12 @@ from made_tables import made
 from scipy.stats import linregress, t
 from support.made_fit import made_fit, table_of
 
-from fitball import itf
+from fitball.base import itf
+from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.data.read import load_table
 from fitball.data.scene import BallSection, Scene
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
-from fitball.priors import ParameterSpec, parse_prior
 from fitball.report import lab as page
 from fitball.uses.lab import drop_test, means, measured_pace
 

@@ -11,7 +11,7 @@ from support import answers, bounces, taylor
 from support.taylor import OUTPUTS
 
 import fitball
-from fitball.values import Ball, Impacts
+from fitball.base.values import Ball, Impacts
 
 BALL = Ball()
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2

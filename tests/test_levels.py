@@ -9,8 +9,9 @@ import pytest
 from scipy import integrate, stats
 from support.density import REBOUND, problem_of, table_of
 
+from fitball.base.errors import ParameterError
+from fitball.base.values import Impacts
 from fitball.data.scene import BallSection, Scene
-from fitball.errors import ParameterError
 from fitball.inference.forward import (
     NEW_LEVEL,
     CalibratedRange,
@@ -21,7 +22,6 @@ from fitball.inference.forward import (
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.levels import LevelPrior
 from fitball.models.registry import model
-from fitball.values import Impacts
 
 # Of the logarithm of a friction on three surfaces, spread half-t(0.2, 4).
 HALF = stats.t(4.0, 0.0, 0.2)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fitball.data.lines import Span, impacts_of, spans
-from fitball.errors import ParameterError
+from fitball.base.errors import ParameterError
+from fitball.data.in_words import Span, impacts_of, spans
 
 ALL = "value sd range count"
 MPH = 0.44704

@@ -7,9 +7,9 @@ import pytest
 from support import misread
 
 from fitball import load_table
+from fitball.base.values import Ball
 from fitball.data.misreading import better_readings, doubts
 from fitball.data.misreading import misfit as fitted
-from fitball.values import Ball
 
 
 def readings(columns, ball=misread.TENNIS):

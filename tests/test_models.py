@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import fitball
-from fitball import environment
-from fitball.errors import FitballError
+from fitball.base import environment
+from fitball.base.errors import FitballError
+from fitball.base.values import Ball, Impacts
 from fitball.models.registry import MODELS, candidates, variants
 from fitball.models.specs import BALL_PARAMETERS, NAMES
 from fitball.models.types import REASONS, Status
-from fitball.values import Ball, Impacts
 
 # Bounces of the edition before, held there against an event-driven integration to 1e-12.
 with (Path(__file__).parent / "data" / "bounces.csv").open(encoding="utf-8") as file:

@@ -7,8 +7,8 @@ from support import answers, bounces, taylor
 from support.taylor import OUTPUTS
 
 import fitball
+from fitball.base.values import Impacts
 from fitball.models.types import Status
-from fitball.values import Impacts
 
 
 def distance(one, other, impact, outputs=OUTPUTS):

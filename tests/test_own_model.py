@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import fitball
+from fitball.base.errors import FitballError, ModelError, ParameterError
+from fitball.base.values import Ball, Impacts
 from fitball.data.scene import Scene
-from fitball.errors import FitballError, ModelError, ParameterError
 from fitball.inference.noise import KINDS
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.models.specs import SPECS
 from fitball.models.types import Status
-from fitball.values import Ball, Impacts
 
 STATES = fitball.impacts([10.0, 8.0, -12.0], [9.0, 12.0, 5.0], [100.0, -50.0, 0.0])
 

@@ -10,9 +10,9 @@ import pytest
 from support.made_fit import made_fit, table_of
 
 import fitball
+from fitball.base.errors import ParameterError
 from fitball.data.read import load_data
 from fitball.data.scene import CameraSection, Quantity, Scene
-from fitball.errors import ParameterError
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.report import plan as page

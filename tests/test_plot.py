@@ -7,7 +7,8 @@ import pytest
 from support.made_fit import made_fit, table_of
 
 import fitball
-from fitball import cli, files
+from fitball import cli
+from fitball.base import files
 from fitball.report.figures import FIGURES
 
 STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}

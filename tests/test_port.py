@@ -14,9 +14,9 @@ from support import answers, bounces, ports
 from support.ports import LANGUAGES, OUTPUTS
 
 import fitball
-from fitball.exports.port import port
+from fitball.base.values import Impacts
+from fitball.exports.ports import port
 from fitball.models.types import Status
-from fitball.values import Impacts
 
 MODELS = ("two-mass", "two-mass+torsion=free", "thesis-exact", "grip-slip")
 RADIUS = 0.03302

@@ -14,8 +14,8 @@ from support import ports
 from support.ports import LANGUAGES
 
 import fitball
-from fitball.errors import FitballError
-from fitball.exports.port import FILES, dialects, port, python, source, translate
+from fitball.base.errors import FitballError
+from fitball.exports.ports import FILES, dialects, port, python, source, translate
 
 HOSTILE = (
     "*/ #error evil /*",

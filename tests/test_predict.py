@@ -13,11 +13,11 @@ from support.drawn import bars, cut_off, dots
 from support.made_fit import made_fit, table_of
 
 import fitball
-from fitball import environment
+from fitball.base import environment
 from fitball.cli import main
 from fitball.inference import predictive
 from fitball.inference.forward import Draws
-from fitball.inference.results import Alternative
+from fitball.inference.schema import Alternative
 from fitball.report import predict as page
 from fitball.uses.predict import table_in_words
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from fitball.errors import ParameterError
-from fitball.priors import ParameterSpec, parse_prior
+from fitball.base.errors import ParameterError
+from fitball.base.priors import ParameterSpec, parse_prior
 
 
 def prior_of(text, lower=0.0, upper=5.0):

@@ -10,8 +10,8 @@ from made_tables import made
 from scipy import integrate, stats
 from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of
 
+from fitball.base.errors import FitError, ModelError, ParameterError
 from fitball.data.scene import BallSection, Quantity, Scene
-from fitball.errors import FitError, ModelError, ParameterError
 from fitball.inference.effort import Effort
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.build import build_problem

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from support.density import REBOUND, near, problem_of, scene_of, table_of, truth_of
 from support.fits import bounded, drops_of, line
 
-from fitball.inference.profile import drops, profiles
+from fitball.inference.judgement.profile import drops, profiles
 from fitball.inference.search.objective import Objective, descend
 
 SPEEDS = np.linspace(5.0, 17.0, 7)

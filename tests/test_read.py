@@ -9,10 +9,10 @@ import pytest
 from support import misread
 
 import fitball
+from fitball.base.errors import InputError, ParameterError
+from fitball.base.values import Ball
 from fitball.data.bundled import printed
 from fitball.data.read import check, load_data, reading_of
-from fitball.errors import InputError, ParameterError
-from fitball.values import Ball
 
 MPH = 1609.344 / 3600
 HEAD = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2"

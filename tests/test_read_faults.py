@@ -9,8 +9,8 @@ import pytest
 from made_tables import written
 
 import fitball
+from fitball.base.errors import FolderError, InputError, ParameterError
 from fitball.data.read import check
-from fitball.errors import FolderError, InputError, ParameterError
 
 MISTAKES = tomllib.loads(
     (Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import fitball
+from fitball.base.values import Ball, impacts
 from fitball.models.types import Status
 from fitball.thesis import appendices, posteriors, ranking
 from fitball.thesis.printed import BALL_MASS, DAMPING, INCH, STIFFNESS, appendix_c, set_values
-from fitball.values import Ball, impacts
 
 # Captions of Figs 36 to 44: c_y [lb s/in] of cases 1 to 3 for zero spin, topspin, backspin.
 CAPTIONS = {

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from fitball.progress import shown
+from fitball.base.progress import shown
 from fitball.report.blocks import Mark, Picture, Report, Section, Table, Text
 from fitball.report.render import to_markdown, to_notebook, to_page, to_text
 

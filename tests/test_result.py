@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fitball.errors import FolderError, Note, ParameterError
-from fitball.files import ResultFolder, result_folder
-from fitball.numbers import Unit
+from fitball.base.errors import FolderError, Note, ParameterError
+from fitball.base.files import ResultFolder, result_folder
+from fitball.base.numbers import Unit
 from fitball.report.blocks import Picture, Report, Section, Table, Text
 from fitball.report.style import label, new_figure, saved, styled
 from fitball.result import Frames, Result
@@ -132,7 +132,7 @@ def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot()
 def test_nothing_is_laid_out_before_a_report_is_asked_for():
     heavy = ("matplotlib", "pandas", "scipy", "jinja2", "tqdm", "joblib")
     code = (
-        f"import sys, fitball.result, fitball.columns\nprint([m for m in {heavy} if m in "
+        f"import sys, fitball.result, fitball.base.columns\nprint([m for m in {heavy} if m in "
         "sys.modules])"
     )
     assert (

@@ -7,7 +7,7 @@ import pytest
 from support.density import REBOUND, problem_of, scene_of, table_of
 from support.line import exact, line_problem
 
-from fitball.errors import FitError
+from fitball.base.errors import FitError
 from fitball.inference.effort import Effort
 from fitball.inference.sampling import sample as sampling
 from fitball.inference.sampling.chains import _left_behind, run

@@ -11,12 +11,12 @@ import pytest
 import xarray
 from support.made_fit import made_fit, table_of
 
-from fitball.errors import FolderError
-from fitball.saved import pair
+from fitball.base.errors import FolderError
+from fitball.saved import files_of_fit
 
 
 def written(fit, folder):
-    for name, content in pair.files(fit).items():
+    for name, content in files_of_fit.files(fit).items():
         (folder / name).write_bytes(content())
     return folder
 
@@ -44,9 +44,9 @@ def plain(fit):
 )
 def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
     fit = made_fit(table, **options)
-    again = pair.read(written(fit, tmp_path) / "fit.json")
+    again = files_of_fit.read(written(fit, tmp_path) / "fit.json")
     np.testing.assert_equal(plain(again), plain(fit))
-    assert pair.key_of(tmp_path) == fit.run.key
+    assert files_of_fit.key_of(tmp_path) == fit.run.key
     # A point fit has no intervals, which are NaN, not null.
     text = json.loads((tmp_path / "fit.json").read_text())["parameters"]["v_y_sd"]["median"]
     assert text == ("nan" if options.get("sampled") is False else fit.parameters["v_y_sd"].median)
@@ -86,28 +86,28 @@ def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
     assert before in place.read_bytes()
     place.write_bytes(place.read_bytes().replace(before, after, 1))
     with pytest.raises(FolderError) as caught:
-        pair.read(tmp_path)
+        files_of_fit.read(tmp_path)
     assert caught.value.code == code
-    assert code == "changed" or pair.key_of(tmp_path) == code * (code == "other-version")
+    assert code == "changed" or files_of_fit.key_of(tmp_path) == code * (code == "other-version")
 
 
 @pytest.mark.parametrize("part", ["status", "adequacy"])
 def test_a_fit_with_other_fields_is_refused_too(tmp_path, part):
     place = written(made_fit(), tmp_path)
     content = json.loads((place / "fit.json").read_text()) | {part: [1]}
-    content["digest"] = pair._digest(content, (place / "fit.nc").read_bytes())
+    content["digest"] = files_of_fit._digest(content, (place / "fit.nc").read_bytes())
     (place / "fit.json").write_text(json.dumps(content))
     with pytest.raises(FolderError) as caught:
-        pair.read(place)
+        files_of_fit.read(place)
     assert caught.value.code == "no-fit"
 
 
 def test_what_is_no_fit_says_so(tmp_path):
     (tmp_path / "of a table/fit.json").mkdir(parents=True)
     with pytest.raises(FolderError) as caught:
-        pair.read(tmp_path)
+        files_of_fit.read(tmp_path)
     assert (
         caught.value.code == "no-fit"
-        and pair.key_of(tmp_path) == ""
+        and files_of_fit.key_of(tmp_path) == ""
         and "of a table" in str(caught.value)
     )

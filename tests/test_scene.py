@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from made_tables import written
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import InputError
+from fitball.base.values import Ball
 from fitball.data.bundled import descriptions, place_of
 from fitball.data.read import load_table
 from fitball.data.scene import BallSection, CameraSection, Quantity, Scene, load_scene
-from fitball.errors import InputError
-from fitball.values import Ball
 
 FULL = """
 contact_time = { value = 5e-3, sd = 5e-4 }

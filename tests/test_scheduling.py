@@ -10,8 +10,8 @@ from functools import partial
 import cloudpickle
 import pytest
 
-from fitball.errors import FitError, MachineError
-from fitball.scheduling import as_completed
+from fitball.base.errors import FitError, MachineError
+from fitball.base.scheduling import as_completed
 
 # Workers cannot import this file: its functions travel whole.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -85,11 +85,11 @@ def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
             os.kill(int((tmp_path / "0").read_text()), 0)
 
 
-WAITING = """import time, fitball.scheduling
+WAITING = """import time, fitball.base.scheduling
 def wait(k):
     print(k, flush=True)
     time.sleep(300)
-list(fitball.scheduling.as_completed(wait, [1, 2], 2))"""
+list(fitball.base.scheduling.as_completed(wait, [1, 2], 2))"""
 
 
 @POSIX
@@ -110,9 +110,9 @@ def test_workers_end_with_the_process_that_asked():
 CLUSTER = """
 import os, sys
 from distributed import LocalCluster
-from fitball import scheduling
-from fitball.errors import FitError, ParameterError
-from fitball.scheduling import as_completed
+from fitball.base import scheduling
+from fitball.base.errors import FitError, ParameterError
+from fitball.base.scheduling import as_completed
 
 def square(item):
     if item == 3:

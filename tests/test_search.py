@@ -10,11 +10,11 @@ from scipy.optimize import approx_fprime, minimize
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of, truth_of
 from support.line import exact, line_problem
 
-from fitball.errors import FitError
+from fitball.base.errors import FitError
 from fitball.inference import density
 from fitball.inference.calibrate import _beside
 from fitball.inference.effort import Effort
-from fitball.inference.results import Posterior
+from fitball.inference.schema import Posterior
 from fitball.inference.search import best_fit as search
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective, constrained_step, descend

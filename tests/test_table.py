@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from made_tables import bundled, made
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import InputError
 from fitball.data.labels import role_of
 from fitball.data.read import load_table
 from fitball.data.table import joined, pair_of, stated
-from fitball.errors import InputError
 
 GAPS = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "gap_time", "gap_path", "gap_turn")
 POLAR = {"v_1": [10.0, 20.0], "theta_1": [0.3, 2.0], "v_x2": [5.0, np.nan], "omega_2": 100.0}

@@ -6,7 +6,7 @@ import unicodedata
 import numpy as np
 import pytest
 
-from fitball.errors import (
+from fitball.base.errors import (
     Fault,
     FolderError,
     InputError,
@@ -14,9 +14,9 @@ from fitball.errors import (
     ParameterError,
     enough_memory,
 )
-from fitball.numbers import Unit, percent, signed
-from fitball.text import one_line, short, visible
-from fitball.values import Ball, impacts
+from fitball.base.numbers import Unit, percent, signed
+from fitball.base.text import one_line, short, visible
+from fitball.base.values import Ball, impacts
 
 PLAIN = Unit("")
 MS = Unit("ms", 1e3)

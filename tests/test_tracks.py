@@ -10,8 +10,8 @@ from support import films
 from support.films import NINE, Camera, bounces, filmed, scores
 
 import fitball
+from fitball.base.errors import InputError
 from fitball.data.scene import CameraSection, Quantity, Scene
-from fitball.errors import InputError
 from fitball.tracks import flight
 from fitball.tracks.spins import lines
 

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from support.films import RADIUS, Camera, bounces, filmed
 
+from fitball.base.errors import InputError
 from fitball.data.scene import BallSection, CameraSection, Scene
-from fitball.errors import InputError
 from fitball.tracks.read import read_tracks, scene_of
 
 MISTAKES = tomllib.loads(

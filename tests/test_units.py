@@ -5,9 +5,9 @@ from math import degrees, inf, pi
 
 import pytest
 
-from fitball.columns import COLUMNS
-from fitball.errors import ParameterError
-from fitball.units import factor_of, symbol_of
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import ParameterError
+from fitball.base.units import factor_of, symbol_of
 
 # International definitions: inch 25.4 mm, foot 12 in, mile 5280 ft, nautical mile 1852 m; 360 deg a
 # turn.

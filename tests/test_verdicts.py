@@ -11,12 +11,12 @@ from support.fits import at, bounded, drops_of, line
 import fitball
 from fitball.data.scene import BallSection, Quantity, Scene
 from fitball.inference import derived
-from fitball.inference import verdict as module
-from fitball.inference.first_order import first_order
-from fitball.inference.profile import profiles
-from fitball.inference.results import Adequacy, Judgement
+from fitball.inference.judgement import verdict as module
+from fitball.inference.judgement.first_order import first_order
+from fitball.inference.judgement.profile import profiles
+from fitball.inference.judgement.verdict import Seen, judge, qualified
+from fitball.inference.schema import Adequacy, Judgement
 from fitball.inference.search.objective import Objective, descend
-from fitball.inference.verdict import Seen, judge, qualified
 
 SPEEDS = np.linspace(5.0, 17.0, 9)
 NOISE = 0.05 * np.random.default_rng(1).standard_normal(9)

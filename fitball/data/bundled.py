@@ -13,10 +13,10 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from fitball.errors import FolderError, ParameterError, suggestion
-from fitball.priors import ParameterSpec, Prior, parse_prior
-from fitball.text import one_line
-from fitball.values import DataFrame
+from fitball.base.errors import FolderError, ParameterError, suggestion
+from fitball.base.priors import ParameterSpec, Prior, parse_prior
+from fitball.base.text import one_line
+from fitball.base.values import DataFrame
 
 PUBLISHED = "literature:"
 

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fitball.base.errors import Fault, InputError, Note
+from fitball.base.text import listed, one_line
+from fitball.base.units import symbol_of
+from fitball.base.values import FloatArray, IntArray
 from fitball.data import records
 from fitball.data.records import Known, Record, refusal, shown
-from fitball.errors import Fault, InputError, Note
-from fitball.text import listed, one_line
-from fitball.units import symbol_of
-from fitball.values import FloatArray, IntArray
 
 PARQUET = (".parquet", ".pq")
 # Faults that are kept one by one, and cells that are put into arrays at once.

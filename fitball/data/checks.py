@@ -11,13 +11,13 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from fitball.columns import COLUMNS, REBOUND
+from fitball.base.columns import COLUMNS, REBOUND
+from fitball.base.numbers import Unit
+from fitball.base.text import listed
+from fitball.base.units import factor_of
+from fitball.base.values import Ball, FloatArray
 from fitball.data.cells import Cells
 from fitball.data.kinematics import Columns, counted, slopes, velocity
-from fitball.numbers import Unit
-from fitball.text import listed
-from fitball.units import factor_of
-from fitball.values import Ball, FloatArray
 
 Numbers = Mapping[str, FloatArray]
 Units = Mapping[str, str]

@@ -15,10 +15,10 @@ from functools import lru_cache
 from math import nan
 from typing import TYPE_CHECKING
 
-from fitball.columns import COLUMNS, HEIGHTS
-from fitball.errors import ParameterError, suggestion
-from fitball.text import listed
-from fitball.units import factor_of, symbol_of
+from fitball.base.columns import COLUMNS, HEIGHTS
+from fitball.base.errors import ParameterError, suggestion
+from fitball.base.text import listed
+from fitball.base.units import factor_of, symbol_of
 
 if TYPE_CHECKING:
     from fitball.data.cells import Cells

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from fitball.columns import STATE
-from fitball.values import Ball, DataFrame, FloatArray
+from fitball.base.columns import STATE
+from fitball.base.values import Ball, DataFrame, FloatArray
 
 if TYPE_CHECKING:
     from fitball.data.table import ImpactTable

@@ -19,13 +19,13 @@ from math import comb, log
 
 import numpy as np
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import Note
+from fitball.base.numbers import Unit
+from fitball.base.text import listed
+from fitball.base.units import factor_of
+from fitball.base.values import Ball, FloatArray
 from fitball.data.table import ImpactTable
-from fitball.errors import Note
-from fitball.numbers import Unit
-from fitball.text import listed
-from fitball.units import factor_of
-from fitball.values import Ball, FloatArray
 
 # Log likelihood by which another reading must be better, in all and a row; what it may leave a row,
 # and what a table that is read well seldom leaves; the gain of signs chosen row by row, beyond the

@@ -15,7 +15,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from fitball.columns import COLUMNS, HEIGHTS, INCIDENT, REBOUND
+from fitball.base.columns import COLUMNS, HEIGHTS, INCIDENT, REBOUND
+from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
+from fitball.base.itf import GRAVITY
+from fitball.base.priors import parse_prior
+from fitball.base.text import listed
+from fitball.base.values import FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import descriptions, place_of, published
 from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
@@ -25,12 +30,7 @@ from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, joined
-from fitball.errors import Fault, InputError, Note, ParameterError, suggestion
-from fitball.itf import GRAVITY
-from fitball.priors import parse_prior
 from fitball.result import Frames
-from fitball.text import listed
-from fitball.values import FloatArray, IntArray
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled one, a data frame, or columns by name.
 Source: TypeAlias = Any

@@ -18,8 +18,8 @@ from itertools import islice
 from math import isnan
 from typing import Any, TypeAlias
 
-from fitball.errors import Fault, InputError, Note
-from fitball.text import one_line
+from fitball.base.errors import Fault, InputError, Note
+from fitball.base.text import one_line
 
 # What a header cell is worth: 1 for a name that is known, less for one that may be meant, 0 for any
 # other text.

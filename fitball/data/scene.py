@@ -12,11 +12,11 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
-from fitball.columns import COLUMNS
-from fitball.errors import Fault, InputError, Note, suggestion
-from fitball.itf import BALL_TYPES
-from fitball.text import listed, one_line
-from fitball.values import Ball
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import Fault, InputError, Note, suggestion
+from fitball.base.itf import BALL_TYPES
+from fitball.base.text import listed, one_line
+from fitball.base.values import Ball
 
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

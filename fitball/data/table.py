@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.columns import COLUMNS, INCIDENT, REBOUND
+from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
+from fitball.base.errors import Fault, InputError, Note
+from fitball.base.text import listed
+from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
 from fitball.data.kinematics import counted, propagate, state, velocity
 from fitball.data.labels import first_spelled
-from fitball.errors import Fault, InputError, Note
-from fitball.text import listed
-from fitball.values import DataFrame, FloatArray, Impacts, IntArray
 
 # Correlations printed to six digits are possible still where an eigenvalue of their matrix is this
 # far below zero.

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from fitball.errors import FolderError, Note, ParameterError, suggestion
+from fitball.base.errors import FolderError, Note, ParameterError, suggestion
+from fitball.base.files import ResultFolder, result_folder
+from fitball.base.text import listed
 from fitball.exports import arviz, engine, page, parameters
 from fitball.exports.parameter_set import of_fit, of_model
-from fitball.exports.port import FILES, port
-from fitball.files import ResultFolder, result_folder
-from fitball.inference.fit import Fit
+from fitball.exports.ports import FILES, port
+from fitball.inference.fitted import Fit
 from fitball.models.model import Model
 from fitball.result import Result
-from fitball.text import listed
 
 
 class Format(NamedTuple):

@@ -12,15 +12,15 @@ import numpy as np
 from msgspec import json
 from msgspec.structs import asdict
 
+from fitball.base.files import json_bytes
+from fitball.base.text import one_line
 from fitball.exports.parameter_set import UNSURE, ParameterSet
-from fitball.files import json_bytes
-from fitball.inference.fit import Fit
-from fitball.inference.results import Estimate
+from fitball.inference.fitted import Fit
+from fitball.inference.schema import Estimate
 from fitball.report.blocks import Report, Table, Text
 from fitball.report.cite import escaped
 from fitball.report.quantities import MAIN, records, unit_of
 from fitball.report.render import to_markdown
-from fitball.text import one_line
 from fitball.version import __version__
 
 KIND = "fitball parameter set"

@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec.structs import asdict
 
-from fitball.errors import Note
+from fitball.base.errors import Note
+from fitball.base.priors import ParameterSpec
+from fitball.base.text import listed
+from fitball.base.values import FloatArray
 from fitball.inference.forward import Draws
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import COMMON, Problem
-from fitball.inference.results import Adequacy, Estimate, Judgement
+from fitball.inference.schema import Adequacy, Estimate, Judgement
 from fitball.inference.summary import summarise
 from fitball.models.specs import BALL_PARAMETERS
-from fitball.priors import ParameterSpec
-from fitball.text import listed
-from fitball.values import FloatArray
 
 # What a first screen says of each verdict, in this order.
 _SAID = (

@@ -8,24 +8,24 @@ from time import perf_counter
 
 import numpy as np
 
-from fitball.environment import threads
-from fitball.errors import Note, enough_memory
-from fitball.inference import results
-from fitball.inference.adequacy import adequacy
+from fitball.base.environment import threads
+from fitball.base.errors import Note, enough_memory
+from fitball.base.progress import Progress
+from fitball.inference import schema
 from fitball.inference.assemble import estimates, headline, outside
-from fitball.inference.assumptions import alternatives, given
-from fitball.inference.constants import constants
 from fitball.inference.effort import Effort
-from fitball.inference.first_order import first_order, proposal
-from fitball.inference.fit import Fit, draws_of, run_of
+from fitball.inference.fitted import Fit, draws_of, run_of
+from fitball.inference.judgement.adequacy import adequacy
+from fitball.inference.judgement.assumptions import alternatives, given
+from fitball.inference.judgement.constants import constants
+from fitball.inference.judgement.first_order import first_order, proposal
+from fitball.inference.judgement.profile import profiles
+from fitball.inference.judgement.verdict import judge, qualified
 from fitball.inference.problem.problem import Problem
-from fitball.inference.profile import profiles
 from fitball.inference.sampling.sample import sample
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.least_squares import least_squares
-from fitball.inference.verdict import judge, qualified
 from fitball.models.model import Model
-from fitball.progress import Progress
 
 # By how much a draw may lie above the best values before these are searched for again from it.
 _ABOVE = 0.01
@@ -53,7 +53,7 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         seconds[name] = seconds.get(name, 0.0) + perf_counter() - start
 
     posterior = diagnostics = None
-    status: results.FitStatus = "point only"
+    status: schema.FitStatus = "point only"
     with stage("searching"):
         point = best_fit(problem, effort.stream("search"))
     if not effort.point_only:
@@ -117,10 +117,10 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
 
 def _beside(
     problem: Problem,
-    point: results.PointFit,
-    posterior: results.Posterior,
+    point: schema.PointFit,
+    posterior: schema.Posterior,
     effort: Effort,
-) -> results.PointFit:
+) -> schema.PointFit:
     """The best values searched for again from the best draw, where that lies above them in what
     searches raise.
     """

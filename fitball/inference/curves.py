@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked
 from fitball.inference.problem.problem import Problem
 from fitball.inference.summary import bands
 from fitball.models.types import Status
-from fitball.values import DataFrame, FloatArray, Impacts, IntArray
 
 # Draws and points of a curve; curves at most.
 _DRAWS = 400

@@ -5,7 +5,7 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from fitball.errors import ParameterError
+from fitball.base.errors import ParameterError
 
 # Rows above which draws are weighted and tests take evenly spread rows; profiles are left out;
 # alternatives take a part; fewer draws predict. Draws of predictions, of derivatives; targets of

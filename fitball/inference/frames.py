@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fitball.columns import STATE
+from fitball.base.columns import STATE
+from fitball.base.values import DataFrame, Impacts
 from fitball.data import kinematics
 from fitball.inference import predictive
 from fitball.inference.curves import series
@@ -17,8 +18,7 @@ from fitball.inference.effort import PREDICTED
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked, predict
 from fitball.inference.problem.problem import Problem
-from fitball.inference.results import Alternative, Constant, Diagnostics, Estimate, Profile, Summary
-from fitball.values import DataFrame, Impacts
+from fitball.inference.schema import Alternative, Constant, Diagnostics, Estimate, Profile, Summary
 
 # Kinds in the order of the page.
 _ORDER = ("model", "level", "derived", "noise", "ball", "camera")

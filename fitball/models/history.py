@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
+from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.models.kernels.batch import COURSES, moments
 from fitball.models.kernels.contact import Flags
-from fitball.values import FloatArray, Impacts, IntArray
 
 
 class History(NamedTuple):

@@ -8,14 +8,14 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitball.errors import ModelError, ParameterError, suggestion
+from fitball.base.errors import ModelError, ParameterError, suggestion
+from fitball.base.priors import ParameterSpec
+from fitball.base.values import Ball, FloatArray, Impacts, IntArray
 from fitball.models.history import History, followed
 from fitball.models.kernels.contact import Flags
 from fitball.models.kernels.phases import Outcome
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.models.types import REASONS, Rebound, Status
-from fitball.priors import ParameterSpec
-from fitball.values import Ball, FloatArray, Impacts, IntArray
 
 
 class KernelCall(NamedTuple):

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitball.columns import COLUMNS, STATE
-from fitball.errors import ModelError, ParameterError, suggestion
+from fitball.base.columns import COLUMNS, STATE
+from fitball.base.errors import ModelError, ParameterError, suggestion
+from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.text import one_line
+from fitball.base.values import Ball, FloatArray, Impacts
 from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, NAMES, SPECS, TAKEN
 from fitball.models.types import Rebound, Status
-from fitball.priors import ParameterSpec, parse_prior
-from fitball.text import one_line
-from fitball.values import Ball, FloatArray, Impacts
 
 # Parameters of fitball that a function may have; they keep their unit, bounds and meaning.
 SHARED = ("mu", "e_x", "offset", "cor_10", "cor_slope")

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from fitball.errors import ModelError, suggestion
+from fitball.base.errors import ModelError, suggestion
+from fitball.base.values import Ball
 from fitball.models import grip_slip, two_mass
 from fitball.models.model import Model
 from fitball.models.own import model_from
-from fitball.values import Ball
 
 TWO_MASS = {
     "normal": "momentum",

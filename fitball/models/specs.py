@@ -6,8 +6,8 @@ numbers near the fits to Wang's 21 impacts.
 
 from collections.abc import Mapping
 
-from fitball.numbers import Unit
-from fitball.priors import ParameterSpec
+from fitball.base.numbers import Unit
+from fitball.base.priors import ParameterSpec
 
 _MM = Unit("mm", 1e3)
 # A row a parameter: name, unit, bounds and prior; meaning and symbol; what else is known of it.

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
+from fitball.base.values import Ball
 from fitball.models.kernels.batch import bounces
 from fitball.models.kernels.contact import CHOICES as FLAGS
 from fitball.models.kernels.contact import COLUMNS
 from fitball.models.kernels.phases import bounce
 from fitball.models.model import KernelSolver, Model
 from fitball.models.specs import SPECS
-from fitball.values import Ball
 
 CHOICES: Mapping[str, tuple[str, ...]] = dict(FLAGS)
 # What a column without a parameter holds, where not zero: in a drop core and shell have any

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-from fitball.columns import COLUMNS
-from fitball.errors import ParameterError
-from fitball.values import FloatArray, IntArray
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import ParameterError
+from fitball.base.values import FloatArray, IntArray
 
 
 class Phase(IntEnum):

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from fitball.columns import COLUMNS
-from fitball.files import with_index
-from fitball.inference.fit import Fit
-from fitball.numbers import Unit, percent
-from fitball.text import short, visible
-from fitball.values import DataFrame, FloatArray
+from fitball.base.columns import COLUMNS
+from fitball.base.files import with_index
+from fitball.base.numbers import Unit, percent
+from fitball.base.text import short, visible
+from fitball.base.values import DataFrame, FloatArray
+from fitball.inference.fitted import Fit
 
 # Kinds of quantities that a reader asks for; noise, ball and camera come after them.
 MAIN = ("model", "level", "derived")

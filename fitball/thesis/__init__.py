@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from fitball.errors import Note
-from fitball.progress import Progress
+from fitball.base.errors import Note
+from fitball.base.progress import Progress
 from fitball.result import Frames
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fitball.base.values import DataFrame, FloatArray, Impacts
 from fitball.data.bundled import folder, printed
 from fitball.models.registry import THESIS_EXACT, model
 from fitball.thesis.printed import (
@@ -22,7 +23,6 @@ from fitball.thesis.printed import (
     set_values,
     within,
 )
-from fitball.values import DataFrame, FloatArray, Impacts
 
 # Chapter V: mean restitution of each spin.
 MEAN_COR = {"zero": 0.765, "topspin": 0.778, "backspin": 0.732}

@@ -7,20 +7,20 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.numbers import Unit, fixed, percent
+from fitball.base.text import listed
+from fitball.base.values import DataFrame, Figure
 from fitball.data.bundled import printed
 from fitball.models.specs import SPECS
-from fitball.numbers import Unit, fixed, percent
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
 from fitball.report.quantities import chance, records
 from fitball.report.style import MARKERS, MEASURED, SERIES, few_ticks, legend_above, new_figure
 from fitball.result import Frames
-from fitball.text import listed
 from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, headed
 from fitball.thesis.posteriors import slope_of
 from fitball.thesis.printed import C1, C2
 from fitball.thesis.ranking import OWN, SAMPLES
-from fitball.values import DataFrame, Figure
 
 # Share of bootstrap samples from which on a place is sure, its complement rules it out; relative
 # difference of scores that counts as none; the region of a posterior outside of which a point is

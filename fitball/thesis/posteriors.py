@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 from scipy.stats import gaussian_kde
 
+from fitball.base.environment import threads
+from fitball.base.progress import Progress
+from fitball.base.values import Ball, DataFrame, FloatArray, Impacts
 from fitball.data.kinematics import balances
 from fitball.data.read import load_data
-from fitball.environment import threads
 from fitball.inference.effort import Effort
-from fitball.inference.first_order import first_order
-from fitball.inference.fit import draws_of
+from fitball.inference.fitted import draws_of
+from fitball.inference.judgement.first_order import first_order
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.sampling.sample import sample
@@ -20,11 +22,9 @@ from fitball.inference.search.best_fit import best_fit
 from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.types import Rebound, Status
-from fitball.progress import Progress
 from fitball.thesis.appendices import SCALES, damping
 from fitball.thesis.printed import C1, C2, INCH, STIFFNESS, TORSION, computed
 from fitball.thesis.ranking import OWN, tied_split
-from fitball.values import Ball, DataFrame, FloatArray, Impacts
 
 TABLE = "wang_all"
 MODELS = ("two-mass", "thesis-exact", "thesis")

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fitball.base.errors import ParameterError, suggestion
+from fitball.base.values import DataFrame, FloatArray
 from fitball.data.bundled import printed
-from fitball.errors import ParameterError, suggestion
 from fitball.inference.effort import Effort
 from fitball.models.kernels.contact import CORE_RADIUS_RATIO
 from fitball.models.specs import SPECS
 from fitball.thesis import appendices
 from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, Outputs
 from fitball.thesis.printed import DAMPING, SET_OF_CASE, appendix_c, set_values
-from fitball.values import DataFrame, FloatArray
 
 # Samples of the bootstrap; the name of a reader's own set.
 SAMPLES = 10_000

@@ -7,7 +7,7 @@ from math import sqrt
 
 import numpy as np
 
-from fitball.itf import GRAVITY
+from fitball.base.itf import GRAVITY
 from fitball.tracks.flight import C1, C2, DRAG, Impact
 from fitball.tracks.types import Filming, Track
 

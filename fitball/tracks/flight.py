@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from fitball.itf import GRAVITY
+from fitball.base.itf import GRAVITY
+from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.tracks.types import NINE, Filming, SpinPair, Track, unwrapped
-from fitball.values import BoolArray, FloatArray, IntArray
 
 X1, VX1, VY1, C1, T1, X2, VX2, VY2, C2, T2, DRAG = range(11)
 # Those of the `NINE` that only marks show.

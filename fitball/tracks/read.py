@@ -21,18 +21,18 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace as changed
 
+from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
+from fitball.base.numbers import Unit, counted
+from fitball.base.text import listed, one_line
+from fitball.base.units import factor_of, symbol_of
+from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.data.bundled import place_of
 from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
 from fitball.data.header import Naming, bare
 from fitball.data.labels import role_of
 from fitball.data.read import Source
 from fitball.data.scene import CameraSection, Quantity, Scene, load_scene
-from fitball.errors import Fault, InputError, Note, ParameterError, suggestion
-from fitball.numbers import Unit, counted
-from fitball.text import listed, one_line
 from fitball.tracks.types import Track
-from fitball.units import factor_of, symbol_of
-from fitball.values import BoolArray, FloatArray, IntArray
 
 # Columns of the long table with their units, and what else people and programs call them.
 NAMES: Mapping[str, tuple[str, str]] = {

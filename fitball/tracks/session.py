@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace as changed
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import Fault, InputError, Note
+from fitball.base.itf import GRAVITY
+from fitball.base.numbers import Unit, counted, percent
+from fitball.base.progress import Progress
+from fitball.base.text import listed, one_line
+from fitball.base.values import FloatArray
 from fitball.data.misreading import doubts
 from fitball.data.read import Source
 from fitball.data.scene import CameraSection, Quantity, Scene
-from fitball.errors import Fault, InputError, Note
-from fitball.itf import GRAVITY
-from fitball.numbers import Unit, counted, percent
-from fitball.progress import Progress
-from fitball.text import listed, one_line
 from fitball.tracks.film import Film, film_of
 from fitball.tracks.find import FACTOR, gravity, impacts_of, of_gravity, wrong_gravity
 from fitball.tracks.flight import DRAG, T1, T2, VY1, VY2, Impact, fit, nine, start
 from fitball.tracks.read import read_tracks
 from fitball.tracks.spins import pairs_of, weights
 from fitball.tracks.types import Filming, Track
-from fitball.values import FloatArray
 
 # Noise before it is known: of an angle [rad]; shares of outliers, the frames that these count as,
 # and their range.

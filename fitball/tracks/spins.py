@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitball.base.values import Ball, FloatArray
 from fitball.tracks.flight import T1, T2, VX1, VX2, VY1, VY2, Impact
 from fitball.tracks.types import Filming, SpinPair, unwrapped
-from fitball.values import Ball, FloatArray
 
 # Probability among pairs from which one is kept; before any data that angles say nothing, and that
 # they are on lines, but not of the ball's spin as read: of something else, or the other way.

@@ -7,19 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import ParameterError
+from fitball.base.priors import parse_prior
+from fitball.base.values import BoolArray, FloatArray, Impacts, IntArray
 from fitball.data.scene import Quantity as Stated
-from fitball.errors import ParameterError
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
 from fitball.inference.effort import AT_ONCE, LONG
-from fitball.inference.fit import Fit
+from fitball.inference.fitted import Fit
 from fitball.inference.forward import Values
 from fitball.inference.predictive import Asked
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
-from fitball.priors import parse_prior
 from fitball.uses.planned import Sensor
-from fitball.values import BoolArray, FloatArray, Impacts, IntArray
 
 # Steps of differences in sds; the share of the widest direction of the posterior below which one is
 # known.

@@ -8,17 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitball import itf
-from fitball.columns import COLUMNS, REBOUND
+from fitball.base import itf
+from fitball.base.columns import COLUMNS, REBOUND
+from fitball.base.errors import ParameterError, suggestion
+from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.values import FloatArray, Impacts, IntArray
+from fitball.data.in_words import Span, impacts_of, spans
 from fitball.data.labels import spelled
-from fitball.data.lines import Span, impacts_of, spans
-from fitball.errors import ParameterError, suggestion
 from fitball.inference.derived import Quantity
-from fitball.inference.fit import Fit
+from fitball.inference.fitted import Fit
 from fitball.inference.forward import NEW_LEVEL, Values
 from fitball.models.model import Model
-from fitball.priors import ParameterSpec, parse_prior
-from fitball.values import FloatArray, Impacts, IntArray
 
 # Steps of a range of which none are given, and settings at most: beyond them a plan takes minutes.
 STEPS: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}

@@ -22,19 +22,19 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 import fitball
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.errors import FitballError, FitError, ParameterError
+from fitball.base.priors import parse_prior
+from fitball.base.values import FloatArray
 from fitball.data.scene import CameraSection, Scene
-from fitball.errors import FitballError, FitError, ParameterError
 from fitball.inference.density import log_posterior
 from fitball.inference.effort import Effort
-from fitball.inference.first_order import first_order
+from fitball.inference.judgement.first_order import first_order
 from fitball.inference.problem.build import pose
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.importance import RELIABLE, importance
 from fitball.inference.search.best_fit import best_fit
 from fitball.models.types import Status
-from fitball.priors import parse_prior
-from fitball.values import FloatArray
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 films: Any = import_module("support.films")

@@ -14,19 +14,19 @@ import numpy as np
 from scipy.stats import binom
 
 import fitball
+from fitball.base.errors import FitballError
+from fitball.base.priors import ParameterSpec, Prior, parse_prior
+from fitball.base.scheduling import as_completed
+from fitball.base.values import FloatArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.errors import FitballError
 from fitball.inference.density import log_posterior
-from fitball.inference.first_order import first_order
+from fitball.inference.judgement.first_order import first_order
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.sampling.importance import importance
 from fitball.inference.search.best_fit import best_fit
-from fitball.priors import ParameterSpec, Prior, parse_prior
-from fitball.scheduling import as_completed
 from fitball.uses.hierarchy import Group, drawn_group, hierarchy
-from fitball.values import FloatArray
 
 TABLES = 8
 ROWS = 8

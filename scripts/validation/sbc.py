@@ -22,18 +22,18 @@ import pandas as pd
 from scipy.stats import chisquare
 from study import Record, replicates
 
+from fitball.base.values import FloatArray, Impacts
 from fitball.data.read import load_data, load_table
 from fitball.data.scene import Scene
 from fitball.inference.density import cells, log_posterior, scene_density
 from fitball.inference.effort import Effort
-from fitball.inference.first_order import first_order
+from fitball.inference.judgement.first_order import first_order
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem
-from fitball.inference.results import PointFit
 from fitball.inference.sampling.sample import sample
+from fitball.inference.schema import PointFit
 from fitball.inference.search.best_fit import best_fit
 from fitball.models.types import Status
-from fitball.values import FloatArray, Impacts
 
 # Draws of a posterior that are ranked: 20 bins of ranks 0 to 99.
 RANKED = 99

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from scipy.stats import beta
 
-from fitball.errors import FitballError
-from fitball.scheduling import as_completed
+from fitball.base.errors import FitballError
+from fitball.base.scheduling import as_completed
 
 Record = dict[str, Any]
 

@@ -20,17 +20,17 @@ import pandas as pd
 from study import Rate, Record, replicates
 
 import fitball
+from fitball.base.values import FloatArray
 from fitball.data.read import load_table
 from fitball.data.scene import Quantity, Scene
-from fitball.inference.adequacy import adequacy
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
-from fitball.inference.first_order import first_order
+from fitball.inference.judgement.adequacy import adequacy
+from fitball.inference.judgement.first_order import first_order
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.levels import ALL
 from fitball.inference.problem.problem import Choices
 from fitball.inference.search.best_fit import best_fit
-from fitball.values import FloatArray
 
 MASS = 0.0576
 RADIUS = 0.03302

@@ -7,13 +7,13 @@ import re
 import numpy as np
 from scipy import stats
 
-from fitball.columns import COLUMNS
+from fitball.base.columns import COLUMNS
+from fitball.base.values import Impacts
 from fitball.data.scene import BallSection, CameraSection, Quantity, Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.models.registry import model
-from fitball.values import Impacts
 
 TRUTH = {
     "mass_ratio": 0.88,

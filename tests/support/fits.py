@@ -9,7 +9,7 @@ import fitball
 from fitball.data.scene import Scene
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
-from fitball.inference.results import PointFit
+from fitball.inference.schema import PointFit
 from fitball.inference.search.objective import Objective, descend
 
 NOISE = {"v_x_sd": 0.2, "v_y_sd": 0.15, "spin_sd": 6.0}

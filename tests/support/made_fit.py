@@ -11,18 +11,18 @@ import pandas as pd
 from msgspec.structs import asdict
 
 import fitball
+from fitball.base.priors import ParameterSpec
 from fitball.data.read import load_data
 from fitball.data.scene import Scene
-from fitball.inference import frames, results
+from fitball.inference import frames, schema
 from fitball.inference.curves import curves
 from fitball.inference.derived import Quantity
 from fitball.inference.effort import Effort
-from fitball.inference.fit import Fit, Run
+from fitball.inference.fitted import Fit, Run
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.summary import summarise
-from fitball.priors import ParameterSpec
 
 SHAPE = (2, 25, 8)
 PACE = ParameterSpec("court_pace", "", 0.0, 100.0, "", "ITF court pace rating, at 30 m/s", "")
@@ -145,8 +145,8 @@ def made_fit(
         (*problem.table.notices, *problem.notes),
         estimates,
         derived,
-        results.PointFit((point,), (-50.0,), -45.0, dict.fromkeys(columns, 0.3)),
-        results.LeastSquares(
+        schema.PointFit((point,), (-50.0,), -45.0, dict.fromkeys(columns, 0.3)),
+        schema.LeastSquares(
             point,
             {name: k * 0.1 or None for k, name in enumerate(free)},
             {free[0]: "at a bound"},
@@ -155,12 +155,12 @@ def made_fit(
             1.0,
             2.0,
         ),
-        results.Posterior(free, chains.reshape(*SHAPE, -1), np.zeros(SHAPE)) if sampled else None,
-        results.Diagnostics(100, 25, (0.4,), ess, ess, dict.fromkeys(free, 1.004), None, True, ())
+        schema.Posterior(free, chains.reshape(*SHAPE, -1), np.zeros(SHAPE)) if sampled else None,
+        schema.Diagnostics(100, 25, (0.4,), ess, ess, dict.fromkeys(free, 1.004), None, True, ())
         if sampled
         else None,
         {
-            one.name: results.Profile(
+            one.name: schema.Profile(
                 one.point + wide[one.name] * across,
                 0.5 * across**2,
                 (None, None),
@@ -171,11 +171,11 @@ def made_fit(
             )
             for one in main
         },
-        results.Adequacy(
+        schema.Adequacy(
             answer,
             "Words of the answer.",
             tuple(
-                results.ResidualTest(
+                schema.ResidualTest(
                     "trend",
                     one,
                     f"{one}: trend",
@@ -185,13 +185,13 @@ def made_fit(
                 )
                 for k, one in enumerate(columns)
             ),
-            tuple(results.NoiseCheck(one, 0.5, 0.25, False, False) for one in columns),
+            tuple(schema.NoiseCheck(one, 0.5, 0.25, False, False) for one in columns),
             {},
             {columns[0]: 0.49},
         ),
         (
-            results.Alternative("offset=grip", "offset=contact", "toy", {}, moved, 0.4, 0.2, True),
-            results.Alternative(
+            schema.Alternative("offset=grip", "offset=contact", "toy", {}, moved, 0.4, 0.2, True),
+            schema.Alternative(
                 "noise=student-t",
                 "noise=normal",
                 "toy",
@@ -201,7 +201,7 @@ def made_fit(
                 1.0,
                 False,
             ),
-            results.Alternative(
+            schema.Alternative(
                 "spin=shell",
                 "spin=mean",
                 "toy",
@@ -213,7 +213,7 @@ def made_fit(
                 "no answer",
             ),
         ),
-        (results.Constant("ball_radius", 0.0327, 0.0343, {one.name: 0.5 for one in main}),),
+        (schema.Constant("ball_radius", 0.0327, 0.0343, {one.name: 0.5 for one in main}),),
         {},
     )
     best = {name: np.array([one]) for name, one in point.items()}
@@ -236,9 +236,9 @@ def _estimate(spec, known, kind, prior, verdict, rests=()):
         "rule": "toy",
         "given": rests,
     }
-    return results.Estimate(**asdict(known), **about, reason=f"reason of {spec.name}")
+    return schema.Estimate(**asdict(known), **about, reason=f"reason of {spec.name}")
 
 
 def _shifted(one, sds):
     ends = (one.point, one.median, 0.0, one.q025, one.q16, one.q84, one.q975)
-    return results.Summary(*(end + sds * one.half for end in ends))
+    return schema.Summary(*(end + sds * one.half for end in ends))

@@ -12,7 +12,7 @@ import pytest
 
 import fitball
 from fitball.exports.parameter_set import ParameterSet
-from fitball.exports.port import FILES, port
+from fitball.exports.ports import FILES, port
 
 OUTPUTS = (
     "v_x2",

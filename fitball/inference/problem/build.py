@@ -9,12 +9,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from fitball.columns import COLUMNS, REBOUND
+from fitball.base.columns import COLUMNS, REBOUND
+from fitball.base.errors import FitError, Note, ParameterError, suggestion
+from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.text import listed
 from fitball.data.bundled import PUBLISHED, published_prior
 from fitball.data.read import load_data
 from fitball.data.scene import Quantity, Scene
 from fitball.data.table import ImpactTable
-from fitball.errors import FitError, Note, ParameterError, suggestion
 from fitball.inference.forward import ForwardModel, Levels, at_label
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.camera import CAMERA_SPECS, camera_of
@@ -33,8 +35,6 @@ from fitball.models.model import Model
 from fitball.models.registry import candidates, known_model
 from fitball.models.registry import model as model_of
 from fitball.models.specs import BALL_PARAMETERS, SPECS
-from fitball.priors import ParameterSpec, parse_prior
-from fitball.text import listed
 
 # Sizes of noises that are expected where the scene expects none: Wang's tables. An angle has that
 # of a velocity across the flight. Degrees of freedom of the half-t prior of a scatter beyond stated

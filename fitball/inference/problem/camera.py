@@ -16,15 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitball.base.errors import Note
+from fitball.base.numbers import Unit
+from fitball.base.priors import ParameterSpec
+from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.labels import role_of
 from fitball.data.scene import CameraSection
 from fitball.data.table import ImpactTable
-from fitball.errors import Note
 from fitball.inference.forward import ForwardModel, Values, at_label
 from fitball.models.types import Rebound, Status
-from fitball.numbers import Unit
-from fitball.priors import ParameterSpec
-from fitball.values import FloatArray, Impacts, IntArray
 
 _ALL = (
     ParameterSpec(

@@ -9,10 +9,12 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from fitball.columns import COLUMNS, Column
+from fitball.base.columns import COLUMNS, Column
+from fitball.base.errors import Note
+from fitball.base.priors import parse_prior
+from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.errors import Note
 from fitball.inference.derived import Quantity, quantities
 from fitball.inference.forward import CalibratedRange, ForwardModel, Values
 from fitball.inference.noise import KINDS
@@ -22,8 +24,6 @@ from fitball.inference.problem.levels import ALL
 from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.models.types import Rebound
-from fitball.priors import parse_prior
-from fitball.values import FloatArray, Impacts, IntArray
 
 # Parameters that belong to no model.
 COMMON = frozenset(

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitball.columns import INCIDENT
+from fitball.base.columns import INCIDENT
+from fitball.base.errors import FitError, Note
+from fitball.base.text import listed
+from fitball.base.values import FloatArray, IntArray
 from fitball.data.table import ImpactTable
-from fitball.errors import FitError, Note
-from fitball.text import listed
-from fitball.values import FloatArray, IntArray
 
 # Share of the largest eigenvalue of a correlation below which rounding cannot be told from none.
 NOTHING = 1e-10

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitball.values import FloatArray
+from fitball.base.values import FloatArray
 
 # Quantiles whose effective size is that of the tails.
 TAILS = (0.05, 0.95)

@@ -13,8 +13,8 @@ from math import lgamma, log, pi
 
 import numpy as np
 
+from fitball.base.values import FloatArray
 from fitball.inference.sampling.convergence import arviz
-from fitball.values import FloatArray
 
 # Draws of a round; rounds at most, and how many times as many draws as are asked for they may make.
 ROUND = 500

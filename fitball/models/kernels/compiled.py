@@ -17,7 +17,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 
-from fitball.environment import cache_folder, first_time
+from fitball.base.environment import cache_folder, first_time
 
 # A division by zero gives an infinity or NaN, which ends as a status; products and sums may be
 # contracted.

@@ -13,10 +13,10 @@ integers (`CHOICES`).
 import math
 from typing import NamedTuple, TypeAlias
 
+from fitball.base.values import FloatArray
 from fitball.models.kernels.compiled import inlined, kernel
 from fitball.models.kernels.motion import Spring, spring_of, swing_at
 from fitball.models.types import Status
-from fitball.values import FloatArray
 
 Flags: TypeAlias = tuple[int, int, int, int, int, int]
 

@@ -54,7 +54,7 @@ from fitball.models.kernels.motion import (
 )
 from fitball.models.kernels.motion import swing_at, swings_anew, swung
 from fitball.models.types import Phase
-from fitball.values import FloatArray
+from fitball.base.values import FloatArray
 
 # isort: on
 

@@ -4,9 +4,9 @@ regime_map.
 
 from collections.abc import Callable, Mapping
 
-from fitball.inference.fit import Fit
+from fitball.base.values import Figure
+from fitball.inference.fitted import Fit
 from fitball.report.figures import parameters, predictions
-from fitball.values import Figure
 
 # What draws each, in the order of the page.
 FIGURES: Mapping[str, Callable[[Fit], Figure]] = {

@@ -7,7 +7,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.lines import Line2D
 
-from fitball.numbers import fixed
+from fitball.base.numbers import fixed
+from fitball.base.text import listed
+from fitball.base.values import DataFrame, Figure, FloatArray
 from fitball.report.style import (
     FAINT,
     MARKERS,
@@ -19,8 +21,6 @@ from fitball.report.style import (
     new_figure,
 )
 from fitball.result import Frames
-from fitball.text import listed
-from fitball.values import DataFrame, Figure, FloatArray
 
 # White paper to the colour of what the model says, and darker still.
 _SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL, "#00304d"])

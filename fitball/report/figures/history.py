@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from fitball.base.values import DataFrame, Figure
 from fitball.report.quantities import records
 from fitball.report.style import GUIDE, INK, MODEL, PRIOR, few_ticks, legend_above, new_figure
 from fitball.result import Frames
-from fitball.values import DataFrame, Figure
 
 # Pale, so that lines stand out: phases of the contact point.
 _SHADES = {

@@ -11,10 +11,11 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from fitball.columns import COLUMNS
-from fitball.inference.fit import Fit
+from fitball.base.columns import COLUMNS
+from fitball.base.numbers import Unit, percent
+from fitball.base.values import DataFrame, Figure, FloatArray, Impacts, IntArray
+from fitball.inference.fitted import Fit
 from fitball.models.types import Status, regime_name
-from fitball.numbers import Unit, percent
 from fitball.report.figures.shared import (
     DOTS,
     binned,
@@ -36,7 +37,6 @@ from fitball.report.style import (
     legend_above,
     new_figure,
 )
-from fitball.values import DataFrame, Figure, FloatArray, Impacts, IntArray
 
 _DEGREES = Unit("deg", 180.0 / np.pi)
 

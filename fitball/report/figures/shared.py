@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.lines import Line2D
 
+from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray
 from fitball.report.quantities import plain, records
 from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
-from fitball.values import BoolArray, DataFrame, Figure, FloatArray
 
 # Impacts of a panel that are drawn one by one; of more, the medians of so many bins of equal
 # numbers.

@@ -1,0 +1,1 @@
+"""Room: what every other room stands on: numbers, units, text, files, errors, priors, columns."""

@@ -1,0 +1,258 @@
+"""The columns of a table, incident and rebound, in one registry: a new column is one row.
+
+Sources of noises: v 0.25 m/s, 1.4 deg, 10 rad/s as in Wang's tables; of the contact time a frame at
+5,000/s; of the gaps what flights of 1 mm and 2 deg a frame leave, ten frames long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Literal
+
+import numpy as np
+
+from fitball.base.numbers import Unit
+from fitball.base.priors import ParameterSpec
+from fitball.base.values import FloatArray
+
+# The incident state, and all columns by end, in the order in which tables have them.
+STATE = ("v_x1", "v_y1", "omega_1")
+INCIDENT = (*STATE, "v_1", "theta_1")
+REBOUND = (
+    "v_x2",
+    "v_y2",
+    "v_2",
+    "theta_2",
+    "omega_2",
+    "contact_time",
+    "gap_time",
+    "gap_path",
+    "gap_turn",
+)
+# What laboratories write instead of v_y1 and v_y2 of a drop test; a table has the speeds.
+HEIGHTS = ("drop_height", "rebound_height")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers: SI `unit`, angles in radians; numbers outside `limits` are faults;
+    `opposite` is the other convention. `tangential` ones need motion along the court, `timed` ones
+    a time axis, `gap` ones lie between the flights. `noise` is the scatter of a rebound column;
+    `formula` gives it from (v_x2, v_y2), None: a model's output.
+    """
+
+    name: str
+    unit: str
+    title: str
+    symbol: str
+    limits: tuple[float, float]
+    handy: Unit | None = None
+    opposite: Literal["", "negated", "from the normal"] = ""
+    tangential: bool = False
+    timed: bool = False
+    gap: bool = False
+    noise: ParameterSpec | None = None
+    formula: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+
+    @property
+    def shown(self) -> Unit:
+        """The unit that people read."""
+        return self.handy or Unit(self.unit)
+
+
+# Limits: ten times the fastest serve and the fastest spins of any ball game, and more. A ball that
+# does not come has no bounce. Contacts last from a fifth of a millisecond (hard spheres of some
+# centimetres) to some tens.
+_ALONG = (-1000.0, 1000.0)
+_FAST = (0.0, 1000.0)
+_COMING = (1e-3, 1000.0)
+_SPIN = (-1e5, 1e5)
+_TIME = (1e-4, 0.1)
+_HEIGHT = (1e-3, 50.0)
+# Between its flights a ball moves and turns less than in a tenth of a second at the largest speeds.
+_PATH = (-10.0, 10.0)
+_TURN = (-1e3, 1e3)
+# A grazing impact of less than 0.006 degrees is none.
+_FALLING = (1e-4, pi - 1e-4)
+_RISING = (0.0, pi)
+_DEGREES = Unit("deg", 180.0 / pi)
+_MILLISECONDS = Unit("ms", 1e3)
+_MILLIMETRES = Unit("mm", 1e3)
+
+
+def _noise(
+    name: str,
+    unit: str,
+    ends: tuple[float, float],
+    typical: str,
+    column: str,
+    symbol: str,
+    handy: Unit | None = None,
+) -> ParameterSpec:
+    """Scatter of a column, one sd common to all rows: within a factor 4 of what is typical (95
+    %).
+    """
+    prior = f"lognormal({typical}, 0.7)"
+    meaning = f"noise of {column}"
+    return ParameterSpec(name, unit, *ends, prior, meaning, symbol, handy=handy)
+
+
+_SPEED_SD = (1e-4, 10.0)
+_TIME_SD = (1e-6, 1e-2)
+_ALL = (
+    Column("v_x1", "m/s", "horizontal incident velocity", r"$v_{x1}$", _ALONG, opposite="negated"),
+    Column("v_y1", "m/s", "vertical incident velocity", r"$v_{y1}$", _COMING, opposite="negated"),
+    Column("omega_1", "rad/s", "incident spin", r"$\omega_1$", _SPIN, opposite="negated"),
+    Column("v_1", "m/s", "incident speed", r"$v_1$", _COMING),
+    Column(
+        "theta_1",
+        "rad",
+        "incident angle",
+        r"$\theta_1$",
+        _FALLING,
+        _DEGREES,
+        "from the normal",
+    ),
+    Column(
+        "v_x2",
+        "m/s",
+        "horizontal rebound velocity",
+        r"$v_{x2}$",
+        _ALONG,
+        opposite="negated",
+        tangential=True,
+        noise=_noise("v_x_sd", "m/s", _SPEED_SD, "0.25", "v_x2", r"$\sigma_{v_x}$"),
+    ),
+    Column(
+        "v_y2",
+        "m/s",
+        "vertical rebound velocity",
+        r"$v_{y2}$",
+        _FAST,
+        opposite="negated",
+        noise=_noise("v_y_sd", "m/s", _SPEED_SD, "0.25", "v_y2", r"$\sigma_{v_y}$"),
+    ),
+    Column(
+        "v_2",
+        "m/s",
+        "rebound speed",
+        r"$v_2$",
+        _FAST,
+        formula=np.hypot,
+        noise=_noise("speed_sd", "m/s", _SPEED_SD, "0.25", "v_2", r"$\sigma_{|v|}$"),
+    ),
+    Column(
+        "theta_2",
+        "rad",
+        "rebound angle",
+        r"$\theta_2$",
+        _RISING,
+        _DEGREES,
+        "from the normal",
+        tangential=True,
+        formula=lambda v_x2, v_y2: np.arctan2(v_y2, v_x2),
+        noise=_noise(
+            "angle_sd",
+            "rad",
+            (1e-5, 1.6),
+            "0.025",
+            "theta_2",
+            r"$\sigma_\theta$",
+            _DEGREES,
+        ),
+    ),
+    Column(
+        "omega_2",
+        "rad/s",
+        "rebound spin",
+        r"$\omega_2$",
+        _SPIN,
+        opposite="negated",
+        tangential=True,
+        noise=_noise("spin_sd", "rad/s", (1e-2, 1e3), "10", "omega_2", r"$\sigma_\omega$"),
+    ),
+    Column(
+        "contact_time",
+        "s",
+        "contact time",
+        r"$t_c$",
+        _TIME,
+        _MILLISECONDS,
+        timed=True,
+        noise=_noise(
+            "contact_time_sd",
+            "s",
+            _TIME_SD,
+            "2e-4",
+            "contact_time",
+            r"$\sigma_t$",
+            _MILLISECONDS,
+        ),
+    ),
+    Column(
+        "gap_time",
+        "s",
+        "time between the flights",
+        r"$T$",
+        _TIME,
+        _MILLISECONDS,
+        timed=True,
+        gap=True,
+        noise=_noise(
+            "gap_time_sd",
+            "s",
+            _TIME_SD,
+            "1e-4",
+            "gap_time",
+            r"$\sigma_T$",
+            _MILLISECONDS,
+        ),
+    ),
+    Column(
+        "gap_path",
+        "m",
+        "path between the flights",
+        r"$P$",
+        _PATH,
+        _MILLIMETRES,
+        "negated",
+        True,
+        True,
+        True,
+        noise=_noise(
+            "gap_path_sd",
+            "m",
+            (1e-6, 0.2),
+            "1e-3",
+            "gap_path",
+            r"$\sigma_P$",
+            _MILLIMETRES,
+        ),
+    ),
+    Column(
+        "gap_turn",
+        "rad",
+        "turn between the flights",
+        r"$Q$",
+        _TURN,
+        _DEGREES,
+        "negated",
+        True,
+        True,
+        True,
+        noise=_noise(
+            "gap_turn_sd",
+            "rad",
+            (1e-5, 6.0),
+            "0.04",
+            "gap_turn",
+            r"$\sigma_Q$",
+            _DEGREES,
+        ),
+    ),
+    Column("drop_height", "m", "drop height", r"$h_1$", _HEIGHT),
+    Column("rebound_height", "m", "rebound height", r"$h_2$", _HEIGHT),
+)
+COLUMNS: Mapping[str, Column] = {column.name: column for column in _ALL}

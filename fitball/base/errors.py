@@ -1,0 +1,161 @@
+"""Errors that a user can correct, and notes that a user should read.
+
+One class for each kind of remedy; each error, fault and note has a stable `code`. Tests and
+programs look at codes and places, never at sentences.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from fitball.base.text import listed, one_line, visible
+
+# Rows of a kind of fault that are named one by one, and lines of a message.
+_ROWS = 6
+_LINES = 40
+# How alike a known name is that is probably meant: one slip in a name of three letters.
+_ALIKE = 0.7
+
+
+class FitballError(Exception):
+    """Printed without traceback, exit code 2. It says what was read, where, what was expected, and
+    what to do.
+    """
+
+    def __init__(self, message: str, code: str) -> None:
+        # It may quote a file or an option.
+        super().__init__(visible(message))
+        self.code = code
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # It may come from another process.
+        return type(self), (str(self), self.code)
+
+
+class ParameterError(FitballError):
+    """A value, prior, unit, label, option or name that is unknown, out of bounds or impossible."""
+
+
+class ModelError(FitballError):
+    """A model or option that does not exist or cannot do this; a function of one's own that cannot
+    be used.
+    """
+
+
+class FitError(FitballError):
+    """A fit that is impossible with this input."""
+
+
+class FolderError(FitballError):
+    """A file or result folder that cannot be written, locked or read, is of another version, or was
+    changed.
+    """
+
+
+class MachineError(FitballError):
+    """Too little memory, or a setting of the environment with which fitball cannot run."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of an input file; `row` counts rows of data, `line` lines of the file, both from
+    1.
+    """
+
+    code: str
+    message: str
+    row: int | None = None
+    line: int | None = None
+    column: str | None = None
+
+
+class InputError(FitballError):
+    """A table, scene or film that cannot be used: all faults, and readings that explain the data
+    better (`hints`).
+    """
+
+    def __init__(self, source: str, faults: Iterable[Fault], hints: Sequence[str] = ()) -> None:
+        self.source = one_line(source)
+        self.faults = tuple(faults)
+        self.hints = tuple(hints)
+        lines = _folded(self.faults)
+        if len(self.faults) == 1:
+            message = f"{self.source}: {lines[0]}"
+        else:
+            message = "\n  - ".join([f"{self.source}: {len(self.faults):,} faults", *lines])
+        if self.hints:
+            head = "\nOther readings fit the data much better:"
+            message += "\n  - ".join([head, *(one_line(hint, 400) for hint in self.hints)])
+        super().__init__(message, self.faults[0].code)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.source, self.faults, self.hints)
+
+
+def _folded(faults: Sequence[Fault]) -> list[str]:
+    """One line for each kind of fault of the rows of a column, and one for each other fault."""
+    kinds: dict[object, list[Fault]] = {}
+    for k, fault in enumerate(faults):
+        kinds.setdefault(k if fault.row is None else (fault.column, fault.code), []).append(fault)
+    lines = [_line(members) for members in kinds.values()]
+    more = len(lines) - _LINES
+    return (
+        lines
+        if more <= 0
+        else [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
+    )
+
+
+def _line(members: Sequence[Fault]) -> str:
+    """Where, and the message of the first."""
+    first = members[0]
+    row = "" if first.row is None else f"row {first.row}"
+    line = "" if first.line is None else f"line {first.line}"
+    where = f"{row} ({line})" if row and line else row + line
+    if len(members) > 1:
+        rows = listed((str(member.row) for member in members), most=_ROWS)
+        where = f"rows {rows} (first: {line or row})"
+    column = (
+        ""
+        if first.column is None
+        else f"{'key' if first.code == 'scene' else 'column'} '{first.column}'"
+    )
+    return one_line(
+        ": ".join(filter(None, [", ".join(filter(None, [where, column])), first.message])),
+        400,
+    )
+
+
+@dataclass(frozen=True)
+class Note:
+    """A sentence on what was assumed, left out or doubted; it stopped nothing."""
+
+    code: str
+    text: str
+
+
+@contextmanager
+def enough_memory() -> Iterator[None]:
+    """Raise MachineError (`memory`) where the code inside runs out of memory."""
+    try:
+        yield
+    except MemoryError as error:
+        remedy = (
+            "fit fewer rows or models at once, use fewer cores, or fit without the posterior "
+            "(--point-only)"
+        )
+        text = f"not enough memory on this machine ({str(error) or 'nothing is left'}): {remedy}"
+        raise MachineError(text, "memory") from None
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """`did you mean 'mu'?`, or the list of what is known."""
+    choices = list(dict.fromkeys(known))
+    bare = {choice.lstrip("-"): choice for choice in choices}
+    near = get_close_matches(name.lstrip("-"), bare, n=1, cutoff=_ALIKE)
+    near = [bare[one] for one in near] or [
+        choice for choice in choices if name and choice.startswith(name)
+    ]
+    return f"did you mean '{near[0]}'?" if near else f"known: {one_line(', '.join(choices), 400)}"

@@ -1,0 +1,85 @@
+"""Formulas and limits of the ITF (CS 01/02, TB 04/01, Rules of Tennis) and of free fall, pure.
+
+Scenes, derived quantities, constants of the ball, `uses.lab` and pages meet here. Sources:
+International Tennis Federation, *ITF Approved Tennis Balls, Classified Surfaces & Recognised
+Courts: a guide to products and test methods* (TB 04/01 drop test, CS 01/02 court pace), and *Rules
+    of Tennis*, Appendices I and VI.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitball.base.values import Ball, FloatArray, Impacts
+
+# Standard gravity [m/s^2]; drop height of TB 04/01, 100 inches [m].
+GRAVITY = 9.80665
+DROP_HEIGHT = 2.54
+# Lowest and highest rebound from 254 cm on smooth granite [m] by type of ball (2019 and later;
+# until then type 1 had the limits of type 2), and constants of a ball of types 1 and 2 [SI] that
+# the rules allow (Appendix I: 56.0 to 59.4 g, diameter 6.54 to 6.86 cm).
+BALL_TYPES: Mapping[str, tuple[float, float]] = {
+    "type-1": (1.38, 1.51),
+    "type-2": (1.35, 1.47),
+    "type-3": (1.35, 1.47),
+    "high-altitude": (1.22, 1.35),
+    "stage-1": (1.20, 1.35),
+    "stage-2": (1.05, 1.20),
+    "stage-3": (0.90, 1.05),
+    "stage-3-foam": (0.85, 1.05),
+}
+TOLERANCES: Mapping[str, tuple[float, float]] = {
+    "ball_mass": (0.0560, 0.0594),
+    "ball_radius": (0.0327, 0.0343),
+}
+# What CS 01/02 allows about its test impact: 2 m/s, 2 degrees, 3 revolutions a second.
+PACE_TOLERANCES: Mapping[str, float] = {
+    "v_1": 2.0,
+    "theta_1": float(np.radians(2.0)),
+    "omega_1": 6.0 * np.pi,
+}
+# Whole ratings at which the categories begin (CS 01/02: up to 29, 30 to 34, 35 to 39, 40 to 44,
+# from 45 on).
+PACE_CATEGORIES = ("slow", "medium-slow", "medium", "medium-fast", "fast")
+_BEGINS = (30.0, 35.0, 40.0, 45.0)
+_MEAN_RESTITUTION = 0.81
+_PER_KELVIN = 0.003
+_TEST_TEMPERATURE = 23.0
+
+
+def is_tennis_ball(ball: Ball) -> bool:
+    """Whether mass and radius are within the rules, so that what is known of tennis balls holds."""
+    limits = zip((ball.mass, ball.radius), TOLERANCES.values(), strict=True)
+    return all(low <= one <= high for one, (low, high) in limits)
+
+
+def pace_impact() -> Impacts:
+    """The impact of the court pace test, (1,): 30 m/s, 16 degrees, no spin."""
+    speed = np.array([30.0])
+    angle = np.radians(16.0)
+    return Impacts(speed * np.cos(angle), speed * np.sin(angle), np.zeros(1))
+
+
+def pace_rating(
+    friction: FloatArray,
+    restitution: FloatArray,
+    temperature: float | None,
+) -> FloatArray:
+    """`100 (1 - mu) + 150 (0.81 - e_T)`, `e_T = e + 0.003 (23 - T)`, T in degrees Celsius (None:
+    23); the apparent friction is `mu = (v_x1 - v_x2)/(v_y1 + v_y2)`.
+    """
+    colder = 0.0 if temperature is None else _TEST_TEMPERATURE - temperature
+    corrected = restitution + _PER_KELVIN * colder
+    return np.asarray(100.0 * (1.0 - friction) + 150.0 * (_MEAN_RESTITUTION - corrected))
+
+
+def pace_categories(rating: FloatArray) -> dict[str, float]:
+    """Share of ratings (draws,), rounded first, in slow, medium-slow, medium, medium-fast, fast."""
+    # Half a point counts up.
+    places = np.searchsorted(_BEGINS, np.floor(rating + 0.5), side="right")
+    return {name: float(np.mean(places == k)) for k, name in enumerate(PACE_CATEGORIES)}
+
+
+def fall_speed(height: float) -> float:
+    """Landing speed [m/s] from a height [m] without air, `sqrt(2 g h)`."""
+    return float(np.sqrt(2.0 * GRAVITY * height))

@@ -1,0 +1,123 @@
+"""The two values that all rooms share, a ball and states of incident balls, and names of types."""
+
+from __future__ import annotations
+
+import reprlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fitball.base.errors import ParameterError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Figure
+    from pandas import DataFrame as DataFrame
+else:
+    # Neither package is imported for a name in a signature.
+    Figure = DataFrame = Any
+
+# Far beyond any ball, and far from where products of masses and lengths overflow or vanish.
+_SMALLEST = 1e-30
+_LARGEST = 1e6
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball: `mass` [kg], outer `radius` [m], moment of inertia over M R^2. Raises ParameterError
+    (`ball`).
+
+    The defaults are Wang's balls: 0.127 lb and 1.3 in (Jafri 2004, Appendix B), and the inertia of
+    the bifilar test (Table 8), which agrees with the theory of thick shells.
+    """
+
+    mass: float = 0.0576
+    radius: float = 0.03302
+    inertia_ratio: float = 0.56
+
+    def __post_init__(self) -> None:
+        # No body has more inertia than a ring of its mass and radius.
+        for name, largest in (("mass", _LARGEST), ("radius", _LARGEST), ("inertia_ratio", 1.0)):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not _SMALLEST <= value <= largest:
+                wanted = (
+                    f"expected a number above 0 and at most {largest:g}, in SI "
+                    "(inertia_ratio is I/(M R^2))"
+                )
+                raise ParameterError(f"ball: read {name} = {reprlib.repr(value)}; {wanted}", "ball")
+
+
+@dataclass(frozen=True, eq=False)
+class Impacts:
+    """Incident states: `v_x1` [m/s] along the court, `v_y1` [m/s] towards it (positive), `omega_1`
+    [rad/s], topspin positive. All (impacts,), or (draws, impacts) where every draw of parameters
+    has states of its own.
+
+    Unchecked: a camera or an error may make `v_y1 <= 0`, which has no answer; `impacts()` refuses
+        it.
+    """
+
+    v_x1: FloatArray
+    v_y1: FloatArray
+    omega_1: FloatArray
+
+    def __len__(self) -> int:
+        return int(self.v_x1.shape[-1])
+
+    def polar(self) -> tuple[FloatArray, FloatArray]:
+        """Speed [m/s], and angle between velocity and court [rad], 0 to pi."""
+        return np.hypot(self.v_x1, self.v_y1), np.arctan2(self.v_y1, self.v_x1)
+
+    def moved(self, errors: FloatArray) -> Impacts:
+        """The impacts with errors (..., impacts, 3)."""
+        return Impacts(
+            self.v_x1 + errors[..., 0],
+            self.v_y1 + errors[..., 1],
+            self.omega_1 + errors[..., 2],
+        )
+
+    def take(self, rows: IntArray) -> Impacts:
+        """The impacts with these row numbers, of every draw."""
+        return Impacts(self.v_x1[..., rows], self.v_y1[..., rows], self.omega_1[..., rows])
+
+
+def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0) -> Impacts:
+    """Impacts (impacts,) from numbers or arrays in SI, broadcast. Raises ParameterError (`impacts`)
+    on NaN, unequal shapes, and `v_y1 <= 0`.
+    """
+    given = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": omega_1}
+    arrays = {name: _numbers(name, values) for name, values in given.items()}
+    shapes = {name: array.shape for name, array in arrays.items()}
+    lengths = {array.size for array in arrays.values()} - {1}
+    if len(lengths) > 1 or any(len(shape) > 1 for shape in shapes.values()):
+        raise ParameterError(
+            f"impacts: read shapes {shapes}; expected one number for each impact",
+            "impacts",
+        )
+    v_x, v_y, omega = (
+        np.array(array) for array in np.broadcast_arrays(*map(np.atleast_1d, arrays.values()))
+    )
+    return Impacts(v_x, v_y, omega)
+
+
+def _numbers(name: str, values: ArrayLike) -> FloatArray:
+    """Finite numbers, of `v_y1` positive ones; masked is missing."""
+    try:
+        array = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(
+            f"{name}: read {reprlib.repr(values)}; expected numbers",
+            "impacts",
+        ) from None
+    good = np.isfinite(array) & ((name != "v_y1") | (array > 0.0))
+    for place in np.flatnonzero(~good)[:1]:
+        wanted = "a positive speed towards the court" if name == "v_y1" else "a finite number"
+        raise ParameterError(
+            f"{name}: read {array.flat[place]} for impact {place + 1}; expected {wanted}",
+            "impacts",
+        )
+    return array

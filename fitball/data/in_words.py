@@ -1,0 +1,156 @@
+"""Impacts, ranges, sensors in words: `v_1=17, theta_1=10..40:7, omega_1=100±5 rpm`."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, prod
+from typing import NoReturn
+
+import numpy as np
+
+from fitball.base.columns import COLUMNS, STATE
+from fitball.base.errors import ParameterError, suggestion
+from fitball.base.text import listed, one_line
+from fitball.base.units import factor_of
+from fitball.base.values import FloatArray, Impacts
+from fitball.data.kinematics import propagate, state
+
+# A point before another belongs to a range: `10..40`. Blanks are single ones by then.
+_NUMBER = r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+_SPAN = re.compile(
+    rf"(?P<low>{_NUMBER}) ?(?:\.\. ?(?P<high>{_NUMBER}) ?)?(?:(?:±|\+/?-) ?(?P<sd>{_NUMBER}) ?)?"
+    r"(?P<unit>[^:]*?) ?(?:: ?(?P<count>[0-9]{1,9}))?",
+    re.ASCII,
+)
+# What each part looks like.
+_FORMS = {
+    "value": "17 m/s",
+    "sd": "17±0.5 m/s",
+    "range": "10..40 m/s",
+    "count": "10..40 m/s:7",
+    "error": "0.5 m/s",
+}
+# Columns that make an incident velocity; spin may be added. Points of a grid: some 100 MB.
+_STATES = ({"v_1", "theta_1"}, {"v_x1", "v_y1"}, {"v_y1"})
+_MOST_POINTS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Span:
+    """A number (`low` = `high`), or a range of `count` points, with an `sd`; SI."""
+
+    low: float
+    high: float
+    sd: float = 0.0
+    count: int = 1
+
+
+def spans(text: str, takes: str) -> dict[str, Span]:
+    """By column; `takes` says which of value, sd, range, count may stand there, or `error`, an sd
+    of the column. The only parser of --impact, --speed, --angle, --spin, --sensor and --at; units
+    as in tables. Raises ParameterError (`impact`).
+    """
+    found: dict[str, Span] = {}
+    for item in text.split(","):
+        name, _, written = (" ".join(part.split()) for part in item.partition("="))
+        si = COLUMNS[name].unit if name in COLUMNS and written else "m/s"
+        unit = "deg" if si == "rad" else si
+        forms = (
+            f"{name if written else 'v_1'}={_FORMS[part].replace('m/s', unit)}"
+            for part in takes.split()
+        )
+        form = listed(forms, last="or")
+        if not name or not written:
+            _fail(text, f"read '{one_line(item.strip())}'; expected {form}")
+        if name not in COLUMNS:
+            _fail(text, f"unknown column '{one_line(name)}'; {suggestion(name, COLUMNS)}")
+        if name in found:
+            _fail(text, f"{name} is given twice; give it once")
+        try:
+            found[name] = _span(name, written, takes, form)
+        except ParameterError as error:
+            _fail(text, f"{name}: {one_line(str(error), 400)}")
+    return found
+
+
+def _span(name: str, written: str, takes: str, form: str) -> Span:
+    """One value. Raises ParameterError."""
+    column = COLUMNS[name]
+    matched = _SPAN.fullmatch(written)
+    if matched is None:
+        raise ParameterError(f"read '{one_line(written)}'; expected {form}", "impact")
+    parts = {part: text for part, text in matched.groupdict().items() if text}
+    error = takes == "error"
+    used = {"range" if "high" in parts else "error" if error else "value"} | (
+        {"sd", "count"} & parts.keys()
+    )
+    if not used <= {*takes.split()} or {"value", "count"} <= used:
+        raise ParameterError(f"read '{one_line(written)}'; expected {form}", "impact")
+    factor = factor_of(parts.get("unit"), column.unit)
+    count = int(parts.get("count", "1"))
+    low = float(parts["low"]) * factor
+    high, sd = (float(parts[part]) * factor if part in parts else None for part in ("high", "sd"))
+    if error and not 0.0 < low < inf:
+        raise ParameterError(
+            f"read '{one_line(written)}'; expected a positive standard deviation",
+            "impact",
+        )
+    for end in () if error else (low, low if high is None else high):
+        if not column.limits[0] <= end <= column.limits[1]:
+            least, most = (f"{limit / factor:.6g}" for limit in column.limits)
+            unit = parts.get("unit", "deg" if column.unit == "rad" else column.unit)
+            raise ParameterError(
+                f"read '{one_line(written)}'; expected {least} to {most} {unit}",
+                "impact",
+            )
+    if (high is not None and high <= low) or ("count" in used and count < 2):
+        raise ParameterError(
+            f"read '{one_line(written)}'; expected a rising range of at least two points",
+            "impact",
+        )
+    if sd is not None and not 0.0 < sd < inf:
+        raise ParameterError(
+            f"read '{one_line(written)}'; expected a positive standard deviation",
+            "impact",
+        )
+    return Span(low, low if high is None else high, sd or 0.0, count)
+
+
+def impacts_of(found: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
+    """The grid (impacts,) that spans name, and the covariance (impacts, 3, 3) of its states, or
+    None. Raises ParameterError (`impact`).
+    """
+    names = {*found} - {"omega_1"}
+    text = ", ".join(found)
+    if names not in _STATES:
+        _fail(
+            text,
+            "expected v_1 and theta_1, or v_x1 and v_y1, or v_y1 alone, and omega_1 if the ball "
+            "spins",
+        )
+    order = ("v_1", "theta_1", "omega_1") if "v_1" in names else STATE
+    axes = [found.get(name, Span(0.0, 0.0)) for name in order]
+    if any(axis.low < axis.high and axis.count < 2 for axis in axes):
+        _fail(text, "a range has no number of points; expected LOW..HIGH UNIT:COUNT")
+    points = prod(axis.count for axis in axes)
+    if points > _MOST_POINTS:
+        _fail(text, f"{points:,} impacts; expected at most {_MOST_POINTS:,}")
+    grid = np.meshgrid(
+        *(np.linspace(axis.low, axis.high, axis.count) for axis in axes),
+        indexing="ij",
+    )
+    known = dict(zip(order, (axis.ravel() for axis in grid), strict=True))
+    stated = np.diag([axis.sd**2 for axis in axes])
+    states, covariance = propagate(lambda columns: state(columns, points), known, stated)
+    if (states["v_x1"] < 0.0).any():
+        # The offset of the normal force lies ahead in the direction of travel, towards positive
+        # v_x.
+        _fail(
+            text,
+            "the ball flies towards negative v_x; mirror it: change the signs of v_x1 and omega_1",
+        )
+    return Impacts(*states.values()), covariance if stated.any() else None
+
+
+def _fail(text: str, message: str) -> NoReturn:
+    raise ParameterError(f"'{one_line(text)}': {message}", "impact")

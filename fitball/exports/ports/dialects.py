@@ -1,0 +1,217 @@
+"""Languages as tables of texts."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from textwrap import wrap
+from typing import Any, get_args
+
+from fitball.exports.ports import offered
+from fitball.exports.ports.source import Type, fields_of, origin_of
+
+# Words of C, C# and JavaScript that a kernel may call a variable, as one does `event`. Compilers
+# refuse any other.
+RESERVED = {
+    "case",
+    "default",
+    "double",
+    "event",
+    "fixed",
+    "function",
+    "long",
+    "new",
+    "object",
+    "short",
+    "this",
+}
+_FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan2")
+_EVERYWHERE: Mapping[str, Callable[..., Any]] = {
+    "min": offered.least,
+    "max": offered.greatest,
+    "**6": offered.sixth,
+}
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """A language of the C family: `math` are functions of Python's `math`, `values` its constants,
+    `operators` those that are written otherwise, `helpers` what `face` lends it; `types` are empty
+    where types are not written.
+    """
+
+    math: Mapping[str, str]
+    values: Mapping[str, str]
+    helpers: Mapping[str, Callable[..., Any]]
+    operators: Mapping[str, str]
+    # A real number of a whole one, and a whole one of a real one.
+    cast: str = "{}"
+    whole: str = "{}"
+    types: Mapping[Type, str] = field(default_factory=dict)
+    # What names of functions and types begin with; a struct or tuple of `items`, or of `named`
+    # ones, and how a constant one is written where that differs.
+    prefix: str = ""
+    built: str = ""
+    initial: str = ""
+    # A variable with something harmless in it; what begins a function; what is said of a parameter
+    # that is not read.
+    variable: str = ""
+    head: str = ""
+    unread: str = ""
+    # Behind no parameters; before a function that is offered.
+    nothing: str = ""
+    offered: str = ""
+    # The definition of a struct of fields, one of which is a `member`; of a constant, and of a
+    # list.
+    struct: str = ""
+    member: str = ""
+    constant_number: str = ""
+    constant_struct: str = ""
+    constant_list: str = ""
+
+    def name(self, text: str) -> str:
+        """A variable or parameter."""
+        return f"{text}_" if text in RESERVED else text
+
+    def function(self, text: str) -> str:
+        """A function."""
+        return f"{self.prefix}{text}"
+
+    def constant(self, text: str) -> str:
+        """A constant."""
+        return f"{self.prefix.upper()}{text}"
+
+    def type(self, kind: Type) -> str:
+        """How a type is written."""
+        return self.types[kind] if kind in self.types else f"{self.prefix}{type_name(kind)}"
+
+    def declared(self, kind: Type, name: str) -> str:
+        """The name of a variable or function, behind its type where that is written."""
+        return f"{self.type(kind)} {name}" if self.types else name
+
+    def local(self, kind: Type, name: str) -> str:
+        """A variable at the top of a function."""
+        zero = "FITBALL_EMPTY_" if fields_of(kind) else "0"
+        return self.variable.format(
+            declared=self.declared(kind, self.name(name)),
+            type=self.type(kind),
+            zero=zero,
+        )
+
+    def make(self, kind: Type, texts: Sequence[str]) -> str:
+        """A struct or tuple of these."""
+        named = (f"{name}: {text}" for name, text in zip(fields_of(kind), texts, strict=True))
+        return self.built.format(
+            type=self.type(kind),
+            items=", ".join(texts),
+            named=", ".join(named),
+        )
+
+    def definition(self, kind: Type) -> str:
+        """The definition of a struct or tuple."""
+        taken = [self.declared(item, name) for name, item in fields_of(kind).items()]
+        stores = " ".join(f"this.{name} = {name};" for name in fields_of(kind))
+        fields = "\n".join(f"    {self.member.format(text)}" for text in taken)
+        return self.struct.format(
+            type=self.type(kind),
+            fields=fields,
+            taken=", ".join(taken),
+            stores=stores,
+        )
+
+    def literal(self, value: Any) -> str:
+        """A number, or a named tuple of such, as a constant."""
+        if not isinstance(value, tuple):
+            return repr(value)
+        items = [self.literal(item) for item in value]
+        return (
+            self.initial.format(", ".join(items)) if self.initial else self.make(type(value), items)
+        )
+
+    def constant_of(self, name: str, value: Any) -> str:
+        """The definition of a constant."""
+        form = self.constant_struct if isinstance(value, tuple) else self.constant_number
+        if isinstance(value, list):
+            items = listed(map(self.literal, value))
+            return self.constant_list.format(
+                type=self.type(type(value[0])),
+                name=self.constant(name),
+                items=items,
+            )
+        return form.format(
+            type=self.type(type(value)),
+            name=self.constant(name),
+            value=self.literal(value),
+        )
+
+
+def listed(items: Iterable[str]) -> str:
+    """Items of a constant list, in lines."""
+    return "\n".join(wrap(", ".join(items), 110, initial_indent="    ", subsequent_indent="    "))
+
+
+def type_name(kind: Type) -> str:
+    """A name for a struct or a tuple."""
+    if origin_of(kind) is tuple:
+        return "_".join(["tuple", *map(type_name, get_args(kind))])
+    return str(kind.__name__)
+
+
+C = Dialect(
+    {name: f"{name}({{}})" for name in (*_FUNCTIONS, "log1p", "hypot", "fabs", "copysign")},
+    {"pi": "3.141592653589793", "nan": "((double)NAN)", "inf": "((double)INFINITY)"},
+    _EVERYWHERE,
+    {"//": "({} / {})", "<<": "((int64_t){} << {})"},
+    cast="((double){})",
+    whole="((int64_t){})",
+    types={float: "double", int: "int64_t", bool: "bool"},
+    prefix="fitball_",
+    built="FITBALL_MAKE_({type}, {items})",
+    initial="{{{}}}",
+    variable="{declared} = {zero}",
+    head="/* {comment} */\nstatic inline {declared}({taken})\n{{",
+    unread="(void){};",
+    nothing="void",
+    struct="typedef struct {{\n{fields}\n}} {type};",
+    member="{};",
+    constant_number="#define {name} ({value})",
+    constant_struct="static const {type} {name} = {value};",
+    constant_list="static const {type} {name}[] = {{\n{items}}};",
+)
+
+# Without anything new, which Unity and Mono have had for long.
+CSHARP = Dialect(
+    {name: f"Math.{name.capitalize()}({{}})" for name in _FUNCTIONS} | {"fabs": "Math.Abs({})"},
+    {"pi": "Math.PI", "nan": "double.NaN", "inf": "double.PositiveInfinity"},
+    {
+        **_EVERYWHERE,
+        "math.hypot": offered.hypot,
+        "math.log1p": offered.log1p,
+        "math.copysign": offered.copysign,
+    },
+    {"//": "({} / {})", "<<": "({} << (int)({}))"},
+    offered="public ",
+    whole="((long){})",
+    types={float: "double", int: "long", bool: "bool"},
+    built="new {type}({items})",
+    variable="{declared} = default({type})",
+    head="/* {comment} */\n{offered}static {declared}({taken})\n{{",
+    struct="public struct {type}\n{{\n{fields}\n    public {type}({taken}) {{ {stores} }}\n}}",
+    member="public {};",
+    constant_number="const {type} {name} = {value};",
+    constant_struct="static readonly {type} {name} = {value};",
+    constant_list="static readonly {type}[] {name} = {{\n{items} }};",
+)
+
+JAVASCRIPT = Dialect(
+    {name: f"Math.{name}({{}})" for name in (*_FUNCTIONS, "log1p")} | {"fabs": "Math.abs({})"},
+    {"pi": "Math.PI", "nan": "NaN", "inf": "Infinity"},
+    {**_EVERYWHERE, "math.hypot": offered.hypot, "math.copysign": offered.copysign},
+    # Its own operators on bits see 32 of them; phases are packed into bits that are free.
+    {"//": "Math.floor({} / {})", "<<": "({} * 2 ** {})", "|": "({} + {})"},
+    whole="Math.trunc({})",
+    built="{{ {named} }}",
+    variable="let {declared}",
+    head="/** {comment} */\nfunction {declared}({taken}) {{",
+    constant_number="const {name} = {value};",
+    constant_struct="const {name} = {value};",
+    constant_list="const {name} = [\n{items}];",
+)

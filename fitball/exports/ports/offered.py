@@ -1,0 +1,359 @@
+"""The functions of a port around its kernel, in the kernels' own restricted Python: a bounce in the
+plane and in three dimensions with an answer for every impact, the self-test, and what some
+languages lack.
+
+They are never run here: `source` collects them like kernels. `SOLVED` is then one of `two_mass` and
+`grip_slip`, and `FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of the port.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from fitball.base.values import FloatArray
+from fitball.models.grip_slip import struck
+from fitball.models.kernels.contact import ANCHOR_SPEED, OK, Flags, ball_of, law_of, restitution
+from fitball.models.kernels.phases import FREE, GRIP, PHASE_BITS, Outcome, unsolved
+from fitball.models.kernels.phases import rebound as followed
+from fitball.models.types import Status
+
+NO_IMPACT = +Status.NO_IMPACT
+NOT_FINITE = -1
+# A contact that is free at once after its first phase, packed.
+FREED = FREE << PHASE_BITS
+# Numbers of a golden impact: its level, state and rebound, and the packed regime.
+WIDTH = 12
+# Slip below this share of its two terms has no direction but that of their rounding.
+NO_SLIP = 1e-12
+
+
+class Parameters(NamedTuple):
+    """What functions here need of a port's parameter set, which has the columns of its model."""
+
+    mu: float
+    e_x: float
+    offset: float
+    cor_10: float
+    cor_slope: float
+    ball_mass: float
+    ball_radius: float
+    inertia_ratio: float
+    v_y1_low: float
+    v_y1_high: float
+
+
+# Given by the port, as is which of `two_mass` and `grip_slip` is SOLVED.
+FLAGS: Flags = (0, 0, 0, 0, 0, 0)
+LEVELS: list[Parameters] = []
+GOLDEN: list[float] = []
+IMPACTS = GRIP_ONLY = 0
+
+
+class Rebound(NamedTuple):
+    """Velocity [m/s], spin [rad/s]; contact time [s]; time [s], path [m] and turn [rad] between the
+    flights; packed regime; status; extrapolated.
+    """
+
+    v_x2: float
+    v_y2: float
+    omega_2: float
+    contact_time: float
+    gap_time: float
+    gap_path: float
+    gap_turn: float
+    regime: int
+    status: int
+    extrapolated: bool
+
+
+class Vector(NamedTuple):
+    """A vector in three dimensions."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Rebound3(NamedTuple):
+    """Velocity and spin in three dimensions; the rest as in the plane of the slip."""
+
+    velocity: Vector
+    spin: Vector
+    contact_time: float
+    regime: int
+    status: int
+    extrapolated: bool
+
+
+def two_mass(row: FloatArray, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
+    """The two-mass ball, its offset times `share`; where it has no answer a rigid ball of the same
+    restitution, friction and offset that slides or rolls, with the status of the former.
+    """
+    status, ball = ball_of(row, FLAGS)
+    ball = ball._replace(eps_10=share * ball.eps_10, eps_slope=share * ball.eps_slope)
+    found = unsolved(status, 0)
+    if status == OK:
+        found = followed(ball, FLAGS, v_x, v_y, omega, math.nan)
+    if found.status == OK:
+        return found
+    _, cor, _ = restitution(ball.law, v_y, math.nan)
+    a = ball.inertia / (ball.mass * ball.radius * ball.radius)
+    offset = ball.eps_10 + ball.eps_slope * (v_y - ANCHOR_SPEED)
+    rigid = struck(ball.mu, 0.0, offset, cor, ball.mass, ball.radius, a, v_x, v_y, omega)
+    return rigid._replace(status=found.status)
+
+
+def grip_slip(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
+    """The rigid ball, its offset times `share`; it has an answer wherever the law of restitution
+    has a number.
+    """
+    status, law = law_of(row.cor_10, row.cor_slope, 1.0)
+    bad, cor, _ = restitution(law, v_y, math.nan)
+    mass = row.ball_mass
+    radius = row.ball_radius
+    a = row.inertia_ratio
+    found = struck(row.mu, row.e_x, share * row.offset, cor, mass, radius, a, v_x, v_y, omega)
+    return found._replace(status=bad if status == OK else status)
+
+
+SOLVED: Callable[..., Outcome] = two_mass
+
+
+def either_way(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
+    """The bounce of a ball that flies either way: with `v_x < 0` the mirror image, its offset ahead
+    too.
+    """
+    if not v_x < 0.0:
+        return SOLVED(row, share, v_x, v_y, omega)
+    found = SOLVED(row, share, -v_x, v_y, -omega)
+    return found._replace(
+        v_x2=-found.v_x2,
+        omega_2=-found.omega_2,
+        gap_path=-found.gap_path,
+        gap_turn=-found.gap_turn,
+    )
+
+
+def rebound(v_x1: float, v_y1: float, omega_1: float, parameters: Parameters) -> Rebound:
+    """The rebound of any impact with finite numbers in the plane of the bounce."""
+    return answered(v_x1, v_y1, omega_1, 1.0, parameters)
+
+
+def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parameters) -> Rebound:
+    """The same with the offset times `share`."""
+    none = math.nan
+    size = abs(v_x1) + abs(v_y1) + abs(omega_1)
+    if size < math.inf and v_y1 <= 0.0:
+        return Rebound(v_x1, -v_y1, omega_1, 0.0, 0.0, 0.0, 0.0, 0, NO_IMPACT, False)
+    if size < math.inf:
+        found = either_way(row, share, v_x1, v_y1, omega_1)
+        size = abs(found.v_x2) + abs(found.v_y2) + abs(found.omega_2)
+        if size < math.inf:
+            return Rebound(
+                found.v_x2,
+                found.v_y2,
+                found.omega_2,
+                found.contact_time,
+                found.gap_time,
+                found.gap_path,
+                found.gap_turn,
+                found.regime,
+                found.status,
+                not row.v_y1_low <= v_y1 <= row.v_y1_high,
+            )
+    return Rebound(none, none, none, none, none, none, none, 0, NOT_FINITE, True)
+
+
+def plus(a: Vector, share: float, b: Vector) -> Vector:
+    """`a + share b`."""
+    return Vector(a.x + share * b.x, a.y + share * b.y, a.z + share * b.z)
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """The scalar product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product."""
+    return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+def along(a: Vector, otherwise: Vector) -> Vector:
+    """The unit vector along `a`, or `otherwise` if it has no length."""
+    size = math.sqrt(dot(a, a))
+    return Vector(a.x / size, a.y / size, a.z / size) if size > 0.0 else otherwise
+
+
+def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Parameters) -> Rebound3:
+    """The rebound of any impact in three dimensions, velocities relative to the surface, `normal`
+    away from it.
+    """
+    up = along(normal, Vector(math.nan, math.nan, math.nan))
+    v_y = -dot(velocity, up)
+    # Velocity and spin as vectors in the surface, spin about the normal.
+    v_t = plus(velocity, v_y, up)
+    w = cross(spin, up)
+    about = dot(spin, up)
+    travel = along(v_t, Vector(0.0, 0.0, 0.0))
+    slip = plus(v_t, -parameters.ball_radius, w)
+    slow = NO_SLIP * (math.sqrt(dot(v_t, v_t)) + parameters.ball_radius * math.sqrt(dot(w, w)))
+    # All that moves along the surface lies along the slip; without slip along the travel, without
+    # both anywhere.
+    side = Vector(1.0, 0.0, 0.0) if abs(up.x) < 0.8 else Vector(0.0, 1.0, 0.0)
+    first = along(slip, side) if dot(slip, slip) > slow * slow else along(travel, side)
+    second = along(cross(up, first), side)
+    first = cross(second, up)
+    v_s = dot(v_t, first)
+    v_c = dot(v_t, second)
+    omega_c = dot(w, second)
+    one = answered(v_s, v_y, dot(w, first), abs(dot(travel, first)), parameters)
+    if v_y > 0.0:
+        v_c, omega_c = across(
+            one,
+            v_s,
+            dot(slip, first),
+            v_c,
+            v_y,
+            omega_c,
+            abs(dot(travel, second)),
+            parameters,
+        )
+    v_t = plus(plus(plus(Vector(0.0, 0.0, 0.0), one.v_x2, first), v_c, second), one.v_y2, up)
+    w = plus(plus(Vector(0.0, 0.0, 0.0), one.omega_2, first), omega_c, second)
+    return Rebound3(
+        v_t,
+        plus(cross(up, w), about, up),
+        one.contact_time,
+        one.regime,
+        one.status,
+        one.extrapolated,
+    )
+
+
+def across(
+    one: Rebound,
+    v_s: float,
+    slip: float,
+    v: float,
+    v_y: float,
+    omega: float,
+    share: float,
+    parameters: Parameters,
+) -> tuple[float, float]:
+    """Velocity and spin across the slip, `v` and `omega`, after the bounce `one` along it, where
+    velocity and slip were `v_s` and `slip`. Only the offset, of which a `share` lies across,
+    changes them.
+
+    A slip that dies out does so in all directions, by an impulse across that is that of a grip from
+    landing on. One that lasts turns: of a rigid ball with `u' = -A mu u/|u| + b` it ends with `b/(A
+    mu) |u| ln(|slip|/|u|)` across.
+    """
+    mass = parameters.ball_mass
+    radius = parameters.ball_radius
+    inertia = parameters.inertia_ratio * mass * radius * radius
+    compliance = 1.0 / mass + radius * radius / inertia
+    braked = mass * abs(v_s - one.v_x2)
+    slides = one.regime < GRIP or FREED < one.regime < FREED + GRIP
+    if GRIP_ONLY == 1:
+        # What is left of the normal impulse once friction has used up the slip of a rigid ball.
+        most = compliance * parameters.mu * mass * (v_y + one.v_y2)
+        share = 0.0 if slides or abs(slip) >= most else share * (1.0 - abs(slip) / most)
+    other = answered(v, v_y, omega, share, parameters)
+    left = abs(one.v_x2 - radius * one.omega_2)
+    if not (slides and left > 0.0 and braked > 0.0):
+        return other.v_x2, other.omega_2
+    # By the balance of angular momentum the offset across times the normal impulse; `braked` is
+    # `mu` times that.
+    turned = mass * radius * (v - other.v_x2) + inertia * (omega - other.omega_2)
+    kept = radius * turned / (inertia * compliance * braked) * left * math.log(abs(slip) / left)
+    more = (kept - (other.v_x2 - radius * other.omega_2)) / compliance
+    return other.v_x2 + more / mass, other.omega_2 - radius * more / inertia
+
+
+def self_test() -> float:
+    """The largest difference from the golden impacts, relative: of speeds and R omega to the
+    incident speed of the ball and its surface, of times to themselves, of what lies between the
+    flights to that speed times that time.
+    """
+    worst = 0.0
+    for k in range(IMPACTS):
+        at = WIDTH * k
+        row = LEVELS[int(GOLDEN[at])]
+        v_x = GOLDEN[at + 1]
+        v_y = GOLDEN[at + 2]
+        omega = GOLDEN[at + 3]
+        found = rebound(v_x, v_y, omega, row)
+        radius = row.ball_radius
+        speed = math.sqrt(v_x * v_x + v_y * v_y + radius * omega * radius * omega)
+        worst = larger(worst, (found.v_x2 - GOLDEN[at + 4]) / speed)
+        worst = larger(worst, (found.v_y2 - GOLDEN[at + 5]) / speed)
+        worst = larger(worst, radius * (found.omega_2 - GOLDEN[at + 6]) / speed)
+        time = GOLDEN[at + 7]
+        between = GOLDEN[at + 8]
+        # A rigid ball has none.
+        if time > 0.0:
+            worst = larger(worst, (found.contact_time - time) / time)
+            worst = larger(worst, (found.gap_time - between) / between)
+            worst = larger(worst, (found.gap_path - GOLDEN[at + 9]) / (speed * between))
+            worst = larger(worst, radius * (found.gap_turn - GOLDEN[at + 10]) / (speed * between))
+        if found.status != OK or found.regime != GOLDEN[at + 11]:
+            worst = math.inf
+        # The same in space, on a slope.
+        up = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)
+        travel = Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
+        none = Vector(0.0, 0.0, 0.0)
+        spatial = rebound_3d(
+            plus(plus(none, v_x, travel), -v_y, up),
+            plus(none, omega, cross(up, travel)),
+            up,
+            row,
+        )
+        velocity = plus(plus(spatial.velocity, -GOLDEN[at + 4], travel), -GOLDEN[at + 5], up)
+        spin = plus(spatial.spin, -GOLDEN[at + 6], cross(up, travel))
+        worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
+        worst = larger(worst, radius * math.sqrt(dot(spin, spin)) / speed)
+    return worst
+
+
+def larger(worst: float, difference: float) -> float:
+    """The larger of two differences; one that is no number is the largest."""
+    return (
+        worst
+        if abs(difference) <= worst
+        else (math.inf if difference != difference else abs(difference))
+    )
+
+
+def least(a: float, b: float) -> float:
+    """The lesser: of equal numbers, and of NaN and a number, the first, as in Python."""
+    return b if b < a else a
+
+
+def greatest(a: float, b: float) -> float:
+    """The greater, likewise."""
+    return b if b > a else a
+
+
+def sixth(x: float) -> float:
+    """The sixth power."""
+    cube = x * x * x
+    return cube * cube
+
+
+def hypot(a: float, b: float) -> float:
+    """The hypotenuse, for languages without one, or with one that is off in its last digits."""
+    large = max(abs(a), abs(b))
+    small = min(abs(a), abs(b))
+    return large * math.sqrt(1.0 + (small / large) * (small / large)) if large > 0.0 else large
+
+
+def log1p(x: float) -> float:
+    """The logarithm of 1 + x, whose rounding is undone (Kahan)."""
+    step = (1.0 + x) - 1.0
+    return math.log(1.0 + x) * x / step if abs(step) > 0.0 else x
+
+
+def copysign(size: float, of: float) -> float:
+    """The size with the sign of a number that is not zero."""
+    return -abs(size) if of < 0.0 else abs(size)

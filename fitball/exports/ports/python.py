@@ -1,0 +1,72 @@
+"""The port in Python: the kernels' own text, with the arithmetic of IEEE 754 where Python raises an
+error instead.
+"""
+
+import ast
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fitball.exports.ports import offered
+from fitball.exports.ports.dialects import listed
+from fitball.exports.ports.source import Source, Type, fields_of, is_struct
+
+
+def over(a: float, b: float) -> float:
+    """The quotient, of zero too."""
+    if b != 0.0:
+        return a / b
+    return a * math.copysign(math.inf, b) if a != 0.0 else math.nan
+
+
+def exp(x: float) -> float:
+    """The exponential."""
+    # The logarithm of the largest double.
+    return math.inf if x > 709.782712893384 else math.exp(x)
+
+
+def log(x: float) -> float:
+    """The logarithm."""
+    return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
+
+
+def sqrt(x: float) -> float:
+    """The root."""
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+def whole(x: float) -> int:
+    """A whole number, of no number too."""
+    return int(x) if abs(x) < math.inf else 0
+
+
+# Cosines, sines and log1p of what is finite have no errors, and kernels have no others, whatever
+# the impact.
+HELPERS: Mapping[str, Callable[..., Any]] = {
+    "/": over,
+    "**6": offered.sixth,
+    "int": whole,
+    "math.exp": exp,
+    "math.log": log,
+    "math.sqrt": sqrt,
+}
+
+
+def function_text(source: Source, name: str) -> str:
+    """A function."""
+    return ast.unparse(source.functions[name])
+
+
+def struct_text(kind: Type) -> str:
+    """The class of a named tuple; tuples need none."""
+    fields = (f"    {name}: {item.__name__}" for name, item in fields_of(kind).items())
+    return "\n".join([f"class {kind.__name__}(NamedTuple):", *fields]) if is_struct(kind) else ""
+
+
+def constant_text(name: str, value: Any) -> str:
+    """The definition of a constant."""
+    return (
+        f"{name} = [\n{listed(map(repr, value))}]"
+        if isinstance(value, list)
+        else f"{name} = {value!r}"
+    )

@@ -1,0 +1,304 @@
+"""`Fit`: a calibration, stored and computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from importlib import import_module
+from typing import Any, ClassVar, cast
+
+import msgspec
+import numpy as np
+
+from fitball.base.environment import packages
+from fitball.base.errors import ModelError, Note, ParameterError, suggestion
+from fitball.base.values import DataFrame, FloatArray
+from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+from fitball.inference import frames, schema
+from fitball.inference.curves import curves
+from fitball.inference.derived import Quantity, parameter
+from fitball.inference.effort import PREDICTING, Effort
+from fitball.inference.forward import Draws
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.camera import CAMERA_SPECS
+from fitball.inference.problem.problem import Choices, Problem
+from fitball.models.model import Model
+from fitball.models.specs import BALL_PARAMETERS, SPECS
+from fitball.result import Frames, Result
+from fitball.version import __version__
+
+
+@dataclass(frozen=True)
+class Run:
+    """All that a fit depends on: the data themselves; prior or fixed value of every parameter,
+    `known`; SHA-256 of a function of one's own; version. `key` is the SHA-256 of it but for
+    `cores`: equal keys give equal bytes, and by it a batch knows what is finished, whatever words
+    change. `packages` are versions of others, on which last digits may depend.
+    """
+
+    table: ImpactTable
+    scene: Scene
+    choices: Choices
+    effort: Effort
+    known: Mapping[str, str]
+    model_source: str
+    version: str
+    key: str
+    packages: Mapping[str, str] = field(default_factory=dict)
+
+
+def run_of(problem: Problem, effort: Effort) -> Run:
+    """What a fit of this problem depends on."""
+    table = problem.table
+    source = problem.forward.model.source
+    # No number depends on the number of cores.
+    same = msgspec.structs.replace(effort, cores=None)
+    said = [problem.scene, problem.choices, same, dict(problem.known), source, __version__]
+    digest = sha256(msgspec.json.encode([*said, dict(table.labels)], order="deterministic"))
+    for part in (table.values, table.sd, table.corr):
+        for name, column in part.items():
+            digest.update(name.encode() + np.ascontiguousarray(column).tobytes())
+    made = (__version__, digest.hexdigest(), packages())
+    return Run(table, problem.scene, problem.choices, effort, problem.known, source, *made)
+
+
+def draws_of(
+    problem: Problem,
+    found: schema.PointFit,
+    posterior: schema.Posterior | None,
+    effort: Effort,
+) -> Draws:
+    """PREDICTING draws of every parameter, with `mu[new]` and `mu_spread` of levels; none of a
+    point fit.
+    """
+    point = found.optima[0]
+    best = {name: np.array([value]) for name, value in point.items()}
+    # A level of which nothing was measured has no best value: the middle of what is known of it
+    # stands for that.
+    q = np.repeat(problem.coordinates(point)[np.newaxis], PREDICTING, axis=0)
+    beyond = problem.prior.beyond(q, effort.stream("levels"))
+    best |= {name: np.asarray(np.median(draws, keepdims=True)) for name, draws in beyond.items()}
+    if posterior is None:
+        return Draws(point, {name: np.empty(0) for name in best}, best)
+    chains = posterior.values.reshape(-1, len(posterior.names))
+    count = min(PREDICTING, len(chains))
+    values = dict(
+        zip(posterior.names, chains[(np.arange(count) * len(chains)) // count].T, strict=True)
+    )
+    values |= {name: np.full(count, value) for name, value in point.items() if name not in values}
+    q = problem.prior.coordinate(np.stack([values[name] for name in problem.free], axis=1))
+    return Draws(point, {**values, **problem.prior.beyond(q, effort.stream("levels"))}, best)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Result):
+    """A calibration. Its fields are stored; what follows from them in under a second is computed
+    when first asked for and never stored: problem, draws, frames, lab results, golden impacts.
+    `own`, a model of one's own, is not stored either. Equal to the last digit but for `seconds`.
+    """
+
+    page: ClassVar[str] = "fitball.report.fit_page"
+    record: ClassVar[str] = "fit.json"
+    run: Run
+    status: schema.FitStatus
+    headline: str
+    notes: tuple[Note, ...]
+    parameters: Mapping[str, schema.Estimate]
+    derived: Mapping[str, schema.Estimate]
+    point: schema.PointFit
+    least_squares: schema.LeastSquares
+    posterior: schema.Posterior | None
+    diagnostics: schema.Diagnostics | None
+    profiles: Mapping[str, schema.Profile]
+    adequacy: schema.Adequacy
+    alternatives: tuple[schema.Alternative, ...]
+    constants: tuple[schema.Constant, ...]
+    seconds: Mapping[str, float]
+    own: Model | None = field(default=None, compare=False)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Fit of {self.run.table.name} by {self.problem.forward.model.text}: {self.headline}>"
+        )
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all but times, cores and notes is equal to the last digit."""
+        return (
+            isinstance(other, Fit) and self.run.key == other.run.key and not self.moved_from(other)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the posterior did not converge."""
+        return int(self.status == "not converged")
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """As files have them."""
+        return {
+            name: getattr(self, name) for name in ("summary", "predictions", "balances", "regimes")
+        }
+
+    @cached_property
+    def problem(self) -> Problem:
+        """Built again from `run`. Raises ModelError (`own-model`) without its function of one's
+        own.
+        """
+        run = self.run
+        if run.model_source and (self.own is None or self.own.source != run.model_source):
+            raise ModelError(
+                f"this fit was made with a function of your own, {run.choices.model}: pass the "
+                "same one as model=",
+                "own-model",
+            )
+        return build_problem(run.table, run.scene, run.choices, self.own, run.known)
+
+    @cached_property
+    def draws(self) -> Draws:
+        """PREDICTING draws of every parameter, with `mu[new]` and `mu_spread` of levels; none of a
+        point fit.
+        """
+        return draws_of(self.problem, self.point, self.posterior, self.run.effort)
+
+    @property
+    def reported(self) -> list[schema.Estimate]:
+        """Parameters, then derived quantities."""
+        return [*self.parameters.values(), *self.derived.values()]
+
+    @cached_property
+    def covariance(self) -> DataFrame:
+        """Of all draws of the free parameters, a row and a column each; empty for a point fit."""
+        import pandas as pd
+
+        if self.posterior is None:
+            return pd.DataFrame()
+        names = list(self.posterior.names)
+        draws = self.posterior.values.reshape(-1, len(self.posterior.names))
+        return pd.DataFrame(np.atleast_2d(np.cov(draws, rowvar=False)), names, names)
+
+    @property
+    def correlation(self) -> DataFrame:
+        """The same over the sds."""
+        sd = np.sqrt(np.diagonal(self.covariance))
+        made: DataFrame = self.covariance / np.multiply.outer(sd, sd)
+        return made
+
+    def predict(self, data: Any = None, **options: Any) -> Frames:
+        """As the verb; likewise `plan`, `simulate`, `export`, called by address as pages are."""
+        return cast("Frames", self._verb("predict", data, **options))
+
+    def plan(self, **options: Any) -> Frames:
+        """As the verb."""
+        return cast("Frames", self._verb("plan", **options))
+
+    def simulate(self, **options: Any) -> Frames:
+        """As the verb."""
+        return cast("Frames", self._verb("simulate", **options))
+
+    def export(self, **options: Any) -> Result:
+        """As the verb."""
+        return cast("Result", self._verb("export", **options))
+
+    def to_datatree(self) -> Any:
+        """Draws, densities, predictions and data as ArviZ takes them, an `xarray.DataTree`:
+        `exports.arviz`.
+        """
+        return import_module("fitball.exports.arviz").datatree(self)
+
+    def _verb(self, name: str, *given: Any, **options: Any) -> Any:
+        return getattr(import_module("fitball.verbs"), name)(self, *given, **options)
+
+    def quantity(self, name: str) -> Quantity:
+        """A parameter or derived quantity. Raises ParameterError (`unknown-quantity`)."""
+        if name not in self._quantities:
+            raise ParameterError(
+                f"read '{name}': {suggestion(name, self._quantities)}",
+                "unknown-quantity",
+            )
+        return self._quantities[name]
+
+    @cached_property
+    def _quantities(self) -> Mapping[str, Quantity]:
+        # Held constants of ball and camera, which may be tried, are no parameters of the problem.
+        held = {name: SPECS[name] for name in BALL_PARAMETERS} | dict(CAMERA_SPECS)
+        known = {name: parameter(spec) for name, spec in held.items()}
+        known |= {item.spec.name: parameter(item.spec) for item in self.problem.parameters}
+        return known | {one.spec.name: one for one in self.problem.derived}
+
+    def prior_draws(self, name: str, count: int) -> FloatArray:
+        """Draws (count,) of a quantity under the priors alone."""
+        problem = self.problem
+        q = problem.prior.draw(self.run.effort.stream("prior"), count)
+        return self.quantity(name).rule(problem.values(q))
+
+    @cached_property
+    def summary(self) -> DataFrame:
+        """A row a parameter and derived quantity. The only layout of these numbers;
+        `report.fit_page` has its columns and those of the other frames.
+        """
+        return frames.summary(self.reported, self.profiles, self.diagnostics, self.variants)
+
+    @cached_property
+    def predictions(self) -> DataFrame:
+        """A row an impact and measured column."""
+        return frames.predictions(self.problem, self.draws, self.run.effort.stream("predict"))
+
+    @cached_property
+    def balances(self) -> DataFrame:
+        """A row an impact: restitution, friction, offset and energy by conservation laws alone,
+        with sds.
+        """
+        return frames.balances(self.problem, self.draws)
+
+    @cached_property
+    def regimes(self) -> DataFrame:
+        """A row an impact and sequence of slip and grip, with its share of the draws."""
+        return frames.regimes(self.problem, self.draws)
+
+    @cached_property
+    def curves(self) -> DataFrame:
+        """A row a curve, measured column and point: the model over incidence, at a speed and spin
+        of the table.
+        """
+        return curves(self.problem, self.draws)
+
+    @cached_property
+    def variants(self) -> DataFrame:
+        """A row a choice (or held constant) and quantity: the value under it."""
+        return frames.variants(self.reported, self.alternatives, self.constants)
+
+    def moved_from(self, other: Fit) -> dict[str, float]:
+        """Sds by which each median differs from another run's (shares of the point, where there are
+        no draws); empty if all is equal to the last digit.
+        """
+        mine, theirs = ({**fit.parameters, **fit.derived} for fit in (self, other))
+        stored = [
+            (fit.parameters, fit.derived, fit.point, fit.least_squares, fit.adequacy)
+            for fit in (self, other)
+        ]
+        if len({msgspec.json.encode(one, order="deterministic") for one in stored}) == 1 and _same(
+            self,
+            other,
+        ):
+            return {}
+        moved = {}
+        for name in sorted(mine.keys() & theirs.keys()):
+            here = mine[name]
+            there = theirs[name]
+            sampled = min(here.sd, there.sd) > 0.0
+            away = abs(here.median - there.median) if sampled else abs(here.point - there.point)
+            size = max(here.sd, there.sd) if sampled else max(abs(here.point), abs(there.point))
+            moved[name] = away / size if away > 0.0 else 0.0
+        return moved
+
+
+def _same(one: Fit, other: Fit) -> bool:
+    """Whether two fits have the same draws."""
+    if one.posterior is None or other.posterior is None:
+        return one.posterior is other.posterior
+    return np.array_equal(one.posterior.values, other.posterior.values)

@@ -1,0 +1,1 @@
+"""Room: what is judged of a fit: adequacy, profiles, verdicts, assumptions, constants."""

@@ -1,0 +1,129 @@
+"""Sentence and remedies of an adequacy, by `fitball.base.numbers`; its rules are in `adequacy`."""
+
+from collections.abc import Mapping, Sequence
+
+from fitball.base.columns import COLUMNS
+from fitball.base.numbers import Unit, counted, percent
+from fitball.base.text import listed
+from fitball.inference.problem.camera import CAMERA_SPECS
+from fitball.inference.schema import Answer, NoiseCheck, ResidualTest
+
+# What to do about what a kind of test finds.
+REMEDIES = {
+    "bias": "check zero, sign and unit of this column (`fitball check`)",
+    "trend": "compare other models (`fitball compare`)",
+    "row": "check whether ball, court or camera changed in the course of the session",
+    "group": "fit parameters to each label of that column (`--pool PARAMETER=COLUMN`)",
+    "parameter": "fit this parameter to each label of that column (`--pool`)",
+    "drift": "check whether ball, court or camera changed in the course of the session",
+    "law": "friction may depend on the speed: compare other models, or fit slow and fast impacts "
+    "apart",
+    "growth": "state the error of each measurement in columns such as `v_x2_sd`",
+    "outlier": "check these rows; `--noise student-t` gives outliers less weight",
+    "linked": "state errors of the incident state in columns such as `v_1_sd`",
+    "camera": "state it in [camera] of the scene, with its sd, and it is fitted",
+}
+# Patterns and impacts that a sentence names; sds by which a misfit moves a parameter, for it to be
+# mentioned.
+NAMED = 3
+IDS = 6
+FAR = 5.0
+_HEADS: Mapping[Answer, str] = {
+    "describes": "The model describes the data",
+    "describes except": "The model describes the data, with exceptions",
+    "does not describe": "The model does not describe the data",
+}
+
+
+def described(
+    answer: Answer,
+    tests: Sequence[ResidualTest],
+    noise: Sequence[NoiseCheck],
+    moved: Mapping[str, float],
+    impacts: int,
+) -> str:
+    """The answer with what `tests` found, and what the largest pattern moves most. Sure patterns of
+    a model that describes the data are far below the noise.
+    """
+    found = [f"residuals of {_noise(check)}" for check in noise if check.found]
+    found += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED]]
+    found += [f"{len(tests) - NAMED} more"] * (len(tests) > NAMED)
+    head = _HEADS[answer]
+    text = "; ".join(found)
+    if answer == "describes":
+        fine = f"With {impacts:,} impacts, patterns far below the noise are significant: {text}."
+        text = f"{head}. {fine}" if tests else f"{head}: no residual test finds a pattern."
+    else:
+        text = f"{head}: {text}."
+    name = max(moved, key=lambda one: moved[one], default="")
+    if name and moved[name] >= FAR:
+        text += (
+            f" The misfit shifts {name} by {moved[name]:.0f} of its sds, which no interval "
+            "includes."
+        )
+    return text
+
+
+def too_few(
+    blind: Mapping[str, float],
+    counts: Mapping[str, int],
+    *,
+    alike: bool,
+    impacts: int,
+) -> str:
+    """That the model could not be tested, in the `blind` columns of all with `counts` of
+    measurements.
+    """
+    if alike:
+        return (
+            f"All {counted(impacts, 'impact')} have the same incidence: residuals cannot test "
+            "the model."
+        )
+    some = len(blind) < len(counts)
+    count = max(counts[name] for name in blind)
+    few = (
+        f"{counted(count, 'measurement')} of {listed(blind)}" if some else counted(count, "impact")
+    )
+    least = min(blind.values())
+    limit = (
+        f"only a misfit of {percent(least).replace('>', 'more than')} of the residual "
+        "variance would be noticed"
+    )
+    limit = limit if least < 1.0 else "no misfit would be noticed"
+    rest = listed(name for name in counts if name not in blind)
+    more = f" In {rest}, no residual test finds a pattern." if rest else ""
+    return f"{few} {'is' if count == 1 else 'are'} too few to test the model: {limit}.{more}"
+
+
+def noises(noise: Sequence[NoiseCheck]) -> str:
+    """The residuals of each column beside what was stated or expected."""
+    return f"Residuals: {'; '.join(_noise(check) for check in noise)}." if noise else ""
+
+
+def _noise(check: NoiseCheck) -> str:
+    unit = COLUMNS[check.column].shown
+    size, reference = (unit.with_unit(unit.number(one, 2)) for one in (check.size, check.reference))
+    kind = "stated" if check.stated else "expected"
+    ratio = Unit("").number(check.size / check.reference, 2)
+    return (
+        f"{check.column} {size}{' beyond its stated errors' * check.beyond}, {ratio} × the "
+        f"{kind} {reference}"
+    )
+
+
+def _share(explained: float) -> str:
+    return f" ({percent(explained)} of the residual variance)" if explained > 0.0 else ""
+
+
+def outliers(column: str, ids: Sequence[str]) -> str:
+    """The impacts of a column that are far off."""
+    return f"{column}: impact{'s' * (len(ids) > 1)} {listed(ids, most=IDS)} far off"
+
+
+def camera(key: str, value: float) -> str:
+    """A setting of the camera that would explain residuals."""
+    unit = CAMERA_SPECS[key].shown
+    return (
+        f"{key} of the camera as if "
+        f"{unit.with_unit(unit.number(value, 4 if key in ('scale', 'clock') else 2))}"
+    )
