@@ -131,7 +131,8 @@ def test_a_trend_is_the_t_test_of_one_more_column():
         min(1.0, alone * tested.count("trend") * whole / 0.25 / 0.6),
         rel=1e-2,
     )
-    assert trend.p < 1.0 and not any("remark" in test.pattern for test in found.tests)
+    assert trend.p < 1.0
+    assert not any("remark" in test.pattern for test in found.tests)
 
 
 def test_false_alarms_of_a_linear_model_are_rarer_than_promised():
@@ -182,11 +183,9 @@ def test_growth_is_a_likelihood_ratio():
     alone = stats.chi2.sf(2.0 * (best[1] - best[0]) * left.mean(), 1)
     (growth,) = (test for test in found.tests if test.kind == "growth")
     alone *= module._times(found.tests, "growth")
-    assert (
-        growth.found
-        and growth.p == pytest.approx(alone, rel=1e-2)
-        and "increases" in growth.pattern
-    )
+    assert growth.found
+    assert growth.p == pytest.approx(alone, rel=1e-2)
+    assert "increases" in growth.pattern
 
 
 def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
@@ -208,7 +207,8 @@ def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
 
     shares = np.array([1.0 - rest(order[k:]) / rest(order) for k in range(1, 5)])
     alone = farthest(shares, 24, float(left[:24].sum()))[1]
-    assert found.found and found.p == pytest.approx(
+    assert found.found
+    assert found.p == pytest.approx(
         alone * module._times(tests, "outlier"),
         rel=0.02,
     )
@@ -227,7 +227,8 @@ def test_of_noise_alone_no_few_are_far_off():
         least += [
             test.p for test in adequacy(problem, point, clean).tests if test.kind == "outlier"
         ]
-    assert len(least) == 900 and min(least) > 2e-3
+    assert len(least) == 900
+    assert min(least) > 2e-3
     residual = first.residual.copy()
     residual[np.argmax(np.abs(residual))] *= 20.0
     wild = adequacy(problem, point, first._replace(residual=first.after_refit(residual))).tests
@@ -259,11 +260,14 @@ def test_a_fault_is_found_by_its_kind(fault):
 def test_answers():
     assert [said(table_with("", seed))[2].answer for seed in range(4)].count("describes") >= 3
     _, _, biased = said(table_with("bias"))
-    assert biased.answer == "does not describe" and max(biased.moved.values()) > 5.0
+    assert biased.answer == "does not describe"
+    assert max(biased.moved.values()) > 5.0
     _, _, group = said(table_with("group", rows=60))
-    assert group.answer == "describes except" and group.moved["cor_10"] > 1.0 > group.moved["mu"]
+    assert group.answer == "describes except"
+    assert group.moved["cor_10"] > 1.0 > group.moved["mu"]
     _, _, few = said(table_with(rows=6))
-    assert few.answer == "undecided" and min(few.unseen.values()) > 0.6
+    assert few.answer == "undecided"
+    assert min(few.unseen.values()) > 0.6
     # What a bend of the restitution looks like once its slope is fitted.
     for fix, alike in (({}, True), ({"cor_slope": -0.012}, False)):
         tests = said(table_with(seed=1), fix=fix)[2].tests
@@ -275,7 +279,8 @@ def test_answers():
 def test_the_remedy_of_surfaces_removes_the_fault():
     table = table_with("surfaces")
     tests = [test for test in said(table)[2].tests if test.found and test.kind == "parameter"]
-    assert tests and all("--pool mu=group" in test.pattern for test in tests)
+    assert tests
+    assert all("--pool mu=group" in test.pattern for test in tests)
     assert said(table, pool={"mu": "group"})[2].answer == "describes"
 
 
@@ -336,7 +341,8 @@ def test_a_stated_noise_is_held_against_chi_square(stated, answer):
     (check,) = (check for check in found.noise if check.column == "v_y2")
     own = first.residual[first.column == 1]
     freedom = 40 - np.sum(first.basis[first.column == 1] ** 2)
-    assert check.stated and check.reference == pytest.approx(stated)
+    assert check.stated
+    assert check.reference == pytest.approx(stated)
     assert check.size == pytest.approx(stated * np.sqrt(own @ own / freedom))
     assert found.answer == answer
     assert (
@@ -348,7 +354,8 @@ def test_an_expected_noise_is_an_exception_from_three_times():
     for size, answer in ((2.0, False), (4.0, True)):
         _, _, found = said(table_with(), prior={"v_y_sd": f"lognormal({0.2 / size}, 0.7)"})
         (check,) = (check for check in found.noise if check.column == "v_y2")
-        assert not (check.stated or check.beyond) and check.reference == pytest.approx(0.2 / size)
+        assert not (check.stated or check.beyond)
+        assert check.reference == pytest.approx(0.2 / size)
         assert check.found is answer
     # Of a column with stated errors it is the scatter beyond these.
     table = table_with()
@@ -405,10 +412,12 @@ def test_long_tables_are_tested_thinned(monkeypatch):
     table = replace(table, values={**table.values, "v_y2": table.values["v_y2"] + bias})
     _, first, found = said(table)
     assert len(first.residual) == 1800
-    assert found.answer == "describes except" and found.moved["cor_10"] > 2.0
+    assert found.answer == "describes except"
+    assert found.moved["cor_10"] > 2.0
     monkeypatch.setattr(module, "SMALL", 2.0)
     _, _, fine = said(table)
-    assert fine.answer == "describes" and fine.moved == found.moved
+    assert fine.answer == "describes"
+    assert fine.moved == found.moved
 
 
 def test_chances_have_the_same_last_digit_in_each_process(monkeypatch):

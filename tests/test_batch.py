@@ -84,7 +84,8 @@ def test_a_table_that_ends_its_process_is_a_failed_row(courts):
     assert found.tables["code"].to_dict() == {"court 1": "", "table": "worker-died"}
     # As calibrate does, whatever the processes.
     alone = fitball.calibrate(courts / "court 1.csv", **OPTIONS)
-    assert found["court 1"] == alone and found["court 1"].run.key == alone.run.key
+    assert found["court 1"] == alone
+    assert found["court 1"].run.key == alone.run.key
 
 
 def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, capsys):
@@ -92,14 +93,16 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     assert list(found.tables.index) == ["broken", *GOOD, "empty"]
     codes = dict.fromkeys(GOOD, "") | {"broken": "not-a-number", "empty": "empty"}
     assert found.tables["code"].to_dict() == codes
-    assert found.exit_code == 1 and set(found.failed) == {"broken", "empty"}
+    assert found.exit_code == 1
+    assert set(found.failed) == {"broken", "empty"}
     for name in ("broken", "court 9"):
         with pytest.raises(KeyError):
             found[name]
     places = {name: courts.parent / "all" / name / "fit.json" for name in GOOD}
     assert sorted((courts.parent / "all").glob("*/fit.json")) == sorted(places.values())
     again = fitball.load_batch("all")
-    assert again["court 2"] == found["court 2"] and again["court 2"].run.table.name == "court 2"
+    assert again["court 2"] == found["court 2"]
+    assert again["court 2"].run.table.name == "court 2"
     assert found.tables.loc["court 2", "mu"] == again["court 2"].parameters["mu"].point
     pd.testing.assert_frame_equal(again.tables, found.tables.loc[GOOD], check_dtype=False)
     # Files are of the numbers; without the deadly one, in this process, nothing is made again but
@@ -117,7 +120,9 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     assert made == {"court 1", "court 3"}
     assert not list(places["court 3"].parent.glob("*.partial"))
     text = capsys.readouterr().out
-    assert "3 of 5 tables" in text and "broken" in text and str(courts.parent) not in text
+    assert "3 of 5 tables" in text
+    assert "broken" in text
+    assert str(courts.parent) not in text
     assert "edited" not in places["court 1"].read_text()
 
 
@@ -132,20 +137,20 @@ def test_fits_of_other_data_are_kept_unless_they_are_to_be_replaced(tmp_path, mo
     }
     tables = {"a": table_of(8), "b: clay": table_of(9)}
     first = fitball.batch(tables, **plain)
-    assert (
-        list(first.tables.index) == ["a", "b_ clay"]
-        and first.exit_code == 0
-        and first.folder.name == "batch"
-    )
+    assert list(first.tables.index) == ["a", "b_ clay"]
+    assert first.exit_code == 0
+    assert first.folder.name == "batch"
     kept = (first.folder / "a" / "fit.json").read_bytes()
     tables["a"] = table_of(10)
     second = fitball.batch(tables, **plain)
     assert second.tables["code"].tolist() == ["older-result", ""]
     assert (first.folder / "a" / "fit.json").read_bytes() == kept
     third = fitball.batch(tables, overwrite=True, all_files=True, **plain)
-    assert third.tables["impacts"].tolist() == [10, 9] and third["a"].run.table.name == "table"
+    assert third.tables["impacts"].tolist() == [10, 9]
+    assert third["a"].run.table.name == "table"
     assert all((first.folder / name / "report.html").exists() for name in third.tables.index)
-    assert (first.folder / "report.html").exists() and not list(first.folder.glob("*.png"))
+    assert (first.folder / "report.html").exists()
+    assert not list(first.folder.glob("*.png"))
     # A folder of another result is none of a batch.
     with pytest.raises(FolderError) as caught:
         fitball.batch(tables, out=first.folder / "a", **plain)
@@ -216,9 +221,8 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
         "wang_all",
     ]
     assert len({name.casefold() for name in found}) == len(found) == 9
-    assert found["a-one"].endswith("one.csv") and not any(
-        "out" in str(one) for one in found.values()
-    )
+    assert found["a-one"].endswith("one.csv")
+    assert not any("out" in str(one) for one in found.values())
     assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
     assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == [
         "book-one",
@@ -230,12 +234,10 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
     for name in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
         made = safe(name)
-        assert (
-            made
-            and len(made.encode()) <= 101
-            and not set(made) & set('<>:"/\\|?*.\n')
-            and made == made.strip()
-        )
+        assert made
+        assert len(made.encode()) <= 101
+        assert not set(made) & set('<>:"/\\|?*.\n')
+        assert made == made.strip()
         assert made.casefold() not in ("nul", "lpt1")
 
 
@@ -256,7 +258,8 @@ def made():
 
 def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     tables = made.tables
-    assert tables.loc["court 1", "mu_verdict"] == "given" and np.isnan(tables.loc["court 0", "mu"])
+    assert tables.loc["court 1", "mu_verdict"] == "given"
+    assert np.isnan(tables.loc["court 0", "mu"])
     own = made_fit(table_of(14)).parameters["cor_10"]
     assert tables.loc["court 1", "cor_10"] == own.median != own.point
     assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
@@ -267,8 +270,10 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     assert (
         drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
     )
-    assert drop["mean_passes"] > 0.99 and 0.5 < drop["another_passes"] <= 1.0
-    assert bad["code"] == "memory" and bad.drop(["outcome", "code", "reason"]).isna().all()
+    assert drop["mean_passes"] > 0.99
+    assert 0.5 < drop["another_passes"] <= 1.0
+    assert bad["code"] == "memory"
+    assert bad.drop(["outcome", "code", "reason"]).isna().all()
 
 
 def test_a_court_of_the_test_has_its_measured_rating():
@@ -303,18 +308,20 @@ def test_a_court_of_the_test_has_its_measured_rating():
 
 def test_populations_are_of_what_three_tables_determine(made):
     found = made.populations
-    assert (found["tables"] >= 3).all() and "mu" in found.index and "mu[clay]" not in found.index
+    assert (found["tables"] >= 3).all()
+    assert "mu" in found.index
+    assert "mu[clay]" not in found.index
     for name, one in found.iterrows():
         drawn = made.population(name)
         groups = made.of(name)
         assert one["tables"] == len(groups) == len(drawn.each)
         assert one["mean"] == pytest.approx(np.median(drawn.centre), rel=1e-12)
-        assert (
-            one["mean_q025"] < one["mean"] < one["mean_q975"] and one["new_q025"] < one["mean_q025"]
-        )
+        assert one["mean_q025"] < one["mean"] < one["mean_q975"]
+        assert one["new_q025"] < one["mean_q025"]
     # In SI; the fits have the same draws.
     assert found.loc["mu", "mean"] == pytest.approx(made.tables.loc["court 1", "mu"], abs=0.01)
-    assert found.loc["mu", "relative"] and found.loc["mu", "spread"] < 0.05
+    assert found.loc["mu", "relative"]
+    assert found.loc["mu", "spread"] < 0.05
     for name, code in (("nothing", "unknown-quantity"), ("mu[clay]", "too-few-tables")):
         with pytest.raises(ParameterError) as caught:
             made.population(name)
@@ -323,7 +330,8 @@ def test_populations_are_of_what_three_tables_determine(made):
 
 def test_the_page_has_every_table_and_its_figure_every_interval(made):
     text = to_text(page.report(made), full=True)
-    assert all(name in text for name in made.tables.index) and "6 of 7 tables" in text
+    assert all(name in text for name in made.tables.index)
+    assert "6 of 7 tables" in text
     assert len(to_text(page.report(made), full=False).splitlines()) <= 40
     figure = made.plot("tables")
     panels = [axis for axis in figure.axes if axis.get_title(loc="left") or axis.get_title()]

@@ -48,7 +48,8 @@ def test_scenes_are_of_the_kinds_that_they_are_named_after():
         for k in range(7):
             chosen, values = scene.model(k)
             rebound = chosen.rebound(values, scene.impacts.take(np.array([k])))
-            assert rebound.regime[0] == regime and fitball.regime_name(regime) == name
+            assert rebound.regime[0] == regime
+            assert fitball.regime_name(regime) == name
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -108,12 +109,11 @@ def test_rivals_take_turns_and_the_least_time_counts(monkeypatch):
         clock[0] += next(cost[name])
 
     spent = bench.by_turns({name: lambda name=name: action(name) for name in cost})
-    assert spent["a"] == pytest.approx(2e-3) and spent["b"] == pytest.approx(5e-3)
-    assert (
-        order[:2] == ["a", "a"]
-        and order[4:7] == ["a", "a", "b"]
-        and len(order) == 4 + bench.ROUNDS * 3
-    )
+    assert spent["a"] == pytest.approx(2e-3)
+    assert spent["b"] == pytest.approx(5e-3)
+    assert order[:2] == ["a", "a"]
+    assert order[4:7] == ["a", "a", "b"]
+    assert len(order) == 4 + bench.ROUNDS * 3
 
 
 def test_page_and_figure(monkeypatch, tmp_path):
@@ -126,11 +126,9 @@ def test_page_and_figure(monkeypatch, tmp_path):
         monkeypatch.setattr(bench, name, value)
     result = fitball.bench(progress=False)
     frame = result.frames["bench"]
-    assert (
-        len(frame) == 4 * 6 + 1
-        and (frame["microseconds"] > 0.0).all()
-        and frame["largest_error"].max() < 0.1
-    )
+    assert len(frame) == 4 * 6 + 1
+    assert (frame["microseconds"] > 0.0).all()
+    assert frame["largest_error"].max() < 0.1
     names = {path.name for path in result.save(tmp_path / "made")}
     assert names == {"report.html", "bench.csv", "bench.png"}
     axes = result.plot("bench").axes

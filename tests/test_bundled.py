@@ -13,9 +13,11 @@ from fitball.data.bundled import descriptions, place_of, published, published_pr
 def test_a_file_that_exists_wins_over_a_bundled_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     inside = place_of("wang_all.csv")
-    assert inside == place_of("wang_all") and inside.is_absolute()
+    assert inside == place_of("wang_all")
+    assert inside.is_absolute()
     (tmp_path / "wang_all.csv").write_text("own")
-    assert place_of("wang_all.csv").read_text() == "own" and place_of("wang_all") == inside
+    assert place_of("wang_all.csv").read_text() == "own"
+    assert place_of("wang_all") == inside
     if hasattr(os, "mkfifo"):
         os.mkfifo("pipe")
         assert place_of("pipe").name == "pipe"
@@ -30,14 +32,14 @@ def test_what_is_nowhere(source, tmp_path, monkeypatch):
     (tmp_path / "folder").mkdir()
     with pytest.raises(FolderError) as caught:
         place_of(source)
-    assert caught.value.code == "not-found" and len(str(caught.value)) < 600
+    assert caught.value.code == "not-found"
+    assert len(str(caught.value)) < 600
 
 
 def test_every_table_has_a_scene_that_describes_it():
     found = descriptions()
-    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*found} and all(
-        found.values()
-    )
+    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*found}
+    assert all(found.values())
     assert [*descriptions("tracks")] == ["table_tennis_topspin"]
     # Of others, by its licence.
     assert place_of("table_tennis_topspin", "tracks").with_suffix(".LICENSE").is_file()

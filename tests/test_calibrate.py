@@ -24,7 +24,8 @@ def test_a_table_of_the_model_itself_gives_its_parameters(tmp_path):
     for name, value in TRUTH.items():
         # Scatter is no less than its bound, against which priors pull.
         assert fit.parameters[name].point == pytest.approx(value, abs=1e-5), name
-    assert fit.status == "point only" and fit.exit_code == 0
+    assert fit.status == "point only"
+    assert fit.exit_code == 0
 
 
 def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_path, capsys):
@@ -38,7 +39,8 @@ def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_pat
         "--seed",
         "2",
     ]
-    assert main(words) == 0 and "mu" in capsys.readouterr().out
+    assert main(words) == 0
+    assert "mu" in capsys.readouterr().out
     made = {place.name for place in (tmp_path / "fit").iterdir()}
     assert made >= {
         "report.html",
@@ -51,15 +53,15 @@ def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_pat
     }
     fit = read(tmp_path / "fit")
     again = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=2, progress=False)
-    assert (
-        fit == again
-        and fit.run.key == again.run.key
-        and fit.run.packages["numpy"] == np.__version__
-    )
+    assert fit == again
+    assert fit.run.key == again.run.key
+    assert fit.run.packages["numpy"] == np.__version__
     # Another seed gives other draws of the same posterior.
     other = fitball.calibrate("wang_zero_spin.csv", model="grip-slip", seed=3, progress=False)
     moved = fit.moved_from(other)
-    assert fit != other and 0.0 < max(moved.values()) < 0.5 and main(words) == 2
+    assert fit != other
+    assert 0.0 < max(moved.values()) < 0.5
+    assert main(words) == 2
     assert read(tmp_path / "fit") == fit
 
 
@@ -79,7 +81,8 @@ def test_what_values_rest_on_depends_on_no_seed_and_needs_no_chain():
 def test_check_prints_every_fault_as_json(tmp_path, capsys):
     place = tmp_path / "broken.csv"
     place.write_text("v_1,theta_1,v_y2\n17,much,5\n18,200,5\n")
-    assert main(["check", str(place), "--quiet"]) == 1 and place.name in capsys.readouterr().out
+    assert main(["check", str(place), "--quiet"]) == 1
+    assert place.name in capsys.readouterr().out
     assert main(["check", str(place), "--json"]) == 1
     faults = json.loads(capsys.readouterr().out)["frames"]["faults"]
     assert {(fault["row"], fault["column"]) for fault in faults} >= {(1, "theta_1"), (2, "theta_1")}
@@ -89,11 +92,13 @@ def test_check_prints_every_fault_as_json(tmp_path, capsys):
 
 def test_best_values_outside_of_their_intervals_are_named(monkeypatch):
     found = [*made_fit().parameters.values()]
-    assert not outside(found) and not outside([*made_fit(sampled=False).parameters.values()])
+    assert not outside(found)
+    assert not outside([*made_fit(sampled=False).parameters.values()])
     note = outside([replace(one, point=one.q975 + one.half) for one in found])[0]
     sure = ("given", "identified", "conditional")
     closed = {one.name for one in found if one.kind == "model" and one.verdict in sure}
-    assert note.code == "best-outside" and closed
+    assert note.code == "best-outside"
+    assert closed
     assert (
         {one.name for one in found if f"{one.name} (" in note.text}
         == closed

@@ -92,10 +92,10 @@ def test_what_does_not_reach_the_court_has_no_answer():
     values["tilt"] = np.array([0.0, -0.6])
     seen = problem.seen(values)
     steep = problem.rows.states.polar()[1] > 0.6 + 1e-9
-    assert steep.any() and not steep.all()
-    assert np.all(seen.status[1, ~steep] == Status.NO_IMPACT) and not np.any(
-        seen.status[1, steep] == Status.NO_IMPACT
-    )
+    assert steep.any()
+    assert not steep.all()
+    assert np.all(seen.status[1, ~steep] == Status.NO_IMPACT)
+    assert not np.any(seen.status[1, steep] == Status.NO_IMPACT)
     away = Impacts(np.array([10.0]), np.array([-1.0]), np.zeros(1))
     values["tilt"] = np.array([0.0, 0.5])
     # Measured as moving away: even where the tilt turns it towards the court there is no time of
@@ -128,11 +128,10 @@ def test_what_is_stated_asked_for_and_idle():
     problem = problem_of(table_of(REBOUND), known, prior={"tilt": "normal(0, 0.01)"})
     named = {item.spec.name: item for item in problem.parameters}
     assert problem.camera.keys == ("scale", "clock", "tilt")
-    assert (
-        named["scale"].prior.text == "normal(1.01, 0.02)"
-        and named["tilt"].prior.text == "normal(0, 0.01)"
-    )
-    assert named["clock"].fixed == 1.0005 and "clock" not in problem.free
+    assert named["scale"].prior.text == "normal(1.01, 0.02)"
+    assert named["tilt"].prior.text == "normal(0, 0.01)"
+    assert named["clock"].fixed == 1.0005
+    assert "clock" not in problem.free
     assert "camera-idle" in {note.code for note in problem.notes}
     assert problem_of(table_of(REBOUND)).camera is None
     two = replace(
@@ -140,4 +139,5 @@ def test_what_is_stated_asked_for_and_idle():
         labels={"id": tuple("abcdefghij"), "session": ("mon", "tue") * 5},
     )
     filmed = problem_of(two, known).camera
-    assert filmed.sessions == ("mon", "tue") and filmed.session.tolist() == [0, 1] * 5
+    assert filmed.sessions == ("mon", "tue")
+    assert filmed.session.tolist() == [0, 1] * 5

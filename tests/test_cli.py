@@ -78,7 +78,8 @@ def test_options_are_those_of_the_signature():
 )
 def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, named):
     code, said = _exit(capsys, *words)
-    assert code == 2 and named in said
+    assert code == 2
+    assert named in said
 
 
 # What cannot be wrong by itself, or is the mistake of another option.
@@ -113,7 +114,8 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
     lines = {
         f"{verb} {words}": code for verb, mistakes in wanted.items() for words, code in mistakes
     }
-    assert {line: _outcome(line) for line in lines} == lines and {*wanted} == {*cli.VERBS}
+    assert {line: _outcome(line) for line in lines} == lines
+    assert {*wanted} == {*cli.VERBS}
     assert sorted(Path().rglob("*")) == before
     for verb, function in cli.VERBS.items():
         values = {
@@ -210,7 +212,8 @@ def test_the_package_runs_as_a_module():
         capture_output=True,
         text=True,
     )
-    assert made.returncode == 0 and made.stdout.startswith("fitball ")
+    assert made.returncode == 0
+    assert made.stdout.startswith("fitball ")
 
 
 def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
@@ -219,7 +222,8 @@ def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
 
     monkeypatch.setitem(cli.VERBS, "check", hungry)
     hungry.__name__ = "check"
-    assert cli.main(["check", "t.csv"]) == 2 and "2.9 GiB" in capsys.readouterr().err
+    assert cli.main(["check", "t.csv"]) == 2
+    assert "2.9 GiB" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")

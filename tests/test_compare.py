@@ -76,7 +76,8 @@ def test_scores_and_predictions_of_a_line_are_those_in_closed_form(weighted):
         )
     found = leave_one_out(problem, best, draws, ("v_x2",), Effort())
     mean, scores = exact_scores(problem)
-    assert not found.refitted.all() and found.settled.all()
+    assert not found.refitted.all()
+    assert found.settled.all()
     np.testing.assert_allclose(found.elpd, scores, atol=0.06 if weighted else 0.03)
     # Means without an impact, known to some hundredths of their sds.
     np.testing.assert_allclose(
@@ -112,12 +113,15 @@ def test_an_impact_without_which_weights_are_unreliable_is_refitted(monkeypatch)
     row = np.argmax(problem.rows.states.v_x1)
     assert found.settled.all()
     np.testing.assert_array_equal(found.refitted, found.k > left_out.REFIT)
-    assert found.k[row] > 0.7 and found.refitted[row] and not found.refitted.all()
+    assert found.k[row] > 0.7
+    assert found.refitted[row]
+    assert not found.refitted.all()
     np.testing.assert_allclose(found.elpd, scores, atol=0.1)
     # Without a refit the score is wrong.
     monkeypatch.setattr(left_out, "REFIT", np.inf)
     wrong = leave_one_out(problem, best, draws, ("v_x2",), Effort())
-    assert not wrong.refitted.any() and abs(wrong.elpd[row] - scores[row]) > 0.5
+    assert not wrong.refitted.any()
+    assert abs(wrong.elpd[row] - scores[row]) > 0.5
 
 
 def test_long_tables_are_scored_by_parts(monkeypatch):
@@ -143,11 +147,9 @@ def test_weighted_draws_and_draws_of_chains_are_those_of_the_posterior(chain, mo
     centre, covariance = line.exact(problem)
     values = problem.prior.value(made.q)
     weights = np.exp(made.weights)
-    assert (
-        made.settled
-        and weights.sum() == pytest.approx(1.0)
-        and (np.ptp(weights) > 0.0) is not chain
-    )
+    assert made.settled
+    assert weights.sum() == pytest.approx(1.0)
+    assert (np.ptp(weights) > 0.0) is not chain
     assert (made.efficiency < 0.9) is chain
     sd = np.sqrt(np.diagonal(covariance))
     assert np.abs(weights @ values - centre).max() < 0.1 * sd.max()
@@ -168,7 +170,9 @@ def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table)
     monkeypatch.setattr(left_out, "sample", chains)
     begin = [left_out.proposal(problem, best[0])]
     made = left_out.drawn(problem.without(np.arange(3, 12)), begin, Effort(), 2000.0, "here")
-    assert not efforts and not made.settled and len(made.q) > 2000
+    assert not efforts
+    assert not made.settled
+    assert len(made.q) > 2000
     (four, *_) = compare.problems_of(
         *load_data([table.iloc[:4]], Scene(), True),
         ONE,
@@ -209,7 +213,9 @@ def test_stacking_is_the_best_mixture():
         return -np.mean(np.log(np.exp(elpd) @ (shares / shares.sum())))
 
     best = min(optimize.minimize(loss, start, tol=1e-12).fun for start in np.eye(4))
-    assert weights.sum() == pytest.approx(1.0) and weights[3] < 1e-3 and gap < compare.GAP
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[3] < 1e-3
+    assert gap < compare.GAP
     assert -np.mean(np.log(np.exp(elpd) @ weights)) == pytest.approx(best, abs=2e-6)
     # Equal models share; scores far apart overflow nothing.
     np.testing.assert_allclose(compare.stacking(np.full((5, 2), -800.0))[0], 0.5)
@@ -237,19 +243,18 @@ def test_the_model_that_made_the_table_predicts_best(compared):
     models = compared.frames["models"]
     first, second = models.to_dict("records")
     assert (first["model"], first["simplest"], second["model"]) == ("grip-slip", True, "brody")
-    assert (
-        second["worse"]
-        and first["weight"] > 0.95
-        and not first["worse"]
-        and first["difference"] == 0.0
-    )
+    assert second["worse"]
+    assert first["weight"] > 0.95
+    assert not first["worse"]
+    assert first["difference"] == 0.0
     wide = compared.frames["left_out"].pivot_table(index="id", columns="model", values="elpd")
     less = wide["brody"] - wide["grip-slip"]
     assert second["difference"] == pytest.approx(less.sum())
     assert second["error"] == pytest.approx(np.sqrt(18) * less.std(ddof=1))
     assert first["elpd"] == pytest.approx(wide["grip-slip"].sum())
     # Noises were 0.3 m/s and 6 rad/s; one of 18 impacts more is left than was fitted.
-    assert 0.2 < first["rms_v_x2"] < 0.45 and 4.0 < first["rms_omega_2_without_surface"] < 9.0
+    assert 0.2 < first["rms_v_x2"] < 0.45
+    assert 4.0 < first["rms_omega_2_without_surface"] < 9.0
     assert second["rms_v_x2"] > 2.0 * first["rms_v_x2"]
     values = compared.frames["quantities"].set_index(["name", "model"])
     assert (
@@ -274,7 +279,8 @@ def test_priors_and_fixed_values_count_in_every_model_that_has_them(table):
     known = load_data([table], Scene(), True)
     choices = Choices("", {"e_x": 0.1}, {"mu": "normal(0.3, 0.001)"}, {"all": "none"}, "student-t")
     grip, brody = compare.problems_of(*known, choices, ["grip-slip", "brody"], False)
-    assert "e_x" not in grip.free and "degrees_of_freedom" in brody.free
+    assert "e_x" not in grip.free
+    assert "degrees_of_freedom" in brody.free
     made = compare.compare([grip, brody], Effort(cores=1), lambda _stage, _share: None)
     values = made.frames["quantities"].set_index(["name", "model"])
     for model in ("grip-slip", "brody"):
@@ -307,7 +313,8 @@ def test_a_model_that_cannot_be_fitted_leaves_the_others(table):
     problems = compare.problems_of(*known, ONE, ["grip-slip", "brody"], False)
     own = compare.build_problem(*known, ONE, fitball.model_from(never))
     made = compare.compare([*problems, own], Effort(cores=1), lambda _stage, _share: None)
-    assert set(made.frames["models"]["model"]) == {"grip-slip", "brody"} and made.exit_code == 1
+    assert set(made.frames["models"]["model"]) == {"grip-slip", "brody"}
+    assert made.exit_code == 1
     assert [note.code for note in made.notes].count("not-fitted") == 1
     with pytest.raises(fitball.FitballError) as caught:
         compare.compare([own, problems[0]], Effort(cores=1), lambda _stage, _share: None)
@@ -330,7 +337,8 @@ def test_interrupted_it_returns_what_is_done(table, monkeypatch):
     monkeypatch.setattr(compare, "as_completed", stops(2))
     made = compare.compare(problems, Effort(), lambda _stage, _share: None)
     assert set(made.frames["models"]["model"]) == {"grip-slip", "brody"}
-    assert made.exit_code == 1 and "interrupted" in {note.code for note in made.notes}
+    assert made.exit_code == 1
+    assert "interrupted" in {note.code for note in made.notes}
     monkeypatch.setattr(compare, "as_completed", stops(1))
     with pytest.raises(KeyboardInterrupt):
         compare.compare(problems, Effort(), lambda _stage, _share: None)
@@ -345,7 +353,8 @@ def test_what_not_all_predict_is_not_scored(table):
     notes = [
         note for note in compare._remarks(problems, columns, {}, 0.0) if note.code == "not-scored"
     ]
-    assert len(notes) == 1 and "contact_time" in notes[0].text
+    assert len(notes) == 1
+    assert "contact_time" in notes[0].text
 
 
 def test_few_impacts_have_no_recommendation_and_pages_say_so(table, compared):
@@ -360,7 +369,8 @@ def test_few_impacts_have_no_recommendation_and_pages_say_so(table, compared):
     assert "few-impacts" in {note.code for note in few.notes}
     for result in (few, compared):
         assert page.report(result).summary[0].lines[0].tone == ("part" if result is few else "good")
-        assert "brody" in result.report() and result.plot("scores").get_axes()
+        assert "brody" in result.report()
+        assert result.plot("scores").get_axes()
 
 
 def test_the_page_names_the_simplest_and_who_is_not_worse_and_the_figure_shows_the_frame(compared):
@@ -375,9 +385,8 @@ def test_the_page_names_the_simplest_and_who_is_not_worse_and_the_figure_shows_t
         )
     alone = page.report(compared).summary[0].lines
     # brody is worse, and has fewer parameters.
-    assert not any("brody" in one for one in alone[:3]) and any(
-        "fewer parameters predicts" in one for one in alone
-    )
+    assert not any("brody" in one for one in alone[:3])
+    assert any("fewer parameters predicts" in one for one in alone)
     equal = Frames("report.compare", {**compared.frames, "models": models.assign(worse=False)})
     assert any(
         "Not significantly worse" in one and "brody" in one
@@ -404,11 +413,9 @@ def test_whether_the_second_mass_is_worth_it_is_said_of_the_one_that_is_behind(b
     ]
     words = page._second_mass(rows)
     assert "9.0 higher" in words if better else "9.0 lower" in words
-    assert (
-        ("not significantly" in words) != sure
-        and "significantly" in words
-        and not page._second_mass(rows[:1])
-    )
+    assert ("not significantly" in words) != sure
+    assert "significantly" in words
+    assert not page._second_mass(rows[:1])
 
 
 def test_by_the_command_line(tmp_path, capsys, table):

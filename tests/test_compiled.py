@@ -44,14 +44,16 @@ def test_processes_that_start_together_compile_once(tmp_path):
     said = [one.communicate(timeout=120)[0].split() for one in together]
     said.append(started(tmp_path, TINY, tmp_path / "cache").communicate(timeout=120)[0].split())
     assert [words[-2] for words in said] == ["42"] * 3
-    assert sum(words.count("SAID") for words in said) == 1 and "SAID" not in said[2]
+    assert sum(words.count("SAID") for words in said) == 1
+    assert "SAID" not in said[2]
     assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
 
 
 def test_a_cache_that_cannot_be_written_is_replaced_and_cleared(tmp_path):
     (tmp_path / "file").write_text("no folder")
     said = started(tmp_path, TINY, tmp_path / "file" / "cache").communicate(timeout=120)[0].split()
-    assert said.count("WARNING") == 1 and said[-2] == "42"
+    assert said.count("WARNING") == 1
+    assert said[-2] == "42"
     assert not Path(said[-1]).exists()
 
 
@@ -65,7 +67,8 @@ def test_every_source_of_the_kernels_counts(tmp_path, monkeypatch):
         if name:
             (tmp_path / name).write_text("x = 2\n")
         found += [compiled.folder.__wrapped__(), compiled.folder.__wrapped__()]
-    assert found[::2] == found[1::2] and len(set(found)) == 4
+    assert found[::2] == found[1::2]
+    assert len(set(found)) == 4
     # Numba's own setting is as it was for the user's functions.
     assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
 
@@ -89,7 +92,9 @@ def test_parts_are_the_whole(size, least, count, parts):
     with environment.threads(count):
         environment.shared(lambda first, last: seen.append((first, last)), size, least)
     seen.sort()
-    assert len(seen) == parts and seen[0][0] == 0 and seen[-1][1] == size
+    assert len(seen) == parts
+    assert seen[0][0] == 0
+    assert seen[-1][1] == size
     assert [last for _, last in seen[:-1]] == [first for first, _ in seen[1:]]
     assert parts == 1 or min(last - first for first, last in seen) >= least
 

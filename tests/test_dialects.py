@@ -214,7 +214,8 @@ def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
     )
     cells = read_cells(frame, Naming({}).worth)
     assert [column.dtype.kind for column in cells.columns] == ["f", "f", "f", "f"]
-    assert cells.text(0) == ["1", "2"] and cells.text(1) == ["0.1", ""]
+    assert cells.text(0) == ["1", "2"]
+    assert cells.text(1) == ["0.1", ""]
     np.testing.assert_array_equal(numbers(cells, {"omega_2": 3})["omega_2"], [5.0, np.nan])
     # The digest is of what is in it, however it was given.
     same = read_cells(dict(frame), Naming({}).worth)
@@ -326,7 +327,8 @@ def test_what_is_nonsense_or_may_be_two_things_is_refused_at_its_place(tmp_path,
 
 def test_ten_thousand_faults_are_kept(tmp_path):
     many = faults_of(written(tmp_path, "v_y1,v_y2\n" + "x,y\n" * 6000))
-    assert len(many) == 10_001 and many[-1][0] == "more-faults"
+    assert len(many) == 10_001
+    assert many[-1][0] == "more-faults"
 
 
 def test_what_was_assumed_is_noted(tmp_path):
@@ -336,7 +338,8 @@ def test_what_was_assumed_is_noted(tmp_path):
     assert {*noted} == {"above-header", "header-again", "not-read", "plus-minus", "decimal-commas"}
     np.testing.assert_allclose(found["v_1"], np.array([38.1, -39.2]) * SI["mph"])
     np.testing.assert_allclose(found["v_2_sd"], [0.3 * SI["mph"], np.nan])
-    assert found["id"] == ["1", "2"] and found["spin in"] == ["20", ""]
+    assert found["id"] == ["1", "2"]
+    assert found["spin in"] == ["20", ""]
     assert read(written(tmp_path, "v_1,surface\n1,ras\u00e9\n".encode("cp1252")))[1] == ["encoding"]
 
 
@@ -454,7 +457,8 @@ def test_a_row_of_names_is_no_row_of_units(tmp_path):
     found, noted = read(
         written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n")
     )
-    assert found["id"] == ["s", "m"] and "units-row" not in noted
+    assert found["id"] == ["s", "m"]
+    assert "units-row" not in noted
     assert read(written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n"))[0] == {
         "v_1": [10.0],
         "theta_1": [1.0],

@@ -46,7 +46,9 @@ def test_never_over_a_limit_and_one_sided_there():
     low = np.array([0.3, -1.0, -0.7])
     high = np.array([1.1, 1.2, 0.2])
     _, slopes = central(watched, AT, STEP, low, high)
-    assert np.all(seen[0] >= low) and np.all(seen[0] <= high) and len(seen) == 1
+    assert np.all(seen[0] >= low)
+    assert np.all(seen[0] <= high)
+    assert len(seen) == 1
     # Error of a one-sided difference: step f''/2.
     np.testing.assert_allclose(slopes, derived(AT), atol=3e-5)
     _, none = central(curved, AT[:1], STEP, AT[0], AT[0])
@@ -82,5 +84,6 @@ def test_where_neither_side_has_an_answer_it_is_zero():
         -OPEN,
         OPEN,
     )
-    assert np.isnan(beside).all() and beside.shape == (1,)
+    assert np.isnan(beside).all()
+    assert beside.shape == (1,)
     np.testing.assert_array_equal(slopes, np.zeros((1, 3)))

@@ -54,7 +54,8 @@ def test_json_says_of_every_number_whether_the_data_determine_it(fit):
     known = {"identified": True, "given": True}
     for name, one in {**fit.parameters, **fit.derived}.items():
         kept = {**found["parameters"], **found["derived"]}[name]
-        assert kept["verdict"] == one.verdict and kept["determined"] == known.get(
+        assert kept["verdict"] == one.verdict
+        assert kept["determined"] == known.get(
             one.verdict,
             False,
         )
@@ -74,11 +75,9 @@ def test_json_says_of_every_number_whether_the_data_determine_it(fit):
         for name, one in parameters.items()
         if one.kind == "model" and one.verdict != "identified"
     }
-    assert (
-        set(remarks) == unsure
-        and "offset" in unsure
-        and found["parameters"]["offset"]["verdict"] == "fixed"
-    )
+    assert set(remarks) == unsure
+    assert "offset" in unsure
+    assert found["parameters"]["offset"]["verdict"] == "fixed"
     assert found["sets"][0]["values"]["mu"] == fit.point.optima[0]["mu"]
     names = found["correlation"]["names"]
     matrix = np.array(found["correlation"]["values"])
@@ -94,10 +93,8 @@ def test_json_says_of_every_number_whether_the_data_determine_it(fit):
 
 def test_each_surface_has_its_own_values_and_range(levelled):
     whole = parsed(content(levelled.export(to="json")))
-    assert (
-        whole["correlation"] is whole["parameters"]["e_x"]["median"] is None
-        and whole["status"] == "point only"
-    )
+    assert whole["correlation"] is whole["parameters"]["e_x"]["median"] is None
+    assert whole["status"] == "point only"
     assert whole["parameters"]["e_x"]["point"] == levelled.point.optima[0]["e_x"]
     found = whole["sets"]
     assert [one["label"] for one in found] == list(LABELS)
@@ -113,7 +110,8 @@ def test_each_surface_has_its_own_values_and_range(levelled):
     (clay,) = parsed(content(levelled.export(to="json", level={"surface": "CLAY"})))["sets"]
     assert clay == found[0]
     (new,) = parameter_set.of_fit(levelled, {"Surface": "new"})
-    assert new.values["mu"] == levelled.draws.best["mu[new]"][0] and "mu" in new.sources
+    assert new.values["mu"] == levelled.draws.best["mu[new]"][0]
+    assert "mu" in new.sources
     assert len(new.impacts) == 40
     values = np.array([one["values"]["mu"] for one in found])
     assert values.min() < new.values["mu"] < values.max()
@@ -137,7 +135,8 @@ def test_published_and_set_values_become_a_set_with_their_sources():
     assert row["source"] in one["remarks"]["mu"]
     low, high = (float(row["value"]) + end * float(row["sd"]) for end in (-1.96, 1.96))
     assert f"[{low:.2f}, {high:.2f}]" in one["remarks"]["mu"]
-    assert one["measured"] is None and {*values} - {*one["remarks"]} == {
+    assert one["measured"] is None
+    assert {*values} - {*one["remarks"]} == {
         "ball_mass",
         "ball_radius",
         "inertia_ratio",
@@ -178,7 +177,8 @@ def test_engine_settings_are_the_best_of_a_rigid_sphere(state, grips, inertia):
         method="bounded",
         options={"xatol": 1e-10},
     )
-    assert found.grips is grips and found.errors["v_y2"] == 0.0
+    assert found.grips is grips
+    assert found.errors["v_y2"] == 0.0
     if grips:
         # What fits one such impact best is too little for others: the ball may slip, and bounce on
         # as if on ice.
@@ -187,7 +187,8 @@ def test_engine_settings_are_the_best_of_a_rigid_sphere(state, grips, inertia):
             one.values["ball_radius"] * made["omega_2"][0],
             rel=1e-12,
         )
-        assert found.mu >= one.values["mu"] and found.rms["v_x2"] < 3.0
+        assert found.mu >= one.values["mu"]
+        assert found.rms["v_x2"] < 3.0
     else:
         assert found.mu == pytest.approx(best.x, abs=1e-6)
         assert cost(one, point, found.e, inertia, found.mu) <= best.fun * (1.0 + 1e-9)
@@ -200,7 +201,9 @@ def test_an_engine_with_the_same_ball_makes_no_error():
     )
     found = engine.settings(one, fitball.impacts(8.0, 9.0, 10.0), one.values["inertia_ratio"])
     # It grips there: the friction is the model's own, which other impacts need.
-    assert found.grips and found.mu == 0.5 and max(found.rms.values()) < 1e-12
+    assert found.grips
+    assert found.mu == 0.5
+    assert max(found.rms.values()) < 1e-12
     assert max(map(abs, found.errors.values())) < 1e-12
     # Without slip any friction would do.
     assert engine.settings(one, fitball.impacts(0.0, 9.0, 0.0), 0.4).mu == 0.5
@@ -231,10 +234,10 @@ def test_a_drop_test_has_restitution_alone():
     )
     text = engine.engine([one], "v_y1=10")
     numbers = parsed(engine.as_json([one], "v_y1=10"))["sets"][0]
-    assert "0.7000" in text and "| friction mu |" not in text
-    assert (
-        numbers["settings"][0]["e"] == pytest.approx(0.7) and numbers["settings"][0]["mu"] is None
-    )
+    assert "0.7000" in text
+    assert "| friction mu |" not in text
+    assert numbers["settings"][0]["e"] == pytest.approx(0.7)
+    assert numbers["settings"][0]["mu"] is None
     with pytest.raises(FitballError) as caught:
         engine.engine([one], "v_1=10, theta_1=30")
     assert caught.value.code == "impact"
@@ -271,9 +274,12 @@ def test_nothing_in_latex_is_a_command_of_others(levelled, fit):
     for text in (content(levelled.export(to="latex")), content(fit.export(to="latex"))):
         first, rest = text.split("\n", 1)
         assert first == r"% needs \usepackage{booktabs}"
-        assert set(re.findall(r"\\([A-Za-z]+)", rest)) <= ours and "textbackslash" in rest
+        assert set(re.findall(r"\\([A-Za-z]+)", rest)) <= ours
+        assert "textbackslash" in rest
         bare = re.sub(r"\\[^A-Za-z]", "", rest)
-        assert "%" not in bare and bare.count("{") == bare.count("}") and bare.count("$") % 2 == 0
+        assert "%" not in bare
+        assert bare.count("{") == bare.count("}")
+        assert bare.count("$") % 2 == 0
         assert all(
             line.count("&") == 4 for line in bare.split("\n") if re.search(r"(?<!\\)&", line)
         )
@@ -306,7 +312,8 @@ def test_tables_have_the_rounded_numbers_and_a_note_for_each_doubt(fit):
 def test_every_format_is_made_without_a_fit(form):
     made = fitball.export(to=form, model="two-mass", fix={"mu": "literature:grass"})
     (name,) = made.contents
-    assert name == FORMATS[form].file and len(content(made)) > 100
+    assert name == FORMATS[form].file
+    assert len(content(made)) > 100
 
 
 def test_the_command_line_prints_or_writes_the_file_alone(tmp_path, capsys):
@@ -315,15 +322,15 @@ def test_the_command_line_prints_or_writes_the_file_alone(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert cli.main((*words, "--out", str(tmp_path / "made"))) == 0
     file = tmp_path / "made" / "parameters.json"
-    assert capsys.readouterr().out.strip() == str(file) and parsed(printed) == parsed(
-        file.read_text()
-    )
+    assert capsys.readouterr().out.strip() == str(file)
+    assert parsed(printed) == parsed(file.read_text())
     assert [one.name for one in file.parent.iterdir()] == ["parameters.json"]
     assert cli.main((*words, "--out", str(tmp_path / "made"))) == 2
     assert cli.main((*words[:-1], "engine", "--out", str(tmp_path / "made"))) == 0
     file.write_text("older")
     assert cli.main((*words, "--out", str(tmp_path / "made"), "--overwrite")) == 0
-    assert parsed(file.read_text()) == parsed(printed) and len(list(file.parent.iterdir())) == 2
+    assert parsed(file.read_text()) == parsed(printed)
+    assert len(list(file.parent.iterdir())) == 2
 
 
 def test_a_file_that_is_no_text_is_not_printed(fit):
@@ -358,6 +365,6 @@ def test_a_surface_and_a_ball_that_no_impact_has_together_are_named():
     (apart,) = parameter_set.of_fit(two, {"ball": "worn", "surface": "hard"})
     best = two.point.optima[0]
     assert (apart.values["mu"], apart.values["cor_10"]) == (best["mu[hard]"], best["cor_10[worn]"])
-    assert (
-        len(apart.impacts) == 24 and "together" in apart.origin and "together" not in sets[0].origin
-    )
+    assert len(apart.impacts) == 24
+    assert "together" in apart.origin
+    assert "together" not in sets[0].origin

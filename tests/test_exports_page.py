@@ -83,14 +83,16 @@ def run(page, *lines):
 def test_names_of_others_are_text_on_the_page(levelled):
     page = Page(levelled.export(to="page"))
     nasty = Page(made_fit(name=SCRIPT).export(to="page"))
-    assert page.options == list(LABELS) and "level" not in nasty.ids
+    assert page.options == list(LABELS)
+    assert "level" not in nasty.ids
     # A column of values for each.
     assert (
         re.search('<th class="left">parameter</th>(.*?)</tr>', page.text)[1].count("<th")
         == len(LABELS) + 1
     )
     for one in (page, nasty):
-        assert one.text.count("<script") == 2 == len(one.scripts) and "<img" not in one.text
+        assert one.text.count("<script") == 2 == len(one.scripts)
+        assert "<img" not in one.text
 
 
 def test_the_page_computes_the_rebounds_of_the_model(levelled):
@@ -133,9 +135,11 @@ def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
     problem = fit.problem
     ensembles, steps, walkers, _ = fit.posterior.values.shape
     draws = tree["posterior"]
-    assert draws.sizes["chain"] == ensembles * walkers and draws.sizes["draw"] == steps
+    assert draws.sizes["chain"] == ensembles * walkers
+    assert draws.sizes["draw"] == steps
     assert draws["ensemble"].values.tolist() == [0] * walkers + [1] * walkers
-    assert "cor_10[grass\u2215new]" in draws and draws["offset"].attrs["units"] == "m"
+    assert "cor_10[grass\u2215new]" in draws
+    assert draws["offset"].attrs["units"] == "m"
     chain = walkers + 3
     step = 7
     row = fit.posterior.values[1, step, 3]
@@ -209,9 +213,8 @@ def test_replicated_tables_scatter_as_the_noise_says(fit):
         again = tree["posterior_predictive"][column].values.reshape(400, -1)
         z = (again - true.column(column)) / values[noise][:, None]
         # 8,000 normal numbers: five standard errors.
-        assert abs(z.mean()) < 5.0 / math.sqrt(z.size) and abs(z.std() - 1.0) < 5.0 / math.sqrt(
-            2.0 * z.size
-        )
+        assert abs(z.mean()) < 5.0 / math.sqrt(z.size)
+        assert abs(z.std() - 1.0) < 5.0 / math.sqrt(2.0 * z.size)
         assert np.array_equal(
             tree["observed_data"][column],
             fit.run.table.values[column],

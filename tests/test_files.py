@@ -85,7 +85,10 @@ def test_nothing_of_a_killed_run_mixes_with_the_next(tmp_path):
     (tmp_path / "mine.csv").write_text("mine")
     assert run(KILL, tmp_path).wait() == -signal.SIGKILL
     left = names(tmp_path)
-    assert LOCK in left and "trace.png" in left and "summary.csv" not in left and len(left) == 4
+    assert LOCK in left
+    assert "trace.png" in left
+    assert "summary.csv" not in left
+    assert len(left) == 4
     with result_folder(tmp_path, record="fit.json") as folder:
         folder.clear()
         folder.write("fit.json", b"{}")
@@ -111,7 +114,8 @@ def test_an_older_result_is_kept_until_there_is_another(tmp_path):
         # A record without a list of files goes too.
         (tmp_path / "fit.json").write_text("copied")
         folder.clear()
-    assert names(tmp_path) == ["table"] and names(tmp_path / "table") == ["fit.json"]
+    assert names(tmp_path) == ["table"]
+    assert names(tmp_path / "table") == ["fit.json"]
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
@@ -125,8 +129,10 @@ def test_what_cannot_be_written_leaves_the_older_file(tmp_path, monkeypatch, num
         monkeypatch.setattr(os, "fsync", full)
         with pytest.raises(FolderError) as caught:
             folder.write("a", b"new")
-    assert caught.value.code == "not-written" and str(tmp_path / "a") in str(caught.value)
-    assert names(tmp_path) == ["a"] and (tmp_path / "a").read_bytes() == b"old"
+    assert caught.value.code == "not-written"
+    assert str(tmp_path / "a") in str(caught.value)
+    assert names(tmp_path) == ["a"]
+    assert (tmp_path / "a").read_bytes() == b"old"
 
 
 def test_a_folder_that_cannot_be_or_was_made_for_nothing(tmp_path):
@@ -137,7 +143,8 @@ def test_a_folder_that_cannot_be_or_was_made_for_nothing(tmp_path):
         pass
     with pytest.raises(FolderError) as caught, result_folder(tmp_path) as folder:
         folder.below("file")
-    assert caught.value.code == "no-folder" and names(tmp_path) == ["file"]
+    assert caught.value.code == "no-folder"
+    assert names(tmp_path) == ["file"]
 
 
 @POSIX
@@ -152,7 +159,8 @@ def test_links_that_others_planted_are_not_followed(tmp_path):
     with result_folder(place, record="fit.json", overwrite=True) as folder:
         folder.clear()
         folder.write("fit.json", b"2")
-    assert precious.read_text() == "kept" and names(place) == ["fit.json", "trace.pn"]
+    assert precious.read_text() == "kept"
+    assert names(place) == ["fit.json", "trace.pn"]
     (tmp_path / LOCK).symlink_to(precious)
     refused("no-folder", tmp_path)
     assert precious.read_text() == "kept"
@@ -178,11 +186,9 @@ def test_csv_keeps_every_digit_and_no_formula():
     before = frame.copy()
     content = csv_bytes(frame)
     back = pd.read_csv(io.BytesIO(content), index_col="id")
-    assert (
-        back["x [m/s]"].equals(frame["x [m/s]"])
-        and back.columns[1] == "'=label"
-        and frame.equals(before)
-    )
+    assert back["x [m/s]"].equals(frame["x [m/s]"])
+    assert back.columns[1] == "'=label"
+    assert frame.equals(before)
     assert list(back.iloc[:7, 1]) == ["'=1+1", "'@x", "-3.5e2", "'-x", "''=a", "a,b", "Sand\r\n"]
     assert csv_bytes(pd.DataFrame({"a": [1]})) == b"a\n1\n"
 

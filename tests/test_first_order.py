@@ -113,7 +113,8 @@ def test_residuals_are_column_after_column_of_what_was_measured():
     y = problem.rows.y
     assert first.residual.size == np.isfinite(y).sum() < y.size
     order = [(k, row) for k in range(3) for row in range(10) if np.isfinite(y[row, k])]
-    assert list(zip(first.column, first.rows, strict=True)) == order and first.columns == REBOUND
+    assert list(zip(first.column, first.rows, strict=True)) == order
+    assert first.columns == REBOUND
 
 
 def test_the_score_of_students_t_has_the_same_algebra():
@@ -223,7 +224,8 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     monkeypatch.setattr(module, "LONG", 100)
     monkeypatch.setattr("fitball.inference.density.AT_ONCE", 4000)
     first = first_order(problem, point)
-    assert len(first.residual) == 300 and first.share == 0.25
+    assert len(first.residual) == 300
+    assert first.share == 0.25
     assert {*np.unique(first.rows)} == {*np.linspace(0, 399, 100).round()}
     np.testing.assert_allclose(
         first.root @ first.root.T,

@@ -124,7 +124,8 @@ def test_trends_are_drawn_only_where_a_test_found_something():
             3.0 * (place - place.mean()) + 0.1 * np.cos(frame["row"] * 5),
             0.0,
         )
-    assert trends(bent["describes"]) == 0 and trends(bent["describes except"]) >= 1
+    assert trends(bent["describes"]) == 0
+    assert trends(bent["describes except"]) >= 1
     # One of twelve panels of noise in a hundred.
     frame["z"] = np.random.default_rng(0).standard_normal(len(frame))
     assert trends(bent["describes except"]) == 0
@@ -172,7 +173,8 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
     one.draws.values["k_y"][:] = 2e4 * np.exp(np.random.default_rng(6).standard_normal(400))
     drawn = figure("corner", one)
     names = parameters.cornered(one)
-    assert "k_theta" not in names and "k_y" in names
+    assert "k_theta" not in names
+    assert "k_y" in names
     # Panels are on and below the diagonal.
     grid = np.full((len(names), len(names)), None)
     grid[np.tril_indices(len(names))] = drawn.axes
@@ -271,7 +273,8 @@ def test_the_regime_map_is_what_the_model_says(fit):
     patches = drawn.legends[0].get_patches()
     names = [text.get_text() for text in drawn.legends[0].get_texts()][: len(patches)]
     west, east, south, north = image.get_extent()
-    assert axis.get_xlim() == (west, east) and axis.get_ylim() == (south, north)
+    assert axis.get_xlim() == (west, east)
+    assert axis.get_ylim() == (south, north)
     array = image.get_array()
     speed = np.median(fit.problem.rows.states.polar()[0])
     values = {
@@ -294,7 +297,8 @@ def test_a_legend_of_curves_names_the_speed_where_speeds_differ(pooled):
     first = lines["series"].min()
     for other, named in ((20.0, False), (10.0, True)):
         known = shared.looks(lines.assign(speed=np.where(lines["series"] == first, other, 20.0)))
-        assert len(known) > 1 and all(("m/s" in look.name) == named for look in known.values())
+        assert len(known) > 1
+        assert all(("m/s" in look.name) == named for look in known.values())
 
 
 def test_a_value_of_which_a_few_draws_are_not_positive_has_no_logarithmic_axis():

@@ -30,7 +30,8 @@ def fit():
 def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(table, count):
     made = made_fit(table, model="brody")
     found, which = series(made.problem)
-    assert which.shape == (len(table),) and count <= len(found) <= 6
+    assert which.shape == (len(table),)
+    assert count <= len(found) <= 6
     assert {*which} == {*range(len(found))}
     labels = made.problem.table.labels.get("surface", ("",) * len(table))
     assert all(label in found[k].name for k, label in zip(which, labels, strict=True))
@@ -40,10 +41,8 @@ def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(tab
     place = made.problem.rows.states
     along = place.v_y1 if count == 1 else place.polar()[1]
     for k, rows in drawn[drawn["within"]].groupby("series"):
-        assert (
-            along[which == k].min() <= rows["along"].min()
-            and rows["along"].max() <= along[which == k].max()
-        )
+        assert along[which == k].min() <= rows["along"].min()
+        assert rows["along"].max() <= along[which == k].max()
 
 
 def test_a_curve_is_the_model_at_its_speed_spin_and_level(fit):
@@ -76,10 +75,8 @@ def test_a_curve_is_the_model_at_its_speed_spin_and_level(fit):
 def test_predictions_have_a_row_for_each_impact_and_column(fit):
     found = fit.predictions
     table = fit.problem.table
-    assert (
-        len(found) == 40 * 3
-        and found.groupby("column")["id"].apply(tuple).tolist() == [table.labels["id"]] * 3
-    )
+    assert len(found) == 40 * 3
+    assert found.groupby("column")["id"].apply(tuple).tolist() == [table.labels["id"]] * 3
     for name in SHOWN:
         rows = found[found["column"] == name]
         np.testing.assert_array_equal(rows["observed"], table.values[name])
@@ -97,10 +94,8 @@ def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monk
     impacts = fit.predictions.drop_duplicates("row")
     assert found.groupby("row")["share"].sum().tolist() == pytest.approx([1.0] * 40)
     most = found.sort_values("share").groupby("row").last()
-    assert (
-        most["regime"].tolist() == impacts["regime"].tolist()
-        and most["id"].tolist() == impacts["id"].tolist()
-    )
+    assert most["regime"].tolist() == impacts["regime"].tolist()
+    assert most["id"].tolist() == impacts["id"].tolist()
     np.testing.assert_allclose(
         fit.balances["cor_sd"],
         fit.draws.best["v_y_sd"][0] / impacts["v_y1"],
@@ -112,10 +107,8 @@ def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monk
 
 def test_a_point_fit_has_curves_without_bands():
     drawn = curves((made := made_fit(sampled=False)).problem, made.draws)
-    assert (
-        drawn[["q025", "q16", "median", "q84", "q975"]].isna().all(axis=None)
-        and drawn["point"].notna().all()
-    )
+    assert drawn[["q025", "q16", "median", "q84", "q975"]].isna().all(axis=None)
+    assert drawn["point"].notna().all()
     assert made.predictions["z"].notna().all()
 
 
@@ -131,13 +124,13 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
     held = SimpleNamespace(name="ball_radius", low=0.032, high=0.034, moves={"mu": -0.5})
     found = frames.variants([here], [*parts.values()], [held]).set_index("choice")
     far = np.append(np.random.default_rng(1).normal(0.5, 0.02, 4000), np.full(20, 50.0))
-    assert (
-        summarise(far, 0.5).half == pytest.approx(0.02, rel=0.05) and summarise(far, 0.5).sd > 1.0
-    )
+    assert summarise(far, 0.5).half == pytest.approx(0.02, rel=0.05)
+    assert summarise(far, 0.5).sd > 1.0
     assert np.isnan(summarise(np.append(far, np.full(4020, np.nan)), 0.5).median)
     # (0.53 - 0.5)/0.02, and (0.62 - 0.54)/0.02 at the far end.
     assert found.loc["offset=grip", ["moved", "reach"]].tolist() == pytest.approx([1.5, 4.0])
-    assert found.loc["spin=shell", "quantity"] == "" and pd.isna(found.loc["spin=shell", "moved"])
+    assert found.loc["spin=shell", "quantity"] == ""
+    assert pd.isna(found.loc["spin=shell", "moved"])
     assert found.loc["ball_radius", ["moved", "q025", "q975"]].tolist() == pytest.approx(
         [0.5, 0.49, 0.51]
     )
@@ -176,4 +169,5 @@ def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_o
     ]
     row = frames.summary([here], {}, None, frames.variants([here], tried, [])).loc["mu"]
     # An end by 0.1 is farther than a median by 0.06; a variant that fits worse does not count.
-    assert row["moved"] == pytest.approx(5.0) and row["given"].split("; ")[0] == "normal=momentum"
+    assert row["moved"] == pytest.approx(5.0)
+    assert row["given"].split("; ")[0] == "normal=momentum"

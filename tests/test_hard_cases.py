@@ -150,4 +150,6 @@ def test_an_elastic_ball_that_lands_without_slip_is_held(eps):
     }
     values |= {"cor_10": 1.0, "cor_slope": 0.0, "zeta_theta": 0.3}
     found = chosen.rebound(values, fitball.impacts(0.0, 10.0))
-    assert f"{found.regime[0]:o}" == "4" and found.v_x2[0] == 0.0 and found.omega_2[0] == 0.0
+    assert f"{found.regime[0]:o}" == "4"
+    assert found.v_x2[0] == 0.0
+    assert found.omega_2[0] == 0.0

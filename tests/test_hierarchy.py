@@ -69,7 +69,8 @@ def test_centre_spread_and_groups_are_those_of_an_integral():
     share = found.spread[:EACH] ** 2 / (found.spread[:EACH] ** 2 + ERRORS[:, None] ** 2)
     exact = found.centre[:EACH] + share * (EFFECTS[:, None] - found.centre[:EACH])
     assert found.each.mean(axis=1) == pytest.approx(exact.mean(axis=1), abs=1.2)
-    assert found.each.shape == (8, EACH) and np.all(found.pareto_k == -np.inf)
+    assert found.each.shape == (8, EACH)
+    assert np.all(found.pareto_k == -np.inf)
 
 
 @pytest.mark.parametrize(("spread", "errors"), [(1.0, 1e-3), (1e-3, 1.0)])
@@ -79,9 +80,11 @@ def test_spreads_far_from_the_errors_are_found(spread, errors):
     low, middle, high = np.quantile(hierarchy(groups, half_t(1.0), rng).spread, (0.025, 0.5, 0.975))
     if spread > errors:
         # Of 40 values an sd is known to 11 %.
-        assert middle == pytest.approx(1.0, abs=0.1) and 0.35 < high - low < 0.6
+        assert middle == pytest.approx(1.0, abs=0.1)
+        assert 0.35 < high - low < 0.6
     else:
-        assert low < 0.03 and high < 0.4
+        assert low < 0.03
+        assert high < 0.4
 
 
 def test_an_interim_prior_is_divided_out():
@@ -152,9 +155,11 @@ def test_groups_of_a_fit_have_the_density_of_their_prior():
     ]
     for one in fit.reported:
         assert (group_of(fit, one.name) is not None) == (one.name in determined), one.name
-    assert group_of(fit, "no_such") is None and group_of(made_fit(sampled=False), "mu") is None
+    assert group_of(fit, "no_such") is None
+    assert group_of(made_fit(sampled=False), "mu") is None
     plain = made_fit(prior={"e_x": "lognormal(0.2, 0.5)", "mu": "normal(0.6, 0.3)"})
-    assert is_log(specs["mu[clay]"]) and not is_log(specs["cor_slope"])
+    assert is_log(specs["mu[clay]"])
+    assert not is_log(specs["cor_slope"])
     for name, log, density in (
         ("mu", True, lambda x: norm(0.6, 0.3).logpdf(np.exp(x)) + x),
         ("e_x", False, lognorm(0.5, scale=0.2).logpdf),

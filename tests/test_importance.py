@@ -35,7 +35,9 @@ def begin():
 def test_moments_of_a_mixture():
     x, log_weights, k = importance(mixture, begin(), np.random.default_rng(0), 4000.0)
     weights = np.exp(log_weights)
-    assert weights.sum() == pytest.approx(1.0) and effective(log_weights) >= 4000.0 and k < RELIABLE
+    assert weights.sum() == pytest.approx(1.0)
+    assert effective(log_weights) >= 4000.0
+    assert k < RELIABLE
     mean = 0.3 * NEAR + 0.7 * FAR
     second = 0.3 * (SPREAD + np.outer(NEAR, NEAR)) + 0.7 * (0.25 * np.eye(2) + np.outer(FAR, FAR))
     covariance = second - np.outer(mean, mean)
@@ -59,7 +61,8 @@ def test_bounds_cost_draws_and_nothing_else():
         np.random.default_rng(2),
         2000.0,
     )
-    assert np.all(x > 0.0) and k < RELIABLE
+    assert np.all(x > 0.0)
+    assert k < RELIABLE
     np.testing.assert_allclose(np.exp(log_weights) @ x, np.full(3, np.sqrt(2.0 / np.pi)), atol=0.06)
 
 
@@ -87,9 +90,8 @@ def test_parts_follow_a_bent_distribution():
     one = fitted(x).log_density(x)
     each = np.array([np.exp(part.log_density(x)) for part in parts])
     many = np.log(np.array(shares) @ each)
-    assert sum(shares) == pytest.approx(1.0) and 0.0 < np.mean(truth - many) < 0.3 * np.mean(
-        truth - one
-    )
+    assert sum(shares) == pytest.approx(1.0)
+    assert 0.0 < np.mean(truth - many) < 0.3 * np.mean(truth - one)
     assert parted(x[:3] * [1.0, 0.0], rng) == []
 
 
@@ -101,7 +103,9 @@ def test_a_density_that_no_proposal_meets():
         np.random.default_rng(4),
         1000.0,
     )
-    assert not len(x) and not len(log_weights) and k == np.inf
+    assert not len(x)
+    assert not len(log_weights)
+    assert k == np.inf
 
 
 def test_smoothing():
@@ -109,13 +113,15 @@ def test_smoothing():
     # Ratios with a Pareto tail of shape 0.5 have k 0.5 but for chance.
     heavy = -0.5 * np.log(rng.uniform(size=20_000))
     weights, k = smoothed(heavy, 1.0)
-    assert k == pytest.approx(0.5, abs=0.15) and np.exp(weights).sum() == pytest.approx(1.0)
+    assert k == pytest.approx(0.5, abs=0.15)
+    assert np.exp(weights).sum() == pytest.approx(1.0)
     assert weights.max() < (heavy - np.logaddexp.reduce(heavy)).max() + 0.5
     # Order is kept; shape of the body too.
     body = np.argsort(heavy)[:15_000]
     np.testing.assert_allclose(np.diff(weights[body]), np.diff(heavy[body]), atol=1e-9)
     weights, k = smoothed(np.full(50, 3.0), 1.0)
-    assert k == -np.inf and np.allclose(weights, -np.log(50.0))
+    assert k == -np.inf
+    assert np.allclose(weights, -np.log(50.0))
     assert smoothed(np.array([0.0, 1.0, 2.0]), 1.0)[1] == np.inf
     # Walkers that sat there: the largest is outside by chance.
     assert smoothed(np.repeat([0.0, 1.0], 500), 1.0)[1] == np.inf

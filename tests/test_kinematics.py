@@ -152,7 +152,8 @@ def test_noise_is_that_of_columns_that_state_none():
     )
     assert found["cor_sd"].iloc[0] == pytest.approx(0.5 / 5.0, rel=1e-13)
     # Of the spin nothing is known: what contains it has no sd.
-    assert np.isfinite(found["e_x"].iloc[0]) and np.isnan(found["e_x_sd"].iloc[0])
+    assert np.isfinite(found["e_x"].iloc[0])
+    assert np.isnan(found["e_x_sd"].iloc[0])
     assert found["energy_lost_sd [J]"].isna().all()
 
 
@@ -184,7 +185,8 @@ def test_what_the_columns_do_not_determine_is_absent(columns, known):
 def test_a_gap_and_a_ball_without_slip_leave_the_rest():
     values = dict(zip(FULL, ([12.0, 0.0], 5.0, 0.0, 9.0, 4.0, [np.nan, 200.0]), strict=True))
     found = balances(made(values, dict.fromkeys(values, 0.1)), Ball())
-    assert found["cor"].notna().all() and found["cor_sd"].notna().all()
+    assert found["cor"].notna().all()
+    assert found["cor_sd"].notna().all()
     assert (
         found["offset [m]"].isna().tolist()
         == found["offset_sd [m]"].isna().tolist()

@@ -87,7 +87,8 @@ def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_oth
     surfaces = ("hard",) * 9 + ("clay",) * 2
     table = paced(ratings, surface=surfaces, location=tuple("AAABBBCCCDD"))
     found = measured_pace(table, Scene())
-    assert found["surface"].tolist() == ["hard"] * 4 and found["place"].tolist() == [
+    assert found["surface"].tolist() == ["hard"] * 4
+    assert found["place"].tolist() == [
         "",
         "A",
         "B",
@@ -105,7 +106,8 @@ def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_oth
     alike = measured_pace(table, Scene(), {"rating_spread": "half-normal(0.05)"})
     assert np.ptp(alike["rating"]) < 0.5 * np.ptp(found["rating"])
     scene = Scene(prior={"rating_spread": "half-normal(0.05)"})
-    assert alike.equals(measured_pace(table, scene)) and not alike.equals(found)
+    assert alike.equals(measured_pace(table, scene))
+    assert not alike.equals(found)
 
 
 def test_a_drop_test_of_one_ball_is_students():
@@ -175,7 +177,8 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     wide = [one["cor_q975"] - one["cor_q025"] for one in (mean, another)]
     assert wide[1] > 2.0 * wide[0]
     balls = found[found["kind"] == "ball"]
-    assert balls["label"].tolist() == list("ABCDEF") and (balls["drops"] == 3).all()
+    assert balls["label"].tolist() == list("ABCDEF")
+    assert (balls["drops"] == 3).all()
     own = np.sqrt(heights / 2.54).reshape(6, 3).mean(axis=1)
     pulled = (balls["cor"] - 0.74486).to_numpy() / (own - 0.74486)
     assert np.all((pulled[[1, 5]] > 0.5) & (pulled[[1, 5]] < 1.0))
@@ -233,7 +236,8 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
         rel=0.003,
     )
     own = found[found["kind"] == "speed"]
-    assert own["speed"].to_numpy() == pytest.approx(speeds[::3]) and (own["drops"] == 3).all()
+    assert own["speed"].to_numpy() == pytest.approx(speeds[::3])
+    assert (own["drops"] == 3).all()
     assert own["cor"].to_numpy() == pytest.approx(cor.reshape(4, 3).mean(axis=1))
     balls = drop_test(
         made(
@@ -245,10 +249,8 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     assert row(balls, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
     assert np.diff(balls[balls["kind"] == "ball"]["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
     low = drop_test(dropped([0.57, 0.58, 0.575], fall=1.0), Scene()).iloc[0]
-    assert (
-        low["speed"] == pytest.approx(np.sqrt(2 * 9.80665))
-        and np.isnan([low["rebound"], low["passes"]]).all()
-    )
+    assert low["speed"] == pytest.approx(np.sqrt(2 * 9.80665))
+    assert np.isnan([low["rebound"], low["passes"]]).all()
 
 
 def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
@@ -258,7 +260,9 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     base = row(found, surface="Smooth concrete")
     clay = row(found, surface="clay")
     cor = np.sqrt(heights / 2.54)
-    assert base["passes"] > 0.99 and np.isnan(clay["passes"]) and np.isnan(base["ratio"])
+    assert base["passes"] > 0.99
+    assert np.isnan(clay["passes"])
+    assert np.isnan(base["ratio"])
     assert clay["ratio"] == pytest.approx(cor[3:].mean() / cor[:3].mean(), rel=1e-9)
     assert clay["ratio_q025"] < clay["ratio"] < clay["ratio_q975"] < 1.0
     assert np.isnan(
@@ -266,14 +270,14 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     ).all()
     # On clay alone no ball passes or fails.
     alone = drop_test(dropped(heights[:3], surface=("clay",) * 3), Scene())
-    assert np.isnan(alone["passes"][0]) and alone["surface"][0] == ""
+    assert np.isnan(alone["passes"][0])
+    assert alone["surface"][0] == ""
     assert np.isnan(drop_test(dropped(heights[:3]), Scene(surface={"name": "clay"}))["passes"][0])
     # At another speed a ratio would be of speeds.
     fall = np.repeat([2.54, 1.0], 3)
     other = drop_test(dropped(heights * fall / 2.54, fall=fall, surface=surfaces), Scene())
-    assert np.isnan(other["ratio"]).all() and other["cor"].tolist() == pytest.approx(
-        [cor[:3].mean(), cor[3:].mean()]
-    )
+    assert np.isnan(other["ratio"]).all()
+    assert other["cor"].tolist() == pytest.approx([cor[:3].mean(), cor[3:].mean()])
 
 
 def test_drops_are_called_after_their_surface_where_there_are_several():
@@ -299,7 +303,8 @@ def test_what_is_no_drop_test_has_none():
         dropped([1.4, 1.41, 1.42]),
         Scene(ball=BallSection(mass=0.005, radius=0.01)),
     ).iloc[0]
-    assert marble["cor"] > 0.7 and np.isnan(marble["rebound"])
+    assert marble["cor"] > 0.7
+    assert np.isnan(marble["rebound"])
 
 
 def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
@@ -314,8 +319,11 @@ def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
     clay = hard._replace(rule=rule)
     monkeypatch.setattr(type(fit), "quantity", lambda self, name: hard if "hard" in name else clay)
     lines = page.lines(fit)
-    assert len(lines) == 2 and "clay" in lines[0] and "fast" in lines[0]
-    assert "hard" in lines[1] and not any(name in lines[1] for name in ("slow", "medium", "fast"))
+    assert len(lines) == 2
+    assert "clay" in lines[0]
+    assert "fast" in lines[0]
+    assert "hard" in lines[1]
+    assert not any(name in lines[1] for name in ("slow", "medium", "fast"))
     assert len(page.section(fit).blocks[0].rows) == 2
 
 
@@ -327,9 +335,8 @@ def test_drops_on_several_surfaces_have_a_restitution_each_in_the_model():
         ("cor_10", ("concrete", "clay"))
     ]
     names = [one.spec.name for one in problem.derived]
-    assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {
-        *names
-    } and "rebound_254cm" not in names
+    assert {"rebound_254cm[concrete]", "rebound_254cm[clay]"} <= {*names}
+    assert "rebound_254cm" not in names
 
 
 @pytest.mark.parametrize(("column", "head"), [("surface", "surface"), ("location", "place")])
@@ -339,7 +346,8 @@ def test_ratings_by_the_model_are_called_after_what_differs(column, head, monkey
     own = fit.quantity("court_pace")
     monkeypatch.setattr(type(fit), "quantity", lambda *_: own)
     assert page.section(fit).blocks[0].rows[0][head] == "A"
-    assert len(page.lines(fit)) == 1 and " of A, by the model" in page.lines(fit)[0]
+    assert len(page.lines(fit)) == 1
+    assert " of A, by the model" in page.lines(fit)[0]
     # The made fit's rating is extrapolated.
     assert "extrapolated" in page.lines(fit)[0]
     fit.__dict__["summary"] = fit.summary.assign(verdict="given")

@@ -72,7 +72,8 @@ def test_the_spread_is_integrated_out():
 
 def test_levels_that_nearly_agree_have_a_finite_density():
     q = CENTRE + np.array([[0.0, 0.0, 0.0], [40.0, -40.0, 3.0]])
-    assert np.isfinite(PRIOR.log_density(q)).all() and np.isfinite(PRIOR.pull(q)[1]).all()
+    assert np.isfinite(PRIOR.log_density(q)).all()
+    assert np.isfinite(PRIOR.pull(q)[1]).all()
 
 
 def test_the_pull_is_the_gradient():
@@ -127,7 +128,8 @@ def test_a_level_that_was_not_measured():
     )[0]
     assert np.mean(wide == SPREADS[-1]) > 0.99
     low = PRIOR.beyond(np.repeat(q[None], 4000, axis=0), np.random.default_rng(2), -np.inf, -0.5)[1]
-    assert low.max() <= -0.5 and abs(np.mean(low > -0.6) - np.mean(new[new < -0.5] > -0.6)) < 0.05
+    assert low.max() <= -0.5
+    assert abs(np.mean(low > -0.6) - np.mean(new[new < -0.5] > -0.6)) < 0.05
 
 
 def test_what_is_fitted_to_each_surface_and_ball_unasked():
@@ -148,7 +150,8 @@ def test_what_is_fitted_to_each_surface_and_ball_unasked():
     assert fitted(("ball",), text="two-mass")[0] == {"cor_10": "ball", "eps_10": "ball"}
     timed = fitted(("ball",), text="two-mass", columns=(*REBOUND, "contact_time"))[0]
     assert timed == {"cor_10": "ball", "eps_10": "ball", "k_y": "ball"}
-    assert fitted(("place",))[0] == {"mu": "place"} and fitted(("team",))[0] == {}
+    assert fitted(("place",))[0] == {"mu": "place"}
+    assert fitted(("team",))[0] == {}
     assert fitted(("surface",), count=8)[0] == {}
     assert "too-few-for-levels" in fitted(("surface",), count=8)[1]
     assert fitted(("surface",), fix={"mu": 0.5})[0] == {"cor_10": "surface"}
@@ -216,13 +219,15 @@ def test_draws_of_a_problem_lie_within_the_bounds_and_have_new_levels():
     assert np.isfinite(problem.prior.log_density(q)).all()
     more = problem.prior.beyond(q, np.random.default_rng(1))
     assert set(more) == {"mu_spread", "mu[new]", "cor_10_spread", "cor_10[new]"}
-    assert more["cor_10[new]"].min() > 0.0 and more["cor_10[new]"].max() <= 1.0
+    assert more["cor_10[new]"].min() > 0.0
+    assert more["cor_10[new]"].max() <= 1.0
     made = problem.forward.rebound(
         {**problem.values(q), **more},
         Impacts(*np.array([[14.0], [8.0], [0.0]])),
         np.full((1, 2), NEW_LEVEL),
     )
-    assert np.isfinite(made.v_y2[made.status == 0]).all() and np.mean(made.status == 0) > 0.9
+    assert np.isfinite(made.v_y2[made.status == 0]).all()
+    assert np.mean(made.status == 0) > 0.9
 
 
 def test_labels_by_any_spelling_and_what_is_refused():
@@ -280,7 +285,8 @@ def test_what_lies_outside_of_the_calibrated_impacts():
     )
     flags, distance = calibrated.outside(new, np.array([[0], [1], [0], [0], [NEW_LEVEL]]))
     assert flags.tolist() == [False, True, True, True, False]
-    assert distance[[0, 4]].max() < 1e-9 and distance[1] > 1.0
+    assert distance[[0, 4]].max() < 1e-9
+    assert distance[1] > 1.0
     assert distance[3] == pytest.approx(np.hypot(22.0, 12.0) - 20.0, abs=0.3)
     assert calibrated.outside(new.take(np.array([0])), np.array([[7]]))[1][0] == np.inf
     plain = CalibratedRange(known, np.empty((count, 0), np.int64), 0.033)
