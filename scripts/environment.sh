@@ -1,6 +1,6 @@
-# Sourced by run and scripts/test: makes .venv once with the pinned versions, and installs the built package in it anew
-# whenever its sources change. Needs nothing but a Python of version 3.11 or newer. Sets `root` and `venv`. What is not
-# imported is not compiled, a quarter of the way to a first report.
+# Sourced by run, scripts/test and scripts/tool: makes .venv once with the pinned versions, and for the first two installs
+# the built package in it anew whenever its sources change. Needs nothing but a Python of version 3.11 or newer. Sets
+# `root` and `venv`. What is not imported is not compiled, a quarter of the way to a first report.
 
 root=$(CDPATH= cd -- "$(dirname -- "${environment:-$0}")/.." && pwd)
 venv="$root/.venv"
@@ -35,6 +35,15 @@ made_from() {
     [ -f "$venv/$1.stamp" ] && [ "$(cat "$venv/$1.stamp")" = "$2" ]
 }
 
+has_packages() {
+    made_from packages "$(packages)"
+}
+
+# An editable install has no folder of the package here, and is no built one.
+has_package() {
+    ls "$venv"/lib/python*/site-packages/fitball/__init__.py >/dev/null 2>&1 && made_from sources "$(sources)"
+}
+
 make_environment() {
     python=$(find_python) || exit 2
     printf 'fitball: making %s (once; about a minute) ...\n' "$venv" >&2
@@ -58,13 +67,24 @@ install_package() {
 }
 
 # Of two calls at once the second waits for the first.
-ensure_environment() {
-    made_from packages "$(packages)" && made_from sources "$(sources)" && return
+lock() {
     if command -v flock >/dev/null 2>&1; then
         exec 9>"$root/.venv.lock"
         flock 9
     fi
-    made_from packages "$(packages)" || make_environment
-    made_from sources "$(sources)" || install_package
+}
+
+ensure_packages() {
+    has_packages && return
+    lock
+    has_packages || make_environment
+    exec 9>&-
+}
+
+ensure_environment() {
+    has_packages && has_package && return
+    lock
+    has_packages || make_environment
+    has_package || install_package
     exec 9>&-
 }

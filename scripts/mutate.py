@@ -220,7 +220,7 @@ def copied(tree: Path) -> Path:
     shutil.copytree(
         ROOT,
         tree,
-        ignore=shutil.ignore_patterns(".venv", "__pycache__", ".*_cache", "fits"),
+        ignore=shutil.ignore_patterns(".venv", "venv", "__pycache__", ".*_cache", "fits"),
     )
     # A checkout has its data beside the package, where an installed one has them inside.
     shutil.copytree(ROOT / "datasets", tree / "fitball" / "_datasets")
