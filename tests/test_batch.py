@@ -340,7 +340,7 @@ def test_the_page_has_every_table_and_its_figure_every_interval(made):
     dots = np.concatenate(
         [line.get_ydata() for line in panels[0].lines if line.get_marker() == "o"]
     )
-    unit = made.of(first)[0].handy.factor
+    unit = made.of(first)[0].display_unit.factor
     column = next(head for head in made.tables.columns if head.partition(" [")[0] == first)
     assert sorted(dots) == pytest.approx(sorted(unit * made.tables[column].dropna()))
     # Tables that know it are strong, and nothing of them is cut off.

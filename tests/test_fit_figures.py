@@ -182,10 +182,8 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
         if name == "k_y":
             # An axis of logarithms.
             continue
-        unit = one.quantity(name).spec.handy
-        ends = one.summary.loc[name, ["q025", "q975"]].to_numpy(float) * (
-            unit.factor if unit else 1.0
-        )
+        unit = one.quantity(name).spec.display_unit
+        ends = one.summary.loc[name, ["q025", "q975"]].to_numpy(float) * unit.factor
         np.testing.assert_allclose(grid[-1, k].get_xticks(), ends, rtol=1e-12)
     # All of the narrow prior lies within the axis, whose unit and logarithm change the density.
     curve = next(
@@ -221,8 +219,8 @@ def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
 def test_profiles_mark_their_intervals(fit):
     axes = figure("profiles", fit).axes
     for axis, (name, profile) in zip(axes, fit.profiles.items(), strict=False):
-        unit = fit.quantity(name).spec.handy
-        factor = unit.factor if unit else 1.0
+        unit = fit.quantity(name).spec.display_unit
+        factor = unit.factor
         curve, bar, posterior = axis.lines
         np.testing.assert_allclose(
             curve.get_xydata(),

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from fitball.base.display_units import DEG, MM, MS, SI
 from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec
 from fitball.base.values import FloatArray
@@ -48,7 +49,7 @@ class Column:
     title: str
     symbol: str
     limits: tuple[float, float]
-    handy: Unit | None = None
+    display_unit: Unit = SI
     opposite: Literal["", "negated", "from the normal"] = ""
     tangential: bool = False
     timed: bool = False
@@ -56,10 +57,9 @@ class Column:
     noise: ParameterSpec | None = None
     formula: Callable[[FloatArray, FloatArray], FloatArray] | None = None
 
-    @property
-    def shown(self) -> Unit:
-        """The unit that people read."""
-        return self.handy or Unit(self.unit)
+    def __post_init__(self) -> None:
+        if self.display_unit is SI:
+            object.__setattr__(self, "display_unit", Unit(self.unit))
 
 
 # Limits: ten times the fastest serve and the fastest spins of any ball game, and more. A ball that
@@ -77,9 +77,6 @@ _TURN = (-1e3, 1e3)
 # A grazing impact of less than 0.006 degrees is none.
 _FALLING = (1e-4, pi - 1e-4)
 _RISING = (0.0, pi)
-_DEGREES = Unit("deg", 180.0 / pi)
-_MILLISECONDS = Unit("ms", 1e3)
-_MILLIMETRES = Unit("mm", 1e3)
 
 
 def _noise(
@@ -89,14 +86,14 @@ def _noise(
     typical: str,
     column: str,
     symbol: str,
-    handy: Unit | None = None,
+    display_unit: Unit = SI,
 ) -> ParameterSpec:
     """Scatter of a column, one sd common to all rows: within a factor 4 of what is typical (95
     %).
     """
     prior = f"lognormal({typical}, 0.7)"
     meaning = f"noise of {column}"
-    return ParameterSpec(name, unit, *ends, prior, meaning, symbol, handy=handy)
+    return ParameterSpec(name, unit, *ends, prior, meaning, symbol, display_unit=display_unit)
 
 
 _SPEED_SD = (1e-4, 10.0)
@@ -112,7 +109,7 @@ _ALL = (
         "incident angle",
         r"$\theta_1$",
         _FALLING,
-        _DEGREES,
+        DEG,
         "from the normal",
     ),
     Column(
@@ -149,7 +146,7 @@ _ALL = (
         "rebound angle",
         r"$\theta_2$",
         _RISING,
-        _DEGREES,
+        DEG,
         "from the normal",
         tangential=True,
         formula=lambda v_x2, v_y2: np.arctan2(v_y2, v_x2),
@@ -160,7 +157,7 @@ _ALL = (
             "0.025",
             "theta_2",
             r"$\sigma_\theta$",
-            _DEGREES,
+            DEG,
         ),
     ),
     Column(
@@ -179,7 +176,7 @@ _ALL = (
         "contact time",
         r"$t_c$",
         _TIME,
-        _MILLISECONDS,
+        MS,
         timed=True,
         noise=_noise(
             "contact_time_sd",
@@ -188,7 +185,7 @@ _ALL = (
             "2e-4",
             "contact_time",
             r"$\sigma_t$",
-            _MILLISECONDS,
+            MS,
         ),
     ),
     Column(
@@ -197,7 +194,7 @@ _ALL = (
         "time between the flights",
         r"$T$",
         _TIME,
-        _MILLISECONDS,
+        MS,
         timed=True,
         gap=True,
         noise=_noise(
@@ -207,7 +204,7 @@ _ALL = (
             "1e-4",
             "gap_time",
             r"$\sigma_T$",
-            _MILLISECONDS,
+            MS,
         ),
     ),
     Column(
@@ -216,7 +213,7 @@ _ALL = (
         "path between the flights",
         r"$P$",
         _PATH,
-        _MILLIMETRES,
+        MM,
         "negated",
         True,
         True,
@@ -228,7 +225,7 @@ _ALL = (
             "1e-3",
             "gap_path",
             r"$\sigma_P$",
-            _MILLIMETRES,
+            MM,
         ),
     ),
     Column(
@@ -237,7 +234,7 @@ _ALL = (
         "turn between the flights",
         r"$Q$",
         _TURN,
-        _DEGREES,
+        DEG,
         "negated",
         True,
         True,
@@ -249,7 +246,7 @@ _ALL = (
             "0.04",
             "gap_turn",
             r"$\sigma_Q$",
-            _DEGREES,
+            DEG,
         ),
     ),
     Column("drop_height", "m", "drop height", r"$h_1$", _HEIGHT),

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fitball.base.display_units import SI
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.numbers import Unit
 from fitball.base.values import FloatArray
@@ -38,7 +39,8 @@ _LEAST_MASS = 1e-6
 class ParameterSpec:
     """A parameter: SI `unit` (empty: dimensionless), closed bounds, default `prior` as text,
     `meaning` (a comma after its short name), `symbol` in mathtext; `typical` is the default of
-    simulations, `handy` the unit people read; `logarithmic` its axes.
+    simulations, `display_unit` the unit that people read, by default `unit`;
+    `logarithmic` its axes.
     """
 
     name: str
@@ -49,13 +51,12 @@ class ParameterSpec:
     meaning: str
     symbol: str
     typical: float | None = None
-    handy: Unit | None = None
+    display_unit: Unit = SI
     logarithmic: bool = False
 
-    @property
-    def shown(self) -> Unit:
-        """The unit that people read."""
-        return self.handy or Unit(self.unit)
+    def __post_init__(self) -> None:
+        if self.display_unit is SI:
+            object.__setattr__(self, "display_unit", Unit(self.unit))
 
 
 @dataclass(frozen=True)

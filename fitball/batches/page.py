@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from fitball.base.numbers import Unit, counted, fixed
+from fitball.base.display_units import CM, PERCENT
+from fitball.base.numbers import counted, fixed
 from fitball.base.text import listed, one_line, short
 from fitball.base.values import Figure
 from fitball.batches import Batch
@@ -29,7 +30,7 @@ _TONES = {
 _TEST = re.compile(r"(pace_measured|rebound_measured|mean_passes)(\[.*?\])?(?: \[m\])?")
 _TESTS: Mapping[str, tuple[str, Callable[[float], str]]] = {
     "pace_measured": ("court pace", lambda rating: fixed(rating, 0)),
-    "rebound_measured": ("rebound [cm]", lambda height: fixed(100.0 * height, 1)),
+    "rebound_measured": ("rebound [cm]", lambda height: fixed(CM.factor * height, 1)),
     "mean_passes": ("passes", chance),
 }
 # Reasons and quantities of a first screen, panels of the figure; names along its axis,
@@ -104,7 +105,7 @@ def _described(batch: Batch) -> str:
 def _population_table(batch: Batch) -> Table:
     rows = []
     for name, one in batch.populations.head(_FIRST).iterrows():
-        unit = batch.of(str(name))[0].handy
+        unit = batch.of(str(name))[0].display_unit
         relative = bool(one["relative"])
         cells: dict[str, str] = {
             "quantity": Mark(short(str(name), 28), "name", one["meaning"]),
@@ -112,7 +113,7 @@ def _population_table(batch: Batch) -> Table:
         }
         for head in ("mean", "spread", "new"):
             middle, low, high = (float(one[f"{head}{end}"]) for end in ENDS)
-            shown = Unit("%", 100.0) if head == "spread" and relative else unit
+            shown = PERCENT if head == "spread" and relative else unit
             text = shown.with_interval(middle, low, high)
             cells[f"{head}, 95 %"] = f"{text} %" if shown.name == "%" else text
         doubt = Mark("weights unreliable", "part", f"Pareto k {one['pareto_k']:.2f}")
@@ -171,7 +172,7 @@ def _figure(batch: Batch) -> Figure:
         first = batch.of(name)[0]
         column = f"{name} [{first.unit}]" if first.unit else name
         middle, low, high = (
-            first.handy.factor * tables[head].to_numpy(np.float64)
+            first.display_unit.factor * tables[head].to_numpy(np.float64)
             for head in (column, *(f"{name}{e}" for e in ENDS[1:]))
         )
         known = np.array([name in batch.quantities[table] for table in tables.index])
@@ -180,7 +181,7 @@ def _figure(batch: Batch) -> Figure:
             panel.vlines(places[rows], low[rows], high[rows], color=colour, linewidth=width)
             panel.plot(places[rows], middle[rows], "o", color=colour, markersize=size)
         mean, new = (
-            [first.handy.factor * over[f"{head}{end}"] for end in ENDS[1:]]
+            [first.display_unit.factor * over[f"{head}{end}"] for end in ENDS[1:]]
             for head in ("mean", "new")
         )
         panel.axhspan(*mean, color=style.FAINT, zorder=0)
@@ -190,7 +191,7 @@ def _figure(batch: Batch) -> Figure:
         ends = np.array([*low[known], *high[known], *middle[np.isfinite(middle)], *new])
         ends = ends[np.isfinite(ends)]
         panel.set_ylim(ends.min() - 0.06 * np.ptp(ends), ends.max() + 0.06 * np.ptp(ends))
-        panel.set_title(style.label(plain(name, 30), first.handy))
+        panel.set_title(style.label(plain(name, 30), first.display_unit))
         panel.grid(axis="x", visible=False)
         style.few_ticks(panel.yaxis)
     step = -(-len(tables) // _NAMED)

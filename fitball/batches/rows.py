@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitball.base import itf
+from fitball.base.display_units import CM, PLAIN
 from fitball.base.errors import FitballError, ParameterError
 from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec, Prior, parse_prior
@@ -45,7 +46,7 @@ class Quantity(NamedTuple):
     spread: Prior
     log: bool
     unit: str
-    handy: Unit
+    display_unit: Unit
     meaning: str
 
 
@@ -89,24 +90,24 @@ def kept(name: str, fit: Fit) -> Kept:
         row[f"{one.name}_verdict"] = one.verdict
         if one.kind in _KINDS and (group := group_of(fit, one.name)) is not None:
             spec = fit.quantity(one.name).spec
-            handy = spec.shown
+            display_unit = spec.display_unit
             short = one.meaning.partition(",")[0]
             found[one.name] = Quantity(
                 group,
                 spread_prior(fit, one.name),
                 is_log(spec),
                 spec.unit,
-                handy,
+                display_unit,
                 short,
             )
-    for tested, handy, meaning, (value, low, high) in _tested(fit, row):
-        unit = "m" if handy.name else ""
+    for tested, display_unit, meaning, (value, low, high) in _tested(fit, row):
+        unit = "m" if display_unit.name else ""
         row |= _cells(tested, unit, value, low, high)
         if high > low:
             group = measured(value, (high - low) / _WIDE)
             size = usual_spread(value, 0.0, log=False)
             spec = ParameterSpec(tested, "", 0.0, np.inf, f"half-t({size:.6g}, {FREEDOM})", "", "")
-            found[tested] = Quantity(group, parse_prior(spec), False, unit, handy, meaning)
+            found[tested] = Quantity(group, parse_prior(spec), False, unit, display_unit, meaning)
     return Kept(row, found)
 
 
@@ -127,7 +128,7 @@ def _tested(
             name = _at("pace_measured", one["surface"])
             yield (
                 name,
-                Unit(""),
+                PLAIN,
                 "court pace rating, as measured",
                 (one["rating"], one["q025"], one["q975"]),
             )
@@ -137,8 +138,8 @@ def _tested(
             row[_at(f"{one['kind']}_passes", one["surface"])] = one["passes"]
         if one["kind"] == "mean":
             for name, unit, meaning in (
-                ("cor", Unit(""), "COR of drops"),
-                ("rebound", Unit("cm", 100.0), "rebound"),
+                ("cor", PLAIN, "COR of drops"),
+                ("rebound", CM, "rebound"),
             ):
                 if np.isfinite(one[name]):
                     ends = one[name], one[f"{name}_q025"], one[f"{name}_q975"]

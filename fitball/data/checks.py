@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from fitball.base.columns import COLUMNS, REBOUND
-from fitball.base.numbers import Unit
+from fitball.base.display_units import PLAIN
 from fitball.base.text import listed
 from fitball.base.units import factor_of
 from fitball.base.values import Ball, FloatArray
@@ -114,7 +114,7 @@ def limits(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArray
         low, high = (0.0, column.limits[1]) if name.endswith("_sd") else column.limits
         # A speed, an angle or an sd of zero is none.
         bad = (values > high) | (values <= low if low == 0.0 else values < low)
-        unit = column.shown
+        unit = column.display_unit
         ends = f"{low * unit.factor:.4g} to {high * unit.factor:.4g} {unit.name}"
         for k in np.flatnonzero(bad).tolist():
             read = (
@@ -218,7 +218,7 @@ def energy(
                 most=8,
             )
             gained = "v_y2 exceeds v_y1" if code == "restitution" else "the ball gains energy"
-            size = Unit("").number(gain[k] / sds[k], 2)
+            size = PLAIN.number(gain[k] / sds[k], 2)
             words = (
                 f"{gained} by {size} sd of the noise: {read}; expected a loss: look for "
                 "swapped columns and"

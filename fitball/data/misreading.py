@@ -20,8 +20,8 @@ from math import comb, log
 import numpy as np
 
 from fitball.base.columns import COLUMNS
+from fitball.base.display_units import PLAIN
 from fitball.base.errors import Note
-from fitball.base.numbers import Unit
 from fitball.base.text import listed
 from fitball.base.units import factor_of
 from fitball.base.values import Ball, FloatArray
@@ -84,7 +84,7 @@ class Doubt:
             *([f"pass --flip {','.join(self.flip)}"] if self.flip else []),
             *filter(None, [self.remedy]),
         ]
-        gain = Unit("").number(self.gain)
+        gain = PLAIN.number(self.gain)
         return (
             f"with {self.words} a quick fit is far better (log likelihood +{gain}): if so, "
             f"{listed(todo)}"

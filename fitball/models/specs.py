@@ -6,10 +6,9 @@ numbers near the fits to Wang's 21 impacts.
 
 from collections.abc import Mapping
 
-from fitball.base.numbers import Unit
+from fitball.base.display_units import GRAM, KN_PER_M, MILLI_S_PER_M, MM, MM_PER_M_PER_S
 from fitball.base.priors import ParameterSpec
 
-_MM = Unit("mm", 1e3)
 # A row a parameter: name, unit, bounds and prior; meaning and symbol; what else is known of it.
 _ALL = (
     ParameterSpec(
@@ -31,7 +30,7 @@ _ALL = (
         "vertical stiffness, between core and shell",
         r"$K_y$",
         typical=2.0e4,
-        handy=Unit("kN/m", 1e-3),
+        display_unit=KN_PER_M,
         logarithmic=True,
     ),
     ParameterSpec(
@@ -64,7 +63,7 @@ _ALL = (
         "normal-force offset, ahead of the centre, at 10 m/s",
         r"$\varepsilon_{10}$",
         typical=2.4e-3,
-        handy=_MM,
+        display_unit=MM,
     ),
     ParameterSpec(
         "eps_slope",
@@ -75,7 +74,7 @@ _ALL = (
         "slope of the offset, its change per m/s of vertical speed",
         r"$\varepsilon'$",
         typical=0.0,
-        handy=Unit("mm/(m/s)", 1e3),
+        display_unit=MM_PER_M_PER_S,
     ),
     ParameterSpec(
         "cor_10",
@@ -96,7 +95,7 @@ _ALL = (
         "slope of restitution, its change per m/s of vertical speed",
         r"$\mathrm{COR}'$",
         typical=-0.0158,
-        handy=Unit("1e-3 s/m", 1e3),
+        display_unit=MILLI_S_PER_M,
     ),
     ParameterSpec(
         "zeta_theta",
@@ -138,7 +137,7 @@ _ALL = (
         "normal-force offset, ahead of the centre",
         r"$\varepsilon$",
         typical=2.4e-3,
-        handy=_MM,
+        display_unit=MM,
     ),
     ParameterSpec(
         "ball_mass",
@@ -148,7 +147,7 @@ _ALL = (
         "normal(0.0576, 0.001)",
         "mass of the ball",
         r"$M$",
-        handy=Unit("g", 1e3),
+        display_unit=GRAM,
     ),
     ParameterSpec(
         "ball_radius",
@@ -158,7 +157,7 @@ _ALL = (
         "normal(0.03302, 0.0005)",
         "outer radius of the ball",
         r"$R$",
-        handy=_MM,
+        display_unit=MM,
     ),
     ParameterSpec(
         "inertia_ratio",

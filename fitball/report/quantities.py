@@ -19,12 +19,12 @@ _LABEL = 18
 
 def unit_of(fit: Fit, name: str) -> Unit:
     """The unit in which people read a parameter or derived quantity."""
-    return fit.quantity(name).spec.shown
+    return fit.quantity(name).spec.display_unit
 
 
 def column_unit(name: str) -> Unit:
     """The unit in which people read a column."""
-    return COLUMNS[name].shown
+    return COLUMNS[name].display_unit
 
 
 def plain(text: str, most: int = _LABEL) -> str:

@@ -10,8 +10,9 @@ from typing import Any
 
 import msgspec
 
+from fitball.base.display_units import PLAIN
 from fitball.base.errors import Note, ParameterError
-from fitball.base.numbers import Unit, percent
+from fitball.base.numbers import percent
 from fitball.base.progress import Progress
 from fitball.base.text import listed
 from fitball.inference.calibrate import calibrate
@@ -92,7 +93,7 @@ def _moved(fit: Fit, stored: Fit) -> Note:
     name = max(moved, key=lambda one: moved[one])
     sampled = stored.posterior is not None and fit.posterior is not None
     by = (
-        f"{Unit('').number(moved[name], 2)} of its sds"
+        f"{PLAIN.number(moved[name], 2)} of its sds"
         if sampled
         else f"{percent(moved[name])} of its value"
     )

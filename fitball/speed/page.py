@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from matplotlib.lines import Line2D
 
-from fitball.base.numbers import Unit, counted
+from fitball.base.display_units import PLAIN
+from fitball.base.numbers import counted
 from fitball.base.values import DataFrame, Figure
 from fitball.report.blocks import Block, Picture, Report, Section, Table, Text
 from fitball.report.quantities import records
@@ -18,7 +19,6 @@ from fitball.speed import HARD, ONE, OURS
 _ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
 _MAIN = "Wang's 21"
 _NONE = 1e-17
-_ANY = Unit("")
 _CAPTION = "Lower left is better. Errors are relative to the incident speed of the ball's surface."
 
 
@@ -32,7 +32,7 @@ def report(result: Frames) -> Report:
     ].max()
     fastest = _fastest(main)
     lead = [
-        f"fitball computes a bounce in {_ANY.number(_ours(main))} µs of one core. Its largest "
+        f"fitball computes a bounce in {PLAIN.number(_ours(main))} µs of one core. Its largest "
         f"error is {largest:.0e} "
         f"of the ball's speed, {hard['largest_error'].max():.0e} on hard cases.",
         f"The fastest rival takes {fastest.rows[0]['times fitball']} times as long within an "
@@ -70,7 +70,7 @@ def _fastest(rows: DataFrame) -> Table:
                     "error at most": f"{error:.0e}",
                     "fastest rival": best["solver"],
                     "setting": best["setting"],
-                    "µs": _ANY.number(best["microseconds"]),
+                    "µs": PLAIN.number(best["microseconds"]),
                     "times fitball": f"{best['microseconds'] / ours:.1f}",
                 }
             )
@@ -86,7 +86,7 @@ def _table(rows: DataFrame) -> Table:
         {
             "solver": row["solver"],
             "setting": row["setting"],
-            "µs a bounce": _ANY.number(row["microseconds"]),
+            "µs a bounce": PLAIN.number(row["microseconds"]),
             "largest error": f"{row['largest_error']:.1e}",
             "median error": f"{row['median_error']:.1e}",
         }

@@ -8,7 +8,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
 from fitball.base.columns import COLUMNS
-from fitball.base.numbers import Unit, fixed, percent
+from fitball.base.display_units import PLAIN
+from fitball.base.numbers import fixed, percent
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure
 from fitball.data.bundled import printed
@@ -53,7 +54,6 @@ _PLACES = (
     "two-mass needs M1/M above "
     "COR."
 )
-_ANY = Unit("")
 
 
 def report(result: Frames) -> Report:
@@ -158,7 +158,7 @@ def _slope(offsets: DataFrame) -> str:
     return (
         f"The offset {grows} with the vertical speed as Eq. (53) says: without any model its "
         "slope is "
-        f"{_ANY.plus_minus(slope, error)} in/(m/s), in Eq. (53) {C1:g}, {away:.0f} standard "
+        f"{PLAIN.plus_minus(slope, error)} in/(m/s), in Eq. (53) {C1:g}, {away:.0f} standard "
         "errors away."
     )
 
@@ -212,8 +212,8 @@ def _exceptions(frame: DataFrame) -> Table:
                     {
                         "row": f"{row['table']} case {row['case']}",
                         "column": name,
-                        "printed": _ANY.number(row[headed(name)], 5),
-                        "computed": _ANY.number(row[name], 5),
+                        "printed": PLAIN.number(row[headed(name)], 5),
+                        "computed": PLAIN.number(row[name], 5),
                         "error [%]": fixed(row[f"{name}_error"], 2),
                         "kind": kind,
                         "cause": why,
@@ -242,12 +242,12 @@ def _parameters(frame: DataFrame) -> Table:
     for name, mine in frame.groupby("parameter", sort=False):
         first = mine.iloc[0]
         cells = {
-            row["model"]: _ANY.with_interval(row["median"], row["q025"], row["q975"])
+            row["model"]: PLAIN.with_interval(row["median"], row["q025"], row["q975"])
             for row in records(mine)
         }
         rows.append(
             {"": f"{_SYMBOLS.get(str(name), name)} {first['unit']}".strip()}
-            | {case: _ANY.number(first[case]) for case in _cases_of(frame)}
+            | {case: PLAIN.number(first[case]) for case in _cases_of(frame)}
             | cells
         )
     return Table("Free fits: median and 95 % interval, in the thesis's units", rows)
@@ -272,7 +272,7 @@ def _slips(frame: DataFrame) -> Table:
     heads = [headed(name) for name in ("v_x2", "v_y2", "omega_2")]
     rows = [
         {"slip": row["slip"], "where": row["where"]}
-        | {f"{head} changes": _ANY.number(row[head], 2) if row[head] else "" for head in heads}
+        | {f"{head} changes": PLAIN.number(row[head], 2) if row[head] else "" for head in heads}
         | {"rows within 0.1 %": str(row["rows within 0.1 %"])}
         for row in records(frame)
     ]

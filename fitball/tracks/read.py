@@ -21,8 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace as changed
 
+from fitball.base.display_units import MM
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
-from fitball.base.numbers import Unit, counted
+from fitball.base.numbers import counted
 from fitball.base.text import listed, one_line
 from fitball.base.units import factor_of, symbol_of
 from fitball.base.values import BoolArray, FloatArray, IntArray
@@ -452,8 +453,7 @@ class _Reader:
                 )
         if stated and by_ball and abs(stated / by_ball - 1.0) > _SAME_SCALE:
             scale = (
-                f"{Unit('', 1e3).number(by_ball)} mm/px, the stated scale is "
-                f"{1e3 * stated:.3g} mm/px"
+                f"{MM.number(by_ball)} mm/px, the stated scale is {MM.factor * stated:.3g} mm/px"
             )
             self.cells.note(
                 "scales-differ",

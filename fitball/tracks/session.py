@@ -10,9 +10,10 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from fitball.base.columns import COLUMNS
+from fitball.base.display_units import MM, MS, PLAIN
 from fitball.base.errors import Fault, InputError, Note
 from fitball.base.itf import GRAVITY
-from fitball.base.numbers import Unit, counted, percent
+from fitball.base.numbers import counted, percent
 from fitball.base.progress import Progress
 from fitball.base.text import listed, one_line
 from fitball.base.values import FloatArray
@@ -342,7 +343,7 @@ def _impossible(one: Impact, known: Filming) -> str:
             "hidden"
         )
     if not max(2.0 * low - high, COLUMNS["gap_time"].limits[0]) < time < 2.0 * high - low:
-        return f"gap_time is {1e3 * time:.3g} ms; {_usual([one], known)}"
+        return f"gap_time is {MS.factor * time:.3g} ms; {_usual([one], known)}"
     return ""
 
 
@@ -354,8 +355,11 @@ def _usual(impacts: Sequence[Impact], known: Filming) -> str:
     wrong = np.median(
         [(one.p[T2] - one.p[T1] - usual) / (1.0 / one.p[VY2] - 1.0 / one.p[VY1]) for one in impacts]
     )
-    court = f"the court is taken {1e3 * abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}"
-    words = f"{1e3 * low:.3g} to {1e3 * high:.3g} ms are plausible: {court}, or times are off"
+    court = (
+        f"the court is taken {MM.factor * abs(wrong):.2g} mm too {'high' if wrong > 0.0 else 'low'}"
+    )
+    plausible = f"{MS.factor * low:.3g} to {MS.factor * high:.3g} ms"
+    words = f"{plausible} are plausible: {court}, or times are off"
     return f"{words} (court in [camera]; without it the height is found from the contacts)"
 
 
@@ -368,18 +372,19 @@ def _notes(session: Session, name: str, scene: Scene) -> Iterator[Note]:
     g, sd = session.gravity
     usual, least, most = known.contact
     if session.height_sd:
-        court = Unit("mm", 1e3).plus_minus(session.height - known.ball.radius, session.height_sd)
+        court = MM.plus_minus(session.height - known.ball.radius, session.height_sd)
         words = (
             f"No height of the court is stated{of}: it is at y = {court} mm, where the median "
             "gap_time is"
         )
-        more = f"{1e3 * usual:.2g} ms ({1e3 * least:.2g} to {1e3 * most:.2g} ms are plausible)"
+        plausible = f"{MS.factor * least:.2g} to {MS.factor * most:.2g} ms are plausible"
+        more = f"{MS.factor * usual:.2g} ms ({plausible})"
         yield Note("court-found", f"{words} {more}. k_y depends on this assumption.")
     if abs(g - GRAVITY) > _DIFFERENT * sd:
         scale, clock = ("large", "fast") if g > GRAVITY else ("small", "slow")
         off = percent(abs(g / GRAVITY - 1.0))
         late = percent(abs(np.sqrt(max(g, 0.0) / GRAVITY) - 1.0))
-        read = f"g comes out as {Unit('').plus_minus(g, sd)} m/s^2{of}, expected 9.81"
+        read = f"g comes out as {PLAIN.plus_minus(g, sd)} m/s^2{of}, expected 9.81"
         yield Note(
             "gravity-off",
             f"{read}: the scale is {off} too {scale}, or the clock {late} too {clock}.",

@@ -286,7 +286,7 @@ def _rebounds(fit: Fit, text: str, keys: IntArray, number: str) -> list[Quantity
                 "",
                 column.title,
                 column.symbol,
-                handy=column.shown,
+                display_unit=column.display_unit,
             )
             found.append(Quantity(spec, partial(rebound, name, key[None])))
     return found

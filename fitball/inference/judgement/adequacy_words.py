@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from fitball.base.columns import COLUMNS
-from fitball.base.numbers import Unit, counted, percent
+from fitball.base.display_units import PLAIN
+from fitball.base.numbers import counted, percent
 from fitball.base.text import listed
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.schema import Answer, NoiseCheck, ResidualTest
@@ -101,10 +102,10 @@ def noises(noise: Sequence[NoiseCheck]) -> str:
 
 
 def _noise(check: NoiseCheck) -> str:
-    unit = COLUMNS[check.column].shown
+    unit = COLUMNS[check.column].display_unit
     size, reference = (unit.with_unit(unit.number(one, 2)) for one in (check.size, check.reference))
     kind = "stated" if check.stated else "expected"
-    ratio = Unit("").number(check.size / check.reference, 2)
+    ratio = PLAIN.number(check.size / check.reference, 2)
     return (
         f"{check.column} {size}{' beyond its stated errors' * check.beyond}, {ratio} × the "
         f"{kind} {reference}"
@@ -122,7 +123,7 @@ def outliers(column: str, ids: Sequence[str]) -> str:
 
 def camera(key: str, value: float) -> str:
     """A setting of the camera that would explain residuals."""
-    unit = CAMERA_SPECS[key].shown
+    unit = CAMERA_SPECS[key].display_unit
     return (
         f"{key} of the camera as if "
         f"{unit.with_unit(unit.number(value, 4 if key in ('scale', 'clock') else 2))}"

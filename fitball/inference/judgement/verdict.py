@@ -70,7 +70,7 @@ class Seen(NamedTuple):
     @property
     def ends(self) -> str:
         """The 95 % interval of the profile, in words."""
-        unit = self.spec.shown
+        unit = self.spec.display_unit
         words = "" if self.interval is None else unit.with_unit(unit.interval(*self.interval))
         return words and f" (95 % interval of the profile likelihood: {words})"
 

@@ -11,13 +11,12 @@ and r at release.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from math import pi
 from typing import NamedTuple
 
 import numpy as np
 
+from fitball.base.display_units import DEG, MM
 from fitball.base.errors import Note
-from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec
 from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.labels import role_of
@@ -53,7 +52,7 @@ _ALL = (
         "normal(0, 0.005)",
         "tilt of the court, upwards along the flight in the picture",
         r"$\tau$",
-        handy=Unit("deg", 180.0 / pi),
+        display_unit=DEG,
     ),
     ParameterSpec(
         "court_height",
@@ -63,7 +62,7 @@ _ALL = (
         "normal(0, 0.003)",
         "height of the court, above the one assumed",
         r"$h$",
-        handy=Unit("mm", 1e3),
+        display_unit=MM,
     ),
 )
 CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}

@@ -7,6 +7,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.lines import Line2D
 
+from fitball.base.display_units import DEG
 from fitball.base.numbers import fixed
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure, FloatArray
@@ -129,7 +130,7 @@ def _places(rows: DataFrame) -> str:
 def _lines(best: DataFrame, plan: DataFrame) -> Figure:
     """A line a spin, over speed where there is one angle."""
     over = "v_1" if best["theta_1"].nunique() == 1 else "theta_1"
-    factor = 1.0 if over == "v_1" else 180.0 / np.pi
+    factor = 1.0 if over == "v_1" else DEG.factor
     figure, axes = new_figure(high=3.4)
     axis = axes[0, 0]
     spins = best["omega_1"].unique()

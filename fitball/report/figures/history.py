@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from fitball.base.display_units import MM, MS
 from fitball.base.values import DataFrame, Figure
 from fitball.report.quantities import records
 from fitball.report.style import GUIDE, INK, MODEL, PRIOR, few_ticks, legend_above, new_figure
@@ -33,7 +34,7 @@ def history(result: Frames) -> Figure:
     sliding = len(phases) > 0
     figure, axes = new_figure(1 + sliding, 2, high=2.5 + 2.1 * sliding, wide=7.5, sharex=True)
     compression, force, *along = axes.ravel()
-    _draw(compression, frame, "y", MODEL, 1e3)
+    _draw(compression, frame, "y", MODEL, MM.factor)
     compression.set_title("compression $y$ [mm]")
     _draw(force, frame, "normal_force", MODEL)
     force.set_title("force of the court [N]")
@@ -41,7 +42,7 @@ def history(result: Frames) -> Figure:
         speed, slip = along
         for sign in (-1.0, 1.0):
             force.plot(
-                1e3 * frame["time"],
+                MS.factor * frame["time"],
                 sign * frame["friction_limit"],
                 color=GUIDE,
                 linewidth=0.8,
@@ -61,13 +62,13 @@ def history(result: Frames) -> Figure:
     for axis in axes.ravel():
         for row in records(phases):
             axis.axvspan(
-                1e3 * row["start"],
-                1e3 * row["end"],
+                MS.factor * row["start"],
+                MS.factor * row["end"],
                 color=_SHADES[row["phase"]],
                 linewidth=0,
                 zorder=0,
             )
-        axis.set_xlim(0.0, 1e3 * frame["time"].iloc[-1])
+        axis.set_xlim(0.0, MS.factor * frame["time"].iloc[-1])
         axis.grid(visible=False)
         few_ticks(axis.yaxis)
     force.axhline(0.0, color=GUIDE, linewidth=0.6)
@@ -79,7 +80,7 @@ def history(result: Frames) -> Figure:
 
 def _draw(axis: Any, frame: DataFrame, name: str, colour: str, factor: float = 1.0) -> None:
     """A course with its bands."""
-    time = 1e3 * frame["time"]
+    time = MS.factor * frame["time"]
     for low, high, shade in (("q025", "q975", 0.15), ("q16", "q84", 0.25)):
         if f"{name}_{low}" in frame:
             ends = (factor * frame[f"{name}_{end}"] for end in (low, high))
@@ -98,7 +99,7 @@ def _flights(axis: Any, frame: DataFrame, result: Frames, radius: float) -> None
     for time, speed, spin in ends:
         for value, colour in ((speed, MODEL), (radius * spin, PRIOR)):
             axis.plot(
-                1e3 * time,
+                MS.factor * time,
                 value,
                 "o",
                 color=colour,

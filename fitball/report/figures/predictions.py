@@ -12,7 +12,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from fitball.base.columns import COLUMNS
-from fitball.base.numbers import Unit, percent
+from fitball.base.display_units import DEG, M_PER_S, PLAIN, RAD_PER_S
+from fitball.base.numbers import percent
 from fitball.base.values import DataFrame, Figure, FloatArray, Impacts, IntArray
 from fitball.inference.fitted import Fit
 from fitball.models.types import Status, regime_name
@@ -38,8 +39,6 @@ from fitball.report.style import (
     new_figure,
 )
 
-_DEGREES = Unit("deg", 180.0 / np.pi)
-
 
 def curves(fit: Fit) -> Figure:
     """A panel a measured column: the model over incidence at the speeds and spins of the table, and
@@ -53,7 +52,7 @@ def curves(fit: Fit) -> Figure:
     rows = -(-len(columns) // wide)
     figure, axes = new_figure(rows, wide, high=0.75 + 1.6 * rows, sharex=True)
     drop = bool(lines["spin"].isna().all())
-    place, along = ("v_y1", Unit("m/s")) if drop else ("theta_1", _DEGREES)
+    place, along = ("v_y1", M_PER_S) if drop else ("theta_1", DEG)
     for axis, column in zip(axes.ravel(), columns, strict=False):
         unit = column_unit(column)
         mine = measured[measured["column"] == column]
@@ -188,10 +187,10 @@ def _draw_ends(axis: Any, place: FloatArray, ends: FloatArray) -> None:
 
 # What residuals are drawn over, and how much of its size a quantity must vary to be one of them.
 _OVER = {
-    "theta_1": ("angle", _DEGREES),
-    "v_1": ("speed", Unit("m/s")),
-    "omega_1": ("spin", Unit("rad/s")),
-    "row": ("row of the table", Unit("")),
+    "theta_1": ("angle", DEG),
+    "v_1": ("speed", M_PER_S),
+    "omega_1": ("spin", RAD_PER_S),
+    "row": ("row of the table", PLAIN),
 }
 _VARIES = 0.05
 # Where a residual test found something, trends are drawn that chance shows in one of so many
