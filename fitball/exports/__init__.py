@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from fitball.base.errors import FolderError, Note, ParameterError, suggestion
+from fitball.base.errors import FolderError, ModelError, Note, ParameterError, suggestion
 from fitball.base.files import ResultFolder, result_folder
 from fitball.base.text import listed
 from fitball.exports import arviz, engine, page, parameters
@@ -20,21 +20,28 @@ from fitball.result import Result
 
 class Format(NamedTuple):
     """The `file` of a format; who makes it of sets, the fit or None and an impact in words;
-    `measured`: of a whole fit, no less; `at`: takes an impact.
+    `measured`: of a whole fit, no less; `at`: takes an impact; `ported`: holds or tests the bounce
+    as source code, which not every model has.
     """
 
     file: str
     make: Callable[..., str | bytes]
     measured: bool = False
     at: bool = False
+    ported: bool = False
 
 
 FORMATS: Mapping[str, Format] = {
     **{
-        name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name))
+        name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name), ported=True)
         for name, file in FILES.items()
     },
-    "page": Format("bounce.html", lambda sets, _fit, at: page.page(sets, at), at=True),
+    "page": Format(
+        "bounce.html",
+        lambda sets, _fit, at: page.page(sets, at),
+        at=True,
+        ported=True,
+    ),
     "engine": Format("engine.md", lambda sets, _fit, at: engine.engine(sets, at), at=True),
     "engine-json": Format("engine.json", lambda sets, _fit, at: engine.as_json(sets, at), at=True),
     "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
@@ -115,7 +122,7 @@ def export(
 ) -> Exported:
     """A fit at its point on each of its surfaces, or those of `level`; or a model at numbers or
     `literature:KEY`, other parameters at their typical value. Raises ParameterError
-    (`unknown-format`, `unknown-label`, `not-for-this-format`), ModelError (`own-model`).
+    (`unknown-format`, `unknown-label`, `not-for-this-format`), ModelError (`own-model`, `no-port`).
     """
     if to not in FORMATS:
         raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMATS)}", "unknown-format")
@@ -135,4 +142,11 @@ def export(
         if found:
             raise ParameterError(fault, "not-for-this-format")
     sets = (of_model(source, fix),) if isinstance(source, Model) else of_fit(source, level)
-    return Exported({form.file: form.make(sets, fit, at)})
+    try:
+        return Exported({form.file: form.make(sets, fit, at)})
+    except ModelError as error:
+        if not form.ported:
+            raise
+        others = (name for name, other in FORMATS.items() if not other.ported)
+        remedy = f"{error}. Its numbers can be exported: {listed(others, last='or', most=20)}"
+        raise ModelError(remedy, error.code) from None

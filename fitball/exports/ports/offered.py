@@ -2,19 +2,31 @@
 plane and in three dimensions with an answer for every impact, the self-test, and what some
 languages lack.
 
-They are never run here: `source` collects them like kernels. `SOLVED` is then one of `two_mass` and
-`grip_slip`, and `FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of the port.
+They are never run here: `source` collects them like kernels. `SOLVED` is then the answer that
+FRONTS has for the solver of the model, and `FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of
+the port.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from fitball.base.values import FloatArray
-from fitball.models.grip_slip import struck
-from fitball.models.kernels.contact import ANCHOR_SPEED, OK, Flags, ball_of, law_of, restitution
+from fitball.models.grip_slip import GripSlip, struck
+from fitball.models.kernels.contact import (
+    ANCHOR_SPEED,
+    OFFSET,
+    OFFSET_CONTACT,
+    OK,
+    Flags,
+    ball_of,
+    law_of,
+    restitution,
+)
 from fitball.models.kernels.phases import FREE, GRIP, PHASE_BITS, Outcome, unsolved
 from fitball.models.kernels.phases import rebound as followed
+from fitball.models.model import KernelSolver
+from fitball.models.two_mass import TwoMass
 from fitball.models.types import Status
 
 NO_IMPACT = +Status.NO_IMPACT
@@ -42,11 +54,12 @@ class Parameters(NamedTuple):
     v_y1_high: float
 
 
-# Given by the port, as is which of `two_mass` and `grip_slip` is SOLVED.
+# Set by the port, as is SOLVED below.
 FLAGS: Flags = (0, 0, 0, 0, 0, 0)
 LEVELS: list[Parameters] = []
 GOLDEN: list[float] = []
-IMPACTS = GRIP_ONLY = 0
+IMPACTS = 0
+GRIP_ONLY = 0
 
 
 class Rebound(NamedTuple):
@@ -116,6 +129,29 @@ def grip_slip(row: Parameters, share: float, v_x: float, v_y: float, omega: floa
     return found._replace(status=bad if status == OK else status)
 
 
+class Front(NamedTuple):
+    """What a port has of the models of one solver: `answer`, called as `two_mass`, has a rebound
+    for every impact with finite numbers. `grip_only` says of the choices of a model whether its
+    offset acts in a grip alone.
+    """
+
+    answer: Callable[..., Outcome]
+    grip_only: Callable[[Flags], bool]
+
+
+def _never(_flags: Flags) -> bool:
+    return False
+
+
+def _offset_in_grip(flags: Flags) -> bool:
+    return flags[OFFSET] != OFFSET_CONTACT
+
+
+# A row a solver: a model whose solver has none is exported as numbers, never as source code.
+FRONTS: Mapping[type[KernelSolver], Front] = {
+    TwoMass: Front(two_mass, _offset_in_grip),
+    GripSlip: Front(grip_slip, _never),
+}
 SOLVED: Callable[..., Outcome] = two_mass
 
 

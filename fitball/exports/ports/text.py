@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitball.base.errors import ParameterError
+from fitball.base.errors import ModelError, ParameterError
 from fitball.base.values import FloatArray, Impacts
 from fitball.exports.parameter_set import ParameterSet
 from fitball.exports.ports import offered, python
 from fitball.exports.ports.dialects import CSHARP, JAVASCRIPT, C, Dialect
+from fitball.exports.ports.offered import FRONTS, Front
 from fitball.exports.ports.source import Source, collected
 from fitball.exports.ports.translate import translated
 from fitball.models.kernels.batch import OUTPUTS
-from fitball.models.kernels.contact import CHOICES, OFFSET, OFFSET_CONTACT, Flags
+from fitball.models.kernels.contact import CHOICES, Flags
 from fitball.models.kernels.phases import PHASE_BITS
-from fitball.models.model import KernelCall
-from fitball.models.two_mass import TwoMass
+from fitball.models.model import KernelCall, Model
 from fitball.models.types import PHASE_NAMES, REASONS, Rebound, Status, regime_name
 from fitball.version import __version__
 
@@ -87,21 +87,33 @@ def golden_of(one: ParameterSet) -> list[list[float]]:
     return rows
 
 
+def front_of(model: Model) -> Front:
+    """What a port of a model is built on. Raises ModelError (`no-port`) for a model whose solver
+    has no row of FRONTS.
+    """
+    for solver, front in FRONTS.items():
+        if type(model.solve) is solver:
+            return front
+    raise ModelError(f"model {model.name} has no port to other languages", "no-port")
+
+
 def port(sets: Sequence[ParameterSet], language: str) -> str:
     """The text of a port, or of the golden table, the impacts and rebounds of its self-test as CSV,
     as FILES names them. `sets` are the surfaces and balls of one fit, each a constant of the file:
-    the same model and choices. Raises ModelError (`own-model`), ParameterError (`no-answer`, and as
-    `Model.rebound`).
+    the same model and choices. Raises ModelError (`own-model`, and `no-port` without a front or of
+    a kernel that has no translation), ParameterError (`no-answer`, and as `Model.rebound`).
     """
     calls = [one.model.kernel_call(one.values) for one in sets]
+    front = front_of(sets[0].model)
     golden = [golden_of(one) for one in sets]
     if language == "golden":
         return _golden_table(sets, golden)
     dialect = _DIALECTS.get(language)
     margin = "# " if language == "python" else " * "
-    source = _source(sets, calls, golden, dialect)
+    source = _source(sets, front, calls, golden, dialect)
     names = _names([one.label for one in sets])
     if dialect is None:
+        _check_translation(_source(sets, front, calls, golden, C))
         structs = [python.struct_text(kind) for kind in source.compounds]
         functions = [python.function_text(source, name) for name in source.functions]
         constants = [python.constant_text(name, value) for name, value in source.constants.items()]
@@ -136,8 +148,17 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
     return re.sub(pattern, filled, _template(f"port.{language}"))
 
 
+def _check_translation(source: Source) -> None:
+    """Raises UnportableError for what C would not be given: Python would notice it only when the
+    file is run, if at all.
+    """
+    for name in source.functions:
+        translated(source, name, C)
+
+
 def _source(
     sets: Sequence[ParameterSet],
+    front: Front,
     calls: Sequence[KernelCall],
     golden: Sequence[list[list[float]]],
     dialect: Dialect | None,
@@ -147,18 +168,18 @@ def _source(
     columns = (*calls[0].columns, "v_y1_low", "v_y1_high")
     parameters = struct("Parameters", [(name, float) for name in columns])
     choices = struct("Choices", [(name, int) for name, _ in CHOICES])
-    two_mass = calls[0].columns == TwoMass.columns
+    flags = calls[0].flags
     rows = [[float(k), *np.nan_to_num(row).tolist()] for k, one in enumerate(golden) for row in one]
     given = {
-        "SOLVED": offered.two_mass if two_mass else offered.grip_slip,
-        "FLAGS": choices(*calls[0].flags) if two_mass else None,
+        "SOLVED": front.answer,
+        "FLAGS": choices(*flags),
         "LEVELS": [
             parameters(*call.row, *(one.measured or (0.0, 0.0)))
             for one, call in zip(sets, calls, strict=True)
         ],
         "GOLDEN": list(chain.from_iterable(rows)),
         "IMPACTS": len(rows),
-        "GRIP_ONLY": int(two_mass and calls[0].flags[OFFSET] != OFFSET_CONTACT),
+        "GRIP_ONLY": int(front.grip_only(flags)),
         "MAX_PACKED_PHASES": PHASES,
     }
     types = {FloatArray: parameters, Flags: choices, offered.Parameters: parameters}
