@@ -11,7 +11,8 @@ from fitball.version import __version__
 _HOMES = {
     "fitball.verbs": "calibrate check compare predict plan plot simulate track batch export "
     "rederive bench load_fit load_batch",
-    "fitball.data.read": "load_table contact_time",
+    "fitball.data.force": "contact_time",
+    "fitball.data.read": "load_table",
     "fitball.data.scene": "Scene load_scene",
     "fitball.data.table": "ImpactTable",
     "fitball.base.errors": "FitballError",

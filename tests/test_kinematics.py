@@ -6,8 +6,9 @@ from made_tables import bundled, made
 from support import misread
 
 from fitball.base.values import Ball
+from fitball.data.balances import BALANCES, balances
 from fitball.data.bundled import printed
-from fitball.data.kinematics import BALANCES, balances, slopes, velocity
+from fitball.data.kinematics import slopes, velocity
 
 FULL = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
 

@@ -12,7 +12,8 @@ import fitball
 from fitball.base.errors import InputError, ParameterError
 from fitball.base.values import Ball
 from fitball.data.bundled import printed
-from fitball.data.read import check, load_data, reading_of
+from fitball.data.check import check
+from fitball.data.read import load_data, reading_of
 
 MPH = 1609.344 / 3600
 HEAD = "v_x1,v_y1,omega_1,v_x2,v_y2,omega_2"
@@ -59,7 +60,7 @@ def test_units_convert_once(tmp_path):
     for name, numbers in wanted.items():
         np.testing.assert_allclose(table.values[name], numbers, rtol=1e-15, err_msg=name)
     np.testing.assert_allclose(table.impacts.v_x1, [20 * 3**0.5 / 2, 15 / 2**0.5], rtol=1e-14)
-    assert table.shows("tangential") and table.shows("spin") and table.notices == ()
+    assert table.has_tangential and table.has_spin and table.notices == ()
 
 
 def test_standard_deviations_have_their_units(tmp_path):
@@ -347,7 +348,7 @@ def test_drop_heights_are_the_speeds_of_free_fall():
     while height > 0.0:
         height -= speed * step + 0.5 * 9.80665 * step**2
         speed += 9.80665 * step
-    assert list(table.values) == ["v_y1", "v_y2"] and not table.shows("tangential")
+    assert list(table.values) == ["v_y1", "v_y2"] and not table.has_tangential
     np.testing.assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
     cor = table.values["v_y2"] / table.impacts.v_y1
     np.testing.assert_allclose(cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
@@ -518,12 +519,15 @@ def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
     (tmp_path / "t#2.toml").write_text("[ball]\nmass = 0.058\n", encoding="utf-8")
     assert load_data(written(tmp_path, HEAD, *ROWS, name="t#2.csv"), None, False)[
         1
-    ].value() == Ball(0.058)
+    ].ball_value() == Ball(0.058)
     table, scene = load_data([one, two], None, False)
-    assert table.labels["table"] == ("t (1)", "t (1)", "t (2)", "t (2)") and scene.value() == Ball(
-        0.057
-    )
-    assert load_data([one, two], tmp_path / "a" / "t.toml", False)[1].value() == Ball(0.057)
+    assert table.labels["table"] == (
+        "t (1)",
+        "t (1)",
+        "t (2)",
+        "t (2)",
+    ) and scene.ball_value() == Ball(0.057)
+    assert load_data([one, two], tmp_path / "a" / "t.toml", False)[1].ball_value() == Ball(0.057)
     with pytest.raises(InputError) as twice:
         load_data([one, one], None, False)
     assert twice.value.code == "same-table-twice"

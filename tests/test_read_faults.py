@@ -10,7 +10,7 @@ from made_tables import written
 
 import fitball
 from fitball.base.errors import FolderError, InputError, ParameterError
-from fitball.data.read import check
+from fitball.data.check import check
 
 MISTAKES = tomllib.loads(
     (Path(__file__).parent / "data" / "mistakes.toml").read_text(encoding="utf-8")

@@ -93,7 +93,7 @@ def test_bundled_scenes_are_read():
             assert msgspec.to_builtins(scene) == tomllib.loads(place.read_text(encoding="utf-8"))
     wang = load_scene(place_of("wang_all"))
     assert (
-        wang.value() == Ball(0.0576, 0.03302, 0.56)
+        wang.ball_value() == Ball(0.0576, 0.03302, 0.56)
         and wang.ball_sd() == {}
         and wang.assumed() == ()
     )
@@ -148,7 +148,7 @@ def test_columns_that_a_scene_flips_or_ignores():
 
 def test_an_inertia_is_one_of_the_ratio():
     ball = Scene(ball=BallSection(0.05, 0.03, inertia=Quantity(2.25e-5, 4.5e-7)))
-    assert ball.value().inertia_ratio == pytest.approx(0.5, rel=1e-15)
+    assert ball.ball_value().inertia_ratio == pytest.approx(0.5, rel=1e-15)
     assert ball.ball_sd() == {"inertia_ratio": pytest.approx(0.01, rel=1e-14)}
 
 

@@ -33,7 +33,7 @@ def codes(tables):
 )
 def test_what_motion_a_table_shows(columns, tangential, spin):
     table = made(dict.fromkeys(columns.split(), 1.0))
-    assert (table.shows("tangential"), table.shows("spin")) == (tangential, spin)
+    assert (table.has_tangential, table.has_spin) == (tangential, spin)
 
 
 def test_dense_errors_are_those_stated_in_any_order_of_columns():

@@ -16,7 +16,7 @@ import fitball
 from fitball import cli
 from fitball.data.read import load_data
 from fitball.data.scene import CameraSection, Scene
-from fitball.tracks.types import NINE
+from fitball.tracks.types import TRACKED
 
 HOSTILE = "<script>alert(1)</script>\x1b[31m=1+1"
 
@@ -50,11 +50,11 @@ def test_calibrate_reads_what_track_writes(film, tmp_path):
     assert scene.camera.tilt.sd == pytest.approx(np.radians(0.3), rel=1e-3)
     sure = film.impacts["omega_1 [rad/s]"].notna()
     assert 1 < sure.sum() < len(film.impacts) == 6
-    assert [*table.values] == list(NINE) and len(table) == sure.sum() == len(film.table)
-    for name in NINE:
+    assert [*table.values] == list(TRACKED) and len(table) == sure.sum() == len(film.table)
+    for name in TRACKED:
         np.testing.assert_array_equal(table.values[name], film.table.values[name])
         np.testing.assert_array_equal(table.sd[name], film.table.sd[name])
-    matrix = table.covariance(NINE[3:])
+    matrix = table.covariance(TRACKED[3:])
     assert np.all(
         np.linalg.eigvalsh(matrix / np.sqrt(np.einsum("rii,rjj->rij", matrix, matrix)))[:, 0] > 0.0
     )

@@ -151,7 +151,7 @@ def test_the_ball_itself_is_a_scale(tmp_path):
     scene = scene_of([table], Scene(), 0.0, 0.0, f"{2e3 * RADIUS} mm")
     (track,), _ = read_tracks([table], scene, {})
     np.testing.assert_allclose(track.x, X, rtol=0.01)
-    assert scene.value().radius == pytest.approx(RADIUS)
+    assert scene.ball_value().radius == pytest.approx(RADIUS)
     stated, notes = read(table, ball=BallSection(radius=RADIUS), mm_per_px=0.84)
     np.testing.assert_allclose(stated[0].x, 1.05 * X)
     assert "scales-differ" in {note.code for note in notes}

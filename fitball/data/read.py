@@ -1,4 +1,4 @@
-"""The road from a source to a table, and what `check` returns.
+"""The road from a source to a table.
 
 Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> heights become speeds ->
 contradictions, energy -> gaps, labels -> `ImpactTable`. Faults are collected on the way and refused
@@ -22,7 +22,7 @@ from fitball.base.priors import parse_prior
 from fitball.base.text import listed
 from fitball.base.values import FloatArray, IntArray
 from fitball.data import checks
-from fitball.data.bundled import descriptions, place_of, published
+from fitball.data.bundled import place_of
 from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
 from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counted
@@ -30,7 +30,6 @@ from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, joined
-from fitball.result import Frames
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled one, a data frame, or columns by name.
 Source: TypeAlias = Any
@@ -83,7 +82,7 @@ def load_table(
     checks.missing_columns(cells, measured, header.guesses, rebound)
     if complete := counted(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, known, units)
-        checks.energy(cells, known, units, scene.value(), _noises(scene))
+        checks.energy(cells, known, units, scene.ball_value(), _noises(scene))
     said_twice = {f"{item}{end}" for end in "12" for item in ("v_x", "v_y", "v_", "theta_")}
     said_twice -= {*counted(measured, "1"), *counted(measured, "2")}
     values = {
@@ -96,7 +95,7 @@ def load_table(
         whole = (
             {item: all_of_it.get(item, array) for item, array in values.items()} if complete else {}
         )
-        cells.refuse([one.text for one in better_readings(whole, units, scene.value())])
+        cells.refuse([one.text for one in better_readings(whole, units, scene.ball_value())])
     sds = {item: known[f"{item}_sd"] for item in values if f"{item}_sd" in known}
     sds = {item: np.where(np.isnan(values[item]), np.nan, sd)[rows] for item, sd in sds.items()}
     stated = {pair: array[rows] for pair, array in corr.items() if {*pair.split(",")} <= {*sds}}
@@ -345,7 +344,7 @@ def load_data(
     first, doubts refused (InputError `misread`) or, `as_read`, noted. Scenes of further tables must
     name the same ball (`scenes-differ`). Raises ParameterError (`no-data`) without any.
     """
-    read = [_read(source, scene, reading) for source in _several(sources)]
+    read = [_read(source, scene, reading) for source in list_of_sources(sources)]
     if not read:
         raise ParameterError(
             "no table was given; expected files, data frames, or names of bundled ones",
@@ -363,7 +362,7 @@ def load_data(
                 table.name,
                 [Fault("scenes-differ", f"{words}, or one scene for all (--scene)")],
             )
-        found = [one.text for one in doubts(table, known.value())]
+        found = [one.text for one in doubts(table, known.ball_value())]
         if found and not as_read:
             words = (
                 "another reading of the columns fits the data much better; if the table is "
@@ -379,43 +378,11 @@ def load_data(
     return replace(whole, notices=(*whole.notices, *notes)), known
 
 
-def check(
-    sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
-) -> Frames:
-    """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without
-    sources `bundled`, `priors`.
-    """
-    import pandas as pd
-
-    if not (given := _several(sources)):
-        known = pd.DataFrame(descriptions().items(), columns=["table", "description"])
-        return Frames("report.check", {"bundled": known, "priors": pd.DataFrame(published())})
-    errors = dict[str, InputError]()
-    whole = None
-    # Of several tables the faults of each, then those of all together.
-    for tried in (*([one] for one in given if len(given) > 1), given):
-        try:
-            whole = load_data(tried, scene, True, **reading)[0]
-        except InputError as error:
-            errors[error.source], whole = error, None
-    names = ("code", "row", "line", "column", "message")
-    faults = [
-        (e.source, *(getattr(one, n) for n in names)) for e in errors.values() for one in e.faults
-    ]
-    notes = () if whole is None else whole.notices
-    doubted = [hint for error in errors.values() for hint in error.hints]
-    doubted += [note.text for note in notes if note.code == "misread"]
-    notes = tuple(note for note in notes if note.code != "misread")
-    frames = {
-        "table": pd.DataFrame() if whole is None else whole.to_frame(),
-        "faults": pd.DataFrame(faults, columns=["source", *names], dtype=object),
-        "doubts": pd.DataFrame({"reading": doubted}),
-    }
-    return Frames("report.check", frames, notes, bool(faults) or (bool(doubted) and not as_read))
-
-
-def _several(sources: Source) -> list[Source]:
-    return [*sources] if isinstance(sources, list | tuple) else [] if sources is None else [sources]
+def list_of_sources(sources: Source) -> list[Source]:
+    """The sources of one argument: those of a list, one, or none (None)."""
+    if sources is None:
+        return []
+    return [*sources] if isinstance(sources, list | tuple) else [sources]
 
 
 def _read(
@@ -437,42 +404,3 @@ def _read(
     )
     own = scene if isinstance(scene, Scene) else _scene(place, scene)
     return source if made else load_table(source, scene=own, **reading), own
-
-
-# Widths of the force of a spring and damper on a court, from touch to where it vanishes, over its
-# rms width, by the skewness of the pulse: x'' + 2 z x' + x = 0 from x = 0, x' = 1, force x + 2 z
-# x', for dampings z of 0, 0.02, 0.05, 0.1, 0.15, 0.2 (restitution 1 to 0.57). The first is 2/sqrt(1
-# - 8/pi^2), of half a sine.
-_SKEWNESS = (0.0, 0.0130, 0.0383, 0.0913, 0.1517, 0.2156)
-_WIDTHS = (4.5952, 4.5406, 4.4723, 4.3889, 4.3359, 4.3068)
-# Shares of the peak from which a force belongs to the pulse, and below which a record must begin
-# and end.
-_PULSE = 0.05
-_CUT = 0.2
-
-
-def contact_time(t: FloatArray, force: FloatArray) -> float:
-    """Duration of contact [s] of a record of force [N] over time [s], by the rms width of the
-    pulse: a threshold is too short by some 3 %, which makes a stiffness 6 % too large. Raises
-        ParameterError (`force-record`).
-    """
-    t = np.asarray(t, dtype=np.float64)
-    force = np.asarray(force, dtype=np.float64)
-    rising = (
-        t.ndim == 1 and t.shape == force.shape and t.size > 4 and bool(np.all(np.diff(t) > 0.0))
-    )
-    if not (rising and np.isfinite(force).all() and max(force[0], force[-1]) < _CUT * force.max()):
-        words = (
-            "expected five or more forces at rising times, with a positive pulse that begins "
-            "and ends within them"
-        )
-        raise ParameterError(f"contact_time: {words}", "force-record")
-    above = np.flatnonzero(force > _PULSE * force.max())
-    # Noise far away would count by its distance.
-    edge = max((above[-1] - above[0]) // 10, 1)
-    within = slice(max(above[0] - edge, 0), above[-1] + edge + 1)
-    weight = np.gradient(t)[within] * force[within]
-    from_mean = t[within] - weight @ t[within] / weight.sum()
-    weight = weight / weight.sum()
-    rms = float(np.sqrt(weight @ from_mean**2))
-    return rms * float(np.interp(weight @ from_mean**3 / rms**3, _SKEWNESS, _WIDTHS))

@@ -33,7 +33,7 @@ class Quantity(Section, frozen=True):
 class BallSection(Section, frozen=True):
     """The ball: kg, m, I/(M R^2) or I [kg m^2] (`inertia`, not both), degrees Celsius, ITF type.
     What is None is
-    assumed: `Scene.value` and `Scene.ball_sd` have the numbers.
+    assumed: `Scene.ball_value` and `Scene.ball_sd` have the numbers.
     """
 
     mass: float | Quantity | None = None
@@ -91,7 +91,7 @@ class Scene(Section, frozen=True):
         _refuse(_faults(msgspec.to_builtins(self)))
         _refuse(_faults_of(self.ball))
 
-    def value(self) -> Ball:
+    def ball_value(self) -> Ball:
         """The ball at its stated values."""
         assumed = Ball()
         ball = self.ball
@@ -109,7 +109,7 @@ class Scene(Section, frozen=True):
         stated = {name: getattr(self.ball, name) for name in ("mass", "radius", "inertia_ratio")}
         found = {name: one.sd for name, one in stated.items() if isinstance(one, Quantity)}
         if isinstance(self.ball.inertia, Quantity):
-            ball = self.value()
+            ball = self.ball_value()
             found["inertia_ratio"] = self.ball.inertia.sd / (ball.mass * ball.radius**2)
         return found
 

@@ -52,10 +52,14 @@ class ImpactTable:
         """
         return Impacts(*state(self.values, len(self)).values())
 
-    def shows(self, motion: str) -> bool:
-        """Whether "tangential" motion was measured (not in a drop test), or any "spin"."""
-        if motion == "spin":
-            return "omega_1" in self.values or "omega_2" in self.values
+    @property
+    def has_spin(self) -> bool:
+        """Whether any spin was measured."""
+        return "omega_1" in self.values or "omega_2" in self.values
+
+    @property
+    def has_tangential(self) -> bool:
+        """Whether motion along the court was measured, before and after: not in a drop test."""
         columns = [COLUMNS[name] for name in REBOUND if name in self.values]
         along = any(column.tangential or column.formula is not None for column in columns)
         return along and "v_x1" in velocity(self.values, "1")

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitball.base.columns import STATE
 from fitball.base.values import DataFrame, Impacts
-from fitball.data import kinematics
+from fitball.data.balances import balances as balances_of
 from fitball.inference import predictive
 from fitball.inference.curves import series
 from fitball.inference.effort import PREDICTED
@@ -118,7 +118,7 @@ def balances(problem: Problem, draws: Draws) -> DataFrame:
         )
         for item in problem.observables
     }
-    return kinematics.balances(problem.table, problem.scene.value(), noise)
+    return balances_of(problem.table, problem.scene.ball_value(), noise)
 
 
 def laid_out(

@@ -10,7 +10,7 @@ from scipy.stats import gaussian_kde
 from fitball.base.environment import threads
 from fitball.base.progress import Progress
 from fitball.base.values import Ball, DataFrame, FloatArray, Impacts
-from fitball.data.kinematics import balances
+from fitball.data.balances import balances
 from fitball.data.read import load_data
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import draws_of
@@ -220,7 +220,7 @@ def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
     Eq. (53), and the line of each fit.
     """
     table, scene = load_data(TABLE, None, False)
-    frame = balances(table, scene.value(), ERRORS)
+    frame = balances(table, scene.ball_value(), ERRORS)
     v_y1 = table.impacts.v_y1
     made = {"id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1}
     made |= {

@@ -2,123 +2,172 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from fitball.base.itf import GRAVITY
+from fitball.base.values import FloatArray, IntArray
 from fitball.tracks.flight import C1, C2, DRAG, Impact
-from fitball.tracks.types import Filming, Track
+from fitball.tracks.types import FilmAssumptions, Track
 
-# How far [s] frames are used from an impact, over how long [s] heights are smoothed by medians to
-# find it.
+# How far [s] frames are used from an impact.
 _REACH = 0.15
+# Over how long [s] heights are smoothed by medians to find an impact.
 _SMOOTH = 4e-3
-# A ball that bounces falls and rises again by so many radii at least, and comes within so many
-# radii, and steps between frames, of the lowest place.
+# A ball that bounces falls and rises again by so many radii at least.
 _DEEP = 0.3
+# It comes within so many radii, and steps between frames, of the lowest place.
 _NEAR = 0.5
 _NEAR_STEPS = 2.5
+# Three frames on each side, and one in contact.
 _FEWEST_FRAMES = 7
-# Gravity off by this factor is no air and no scale that a camera has. Drag and lift coefficients
-# reach so far beyond what is taken for them, over both sides; sds of the heights; how many medians
-# outliers are off.
+# Gravity off by this factor is no air and no scale that a camera has.
 FACTOR = 2.5
+# Drag and lift coefficients reach so far beyond what is taken for them, over both sides.
 _DRAG_OFF = 0.25
 _LIFT_OFF = 0.35
+# Sds by which the curvature of heights may be off.
 _SDS = 3.0
+# Heights this many medians off a parabola are outliers.
 _OUTLYING = 4.0
 
 
-def impacts_of(track: Track, known: Filming) -> tuple[list[Impact], str]:
+class _Fall(NamedTuple):
+    """Gravity [m/s^2] that one flight shows, the least and most that it may be, and the rate of its
+    frames [1/s].
+    """
+
+    low: float
+    high: float
+    value: float
+    rate: float
+
+
+def impacts_of(track: Track, assumed: FilmAssumptions) -> tuple[list[Impact], str]:
     """The impacts of a track, in order of time, or the reason why it has none."""
+    t = track.time
+    if t.size < _FEWEST_FRAMES:
+        reason = (
+            f"{t.size} frames with a position; an impact needs at least {_FEWEST_FRAMES}, three "
+            "on each side"
+        )
+        return [], reason
+    lows = _low_places(track, assumed)
+    if not lows.size:
+        reason = (
+            f"no bounce: the height has no minimum from frame {track.frame[0]} to frame "
+            f"{track.frame[-1]}"
+        )
+        return [], reason
+    longest = assumed.contact.most
+    ends = [-np.inf, *(t[lows] + longest), np.inf]
+    impacts = []
+    for number, low in enumerate(lows.tolist()):
+        name = track.id if lows.size == 1 else f"{track.id}-{number + 1}"
+        within = (t > ends[number]) & (t < ends[number + 2] - 2.0 * longest)
+        impacts.append(_impact_at(low, np.flatnonzero(within), name, track))
+    return impacts, ""
+
+
+def _low_places(track: Track, assumed: FilmAssumptions) -> IntArray:
+    """Frames (impacts,) in which the ball is lowest."""
     # Half a second, which only tracks need.
     from scipy.ndimage import median_filter
     from scipy.signal import find_peaks
 
-    t = track.time
-    y = track.y
-    radius = known.ball.radius
-    if t.size < _FEWEST_FRAMES:
-        return (
-            [],
-            f"{t.size} frames with a position; an impact needs at least {_FEWEST_FRAMES}, three "
-            "on each side",
-        )
-    step = float(np.median(np.diff(t)))
-    size = min(max(3, int(_SMOOTH / step) | 1), t.size | 1)
-    smooth = median_filter(y, size=size, mode="nearest")
+    count = track.time.size
+    radius = assumed.ball.radius
+    step = float(np.median(np.diff(track.time)))
+    size = min(max(3, int(_SMOOTH / step) | 1), count | 1)
+    smooth = median_filter(track.y, size=size, mode="nearest")
     # Outliers near a contact make more than one low place.
-    lows, _ = find_peaks(
-        -smooth,
-        prominence=_DEEP * radius,
-        distance=max(1.0, 2.0 * known.contact[2] / step),
-    )
+    apart = max(1.0, 2.0 * assumed.contact.most / step)
+    lows, _ = find_peaks(-smooth, prominence=_DEEP * radius, distance=apart)
     near = _NEAR * radius + _NEAR_STEPS * float(np.median(np.abs(np.diff(smooth))))
-    lows = lows[smooth[lows] < smooth.min() + near]
-    if not lows.size:
-        return (
-            [],
-            f"no bounce: the height has no minimum from frame {track.frame[0]} to frame "
-            f"{track.frame[-1]}",
-        )
-    found = []
-    for number, low in enumerate(lows.tolist()):
-        ends = [-np.inf, *(t[lows] + known.contact[2]), np.inf]
-        around = np.flatnonzero(
-            (t > ends[number]) & (t < ends[number + 2] - 2.0 * known.contact[2])
-        )
-        rows = around[np.abs(t[around] - t[low]) < _REACH]
-        early = track.x[rows[rows <= low]]
-        # Most steps before the impact.
-        lag = max(1, early.size // 2)
-        sign = -1.0 if early.size > lag and np.median(early[lag:] - early[:-lag]) < 0.0 else 1.0
-        name = track.id if lows.size == 1 else f"{track.id}-{number + 1}"
-        place = np.column_stack([sign * track.x[rows], y[rows]])
-        phi = -sign * track.angle[rows]
-        found.append(
-            Impact(name, track, rows, around, float(t[low]), t[rows] - t[low], place, phi, sign)
-        )
-    return found, ""
+    return np.asarray(lows[smooth[lows] < smooth.min() + near])
 
 
-def wrong_gravity(impacts: Iterable[Impact], known: Filming) -> str:
+def _impact_at(low: int, around: IntArray, name: str, track: Track) -> Impact:
+    """The impact at the lowest frame `low` of the flights `around` it."""
+    t = track.time
+    rows = around[np.abs(t[around] - t[low]) < _REACH]
+    early = track.x[rows[rows <= low]]
+    # Most steps before the impact.
+    lag = max(1, early.size // 2)
+    leftward = early.size > lag and np.median(early[lag:] - early[:-lag]) < 0.0
+    sign = -1.0 if leftward else 1.0
+    return Impact(
+        name,
+        track,
+        rows,
+        around,
+        origin=float(t[low]),
+        t=t[rows] - t[low],
+        place=np.column_stack([sign * track.x[rows], track.y[rows]]),
+        phi=-sign * track.angle[rows],
+        sign=sign,
+    )
+
+
+def wrong_gravity(impacts: Iterable[Impact], assumed: FilmAssumptions) -> str:
     """What is wrong with rate, scale or direction of a film whose balls do not fall as on earth, by
     parabolas through heights away from the contact; "" where they may. Off by a factor only: a fit
     shows smaller errors.
     """
-    seen: list[tuple[float, float, float, float]] = []
-    for one in [one for one in impacts if one.around.size > _FEWEST_FRAMES]:
-        # At a wrong rate a flight lasts longer, or shorter, than frames are used.
-        time, x, y = (
-            values[one.around] for values in (one.track.time - one.origin, one.track.x, one.track.y)
-        )
-        step = float(np.median(np.diff(time)))
-        for length, sign in ((-time[0], -1.0), (time[-1], 1.0)):
-            away = max(min(known.contact[2], length / 3.0), 3.5 * step)
-            side = np.flatnonzero(sign * time > away)
-            if side.size < _FEWEST_FRAMES:
-                continue
-            rest = np.abs(y[side] - np.polyval(np.polyfit(time[side], y[side], 2), time[side]))
-            side = side[rest <= _OUTLYING * np.median(rest)]
-            t = time[side] - time[side].mean()
-            curve, covariance = np.polyfit(t, y[side], 2, cov=True)
-            v_x = float(np.polyfit(t, x[side], 1)[0])
-            v_y = float(curve[1])
-            pull = known.k * float(np.hypot(v_x, v_y))
-            value = -2.0 * float(curve[0]) - pull * known.drag[0] * v_y
-            reach = 2.0 * _SDS * float(np.sqrt(covariance[0, 0])) + pull * (
-                _LIFT_OFF * abs(v_x) + _DRAG_OFF * abs(v_y)
-            )
-            seen.append((value - reach, value + reach, value, 1.0 / step))
-    if not seen:
+    falls = [fall for impact in impacts for fall in _falls_of(impact, assumed)]
+    if not falls:
         return ""
-    low, high, value, rate = np.median(seen, axis=0).tolist()
-    return "" if low < FACTOR * GRAVITY and high > GRAVITY / FACTOR else of_gravity(value, rate)
+    low, high, value, rate = np.median(falls, axis=0).tolist()
+    if low < FACTOR * GRAVITY and high > GRAVITY / FACTOR:
+        return ""
+    return gravity_words(value, rate)
 
 
-def of_gravity(value: float, rate: float) -> str:
+def _falls_of(impact: Impact, assumed: FilmAssumptions) -> Iterator[_Fall]:
+    """The gravity that both flights of an impact show, where they have frames enough."""
+    around = impact.around
+    if around.size <= _FEWEST_FRAMES:
+        return
+    # At a wrong rate a flight lasts longer, or shorter, than frames are used.
+    time = (impact.track.time - impact.origin)[around]
+    x = impact.track.x[around]
+    y = impact.track.y[around]
+    step = float(np.median(np.diff(time)))
+    for length, sign in ((-time[0], -1.0), (time[-1], 1.0)):
+        away = max(min(assumed.contact.most, length / 3.0), 3.5 * step)
+        side = np.flatnonzero(sign * time > away)
+        if side.size >= _FEWEST_FRAMES:
+            yield _fall(time[side], x[side], y[side], step, assumed)
+
+
+def _fall(
+    time: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    step: float,
+    assumed: FilmAssumptions,
+) -> _Fall:
+    """The gravity that one flight shows, from places (frames,) [m] at times [s] that are a `step`
+    apart.
+    """
+    parabola = np.polyfit(time, y, 2)
+    rest = np.abs(y - np.polyval(parabola, time))
+    good = rest <= _OUTLYING * np.median(rest)
+    t = time[good] - time[good].mean()
+    curve, covariance = np.polyfit(t, y[good], 2, cov=True)
+    v_x = float(np.polyfit(t, x[good], 1)[0])
+    v_y = float(curve[1])
+    pull = assumed.k * float(np.hypot(v_x, v_y))
+    value = -2.0 * float(curve[0]) - pull * assumed.drag.value * v_y
+    by_air = pull * (_LIFT_OFF * abs(v_x) + _DRAG_OFF * abs(v_y))
+    reach = 2.0 * _SDS * float(np.sqrt(covariance[0, 0])) + by_air
+    return _Fall(value - reach, value + reach, value, 1.0 / step)
+
+
+def gravity_words(value: float, rate: float) -> str:
     """What a gravity [m/s^2] that is off by a factor says of films at so many frames a second."""
     read = f"g comes out as {value:.3g} m/s^2 at {rate:.4g} frames/s, expected 9.8"
     if value <= 0.0:
@@ -133,24 +182,26 @@ def of_gravity(value: float, rate: float) -> str:
     )
 
 
-def gravity(impacts: Sequence[Impact]) -> tuple[float, float]:
+def gravity_of(impacts: Sequence[Impact]) -> tuple[float, float]:
     """Gravity [m/s^2] that fitted flights show, and its sd: one step of Gauss and Newton from the
     usual value. What is unknown of lift and drag may be common to all impacts, and counts as such.
+    NaN where no flight shows it.
     """
-    score = information = 0.0
+    score = 0.0
+    information = 0.0
     common = np.zeros(3)
     unknown = [C1, C2, DRAG]
-    for one in impacts:
-        info = one.info.sum(axis=0)
+    for impact in impacts:
+        info = impact.info.sum(axis=0)
         falls = info[-1, :-1]
-        matrix = info[:-1, :-1] + one.precision
+        matrix = info[:-1, :-1] + impact.precision
         moved = np.linalg.solve(matrix, falls)
-        score += one.pull
+        score += impact.pull
         information += info[-1, -1] - float(falls @ moved)
-        prior = one.precision[np.ix_(unknown, unknown)]
-        common += prior @ moved[unknown] * np.sqrt(np.diagonal(np.linalg.inv(prior)))
+        prior = impact.precision[np.ix_(unknown, unknown)]
+        prior_sds = np.sqrt(np.diagonal(np.linalg.inv(prior)))
+        common += prior @ moved[unknown] * prior_sds
     if not information > 0.0:
         return float("nan"), float("nan")
-    return GRAVITY + score / information, sqrt(
-        1.0 / information + float(np.sum((common / information) ** 2))
-    )
+    variance = 1.0 / information + float(np.sum((common / information) ** 2))
+    return GRAVITY + score / information, sqrt(variance)

@@ -13,55 +13,94 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitball.base.itf import GRAVITY
 from fitball.base.values import BoolArray, FloatArray, IntArray
-from fitball.tracks.types import NINE, Filming, SpinPair, Track, unwrapped
+from fitball.tracks.types import TRACKED, FilmAssumptions, SpinPair, Track, unwrapped
 
+# Places of the unknowns of an impact.
 X1, VX1, VY1, C1, T1, X2, VX2, VY2, C2, T2, DRAG = range(11)
-# Those of the `NINE` that only marks show.
+# Those of `TRACKED` that only marks show.
 SPINS = [2, 5, 8]
+# Each of `TRACKED` but the spins as a sum of unknowns: row, unknown, sign.
+_MEASURED_BY = (
+    (0, VX1, 1),
+    (1, VY1, -1),
+    (3, VX2, 1),
+    (4, VY2, 1),
+    (6, T2, 1),
+    (6, T1, -1),
+    (7, X2, 1),
+    (7, X1, -1),
+)
 # Steps of differences, in the unit of each unknown: far above rounding, far below what bends a
 # flight.
 _STEPS = np.array([*[1e-4, 1e-3, 1e-3, 1e-3, 1e-6] * 2, 1e-3])
 # Frames nearer to the contact than this [s] are of neither flight: the force begins at zero, a
-# tenth of a millisecond later the ball is less than 0.01 mm off. Angles wait until the twist of the
-# shell against the core has died out.
+# tenth of a millisecond later the ball is less than 0.01 mm off.
 _GUARD = 1e-4
+# Angles wait [s] until the twist of the shell against the core has died out.
 _TWISTED = 2.5e-3
 # Probability of a pair of spins above which it is sure.
 _SURE = 0.999
-# Fewest frames on a side, slowest vertical speed [m/s] that has a time of contact.
+# Fewest frames on a side.
 _FEWEST = 3
+# Slowest vertical speed [m/s] that has a time of contact.
 _SLOWEST = 0.3
-# Most sweeps, when no time moves by more than this [s] they end; the most that a step may move one.
+# Most sweeps.
 _SWEEPS = 12
+# Sweeps end when no time moves by more than this [s].
 _SETTLED = 1e-7
+# The most [s] that a step may move a time.
 _LEAP = 5e-3
+# The box in which outliers are anywhere, in radii of the ball.
+_BOX_RADII = 6.0
 # Errors that last have the correlation 1/(1 + (dt/tau)^2/2), tau [s]: about as long as a ball takes
 # through a view.
 _LASTING = 0.02
 # Offsets of the lift of both sides of a marked ball are correlated: by seams and fluff, less by
-# orientation. Without marks the spin is unknown, and all of the lift with it.
+# orientation.
 _SHARED = 0.5
+# Without marks the spin is unknown, and all of the lift with it: the sd of its coefficient.
 _UNMARKED = 0.2
 # Makes matrices regular, as a share of their diagonal.
 _RIDGE = 1e-10
 _NO_FLIGHT = "no flight fits the positions before and after the contact"
 
 
+class _Linear(NamedTuple):
+    """Two flights at the unknowns of an impact: `residual` (frames, 2) [m], measured less expected;
+    its negative derivatives, `slopes` (12, frames, 2), by the unknowns and, last, by gravity.
+    """
+
+    residual: FloatArray
+    slopes: FloatArray
+
+
+class _Normal(NamedTuple):
+    """Normal equations of the weighed frames: `info` (2, 12, 12) of x and of y, and by how much the
+    residuals and priors pull each unknown and, last, gravity (12,).
+    """
+
+    info: FloatArray
+    pull: FloatArray
+
+
 def lift_of(omega: float, speed: float, radius: float) -> float:
-    """Lift coefficient of a spin [rad/s, topspin positive], of its sign."""
+    """Lift coefficient of a ball with a spin [rad/s], a speed [m/s] and a radius [m]; positive for
+    topspin.
+    """
     ratio = radius * omega / speed
     return float(ratio / (0.981 + 2.022 * abs(ratio)))
 
 
 def path(v_x: Any, v_y: Any, drag: Any, lift: Any, k: float, d: Any) -> tuple[Any, Any]:
-    """Way after the times `d` by the power series to the third order: 0.06 mm off after 0.15 s at
-    20 m/s.
+    """Ways [m] along and up from a velocity [m/s], coefficients of drag and lift and the resistance
+    `k` [1/m] after the times `d` [s], all of shapes that broadcast: the power series to the third
+    order, 0.06 mm off after 0.15 s at 20 m/s.
     """
     speed = np.hypot(v_x, v_y)
     a_x = -k * speed * (drag * v_x - lift * v_y)
@@ -69,14 +108,16 @@ def path(v_x: Any, v_y: Any, drag: Any, lift: Any, k: float, d: Any) -> tuple[An
     faster = (v_x * a_x + v_y * a_y) / speed
     j_x = -k * (faster * (drag * v_x - lift * v_y) + speed * (drag * a_x - lift * a_y))
     j_y = -k * (faster * (drag * v_y + lift * v_x) + speed * (drag * a_y + lift * a_x))
-    return d * (v_x + d / 2.0 * (a_x + d / 3.0 * j_x)), d * (v_y + d / 2.0 * (a_y + d / 3.0 * j_y))
+    along = d * (v_x + d / 2.0 * (a_x + d / 3.0 * j_x))
+    up = d * (v_y + d / 2.0 * (a_y + d / 3.0 * j_y))
+    return along, up
 
 
 @dataclass(eq=False)
 class Impact:
-    """Frames of one impact, and what is found of it. `rows` are places in the track, `around` those
-    of its whole flights; `t` [s] is from `origin`, `place` (frames, 2) [m] mirrored where the ball
-    flies to the left (`sign` -1), `phi` [rad] topspin positive.
+    """Frames of one impact, and what is fitted to them. `rows` are places in the track, `around`
+    those of its whole flights; `t` [s] is from `origin`, `place` (frames, 2) [m] mirrored where the
+    ball flies to the left (`sign` -1), `phi` [rad] topspin positive.
 
     While it is fitted: unknowns `p` (11,) with their prior; sds `sigma` of x and y; then
     `covariance`, `residual` (frames, 2), `weight`, the probability of being no outlier (NaN in
@@ -106,96 +147,102 @@ class Impact:
     failed: str = ""
 
     def sides(self) -> tuple[BoolArray, BoolArray]:
-        """Which frames are of the flight before, and of that after."""
-        first = self.p[T1]
-        last = self.p[T2]
-        return self.t < first - _GUARD, self.t > last + _GUARD
+        """Which frames (frames,) are of the flight before, and of that after."""
+        return self.t < self.p[T1] - _GUARD, self.t > self.p[T2] + _GUARD
 
     @property
-    def taken(self) -> SpinPair | None:
+    def sure_pair(self) -> SpinPair | None:
         """The most probable spins, if they are sure."""
-        return self.pairs[0] if self.pairs and self.pairs[0].probability > _SURE else None
+        if self.pairs and self.pairs[0].probability > _SURE:
+            return self.pairs[0]
+        return None
 
     def turning(self) -> tuple[BoolArray, BoolArray]:
-        """Which frames have angles that show the spin before, and that after."""
-        seen = np.isfinite(self.phi)
-        return seen & self.sides()[0], seen & (self.t > self.p[T2] + _TWISTED)
+        """Which frames (frames,) have angles that show the spin before, and that after."""
+        marked = np.isfinite(self.phi)
+        return marked & self.sides()[0], marked & (self.t > self.p[T2] + _TWISTED)
 
     def angle_residuals(self) -> FloatArray:
-        """Angles less the lines of the most probable spins (frames,), NaN where no line is."""
-        found = np.full(self.t.size, np.nan)
-        if self.pairs:
-            pair = self.pairs[0]
-            for use, phi, omega, time in zip(
-                self.turning(),
-                pair.phi,
-                pair[:2],
-                self.p[[T1, T2]],
-                strict=True,
-            ):
-                found[use] = unwrapped(
-                    self.phi[use] - phi - omega * (self.t[use] - time),
-                    self.track.fold,
-                )
-        return found
+        """Angles (frames,) [rad] less the lines of the most probable spins, NaN where none is."""
+        residuals = np.full(self.t.size, np.nan)
+        if not self.pairs:
+            return residuals
+        pair = self.pairs[0]
+        spins = (pair.omega_1, pair.omega_2)
+        times = self.p[[T1, T2]]
+        for use, phi, omega, time in zip(self.turning(), pair.phi, spins, times, strict=True):
+            turned = omega * (self.t[use] - time)
+            residuals[use] = unwrapped(self.phi[use] - phi - turned, self.track.fold)
+        return residuals
 
-    def take_prior(self, known: Filming, drag: float, drag_sd: float) -> None:
-        """Priors of drag and lift; those of the lift by whether spins are taken."""
+    def set_prior(self, assumed: FilmAssumptions, drag: float, drag_sd: float) -> None:
+        """Set the priors of drag and lift; those of the lift by whether spins are sure."""
         self.prior[DRAG] = drag
         self.precision[:] = 0.0
         self.precision[DRAG, DRAG] = drag_sd**-2.0
-        shared, sd = (_SHARED, known.lift[1]) if self.taken else (0.0, _UNMARKED)
-        self.prior[[C1, C2]] = known.lift[0]
-        if not self.taken:
+        self.prior[[C1, C2]] = assumed.lift.value
+        if self.sure_pair:
+            shared = _SHARED
+            sd = assumed.lift.sd
+        else:
+            shared = 0.0
+            sd = _UNMARKED
             # A ball of unknown spin leaves the court nearly rolling.
             v_x = self.p[VX2]
             v_y = self.p[VY2]
-            radius = known.ball.radius
+            radius = assumed.ball.radius
             self.prior[C2] += lift_of(v_x / radius, np.hypot(v_x, v_y), radius)
         block = np.linalg.inv(sd**2 * np.array([[1.0, shared], [shared, 1.0]]))
         self.precision[np.ix_([C1, C2], [C1, C2])] = block
 
     def lifts(self, radius: float) -> FloatArray:
-        """Lift coefficients (2,) of the spins that are taken."""
-        if self.taken is None:
+        """Lift coefficients (2,) of the spins that are sure, zero without."""
+        pair = self.sure_pair
+        if pair is None:
             return np.zeros(2)
-        spins = (self.taken.omega_1, self.taken.omega_2)
-        speeds = np.hypot(self.p[[VX1, VX2]], self.p[[VY1, VY2]])
-        return np.array([lift_of(*one, radius) for one in zip(spins, speeds.tolist(), strict=True)])
+        before, after = np.hypot(self.p[[VX1, VX2]], self.p[[VY1, VY2]]).tolist()
+        return np.array(
+            [lift_of(pair.omega_1, before, radius), lift_of(pair.omega_2, after, radius)]
+        )
 
 
-def start(one: Impact, known: Filming, height: float) -> None:
-    """First unknowns: repeated medians of slopes (Siegel 1982) of frames beside the contact,
-    gravity taken off.
+def start(impact: Impact, assumed: FilmAssumptions, height: float) -> None:
+    """Set first unknowns: repeated medians of slopes (Siegel 1982) of frames beside the contact,
+    gravity taken off; `height` [m] is that of the centre at contact.
     """
     from scipy.stats import siegelslopes
 
-    sides = one.t < -known.contact[0], one.t > known.contact[0]
-    if _too_few(one, *sides):
+    usual = assumed.contact.usual
+    sides = (impact.t < -usual, impact.t > usual)
+    if _too_few(impact, *sides):
         return
-    for o, use in zip((X1, X2), sides, strict=True):
-        place = one.place[use] + np.outer(one.t[use] ** 2, [0.0, 0.5 * GRAVITY])
-        (v_x, x), (v_y, y) = (siegelslopes(values, one.t[use]) for values in place.T)
+    for first, use in zip((X1, X2), sides, strict=True):
+        t = impact.t[use]
+        straight = impact.place[use] + np.outer(t**2, [0.0, 0.5 * GRAVITY])
+        v_x, x = siegelslopes(straight[:, 0], t)
+        v_y, y = siegelslopes(straight[:, 1], t)
         time = (height - y) / v_y if abs(v_y) > _SLOWEST else np.nan
-        one.p[o : o + 5] = x + v_x * time, v_x, v_y - GRAVITY * time, 0.0, time
-    one.p[DRAG] = known.drag[0]
-    _check(one)
+        impact.p[first : first + 5] = (x + v_x * time, v_x, v_y - GRAVITY * time, 0.0, time)
+    impact.p[DRAG] = assumed.drag.value
+    _check(impact)
 
 
-def _too_few(one: Impact, before: BoolArray, after: BoolArray) -> bool:
-    if few := min(before.sum(), after.sum()) < _FEWEST:
+def _too_few(impact: Impact, before: BoolArray, after: BoolArray) -> bool:
+    """Whether a side has too few frames to fit a flight: the impact has failed then."""
+    few = bool(min(before.sum(), after.sum()) < _FEWEST)
+    if few:
         words = f"{before.sum()} frames before and {after.sum()} after the contact"
-        one.failed = f"{words}; {_FEWEST} on a side are needed"
-    return bool(few)
+        impact.failed = f"{words}; {_FEWEST} on a side are needed"
+    return few
 
 
-def _check(one: Impact) -> None:
-    """A flight needs a time at which it meets the court."""
-    if not np.isfinite(one.p).all():
-        one.failed = _NO_FLIGHT
-    for v_y, does in ((-one.p[VY1], "reaches"), (one.p[VY2], "leaves")):
-        if not v_y > _SLOWEST and not one.failed:
-            one.failed = (
+def _check(impact: Impact) -> None:
+    """Fail an impact whose flights have no time at which they meet the court."""
+    if not np.isfinite(impact.p).all():
+        impact.failed = _NO_FLIGHT
+    for v_y, does in ((-impact.p[VY1], "reaches"), (impact.p[VY2], "leaves")):
+        if not v_y > _SLOWEST and not impact.failed:
+            impact.failed = (
                 f"the ball {does} the court at {v_y:.2g} m/s; more than {_SLOWEST} m/s is needed"
             )
 
@@ -203,119 +250,128 @@ def _check(one: Impact) -> None:
 # What is not finite is a failure of the impact.
 @np.errstate(all="ignore")
 def fit(
-    one: Impact,
-    known: Filming,
+    impact: Impact,
+    assumed: FilmAssumptions,
     height: float,
     outliers: float,
     wide: Sequence[float] = (),
 ) -> None:
-    """Gauss and Newton from `p`, frames weighed by their probability of being no outlier (EM):
-    errors of x and y are normal, or with the share `outliers` anywhere in a box of six radii. First
-    sweeps have errors so many times as `wide`. The covariance is of the observed information, which
-    these weights alone overstate.
+    """Fit the unknowns `p` by the method of Gauss and Newton, frames weighed by their probability
+    of being no outlier (EM): errors of x and y are normal, or with the share `outliers` anywhere in
+    a box of six radii. First sweeps have errors so many times as `wide`. The covariance is of the
+    observed information, which these weights alone overstate.
     """
-    box = (6.0 * known.ball.radius) ** 2
-    lifts = one.lifts(known.ball.radius)
-    precision = one.precision
+    lifts = impact.lifts(assumed.ball.radius)
     for sweep in range(_SWEEPS + len(wide)):
-        s = one.sigma * (wide[sweep] if sweep < len(wide) else 1.0)
-        if one.p[T2] <= one.p[T1]:
+        sds = impact.sigma * (wide[sweep] if sweep < len(wide) else 1.0)
+        if impact.p[T2] <= impact.p[T1]:
             # As long as the flights are far from the court.
-            one.p[[T1, T2]] = one.p[[T1, T2]].mean() + known.contact[0] * np.array([-0.5, 0.5])
-        before, after = one.sides()
-        use = before | after
-        if _too_few(one, before, after):
+            half = assumed.contact.usual * np.array([-0.5, 0.5])
+            impact.p[[T1, T2]] = impact.p[[T1, T2]].mean() + half
+        before, after = impact.sides()
+        if _too_few(impact, before, after):
             return
-        moved = np.vstack([one.p, one.p + np.diag(_STEPS)])
-        o = np.where(after, X2, X1)
-        x, v_x, v_y, c, time = (moved[:, o + k] for k in range(5))
-        along, up = path(
-            v_x,
-            v_y,
-            moved[:, DRAG, None],
-            lifts[np.where(after, 1, 0)] + c,
-            known.k,
-            one.t - time,
-        )
-        places = np.stack([x + along, height + up], axis=-1)
-        residual = one.place - places[0]
-        slopes = np.concatenate(
-            [(places[1:] - places[0]) / _STEPS[:, None, None], np.zeros((1, *one.place.shape))]
-        )
-        # By gravity, which is not fitted.
-        slopes[-1, :, 1] = -0.5 * (one.t - time[0]) ** 2
-        z = residual / s
+        linear = _linearised(impact, assumed, height, lifts, after)
+        z = linear.residual / sds
         square = np.sum(z**2, axis=1)
-        like = (1.0 - outliers) * np.exp(-0.5 * square) / (2.0 * np.pi * s[0] * s[1])
-        weight = np.where(use, like / (like + outliers / box), 0.0)
-        root = np.sqrt(weight)
-        info = np.zeros((2, 12, 12))
-        pull = np.append(precision @ (one.prior - one.p), 0.0)
-        for axis in (0, 1):
-            u = solved = slopes[:, :, axis] * (root / s[axis])
-            if known.lasting > 0.0:
-                far = np.subtract.outer(one.t, one.t) / _LASTING
-                shared = (
-                    known.lasting**2
-                    / (1.0 + 0.5 * far**2)
-                    * np.multiply.outer(root, root)
-                    / s[axis] ** 2
-                )
-                solved = np.linalg.solve(np.eye(root.size) + shared, u.T).T
-            info[axis] = u @ solved.T
-            pull += solved @ (z[:, axis] * root)
-        hessian = info[:, :-1, :-1].sum(axis=0) + precision
-        step = _inverse(hessian) @ pull[:-1]
-        late = float(np.abs(step[[T1, T2]]).max())
+        good = (1.0 - outliers) * np.exp(-0.5 * square) / (2.0 * np.pi * sds[0] * sds[1])
+        box = (_BOX_RADII * assumed.ball.radius) ** 2
+        weight = np.where(before | after, good / (good + outliers / box), 0.0)
+        normal = _normal_equations(impact, linear, sds, weight, assumed.lasting)
+        hessian = normal.info[:, :-1, :-1].sum(axis=0) + impact.precision
+        step = _inverse(hessian) @ normal.pull[:-1]
         if not np.isfinite(step).all():
-            one.failed = _NO_FLIGHT
+            impact.failed = _NO_FLIGHT
             return
+        late = float(np.abs(step[[T1, T2]]).max())
         if sweep >= len(wide) and late < _SETTLED:
             break
-        one.p = one.p + step * min(1.0, _LEAP / max(late, _SETTLED))
-        _check(one)
-        if one.failed:
+        impact.p = impact.p + step * min(1.0, _LEAP / max(late, _SETTLED))
+        _check(impact)
+        if impact.failed:
             return
-    tail = np.einsum("pfa,fa->pf", slopes[:-1] / s, z)
+    tail = np.einsum("pfa,fa->pf", linear.slopes[:-1] / sds, z)
     lost = tail * (weight * np.minimum(1.0 - weight, 1.0 / np.maximum(square, 1e-12))) @ tail.T
-    one.covariance = _inverse(hessian - lost)
-    if not np.all(np.diagonal(one.covariance) > 0.0):
-        one.failed = _NO_FLIGHT
-    one.residual = residual
-    one.weight = np.where(use, weight, np.nan)
-    one.info = info
-    one.pull = pull[-1]
+    impact.covariance = _inverse(hessian - lost)
+    if not np.all(np.diagonal(impact.covariance) > 0.0):
+        impact.failed = _NO_FLIGHT
+    impact.residual = linear.residual
+    impact.weight = np.where(before | after, weight, np.nan)
+    impact.info = normal.info
+    impact.pull = normal.pull[-1]
+
+
+def _linearised(
+    impact: Impact,
+    assumed: FilmAssumptions,
+    height: float,
+    lifts: FloatArray,
+    after: BoolArray,
+) -> _Linear:
+    """The flights of an impact at its unknowns; `after` (frames,) says which are of the second."""
+    moved = np.vstack([impact.p, impact.p + np.diag(_STEPS)])
+    first = np.where(after, X2, X1)
+    x, v_x, v_y, offset, time = (moved[:, first + k] for k in range(5))
+    lift = lifts[np.where(after, 1, 0)] + offset
+    along, up = path(v_x, v_y, moved[:, DRAG, None], lift, assumed.k, impact.t - time)
+    places = np.stack([x + along, height + up], axis=-1)
+    by_unknowns = (places[1:] - places[0]) / _STEPS[:, None, None]
+    # Gravity is not fitted.
+    by_gravity = np.zeros((1, *impact.place.shape))
+    by_gravity[0, :, 1] = -0.5 * (impact.t - time[0]) ** 2
+    return _Linear(impact.place - places[0], np.concatenate([by_unknowns, by_gravity]))
+
+
+def _normal_equations(
+    impact: Impact,
+    linear: _Linear,
+    sds: FloatArray,
+    weight: FloatArray,
+    lasting: float,
+) -> _Normal:
+    """The normal equations of frames with weights (frames,), errors of x and y with sds (2,) [m],
+    and errors that last with the sd `lasting` [m].
+    """
+    root = np.sqrt(weight)
+    info = np.zeros((2, len(_STEPS) + 1, len(_STEPS) + 1))
+    pull = np.append(impact.precision @ (impact.prior - impact.p), 0.0)
+    for axis in (0, 1):
+        weighed = linear.slopes[:, :, axis] * (root / sds[axis])
+        solved = weighed
+        if lasting > 0.0:
+            apart = np.subtract.outer(impact.t, impact.t) / _LASTING
+            correlated = lasting**2 / (1.0 + 0.5 * apart**2) * np.multiply.outer(root, root)
+            shared = correlated / sds[axis] ** 2
+            solved = np.linalg.solve(np.eye(root.size) + shared, weighed.T).T
+        info[axis] = weighed @ solved.T
+        pull += solved @ (linear.residual[:, axis] / sds[axis] * root)
+    return _Normal(info, pull)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """Of an information matrix, whose diagonal differs by many orders of magnitude; NaN where it
-    has none.
+    """The inverse of an information matrix (n, n), whose diagonal differs by many orders of
+    magnitude; NaN where it has none.
     """
     scale = 1.0 / np.sqrt(np.diagonal(matrix))
     even = matrix * scale[:, None] * scale + _RIDGE * np.eye(len(scale))
     return np.asarray(np.linalg.inv(even) * scale[:, None] * scale)
 
 
-def nine(one: Impact) -> tuple[FloatArray, FloatArray]:
-    """Values and covariance of the `NINE`; spins and turn are NaN without a pair that is sure."""
-    take = np.zeros((len(NINE), 11))
-    signs = (
-        (0, VX1, 1),
-        (1, VY1, -1),
-        (3, VX2, 1),
-        (4, VY2, 1),
-        (6, T2, 1),
-        (6, T1, -1),
-        (7, X2, 1),
-        (7, X1, -1),
-    )
-    for row, column, sign in signs:
-        take[row, column] = sign
-    values = take @ one.p
-    pair = one.taken
-    if pair:
-        take[8, [T1, T2]] = -pair.omega_1, pair.omega_2
-    covariance = take @ one.covariance @ take.T
-    values[SPINS] = pair[:3] if pair else np.nan
-    covariance[np.ix_(SPINS, SPINS)] += pair.covariance if pair else 0.0
+def measurement_of(impact: Impact) -> tuple[FloatArray, FloatArray]:
+    """Values (9,) and covariance (9, 9) of `TRACKED` in SI; spins and turn are NaN without a pair
+    that is sure.
+    """
+    jacobian = np.zeros((len(TRACKED), len(_STEPS)))
+    for row, column, sign in _MEASURED_BY:
+        jacobian[row, column] = sign
+    values = jacobian @ impact.p
+    pair = impact.sure_pair
+    if pair is None:
+        values[SPINS] = np.nan
+        return values, jacobian @ impact.covariance @ jacobian.T
+    # The turn in contact, by the spins up to landing and from release.
+    jacobian[8, [T1, T2]] = -pair.omega_1, pair.omega_2
+    covariance = jacobian @ impact.covariance @ jacobian.T
+    values[SPINS] = pair.omega_1, pair.omega_2, pair.turn
+    covariance[np.ix_(SPINS, SPINS)] += pair.covariance
     return values, covariance

@@ -51,42 +51,53 @@ NAMES: Mapping[str, tuple[str, str]] = {
     "quality": ("", "likelihood confidence conf score"),
 }
 _OURS = {word: ours for ours, (_, words) in NAMES.items() for word in (bare(ours), *words.split())}
+# `x (px)`, `x_pixels`.
 _PIXELS = re.compile(
     r"(?P<name>.*?\w)[\s_/,]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?",
     re.IGNORECASE,
 )
+# `pt1_cam1_X`.
 _DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
+# `NAME/0/X`.
 _KINOVEA = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
+# Points of Tracker and DLTdv have numbers, no names.
+_NUMBERED = re.compile(r"\d+|pt\d.*")
+# `66mm`.
 _LENGTH = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
+# A longer cell is no name of ours, and patterns take time with the square of the length.
 _LONGEST = 100
-# Coordinates without a unit that reach further [m] are none; radii that make a scale, and how far a
-# stated one may be off without a note; the quality of a good frame.
+# Coordinates without a unit that reach further [m] are in pixels.
 _WIDEST = 30.0
+# Radii that make a scale.
 _LEAST_RADII = 5
+# How far a stated scale may be off that of the radii without a note.
 _SAME_SCALE = 0.02
+# The quality of a good frame.
 _LEAST_QUALITY = 0.9
 # What programs write for both coordinates of a frame in which they found no ball.
 _LOST = (-99.0, -999.0, -9999.0, -99999.0)
 # A step shorter than this many usual ones misses no frame.
 _ONE_STEP = 1.5
 # Endings of what people have beside their positions.
-_FILMS = [
-    "mp4",
-    "mov",
-    "avi",
-    "mkv",
-    "m4v",
-    "wmv",
-    "webm",
-    "mts",
-    "mpg",
-    "mpeg",
-    "cine",
-    "gif",
-    "trk",
-    "trz",
-    "kva",
-]
+_FILMS = frozenset(
+    [
+        "mp4",
+        "mov",
+        "avi",
+        "mkv",
+        "m4v",
+        "wmv",
+        "webm",
+        "mts",
+        "mpg",
+        "mpeg",
+        "cine",
+        "gif",
+        "trk",
+        "trz",
+        "kva",
+    ]
+)
 _EXPECTED = (
     "expected x and y, t or frame, such as 'id,t [s],x [m],y [m]', or an export of "
     "Tracker, Kinovea, DLTdv"
@@ -103,6 +114,30 @@ class _Part(NamedTuple):
     pixels: bool = False
 
 
+class _Columns(NamedTuple):
+    """Numbers (frames,) of one ball by column, in SI but those named in `pixels`; NaN where the
+    ball was lost.
+    """
+
+    values: Mapping[str, FloatArray]
+    pixels: set[str]
+
+
+class _Clip(NamedTuple):
+    """Numbers (frames,) of one clip by column; its `rows` among those of the file; `order`, the
+    frames in which the ball was found, by time.
+    """
+
+    name: str
+    rows: IntArray
+    values: Mapping[str, FloatArray]
+    order: IntArray
+
+    def column(self, name: str, usual: float) -> FloatArray:
+        """The numbers (frames,) of a column, or the usual one in all frames."""
+        return self.values.get(name, np.full(self.rows.size, usual))
+
+
 def scene_of(
     sources: Sequence[Source],
     scene: Scene | str | Path,
@@ -110,21 +145,30 @@ def scene_of(
     mm_per_px: float,
     ball_diameter: str,
 ) -> Scene:
-    """The scene that is given, or that beside the first file, with what overrides it. Raises
-    ParameterError (`length`), FolderError (`not-found`), InputError (`scene`).
+    """The scene that is passed, or that beside the first file, with what overrides it: frames a
+    second, millimetres a pixel, and a diameter with its unit. Raises ParameterError (`length`),
+    FolderError (`not-found`), InputError (`scene`).
     """
-    first = sources[0] if sources and isinstance(sources[0], str | Path) else None
-    beside = None if first is None else place_of(file_and_sheet(str(first))[0], "tracks")
-    known = scene if isinstance(scene, Scene) else load_scene(beside, scene or None)
-    stated = {name: value for name, value in (("fps", fps), ("mm_per_px", mm_per_px)) if value}
-    camera = changed(known.camera or CameraSection(), **stated)
-    ball = known.ball
+    beside = None
+    if sources and isinstance(sources[0], str | Path):
+        file, _ = file_and_sheet(str(sources[0]))
+        beside = place_of(file, "tracks")
+    if not isinstance(scene, Scene):
+        scene = load_scene(beside, scene or None)
+    camera = scene.camera or CameraSection()
+    if fps:
+        camera = changed(camera, fps=fps)
+    if mm_per_px:
+        camera = changed(camera, mm_per_px=mm_per_px)
+    ball = scene.ball
     if ball_diameter:
-        if (found := _LENGTH.fullmatch(ball_diameter)) is None:
+        length = _LENGTH.fullmatch(ball_diameter)
+        if length is None:
             read = f"ball_diameter: read '{one_line(ball_diameter)}'"
             raise ParameterError(f"{read}; expected a length with its unit, such as 66mm", "length")
-        ball = changed(ball, radius=0.5 * float(found[1]) * factor_of(found[2], "m"))
-    return changed(known, camera=camera, ball=ball)
+        diameter = float(length[1]) * factor_of(length[2], "m")
+        ball = changed(ball, radius=0.5 * diameter)
+    return changed(scene, camera=camera, ball=ball)
 
 
 def read_tracks(
@@ -144,36 +188,43 @@ def read_tracks(
     notes = dict[Note, None]()
     digests = set[tuple[str, str]]()
     for source in sources:
-        place = source
-        sheet = ""
-        name = str(getattr(source, "attrs", {}).get("name", "positions"))
-        if isinstance(source, str | Path):
-            file, sheet = file_and_sheet(str(source))
-            path = place_of(file, "tracks")
-            if path.suffix.lower()[1:] in _FILMS:
-                words = (
-                    "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
-                )
-                raise InputError(str(path), [Fault("film", words)])
-            place = f"{path}#{sheet}" if sheet else path
-            name = path.stem
+        place, sheet, name = _place_and_name(source)
         cells = read_cells(place, naming.worth, name)
         tracks += _Reader(cells, name, naming, scene).tracks()
         cells.refuse()
         # Sheets of one workbook are different films.
         if (cells.sha256, sheet) in digests:
-            raise InputError(
-                cells.source,
-                [Fault("same-table-twice", "read a second time; give each film once")],
-            )
+            fault = Fault("same-table-twice", "read a second time; give each film once")
+            raise InputError(cells.source, [fault])
         digests.add((cells.sha256, sheet))
         notes |= dict.fromkeys(cells.notes)
-    count = Counter(one.id for one in tracks)
-    seen = Counter[str]()
-    for k, one in enumerate(tracks):
-        seen[one.id] += 1
-        tracks[k] = one if count[one.id] == 1 else replace(one, id=f"{one.id} ({seen[one.id]})")
-    return tracks, [*notes]
+    return [*_with_unique_ids(tracks)], [*notes]
+
+
+def _place_and_name(source: Source) -> tuple[Source, str, str]:
+    """The file of a film with its sheet, or a table in memory; the sheet alone; the film's name.
+    Raises InputError (`film`), FolderError (`not-found`).
+    """
+    if not isinstance(source, str | Path):
+        return source, "", str(getattr(source, "attrs", {}).get("name", "positions"))
+    file, sheet = file_and_sheet(str(source))
+    path = place_of(file, "tracks")
+    if path.suffix.lower()[1:] in _FILMS:
+        words = "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
+        raise InputError(str(path), [Fault("film", words)])
+    return (f"{path}#{sheet}" if sheet else path), sheet, path.stem
+
+
+def _with_unique_ids(tracks: Sequence[Track]) -> Iterator[Track]:
+    """The tracks; those whose ids repeat have numbers behind them."""
+    count = Counter(track.id for track in tracks)
+    number = Counter[str]()
+    for track in tracks:
+        number[track.id] += 1
+        if count[track.id] == 1:
+            yield track
+        else:
+            yield replace(track, id=f"{track.id} ({number[track.id]})")
 
 
 class _Naming:
@@ -192,27 +243,29 @@ class _Naming:
         self.theirs = {name.casefold(): (ours, unit) for ours, (name, unit) in cells.items()}
 
     def split(self, cell: str) -> tuple[str, str | None]:
-        """Name and unit as written, `px` for pixels."""
+        """Name and unit of a header cell as written, `px` for pixels, None without a unit."""
         pixels = _PIXELS.fullmatch(cell.strip())
         if pixels:
             return pixels["name"], "px"
         name, unit = self.plain.split(cell)
         front, _, last = cell.strip().replace(" ", "_").rpartition("_")
-        return (
-            (front, last)
-            if unit is None and bare(front) in _OURS and symbol_of(last)
-            else (name, unit)
-        )
+        if unit is None and bare(front) in _OURS and symbol_of(last):
+            return front, last
+        return name, unit
 
     def read(self, cell: str) -> tuple[str | None, str | None]:
         """Our name of a cell (None: not used), and its unit as written."""
         name, unit = self.split(cell[:_LONGEST])
-        said = self.theirs.get(cell.strip().casefold()) or self.theirs.get(name.casefold())
-        return (said[0], unit or said[1]) if said else (_OURS.get(bare(name)), unit)
+        by_user = self.theirs.get(cell.strip().casefold()) or self.theirs.get(name.casefold())
+        if by_user is None:
+            return _OURS.get(bare(name)), unit
+        ours, stated = by_user
+        return ours, unit or stated
 
     def worth(self, cell: str) -> float:
-        """What a cell is worth as one of a header."""
-        return float(bool(_DLTDV.fullmatch(cell) or _KINOVEA.fullmatch(cell) or self.read(cell)[0]))
+        """What a cell is worth as one of a header: 1 for a name that is known, else 0."""
+        point = _DLTDV.fullmatch(cell) or _KINOVEA.fullmatch(cell)
+        return float(bool(point or self.read(cell)[0]))
 
 
 @dataclass
@@ -226,36 +279,45 @@ class _Reader:
 
     @property
     def camera(self) -> CameraSection:
-        """What the scene says of it."""
+        """The camera of the scene, or one of which nothing is stated."""
         return self.scene.camera or CameraSection()
 
     def tracks(self) -> list[Track]:
-        """The tracks; those with faults are left out."""
+        """The tracks of all balls of the file. Raises InputError with all faults of its header, or
+        of its numbers.
+        """
         cells = self.cells
         parts = self._parts()
-        known = {
-            name.casefold()
-            for cell in cells.names
-            for name in (cell.strip(), self.naming.split(cell)[0])
-        }
-        for their in self.naming.theirs.keys() - known:
-            cells.fault(
-                "no-column",
-                f"columns: no column is '{one_line(their)}': {listed(cells.names, most=20)}",
-            )
+        self._check_names(parts)
+        cells.refuse()
+        measured = dict[str, int]()
+        for part in parts:
+            for name, place in part.places.items():
+                if NAMES[name][0] != "text":
+                    measured[self._key(place)] = place
+        values = numbers(cells, measured)
+        cells.refuse()
+        return [track for part in parts for track in self._of_part(part, values)]
+
+    def _check_names(self, parts: Sequence[_Part]) -> None:
+        """Add faults of columns that are not there, and of a third coordinate."""
+        cells = self.cells
+        headers = set[str]()
+        for cell in cells.names:
+            name, _ = self.naming.split(cell)
+            headers |= {cell.strip().casefold(), name.casefold()}
+        for their in self.naming.theirs.keys() - headers:
+            columns = listed(cells.names, most=20)
+            cells.fault("no-column", f"columns: no column is '{one_line(their)}': {columns}")
         if not parts:
             cells.fault("no-positions", f"read columns {listed(cells.names, most=12)}; {_EXPECTED}")
-        for part in [part for part in parts if "z" in part.places]:
-            words = (
-                "three coordinates; expected x along the court and y upwards: project onto "
-                "the plane of flight"
-            )
-            cells.fault("three-coordinates", words, cells.names[part.places["z"]])
-        cells.refuse()
-        measured = [k for part in parts for n, k in part.places.items() if NAMES[n][0] != "text"]
-        values = numbers(cells, {self._key(k): k for k in measured})
-        cells.refuse()
-        return [one for part in parts for one in self._of_part(part, values)]
+        for part in parts:
+            if "z" in part.places:
+                words = (
+                    "three coordinates; expected x along the court and y upwards: project onto "
+                    "the plane of flight"
+                )
+                cells.fault("three-coordinates", words, cells.names[part.places["z"]])
 
     def _key(self, place: int) -> str:
         """What a column is called in faults: its cell, with its number where cells repeat."""
@@ -264,132 +326,156 @@ class _Reader:
 
     def _parts(self) -> list[_Part]:
         """The balls of a file, by its dialect."""
-        names = [one.strip() for one in self.cells.names]
-        ours = [self.naming.read(cell)[0] for cell in names]
-        shared = {name: k for k, name in reversed([*enumerate(ours)]) if name}
-        clock: dict[str, int] = {name: k for name, k in shared.items() if name in ("t", "frame")}
+        names = [name.strip() for name in self.cells.names]
+        ours = [self.naming.read(name)[0] for name in names]
+        places = _first_places(ours)
+        clock = {name: place for name, place in places.items() if name in ("t", "frame")}
         for pattern in (_DLTDV, _KINOVEA):
-            points: dict[str, dict[str, int]] = {}
-            for k, cell in enumerate(names):
-                if found := pattern.fullmatch(cell):
-                    points.setdefault(found["name"], {**clock})[found["axis"].casefold()] = k
-            whole = {name: places for name, places in points.items() if {"x", "y"} <= {*places}}
-            if whole:
-                return [
-                    _Part(n * (len(whole) > 1), p, "_cam" in n.casefold()) for n, p in whole.items()
-                ]
-        starts = [k for k, name in enumerate(ours) if name == "x"]
-        if len(starts) < 2:
-            return [_Part("", shared)] if {"x", "y"} <= {*shared} else []
-        # Masses side by side: each x begins one, its time is the last before it.
-        parts = list[_Part]()
-        for first, last in pairwise([*starts, len(ours)]):
-            block = {
-                what: j for j, what in reversed([*enumerate(ours[:last])]) if what and j >= first
-            }
-            times = {what: j for j, what in enumerate(ours[:first]) if what in ("t", "frame")}
-            parts += [_Part(str(len(parts) + 1), {**block, **times})] if "y" in block else []
-        return parts
+            points = _points(names, pattern, clock)
+            if points:
+                return points
+        if ours.count("x") > 1:
+            return _masses(ours)
+        return [_Part("", places)] if {"x", "y"} <= {*places} else []
 
     def _of_part(self, part: _Part, values: Mapping[str, FloatArray]) -> Iterator[Track]:
         """The tracks of a ball, one for each id and session, or for each time that the clock starts
         again.
         """
         cells = self.cells
+        columns = self._in_si(part, values)
+        cells.refuse()
+        count = len(cells.rows)
+        clock = columns.values.get("t", columns.values.get("frame", np.arange(float(count))))
+        restarts = np.zeros(count, dtype=np.int64)
+        if "id" not in part.places:
+            timed = np.flatnonzero(np.isfinite(clock))
+            restarts[timed[1:]] = np.diff(clock[timed]) < 0.0
+            restarts = np.cumsum(restarts)
+        groups: dict[tuple[str, str, int], list[int]] = {}
+        sessions = self._texts(part, "session")
+        ids = self._texts(part, "id")
+        for row, key in enumerate(zip(sessions, ids, restarts.tolist(), strict=True)):
+            groups.setdefault(key, []).append(row)
+        all_labels = self._labels()
+        # Objects of Kinovea have names of their own.
+        named = part.name and not _NUMBERED.fullmatch(part.name)
+        file = "" if named else self.name
+        for (session, track_id, restart), rows in groups.items():
+            number = str(restart + 1) if restarts.any() else ""
+            name = track_id or "-".join(filter(None, [file, part.name, number]))
+            labels = {column: texts[rows[0]] for column, texts in all_labels.items()}
+            if session:
+                labels["session"] = session
+            track = self._track(name, np.array(rows), columns, labels)
+            if track is not None:
+                yield track
+
+    def _in_si(self, part: _Part, values: Mapping[str, FloatArray]) -> _Columns:
+        """The numbers of a ball in SI or pixels, NaN where it was lost. Faults of units go to the
+        cells.
+        """
+        written = dict[str, FloatArray]()
+        for name, place in part.places.items():
+            if NAMES[name][0] != "text":
+                written[name] = values[self._key(place)]
+        x = written["x"]
+        y = written["y"]
+        lost = np.any([np.isclose(x, code) & np.isclose(y, code) for code in _LOST], axis=0)
+        self._note_left_out(self.name, lost, "both coordinates are a code, such as -999")
         columns = dict[str, FloatArray]()
         pixels = set[str]()
-        own = {
-            name: values[self._key(k)]
-            for name, k in part.places.items()
-            if NAMES[name][0] != "text"
-        }
-        codes = [np.isclose(own["x"], code) & np.isclose(own["y"], code) for code in _LOST]
-        self._left_out(
-            self.name,
-            lost := np.any(codes, axis=0),
-            "both coordinates are a code, such as -999",
-        )
-        for name, written in own.items():
-            si = NAMES[name][0]
-            unit = self.naming.read(cells.names[part.places[name]])[1]
-            column = np.where(lost, np.nan, written)
+        for name, numbers_of in written.items():
+            si, _ = NAMES[name]
+            _, unit = self.naming.read(self.cells.names[part.places[name]])
+            column = np.where(lost, np.nan, numbers_of)
             if si == "m" and unit is None:
-                unit = (
-                    "px"
-                    if part.pixels
-                    else self._assumed(np.where(lost, np.nan, [own["x"], own["y"]]))
-                )
+                unit = "px" if part.pixels else self._likely_unit(np.where(lost, np.nan, [x, y]))
             if unit == "px" and si == "m":
                 pixels.add(name)
             elif si:
                 try:
                     column *= factor_of(unit, si)
                 except ParameterError as error:
-                    cells.fault(error.code, str(error), self._key(part.places[name]))
+                    self.cells.fault(error.code, str(error), self._key(part.places[name]))
             columns[name] = column
-        cells.refuse()
-        ids, sessions = (
-            cells.text(part.places[name]) if name in part.places else [""] * len(cells.rows)
-            for name in ("id", "session")
-        )
-        clock = columns.get("t", columns.get("frame", np.arange(float(len(cells.rows)))))
-        turns = np.zeros(len(clock), dtype=np.int64)
-        timed = np.flatnonzero(np.isfinite(clock))
-        if "id" not in part.places:
-            turns[timed[1:]] = np.diff(clock[timed]) < 0.0
-            turns = np.cumsum(turns)
-        groups: dict[tuple[str, str, int], list[int]] = {}
-        for k, key in enumerate(zip(sessions, ids, turns.tolist(), strict=True)):
-            groups.setdefault(key, []).append(k)
-        labels = {
-            n: cells.text(k)
-            for k, n in enumerate(cells.names)
-            if role_of(n) and not self.naming.read(n)[0]
-        }
-        for (session, one, turn), rows in groups.items():
-            # Objects of Kinovea have names of their own.
-            file = "" if part.name and not re.fullmatch(r"\d+|pt\d.*", part.name) else self.name
-            name = one or "-".join(
-                filter(None, [file, part.name, str(turn + 1) * bool(turns.any())])
-            )
-            named = {n: text[rows[0]] for n, text in labels.items()} | (
-                {"session": session} if session else {}
-            )
-            if track := self._track(name, np.array(rows), columns, pixels, named):
-                yield track
+        return _Columns(columns, pixels)
 
-    def _assumed(self, place: FloatArray) -> str:
+    def _texts(self, part: _Part, name: str) -> list[str]:
+        """The texts (rows,) of a column of a ball, empty without one."""
+        if name in part.places:
+            return self.cells.text(part.places[name])
+        return [""] * len(self.cells.rows)
+
+    def _labels(self) -> dict[str, list[str]]:
+        """Texts (rows,) of label columns that are none of a film's."""
+        labels = dict[str, list[str]]()
+        for place, name in enumerate(self.cells.names):
+            if role_of(name) and not self.naming.read(name)[0]:
+                labels[name] = self.cells.text(place)
+        return labels
+
+    def _likely_unit(self, place: FloatArray) -> str:
         """The unit of lengths (2, rows) that state none: nobody films a bounce so wide that it
         could be metres.
         """
-        known = np.isfinite(place).all(axis=0)
-        wide = bool(known.any() and np.ptp(place[:, known], axis=1).max() > _WIDEST)
-        self.cells.note(
-            "no-unit",
-            f"{self.name}: coordinates without a unit were read as {'px' if wide else 'm'}",
-        )
-        return "px" if wide else "m"
+        finite = np.isfinite(place).all(axis=0)
+        wide = bool(finite.any() and np.ptp(place[:, finite], axis=1).max() > _WIDEST)
+        unit = "px" if wide else "m"
+        words = f"{self.name}: coordinates without a unit were read as {unit}"
+        self.cells.note("no-unit", words)
+        return unit
 
     def _track(
         self,
         name: str,
         rows: IntArray,
-        columns: Mapping[str, FloatArray],
-        pixels: set[str],
+        columns: _Columns,
         labels: dict[str, str],
     ) -> Track | None:
         """The frames of a clip in which the ball was found, by time; None where there are none."""
         camera = self.camera
-        fps = self.camera.fps
-        own = {what: column[rows] for what, column in columns.items()}
-        unsure = own.get("quality", np.ones(rows.size)) < _LEAST_QUALITY
-        self._left_out(name, unsure, f"the quality is below {_LEAST_QUALITY:g}")
-        frame = own.get("frame", np.arange(1.0, rows.size + 1.0))
-        clock = own["t"] if "t" in own and (fps is None or "frame" not in own) else frame
-        seen = np.flatnonzero(np.isfinite(own["x"] + own["y"] + clock) & ~unsure)
-        order = seen[np.argsort(clock[seen], kind="stable")]
+        values = {column: numbers_of[rows] for column, numbers_of in columns.values.items()}
+        unsure = values.get("quality", np.ones(rows.size)) < _LEAST_QUALITY
+        self._note_left_out(name, unsure, f"the quality is below {_LEAST_QUALITY:g}")
+        frame = values.get("frame", np.arange(1.0, rows.size + 1.0))
+        timed = "t" in values and (camera.fps is None or "frame" not in values)
+        clock = values["t"] if timed else frame
+        measured = np.flatnonzero(np.isfinite(values["x"] + values["y"] + clock) & ~unsure)
+        order = measured[np.argsort(clock[measured], kind="stable")]
         if not order.size:
             return None
+        self._check_times(name, rows, clock, order)
+        place = np.column_stack([values["x"], values["y"]])[order]
+        repeated = np.concatenate([[False], ~np.any(np.diff(place, axis=0), axis=1)])
+        self._note_left_out(name, repeated, "they repeat the one before")
+        clip = _Clip(name, rows, values, order[~repeated])
+        order = clip.order
+        if camera.fps is not None:
+            count = _frame_numbers(clock[order]) if timed else frame[order]
+            time = count / camera.fps
+        else:
+            if not timed:
+                words = "frames have no time; expected the camera's rate: --fps, or fps in [camera]"
+                self.cells.fault("no-rate", words)
+            time = clock[order]
+        scale = self._metres_per_px(clip, columns.pixels)
+        fold = self._fold(clip)
+        x = values["x"][order] * (scale if "x" in columns.pixels else 1.0)
+        y = values["y"][order] * (scale if "y" in columns.pixels else 1.0)
+        if camera.y == "down":
+            y = -y
+        if camera.row_time:
+            # Rows count downwards; from which edge only moves the clock.
+            time = time - camera.row_time * y / scale
+        angle = clip.column("angle", np.nan)[order]
+        if camera.angles == "clockwise":
+            angle = -angle
+        number = np.round(frame[order]).astype(np.int64)
+        return Track(name, number, time, x, y, angle, fold, labels)
+
+    def _check_times(self, name: str, rows: IntArray, clock: FloatArray, order: IntArray) -> None:
+        """Add a fault where a ball is at two places at one time."""
         twice = np.flatnonzero(np.diff(clock[order]) <= 0.0)
         if twice.size:
             words = (
@@ -397,94 +483,115 @@ class _Reader:
                 "expected an id a ball"
             )
             self.cells.fault("two-positions", words, None, int(rows[order[twice[0] + 1]]))
-        place = np.column_stack([own["x"], own["y"]])[order]
-        again = np.concatenate([[False], ~np.any(np.diff(place, axis=0), axis=1)])
-        self._left_out(name, again, "they repeat the one before")
-        order = order[~again]
-        place = place[~again]
-        if fps is None and clock is frame:
-            self.cells.fault(
-                "no-rate",
-                "frames have no time; expected the camera's rate: --fps, or fps in [camera]",
-            )
-        time = (
-            clock[order]
-            if fps is None
-            else (frame[order] if clock is frame else _counted(clock[order])) / fps
-        )
-        size = self._metres_per_px(name, own, order, pixels)
-        fold = self._fold(own, rows, order)
-        x, y = (place * [size if axis in pixels else 1.0 for axis in "xy"]).T
-        y = -y if camera.y == "down" else y
-        if camera.row_time:
-            # Rows count downwards; from which edge only moves the clock.
-            time = time - camera.row_time * y / size
-        angle = own.get("angle", np.full(rows.size, np.nan))[order]
-        angle = -angle if camera.angles == "clockwise" else angle
-        return Track(name, np.round(frame[order]).astype(np.int64), time, x, y, angle, fold, labels)
 
-    def _left_out(self, name: str, which: BoolArray, why: str) -> None:
+    def _note_left_out(self, name: str, which: BoolArray, why: str) -> None:
+        """Note how many frames are left out, if any."""
         if which.any():
             of = counted(which.size, "frame")
-            self.cells.note(
-                "frames-left-out",
-                f"{one_line(name)}: {which.sum()} of {of} left out: {why}",
-            )
+            words = f"{one_line(name)}: {which.sum()} of {of} left out: {why}"
+            self.cells.note("frames-left-out", words)
 
-    def _metres_per_px(
-        self,
-        name: str,
-        own: Mapping[str, FloatArray],
-        order: IntArray,
-        pixels: set[str],
-    ) -> float:
+    def _metres_per_px(self, clip: _Clip, pixels: set[str]) -> float:
         """Metres a pixel, as stated or by the radius of the ball in the picture; 1 where nothing
         needs it.
         """
-        camera = self.camera
-        ball = self.scene.ball.radius
-        stated = 1e-3 * (camera.mm_per_px or 0.0)
-        by_ball = 0.0
-        for what, share in (("radius", 1.0), ("diameter", 0.5)):
-            sizes = own[what][order][own[what][order] > 0.0] if what in pixels else np.empty(0)
-            if ball is not None and sizes.size >= _LEAST_RADII:
-                by_ball = (ball.value if isinstance(ball, Quantity) else ball) / (
-                    share * float(np.median(sizes))
-                )
+        stated = 1e-3 * (self.camera.mm_per_px or 0.0)
+        by_ball = self._scale_of_ball(clip, pixels)
         if stated and by_ball and abs(stated / by_ball - 1.0) > _SAME_SCALE:
-            scale = (
-                f"{MM.number(by_ball)} mm/px, the stated scale is {MM.factor * stated:.3g} mm/px"
+            measured = f"{MM.number(by_ball)} mm/px"
+            words = (
+                f"the radius of the ball gives {measured}, the stated scale is "
+                f"{MM.factor * stated:.3g} mm/px"
             )
-            self.cells.note(
-                "scales-differ",
-                f"{one_line(name)}: the radius of the ball gives {scale}",
-            )
-        if not (stated or by_ball) and ({"x", "y"} & pixels or camera.row_time):
+            self.cells.note("scales-differ", f"{one_line(clip.name)}: {words}")
+        scale = stated or by_ball
+        if scale:
+            return scale
+        if "x" in pixels or "y" in pixels or self.camera.row_time:
             words = (
                 "positions in pixels, and row_time, need a scale: expected --mm-per-px, "
-                "mm_per_px in [camera], or"
+                "mm_per_px in [camera], or --ball-diameter and a column radius [px]"
             )
             if all(fault.code != "no-scale" for fault in self.cells.faults):
-                self.cells.fault("no-scale", f"{words} --ball-diameter and a column radius [px]")
-        return stated or by_ball or 1.0
+                self.cells.fault("no-scale", words)
+        return 1.0
 
-    def _fold(self, own: Mapping[str, FloatArray], rows: IntArray, order: IntArray) -> int:
+    def _scale_of_ball(self, clip: _Clip, pixels: set[str]) -> float:
+        """Metres a pixel by the radius of the ball, if the scene states it and enough frames show
+        it; else 0.
+        """
+        radius = self.scene.ball.radius
+        if isinstance(radius, Quantity):
+            radius = radius.value
+        scale = 0.0
+        if radius is None:
+            return scale
+        for name, share in (("radius", 1.0), ("diameter", 0.5)):
+            if name in pixels:
+                sizes = clip.values[name][clip.order]
+                sizes = sizes[sizes > 0.0]
+                if sizes.size >= _LEAST_RADII:
+                    scale = radius / (share * float(np.median(sizes)))
+        return scale
+
+    def _fold(self, clip: _Clip) -> int:
         """After which part of a turn the mark of a clip looks the same."""
-        folds = own.get("angle_fold", np.full(rows.size, float(self.camera.fold)))
-        known = order[np.isfinite(folds[order])]
-        first = float(folds[known[0]]) if known.size else float(self.camera.fold)
-        wrong = known[(folds[known] < 1.0) | (np.abs(folds[known] - round(first)) > 0.0)]
+        usual = float(self.camera.fold)
+        folds = clip.column("angle_fold", usual)
+        stated = clip.order[np.isfinite(folds[clip.order])]
+        first = float(folds[stated[0]]) if stated.size else usual
+        wrong = stated[(folds[stated] < 1.0) | (np.abs(folds[stated] - round(first)) > 0.0)]
         if wrong.size:
             words = (
                 f"read {folds[wrong[0]]:g}; expected one whole number in a clip, 1 for a dot, "
                 "2 for a stripe"
             )
-            self.cells.fault("fold", words, "angle_fold", int(rows[wrong[0]]))
+            self.cells.fault("fold", words, "angle_fold", int(clip.rows[wrong[0]]))
         return round(first)
 
 
-def _counted(time: FloatArray) -> FloatArray:
-    """Numbers of the frames to which stamps belong, those that are missing counted."""
+def _first_places(names: Sequence[str | None]) -> dict[str, int]:
+    """The first place of each name, in the order of the last ones."""
+    places = dict[str, int]()
+    for place, name in reversed([*enumerate(names)]):
+        if name:
+            places[name] = place
+    return places
+
+
+def _points(names: Sequence[str], pattern: re.Pattern[str], clock: dict[str, int]) -> list[_Part]:
+    """The points of a dialect that names them in the header, with the clock that they share; those
+    without x or y are left out.
+    """
+    points: dict[str, dict[str, int]] = {}
+    for place, cell in enumerate(names):
+        if match := pattern.fullmatch(cell):
+            point = points.setdefault(match["name"], {**clock})
+            point[match["axis"].casefold()] = place
+    complete = {name: places for name, places in points.items() if {"x", "y"} <= {*places}}
+    return [
+        _Part(name if len(complete) > 1 else "", places, "_cam" in name.casefold())
+        for name, places in complete.items()
+    ]
+
+
+def _masses(ours: Sequence[str | None]) -> list[_Part]:
+    """Masses side by side: each x begins one, its time is the last before it."""
+    starts = [place for place, name in enumerate(ours) if name == "x"]
+    parts = list[_Part]()
+    for first, last in pairwise([*starts, len(ours)]):
+        block = {name: first + k for name, k in _first_places(ours[first:last]).items()}
+        if "y" not in block:
+            continue
+        clock = {name: place for place, name in enumerate(ours[:first]) if name in ("t", "frame")}
+        parts.append(_Part(str(len(parts) + 1), block | clock))
+    return parts
+
+
+def _frame_numbers(time: FloatArray) -> FloatArray:
+    """Numbers (frames,) of the frames to which stamps belong, from 0, those that are missing
+    counted.
+    """
     steps = np.diff(time)
     usual = steps[steps < _ONE_STEP * np.median(steps)].mean() if steps.size else 1.0
     return np.concatenate([[0.0], np.cumsum(np.maximum(np.round(steps / usual), 1.0))])

@@ -7,6 +7,7 @@ only where it is sure.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
 
@@ -14,41 +15,57 @@ import numpy as np
 
 from fitball.base.values import Ball, FloatArray
 from fitball.tracks.flight import T1, T2, VX1, VX2, VY1, VY2, Impact
-from fitball.tracks.types import Filming, SpinPair, unwrapped
+from fitball.tracks.types import FilmAssumptions, SpinPair, unwrapped
 
-# Probability among pairs from which one is kept; before any data that angles say nothing, and that
-# they are on lines, but not of the ball's spin as read: of something else, or the other way.
+# Pairs of a smaller probability are left out.
 _LEAST = 1e-6
+# Probability before any data that angles show no spin.
 _UNREADABLE = 0.01
+# Probability before any data that angles are on lines, but not of the ball's spin as read: of
+# something else, or the other way.
 _OTHER = 1e-6
 # Spins are looked for to so many sds of incident spins.
 _REACH = 4.0
-# Most optima that are refined, how high they must be; log likelihood below the best to which lines
-# are candidates.
+# Most optima of the periodogram that are refined.
 _MOST = 40
+# An optimum is at least this share of the highest one.
 _LOW = 0.4
+# Lines whose log likelihood is this much below the best one are no candidates.
 _WITHIN = 10.0
-# Widening of the sd in the first sweeps of a line, of which there are so many, and least sd then:
-# as far as angles [rad] of the whole turn are off by the steps of the periodogram.
+# Least sd of angles, as a share of a turn of the mark in radians, in the first sweeps of a line: as
+# far as angles are off by the steps of the periodogram.
 _APART = 0.13
+# By how much the sd of angles is widened in each sweep of a line.
 _WIDE = (4.0, 4.0, 2.0, 2.0, *[1.0] * 10)
-# What bounces on courts have: offset of the normal force [m]; tangential restitution from, to, and
-# the sds beyond; friction along the slip and its sd; the turn [rad] at a spin so much of the way
-# from the first to the second.
+# Lines whose spins differ by less than this share of a step of the periodogram are one.
+_SAME = 0.2
+# A line may leave the range of spins by so much.
+_OVER_REACH = 1.02
+# Makes a matrix of normal equations regular, as a share of the product of its diagonal.
+_RIDGE = 1e-9
+# Offset of the normal force [m] in bounces on courts.
 _OFFSET = 1.5e-3
+# Its sd [m].
 _OFFSET_SD = 3e-3
+# Least and most tangential restitution that cost no probability.
 _E_X = (-1.0, 0.5)
+# Sds of tangential restitution below and above that.
 _E_X_SD = (0.1, 0.15)
+# Friction along the slip, which should be against it, and its sd.
 _PUSH = 0.05
+# The ball turns in contact as at a spin so much of the way from the first to the second.
 _TURNED = 0.6
+# Sd of that turn [rad].
 _TURN_SD = 0.25
 # Slip [m/s] below which its sign and its restitution are unknown.
 _ROLLING = 0.3
+# Most that a log likelihood ratio counts, so that its exponential is finite.
+_MOST_LOG = 50.0
 
 
 class Line(NamedTuple):
-    """Angle at time zero and spin, their covariance (2, 2), log likelihood, and that integrated
-    over the line.
+    """Angle [rad] at time zero and spin [rad/s], their covariance (2, 2), log likelihood, and that
+    integrated over the line.
     """
 
     phi: float
@@ -58,16 +75,33 @@ class Line(NamedTuple):
     evidence: float
 
 
+class _Refined(NamedTuple):
+    """Lines refined at once: angles [rad] at the mean time and spins [rad/s], sums of weights,
+    of weights times time and times its square, their determinant, and log likelihoods (lines,).
+    """
+
+    phase: FloatArray
+    omega: FloatArray
+    total: FloatArray
+    moment: FloatArray
+    square: FloatArray
+    determinant: FloatArray
+    logs: FloatArray
+
+
 def weights(
     residual: FloatArray,
     fold: int,
     sd: float,
     outliers: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Probability of each residual of an angle of being no outlier, and its likelihood."""
-    like = (1.0 - outliers) * np.exp(-0.5 * (residual / sd) ** 2) / (sd * np.sqrt(2.0 * np.pi))
-    whole = like + outliers * fold / (2.0 * np.pi)
-    return like / whole, whole
+    """Probability of each residual [rad] of an angle of being no outlier, and its likelihood, of
+    its shape.
+    """
+    normal = np.exp(-0.5 * (residual / sd) ** 2)
+    good = (1.0 - outliers) * normal / (sd * np.sqrt(2.0 * np.pi))
+    likelihood = good + outliers * fold / (2.0 * np.pi)
+    return good / likelihood, likelihood
 
 
 def lines(
@@ -78,156 +112,202 @@ def lines(
     outliers: float,
     spin_sd: float,
 ) -> list[Line]:
-    """Lines through angles (frames,) at times `d` from the contact, best first; none of fewer than
-    three frames.
+    """Lines through angles `phi` (frames,) [rad] at times `d` [s] from the contact, best first;
+    none of fewer than three frames.
     """
     if d.size < 3:
         return []
     middle = float(d.mean())
     most = _REACH * spin_sd
-    e = d - middle
+    from_middle = d - middle
     step = 0.5 / (fold * max(float(np.ptp(d)), 1e-6))
     grid = np.arange(-most, most + step, step)
-    waves = np.exp(1j * fold * (phi - np.multiply.outer(grid, e))).sum(axis=1)
+    phase, omega = _optima(from_middle, phi, fold, grid)
+    refined = _refine(phase, omega, from_middle, phi, fold, sd, outliers)
+    from_mean_time = np.array([[1.0, -middle], [0.0, 1.0]])
+    best = refined.logs.max()
+    accepted = list[Line]()
+    for k in np.argsort(-refined.logs, kind="stable").tolist():
+        spin = float(refined.omega[k])
+        total = refined.total[k]
+        moment = refined.moment[k]
+        square = refined.square[k]
+        near = any(abs(spin - line.omega) < _SAME * step for line in accepted)
+        # Angles of one frame show no spin.
+        flat = not total * square - moment**2 > _RIDGE * total * square
+        far = abs(spin) > _OVER_REACH * most
+        if near or flat or far or refined.logs[k] < best - _WITHIN:
+            continue
+        scale = sd**2 / refined.determinant[k]
+        at_mean_time = scale * np.array([[square, -moment], [-moment, total]])
+        # From the mean time to the contact.
+        covariance = from_mean_time @ at_mean_time @ from_mean_time.T
+        log = float(refined.logs[k])
+        evidence = float(log + 0.5 * np.linalg.slogdet(covariance)[1])
+        accepted.append(
+            Line(float(refined.phase[k]) - spin * middle, spin, covariance, log, evidence)
+        )
+    return accepted
+
+
+def _optima(
+    time: FloatArray,
+    phi: FloatArray,
+    fold: int,
+    grid: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Angles at time zero and spins of the highest optima of the periodogram of angles (frames,) on
+    a grid of spins, the highest first.
+    """
+    waves = np.exp(1j * fold * (phi - np.multiply.outer(grid, time))).sum(axis=1)
     power = np.abs(waves)
     edge = np.concatenate([[-1.0], power, [-1.0]])
-    peaks = np.flatnonzero((power >= edge[:-2]) & (power > edge[2:]) & (power > _LOW * power.max()))
+    is_peak = (power >= edge[:-2]) & (power > edge[2:]) & (power > _LOW * power.max())
+    peaks = np.flatnonzero(is_peak)
     peaks = peaks[np.argsort(-power[peaks], kind="stable")][:_MOST]
-    phase = np.angle(waves[peaks]) / fold
-    omega = grid[peaks]
+    return np.angle(waves[peaks]) / fold, grid[peaks]
+
+
+def _refine(
+    phase: FloatArray,
+    omega: FloatArray,
+    time: FloatArray,
+    phi: FloatArray,
+    fold: int,
+    sd: float,
+    outliers: float,
+) -> _Refined:
+    """Lines (lines,) fitted to angles (frames,) by weighed least squares, a step a sweep."""
     for wide in _WIDE:
-        r = unwrapped(phi - phase[:, None] - np.multiply.outer(omega, e), fold)
-        g, whole = weights(r, fold, max(wide * sd, _APART * (wide > 1.0) / fold), outliers)
-        one = g.sum(axis=1)
-        slope = g @ e
-        square = g @ e**2
-        determinant = np.maximum(one * square - slope**2, 1e-9 * one * square + 1e-300)
-        up = (g * r).sum(axis=1)
-        turning = (g * r) @ e
-        last = phase, omega
-        phase = phase + (square * up - slope * turning) / determinant
-        omega = omega + (one * turning - slope * up) / determinant
-    phase, omega = last
-    logs = np.log(whole).sum(axis=1)
-    shift = np.array([[1.0, -middle], [0.0, 1.0]])
-    found = list[Line]()
-    for k in np.argsort(-logs, kind="stable").tolist():
-        near = any(abs(omega[k] - other.omega) < 0.2 * step for other in found)
-        # Angles of one frame show no spin.
-        flat = not one[k] * square[k] - slope[k] ** 2 > 1e-9 * one[k] * square[k]
-        if near or flat or abs(omega[k]) > 1.02 * most or logs[k] < logs.max() - _WITHIN:
-            continue
-        inverse = sd**2 / determinant[k] * np.array([[square[k], -slope[k]], [-slope[k], one[k]]])
-        # From the mean time to the contact.
-        covariance = shift @ inverse @ shift.T
-        evidence = float(logs[k] + 0.5 * np.linalg.slogdet(covariance)[1])
-        found.append(
-            Line(
-                float(phase[k] - omega[k] * middle),
-                float(omega[k]),
-                covariance,
-                float(logs[k]),
-                evidence,
-            )
-        )
-    return found
+        residual = unwrapped(phi - phase[:, None] - np.multiply.outer(omega, time), fold)
+        least_sd = _APART * (wide > 1.0) / fold
+        weight, likelihood = weights(residual, fold, max(wide * sd, least_sd), outliers)
+        total = weight.sum(axis=1)
+        moment = weight @ time
+        square = weight @ time**2
+        ridge = _RIDGE * total * square + 1e-300
+        determinant = np.maximum(total * square - moment**2, ridge)
+        weighed = weight * residual
+        up = weighed.sum(axis=1)
+        turning = weighed @ time
+        # Sums and likelihoods are those before the last step.
+        last_phase = phase
+        last_omega = omega
+        phase = phase + (square * up - moment * turning) / determinant
+        omega = omega + (total * turning - moment * up) / determinant
+    logs = np.log(likelihood).sum(axis=1)
+    return _Refined(last_phase, last_omega, total, moment, square, determinant, logs)
 
 
-def _plausible(
-    seen: Impact,
-    one: float,
-    two: float,
+def _log_plausibility(
+    impact: Impact,
+    spins: tuple[float, float],
     turn: float,
     turn_sd: float,
     ball: Ball,
 ) -> float:
-    """Log weight, at most zero, of what a bounce with these spins would be: the offset of the
-    normal force by the balance of angular momentum about the contact, friction against the slip,
-    tangential restitution, and a turn between both spins.
+    """Log weight, at most zero, of what a bounce with these spins [rad/s] would be: the offset of
+    the normal force by the balance of angular momentum about the contact, friction against the
+    slip, tangential restitution, and a turn [rad] between both spins.
     """
-    p = seen.p
-    sds = np.sqrt(np.diagonal(seen.covariance))
+    omega_1, omega_2 = spins
+    p = impact.p
+    sds = np.sqrt(np.diagonal(impact.covariance))
     radius = ball.radius
+    # Changes of velocity across and along the court.
     pressed = p[VY2] - p[VY1]
     lost = p[VX1] - p[VX2]
     time = p[T2] - p[T1]
-    offset = (radius * lost - ball.inertia_ratio * radius**2 * (two - one)) / pressed
+    offset = (radius * lost - ball.inertia_ratio * radius**2 * (omega_2 - omega_1)) / pressed
     offset_sd = np.hypot(_OFFSET_SD, radius * np.hypot(*sds[[VX1, VX2]]) / pressed)
     log = -0.5 * ((offset - _OFFSET) / offset_sd) ** 2
-    slip_1 = p[VX1] - radius * one
-    slip_2 = p[VX2] - radius * two
+    slip_1 = p[VX1] - radius * omega_1
+    slip_2 = p[VX2] - radius * omega_2
     if abs(slip_1) > _ROLLING:
         e_x = -slip_2 / slip_1
-        log -= (
-            0.5 * (max(0.0, e_x - _E_X[1]) / _E_X_SD[1]) ** 2
-            + 0.5 * (max(0.0, _E_X[0] - e_x) / _E_X_SD[0]) ** 2
-        )
-    log -= 0.5 * (max(0.0, -lost / pressed * np.sign(slip_1) - _PUSH) / _PUSH) ** 2
-    spin = one + _TURNED * (two - one)
+        above = max(0.0, e_x - _E_X[1]) / _E_X_SD[1]
+        below = max(0.0, _E_X[0] - e_x) / _E_X_SD[0]
+        log -= 0.5 * above**2 + 0.5 * below**2
+    push = -lost / pressed * np.sign(slip_1)
+    log -= 0.5 * (max(0.0, push - _PUSH) / _PUSH) ** 2
+    spin = omega_1 + _TURNED * (omega_2 - omega_1)
     sd = np.sqrt(_TURN_SD**2 + turn_sd**2 + (np.hypot(*sds[[T1, T2]]) * spin) ** 2)
     return float(log - 0.5 * ((turn - time * spin) / sd) ** 2 - np.log(sd / _TURN_SD))
 
 
-def pairs_of(seen: Impact, known: Filming, sd: float, outliers: float) -> list[SpinPair]:
-    """Pairs of lines through the angles of an impact with their probabilities, most probable first.
-    What these lack to one is the probability that angles say nothing, or not what was read.
+def pairs_of(
+    impact: Impact,
+    assumed: FilmAssumptions,
+    sd: float,
+    outliers: float,
+) -> list[SpinPair]:
+    """Pairs of lines through the angles of an impact, whose noise has this sd [rad], with their
+    probabilities, most probable first. What these lack to one is the probability that angles say
+    nothing, or not what was read.
     """
-    p = seen.p
-    fold = seen.track.fold
-    spin_sd = known.spin_sd
-    uses = seen.turning()
-    before, after = (
-        lines(seen.t[use] - p[time], seen.phi[use], fold, sd, outliers, spin_sd)
-        for use, time in zip(uses, (T1, T2), strict=True)
-    )
-    made: list[tuple[float, float, SpinPair]] = []
-    for one, two in product(before, after):
-        c_1 = one.covariance
-        c_2 = two.covariance
-        covariance = np.diag([c_1[1, 1], c_2[1, 1], c_1[0, 0] + c_2[0, 0]])
-        covariance[0, 2] = covariance[2, 0] = -c_1[0, 1]
-        covariance[1, 2] = covariance[2, 1] = c_2[0, 1]
-        between = (p[T2] - p[T1]) * (one.omega + _TURNED * (two.omega - one.omega))
-        nearest = between + float(unwrapped(np.array(two.phi - one.phi - between), fold))
-        for turn in nearest + 2.0 * np.pi / fold * np.arange(-1, 2):
-            fits = _plausible(
-                seen,
-                one.omega,
-                two.omega,
-                turn,
-                np.sqrt(covariance[2, 2]),
-                known.ball,
+    p = impact.p
+    fold = impact.track.fold
+    spin_sd = assumed.spin_sd
+    use_1, use_2 = impact.turning()
+    before = lines(impact.t[use_1] - p[T1], impact.phi[use_1], fold, sd, outliers, spin_sd)
+    after = lines(impact.t[use_2] - p[T2], impact.phi[use_2], fold, sd, outliers, spin_sd)
+    candidates = list[tuple[float, float, SpinPair]]()
+    for line_1, line_2 in product(before, after):
+        for pair in _turns(line_1, line_2, p[T2] - p[T1], fold):
+            fits = _log_plausibility(
+                impact,
+                (pair.omega_1, pair.omega_2),
+                pair.turn,
+                np.sqrt(pair.covariance[2, 2]),
+                assumed.ball,
             )
-            log = one.evidence + two.evidence - 0.5 * (one.omega / spin_sd) ** 2 + fits
-            pair = SpinPair(one.omega, two.omega, float(turn), covariance, 0.0, (one.phi, two.phi))
-            made.append((log, fits, pair))
-    if not made:
+            log_prior = 0.5 * (line_1.omega / spin_sd) ** 2
+            log = line_1.evidence + line_2.evidence - log_prior + fits
+            candidates.append((log, fits, pair))
+    if not candidates:
         return []
-    logs = np.array([log for log, _, _ in made])
+    logs = np.array([log for log, _, _ in candidates])
     shares = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
-    order = [k for k in np.argsort(-shares, kind="stable").tolist() if shares[k] > _LEAST]
-    chance = _readable(before, uses[0].sum(), fold, spin_sd) * _readable(
-        after,
-        uses[1].sum(),
-        fold,
-        spin_sd,
-    )
-    chance /= 1.0 + _OTHER * np.exp(min(-made[order[0]][1], 50.0))
-    return [made[k][2]._replace(probability=float(chance * shares[k])) for k in order]
+    order = np.argsort(-shares, kind="stable").tolist()
+    readable_1 = _readable(before, use_1.sum(), fold, spin_sd)
+    readable_2 = _readable(after, use_2.sum(), fold, spin_sd)
+    _, best_fits, _ = candidates[order[0]]
+    chance = readable_1 * readable_2
+    chance /= 1.0 + _OTHER * np.exp(min(-best_fits, _MOST_LOG))
+    pairs = []
+    for k in order:
+        if shares[k] > _LEAST:
+            _, _, pair = candidates[k]
+            pairs.append(pair._replace(probability=float(chance * shares[k])))
+    return pairs
+
+
+def _turns(line_1: Line, line_2: Line, time: float, fold: int) -> Iterator[SpinPair]:
+    """Two lines with each of the turns that are nearest to what their spins make of the `time` [s]
+    between the flights; probabilities are zero yet.
+    """
+    c_1 = line_1.covariance
+    c_2 = line_2.covariance
+    covariance = np.diag([c_1[1, 1], c_2[1, 1], c_1[0, 0] + c_2[0, 0]])
+    covariance[0, 2] = covariance[2, 0] = -c_1[0, 1]
+    covariance[1, 2] = covariance[2, 1] = c_2[0, 1]
+    between = time * (line_1.omega + _TURNED * (line_2.omega - line_1.omega))
+    off = np.array(line_2.phi - line_1.phi - between)
+    nearest = between + float(unwrapped(off, fold))
+    phases = (line_1.phi, line_2.phi)
+    for turn in nearest + 2.0 * np.pi / fold * np.arange(-1, 2):
+        yield SpinPair(line_1.omega, line_2.omega, float(turn), covariance, 0.0, phases)
 
 
 def _readable(side: list[Line], frames: int, fold: int, spin_sd: float) -> float:
     """Probability that the angles of a side show its spin at all: few of them, or many outliers,
     fit any line.
     """
-    logs = np.array([one.evidence for one in side])
+    logs = np.array([line.evidence for line in side])
+    best = logs.max()
     # Of a phase over a turn of the mark and a spin up to the largest of either sign.
-    found = float(
-        np.log(np.exp(logs - logs.max()).sum())
-        + logs.max()
-        + np.log(fold / (2.0 * _REACH * spin_sd))
-    )
+    density = np.log(fold / (2.0 * _REACH * spin_sd))
+    spinning = float(np.log(np.exp(logs - best).sum()) + best + density)
     nothing = frames * float(np.log(fold / (2.0 * np.pi)))
-    return float(
-        1.0 / (1.0 + _UNREADABLE / (1.0 - _UNREADABLE) * np.exp(min(nothing - found, 50.0)))
-    )
+    odds = _UNREADABLE / (1.0 - _UNREADABLE)
+    return float(1.0 / (1.0 + odds * np.exp(min(nothing - spinning, _MOST_LOG))))

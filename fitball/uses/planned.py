@@ -61,7 +61,7 @@ def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) ->
     model = fit.problem.forward.model
     states = fit.problem.rows.states
     speed, angle = states.polar()
-    spun = model.tangential and fit.run.table.shows("spin")
+    spun = model.tangential and fit.run.table.has_spin
     axes = list[FloatArray]()
     assumed = list[str]()
     for option, column, values, varies in (

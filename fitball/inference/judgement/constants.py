@@ -95,7 +95,7 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
     camera `CAMERA`. Of a ball of another kind nothing is known but what the scene states.
     """
     held = {item.spec.name: item.fixed for item in problem.parameters if item.fixed is not None}
-    ball = problem.scene.value()
+    ball = problem.scene.ball_value()
     stated = problem.scene.ball_sd()
     limits = zip((ball.mass, ball.radius), itf.TOLERANCES.values(), strict=True)
     tennis = all(low <= one <= high for one, (low, high) in limits)

@@ -119,11 +119,11 @@ def build_problem(
             "determine the noise"
         )
         raise FitError(text, "too-few-impacts")
-    tangential = table.shows("tangential")
+    tangential = table.has_tangential
     notes = list[Note]()
-    ball = scene.value()
+    ball = scene.ball_value()
     text = choices.model or str(scene.model.get("name", ""))
-    text = text or candidates(tangential=tangential, spin=table.shows("spin"))[-1]
+    text = text or candidates(tangential=tangential, spin=table.has_spin)[-1]
     chosen = known_model(text, ball=ball, tangential=tangential) if own is None else own
     model = replace(chosen, ball=ball, tangential=tangential)
     observables = _observables(table, model, notes)
@@ -192,7 +192,7 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
     if not model.tangential:
         text = "No motion along the court was measured: only the vertical one is fitted."
         notes.append(Note("vertical-only", text))
-    elif not table.shows("spin"):
+    elif not table.has_spin:
         text = "No spin was measured: incident spin is taken as zero, and offsets are held at 0."
         notes.append(Note("no-spin", text))
     elif "omega_1" not in table.values:
@@ -264,12 +264,12 @@ def _given(
         name: text if "(" in text else (float(text), "fixed in the stored fit")
         for name, text in known.items()
     }
-    if table.shows("tangential") and not table.shows("spin"):
+    if table.has_tangential and not table.has_spin:
         why = "it affects the spin, which was not measured"
         given |= {name: (0.0, why) for name in SPIN_ONLY if name in specs}
     if "k_y" in specs and "k_theta" not in specs and not timed:
         given["k_y"] = (STIFFNESS, "it affects only the contact time, which was not measured")
-    ball = scene.value()
+    ball = scene.ball_value()
     noise = scene.measurement
     numbers: dict[str, object] = {"mu": scene.surface.get("mu")}
     numbers |= dict.fromkeys(VELOCITY_NOISES, noise.get("velocity_sd"))
@@ -367,7 +367,7 @@ def _parameters(
                 start,
                 spec,
                 prior,
-                scene.value(),
+                scene.ball_value(),
                 str(spread),
                 notes,
             )

@@ -167,7 +167,7 @@ def camera_of(
     asked = {name.partition("[")[0] for name in named}
     keys = [key for key in CAMERA_SPECS if key in asked or getattr(stated, key, None) is not None]
     idle = {} if True in gaps else {"court_height": "no column shows what is between the flights"}
-    if not table.shows("tangential"):
+    if not table.has_tangential:
         idle["tilt"] = "no motion along the court was measured"
     notes += [
         Note("camera-idle", f"{key} of the camera is not used: {idle[key]}.")

@@ -1,0 +1,231 @@
+"""What is wrong with a film, why an impact cannot be one, and what to look at in a session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitball.base.columns import COLUMNS
+from fitball.base.display_units import MM, MS, PLAIN
+from fitball.base.errors import InputError, Note
+from fitball.base.itf import GRAVITY
+from fitball.base.numbers import counted, percent
+from fitball.base.text import one_line
+from fitball.data.misreading import doubts
+from fitball.data.scene import Scene
+from fitball.tracks.film import Film
+from fitball.tracks.find import FACTOR, gravity_words, impacts_of, wrong_gravity
+from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
+from fitball.tracks.session import Session
+from fitball.tracks.types import FilmAssumptions, Track
+
+# Fewer frames a second than 500, give or take rounding, may be a phone's, whose rows are read one
+# after the other.
+_PHONE = 495.0
+# Sds by which gravity is off from which a note is due.
+_DIFFERENT = 3.0
+# Radii of tennis balls [m]: ITF Rules of Tennis, and wear.
+_TENNIS = (0.030, 0.037)
+# Frames whose probability of being no outlier is higher fit a flight.
+_FITTING = 0.5
+# Fewest frames on a side that fit.
+_FEWEST = 3
+
+
+def wrong_film(
+    tracks: Sequence[Track],
+    impacts: Sequence[Impact],
+    assumed: FilmAssumptions,
+) -> str:
+    """What is wrong with films whose balls do not fall as on earth; "" where they may."""
+    if impacts:
+        return wrong_gravity(impacts, assumed)
+    # The other way up there may be bounces.
+    upside_down = list[Impact]()
+    for track in tracks:
+        upside_down += impacts_of(replace(track, y=-track.y), assumed)[0]
+    if upside_down and not wrong_gravity(upside_down, assumed):
+        return (
+            'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] '
+            "of the scene"
+        )
+    return ""
+
+
+def wrong_session(session: Session) -> str:
+    """What is wrong with a session whose fitted flights show a gravity that is off by a factor; ""
+    where it is not.
+    """
+    g, sd = session.gravity
+    off = abs(g - GRAVITY) > 2.0 * _DIFFERENT * sd
+    if off and not GRAVITY / FACTOR < g < FACTOR * GRAVITY:
+        return gravity_words(g, _frame_rate(session.impacts))
+    return ""
+
+
+def misread_words(film: Film) -> str:
+    """That angles grow the other way, or columns are exchanged, where another reading of the
+    impacts fits far better; else "".
+    """
+    try:
+        readings = doubts(film.table, film.scene.ball_value())
+    except InputError:
+        return ""
+    if not readings:
+        return ""
+    return f'{readings[0].text}; of films: angles = "clockwise" or y = "down" in [camera]'
+
+
+def why_impossible(impact: Impact, assumed: FilmAssumptions) -> str:
+    """Why this is no impact that a table could have; "" where it is."""
+    for side, where in zip(impact.sides(), ("before", "after"), strict=True):
+        fitting = int(np.sum(impact.weight[side] > _FITTING))
+        if fitting < _FEWEST:
+            return (
+                f"{fitting} of {side.sum()} frames {where} the contact fit a flight; "
+                f"{_FEWEST} are needed"
+            )
+    values, covariance = measurement_of(impact)
+    v_y1, v_y2, time = values[[1, 4, 6]]
+    sd_1, sd_2 = np.sqrt(np.diagonal(covariance))[[1, 4]]
+    if v_y2 > v_y1 + 2.0 * np.hypot(sd_1, sd_2):
+        cor = f"coefficient of restitution {v_y2 / v_y1:.2f}"
+        return (
+            f"the ball rebounds at {v_y2:.3g} m/s after {v_y1:.3g} m/s ({cor}): it was hit, or "
+            "hidden"
+        )
+    _, low, high = assumed.contact
+    least = max(2.0 * low - high, COLUMNS["gap_time"].limits[0])
+    if not least < time < 2.0 * high - low:
+        return f"gap_time is {MS.factor * time:.3g} ms; {_usual_times([impact], assumed)}"
+    return ""
+
+
+def _usual_times(impacts: Sequence[Impact], assumed: FilmAssumptions) -> str:
+    """What times between the flights are usual, and by how much the height of the court would be
+    off.
+    """
+    usual, low, high = assumed.contact
+    heights = [_height_off(impact, usual) for impact in impacts]
+    wrong = np.median(heights)
+    side = "high" if wrong > 0.0 else "low"
+    court = f"the court is taken {MM.factor * abs(wrong):.2g} mm too {side}"
+    plausible = f"{MS.factor * low:.3g} to {MS.factor * high:.3g} ms"
+    words = f"{plausible} are plausible: {court}, or times are off"
+    return f"{words} (court in [camera]; without it the height is found from the contacts)"
+
+
+def _height_off(impact: Impact, usual: float) -> float:
+    """How much [m] too high the court is if the time between the flights is the usual one [s]."""
+    p = impact.p
+    return float((p[T2] - p[T1] - usual) / (1.0 / p[VY2] - 1.0 / p[VY1]))
+
+
+def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:
+    """What to look at in a session; `name` is "" where there is only one."""
+    of_session = f" of session {one_line(name)}" if name else ""
+    many = counted(len(session.good), "impact") + of_session
+    yield from _court_notes(session, of_session)
+    yield from _gravity_notes(session, of_session)
+    yield from _spin_notes(session, many, of_session)
+    yield from _gap_notes(session, many)
+    yield from _ball_notes(session, scene)
+    yield from _shutter_notes(session, scene)
+
+
+def _court_notes(session: Session, of_session: str) -> Iterator[Note]:
+    """That the height of the court was found from the contacts."""
+    if not session.height_sd:
+        return
+    usual, least, most = session.assumed.contact
+    height = session.height - session.assumed.ball.radius
+    court = MM.plus_minus(height, session.height_sd)
+    words = (
+        f"No height of the court is stated{of_session}: it is at y = {court} mm, where the median "
+        "gap_time is"
+    )
+    plausible = f"{MS.factor * least:.2g} to {MS.factor * most:.2g} ms are plausible"
+    times = f"{MS.factor * usual:.2g} ms ({plausible})"
+    yield Note("court-found", f"{words} {times}. k_y depends on this assumption.")
+
+
+def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
+    """That gravity is off by more than errors of the flights explain."""
+    g, sd = session.gravity
+    if not abs(g - GRAVITY) > _DIFFERENT * sd:
+        return
+    if g > GRAVITY:
+        scale = "large"
+        clock = "fast"
+    else:
+        scale = "small"
+        clock = "slow"
+    off = percent(abs(g / GRAVITY - 1.0))
+    late = percent(abs(np.sqrt(max(g, 0.0) / GRAVITY) - 1.0))
+    read = f"g comes out as {PLAIN.plus_minus(g, sd)} m/s^2{of_session}, expected 9.81"
+    yield Note(
+        "gravity-off",
+        f"{read}: the scale is {off} too {scale}, or the clock {late} too {clock}.",
+    )
+
+
+def _spin_notes(session: Session, many: str, of_session: str) -> Iterator[Note]:
+    """That spins are ambiguous, or were not measured."""
+    good = session.good
+    unsure = sum(bool(impact.pairs) and not impact.sure_pair for impact in good)
+    if unsure:
+        words = f"Spins are ambiguous in {unsure} of {many}, where they are left empty"
+        yield Note(
+            "spins-ambiguous",
+            f"{words}: a higher frame rate, or a mark of lower fold, determines them.",
+        )
+    if good and not any(impact.pairs for impact in good):
+        words = f"No spins were measured{of_session}. A fit takes incident spins as zero"
+        yield Note("no-spins", f"{words}: its intervals are too narrow for balls that spin.")
+
+
+def _gap_notes(session: Session, many: str) -> Iterator[Note]:
+    """That the time between the flights is implausible in more than half of the impacts."""
+    _, least, most = session.assumed.contact
+    odd = [impact for impact in session.good if not least < impact.p[T2] - impact.p[T1] < most]
+    if 2 * len(odd) > len(session.good):
+        usual = _usual_times(odd, session.assumed)
+        yield Note("gap-time", f"gap_time is implausible in {len(odd)} of {many}: {usual}.")
+
+
+def _ball_notes(session: Session, scene: Scene) -> Iterator[Note]:
+    """That drag and contact time of a tennis ball are taken for another one."""
+    is_tennis = _TENNIS[0] <= session.assumed.ball.radius <= _TENNIS[1]
+    if not is_tennis and ("drag" not in scene.flight or scene.contact_time is None):
+        words = "The ball is no tennis ball, but drag and contact time of one are taken"
+        yield Note(
+            "other-ball",
+            f"{words}: state drag in [flight] and [contact_time] in the scene.",
+        )
+
+
+def _shutter_notes(session: Session, scene: Scene) -> Iterator[Note]:
+    """That the camera may read its rows one after the other."""
+    rate = _frame_rate(session.impacts)
+    if rate < _PHONE and (scene.camera is None or scene.camera.row_time is None):
+        words = (
+            f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which "
+            "positions do not show"
+        )
+        effect = "Unstated, 4 ms over a picture move v_x1 by 7 % and the restitution by 10 %"
+        yield Note(
+            "shutter",
+            f"{words}. {effect}: state row_time [s] of a row in [camera], 0 for a global shutter.",
+        )
+
+
+def _frame_rate(impacts: Sequence[Impact]) -> float:
+    """Frames a second of the film of these impacts."""
+    means = []
+    for impact in impacts:
+        steps = np.diff(impact.track.time)
+        # The mean, since stamps may be rounded; longer steps miss frames.
+        means.append(steps[steps < 1.5 * np.median(steps)].mean())
+    return 1.0 / float(np.median(means))

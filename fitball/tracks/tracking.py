@@ -1,0 +1,126 @@
+"""The road from positions on film to impacts, as the verb `track` takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from msgspec.structs import replace as changed
+
+from fitball.base.errors import Fault, InputError, Note
+from fitball.base.numbers import counted
+from fitball.base.progress import Progress
+from fitball.base.text import listed, one_line
+from fitball.data.read import Source
+from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.tracks.film import Film, film_of
+from fitball.tracks.find import gravity_of, impacts_of
+from fitball.tracks.flight import Impact
+from fitball.tracks.notes import (
+    misread_words,
+    notes_of,
+    why_impossible,
+    wrong_film,
+    wrong_session,
+)
+from fitball.tracks.read import read_tracks
+from fitball.tracks.session import PASSES, Session, fit_pass, session_of
+from fitball.tracks.types import FilmAssumptions
+
+# Values and sds of the camera's errors where a film states none: the scale to 1 %, the clock to
+# 0.1 %, the tilt to 0.3 degrees [rad], the height of the court to 3 mm [m].
+_CAMERA = {
+    "scale": Quantity(1.0, 0.01),
+    "clock": Quantity(1.0, 1e-3),
+    "tilt": Quantity(0.0, 0.005236),
+    "court_height": Quantity(0.0, 3e-3),
+}
+
+
+def track(
+    sources: Sequence[Source],
+    scene: Scene,
+    columns: Mapping[str, str],
+    as_read: bool,
+    progress: Progress,
+) -> Film:
+    """The impacts on films: velocities, spins and gaps are the unknowns of two flights (gravity,
+    drag, Magnus force) that end and begin at the height of contact. Raises InputError (`no-rate`,
+    `no-scale`, `gravity`, `no-impact`, `misread`, and what `read_tracks` does).
+    """
+    tracks, notes = read_tracks(sources, scene, columns)
+    source = listed(_names_of(sources), most=3)
+    camera = _with_usual_errors(scene.camera or CameraSection())
+    assumed = FilmAssumptions.of_scene(scene, camera)
+    refused = dict[str, str]()
+    impacts = list[Impact]()
+    for ball in tracks:
+        of_ball, reason = impacts_of(ball, assumed)
+        impacts += of_ball
+        if reason:
+            refused[ball.id] = reason
+
+    def doubt(code: str, words: str) -> None:
+        """Refuse the film, or note that it was to be taken as read."""
+        if not words:
+            return
+        if not (as_read and impacts):
+            raise InputError(source, [Fault(code, f"{words}. If all is right, pass --as-read")])
+        notes.append(Note(code, words))
+
+    doubt("gravity", wrong_film(tracks, impacts, assumed))
+    sessions = dict[str, Session]()
+    for name, of_session in _by_session(impacts).items():
+        session = session_of(of_session, assumed, camera)
+        sessions[name] = session
+        camera = _with_height_sd(camera, session.height_sd)
+        for number in range(PASSES):
+            progress(f"Impacts {name}".strip(), number / PASSES)
+            fit_pass(session, number)
+        for impact in session.good:
+            impact.failed = why_impossible(impact, assumed)
+        session.gravity = gravity_of(session.good)
+        doubt("gravity", wrong_session(session))
+        notes += notes_of(session, name, scene)
+    refused |= {impact.id: impact.failed for impact in impacts if impact.failed}
+    if not any(session.good for session in sessions.values()):
+        reasons = dict.fromkeys(map(one_line, refused.values()))
+        words = listed(reasons, most=4) or "no row has a position"
+        message = f"no impact in {counted(len(tracks), 'track')}: {words}"
+        raise InputError(source, [Fault("no-impact", message)])
+    film = film_of(sessions, assumed, changed(scene, camera=camera), refused, source)
+    doubt("misread", misread_words(film))
+    return replace(film, notes=tuple(notes))
+
+
+def _names_of(sources: Sequence[Source]) -> Iterator[str]:
+    """What films are called in messages."""
+    for source in sources:
+        yield str(source) if isinstance(source, str | Path) else "a table"
+
+
+def _with_usual_errors(camera: CameraSection) -> CameraSection:
+    """A camera as stated, with the usual sds of what it does not state."""
+    usual = {name: error for name, error in _CAMERA.items() if getattr(camera, name) is None}
+    if isinstance(camera.court, Quantity) and "court_height" in usual:
+        usual["court_height"] = Quantity(0.0, camera.court.sd)
+    return changed(camera, **usual)
+
+
+def _by_session(impacts: Sequence[Impact]) -> dict[str, list[Impact]]:
+    """Impacts by the session that their labels name, "" without."""
+    sessions = dict[str, list[Impact]]()
+    for impact in impacts:
+        sessions.setdefault(impact.track.labels.get("session", ""), []).append(impact)
+    return sessions
+
+
+def _with_height_sd(camera: CameraSection, sd: float) -> CameraSection:
+    """A camera whose court is known no better than in any session: to this sd [m] or a larger
+    one.
+    """
+    height = camera.court_height
+    if sd > (height.sd if isinstance(height, Quantity) else 0.0):
+        return changed(camera, court_height=Quantity(0.0, sd))
+    return camera
