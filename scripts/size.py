@@ -42,8 +42,6 @@ LONG_FUNCTIONS = {
     "fitball/report/fit_words.py:methods": "to be split",
     "fitball/report/plan.py:report": "to be split",
     "fitball/thesis/appendices.py:slips": "to be split",
-    "fitball/tracks/flight.py:fit": "to be split",
-    "fitball/tracks/read.py:_of_part": "to be split",
     "fitball/uses/lab.py:drop_test": "to be split",
     "fitball/uses/plan.py:plan": "to be split",
     "fitball/uses/simulate.py:course": "to be split",

@@ -96,7 +96,7 @@ def derived():
     ):
         problem = made_fit(frame, model=model).problem
         rows = problem.rows
-        known = CalibratedRange(rows.states, rows.index, problem.scene.value().radius)
+        known = CalibratedRange(rows.states, rows.index, problem.scene.ball_value().radius)
         yield from (item.spec for item in quantities(problem.forward, known, problem.scene))
 
 
