@@ -33,20 +33,30 @@ START = {
 
 
 def table_with(fault="", seed=5, rows=24):
+    """Impacts of a model of other code, which grip-slip describes but for a fault."""
     rng = np.random.default_rng([seed, rows])
-    slow = 5.0 if fault == "growth" else 10.0
-    steep = 45.0 if fault == "surfaces" else 70.0
-    speed = rng.uniform(slow, 30.0 if slow < 10.0 else 25.0, rows)
-    angle = np.radians(rng.uniform(15.0, steep, rows))
-    incident = np.stack(
-        [speed * np.cos(angle), speed * np.sin(angle), rng.uniform(-180.0, 180.0, rows)]
-    )
+    slow = 10.0
+    fast = 25.0
+    steep = 70.0
+    if fault == "growth":
+        slow = 5.0
+        fast = 30.0
+    elif fault == "surfaces":
+        steep = 45.0
+    speed = rng.uniform(slow, fast, rows)
+    degrees = rng.uniform(15.0, steep, rows)
+    angle = np.radians(degrees)
+    v_x = speed * np.cos(angle)
+    v_y = speed * np.sin(angle)
+    omega = rng.uniform(-180.0, 180.0, rows)
+    incident = np.stack([v_x, v_y, omega])
     along = np.linspace(-1.0, 1.0, rows)
     clay = np.arange(rows) % 2 == 0
     friction = np.full(rows, 0.6)
-    restitution = 0.77 - 0.012 * (incident[1] - 10.0)
-    noise = np.array([0.2, 0.2, 8.0])[:, None] * rng.standard_normal((3, rows))
-    seen = incident
+    restitution = 0.77 - 0.012 * (v_y - 10.0)
+    sds = np.array([[0.2], [0.2], [8.0]])
+    noise = sds * rng.standard_normal((3, rows))
+    measured = incident
     if fault == "bias":
         noise[0] += 1.5
     elif fault == "growth":
@@ -62,129 +72,178 @@ def table_with(fault="", seed=5, rows=24):
     elif fault == "surfaces":
         friction = np.where(clay, 0.75, 0.5)
     elif fault == "law":
-        friction = 0.6 * (np.abs(incident[0] - TENNIS[1] * incident[2]) / 14.0) ** -0.35
+        slip = np.abs(v_x - TENNIS[1] * omega)
+        friction = 0.6 * (slip / 14.0) ** -0.35
     elif fault == "group":
         noise[1] += 0.4 * clay
     elif fault == "incidence":
-        seen = incident + np.array([[0.9], [0.0], [0.0]]) * rng.standard_normal((3, rows))
-    made = np.stack(bounce(*incident, TENNIS, (friction, 0.15, 2e-3, restitution, 0.0))) + noise
+        sds_of_impact = np.array([[0.9], [0.0], [0.0]])
+        measured = incident + sds_of_impact * rng.standard_normal((3, rows))
+    parameters = (friction, 0.15, 2e-3, restitution, 0.0)
+    rebound = np.stack(bounce(*incident, TENNIS, parameters)) + noise
+    names = ("v_x1", "v_y1", "omega_1", *REBOUND)
+    values = dict(zip(names, [*measured, *rebound], strict=True))
     labels = {
         "id": tuple(f"r{k}" for k in range(rows)),
-        "group": tuple("clay" if one else "hard" for one in clay),
+        "group": tuple("clay" if is_clay else "hard" for is_clay in clay),
     }
-    names = ("v_x1", "v_y1", "omega_1", *REBOUND)
-    return ImpactTable("made", dict(zip(names, [*seen, *made], strict=True)), {}, {}, labels)
+    return ImpactTable("made", values, {}, {}, labels)
 
 
-def said(table, text="grip-slip", **choices):
+def fitted_and_judged(table, text="grip-slip", **choices):
     """Problem, linearisation at the maximum near the truth, adequacy."""
     problem = problem_of(table, None, text, **choices)
-    start = problem.coordinates({name: START[name.partition("[")[0]] for name in problem.free})
-    point = at(problem, descend(Objective(problem), start[None])[0][0])
+    values = {name: START[name.partition("[")[0]] for name in problem.free}
+    start = problem.coordinates(values)
+    point = maximum_from(problem, start)
     first = first_order(problem, point)
     return problem, first, adequacy(problem, point, first)
 
 
-def kinds(found):
-    return {(test.kind, test.column) for test in found.tests if test.found}
+def maximum_from(problem, start):
+    """The point fit of a descent from coordinates (free,)."""
+    optima, *_ = descend(Objective(problem), start[None])
+    return at(problem, optima[0])
 
 
-def line(bend=0.0, rows=12):
+def adequacy_of(table, text="grip-slip", **choices):
+    """Only the adequacy of a fit to a table."""
+    _, _, result = fitted_and_judged(table, text, **choices)
+    return result
+
+
+def with_residual(first, residual):
+    """A linearisation with another residual, after its own refit."""
+    return first._replace(residual=first.after_refit(residual))
+
+
+def kinds(result):
+    """Kind and column of each test that found something."""
+    alarms = [test for test in result.tests if test.found]
+    return {(test.kind, test.column) for test in alarms}
+
+
+def of_kind(tests, kind):
+    return [test for test in tests if test.kind == kind]
+
+
+def judged_drop_test(bend=0.0, rows=12):
     """A drop test under a nearly straight restitution: two parameters of wide priors, one column,
     two groups.
     """
     speed = np.linspace(4.0, 16.0, rows)
-    v_y2 = (0.76 - 0.012 * (speed - 10.0)) * speed + 0.05 * np.random.default_rng(
-        8
-    ).standard_normal(rows)
-    labels = {"id": tuple(map(str, range(rows))), "group": tuple("aab"[k % 3] for k in range(rows))}
-    labels["remark"] = tuple(f"w{k}" if k % 2 else "" for k in range(rows))
-    table = ImpactTable(
-        "drops",
-        {"v_y1": speed, "v_y2": v_y2 + bend * (speed - 9.5) ** 2},
-        {},
-        {},
-        labels,
-    )
-    return said(table, prior={"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"})
+    noise = 0.05 * np.random.default_rng(8).standard_normal(rows)
+    restitution = 0.76 - 0.012 * (speed - 10.0)
+    v_y2 = restitution * speed + noise + bend * (speed - 9.5) ** 2
+    labels = {
+        "id": tuple(map(str, range(rows))),
+        "group": tuple("aab"[k % 3] for k in range(rows)),
+        "remark": tuple(f"w{k}" if k % 2 else "" for k in range(rows)),
+    }
+    table = ImpactTable("drops", {"v_y1": speed, "v_y2": v_y2}, {}, {}, labels)
+    wide = {"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"}
+    return fitted_and_judged(table, prior=wide)
+
+
+# Shares of the chance of a false alarm by the kinds of test that a drop test has.
+SHARES_OF_DROPS = {
+    "trend": 0.25,
+    "drift": 0.15,
+    "bias": 0.1,
+    "row": 0.1,
+    "growth": 0.1,
+    "outlier": 0.05,
+    "group": 0.1,
+    "parameter": 0.1,
+}
 
 
 def test_a_trend_is_the_t_test_of_one_more_column():
-    problem, first, found = line(bend=0.012)
+    problem, first, result = judged_drop_test(bend=0.012)
     speed = problem.rows.states.v_y1
-    residual = first.residual
     centred = speed - speed.mean()
     design = np.stack([*first.slopes[:12].T, centred], axis=1)
     design[:, :2] /= np.linalg.norm(design[:, :2], axis=0)
-    best, rest = np.linalg.lstsq(design, residual, rcond=None)[:2]
-    t = best[2] / np.sqrt(rest[0] / 9.0 * np.linalg.inv(design.T @ design)[2, 2])
+    best, squares = np.linalg.lstsq(design, first.residual, rcond=None)[:2]
+    inverse = np.linalg.inv(design.T @ design)
+    variance = squares[0] / 9.0 * inverse[2, 2]
+    t = best[2] / np.sqrt(variance)
     alone = 2.0 * stats.t.sf(abs(t), 9)
-    both = t**2 / (t**2 + 9.0)
-    (trend,) = (test for test in found.tests if test.pattern == "v_y2: trend with v_y1")
-    assert trend.explained == pytest.approx(both, rel=1e-3)
+    explained = t**2 / (t**2 + 9.0)
+    (trend,) = (test for test in result.tests if test.pattern == "v_y2: trend with v_y1")
+    assert trend.explained == pytest.approx(explained, rel=1e-3)
     # Its chance among all: shares of the kinds that there are, of 3/5 of 5 %.
-    shares = {"trend": 0.25, "drift": 0.15, "bias": 0.1, "row": 0.1, "growth": 0.1, "outlier": 0.05}
-    shares |= {"group": 0.1, "parameter": 0.1}
-    tested = [test.kind for test in found.tests]
-    whole = sum(shares[kind] for kind in {*tested})
-    assert trend.p == pytest.approx(
-        min(1.0, alone * tested.count("trend") * whole / 0.25 / 0.6),
-        rel=1e-2,
-    )
+    tested = [test.kind for test in result.tests]
+    all_shares = sum(SHARES_OF_DROPS[kind] for kind in {*tested})
+    share = 0.6 * SHARES_OF_DROPS["trend"] / all_shares
+    among_all = alone * tested.count("trend") / share
+    assert trend.p == pytest.approx(min(1.0, among_all), rel=1e-2)
     assert trend.p < 1.0
-    assert not any("remark" in test.pattern for test in found.tests)
+    assert not any("remark" in test.pattern for test in result.tests)
 
 
 def test_false_alarms_of_a_linear_model_are_rarer_than_promised():
     """400 tables of the linearised model, and the same with a bias of a group: it is found."""
-    problem, first, _ = line(rows=24)
+    problem, first, _ = judged_drop_test(rows=24)
     point = at(problem, first.proposal.centre)
     rng = np.random.default_rng(7)
     size = first.residual.size
-    bias = first.direction("v_y2", 0.12 * (np.array(problem.table.labels["group"]) == "b"))
-    alarms = seen = 0
+    in_group = np.array(problem.table.labels["group"]) == "b"
+    bias = first.direction("v_y2", 0.12 * in_group)
+
+    def alarm(residual):
+        result = adequacy(problem, point, with_residual(first, residual))
+        return any(test.found for test in result.tests)
+
+    alarms = 0
+    detected = 0
     for k in range(400):
         clean = rng.standard_normal(size)
-        tests = adequacy(problem, point, first._replace(residual=first.after_refit(clean))).tests
-        alarms += any(test.found for test in tests)
+        alarms += alarm(clean)
         if k < 40:
-            spoilt = first._replace(residual=first.after_refit(clean + bias))
-            seen += any(test.found for test in adequacy(problem, point, spoilt).tests)
+            detected += alarm(clean + bias)
     assert 1 <= alarms <= stats.binom.ppf(0.999, 400, EXCEPT)
-    assert seen >= 20
+    assert detected >= 20
 
 
 def test_how_many_are_far_off_is_the_least_of_beta_bounds():
-    own = np.random.default_rng(3).standard_normal(18)
-    own[[2, 7, 9]] += 9.0
-    own *= np.sqrt(15.0 / np.sum(own**2))
-    largest = np.cumsum(np.sort(own**2)[::-1][:3]) / 15.0
-    bounds = [comb(18, k) * stats.beta.sf(largest[k - 1], k / 2, (15 - k) / 2) for k in (1, 2, 3)]
-    assert farthest(largest, 18, 15.0) == (3, pytest.approx(3.0 * min(bounds), rel=1e-9))
+    residual = np.random.default_rng(3).standard_normal(18)
+    residual[[2, 7, 9]] += 9.0
+    residual *= np.sqrt(15.0 / np.sum(residual**2))
+    descending = np.sort(residual**2)[::-1]
+    shares = np.cumsum(descending[:3]) / 15.0
+    bounds = []
+    for count, share in enumerate(shares, start=1):
+        tail = stats.beta.sf(share, count / 2, (15 - count) / 2)
+        bounds.append(comb(18, count) * tail)
+    least = pytest.approx(3.0 * min(bounds), rel=1e-9)
+    assert farthest(shares, 18, 15.0) == (3, least)
     assert 3.0 * bounds[2] < 1e-3 < bounds[0]
 
 
 def test_growth_is_a_likelihood_ratio():
     """Of normal densities whose sds are a power of the speed, the power on a grid, by scipy."""
-    problem, first, found = said(table_with("growth", 5))
+    problem, first, result = fitted_and_judged(table_with("growth", 5))
     speed = problem.rows.states.polar()[0][first.rows]
-    left = 1.0 - np.sum(first.basis**2, axis=1)
-    best = {0: -np.inf, 1: -np.inf}
-    for power in np.linspace(-4.0, 4.0, 1601):
-        density = 0.0
+    freedom = 1.0 - np.sum(first.basis**2, axis=1)
+    z = first.residual / np.sqrt(freedom)
+
+    def log_likelihood(power):
+        total = 0.0
         for k in range(3):
-            own = first.column == k
-            z = first.residual[own] / np.sqrt(left[own])
-            sd = speed[own] ** power
-            density += stats.norm.logpdf(z, scale=sd * np.sqrt(np.mean((z / sd) ** 2))).sum()
-        best[1] = max(best[1], density)
-        if abs(power) < 1e-9:
-            best[0] = density
-    alone = stats.chi2.sf(2.0 * (best[1] - best[0]) * left.mean(), 1)
-    (growth,) = (test for test in found.tests if test.kind == "growth")
-    alone *= module._times(found.tests, "growth")
+            in_column = first.column == k
+            sd = speed[in_column] ** power
+            size = np.sqrt(np.mean((z[in_column] / sd) ** 2))
+            total += stats.norm.logpdf(z[in_column], scale=sd * size).sum()
+        return total
+
+    best = max(map(log_likelihood, np.linspace(-4.0, 4.0, 1601)))
+    ratio = 2.0 * (best - log_likelihood(0.0))
+    chance = stats.chi2.sf(ratio * freedom.mean(), 1)
+    chance *= module._times(result.tests, "growth")
+    (growth,) = of_kind(result.tests, "growth")
     assert growth.found
-    assert growth.p == pytest.approx(alone, rel=1e-2)
+    assert growth.p == pytest.approx(chance, rel=1e-2)
     assert "increases" in growth.pattern
 
 
@@ -192,47 +251,52 @@ def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
     """Shares of the variance by least squares without the farthest rows, one of them at the end,
     where it pulls.
     """
-    problem, first, _ = line(rows=24)
+    problem, first, _ = judged_drop_test(rows=24)
     residual = first.residual.copy()
     residual[[4, 23]] += 9.0 * np.std(residual)
-    spoilt = first._replace(residual=first.after_refit(residual))
-    tests = adequacy(problem, at(problem, first.proposal.centre), spoilt).tests
-    (found,) = (test for test in tests if test.kind == "outlier")
+    spoilt = with_residual(first, residual)
+    point = at(problem, first.proposal.centre)
+    tests = adequacy(problem, point, spoilt).tests
+    (outlier,) = of_kind(tests, "outlier")
     design = first.slopes[:24, :2]
-    left = 1.0 - np.sum(first.basis**2, axis=1)
-    order = np.argsort(-np.abs(spoilt.residual) / np.sqrt(left))
+    freedom = 1.0 - np.sum(first.basis**2, axis=1)
+    farthest_first = np.argsort(-np.abs(spoilt.residual) / np.sqrt(freedom))
 
-    def rest(kept):
-        return np.linalg.lstsq(design[kept], residual[kept], rcond=None)[1][0]
+    def squares(rows):
+        _, sums, *_ = np.linalg.lstsq(design[rows], residual[rows], rcond=None)
+        return sums[0]
 
-    shares = np.array([1.0 - rest(order[k:]) / rest(order) for k in range(1, 5)])
-    alone = farthest(shares, 24, float(left[:24].sum()))[1]
-    assert found.found
-    assert found.p == pytest.approx(
-        alone * module._times(tests, "outlier"),
-        rel=0.02,
-    )
+    shares = []
+    for count in range(1, 5):
+        others = squares(farthest_first[count:])
+        shares.append(1.0 - others / squares(farthest_first))
+    freedom_of_column = float(freedom[:24].sum())
+    _, chance = farthest(np.array(shares), 24, freedom_of_column)
+    chance *= module._times(tests, "outlier")
+    assert outlier.found
+    assert outlier.p == pytest.approx(chance, rel=0.02)
 
 
 def test_of_noise_alone_no_few_are_far_off():
     """In 900 columns of 24 rows: their residuals, each over its own sd, have more squares than
     there is freedom.
     """
-    problem, first, _ = said(table_with("", 5))
+    problem, first, _ = fitted_and_judged(table_with("", 5))
     point = at(problem, first.proposal.centre)
     rng = np.random.default_rng(4)
-    least = []
+
+    def chances(residual):
+        result = adequacy(problem, point, with_residual(first, residual))
+        return [test.p for test in of_kind(result.tests, "outlier")]
+
+    of_noise = []
     for _ in range(300):
-        clean = first._replace(residual=first.after_refit(rng.standard_normal(first.residual.size)))
-        least += [
-            test.p for test in adequacy(problem, point, clean).tests if test.kind == "outlier"
-        ]
-    assert len(least) == 900
-    assert min(least) > 2e-3
-    residual = first.residual.copy()
-    residual[np.argmax(np.abs(residual))] *= 20.0
-    wild = adequacy(problem, point, first._replace(residual=first.after_refit(residual))).tests
-    assert min(test.p for test in wild if test.kind == "outlier") < 2e-3
+        of_noise += chances(rng.standard_normal(first.residual.size))
+    assert len(of_noise) == 900
+    assert min(of_noise) > 2e-3
+    wild = first.residual.copy()
+    wild[np.argmax(np.abs(wild))] *= 20.0
+    assert min(chances(wild)) < 2e-3
 
 
 FAULTS = {
@@ -251,44 +315,53 @@ FAULTS = {
 def test_a_fault_is_found_by_its_kind(fault):
     """In most of some tables, whatever the draws; in a table without it, it is not."""
     rows = 60 if fault in ("incidence", "group", "growth") else 24
-    found = [kinds(said(table_with(fault, seed, rows))[2]) for seed in range(4)]
-    assert sum(FAULTS[fault] in one for one in found) >= 3
-    clean = [kinds(said(table_with("", seed, rows))[2]) for seed in range(2)]
-    assert not any(FAULTS[fault] in one for one in clean)
+
+    def is_found(table):
+        return FAULTS[fault] in kinds(adequacy_of(table))
+
+    assert sum(is_found(table_with(fault, seed, rows)) for seed in range(4)) >= 3
+    assert not any(is_found(table_with("", seed, rows)) for seed in range(2))
 
 
 def test_answers():
-    assert [said(table_with("", seed))[2].answer for seed in range(4)].count("describes") >= 3
-    _, _, biased = said(table_with("bias"))
+    answers = [adequacy_of(table_with("", seed)).answer for seed in range(4)]
+    assert answers.count("describes") >= 3
+    biased = adequacy_of(table_with("bias"))
     assert biased.answer == "does not describe"
     assert max(biased.moved.values()) > 5.0
-    _, _, group = said(table_with("group", rows=60))
+    group = adequacy_of(table_with("group", rows=60))
     assert group.answer == "describes except"
     assert group.moved["cor_10"] > 1.0 > group.moved["mu"]
-    _, _, few = said(table_with(rows=6))
+    few = adequacy_of(table_with(rows=6))
     assert few.answer == "undecided"
     assert min(few.unseen.values()) > 0.6
     # What a bend of the restitution looks like once its slope is fitted.
-    for fix, alike in (({}, True), ({"cor_slope": -0.012}, False)):
-        tests = said(table_with(seed=1), fix=fix)[2].tests
-        assert [
-            "v_y1" in one.pattern for one in tests if (one.kind, one.column) == ("bias", "v_y2")
-        ] == [alike]
+    for fix, alike in (
+        ({}, True),
+        ({"cor_slope": -0.012}, False),
+    ):
+        result = adequacy_of(table_with(seed=1), fix=fix)
+        biases = of_kind(result.tests, "bias")
+        patterns = [test.pattern for test in biases if test.column == "v_y2"]
+        assert ["v_y1" in pattern for pattern in patterns] == [alike]
 
 
 def test_the_remedy_of_surfaces_removes_the_fault():
     table = table_with("surfaces")
-    tests = [test for test in said(table)[2].tests if test.found and test.kind == "parameter"]
-    assert tests
-    assert all("--pool mu=group" in test.pattern for test in tests)
-    assert said(table, pool={"mu": "group"})[2].answer == "describes"
+    tests = of_kind(adequacy_of(table).tests, "parameter")
+    alarms = [test for test in tests if test.found]
+    assert alarms
+    assert all("--pool mu=group" in test.pattern for test in alarms)
+    assert adequacy_of(table, pool={"mu": "group"}).answer == "describes"
 
 
 def test_three_outliers_do_not_hide_each_other_and_students_t_allows_them():
-    _, _, found = said(table_with("wild"))
-    (test,) = (test for test in found.tests if test.found and test.kind == "outlier")
-    assert all(name in test.pattern for name in ("r3", "r11", "r20"))
-    assert said(table_with("wild"), noise="student-t")[2].answer == "describes"
+    outliers = of_kind(adequacy_of(table_with("wild")).tests, "outlier")
+    (alarm,) = (test for test in outliers if test.found)
+    for name in ("r3", "r11", "r20"):
+        assert name in alarm.pattern
+    heavy_tails = adequacy_of(table_with("wild"), noise="student-t")
+    assert heavy_tails.answer == "describes"
 
 
 def test_a_pattern_moves_what_follows_from_parameters_that_it_moves_little():
@@ -297,32 +370,50 @@ def test_a_pattern_moves_what_follows_from_parameters_that_it_moves_little():
     """
     speed = np.linspace(7.0, 7.1, 12)
     high = np.arange(12) % 2
-    values = {"v_y1": speed, "v_y2": 0.74 * speed + 0.1 * high + 0.01 * np.sin(5.0 * speed)}
-    labels = {"id": tuple("abcdefghijkl"), "group": tuple("xy"[k] for k in high)}
-    problem, first, _ = said(ImpactTable("drops", values, {}, {}, labels))
-    found = adequacy(problem, at(problem, first.proposal.centre), first, problem.derived)
-    padded = np.zeros((2, len(first.slopes)))
-    padded[:, :12] = first.residual, first.direction("v_y2", 1.0 * high)
-    designs = first.slopes, np.column_stack([first.slopes, padded[1]])
-    without, both = (np.linalg.lstsq(design, padded[0], rcond=None)[0][:2] for design in designs)
+    wiggle = 0.01 * np.sin(5.0 * speed)
+    values = {
+        "v_y1": speed,
+        "v_y2": 0.74 * speed + 0.1 * high + wiggle,
+    }
+    labels = {
+        "id": tuple("abcdefghijkl"),
+        "group": tuple("xy"[k] for k in high),
+    }
+    table = ImpactTable("drops", values, {}, {}, labels)
+    problem, first, _ = fitted_and_judged(table)
+    point = at(problem, first.proposal.centre)
+    moved = adequacy(problem, point, first, problem.derived).moved
+
+    # Priors are rows of the design too, without a residual and without a pattern.
+    rows = len(first.slopes)
+    residual = np.zeros(rows)
+    residual[:12] = first.residual
+    higher = np.zeros(rows)
+    higher[:12] = first.direction("v_y2", 1.0 * high)
+
+    def parameters(design):
+        solution, *_ = np.linalg.lstsq(design, residual, rcond=None)
+        return solution[:2]
+
+    with_ball = np.column_stack([first.slopes, higher])
+    shift = parameters(with_ball) - parameters(first.slopes)
     # A drop from 254 cm lands with 7.06 m/s, as the seventh does.
     rate = first.slopes[6]
-    sd = np.sqrt(rate @ np.linalg.inv(first.slopes.T @ first.slopes) @ rate)
-    assert found.moved["cor_254cm"] == pytest.approx(abs(rate @ (both - without)) / sd, rel=0.05)
-    assert (
-        found.moved["cor_254cm"] > 1.0 > 2.0 * max(found.moved["cor_10"], found.moved["cor_slope"])
-    )
+    covariance = np.linalg.inv(first.slopes.T @ first.slopes)
+    sd = np.sqrt(rate @ covariance @ rate)
+    assert moved["cor_254cm"] == pytest.approx(abs(rate @ shift) / sd, rel=0.05)
+    of_parameters = max(moved["cor_10"], moved["cor_slope"])
+    assert moved["cor_254cm"] > 1.0 > 2.0 * of_parameters
 
 
 def test_columns_of_few_measurements_are_not_vouched_for_by_others():
     table = table_with()
-    values = {
-        **table.values,
-        "omega_2": np.where(np.arange(24) < 5, table.values["omega_2"], np.nan),
-    }
-    _, _, found = said(replace(table, values=values))
-    assert found.answer == "undecided"
-    assert found.unseen["omega_2"] > 0.6 > found.unseen["v_y2"]
+    few_spins = table.values["omega_2"].copy()
+    few_spins[5:] = np.nan
+    values = {**table.values, "omega_2": few_spins}
+    result = adequacy_of(replace(table, values=values))
+    assert result.answer == "undecided"
+    assert result.unseen["omega_2"] > 0.6 > result.unseen["v_y2"]
 
 
 @pytest.mark.parametrize(
@@ -337,87 +428,92 @@ def test_columns_of_few_measurements_are_not_vouched_for_by_others():
 def test_a_stated_noise_is_held_against_chi_square(stated, answer):
     table = table_with(rows=40)
     table = replace(table, sd={"v_y2": np.full(40, stated)})
-    _, first, found = said(table, fix={"v_y_sd": 0.0})
-    (check,) = (check for check in found.noise if check.column == "v_y2")
-    own = first.residual[first.column == 1]
-    freedom = 40 - np.sum(first.basis[first.column == 1] ** 2)
+    _, first, result = fitted_and_judged(table, fix={"v_y_sd": 0.0})
+    (check,) = noise_checks(result, "v_y2")
+    in_column = first.column == 1
+    squares = np.sum(first.residual[in_column] ** 2)
+    freedom = 40 - np.sum(first.basis[in_column] ** 2)
     assert check.stated
     assert check.reference == pytest.approx(stated)
-    assert check.size == pytest.approx(stated * np.sqrt(own @ own / freedom))
-    assert found.answer == answer
-    assert (
-        check.found == (stats.chi2.sf(own @ own, freedom) * 7.5 < 0.05) == (answer != "describes")
-    )
+    assert check.size == pytest.approx(stated * np.sqrt(squares / freedom))
+    assert result.answer == answer
+    larger = stats.chi2.sf(squares, freedom) * 7.5 < 0.05
+    assert check.found == larger
+    assert larger == (answer != "describes")
+
+
+def noise_checks(result, column):
+    return [check for check in result.noise if check.column == column]
 
 
 def test_an_expected_noise_is_an_exception_from_three_times():
     for size, answer in ((2.0, False), (4.0, True)):
-        _, _, found = said(table_with(), prior={"v_y_sd": f"lognormal({0.2 / size}, 0.7)"})
-        (check,) = (check for check in found.noise if check.column == "v_y2")
-        assert not (check.stated or check.beyond)
-        assert check.reference == pytest.approx(0.2 / size)
+        expected = 0.2 / size
+        result = adequacy_of(table_with(), prior={"v_y_sd": f"lognormal({expected}, 0.7)"})
+        (check,) = noise_checks(result, "v_y2")
+        assert not check.stated
+        assert not check.beyond
+        assert check.reference == pytest.approx(expected)
         assert check.found is answer
     # Of a column with stated errors it is the scatter beyond these.
     table = table_with()
-    _, _, found = said(replace(table, sd={"v_y2": np.full(len(table), 0.1)}))
-    assert [check.column for check in found.noise if check.beyond] == ["v_y2"]
+    stated = replace(table, sd={"v_y2": np.full(len(table), 0.1)})
+    checks = adequacy_of(stated).noise
+    assert [check.column for check in checks if check.beyond] == ["v_y2"]
 
 
 def test_few_impacts_of_a_good_model_are_no_misfit():
     """Columns with next to no freedom lend each other some: no test may take that for a pattern."""
-    found = [said(table_with(seed=seed, rows=4))[2] for seed in range(40)]
-    assert sum(any(test.found for test in one.tests) for one in found) <= 0.06 * len(found)
-    assert not any(one.answer == "does not describe" for one in found)
-    biased = [said(table_with("bias", seed=seed, rows=8))[2] for seed in range(4)]
-    assert sum(any(test.found for test in one.tests) for one in biased) >= 2
+    good = [adequacy_of(table_with(seed=seed, rows=4)) for seed in range(40)]
+    assert sum(bool(kinds(result)) for result in good) <= 0.06 * len(good)
+    assert not any(result.answer == "does not describe" for result in good)
+    biased = [adequacy_of(table_with("bias", seed=seed, rows=8)) for seed in range(4)]
+    assert sum(bool(kinds(result)) for result in biased) >= 2
 
 
 def test_a_camera_that_is_off_is_named_with_its_size():
     table = table_of(TIMED, count=40)
-    problem = problem_of(table, scene_of(camera=True), "two-mass")
-    x = near(problem, 1, 0.0)
-    tilted = {**problem.values(x), "tilt": np.array([0.03])}
-    seen = problem.seen(tilted)
+    true = problem_of(table, scene_of(camera=True), "two-mass")
+    values = true.values(near(true, 1, 0.0))
+    values["tilt"] = np.array([0.03])
+    seen = true.seen(values)
     rng = np.random.default_rng(2)
     sds = (0.21, 0.17, 6.0, 1.5e-4, 1e-4, 1e-3, 0.03)
-    made = {
-        name: seen.column(name)[0] + sd * rng.standard_normal(40)
-        for name, sd in zip(TIMED, sds, strict=True)
-    }
-    found = {}
+    filmed = dict(table.values)
+    for name, sd in zip(TIMED, sds, strict=True):
+        filmed[name] = seen.column(name)[0] + sd * rng.standard_normal(40)
+    camera_tests = {}
     for camera in (False, True):
-        problem = problem_of(
-            replace(table, values={**table.values, **made}),
-            scene_of(camera=camera),
-            "two-mass",
-        )
-        point = at(problem, descend(Objective(problem), near(problem, 1, 0.0))[0][0])
-        found[camera] = adequacy(problem, point, first_order(problem, point))
-    tests = {
-        test.pattern.partition(" ")[0]: test for test in found[False].tests if test.kind == "camera"
-    }
+        scene = scene_of(camera=camera)
+        problem = problem_of(replace(table, values=filmed), scene, "two-mass")
+        point = maximum_from(problem, near(problem, 1, 0.0)[0])
+        result = adequacy(problem, point, first_order(problem, point))
+        camera_tests[camera] = of_kind(result.tests, "camera")
+    tests = {test.pattern.partition(" ")[0]: test for test in camera_tests[False]}
     assert set(tests) == {"scale", "clock", "tilt", "court_height"}
     assert tests["tilt"].found
     # Only the height of the court could explain as much.
-    assert sorted(tests.values(), key=lambda test: test.p)[1].p >= tests["tilt"].p
-    assert not any(test.kind == "camera" for test in found[True].tests)
+    chances = sorted(test.p for test in tests.values())
+    assert chances[1] >= tests["tilt"].p
+    assert not camera_tests[True]
 
 
 def test_long_tables_are_tested_thinned(monkeypatch):
     """A sure pattern that is too small is no exception, and moves what is known all the same."""
     monkeypatch.setattr(thinning, "LONG", 600)
     table = table_with("constant", rows=1200)
-    assert said(table)[2].answer == "describes"
+    assert adequacy_of(table).answer == "describes"
     bias = 0.2 * (np.array(table.labels["group"]) == "clay")
-    table = replace(table, values={**table.values, "v_y2": table.values["v_y2"] + bias})
-    _, first, found = said(table)
+    biased = table.values["v_y2"] + bias
+    table = replace(table, values={**table.values, "v_y2": biased})
+    _, first, result = fitted_and_judged(table)
     assert len(first.residual) == 1800
-    assert found.answer == "describes except"
-    assert found.moved["cor_10"] > 2.0
+    assert result.answer == "describes except"
+    assert result.moved["cor_10"] > 2.0
     monkeypatch.setattr(module, "SMALL", 2.0)
-    _, _, fine = said(table)
+    fine = adequacy_of(table)
     assert fine.answer == "describes"
-    assert fine.moved == found.moved
+    assert fine.moved == result.moved
 
 
 def test_chances_have_the_same_last_digit_in_each_process(monkeypatch):

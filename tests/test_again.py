@@ -2,8 +2,8 @@
 not needed.
 """
 
-import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import fitball
 from fitball.base.errors import FitballError
@@ -92,7 +92,7 @@ def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
     brody = fitball.calibrate(folder, model="brody", point_only=True, progress=False)
     assert brody.problem.forward.model.name == "brody"
     assert brody.run.choices.fix == {"cor_slope": -0.01}
-    np.testing.assert_array_equal(brody.run.table.values["v_x2"], stored.run.table.values["v_x2"])
+    assert_array_equal(brody.run.table.values["v_x2"], stored.run.table.values["v_x2"])
 
 
 def test_a_function_of_ones_own_is_passed_again(tmp_path):

@@ -7,6 +7,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from support import answers, taylor
 
 import fitball
@@ -89,8 +90,8 @@ def test_errors_are_shares_of_the_incident_surface_speed():
     speed = np.hypot(scene.impacts.v_x1, scene.impacts.v_y1) + 0.03302 * np.abs(
         scene.impacts.omega_1
     )
-    np.testing.assert_allclose(scene.errors(moved), 0.01 / speed, rtol=1e-9)
-    np.testing.assert_allclose(
+    assert_allclose(scene.errors(moved), 0.01 / speed, rtol=1e-9)
+    assert_allclose(
         scene.errors(scene.exact + np.array([0.0, 1.0])),
         0.03302 / speed,
         rtol=1e-9,

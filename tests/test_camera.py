@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from support.density import REBOUND, TIMED, problem_of, scene_of, table_of, truth_of
 from support.density import log_posterior as written_out
 
@@ -15,23 +16,26 @@ from fitball.inference.density import log_posterior
 from fitball.inference.problem.camera import CameraModel
 from fitball.models.types import Rebound, Status
 
-KEYS = ("scale", "clock", "tilt", "court_height")
+# An ideal camera.
+IDEAL = {
+    "scale": 1.0,
+    "clock": 1.0,
+    "tilt": 0.0,
+    "court_height": 0.0,
+}
+KEYS = tuple(IDEAL)
 
 
-def rebound_of(**columns):
-    arrays = {
-        name: np.atleast_2d(np.array(values, dtype=float)) for name, values in columns.items()
-    }
-    zero = np.zeros(arrays["v_x2"].shape, np.int64)
+def rebound_of(**numbers):
+    """The answer (1, 1) of one draw and one impact."""
+    arrays = {name: np.array([[number]]) for name, number in numbers.items()}
+    zero = np.zeros((1, 1), np.int64)
     return Rebound(**arrays, regime=zero, status=zero)
 
 
-def camera(**settings):
-    """Camera of one session, and its values of one draw."""
-    held = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0, **settings}
-    return CameraModel(KEYS, ("",), np.zeros(2, np.int64)), {
-        name: np.array([value]) for name, value in held.items()
-    }
+def camera_values(**settings):
+    """Values of one draw."""
+    return {name: np.array([value]) for name, value in {**IDEAL, **settings}.items()}
 
 
 @pytest.mark.parametrize("height", [-2e-3, 3e-3])
@@ -41,103 +45,111 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
     """Both flights as points in the plane, turned as a camera would, and cut at the height that was
     assumed.
     """
-    v_1 = (14.0, 9.0)
+    v_x1 = 14.0
+    v_y1 = 9.0
     omega_1 = 40.0
-    v_2 = (10.0, 6.5)
+    v_x2 = 10.0
+    v_y2 = 6.5
     omega_2 = 260.0
     time = 4.7e-3
     path = 0.055
     turn = 0.6
     # The axes of the picture in those of the court, which rises in it; lengths in it are shorter by
     # the scale.
-    turned = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]]) / scale
-    before = turned @ [v_1[0], -v_1[1]]
-    after = turned @ v_2
-    known, values = camera(tilt=tilt, court_height=height, scale=scale)
-    measured = Impacts(np.array([before[0]]), np.array([-before[1]]), np.array([omega_1]))
-    bounced = {
-        "v_x2": v_2[0],
-        "v_y2": v_2[1],
-        "omega_2": omega_2,
-        "contact_time": time,
-        "gap_time": time,
-    }
-    bounced |= {"gap_path": path, "gap_turn": turn}
-    seen = known.seen(values, measured, rebound_of(**bounced))
-    back = known.true(values, measured)
-    np.testing.assert_allclose(
-        [back.v_x1[0, 0], back.v_y1[0, 0], back.omega_1[0, 0]],
-        [*v_1, omega_1],
-        rtol=1e-14,
+    cos = np.cos(tilt) / scale
+    sin = np.sin(tilt) / scale
+    turned = np.array([[cos, -sin], [sin, cos]])
+    x_before, y_before = turned @ [v_x1, -v_y1]
+    x_after, y_after = turned @ [v_x2, v_y2]
+    camera = CameraModel(KEYS, ("",), np.zeros(2, np.int64))
+    values = camera_values(tilt=tilt, court_height=height, scale=scale)
+    measured = Impacts(np.array([x_before]), np.array([-y_before]), np.array([omega_1]))
+    rebound = rebound_of(
+        v_x2=v_x2,
+        v_y2=v_y2,
+        omega_2=omega_2,
+        contact_time=time,
+        gap_time=time,
+        gap_path=path,
+        gap_turn=turn,
     )
-    np.testing.assert_allclose([seen.v_x2[0, 0], seen.v_y2[0, 0]], after, rtol=1e-14)
+    seen = camera.seen(values, measured, rebound)
+    true = camera.true(values, measured)
+    assert_allclose(true.v_x1, [[v_x1]], rtol=1e-14)
+    assert_allclose(true.v_y1, [[v_y1]], rtol=1e-14)
+    assert_allclose(true.omega_1, [[omega_1]], rtol=1e-14)
+    assert_allclose(seen.v_x2, [[x_after]], rtol=1e-14)
+    assert_allclose(seen.v_y2, [[y_after]], rtol=1e-14)
     # Landing at (0, height) at time 0, release a path up the court: where do the flights pass the
     # height 0?
     along, above = turned @ [path, 0.0]
-    landing = -height / before[1]
-    release = time - (height + above) / after[1]
+    landing = -height / y_before
+    release = time - (height + above) / y_after
+    late = release - time
     assert seen.gap_time[0, 0] == pytest.approx(release - landing, rel=1e-12)
-    ends = along + (release - time) * after[0] - landing * before[0]
-    assert seen.gap_path[0, 0] == pytest.approx(ends, rel=1e-12)
-    angle = turn + (release - time) * omega_2 - landing * omega_1
+    distance = along + late * x_after - landing * x_before
+    assert seen.gap_path[0, 0] == pytest.approx(distance, rel=1e-12)
+    angle = turn + late * omega_2 - landing * omega_1
     assert seen.gap_turn[0, 0] == pytest.approx(angle, rel=1e-12)
     # Without height and tilt it is another time.
-    level = known.seen(camera(scale=scale)[1], measured, rebound_of(**bounced))
+    level = camera.seen(camera_values(scale=scale), measured, rebound)
     assert abs(level.gap_time[0, 0] - seen.gap_time[0, 0]) > 1e-4
 
 
 def test_what_does_not_reach_the_court_has_no_answer():
     problem = problem_of(table_of(TIMED), scene_of(camera=True), "two-mass")
-    values = dict(problem.values(problem.prior.draw(np.random.default_rng(0), 2)))
+    draws = problem.prior.draw(np.random.default_rng(0), 2)
+    values = dict(problem.values(draws))
     values["tilt"] = np.array([0.0, -0.6])
-    seen = problem.seen(values)
-    steep = problem.rows.states.polar()[1] > 0.6 + 1e-9
+    _, status_when_tilted = problem.seen(values).status
+    _, angle = problem.rows.states.polar()
+    steep = angle > 0.6 + 1e-9
     assert steep.any()
     assert not steep.all()
-    assert np.all(seen.status[1, ~steep] == Status.NO_IMPACT)
-    assert not np.any(seen.status[1, steep] == Status.NO_IMPACT)
+    assert np.all(status_when_tilted[~steep] == Status.NO_IMPACT)
+    assert not np.any(status_when_tilted[steep] == Status.NO_IMPACT)
     away = Impacts(np.array([10.0]), np.array([-1.0]), np.zeros(1))
     values["tilt"] = np.array([0.0, 0.5])
     # Measured as moving away: even where the tilt turns it towards the court there is no time of
     # landing.
-    assert problem.seen(values, away, np.array([0])).status.tolist() == [
-        [Status.NO_IMPACT],
-        [Status.NO_IMPACT],
-    ]
+    seen = problem.seen(values, away, np.array([0]))
+    assert seen.status.tolist() == [[Status.NO_IMPACT], [Status.NO_IMPACT]]
 
 
 @pytest.mark.parametrize("key", KEYS)
 def test_of_a_camera_of_which_one_thing_is_stated_all_else_is_right(key):
-    known = Scene(camera=CameraSection(**{key: Quantity(float(key in ("scale", "clock")), 0.003)}))
-    problem = problem_of(table_of(TIMED, "sd"), known, "two-mass")
-    at = truth_of(problem)
-    assert {*KEYS} & {*at} == {key}
-    found = log_posterior(problem, problem.coordinates(at)[None])[0]
-    assert found == pytest.approx(written_out(problem, at), rel=1e-10)
-    assert abs(written_out(problem, at, ("camera",)) - found) > 1e-3
+    section = CameraSection(**{key: Quantity(IDEAL[key], 0.003)})
+    problem = problem_of(table_of(TIMED, "sd"), Scene(camera=section), "two-mass")
+    values = truth_of(problem)
+    assert {*KEYS} & {*values} == {key}
+    q = problem.coordinates(values)
+    (score,) = log_posterior(problem, q[None])
+    assert score == pytest.approx(written_out(problem, values), rel=1e-10)
+    without_camera = written_out(problem, values, ("camera",))
+    assert abs(without_camera - score) > 1e-3
 
 
 def test_what_is_stated_asked_for_and_idle():
-    known = Scene(
-        camera=CameraSection(
-            scale=Quantity(1.01, 0.02),
-            clock=1.0005,
-            court_height=Quantity(0.0, 0.003),
-        )
+    section = CameraSection(
+        scale=Quantity(1.01, 0.02),
+        clock=1.0005,
+        court_height=Quantity(0.0, 0.003),
     )
-    problem = problem_of(table_of(REBOUND), known, prior={"tilt": "normal(0, 0.01)"})
-    named = {item.spec.name: item for item in problem.parameters}
+    scene = Scene(camera=section)
+    problem = problem_of(table_of(REBOUND), scene, prior={"tilt": "normal(0, 0.01)"})
+    parameters = {parameter.spec.name: parameter for parameter in problem.parameters}
     assert problem.camera.keys == ("scale", "clock", "tilt")
-    assert named["scale"].prior.text == "normal(1.01, 0.02)"
-    assert named["tilt"].prior.text == "normal(0, 0.01)"
-    assert named["clock"].fixed == 1.0005
+    assert parameters["scale"].prior.text == "normal(1.01, 0.02)"
+    assert parameters["tilt"].prior.text == "normal(0, 0.01)"
+    assert parameters["clock"].fixed == 1.0005
     assert "clock" not in problem.free
     assert "camera-idle" in {note.code for note in problem.notes}
     assert problem_of(table_of(REBOUND)).camera is None
-    two = replace(
-        table_of(REBOUND),
-        labels={"id": tuple("abcdefghij"), "session": ("mon", "tue") * 5},
-    )
-    filmed = problem_of(two, known).camera
-    assert filmed.sessions == ("mon", "tue")
-    assert filmed.session.tolist() == [0, 1] * 5
+    labels = {
+        "id": tuple("abcdefghij"),
+        "session": ("mon", "tue") * 5,
+    }
+    two_sessions = replace(table_of(REBOUND), labels=labels)
+    camera = problem_of(two_sessions, scene).camera
+    assert camera.sessions == ("mon", "tue")
+    assert camera.session.tolist() == [0, 1] * 5

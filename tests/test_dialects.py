@@ -8,6 +8,7 @@ import numpy as np
 import pandas
 import pytest
 from made_tables import written
+from numpy.testing import assert_allclose, assert_array_equal
 from support import workbooks
 
 from fitball.base.errors import FitballError, InputError, ParameterError
@@ -107,7 +108,7 @@ def assert_same(found, wanted):
         if isinstance(column, list):
             assert found[name] == column
         else:
-            np.testing.assert_allclose(found[name], column, rtol=1e-14, err_msg=name)
+            assert_allclose(found[name], column, rtol=1e-14, err_msg=name)
 
 
 def dialect(seed):
@@ -216,7 +217,7 @@ def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
     assert [column.dtype.kind for column in cells.columns] == ["f", "f", "f", "f"]
     assert cells.text(0) == ["1", "2"]
     assert cells.text(1) == ["0.1", ""]
-    np.testing.assert_array_equal(numbers(cells, {"omega_2": 3})["omega_2"], [5.0, np.nan])
+    assert_array_equal(numbers(cells, {"omega_2": 3})["omega_2"], [5.0, np.nan])
     # The digest is of what is in it, however it was given.
     same = read_cells(dict(frame), Naming({}).worth)
     assert (
@@ -336,8 +337,8 @@ def test_what_was_assumed_is_noted(tmp_path):
     text = f"Test 3\n{head}1;38,1;18;28,0 ± 0,3;20\n\n;;\n{head}2;\u221239,2;;n/a;\n"
     found, noted = read(written(tmp_path, text.encode("utf-16")))
     assert {*noted} == {"above-header", "header-again", "not-read", "plus-minus", "decimal-commas"}
-    np.testing.assert_allclose(found["v_1"], np.array([38.1, -39.2]) * SI["mph"])
-    np.testing.assert_allclose(found["v_2_sd"], [0.3 * SI["mph"], np.nan])
+    assert_allclose(found["v_1"], np.array([38.1, -39.2]) * SI["mph"])
+    assert_allclose(found["v_2_sd"], [0.3 * SI["mph"], np.nan])
     assert found["id"] == ["1", "2"]
     assert found["spin in"] == ["20", ""]
     assert read(written(tmp_path, "v_1,surface\n1,ras\u00e9\n".encode("cp1252")))[1] == ["encoding"]
@@ -346,12 +347,12 @@ def test_what_was_assumed_is_noted(tmp_path):
 def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path):
     place = tmp_path / "t.txt"
     np.savetxt(place, [[10.0, 6.0, 7.0, 4.0], [11.0, 7.0, 8.0, 5.0]], header="v_x1 v_y1 v_x2 v_y2")
-    np.testing.assert_array_equal(read(place)[0]["v_y1"], [6.0, 7.0])
+    assert_array_equal(read(place)[0]["v_y1"], [6.0, 7.0])
 
 
 def test_what_excel_shows_for_missing_values_begins_no_comment(tmp_path):
     text = 'omega_2,v_y1\n#N/A,5\n3,6\n# a, "comment\n#NV,7\n-,8\nNaN,9\n'
-    np.testing.assert_array_equal(
+    assert_array_equal(
         read(written(tmp_path, text))[0]["omega_2"],
         [np.nan, 3, np.nan, np.nan, np.nan],
     )
@@ -364,7 +365,7 @@ def test_correlations_and_deviations_of_columns(tmp_path):
     text = 'v_1 [mph],v_1_sd,theta_1,v_2,"corr(V_2, v_1)"\n40,1,30,9,-0.5\n'
     found, _ = read(written(tmp_path, text))
     assert found["corr(v_1,v_2)"] == [-0.5]
-    np.testing.assert_allclose([found["v_1_sd"][0], found["theta_1"][0]], [SI["mph"], np.pi / 6])
+    assert_allclose([found["v_1_sd"][0], found["theta_1"][0]], [SI["mph"], np.pi / 6])
 
 
 def test_names_and_units_of_ones_own(tmp_path):
@@ -376,7 +377,7 @@ def test_names_and_units_of_ones_own(tmp_path):
         "surface": "Belag",
     }
     found, _ = read(plain, said)
-    np.testing.assert_allclose(
+    assert_allclose(
         [found[name][0] for name in ("v_1", "theta_1", "v_2")],
         [38 * SI["mph"], 20, 42 / 3.6],
     )

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 from support.made_fit import made_fit, table_of
@@ -88,7 +89,7 @@ def test_json_says_of_every_number_whether_the_data_determine_it(fit):
         @ centred.T
         / np.outer(np.linalg.norm(centred, axis=1), np.linalg.norm(centred, axis=1))
     )
-    np.testing.assert_allclose(matrix, wanted, atol=1e-12)
+    assert_allclose(matrix, wanted, atol=1e-12)
 
 
 def test_each_surface_has_its_own_values_and_range(levelled):
@@ -102,7 +103,7 @@ def test_each_surface_has_its_own_values_and_range(levelled):
     for label, one in zip(LABELS, found, strict=True):
         assert one["values"]["mu"] == levelled.point.optima[0][f"mu[{label}]"]
         speeds = table["v_y1"][table["surface"] == label]
-        np.testing.assert_allclose(
+        assert_allclose(
             one["measured"]["v_y1"],
             [speeds.min(), speeds.max()],
             rtol=1e-12,

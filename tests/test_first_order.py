@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
 from support.fits import NOISE, at, best
@@ -18,35 +19,44 @@ def by_scipy(problem, x):
     """Covariance (free, free) in coordinates of a problem with normal or flat priors and known
     noise, by scipy's derivatives of residuals written out.
     """
-    sizes = np.array([NOISE[item.noise] for item in problem.observables])
+    rows = problem.rows
+    # Of a flat prior the sd.
+    width = problem.prior.width
+    centre = np.array([parameter.prior.location for parameter in problem.prior.parameters])
+    columns = [observable.column.name for observable in problem.observables]
+    noises = [NOISE[observable.noise] for observable in problem.observables]
 
     def residuals(u):
         # scipy's steps are for numbers of order one.
-        q = x + problem.prior.width * u
-        rebound = problem.forward.rebound(
-            problem.values(q[None]),
-            problem.rows.states,
-            problem.rows.index,
-        )
-        made = np.stack(
-            [rebound.column(item.column.name)[0] for item in problem.observables],
-            axis=1,
-        )
-        z = ((problem.rows.y - made) / sizes)[np.isfinite(problem.rows.y)]
-        centre = np.array([item.prior.location for item in problem.prior.parameters])
-        # Of a flat prior the sd.
-        pulls = (q - centre) / problem.prior.width
-        if problem.contact_time is None:
-            return np.concatenate([z, pulls])
-        value, sd = problem.contact_time
-        return np.concatenate([z, pulls, [(rebound.contact_time.mean() - value) / sd]])
+        q = x + width * u
+        rebound = problem.forward.rebound(problem.values(q[None]), rows.states, rows.index)
+        predicted = np.stack([rebound.column(name)[0] for name in columns], axis=1)
+        z = (rows.y - predicted) / noises
+        pieces = [z[np.isfinite(rows.y)], (q - centre) / width]
+        if problem.contact_time is not None:
+            value, sd = problem.contact_time
+            late = rebound.contact_time.mean() - value
+            pieces.append([late / sd])
+        return np.concatenate(pieces)
 
-    jacobian = least_squares(residuals, np.zeros(x.size), jac="3-point", max_nfev=1).jac
-    return np.linalg.inv(jacobian.T @ jacobian) * np.outer(problem.prior.width, problem.prior.width)
+    start = np.zeros(x.size)
+    jacobian = least_squares(residuals, start, jac="3-point", max_nfev=1).jac
+    return np.linalg.inv(jacobian.T @ jacobian) * np.outer(width, width)
 
 
-def correlation(covariance):
-    return covariance / np.sqrt(np.outer(*2 * [np.diag(covariance)]))
+def sds_of(covariance):
+    return np.sqrt(np.diag(covariance))
+
+
+def covariance_of(first):
+    """Covariance (free, free) of a linearisation."""
+    root = first.root * first.sds[:, None]
+    return root @ root.T
+
+
+def residuals_at(problem, x):
+    """Standardised residuals at coordinates (free,), column after column."""
+    return cells(problem, x[None]).z[0].T.ravel()
 
 
 @pytest.mark.parametrize("timed", [False, True])
@@ -60,19 +70,13 @@ def test_standard_errors_are_scipys(timed):
     x = best(problem)
     first = first_order(problem, at(problem, x))
     exact = by_scipy(problem, x)
-    found = (first.root @ first.root.T) * np.outer(first.sds, first.sds)
-    np.testing.assert_allclose(
-        found / np.sqrt(np.outer(*2 * [np.diag(exact)])),
-        correlation(exact),
-        atol=1e-6,
-    )
-    np.testing.assert_allclose(
-        first.proposal.factor @ first.proposal.factor.T,
-        found,
-        rtol=1e-6,
-        atol=1e-12,
-    )
-    np.testing.assert_allclose(first.proposal.centre, x, rtol=1e-12)
+    covariance = covariance_of(first)
+    # In units of scipy's standard errors.
+    units = np.outer(sds_of(exact), sds_of(exact))
+    assert_allclose(covariance / units, exact / units, atol=1e-6)
+    factor = first.proposal.factor
+    assert_allclose(factor @ factor.T, covariance, rtol=1e-6, atol=1e-12)
+    assert_allclose(first.proposal.centre, x, rtol=1e-12)
 
 
 def test_a_refit_is_what_the_linearisation_says():
@@ -84,36 +88,34 @@ def test_a_refit_is_what_the_linearisation_says():
     y = problem.rows.y.copy()
     y[:, 0] += shape
     moved = replace(problem, rows=replace(problem.rows, y=y))
-    before, after = (cells(each, x[None]).z[0].T.ravel() for each in (problem, moved))
-    np.testing.assert_allclose(direction, after - before, rtol=1e-9, atol=1e-12)
+    before = residuals_at(problem, x)
+    after = residuals_at(moved, x)
+    assert_allclose(direction, after - before, rtol=1e-9, atol=1e-12)
     # Only part of it is left in its own column: the errors belong together.
-    assert np.abs(direction[12:]).max() > 0.1 * np.abs(direction).max()
-    again = best(moved, x)
-    np.testing.assert_allclose(
-        (again - x) / first.sds,
-        first.moves(direction),
-        rtol=0.05,
-        atol=2e-3,
-    )
+    largest = np.abs(direction).max()
+    assert np.abs(direction[12:]).max() > 0.1 * largest
+    refitted = best(moved, x)
+    moves = first.moves(direction)
+    assert_allclose((refitted - x) / first.sds, moves, rtol=0.05, atol=2e-3)
+    shifts = first.shifts(direction)
     sds = np.linalg.norm(first.root, axis=1) * first.sds
-    np.testing.assert_allclose(first.shifts(direction), first.moves(direction) * first.sds / sds)
-    assert np.abs(first.shifts(direction)).max() > 0.05
-    left = cells(moved, again[None]).z[0].T.ravel() - before
-    np.testing.assert_allclose(
-        first.after_refit(direction),
-        left,
-        atol=0.03 * np.abs(direction).max(),
-    )
-    assert np.linalg.norm(left) < 0.95 * np.linalg.norm(direction)
+    assert_allclose(shifts, moves * first.sds / sds)
+    assert np.abs(shifts).max() > 0.05
+    change = residuals_at(moved, refitted) - before
+    assert_allclose(first.after_refit(direction), change, atol=0.03 * largest)
+    assert np.linalg.norm(change) < 0.95 * np.linalg.norm(direction)
 
 
 def test_residuals_are_column_after_column_of_what_was_measured():
     problem = problem_of(table_of(REBOUND, gaps=True), None, "grip-slip", fix=NOISE)
-    first = first_order(problem, at(problem, near(problem, 1)[0]))
-    y = problem.rows.y
-    assert first.residual.size == np.isfinite(y).sum() < y.size
-    order = [(k, row) for k in range(3) for row in range(10) if np.isfinite(y[row, k])]
-    assert list(zip(first.column, first.rows, strict=True)) == order
+    (x,) = near(problem, 1)
+    first = first_order(problem, at(problem, x))
+    measured = np.isfinite(problem.rows.y)
+    assert first.residual.size == measured.sum()
+    assert measured.sum() < measured.size
+    columns, rows = np.nonzero(measured.T)
+    assert first.column.tolist() == columns.tolist()
+    assert first.rows.tolist() == rows.tolist()
     assert first.columns == REBOUND
 
 
@@ -130,15 +132,12 @@ def test_the_score_of_students_t_has_the_same_algebra():
     first = first_order(problem, point)
     gradient, curvature = Objective(problem, penalised=False).linearised(q)
     fitted = [problem.free.index(name) for name in first.names]
-    measured = first.slopes[: first.residual.size]
-    np.testing.assert_allclose(
-        measured.T @ first.residual,
-        -gradient[0, fitted] * first.sds,
-        rtol=1e-6,
-        atol=1e-9,
-    )
-    own = curvature[0][np.ix_(fitted, fitted)] * np.outer(first.sds, first.sds)
-    np.testing.assert_allclose(measured.T @ measured, own, rtol=1e-6, atol=1e-6)
+    slopes = first.slopes[: first.residual.size]
+    exact_gradient = -gradient[0, fitted] * first.sds
+    assert_allclose(slopes.T @ first.residual, exact_gradient, rtol=1e-6, atol=1e-9)
+    units = np.outer(first.sds, first.sds)
+    exact_curvature = curvature[0][np.ix_(fitted, fitted)] * units
+    assert_allclose(slopes.T @ slopes, exact_curvature, rtol=1e-6, atol=1e-6)
     assert "degrees_of_freedom" not in first.names
 
 
@@ -154,25 +153,34 @@ def test_freedom_of_a_straight_line_is_two_less():
     table = replace(table, values=values)
     wide = {"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"}
     problem = problem_of(table, None, "grip-slip", prior=wide, fix={"v_y_sd": 0.05})
-    first = first_order(
-        problem,
-        at(problem, problem.coordinates({"cor_10": 0.7, "cor_slope": -0.01})),
-    )
+    x = problem.coordinates({"cor_10": 0.7, "cor_slope": -0.01})
+    first = first_order(problem, at(problem, x))
     assert first.freedom == {"v_y_sd": pytest.approx(7.0, abs=0.01)}
     assert (first.basis**2).sum() == pytest.approx(2.0, abs=0.01)
 
 
+def truth_in(problem):
+    """Coordinates (free,) of the truth."""
+    (x,) = near(problem, 1, 0.0)
+    return x
+
+
+def two_mass_at_truth(columns, scene):
+    """The linearisation of the two-mass model at the truth."""
+    problem = problem_of(table_of(columns), scene, "two-mass")
+    return first_order(problem, at(problem, truth_in(problem)))
+
+
 def test_stiffnesses_are_traded_unless_a_time_was_measured():
-    problem = problem_of(table_of(REBOUND), scene_of(time=True, ball=True), "two-mass")
-    first = first_order(problem, at(problem, near(problem, 1, 0.0)[0]))
-    assert first.traded == {"k_y": ("k_theta",), "k_theta": ("k_y",)}
+    stiffnesses = {"k_y": ("k_theta",), "k_theta": ("k_y",)}
+    first = two_mass_at_truth(REBOUND, scene_of(time=True, ball=True))
+    assert first.traded == stiffnesses
     assert {"ball_mass", "inertia_ratio"} <= {*first.names}
-    problem = problem_of(table_of(TIMED), None, "two-mass")
-    assert first_order(problem, at(problem, near(problem, 1, 0.0)[0])).traded == {}
+    timed = two_mass_at_truth(TIMED, None)
+    assert timed.traded == {}
     # Of a faster clock and another law of speed the clock is known, since the scene states it.
-    problem = problem_of(table_of(REBOUND), scene_of(camera=True), "two-mass")
-    traded = first_order(problem, at(problem, near(problem, 1, 0.0)[0])).traded
-    assert traded == {"k_y": ("k_theta",), "k_theta": ("k_y",)}
+    filmed = two_mass_at_truth(REBOUND, scene_of(camera=True))
+    assert filmed.traded == stiffnesses
 
 
 def test_levels_that_agree_have_the_prior_of_a_search():
@@ -182,44 +190,49 @@ def test_levels_that_agree_have_the_prior_of_a_search():
         "grip-slip",
         fix=NOISE,
     )
-    x = near(problem, 1, 0.0)[0]
+    x = truth_in(problem)
     for level in problem.forward.levels:
-        one, other = (problem.free.index(level.name(label)) for label in level.labels)
-        x[one] = x[other]
+        first_label, second_label = level.labels
+        k = problem.free.index(level.name(second_label))
+        x[problem.free.index(level.name(first_label))] = x[k]
     first = first_order(problem, at(problem, x))
-    found = first.root @ first.root.T * np.outer(first.sds, first.sds)
-    wide = first.proposal.factor @ first.proposal.factor.T
-    np.testing.assert_allclose(found, wide, rtol=1e-6, atol=1e-14)
+    factor = first.proposal.factor
+    assert_allclose(covariance_of(first), factor @ factor.T, rtol=1e-6, atol=1e-14)
 
 
 def test_noise_is_known_to_two_measurements_each():
     problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip")
-    found = proposal(problem, near(problem, 1, 0.0)[0])
-    k = problem.free.index("spin_sd")
+    sd = sd_in_proposal(problem, truth_in(problem), "spin_sd")
     # ln of the noise: 2 n of the table, and the prior's.
-    assert (found.factor[k] ** 2).sum() == pytest.approx(1.0 / (2 * 12 + 0.7**-2), rel=1e-6)
+    precision = 2 * 12 + 0.7**-2
+    assert sd**2 == pytest.approx(1.0 / precision, rel=1e-6)
+
+
+def sd_in_proposal(problem, x, name):
+    """Standard deviation of a coordinate in the proposal at coordinates (free,)."""
+    factor = proposal(problem, x).factor
+    return np.linalg.norm(factor[problem.free.index(name)])
 
 
 def test_a_scatter_that_vanishes_has_room():
     problem = problem_of(table_of(REBOUND, "sd", count=40), None, "grip-slip")
-    x = near(problem, 1, 0.0)[0]
-    k = problem.free.index("v_x_sd")
-    x[k] = 1e-4
+    x = truth_in(problem)
+    x[problem.free.index("v_x_sd")] = 1e-4
     stated = problem.rows.sd[:, 0]
     # Its square is known to sqrt(2 / sum(s^-4)).
-    known = (2.0 / np.sum(stated**-4.0)) ** 0.25
-    found = np.sqrt((proposal(problem, x).factor[k] ** 2).sum())
-    assert 0.3 * known < found < 1.5 * known
+    exact = (2.0 / np.sum(stated**-4.0)) ** 0.25
+    sd = sd_in_proposal(problem, x, "v_x_sd")
+    assert 0.3 * exact < sd < 1.5 * exact
     # Where the column is withheld its half-t prior alone says how far: scale 0.25, four degrees of
     # freedom.
-    alone = proposal(problem.only(("v_y2", "omega_2")), x).factor[k]
-    assert np.sqrt((alone**2).sum()) == pytest.approx(0.25 / np.sqrt(1.25), rel=1e-3)
+    withheld = problem.only(("v_y2", "omega_2"))
+    sd_of_prior = sd_in_proposal(withheld, x, "v_x_sd")
+    assert sd_of_prior == pytest.approx(0.25 / np.sqrt(1.25), rel=1e-3)
 
 
 def test_long_tables_are_thinned_and_streamed(monkeypatch):
     problem = problem_of(table_of(REBOUND, count=400), scene_of(time=True), "two-mass", fix=NOISE)
-    x = near(problem, 1, 0.0)[0]
-    point = at(problem, x)
+    point = at(problem, truth_in(problem))
     exact = first_order(problem, point)
     monkeypatch.setattr(module, "LONG", 100)
     monkeypatch.setattr("fitball.inference.density.AT_ONCE", 4000)
@@ -227,25 +240,30 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     assert len(first.residual) == 300
     assert first.share == 0.25
     assert {*np.unique(first.rows)} == {*np.linspace(0, 399, 100).round()}
-    np.testing.assert_allclose(
+    assert_allclose(
         first.root @ first.root.T,
         exact.root @ exact.root.T,
         rtol=1e-8,
         atol=1e-14,
     )
     shape = np.full(400, 0.1)
-    small, whole = (one.shifts(one.direction("v_x2", shape)) for one in (first, exact))
-    np.testing.assert_allclose(small, whole, atol=0.1 * np.abs(whole).max())
-    assert np.abs(whole).max() > 1.0
-    assert first.freedom["spin_sd"] == pytest.approx(exact.freedom["spin_sd"], abs=0.5)
-    assert first.freedom["spin_sd"] > 397.0
+    thinned_shifts = first.shifts(first.direction("v_x2", shape))
+    exact_shifts = exact.shifts(exact.direction("v_x2", shape))
+    largest = np.abs(exact_shifts).max()
+    assert_allclose(thinned_shifts, exact_shifts, atol=0.1 * largest)
+    assert largest > 1.0
+    freedom = first.freedom["spin_sd"]
+    assert freedom == pytest.approx(exact.freedom["spin_sd"], abs=0.5)
+    assert freedom > 397.0
 
 
 def test_the_factor_of_an_inverse_holds_where_one_direction_is_known_far_better():
     rng = np.random.default_rng(1)
     sizes = np.geomspace(1.0, 1e12, 11)
     for _ in range(10):
-        turn = np.linalg.qr(rng.normal(size=(11, 11)))[0]
+        turn, _ = np.linalg.qr(rng.normal(size=(11, 11)))
         factor = factor_of_inverse(turn * sizes @ turn.T)
-        assert np.abs(np.triu(factor, 1)).max() < 1e-12
-        np.testing.assert_allclose(factor @ factor.T, turn / sizes @ turn.T, atol=1e-3)
+        above_diagonal = np.triu(factor, 1)
+        assert np.abs(above_diagonal).max() < 1e-12
+        inverse = turn / sizes @ turn.T
+        assert_allclose(factor @ factor.T, inverse, atol=1e-3)

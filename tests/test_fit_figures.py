@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import to_rgba
+from numpy.testing import assert_allclose, assert_array_equal
 from support.drawn import dots
 from support.made_fit import made_fit, table_of
 
@@ -20,8 +21,14 @@ HOSTILE = "\U0001f3be<b>$\\frac{\n\u202e^"
 BOTH = {"curves", "predictive", "residuals", "profiles", "forest"}
 SLIDING = {"regimes", "regime_map"}
 CASES = {
-    "few": ({"frame": table_of(3), "sampled": False}, (BOTH - {"forest"}) | SLIDING),
-    "drop": ({"frame": table_of(12, drop=True)}, BOTH | {"corner", "trace"}),
+    "few": (
+        {"frame": table_of(3), "sampled": False},
+        (BOTH - {"forest"}) | SLIDING,
+    ),
+    "drop": (
+        {"frame": table_of(12, drop=True)},
+        BOTH | {"corner", "trace"},
+    ),
     "many": (
         {
             "frame": table_of(60, ("clay", "grass", "hard", "carpet", "wood")),
@@ -58,15 +65,20 @@ def figure(name, fit):
     return styled(FIGURES[name], fit)
 
 
+def display_factor(fit, name):
+    """What turns values in SI units into those that are shown."""
+    return fit.quantity(name).spec.display_unit.factor
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_every_figure_is_drawn_of_every_table(case):
     options, names = CASES[case]
-    one = made_fit(**options)
-    assert {*drawable(one)} == names
+    fit = made_fit(**options)
+    assert {*drawable(fit)} == names
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for name in names:
-            drawn = figure(name, one)
+            drawn = figure(name, fit)
             assert saved(drawn).startswith(b"\x89PNG"), name
             # 16 parameters and 60 impacts are too many for one picture.
             assert name != "corner" or len(drawn.axes) <= parameters.CORNER**2
@@ -78,57 +90,60 @@ def test_dots_of_curves_are_residuals_added_to_their_line(pooled):
     lines = pooled.curves
     for axis, column in zip(axes, dict.fromkeys(frame["column"]), strict=True):
         for k, look in shared.looks(lines).items():
-            own = frame[(frame["column"] == column) & (frame["series"] == k)]
-            line = lines[(lines["column"] == column) & (lines["series"] == k)]
-            at = np.degrees(own["theta_1"])
-            expected = (
-                np.interp(at, np.degrees(line["along"]), line["median"])
-                + own["observed"]
-                - own["median"]
-            )
-            np.testing.assert_allclose(
-                dots(axis, look.marker),
-                np.column_stack([at, expected]),
-                rtol=1e-12,
-            )
+            impacts = rows_of(frame, column=column, series=k)
+            line = rows_of(lines, column=column, series=k)
+            angle = np.degrees(impacts["theta_1"])
+            on_line = np.interp(angle, np.degrees(line["along"]), line["median"])
+            residual = impacts["observed"] - impacts["median"]
+            expected = np.column_stack([angle, on_line + residual])
+            assert_allclose(dots(axis, look.marker), expected, rtol=1e-12)
+
+
+def rows_of(frame, column, series):
+    """Rows of one column and one series."""
+    of_column = frame[frame["column"] == column]
+    return of_column[of_column["series"] == series]
 
 
 def test_dots_and_bars_of_predictions_are_those_of_the_frame(fit):
     axes = figure("predictive", fit).axes
-    for axis, (_, mine) in zip(axes, fit.predictions.groupby("column", sort=False), strict=True):
+    columns = fit.predictions.groupby("column", sort=False)
+    for axis, (_, rows) in zip(axes, columns, strict=True):
         drawn = np.concatenate([dots(axis, marker) for marker in "os"])
-        np.testing.assert_array_equal(
-            np.sort(drawn, axis=0),
-            np.sort(mine[["median", "observed"]].to_numpy(), axis=0),
-        )
-        bars = np.array([segment[:, 1] for segment in axis.collections[0].get_segments()])
-        np.testing.assert_array_equal(bars, mine[["new_q025", "new_q975"]])
-        inside = (
-            (mine["observed"] >= mine["new_q025"]) & (mine["observed"] <= mine["new_q975"])
-        ).sum()
-        assert axis.texts[0].get_text().startswith(f"{inside} of 24")
+        expected = rows[["median", "observed"]].to_numpy()
+        assert_array_equal(np.sort(drawn, axis=0), np.sort(expected, axis=0))
+        segments = axis.collections[0].get_segments()
+        bars = np.array([segment[:, 1] for segment in segments])
+        assert_array_equal(bars, rows[["new_q025", "new_q975"]])
+        inside = rows["observed"].between(rows["new_q025"], rows["new_q975"])
+        words = axis.texts[0].get_text()
+        assert words.startswith(f"{inside.sum()} of 24")
 
 
-def trends(made):
-    found = figure("residuals", made)
-    return sum(line.get_color() == MOVED for axis in found.axes for line in axis.lines)
+def trends(fit):
+    """How many trends the figure of residuals shows."""
+    drawn = figure("residuals", fit)
+    return sum(line.get_color() == MOVED for axis in drawn.axes for line in axis.lines)
+
+
+def with_bent_residuals(answer):
+    """A fit of which the residuals of v_x2 follow the angle of impact."""
+    fit = made_fit(answer=answer)
+    frame = fit.predictions
+    angle = frame["theta_1"]
+    bent = 3.0 * (angle - angle.mean()) + 0.1 * np.cos(frame["row"] * 5)
+    frame["z"] = np.where(frame["column"] == "v_x2", bent, 0.0)
+    return fit
 
 
 def test_trends_are_drawn_only_where_a_test_found_something():
-    bent = {answer: made_fit(answer=answer) for answer in ("describes", "describes except")}
-    for one in bent.values():
-        frame = one.predictions
-        place = one.predictions["theta_1"]
-        frame["z"] = np.where(
-            frame["column"] == "v_x2",
-            3.0 * (place - place.mean()) + 0.1 * np.cos(frame["row"] * 5),
-            0.0,
-        )
-    assert trends(bent["describes"]) == 0
-    assert trends(bent["describes except"]) >= 1
+    assert trends(with_bent_residuals("describes")) == 0
+    fit = with_bent_residuals("describes except")
+    assert trends(fit) >= 1
     # One of twelve panels of noise in a hundred.
+    frame = fit.predictions
     frame["z"] = np.random.default_rng(0).standard_normal(len(frame))
-    assert trends(bent["describes except"]) == 0
+    assert trends(fit) == 0
 
 
 def test_a_trend_agrees_with_the_f_test():
@@ -140,39 +155,53 @@ def test_a_trend_agrees_with_the_f_test():
         x = rng.standard_normal(12)
         z = rng.standard_normal(12)
         z += 1.5 * x * (k % 2)
-        left = ((z - np.polyval(np.polyfit(x, z, 2), x)) ** 2).sum()
-        whole = ((z - z.mean()) ** 2).sum()
-        found = f.sf((whole - left) / 2 / (left / 9), 2, 9) < 0.01
-        assert (predictions._trend(x, z) is not None) == found
-        agreed += found
+        parabola = np.polyval(np.polyfit(x, z, 2), x)
+        remaining = np.sum((z - parabola) ** 2)
+        total = np.sum((z - z.mean()) ** 2)
+        ratio = ((total - remaining) / 2) / (remaining / 9)
+        significant = f.sf(ratio, 2, 9) < 0.01
+        assert (predictions._trend(x, z) is not None) == significant
+        agreed += significant
     assert 20 < agreed < 180
     assert predictions._trend(np.ones(9), rng.standard_normal(9)) is None
 
 
 def test_many_rows_are_drawn_as_bins(fit):
-    one = made_fit()
+    long = made_fit()
     rng = np.random.default_rng(5)
     frame = pd.concat([fit.predictions] * 1400, ignore_index=True)
     frame["theta_1"] += 0.05 * rng.standard_normal(len(frame))
     frame["z"] = rng.standard_normal(len(frame))
     frame["observed"] = frame["median"] + frame["noise"] * frame["z"]
-    one.__dict__["predictions"] = frame
+    long.__dict__["predictions"] = frame
     assert len(frame) > 100_000
     for name in ("curves", "predictive", "residuals"):
-        counts = [len(line.get_xydata()) for axis in figure(name, one).axes for line in axis.lines]
-        assert max(counts) <= max(61, shared.BINS), name
-    axis = figure("residuals", one).axes[0]
-    mine = frame[frame["column"] == "v_x2"].sort_values("theta_1", kind="stable")
-    first = mine.iloc[: -(-len(mine) // shared.BINS)]
-    middle = [np.degrees(first["theta_1"].median()), first["z"].median()]
-    np.testing.assert_allclose(dots(axis, "o")[0], middle, rtol=1e-12)
+        for axis in figure(name, long).axes:
+            for line in axis.lines:
+                assert len(line.get_xydata()) <= max(61, shared.BINS), name
+    axis = figure("residuals", long).axes[0]
+    of_column = frame[frame["column"] == "v_x2"]
+    sorted_rows = of_column.sort_values("theta_1", kind="stable")
+    size_of_bin = -(-len(sorted_rows) // shared.BINS)
+    medians = sorted_rows[["theta_1", "z"]].iloc[:size_of_bin].median()
+    middle = [np.degrees(medians["theta_1"]), medians["z"]]
+    assert_allclose(dots(axis, "o")[0], middle, rtol=1e-12)
 
 
-def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
-    one = made_fit(model="two-mass", fix={"k_theta": 20.0}, prior={"k_y": "lognormal(2e4, 0.3)"})
-    one.draws.values["k_y"][:] = 2e4 * np.exp(np.random.default_rng(6).standard_normal(400))
-    drawn = figure("corner", one)
-    names = parameters.cornered(one)
+@pytest.fixture(scope="module")
+def stiff():
+    """A fit of which the stiffness has a prior far narrower than its draws."""
+    fixed = {"k_theta": 20.0}
+    prior = {"k_y": "lognormal(2e4, 0.3)"}
+    fit = made_fit(model="two-mass", fix=fixed, prior=prior)
+    z = np.random.default_rng(6).standard_normal(400)
+    fit.draws.values["k_y"][:] = 2e4 * np.exp(z)
+    return fit
+
+
+def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate(stiff):
+    drawn = figure("corner", stiff)
+    names = parameters.cornered(stiff)
     assert "k_theta" not in names
     assert "k_y" in names
     # Panels are on and below the diagonal.
@@ -182,57 +211,60 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate():
         if name == "k_y":
             # An axis of logarithms.
             continue
-        unit = one.quantity(name).spec.display_unit
-        ends = one.summary.loc[name, ["q025", "q975"]].to_numpy(float) * unit.factor
-        np.testing.assert_allclose(grid[-1, k].get_xticks(), ends, rtol=1e-12)
+        interval = stiff.summary.loc[name, ["q025", "q975"]].to_numpy(float)
+        expected = interval * display_factor(stiff, name)
+        assert_allclose(grid[-1, k].get_xticks(), expected, rtol=1e-12)
     # All of the narrow prior lies within the axis, whose unit and logarithm change the density.
-    curve = next(
-        line
-        for line in grid[names.index("k_y")][names.index("k_y")].lines
-        if line.get_color() == PRIOR
-    )
+    k = names.index("k_y")
+    curve = next(line for line in grid[k, k].lines if line.get_color() == PRIOR)
     x, y = curve.get_xydata().T
     dense = np.linspace(x[0], x[-1], 20_001)
-    assert np.trapezoid(np.interp(dense, x, y), dense) == pytest.approx(1.0, abs=0.01)
-    prior = next(item.prior for item in one.problem.parameters if item.spec.name == "k_y")
+    area = np.trapezoid(np.interp(dense, x, y), dense)
+    assert area == pytest.approx(1.0, abs=0.01)
+    by_name = {parameter.spec.name: parameter for parameter in stiff.problem.parameters}
+    prior = by_name["k_y"].prior
     for place, height in zip(x[20:40:5], y[20:40:5], strict=True):
-        low, high = (np.log(10.0 ** (place + step) * 1e3) for step in (-1e-4, 1e-4))
-        share = np.exp(prior.log_density(np.array([0.5 * (low + high)])))[0] * (high - low) / 2e-4
-        assert height == pytest.approx(share, rel=1e-6)
+        # The axis shows log10 of kN/m, the prior's coordinate is ln of N/m.
+        low = np.log(10.0 ** (place - 1e-4) * 1e3)
+        high = np.log(10.0 ** (place + 1e-4) * 1e3)
+        middle = np.array([0.5 * (low + high)])
+        density = np.exp(prior.log_density(middle))[0]
+        assert height == pytest.approx(density * (high - low) / 2e-4, rel=1e-6)
 
 
 def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
-    axis = next(
-        a for a in figure("forest", fit).axes if a.get_title(loc="left") == symbol(fit, "mu")
-    )
-    own = fit.summary.loc["mu"]
+    axes = {axis.get_title(loc="left"): axis for axis in figure("forest", fit).axes}
+    axis = axes[symbol(fit, "mu")]
+    summary = fit.summary.loc["mu"]
     moved = fit.variants.query("quantity == 'mu' and choice == 'offset=grip'").iloc[0]
-    marks = {line.get_xdata()[0]: line for line in axis.lines if len(line.get_xdata()) == 1}
-    assert to_rgba(marks[own["median"]].get_color()) == to_rgba(MODEL)
-    assert to_rgba(marks[moved["median"]].get_color()) == to_rgba(MOVED)
-    shade = axis.patches[0].get_extents().transformed(axis.transData.inverted()).intervalx
-    np.testing.assert_allclose(shade, own[["q025", "q975"]].astype(float), rtol=1e-12)
+    colours = {}
+    for line in axis.lines:
+        place, *others = line.get_xdata()
+        if not others:
+            colours[place] = to_rgba(line.get_color())
+    assert colours[summary["median"]] == to_rgba(MODEL)
+    assert colours[moved["median"]] == to_rgba(MOVED)
+    to_data = axis.transData.inverted()
+    shade = axis.patches[0].get_extents().transformed(to_data)
+    interval = summary[["q025", "q975"]].astype(float)
+    assert_allclose(shade.intervalx, interval, rtol=1e-12)
     # The variant that fits worse is not there, the constant has no median.
-    assert sum(np.isfinite(place) for place in marks) == 2
+    assert sum(map(np.isfinite, colours)) == 2
 
 
 def test_profiles_mark_their_intervals(fit):
     axes = figure("profiles", fit).axes
     for axis, (name, profile) in zip(axes, fit.profiles.items(), strict=False):
-        unit = fit.quantity(name).spec.display_unit
-        factor = unit.factor
+        factor = display_factor(fit, name)
         curve, bar, posterior = axis.lines
-        np.testing.assert_allclose(
-            curve.get_xydata(),
-            np.column_stack([factor * profile.values, -profile.drop]),
-        )
+        expected = np.column_stack([factor * profile.values, -profile.drop])
+        assert_allclose(curve.get_xydata(), expected)
         low, high = profile.interval_95
-        expected = [profile.values[0] if low is None else low, high]
-        np.testing.assert_allclose(bar.get_xdata(), factor * np.array(expected))
-        np.testing.assert_allclose(
-            posterior.get_xdata(),
-            factor * fit.summary.loc[name, ["q025", "q975"]].astype(float),
-        )
+        if low is None:
+            low = profile.values[0]
+        assert_allclose(bar.get_xdata(), [factor * low, factor * high])
+        interval = fit.summary.loc[name, ["q025", "q975"]].astype(float)
+        assert_allclose(posterior.get_xdata(), factor * interval)
 
 
 def test_bars_of_regimes_are_shares_of_draws():
@@ -245,47 +277,48 @@ def test_bars_of_regimes_are_shares_of_draws():
         # Each begins where the one before ends.
         assert bar.get_x() == pytest.approx(ends[place])
         ends[place] += bar.get_width()
-    np.testing.assert_allclose(ends, 1.0)
+    assert_allclose(ends, 1.0)
     names = [text.get_text().split("  ")[0] for text in axis.get_yticklabels()]
-    sizes = {
-        container.get_label(): [bar.get_width() for bar in container]
-        for container in axis.containers
-    }
-    states = fit.problem.rows.states
-    draws = {
-        spec.name: fit.draws.values[spec.name][:200]
-        for spec in fit.problem.forward.model.parameters
-    }
-    told = fit.problem.forward.model.rebound(draws, states).regime
-    for place, name in enumerate(names):
-        for regime, widths in sizes.items():
-            share = np.mean([regime_name(code) == regime for code in told[:, int(name) - 1]])
-            assert widths[place] == pytest.approx(share)
-    assert sum(0.1 < width < 0.9 for widths in sizes.values() for width in widths) > 5
+    model = fit.problem.forward.model
+    draws = {spec.name: fit.draws.values[spec.name][:200] for spec in model.parameters}
+    codes = model.rebound(draws, fit.problem.rows.states).regime
+    all_widths = []
+    for bars in axis.containers:
+        regime = bars.get_label()
+        for bar, name in zip(bars, names, strict=True):
+            of_impact = [regime_name(code) for code in codes[:, int(name) - 1]]
+            share = of_impact.count(regime) / len(of_impact)
+            assert bar.get_width() == pytest.approx(share)
+            all_widths.append(bar.get_width())
+    assert sum(0.1 < width < 0.9 for width in all_widths) > 5
 
 
 def test_the_regime_map_is_what_the_model_says(fit):
     drawn = figure("regime_map", fit)
     axis = drawn.axes[0]
     image = axis.images[0]
-    patches = drawn.legends[0].get_patches()
-    names = [text.get_text() for text in drawn.legends[0].get_texts()][: len(patches)]
+    legend = drawn.legends[0]
+    names = [text.get_text() for text in legend.get_texts()]
+    names_of_colours = names[: len(legend.get_patches())]
     west, east, south, north = image.get_extent()
     assert axis.get_xlim() == (west, east)
     assert axis.get_ylim() == (south, north)
     array = image.get_array()
-    speed = np.median(fit.problem.rows.states.polar()[0])
-    values = {
-        spec.name: fit.draws.point[spec.name] for spec in fit.problem.forward.model.parameters
-    }
+    rows, columns = array.shape
+    angles = np.radians(np.linspace(west, east, columns))
+    spins = np.linspace(south, north, rows)
+    speeds, _ = fit.problem.rows.states.polar()
+    speed = np.median(speeds)
+    model = fit.problem.forward.model
+    values = {spec.name: fit.draws.point[spec.name] for spec in model.parameters}
     seen = set()
-    for row in range(0, array.shape[0], 9):
-        for column in range(0, array.shape[1], 7):
-            angle = np.radians(west + (east - west) * column / (array.shape[1] - 1))
-            spin = south + (north - south) * row / (array.shape[0] - 1)
-            state = fitball.impacts(speed * np.cos(angle), speed * np.sin(angle), spin)
-            regime = regime_name(fit.problem.forward.model.rebound(values, state).regime[0])
-            assert names[int(array[row, column])] == regime
+    for row in range(0, rows, 9):
+        for column in range(0, columns, 7):
+            v_x = speed * np.cos(angles[column])
+            v_y = speed * np.sin(angles[column])
+            rebound = model.rebound(values, fitball.impacts(v_x, v_y, spins[row]))
+            regime = regime_name(rebound.regime[0])
+            assert names_of_colours[int(array[row, column])] == regime
             seen.add(regime)
     assert len(seen) > 1
 
@@ -293,19 +326,22 @@ def test_the_regime_map_is_what_the_model_says(fit):
 def test_a_legend_of_curves_names_the_speed_where_speeds_differ(pooled):
     lines = pooled.curves
     first = lines["series"].min()
-    for other, named in ((20.0, False), (10.0, True)):
-        known = shared.looks(lines.assign(speed=np.where(lines["series"] == first, other, 20.0)))
-        assert len(known) > 1
-        assert all(("m/s" in look.name) == named for look in known.values())
+    for speed_of_first, named in ((20.0, False), (10.0, True)):
+        speed = np.where(lines["series"] == first, speed_of_first, 20.0)
+        looks = shared.looks(lines.assign(speed=speed))
+        assert len(looks) > 1
+        for look in looks.values():
+            assert ("m/s" in look.name) == named
 
 
 def test_a_value_of_which_a_few_draws_are_not_positive_has_no_logarithmic_axis():
-    one = made_fit()
-    draws = one.draws.values["mu"]
+    fit = made_fit()
+    draws = fit.draws.values["mu"]
     rng = np.random.default_rng(1)
     draws[:] = np.exp(rng.normal(0.0, 2.0, len(draws)))
     draws[:3] = -1e-3, 0.0, -2e-3
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        drawn = figure("corner", one)
-    assert drawn.axes[0].get_xlim()[0] < 0.0 < drawn.axes[0].get_xlim()[1]
+        drawn = figure("corner", fit)
+    low, high = drawn.axes[0].get_xlim()
+    assert low < 0.0 < high

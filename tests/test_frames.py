@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from support.made_fit import made_fit, table_of
 
 import fitball
@@ -16,6 +17,7 @@ from fitball.inference.schema import Alternative, Summary
 from fitball.inference.summary import summarise
 
 SHOWN = ("v_x2", "v_y2", "omega_2")
+QUANTILES = ["q025", "q16", "median", "q84", "q975"]
 
 
 @pytest.fixture(scope="module")
@@ -25,115 +27,138 @@ def fit():
 
 @pytest.mark.parametrize(
     ("table", "count"),
-    [(table_of(40, surfaces=("clay", "grass", "hard")), 3), (table_of(12, drop=True), 1)],
+    [
+        (table_of(40, surfaces=("clay", "grass", "hard")), 3),
+        (table_of(12, drop=True), 1),
+    ],
 )
 def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(table, count):
-    made = made_fit(table, model="brody")
-    found, which = series(made.problem)
+    fit = made_fit(table, model="brody")
+    all_series, which = series(fit.problem)
     assert which.shape == (len(table),)
-    assert count <= len(found) <= 6
-    assert {*which} == {*range(len(found))}
-    labels = made.problem.table.labels.get("surface", ("",) * len(table))
-    assert all(label in found[k].name for k, label in zip(which, labels, strict=True))
-    drawn = curves(made.problem, made.draws)
+    assert count <= len(all_series) <= 6
+    assert {*which} == {*range(len(all_series))}
+    no_labels = ("",) * len(table)
+    labels = fit.problem.table.labels.get("surface", no_labels)
+    for k, label in zip(which, labels, strict=True):
+        assert label in all_series[k].name
+    drawn = curves(fit.problem, fit.draws)
     assert {*drawn["series"]} == {*which}
-    assert {*drawn["column"]} == {item.column.name for item in made.problem.observables}
-    place = made.problem.rows.states
-    along = place.v_y1 if count == 1 else place.polar()[1]
+    columns = {observable.column.name for observable in fit.problem.observables}
+    assert {*drawn["column"]} == columns
+    states = fit.problem.rows.states
+    if count == 1:
+        along = states.v_y1
+    else:
+        _, along = states.polar()
     for k, rows in drawn[drawn["within"]].groupby("series"):
-        assert along[which == k].min() <= rows["along"].min()
-        assert rows["along"].max() <= along[which == k].max()
+        impacts = along[which == k]
+        assert impacts.min() <= rows["along"].min()
+        assert rows["along"].max() <= impacts.max()
 
 
 def test_a_curve_is_the_model_at_its_speed_spin_and_level(fit):
-    drawn = curves(fit.problem, fit.draws)
+    drawn = curves(fit.problem, fit.draws).set_index(["name", "speed", "spin"])
     model = fit.problem.forward.model
-    for one in series(fit.problem)[0]:
-        rows = drawn[
-            (drawn["name"] == one.name)
-            & (drawn["speed"] == one.speed)
-            & (drawn["spin"] == one.spin)
-        ]
-        values = {
-            spec.name: fit.draws.point.get(
-                f"{spec.name}[{one.name}]",
-                fit.draws.point.get(spec.name),
-            )
-            for spec in model.parameters
-        }
-        angle = rows[rows["column"] == "v_x2"]["along"].to_numpy()
-        wanted = model.rebound(
-            values,
-            fitball.impacts(one.speed * np.cos(angle), one.speed * np.sin(angle), one.spin),
-        )
+    point = fit.draws.point
+    all_series, _ = series(fit.problem)
+    for each in all_series:
+        rows = drawn.xs((each.name, each.speed, each.spin)).set_index("column")
+        values = {}
+        for spec in model.parameters:
+            of_level = f"{spec.name}[{each.name}]"
+            values[spec.name] = point.get(of_level, point.get(spec.name))
+        angle = rows.loc["v_x2", "along"].to_numpy()
+        v_x = each.speed * np.cos(angle)
+        v_y = each.speed * np.sin(angle)
+        rebound = model.rebound(values, fitball.impacts(v_x, v_y, each.spin))
         for name in SHOWN:
-            points = rows[rows["column"] == name]
-            np.testing.assert_allclose(points["point"], wanted.column(name), rtol=1e-12)
-            assert np.all(np.diff(points[["q025", "q16", "median", "q84", "q975"]]) >= 0.0)
+            points = rows.loc[name]
+            assert_allclose(points["point"], rebound.column(name), rtol=1e-12)
+            assert np.all(np.diff(points[QUANTILES]) >= 0.0)
 
 
 def test_predictions_have_a_row_for_each_impact_and_column(fit):
-    found = fit.predictions
+    predictions = fit.predictions
     table = fit.problem.table
-    assert len(found) == 40 * 3
-    assert found.groupby("column")["id"].apply(tuple).tolist() == [table.labels["id"]] * 3
+    assert len(predictions) == 40 * 3
+    ids = predictions.groupby("column")["id"].apply(tuple)
+    assert ids.tolist() == [table.labels["id"]] * 3
     for name in SHOWN:
-        rows = found[found["column"] == name]
-        np.testing.assert_array_equal(rows["observed"], table.values[name])
-        np.testing.assert_allclose(
-            rows["z"],
-            (rows["observed"] - rows["median"]) / rows["noise"],
-            rtol=1e-12,
-        )
-    np.testing.assert_allclose(found["v_1"] * np.cos(found["theta_1"]), found["v_x1"], rtol=1e-12)
-    assert found["surface"].tolist() == [*table.labels["surface"]] * 3
+        rows = predictions[predictions["column"] == name]
+        assert_array_equal(rows["observed"], table.values[name])
+        z = (rows["observed"] - rows["median"]) / rows["noise"]
+        assert_allclose(rows["z"], z, rtol=1e-12)
+    v_x1 = predictions["v_1"] * np.cos(predictions["theta_1"])
+    assert_allclose(v_x1, predictions["v_x1"], rtol=1e-12)
+    surfaces = [*table.labels["surface"]]
+    assert predictions["surface"].tolist() == surfaces * 3
 
 
 def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monkeypatch):
-    found = fit.regimes
+    regimes = fit.regimes
     impacts = fit.predictions.drop_duplicates("row")
-    assert found.groupby("row")["share"].sum().tolist() == pytest.approx([1.0] * 40)
-    most = found.sort_values("share").groupby("row").last()
+    shares = regimes.groupby("row")["share"].sum()
+    assert shares.tolist() == pytest.approx([1.0] * 40)
+    most = regimes.sort_values("share").groupby("row").last()
     assert most["regime"].tolist() == impacts["regime"].tolist()
     assert most["id"].tolist() == impacts["id"].tolist()
-    np.testing.assert_allclose(
-        fit.balances["cor_sd"],
-        fit.draws.best["v_y_sd"][0] / impacts["v_y1"],
-        rtol=1e-12,
-    )
+    sd_of_cor = fit.draws.best["v_y_sd"][0] / impacts["v_y1"]
+    assert_allclose(fit.balances["cor_sd"], sd_of_cor, rtol=1e-12)
     monkeypatch.setattr(frames, "PREDICTED", 3)
-    assert [*dict.fromkeys(frames.regimes(fit.problem, fit.draws)["row"])] == [0, 20, 39]
+    thinned = frames.regimes(fit.problem, fit.draws)
+    assert thinned["row"].unique().tolist() == [0, 20, 39]
 
 
 def test_a_point_fit_has_curves_without_bands():
-    drawn = curves((made := made_fit(sampled=False)).problem, made.draws)
-    assert drawn[["q025", "q16", "median", "q84", "q975"]].isna().all(axis=None)
+    fit = made_fit(sampled=False)
+    drawn = curves(fit.problem, fit.draws)
+    assert drawn[QUANTILES].isna().all(axis=None)
     assert drawn["point"].notna().all()
-    assert made.predictions["z"].notna().all()
+    assert fit.predictions["z"].notna().all()
 
 
 def test_what_another_choice_moves_is_in_sds_of_the_fit():
     here = SimpleNamespace(name="mu", half=0.02, median=0.5, q025=0.46, q975=0.54)
     there = Summary(0.53, 0.53, 0.03, 0.45, 0.5, 0.56, 0.62)
-    shared = {"instead_of": "offset=contact", "score": None, "error": None, "as_good": True}
-    parts = {
-        name: SimpleNamespace(**shared, choice=name, reason=reason, summaries={"mu": there})
-        for name, reason in (("offset=grip", ""), ("spin=shell", "no answer"))
-    }
-    assert {*shared, "choice", "reason", "summaries"} <= {*Alternative.__struct_fields__}
+
+    def alternative(choice, reason):
+        fields = {
+            "choice": choice,
+            "reason": reason,
+            "summaries": {"mu": there},
+            "instead_of": "offset=contact",
+            "score": None,
+            "error": None,
+            "as_good": True,
+        }
+        assert {*fields} <= {*Alternative.__struct_fields__}
+        return SimpleNamespace(**fields)
+
+    alternatives = [
+        alternative("offset=grip", reason=""),
+        alternative("spin=shell", reason="no answer"),
+    ]
     held = SimpleNamespace(name="ball_radius", low=0.032, high=0.034, moves={"mu": -0.5})
-    found = frames.variants([here], [*parts.values()], [held]).set_index("choice")
-    far = np.append(np.random.default_rng(1).normal(0.5, 0.02, 4000), np.full(20, 50.0))
-    assert summarise(far, 0.5).half == pytest.approx(0.02, rel=0.05)
-    assert summarise(far, 0.5).sd > 1.0
-    assert np.isnan(summarise(np.append(far, np.full(4020, np.nan)), 0.5).median)
+    variants = frames.variants([here], alternatives, [held]).set_index("choice")
+    grip = variants.loc["offset=grip"]
+    shell = variants.loc["spin=shell"]
+    radius = variants.loc["ball_radius"]
     # (0.53 - 0.5)/0.02, and (0.62 - 0.54)/0.02 at the far end.
-    assert found.loc["offset=grip", ["moved", "reach"]].tolist() == pytest.approx([1.5, 4.0])
-    assert found.loc["spin=shell", "quantity"] == ""
-    assert pd.isna(found.loc["spin=shell", "moved"])
-    assert found.loc["ball_radius", ["moved", "q025", "q975"]].tolist() == pytest.approx(
-        [0.5, 0.49, 0.51]
-    )
+    assert grip["moved"] == pytest.approx(1.5)
+    assert grip["reach"] == pytest.approx(4.0)
+    assert shell["quantity"] == ""
+    assert pd.isna(shell["moved"])
+    assert radius["moved"] == pytest.approx(0.5)
+    assert radius["q025"] == pytest.approx(0.49)
+    assert radius["q975"] == pytest.approx(0.51)
+    # An sd is that of the bulk of the draws.
+    bulk = np.random.default_rng(1).normal(0.5, 0.02, 4000)
+    with_far = np.append(bulk, np.full(20, 50.0))
+    assert summarise(with_far, 0.5).half == pytest.approx(0.02, rel=0.05)
+    assert summarise(with_far, 0.5).sd > 1.0
+    with_gaps = np.append(with_far, np.full(4020, np.nan))
+    assert np.isnan(summarise(with_gaps, 0.5).median)
 
 
 def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_one():
@@ -156,18 +181,28 @@ def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_o
         reason="",
         given=("normal=momentum", "model"),
     )
-    shared = {"instead_of": "normal=momentum", "score": None, "error": None, "reason": ""}
-    shifts = ((0.002, 0.1, True), (0.06, 0.0, True), (0.001, 0.0, True), (0.4, 0.0, False))
-    tried = [
-        SimpleNamespace(
-            **shared,
-            choice=f"normal={k}",
-            as_good=good,
-            summaries={"mu": Summary(0.5 + by, 0.5 + by, 0.02, 0.46, 0.5, 0.5, 0.54 + end)},
-        )
-        for k, (by, end, good) in enumerate(shifts)
+    shifts = [
+        (0.002, 0.1, True),
+        (0.06, 0.0, True),
+        (0.001, 0.0, True),
+        (0.4, 0.0, False),
     ]
-    row = frames.summary([here], {}, None, frames.variants([here], tried, [])).loc["mu"]
+    alternatives = []
+    for k, (shift, shift_of_end, as_good) in enumerate(shifts):
+        median = 0.5 + shift
+        end = 0.54 + shift_of_end
+        alternative = SimpleNamespace(
+            choice=f"normal={k}",
+            instead_of="normal=momentum",
+            score=None,
+            error=None,
+            reason="",
+            as_good=as_good,
+            summaries={"mu": Summary(median, median, 0.02, 0.46, 0.5, 0.5, end)},
+        )
+        alternatives.append(alternative)
+    variants = frames.variants([here], alternatives, [])
+    row = frames.summary([here], {}, None, variants).loc["mu"]
     # An end by 0.1 is farther than a median by 0.06; a variant that fits worse does not count.
     assert row["moved"] == pytest.approx(5.0)
     assert row["given"].split("; ")[0] == "normal=momentum"

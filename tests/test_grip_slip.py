@@ -16,7 +16,13 @@ STATES = fitball.impacts(
     RNG.uniform(3, 25, 300),
     RNG.uniform(-500, 500, 300),
 )
-VALUES = {"mu": 0.45, "e_x": 0.15, "offset": 0.004, "cor_10": 0.75, "cor_slope": 0.0}
+VALUES = {
+    "mu": 0.45,
+    "e_x": 0.15,
+    "offset": 0.004,
+    "cor_10": 0.75,
+    "cor_slope": 0.0,
+}
 
 
 def slip(v_x, omega, radius=BALL.radius):
@@ -29,15 +35,24 @@ def balanced(v_x1, v_y1, omega_1, mu, e_x, offset, cor):
     """
     normal = BALL.mass * (1.0 + cor) * v_y1
     # Unknowns: v_x2, omega_2, friction impulse (it retards).
-    equations = [[BALL.mass, 0.0, 1.0], [0.0, INERTIA, -BALL.radius], [1.0, -BALL.radius, 0.0]]
-    given = [BALL.mass * v_x1, INERTIA * omega_1 - offset * normal, -e_x * slip(v_x1, omega_1)]
-    v_x2, omega_2, friction = np.linalg.solve(equations, given)
-    if abs(friction) > mu * normal:
-        friction = np.copysign(mu * normal, friction)
-        v_x2 = v_x1 - friction / BALL.mass
-        omega_2 = omega_1 + (BALL.radius * friction - offset * normal) / INERTIA
-        return v_x2, omega_2, "slide" if friction > 0.0 else "slide back"
-    return v_x2, omega_2, "grip"
+    equations = [
+        [BALL.mass, 0.0, 1.0],
+        [0.0, INERTIA, -BALL.radius],
+        [1.0, -BALL.radius, 0.0],
+    ]
+    right_side = [
+        BALL.mass * v_x1,
+        INERTIA * omega_1 - offset * normal,
+        -e_x * slip(v_x1, omega_1),
+    ]
+    v_x2, omega_2, friction = np.linalg.solve(equations, right_side)
+    if abs(friction) <= mu * normal:
+        return v_x2, omega_2, "grip"
+    friction = np.copysign(mu * normal, friction)
+    v_x2 = v_x1 - friction / BALL.mass
+    omega_2 = omega_1 + (BALL.radius * friction - offset * normal) / INERTIA
+    regime = "slide" if friction > 0.0 else "slide back"
+    return v_x2, omega_2, regime
 
 
 @pytest.mark.parametrize(
@@ -49,27 +64,32 @@ def balanced(v_x1, v_y1, omega_1, mu, e_x, offset, cor):
     ],
 )
 def test_it_solves_its_balances(text, changes):
-    values = {**VALUES, **changes} | ({"e_x": 0.0, "offset": 0.0} if text == "brody" else {})
+    values = {**VALUES, **changes}
+    if text == "brody":
+        values |= {"e_x": 0.0, "offset": 0.0}
     model = fitball.model(text)
+    parameters = {spec.name: values[spec.name] for spec in model.parameters}
+    rebound = model.rebound(parameters, STATES)
     regimes = set()
-    found = model.rebound({spec.name: values[spec.name] for spec in model.parameters}, STATES)
     for k in range(len(STATES)):
-        state = STATES.v_x1[k], STATES.v_y1[k], STATES.omega_1[k]
         v_x2, omega_2, regime = balanced(
-            *state,
+            STATES.v_x1[k],
+            STATES.v_y1[k],
+            STATES.omega_1[k],
             values["mu"],
             values["e_x"],
             values["offset"],
             values["cor_10"],
         )
-        assert found.v_x2[k] == pytest.approx(v_x2, rel=1e-12, abs=1e-12)
-        assert found.omega_2[k] == pytest.approx(omega_2, rel=1e-12, abs=1e-10)
-        assert fitball.regime_name(found.regime[k]) == regime
+        assert rebound.v_x2[k] == pytest.approx(v_x2, rel=1e-12, abs=1e-12)
+        assert rebound.omega_2[k] == pytest.approx(omega_2, rel=1e-12, abs=1e-10)
+        assert fitball.regime_name(rebound.regime[k]) == regime
         regimes.add(regime)
     assert regimes == {"grip", "slide", "slide back"}
 
 
 def test_a_solid_ball_without_spin_rolls_at_five_sevenths():
     model = fitball.model("brody", ball=Ball(inertia_ratio=0.4))
-    found = model.rebound({"mu": 5.0, "cor_10": 0.75, "cor_slope": 0.0}, fitball.impacts(7.0, 10.0))
-    assert found.v_x2[0] == pytest.approx(5.0, rel=1e-15)
+    values = {"mu": 5.0, "cor_10": 0.75, "cor_slope": 0.0}
+    rebound = model.rebound(values, fitball.impacts(7.0, 10.0))
+    assert rebound.v_x2[0] == pytest.approx(5.0, rel=1e-15)

@@ -20,12 +20,28 @@ from fitball.uses.hierarchy import (
 )
 
 # Eight schools (Rubin 1981, J. Educ. Stat. 6, 377): effects of coaching and their standard errors.
-EFFECTS = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])
-ERRORS = np.array([15.0, 10.0, 16.0, 11.0, 9.0, 11.0, 10.0, 18.0])
+SCHOOLS = [
+    (28.0, 15.0),
+    (8.0, 10.0),
+    (-3.0, 16.0),
+    (7.0, 11.0),
+    (-1.0, 9.0),
+    (1.0, 11.0),
+    (18.0, 10.0),
+    (12.0, 18.0),
+]
+EFFECTS, ERRORS = np.transpose(SCHOOLS)
 
 
 def half_t(scale):
-    return parse_prior(ParameterSpec("spread", "", 0.0, np.inf, f"half-t({scale}, 4)", "", ""))
+    text = f"half-t({scale}, 4)"
+    spec = ParameterSpec("spread", "", 0.0, np.inf, text, "", "")
+    return parse_prior(spec)
+
+
+def normal_quantiles(count):
+    """Evenly likely values of a standard normal distribution."""
+    return norm.ppf((np.arange(count) + 0.5) / count)
 
 
 def test_centre_spread_and_groups_are_those_of_an_integral():
@@ -33,51 +49,74 @@ def test_centre_spread_and_groups_are_those_of_an_integral():
     is one integral.
     """
 
-    def given(tau):
+    def centre_at(tau):
+        """Weights of the schools, mean and variance of the centre."""
         weight = 1.0 / (tau**2 + ERRORS**2)
         mean = weight @ EFFECTS / weight.sum()
         return weight, mean, 1.0 / weight.sum()
 
     def density(tau):
-        weight, mean, variance = given(tau)
+        weight, mean, variance = centre_at(tau)
         square = weight @ (EFFECTS - mean) ** 2
-        return (
-            student.pdf(tau / 10.0, 4) * np.sqrt(variance * np.prod(weight)) * np.exp(-0.5 * square)
-        )
+        prior = student.pdf(tau / 10.0, 4)
+        likelihood = np.sqrt(variance * np.prod(weight)) * np.exp(-0.5 * square)
+        return prior * likelihood
+
+    def integral(function):
+        return quad(function, 0.0, 400.0, limit=300)[0]
 
     def mean_of(function):
-        return (
-            quad(lambda tau: density(tau) * function(tau), 0.0, 400.0, limit=300)[0]
-            / quad(density, 0.0, 400.0)[0]
-        )
+        weighted = integral(lambda tau: density(tau) * function(tau))
+        return weighted / integral(density)
 
-    found = hierarchy(
-        [measured(*one) for one in zip(EFFECTS, ERRORS, strict=True)],
-        half_t(10.0),
-        np.random.default_rng(1),
-    )
-    tau, tau_2 = mean_of(lambda tau: tau), mean_of(lambda tau: tau**2)
-    centre = mean_of(lambda tau: given(tau)[1])
-    centre_2 = mean_of(lambda tau: given(tau)[2] + given(tau)[1] ** 2)
+    def centre_mean(tau):
+        _, mean, _ = centre_at(tau)
+        return mean
+
+    def centre_square(tau):
+        _, mean, variance = centre_at(tau)
+        return variance + mean**2
+
+    rng = np.random.default_rng(1)
+    schools = list(map(measured, EFFECTS, ERRORS))
+    result = hierarchy(schools, half_t(10.0), rng)
+    tau = mean_of(lambda tau: tau)
+    tau_square = mean_of(np.square)
+    tau_sd = np.sqrt(tau_square - tau**2)
+    centre = mean_of(centre_mean)
+    centre_variance = mean_of(centre_square) - centre**2
+    centre_sd = np.sqrt(centre_variance)
     # Of 4,000 draws a mean errs by 0.016 sd, an sd by at most 0.05 of itself where tails are heavy.
-    assert found.spread.mean() == pytest.approx(tau, abs=0.07 * np.sqrt(tau_2 - tau**2))
-    assert found.spread.std() == pytest.approx(np.sqrt(tau_2 - tau**2), rel=0.12)
-    assert found.centre.mean() == pytest.approx(centre, abs=0.07 * np.sqrt(centre_2 - centre**2))
-    assert found.centre.std() == pytest.approx(np.sqrt(centre_2 - centre**2), rel=0.07)
-    assert found.new.var() == pytest.approx(centre_2 - centre**2 + tau_2, rel=0.15)
+    assert result.spread.mean() == pytest.approx(tau, abs=0.07 * tau_sd)
+    assert result.spread.std() == pytest.approx(tau_sd, rel=0.12)
+    assert result.centre.mean() == pytest.approx(centre, abs=0.07 * centre_sd)
+    assert result.centre.std() == pytest.approx(centre_sd, rel=0.07)
+    assert result.new.var() == pytest.approx(centre_variance + tau_square, rel=0.15)
     # A group given the others lies between its own value and the centre.
-    share = found.spread[:EACH] ** 2 / (found.spread[:EACH] ** 2 + ERRORS[:, None] ** 2)
-    exact = found.centre[:EACH] + share * (EFFECTS[:, None] - found.centre[:EACH])
-    assert found.each.mean(axis=1) == pytest.approx(exact.mean(axis=1), abs=1.2)
-    assert found.each.shape == (8, EACH)
-    assert np.all(found.pareto_k == -np.inf)
+    spread = result.spread[:EACH]
+    centres = result.centre[:EACH]
+    variances = ERRORS[:, None] ** 2
+    share = spread**2 / (spread**2 + variances)
+    exact = centres + share * (EFFECTS[:, None] - centres)
+    means = result.each.mean(axis=1)
+    assert means == pytest.approx(exact.mean(axis=1), abs=1.2)
+    assert result.each.shape == (8, EACH)
+    assert np.all(result.pareto_k == -np.inf)
 
 
-@pytest.mark.parametrize(("spread", "errors"), [(1.0, 1e-3), (1e-3, 1.0)])
+@pytest.mark.parametrize(
+    ("spread", "errors"),
+    [
+        (1.0, 1e-3),
+        (1e-3, 1.0),
+    ],
+)
 def test_spreads_far_from_the_errors_are_found(spread, errors):
     rng = np.random.default_rng(2)
-    groups = [measured(value, errors) for value in spread * norm.ppf((np.arange(40) + 0.5) / 40)]
-    low, middle, high = np.quantile(hierarchy(groups, half_t(1.0), rng).spread, (0.025, 0.5, 0.975))
+    values = spread * normal_quantiles(40)
+    groups = [measured(value, errors) for value in values]
+    result = hierarchy(groups, half_t(1.0), rng)
+    low, middle, high = np.quantile(result.spread, (0.025, 0.5, 0.975))
     if spread > errors:
         # Of 40 values an sd is known to 11 %.
         assert middle == pytest.approx(1.0, abs=0.1)
@@ -93,25 +132,29 @@ def test_an_interim_prior_is_divided_out():
     values = np.array([0.52, 0.6, 0.66, 0.71, 0.55, 0.63])
     error = 0.03
     prior = norm(0.45, 0.06)
-    sd = np.sqrt(1.0 / (1.0 / error**2 + 1.0 / 0.06**2))
+    variance = 1.0 / (1.0 / error**2 + 1.0 / 0.06**2)
+    sd = np.sqrt(variance)
     groups = []
-    left = []
+    with_prior = []
     for value in values:
-        mean = sd**2 * (value / error**2 + 0.45 / 0.06**2)
-        drawn = rng.permutation(mean + sd * norm.ppf((np.arange(4000) + 0.5) / 4000))
-        groups.append(drawn_group(drawn, prior.logpdf))
+        mean = variance * (value / error**2 + 0.45 / 0.06**2)
+        draws = rng.permutation(mean + sd * normal_quantiles(4000))
+        group = drawn_group(draws, prior.logpdf)
         # Places with their width have the variance of the draws, one in ten of which count.
-        assert np.hypot(groups[-1].places.std(), groups[-1].width) == pytest.approx(
-            drawn[::10].std(),
-            rel=1e-9,
-        )
-        left.append(groups[-1]._replace(interim=np.zeros_like(groups[-1].interim)))
-    exact = hierarchy([measured(value, error) for value in values], half_t(0.2), rng)
-    divided, control = (hierarchy(one, half_t(0.2), rng) for one in (groups, left))
+        group_sd = np.hypot(group.places.std(), group.width)
+        assert group_sd == pytest.approx(draws[::10].std(), rel=1e-9)
+        groups.append(group)
+        with_prior.append(group._replace(interim=np.zeros_like(group.interim)))
+    measurements = [measured(value, error) for value in values]
+    exact = hierarchy(measurements, half_t(0.2), rng)
+    divided = hierarchy(groups, half_t(0.2), rng)
+    control = hierarchy(with_prior, half_t(0.2), rng)
     width = exact.centre.std()
-    assert divided.centre.mean() == pytest.approx(exact.centre.mean(), abs=0.3 * width)
-    assert divided.spread.mean() == pytest.approx(exact.spread.mean(), rel=0.2)
-    assert exact.centre.mean() - control.centre.mean() > 0.5 * width
+    centre = exact.centre.mean()
+    spread = exact.spread.mean()
+    assert divided.centre.mean() == pytest.approx(centre, abs=0.3 * width)
+    assert divided.spread.mean() == pytest.approx(spread, rel=0.2)
+    assert centre - control.centre.mean() > 0.5 * width
     assert np.all(divided.pareto_k < 0.7)
 
 
@@ -121,25 +164,33 @@ def test_intervals_hold_their_truth_and_with_the_priors_left_in_they_do_not():
     """
     rng = np.random.default_rng(4)
     count = 30
-    missed = np.zeros((2, 3), int)
+    centre = 0.62
+    spread = 0.05
     prior = norm(0.35, 0.09)
+
+    def group_about(truth):
+        sd = rng.uniform(0.02, 0.06)
+        skewed = rng.gamma(6.0, size=4001)
+        error, *others = (skewed - 6.0) / np.sqrt(6.0)
+        draws = truth - sd * error + sd * np.array(others)
+        weight = prior.pdf(draws)
+        probability = weight / weight.sum()
+        of_posterior = rng.choice(draws, 400, p=probability)
+        return drawn_group(of_posterior, prior.logpdf)
+
+    missed = np.zeros((2, 3), int)
     for _ in range(count):
-        groups = []
-        spread = 0.05
-        for truth in 0.62 + spread * rng.standard_normal(8):
-            sd = rng.uniform(0.02, 0.06)
-            error = (rng.gamma(6.0, size=4001) - 6.0) / np.sqrt(6.0)
-            drawn = truth - sd * error[0] + sd * error[1:]
-            weight = prior.pdf(drawn)
-            groups.append(
-                drawn_group(rng.choice(drawn, 400, p=weight / weight.sum()), prior.logpdf)
-            )
-        left = [Group(one.places, one.width, np.zeros(len(one.places))) for one in groups]
-        for k, asked in enumerate((groups, left)):
-            found = hierarchy(asked, half_t(0.1), rng)
-            new = 0.62 + spread * rng.standard_normal()
-            for j, (draws, true) in enumerate(zip(found[:3], (0.62, spread, new), strict=True)):
-                low, high = np.quantile(draws, (0.025, 0.975))
+        truths = centre + spread * rng.standard_normal(8)
+        groups = [group_about(truth) for truth in truths]
+        with_prior = []
+        for group in groups:
+            undivided = np.zeros(len(group.places))
+            with_prior.append(Group(group.places, group.width, undivided))
+        for k, study in enumerate((groups, with_prior)):
+            result = hierarchy(study, half_t(0.1), rng)
+            new = centre + spread * rng.standard_normal()
+            for j, true in enumerate((centre, spread, new)):
+                low, high = np.quantile(result[j], (0.025, 0.975))
                 missed[k, j] += not low <= true <= high
     # One of a thousand studies misses more often than this.
     most = binom.ppf(0.999, count, 0.05)
@@ -149,28 +200,33 @@ def test_intervals_hold_their_truth_and_with_the_priors_left_in_they_do_not():
 
 def test_groups_of_a_fit_have_the_density_of_their_prior():
     fit = made_fit(table_of(24, ("clay", "hard")), prior={"e_x": "uniform(-1, 1)"})
-    specs = {one.name: fit.quantity(one.name).spec for one in fit.reported}
-    determined = [
-        one.name for one in fit.reported if one.verdict in ("identified", "given", "conditional")
-    ]
-    for one in fit.reported:
-        assert (group_of(fit, one.name) is not None) == (one.name in determined), one.name
+    for quantity in fit.reported:
+        determined = quantity.verdict in ("identified", "given", "conditional")
+        has_group = group_of(fit, quantity.name) is not None
+        assert has_group == determined, quantity.name
     assert group_of(fit, "no_such") is None
     assert group_of(made_fit(sampled=False), "mu") is None
     plain = made_fit(prior={"e_x": "lognormal(0.2, 0.5)", "mu": "normal(0.6, 0.3)"})
-    assert is_log(specs["mu[clay]"])
-    assert not is_log(specs["cor_slope"])
-    for name, log, density in (
-        ("mu", True, lambda x: norm(0.6, 0.3).logpdf(np.exp(x)) + x),
-        ("e_x", False, lognorm(0.5, scale=0.2).logpdf),
+    assert is_log(fit.quantity("mu[clay]").spec)
+    assert not is_log(fit.quantity("cor_slope").spec)
+
+    def density_of_log_mu(x):
+        return norm(0.6, 0.3).logpdf(np.exp(x)) + x
+
+    density_of_e_x = lognorm(0.5, scale=0.2).logpdf
+    draws = plain.draws.values
+    for name, places, density in (
+        ("mu", np.log(draws["mu"]), density_of_log_mu),
+        ("e_x", draws["e_x"], density_of_e_x),
     ):
-        found = group_of(plain, name)
-        wanted = plain.draws.values[name]
-        places = np.log(wanted) if log else wanted
-        assert found.places.mean() == pytest.approx(places.mean(), abs=0.2 * places.std())
-        assert np.hypot(found.places.std(), found.width) == pytest.approx(places.std(), rel=0.2)
+        group = group_of(plain, name)
+        mean = places.mean()
+        sd = places.std()
+        group_sd = np.hypot(group.places.std(), group.width)
+        assert group.places.mean() == pytest.approx(mean, abs=0.2 * sd)
+        assert group_sd == pytest.approx(sd, rel=0.2)
         # Bounds cut a little off both.
-        assert np.ptp(found.interim - density(found.places)) < 1e-12
+        assert np.ptp(group.interim - density(group.places)) < 1e-12
 
 
 def test_the_spread_between_tables_is_expected_as_between_levels():

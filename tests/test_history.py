@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import fitball
 from fitball.base.errors import FitballError
@@ -123,7 +124,7 @@ def test_momentum_spin_and_place_are_integrals(case):
         assert np.all(at["slip"] * at["friction_force"] <= 1e-9)
         if phase & {Phase.GRIP, Phase.HOLD}:
             most = max(most, abs(at["slip"]).max())
-        np.testing.assert_allclose(
+        assert_allclose(
             at["slip"],
             at["v_x"] - BALL.radius * at["omega_shell"],
             atol=1e-11,

@@ -16,6 +16,7 @@ import numpy as np
 import pandas
 import pyarrow.parquet
 import pytest
+from numpy.testing import assert_array_equal
 from support.workbooks import cell, ods, packed, row, xlsx
 
 from fitball.base.errors import InputError
@@ -173,5 +174,5 @@ def test_rows_beyond_a_chunk_are_read_in_order_and_exactly(tmp_path, monkeypatch
     pandas.DataFrame(values, columns=["v_x1", "v_y1"]).to_csv(tmp_path / "t.csv", index=False)
     cells = read_cells(tmp_path / "t.csv", lambda name: float(name.startswith("v_")))
     found = numbers(cells, {"v_x1": 0, "v_y1": 1})
-    np.testing.assert_array_equal(np.column_stack([*found.values()]), values)
-    np.testing.assert_array_equal(cells.lines, np.arange(2400) + 2)
+    assert_array_equal(np.column_stack([*found.values()]), values)
+    assert_array_equal(cells.lines, np.arange(2400) + 2)

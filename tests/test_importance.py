@@ -4,6 +4,7 @@ Student's t.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from fitball.inference.sampling.importance import (
@@ -18,91 +19,115 @@ from fitball.inference.sampling.importance import (
 
 NEAR = np.array([0.0, 1.0])
 FAR = np.array([4.0, -2.0])
-SPREAD = np.array([[1.0, 0.6], [0.6, 0.5]])
+SPREAD_NEAR = np.array(
+    [
+        [1.0, 0.6],
+        [0.6, 0.5],
+    ]
+)
+SPREAD_FAR = 0.25 * np.eye(2)
 
 
 def mixture(x):
-    """0.3 N(NEAR, SPREAD) + 0.7 N(FAR, I/4), and a constant."""
-    parts = [np.log(0.3) + stats.multivariate_normal(NEAR, SPREAD).logpdf(x)]
-    parts.append(np.log(0.7) + stats.multivariate_normal(FAR, 0.25 * np.eye(2)).logpdf(x))
-    return np.logaddexp(*parts) + 7.0
+    """0.3 N(NEAR, SPREAD_NEAR) + 0.7 N(FAR, SPREAD_FAR), and a constant."""
+    near = stats.multivariate_normal(NEAR, SPREAD_NEAR)
+    far = stats.multivariate_normal(FAR, SPREAD_FAR)
+    log_near = np.log(0.3) + near.logpdf(x)
+    log_far = np.log(0.7) + far.logpdf(x)
+    return np.logaddexp(log_near, log_far) + 7.0
 
 
-def begin():
-    return [Student(NEAR + 0.5, np.eye(2)), Student(FAR - 0.5, np.eye(2))]
+def proposals():
+    """Two that lie beside the two parts of the mixture."""
+    return [
+        Student(NEAR + 0.5, np.eye(2)),
+        Student(FAR - 0.5, np.eye(2)),
+    ]
 
 
 def test_moments_of_a_mixture():
-    x, log_weights, k = importance(mixture, begin(), np.random.default_rng(0), 4000.0)
+    rng = np.random.default_rng(0)
+    x, log_weights, k = importance(mixture, proposals(), rng, 4000.0)
     weights = np.exp(log_weights)
     assert weights.sum() == pytest.approx(1.0)
     assert effective(log_weights) >= 4000.0
     assert k < RELIABLE
     mean = 0.3 * NEAR + 0.7 * FAR
-    second = 0.3 * (SPREAD + np.outer(NEAR, NEAR)) + 0.7 * (0.25 * np.eye(2) + np.outer(FAR, FAR))
-    covariance = second - np.outer(mean, mean)
-    # Four standard errors of 4,000 effective draws.
-    np.testing.assert_allclose(weights @ x, mean, atol=4.0 * np.sqrt(covariance.max() / 4000.0))
-    np.testing.assert_allclose(
-        (x * weights[:, None]).T @ x - np.outer(mean, mean),
-        covariance,
-        rtol=0.1,
-    )
-    assert weights[x[:, 0] > 2.0].sum() == pytest.approx(0.7 + 0.3 * stats.norm.sf(2.0), abs=0.03)
+    square_near = SPREAD_NEAR + np.outer(NEAR, NEAR)
+    square_far = SPREAD_FAR + np.outer(FAR, FAR)
+    square_of_mean = np.outer(mean, mean)
+    covariance = 0.3 * square_near + 0.7 * square_far - square_of_mean
+    # Of 4,000 effective draws.
+    standard_error = np.sqrt(covariance.max() / 4000.0)
+    assert_allclose(weights @ x, mean, atol=4.0 * standard_error)
+    square_of_draws = (x * weights[:, None]).T @ x
+    assert_allclose(square_of_draws - square_of_mean, covariance, rtol=0.1)
+    share_beyond = weights[x[:, 0] > 2.0].sum()
+    exact = 0.7 + 0.3 * stats.norm.sf(2.0)
+    assert share_beyond == pytest.approx(exact, abs=0.03)
 
 
 def test_bounds_cost_draws_and_nothing_else():
-    def half(x):
-        return np.where(np.all(x > 0.0, axis=1), -0.5 * np.sum(x**2, axis=1), -np.inf)
+    def positive_normal(x):
+        log_density = -0.5 * np.sum(x**2, axis=1)
+        within = np.all(x > 0.0, axis=1)
+        return np.where(within, log_density, -np.inf)
 
-    x, log_weights, k = importance(
-        half,
-        [Student(np.zeros(3), np.eye(3))],
-        np.random.default_rng(2),
-        2000.0,
-    )
+    rng = np.random.default_rng(2)
+    proposal = [Student(np.zeros(3), np.eye(3))]
+    x, log_weights, k = importance(positive_normal, proposal, rng, 2000.0)
     assert np.all(x > 0.0)
     assert k < RELIABLE
-    np.testing.assert_allclose(np.exp(log_weights) @ x, np.full(3, np.sqrt(2.0 / np.pi)), atol=0.06)
+    means = np.exp(log_weights) @ x
+    exact = np.full(3, np.sqrt(2.0 / np.pi))
+    assert_allclose(means, exact, atol=0.06)
+
+
+def pareto_k_of_proposal(width):
+    """Of a standard normal density in four dimensions, drawn with another width."""
+    z = np.random.default_rng(3).standard_normal((2000, 4))
+    x = width * z
+    log_density = -0.5 * np.sum(x**2, axis=1)
+    log_proposal = -0.5 * np.sum(z**2, axis=1)
+    _, k = smoothed(log_density - log_proposal, 1.0)
+    return k
 
 
 def test_a_bad_proposal_shows():
     # Ten times too narrow: the largest weights have no mean.
-    x = 0.1 * np.random.default_rng(3).standard_normal((2000, 4))
-    ratios = -0.5 * np.sum(x**2, axis=1) + 0.5 * np.sum((x / 0.1) ** 2, axis=1)
-    assert smoothed(ratios, 1.0)[1] > RELIABLE
+    assert pareto_k_of_proposal(0.1) > RELIABLE
     # A good one.
-    x = 1.2 * np.random.default_rng(3).standard_normal((2000, 4))
-    ratios = -0.5 * np.sum(x**2, axis=1) + 0.5 * np.sum((x / 1.2) ** 2, axis=1)
-    assert smoothed(ratios, 1.0)[1] < 0.3
+    assert pareto_k_of_proposal(1.2) < 0.3
 
 
 def test_parts_follow_a_bent_distribution():
     rng = np.random.default_rng(6)
     x = rng.standard_normal((8000, 2)) * [1.0, 0.2]
     x[:, 1] += x[:, 0] ** 2
-    x, (shares, parts) = 1e3 * x, zip(*parted(1e3 * x, rng), strict=True)
-    truth = stats.norm.logpdf(x[:, 0], scale=1e3) + stats.norm.logpdf(
-        x[:, 1],
-        x[:, 0] ** 2 / 1e3,
-        200.0,
-    )
-    one = fitted(x).log_density(x)
-    each = np.array([np.exp(part.log_density(x)) for part in parts])
-    many = np.log(np.array(shares) @ each)
+    x *= 1e3
+    shares, parts = zip(*parted(x, rng), strict=True)
+    first, second = x.T
+    log_first = stats.norm.logpdf(first, scale=1e3)
+    log_second = stats.norm.logpdf(second, first**2 / 1e3, 200.0)
+    truth = log_first + log_second
+    by_single = fitted(x).log_density(x)
+    densities = [np.exp(part.log_density(x)) for part in parts]
+    by_parts = np.log(np.array(shares) @ np.array(densities))
+    loss_of_parts = np.mean(truth - by_parts)
+    loss_of_single = np.mean(truth - by_single)
     assert sum(shares) == pytest.approx(1.0)
-    assert 0.0 < np.mean(truth - many) < 0.3 * np.mean(truth - one)
-    assert parted(x[:3] * [1.0, 0.0], rng) == []
+    assert 0.0 < loss_of_parts < 0.3 * loss_of_single
+    three_on_line = x[:3] * [1.0, 0.0]
+    assert parted(three_on_line, rng) == []
 
 
 def test_a_density_that_no_proposal_meets():
+    def nowhere(x):
+        return np.full(len(x), -np.inf)
+
+    rng = np.random.default_rng(4)
     proposal = [Student(np.zeros(2), np.eye(2))]
-    x, log_weights, k = importance(
-        lambda x: np.full(len(x), -np.inf),
-        proposal,
-        np.random.default_rng(4),
-        1000.0,
-    )
+    x, log_weights, k = importance(nowhere, proposal, rng, 1000.0)
     assert not len(x)
     assert not len(log_weights)
     assert k == np.inf
@@ -115,29 +140,40 @@ def test_smoothing():
     weights, k = smoothed(heavy, 1.0)
     assert k == pytest.approx(0.5, abs=0.15)
     assert np.exp(weights).sum() == pytest.approx(1.0)
-    assert weights.max() < (heavy - np.logaddexp.reduce(heavy)).max() + 0.5
+    raw_weights = heavy - np.logaddexp.reduce(heavy)
+    assert weights.max() < raw_weights.max() + 0.5
     # Order is kept; shape of the body too.
     body = np.argsort(heavy)[:15_000]
-    np.testing.assert_allclose(np.diff(weights[body]), np.diff(heavy[body]), atol=1e-9)
+    steps = np.diff(heavy[body])
+    assert_allclose(np.diff(weights[body]), steps, atol=1e-9)
     weights, k = smoothed(np.full(50, 3.0), 1.0)
     assert k == -np.inf
     assert np.allclose(weights, -np.log(50.0))
-    assert smoothed(np.array([0.0, 1.0, 2.0]), 1.0)[1] == np.inf
+    _, k_of_three = smoothed(np.array([0.0, 1.0, 2.0]), 1.0)
+    assert k_of_three == np.inf
     # Walkers that sat there: the largest is outside by chance.
-    assert smoothed(np.repeat([0.0, 1.0], 500), 1.0)[1] == np.inf
+    _, k_of_two_values = smoothed(np.repeat([0.0, 1.0], 500), 1.0)
+    assert k_of_two_values == np.inf
 
 
 def test_a_student_distribution():
-    own = Student(NEAR, np.linalg.cholesky(SPREAD), 6.0)
-    other = stats.multivariate_t(NEAR, SPREAD, df=6.0)
-    x = own.draw(np.random.default_rng(6), 20_000)
-    np.testing.assert_allclose(own.log_density(x[:50]), other.logpdf(x[:50]), rtol=1e-10)
-    np.testing.assert_allclose(np.cov(x.T), SPREAD * 6.0 / 4.0, rtol=0.08)
-    taught = fitted(x)
-    np.testing.assert_allclose(taught.centre, NEAR, atol=0.05)
-    np.testing.assert_allclose(taught.factor @ taught.factor.T, 1.1 * SPREAD * 6.0 / 4.0, rtol=0.08)
-    # Weights that rest on one draw are flattened until there are enough; draws on a line span
-    # nothing.
-    alone = np.where(np.arange(len(x)) == 0, 0.0, -50.0 - np.arange(len(x)) * 1e-3)
-    assert fitted(x, alone) is not None
-    assert fitted(np.column_stack([x[:, 0], 2.0 * x[:, 0]])) is None
+    factor = np.linalg.cholesky(SPREAD_NEAR)
+    ours = Student(NEAR, factor, 6.0)
+    scipys = stats.multivariate_t(NEAR, SPREAD_NEAR, df=6.0)
+    x = ours.draw(np.random.default_rng(6), 20_000)
+    few = x[:50]
+    assert_allclose(ours.log_density(few), scipys.logpdf(few), rtol=1e-10)
+    covariance = SPREAD_NEAR * 6.0 / 4.0
+    assert_allclose(np.cov(x.T), covariance, rtol=0.08)
+    refitted = fitted(x)
+    assert_allclose(refitted.centre, NEAR, atol=0.05)
+    scale = refitted.factor @ refitted.factor.T
+    assert_allclose(scale, 1.1 * covariance, rtol=0.08)
+    # Weights that rest on one draw are flattened until there are enough.
+    on_first = -50.0 - np.arange(len(x)) * 1e-3
+    on_first[0] = 0.0
+    assert fitted(x, on_first) is not None
+    # Draws on a line span nothing.
+    first = x[:, 0]
+    on_line = np.column_stack([first, 2.0 * first])
+    assert fitted(on_line) is None

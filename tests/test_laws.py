@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from support import answers, bounces, taylor
 from support.taylor import OUTPUTS
 
@@ -89,7 +90,7 @@ def nothing_changes_along_the_court_without_friction(case):
     if case.timed:
         # It goes on as it came, in place and in turn.
         for gap, rate in ((found.gap_path, case.at.v_x1), (found.gap_turn, case.at.omega_1)):
-            np.testing.assert_allclose(gap[ok], (rate * found.gap_time)[ok], rtol=1e-11, atol=1e-13)
+            assert_allclose(gap[ok], (rate * found.gap_time)[ok], rtol=1e-11, atol=1e-13)
 
 
 def a_mirror_turns_speed_spin_and_offset(case):
@@ -118,8 +119,8 @@ def only_the_ratio_of_stiffnesses_reaches_the_rebound(case):
     one, ok = case.solved()
     two = case.rebound(**{name: 4.0 * case.columns[name] for name in ("k_y", "k_theta")})
     assert case.apart(one.v_x2 - two.v_x2, one.omega_2 - two.omega_2, ok) < 1e-12
-    np.testing.assert_allclose(two.contact_time[ok], one.contact_time[ok] / 2.0, rtol=1e-13)
-    np.testing.assert_allclose(two.gap_time[ok], one.gap_time[ok] / 2.0, rtol=1e-13)
+    assert_allclose(two.contact_time[ok], one.contact_time[ok] / 2.0, rtol=1e-13)
+    assert_allclose(two.gap_time[ok], one.gap_time[ok] / 2.0, rtol=1e-13)
 
 
 def no_energy_comes_from_nowhere(case):
@@ -226,7 +227,7 @@ def restitution_follows_the_one_law(case):
         strict=True,
     ):
         wanted = np.array([taylor.law(cor_10, slope, top, v, np.log) for v in speeds])
-        np.testing.assert_allclose(row[good], wanted[good], rtol=1e-12)
+        assert_allclose(row[good], wanted[good], rtol=1e-12)
         assert np.all((row[good] > 0.0) & (row[good] <= top * (1.0 + 1e-15)))
         # What has saturated grows by less than rounding.
         grown = (row * speeds)[good]

@@ -5,6 +5,7 @@ none.
 import lmfit
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.optimize import approx_fprime, curve_fit
 from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 from support.line import SD, line_problem
@@ -82,7 +83,7 @@ def test_slopes_are_those_of_the_residuals():
     wanted = approx_fprime(q, at, 1e-7 * width)
     found = search._linear(problem, values)[1]
     assert found.shape == (10 * 3 + 1 + 2, q.size)
-    np.testing.assert_allclose(found * width, wanted * width, atol=1e-4)
+    assert_allclose(found * width, wanted * width, atol=1e-4)
     assert np.all(np.abs(found[-3:] * width).max(axis=1) > 0.1)
 
 

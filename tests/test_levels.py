@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import integrate, stats
 from support.density import REBOUND, problem_of, table_of
 
@@ -58,11 +59,11 @@ def over_spreads(q, weight=lambda _tau: 1.0):
 def test_the_spread_is_integrated_out():
     exact = np.log([over_spreads(q) for q in PLACES[:3]])
     # Far apart the last of 64 quantiles stands for all larger ones.
-    np.testing.assert_allclose(PRIOR.log_density(PLACES[:3]), exact, atol=0.04)
-    np.testing.assert_allclose(PRIOR.log_density(PLACES[:2]), exact[:2], atol=1e-3)
+    assert_allclose(PRIOR.log_density(PLACES[:3]), exact, atol=0.04)
+    assert_allclose(PRIOR.log_density(PLACES[:2]), exact[:2], atol=1e-3)
     # Of far more quantiles the sum is the integral; of a tenth of them it is not.
     many, few = (HALF.ppf(0.5 + 0.5 * (np.arange(n) + 0.5) / n) for n in (20_000, 6))
-    np.testing.assert_allclose(
+    assert_allclose(
         PRIOR._replace(spreads=many).log_density(PLACES[:3]),
         exact,
         atol=2e-4,
@@ -81,18 +82,18 @@ def test_the_pull_is_the_gradient():
     for k in range(3):
         step = 1e-6 * np.eye(3)[k]
         exact = (PRIOR.log_density(PLACES - step) - PRIOR.log_density(PLACES + step)) / 2e-6
-        np.testing.assert_allclose(gradient[:, k], exact, rtol=1e-6, atol=1e-6)
+        assert_allclose(gradient[:, k], exact, rtol=1e-6, atol=1e-6)
     assert np.linalg.eigvalsh(curvature).min() > 0.0
     # Of one spread it is the precision of that normal density.
     one = PRIOR._replace(spreads=np.array([0.2])).pull(PLACES)[1][0]
-    np.testing.assert_allclose(one, np.linalg.inv(0.04 * np.eye(3) + WIDTH**2), rtol=1e-12)
+    assert_allclose(one, np.linalg.inv(0.04 * np.eye(3) + WIDTH**2), rtol=1e-12)
 
 
 def test_draws_of_the_prior():
     drawn = PRIOR.draw(np.random.default_rng(1), 40_000)
     spread = np.mean(SPREADS**2)
-    np.testing.assert_allclose(drawn.mean(axis=0), CENTRE, atol=0.02)
-    np.testing.assert_allclose(np.cov(drawn.T), spread * np.eye(3) + WIDTH**2, atol=0.02)
+    assert_allclose(drawn.mean(axis=0), CENTRE, atol=0.02)
+    assert_allclose(np.cov(drawn.T), spread * np.eye(3) + WIDTH**2, atol=0.02)
 
 
 def test_a_level_that_was_not_measured():
@@ -253,16 +254,16 @@ def test_the_distance_to_a_hull():
     rng = np.random.default_rng(4)
     points = rng.standard_normal((40, 3))
     inside = rng.dirichlet(np.ones(40), 5)
-    np.testing.assert_allclose(hull_distances(points, inside @ points), 0.0, atol=1e-7)
+    assert_allclose(hull_distances(points, inside @ points), 0.0, atol=1e-7)
     cube = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
     places = np.array([[2.0, 0.5, 0.5], [2.0, 2.0, 0.5], [-1.0, -1.0, -1.0], [1e3, 0.0, 0.0]])
-    np.testing.assert_allclose(
+    assert_allclose(
         hull_distances(cube, places),
         [1.0, np.sqrt(2.0), np.sqrt(3.0), 999.0],
         rtol=1e-9,
     )
     # Flat data have a hull as well.
-    np.testing.assert_allclose(hull_distances(cube[:2], [[0.5, 0.0, 0.5]]), 0.5, rtol=1e-9)
+    assert_allclose(hull_distances(cube[:2], [[0.5, 0.0, 0.5]]), 0.5, rtol=1e-9)
 
 
 def test_what_lies_outside_of_the_calibrated_impacts():

@@ -55,6 +55,14 @@ SDS = {
     "gap_path": 7e-4,
     "gap_turn": 0.02,
 }
+# The largest correlations of stated errors, by pair of columns.
+CORRELATIONS = {
+    "v_x1,v_x2": 0.6,
+    "omega_1,omega_2": -0.5,
+    "v_x2,v_y2": 0.3,
+    "v_x1,v_y1": 0.4,
+}
+INCIDENT = ("v_x1", "v_y1", "omega_1")
 REBOUND = ("v_x2", "v_y2", "omega_2")
 TIMED = (*REBOUND, "contact_time", "gap_time", "gap_path", "gap_turn")
 
@@ -71,50 +79,53 @@ def table_of(columns, errors="", gaps=False, labels=(), count=10, seed=0):
         "v_y1": speed * np.sin(angle),
         "omega_1": rng.uniform(-150, 200, count),
     }
-    chosen = model("two-mass")
-    made = chosen.rebound(
-        {s.name: TRUTH[s.name] for s in chosen.parameters},
-        Impacts(*values.values()),
-    )
+    two_mass = model("two-mass")
+    parameters = {spec.name: TRUTH[spec.name] for spec in two_mass.parameters}
+    rebound = two_mass.rebound(parameters, Impacts(*values.values()))
     for name in columns:
-        noise = COLUMNS[name].noise.name
-        values[name] = made.column(name) + TRUTH[noise] * rng.standard_normal(count)
+        noise = TRUTH[COLUMNS[name].noise.name]
+        values[name] = rebound.column(name) + noise * rng.standard_normal(count)
     if gaps:
         for k, name in enumerate(columns):
             values[name][k % 3 :: 4] = np.nan
     stated = {"": (), "sd": columns, "corr": (*values,)}[errors]
-    sd = {
-        name: np.where(np.isnan(values[name]), np.nan, SDS[name] * rng.uniform(0.5, 1.5, count))
-        for name in stated
-    }
-    pairs = (
-        {"v_x1,v_x2": 0.6, "omega_1,omega_2": -0.5, "v_x2,v_y2": 0.3, "v_x1,v_y1": 0.4}
-        if errors == "corr"
-        else {}
-    )
-    corr = {pair: r * rng.uniform(0.5, 1.0, count) for pair, r in pairs.items()}
-    if pairs and "gap_path" in columns:
-        corr["v_y1,gap_path"] = np.full(count, 0.5)
+    sd = {}
+    for name in stated:
+        missing = np.isnan(values[name])
+        stated_sd = SDS[name] * rng.uniform(0.5, 1.5, count)
+        sd[name] = np.where(missing, np.nan, stated_sd)
+    corr = {}
+    if errors == "corr":
+        for pair, r in CORRELATIONS.items():
+            corr[pair] = r * rng.uniform(0.5, 1.0, count)
+        if "gap_path" in columns:
+            corr["v_y1,gap_path"] = np.full(count, 0.5)
     texts = {"id": tuple(str(k + 1) for k in range(count))}
-    texts |= {name: tuple("ab"[k % 2] for k in range(count)) for name in labels}
+    for name in labels:
+        texts[name] = tuple("ab"[k % 2] for k in range(count))
     return ImpactTable("made", values, sd, corr, texts)
 
 
 def scene_of(camera=False, time=False, ball=False):
     """A scene that states these."""
-    known = {
-        "scale": (1.0, 0.01),
-        "clock": (1.0, 0.001),
-        "tilt": (0.0, 0.005),
-        "court_height": (0.0, 0.003),
-    }
-    seen = CameraSection(**{key: Quantity(*both) for key, both in known.items()})
+    camera_section = None
+    if camera:
+        camera_section = CameraSection(
+            scale=Quantity(1.0, 0.01),
+            clock=Quantity(1.0, 0.001),
+            tilt=Quantity(0.0, 0.005),
+            court_height=Quantity(0.0, 0.003),
+        )
+    ball_section = BallSection()
+    if ball:
+        ball_section = BallSection(
+            mass=Quantity(0.0577, 2e-4),
+            inertia_ratio=Quantity(0.56, 0.01),
+        )
     return Scene(
-        camera=seen if camera else None,
+        camera=camera_section,
         contact_time=Quantity(5e-3, 5e-4) if time else None,
-        ball=BallSection(mass=Quantity(0.0577, 2e-4), inertia_ratio=Quantity(0.56, 0.01))
-        if ball
-        else BallSection(),
+        ball=ball_section,
     )
 
 
@@ -125,19 +136,22 @@ def problem_of(table, scene=None, text="grip-slip", **choices):
 
 def truth_of(problem):
     """Values of its free parameters near TRUTH; levels lie apart."""
-    found = {}
+    values = {}
     for k, name in enumerate(problem.free):
-        found[name] = TRUTH[name.partition("[")[0]] * (1.0 + 0.02 * (k % 3) * ("[" in name))
-    return found
+        parameter, bracket, _ = name.partition("[")
+        values[name] = TRUTH[parameter]
+        if bracket:
+            values[name] *= 1.0 + 0.02 * (k % 3)
+    return values
 
 
 def near(problem, count=3, reach=0.1, seed=1):
     """Coordinates (count, free) within `reach` widths of the truth."""
-    at = problem.coordinates(truth_of(problem))
-    moved = at + reach * problem.prior.width * np.random.default_rng(seed).standard_normal(
-        (count, at.size)
-    )
-    return np.clip(moved, problem.prior.low + 1e-12, problem.prior.high)
+    prior = problem.prior
+    truth = problem.coordinates(truth_of(problem))
+    steps = np.random.default_rng(seed).standard_normal((count, truth.size))
+    moved = truth + reach * prior.width * steps
+    return np.clip(moved, prior.low + 1e-12, prior.high)
 
 
 def log_prior(spec, text, value):
@@ -151,111 +165,179 @@ def log_prior(spec, text, value):
         a = np.log(a)
         high = np.log(high)
         low = np.log(low) if low > 0.0 else -np.inf
-        b = np.log(b) if family == "loguniform" else b
+        if family == "loguniform":
+            b = np.log(b)
     if family.endswith("uniform"):
         low = max(low, a)
         high = min(high, b)
         return stats.uniform(low, high - low).logpdf(value)
-    bell = {"half-t": stats.t(b, 0.0, a), "half-normal": stats.norm(0.0, a)}.get(
-        family
-    ) or stats.norm(a, b)
-    low = max(low, 0.0) if family.startswith("half") else low
-    return (
-        bell.logpdf(value) - np.log(bell.cdf(high) - bell.cdf(low))
-        if low <= value <= high
-        else -np.inf
-    )
+    if family == "half-t":
+        law = stats.t(b, 0.0, a)
+    elif family == "half-normal":
+        law = stats.norm(0.0, a)
+    else:
+        law = stats.norm(a, b)
+    if family.startswith("half"):
+        low = max(low, 0.0)
+    if not low <= value <= high:
+        return -np.inf
+    return law.logpdf(value) - np.log(law.cdf(high) - law.cdf(low))
 
 
 def log_prior_of_levels(problem, level, values):
     """The mean over 64 quantiles of the spread of a normal density with that spread and a common
     value.
     """
-    spec = next(s for s in problem.forward.model.parameters if s.name == level.parameter)
-    family, a, b = re.fullmatch(r"(\w+)\((.*), (.*)\)", problem.known[level.parameter]).groups()
-    scale, freedom = map(
-        float,
-        re.findall(r"\((.*), (.*)\)", problem.known[f"{level.parameter}_spread"])[0],
-    )
-    log = family == "lognormal"
-    assert log or family == "normal"
-    centre = np.log(float(a)) if log else float(a)
-    ends = ((end - centre) / float(b) for end in (spec.lower, spec.upper))
-    general = 0.3 if log else 0.3 * float(stats.truncnorm.ppf(0.5, *ends, centre, float(b)))
-    half = stats.t(freedom, 0.0, scale)
-    most = half.cdf(20.0 * general) - 0.5
-    spreads = half.ppf(0.5 + most * (np.arange(64) + 0.5) / 64)
+    parameters = problem.forward.model.parameters
+    spec = next(spec for spec in parameters if spec.name == level.parameter)
+    prior = problem.known[level.parameter]
+    family, *numbers = re.fullmatch(r"(\w+)\((.*), (.*)\)", prior).groups()
+    location, width = map(float, numbers)
+    prior_of_spread = problem.known[f"{level.parameter}_spread"]
+    scale, freedom = map(float, re.findall(r"\((.*), (.*)\)", prior_of_spread)[0])
     q = np.array([values[level.name(label)] for label in level.labels])
-    q = np.log(q) if log else q
+    if family == "lognormal":
+        q = np.log(q)
+        centre = np.log(location)
+        general = 0.3
+    else:
+        assert family == "normal"
+        centre = location
+        ends = [(end - centre) / width for end in (spec.lower, spec.upper)]
+        general = 0.3 * float(stats.truncnorm.ppf(0.5, *ends, centre, width))
+    law = stats.t(freedom, 0.0, scale)
+    most = law.cdf(20.0 * general) - 0.5
+    spreads = law.ppf(0.5 + most * (np.arange(64) + 0.5) / 64)
     count = len(level.labels)
-    each = [
-        stats.multivariate_normal(
-            np.full(count, centre),
-            tau**2 * np.eye(count) + float(b) ** 2,
-        ).pdf(q)
-        for tau in spreads
-    ]
-    return np.log(np.mean(each))
+    mean = np.full(count, centre)
+    densities = []
+    for spread in spreads:
+        covariance = spread**2 * np.eye(count) + width**2
+        densities.append(stats.multivariate_normal(mean, covariance).pdf(q))
+    return np.log(np.mean(densities))
+
+
+def camera_errors(problem, values, k):
+    """Scale, clock, tilt and height of the court in the session of the k-th impact."""
+    errors = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
+    session = ""
+    if "session" in problem.table.labels:
+        session = problem.table.labels["session"][k]
+    for key in errors:
+        of_session = values.get(f"{key}[{session}]", errors[key])
+        errors[key] = values.get(key, of_session)
+    return errors.values()
 
 
 def seen_by(problem, values, k, state):
     """What the camera shows of the rebound of the k-th impact at a measured state, by column; None
     without one.
     """
-    own = {s.name: values.get(s.name) for s in problem.forward.model.parameters}
-    own |= {
-        name: values[name]
-        for name in ("ball_mass", "ball_radius", "inertia_ratio")
-        if name in values
-    }
+    parameters = {spec.name: values.get(spec.name) for spec in problem.forward.model.parameters}
+    for name in ("ball_mass", "ball_radius", "inertia_ratio"):
+        if name in values:
+            parameters[name] = values[name]
     for level in problem.forward.levels:
-        own[level.parameter] = values[level.name(problem.table.labels[level.column][k])]
-    camera = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
-    session = problem.table.labels.get("session", ("",) * (k + 1))[k]
-    for key in camera:
-        camera[key] = values.get(key, values.get(f"{key}[{session}]", camera[key]))
-    s, c, tau, h = camera.values()
-    turn = np.array([[np.cos(tau), -np.sin(tau)], [np.sin(tau), np.cos(tau)]])
-    v_1 = s / c * turn @ state[:2]
-    omega_1 = state[2] / c
-    if v_1[1] <= 0.0 or state[1] <= 0.0:
+        label = problem.table.labels[level.column][k]
+        parameters[level.parameter] = values[level.name(label)]
+    scale, clock, tilt, height = camera_errors(problem, values, k)
+    cos = np.cos(tilt)
+    sin = np.sin(tilt)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    v_x1, v_y1 = scale / clock * turn @ state[:2]
+    omega_1 = state[2] / clock
+    if v_y1 <= 0.0 or state[1] <= 0.0:
         return None
-    names = tuple(own)
-    made = problem.forward.model.evaluate(
-        names,
-        np.array([[own[n] for n in names]]),
-        Impacts(*(np.array([one]) for one in (*v_1, omega_1))),
+    rebound = problem.forward.model.evaluate(
+        tuple(parameters),
+        np.array([[*parameters.values()]]),
+        Impacts(np.array([v_x1]), np.array([v_y1]), np.array([omega_1])),
     )
-    if made.status[0, 0]:
+    if rebound.status[0, 0]:
         return None
-    v_2 = c / s * turn @ [made.v_x2[0, 0], made.v_y2[0, 0]]
-    omega_2 = c * made.omega_2[0, 0]
-    found = {
-        "v_x2": v_2[0],
-        "v_y2": v_2[1],
-        "v_2": np.hypot(*v_2),
-        "theta_2": np.arctan2(*v_2[::-1]),
+    v_x2, v_y2 = clock / scale * turn @ [rebound.v_x2[0, 0], rebound.v_y2[0, 0]]
+    omega_2 = clock * rebound.omega_2[0, 0]
+    path = rebound.gap_path[0, 0] / scale
+    # Flights are cut at the height that was assumed: that much earlier and later.
+    earlier = height / state[1]
+    later = (height + path * sin) / v_y2
+    return {
+        "v_x2": v_x2,
+        "v_y2": v_y2,
+        "v_2": np.hypot(v_x2, v_y2),
+        "theta_2": np.arctan2(v_y2, v_x2),
+        "omega_2": omega_2,
+        "contact_time": rebound.contact_time[0, 0],
+        "gap_time": rebound.gap_time[0, 0] / clock - earlier - later,
+        "gap_path": path * cos - earlier * state[0] - later * v_x2,
+        "gap_turn": rebound.gap_turn[0, 0] - earlier * state[2] - later * omega_2,
     }
-    found["omega_2"] = omega_2
-    path = made.gap_path[0, 0] / s
-    r = h + made.gap_path[0, 0] / s * np.sin(tau)
-    found["contact_time"] = made.contact_time[0, 0]
-    found["gap_time"] = made.gap_time[0, 0] / c - h / state[1] - r / v_2[1]
-    found["gap_path"] = path * np.cos(tau) - h * state[0] / state[1] - r * v_2[0] / v_2[1]
-    found["gap_turn"] = made.gap_turn[0, 0] - h * state[2] / state[1] - r * omega_2 / v_2[1]
-    return found
 
 
 def covariance_of(table, columns, k, without=()):
     """Stated errors of (v_x1, v_y1, omega_1, *columns) of the k-th impact."""
-    names = ["v_x1", "v_y1", "omega_1", *columns]
-    sds = np.array([np.nan_to_num(table.sd[n][k]) if n in table.sd else 0.0 for n in names])
+    names = [*INCIDENT, *columns]
+    sds = np.zeros(len(names))
+    for i, name in enumerate(names):
+        if name in table.sd:
+            sds[i] = np.nan_to_num(table.sd[name][k])
     matrix = np.diag(sds**2)
+    if "correlations" in without:
+        return matrix
     for pair, values in table.corr.items():
-        if {*pair.split(",")} <= {*names} and "correlations" not in without:
-            i, j = map(names.index, pair.split(","))
-            matrix[i, j] = matrix[j, i] = values[k] * sds[i] * sds[j]
+        first, second = pair.split(",")
+        if first in names and second in names:
+            i = names.index(first)
+            j = names.index(second)
+            matrix[i, j] = values[k] * sds[i] * sds[j]
+            matrix[j, i] = matrix[i, j]
     return matrix
+
+
+def log_normal(deviation, covariance):
+    """Log density of a normal distribution about zero."""
+    if not deviation.size:
+        return 0.0
+    # Units differ by powers of ten, which scipy takes for a singular matrix.
+    unit = np.sqrt(np.diag(covariance))
+    law = stats.multivariate_normal(np.zeros(unit.size), covariance / np.outer(unit, unit))
+    return law.logpdf(deviation / unit) - np.log(unit).sum()
+
+
+def log_student(deviation, scale, freedom):
+    """Log density of independent Student-t variables, made dependent by the Cholesky factor of
+    `scale`.
+    """
+    factor = np.linalg.cholesky(scale)
+    z = np.linalg.solve(factor, deviation)
+    return np.sum(stats.t(freedom).logpdf(z) - np.log(np.diag(factor)))
+
+
+def over_true_states(problem, values, k, used, stated):
+    """Mean and covariance of the rebound of the k-th impact over its true states, by sigma points.
+
+    `stated` is the covariance of the stated errors of impact and rebound.
+    """
+    table = problem.table
+    state = np.array([getattr(table.impacts, name)[k] for name in INCIDENT])
+    of_impact = stated[:3, :3]
+    across = stated[3:, :3]
+    # Scaled, since units differ by powers of ten.
+    unit = np.sqrt(np.diag(of_impact))
+    sizes, vectors = np.linalg.eigh(of_impact / np.outer(unit, unit))
+    follows = across @ np.linalg.inv(of_impact)
+    points = []
+    for sign in (1.0, -1.0):
+        for axis in range(3):
+            step = sign * np.sqrt(3.0 * sizes[axis]) * unit * vectors[:, axis]
+            seen = seen_by(problem, values, k, state + step)
+            if seen is not None:
+                rebound = np.array([seen[name] for name in used])
+                points.append(rebound - follows @ step)
+    mean = np.mean(points, axis=0)
+    apart = np.array(points) - mean
+    spread = apart.T @ apart / len(points)
+    return mean, stated[3:, 3:] - follows @ across.T + spread
 
 
 def log_posterior(problem, values, without=()):
@@ -263,67 +345,52 @@ def log_posterior(problem, values, without=()):
     "priors", "levels", "camera", "errors", "correlations", "contact time".
     """
     table = problem.table
-    at_levels = {level.name(label) for level in problem.forward.levels for label in level.labels}
-    values = {
-        item.spec.name: item.fixed for item in problem.parameters if item.fixed is not None
-    } | values
-    ours = ("scale", "clock", "tilt", "court_height") if "camera" in without else ()
-    known = {name: value for name, value in values.items() if name.partition("[")[0] not in ours}
+    levels = problem.forward.levels
+    fixed = {}
+    for parameter in problem.parameters:
+        if parameter.fixed is not None:
+            fixed[parameter.spec.name] = parameter.fixed
+    values = {**fixed, **values}
     total = 0.0
-    for item in problem.parameters:
-        if item.fixed is None and item.spec.name not in at_levels and "priors" not in without:
-            total += log_prior(item.spec, item.prior.text, values[item.spec.name])
-    for level in problem.forward.levels if "levels" not in without else ():
-        total += log_prior_of_levels(problem, level, values)
-    columns = [item.column.name for item in problem.observables]
+    if "priors" not in without:
+        at_levels = {level.name(label) for level in levels for label in level.labels}
+        for parameter in problem.parameters:
+            name = parameter.spec.name
+            if parameter.fixed is None and name not in at_levels:
+                total += log_prior(parameter.spec, parameter.prior.text, values[name])
+    if "levels" not in without:
+        for level in levels:
+            total += log_prior_of_levels(problem, level, values)
+    used_values = values
+    if "camera" in without:
+        used_values = without_camera(values)
+    columns = [observable.column.name for observable in problem.observables]
     times = []
     for k in range(len(table)):
-        read = np.array([getattr(table.impacts, name)[k] for name in ("v_x1", "v_y1", "omega_1")])
-        centre = seen_by(problem, known, k, read)
-        if centre is None:
+        state = np.array([getattr(table.impacts, name)[k] for name in INCIDENT])
+        seen = seen_by(problem, used_values, k, state)
+        if seen is None:
             return -np.inf
-        times.append(centre["contact_time"])
+        times.append(seen["contact_time"])
         used = [name for name in columns if np.isfinite(table.values[name][k])]
         stated = covariance_of(table, used, k, without)
-        u = stated[:3, :3]
-        across = stated[3:, :3]
-        own = stated[3:, 3:]
-        if "errors" in without:
-            u = np.zeros((3, 3))
-            across = 0.0 * across
-        mean = np.array([centre[name] for name in used])
-        if u.any():
-            # Scaled, since units differ by powers of ten.
-            unit = np.sqrt(np.diag(u))
-            sizes, vectors = np.linalg.eigh(u / np.outer(unit, unit))
-            follows = across @ np.linalg.inv(u)
-            points = []
-            for sign in (1.0, -1.0):
-                for axis in range(3):
-                    t = sign * np.sqrt(3.0 * sizes[axis]) * unit * vectors[:, axis]
-                    made = seen_by(problem, known, k, read + t)
-                    if made is not None:
-                        points.append(np.array([made[name] for name in used]) - follows @ t)
-            mean = np.mean(points, axis=0)
-            own = (
-                own
-                - follows @ across.T
-                + (np.array(points) - mean).T @ (np.array(points) - mean) / len(points)
-            )
+        mean = np.array([seen[name] for name in used])
+        covariance = stated[3:, 3:]
+        if stated[:3, :3].any() and "errors" not in without:
+            mean, covariance = over_true_states(problem, used_values, k, used, stated)
         scatter = np.array([values[COLUMNS[name].noise.name] for name in used])
-        whole = own + np.diag(scatter**2)
-        gap = np.array([table.values[name][k] for name in used]) - mean
+        covariance = covariance + np.diag(scatter**2)
+        deviation = np.array([table.values[name][k] for name in used]) - mean
         if problem.forward.noise.name == "normal":
-            # Units differ by powers of ten, which scipy takes for a singular matrix.
-            unit = np.sqrt(np.diag(whole))
-            density = stats.multivariate_normal(np.zeros(len(used)), whole / np.outer(unit, unit))
-            total += density.logpdf(gap / unit) - np.log(unit).sum() if used else 0.0
+            total += log_normal(deviation, covariance)
         else:
-            factor = np.linalg.cholesky(whole)
-            z = np.linalg.solve(factor, gap)
-            total += np.sum(
-                stats.t(values["degrees_of_freedom"]).logpdf(z) - np.log(np.diag(factor))
-            )
+            total += log_student(deviation, covariance, values["degrees_of_freedom"])
     if problem.contact_time is not None and "contact time" not in without:
         total += stats.norm(*problem.contact_time).logpdf(np.mean(times))
     return total
+
+
+def without_camera(values):
+    """Values but those of a camera."""
+    camera = ("scale", "clock", "tilt", "court_height")
+    return {name: value for name, value in values.items() if name.partition("[")[0] not in camera}

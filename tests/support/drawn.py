@@ -16,26 +16,29 @@ def dots(axis, *markers):
 
 def bars(axis):
     """Ends (bars, 2 ends, 2) of bars, a piece for each call that drew some."""
-    return [
-        np.array(one.get_segments()) for one in axis.collections if isinstance(one, LineCollection)
-    ]
+    collections = [piece for piece in axis.collections if isinstance(piece, LineCollection)]
+    return [np.array(piece.get_segments()) for piece in collections]
 
 
 def cut_off(figure):
     """Dots and ends of bars that lie outside of their panels."""
-    found = 0
+    outside = 0
     for axis in figure.axes:
-        places = [line.get_xydata() for line in axis.lines if line.get_linestyle() == "None"]
-        places += [ends.reshape(-1, 2) for ends in bars(axis) if ends.size]
-        places += [
-            np.asarray(one.get_offsets())
-            for one in axis.collections
-            if not isinstance(one, LineCollection)
-        ]
-        for k, ends in enumerate((axis.get_xlim(), axis.get_ylim())):
-            along = np.concatenate(
-                [np.asarray(one, float)[:, k] for one in places] or [np.empty(0)]
-            )
-            along = along[np.isfinite(along)]
-            found += int(((along < min(ends)) | (along > max(ends))).sum())
-    return found
+        unjoined = [line for line in axis.lines if line.get_linestyle() == "None"]
+        dotted = [piece for piece in axis.collections if not isinstance(piece, LineCollection)]
+        ends = [piece for piece in bars(axis) if piece.size]
+        points = [np.empty((0, 2))]
+        points += [line.get_xydata() for line in unjoined]
+        points += [piece.get_offsets() for piece in dotted]
+        points += [piece.reshape(-1, 2) for piece in ends]
+        x, y = np.concatenate(points).astype(float).T
+        outside += count_outside(x, axis.get_xlim())
+        outside += count_outside(y, axis.get_ylim())
+    return outside
+
+
+def count_outside(values, limits):
+    """How many numbers are not within two limits; those that are no number count as within."""
+    below = values < min(limits)
+    above = values > max(limits)
+    return int(np.count_nonzero(below | above))

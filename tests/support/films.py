@@ -12,16 +12,32 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
-NINE = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "gap_time", "gap_path", "gap_turn")
-UNITS = ("m/s", "m/s", "rad/s", "m/s", "m/s", "rad/s", "s", "m", "rad")
+UNITS = {
+    "v_x1": "m/s",
+    "v_y1": "m/s",
+    "omega_1": "rad/s",
+    "v_x2": "m/s",
+    "v_y2": "m/s",
+    "omega_2": "rad/s",
+    "gap_time": "s",
+    "gap_path": "m",
+    "gap_turn": "rad",
+}
+NINE = tuple(UNITS)
+# Standard gravity [m/s^2].
 G = 9.80665
+# A tennis ball: radius [m], mass [kg], moment of inertia over m r^2.
 RADIUS = 0.03302
 MASS = 0.0576
 RATIO = 0.56
+# Air [kg/m^3], the drag coefficient in it, and the sd of that coefficient from shot to shot.
 DENSITY = 1.2
 DRAG = 0.507
 DRAG_SHOT = 0.024
+# What the shell turned ahead of the core decays within this time after release [s].
 TWIST_DECAY = 1.5e-3
+# How long both flights are followed from the contact [s].
+LONGEST = 0.4
 # Width and height of a view [m] by least frames a second: faster cameras see less.
 VIEWS = {5000.0: (0.25, 0.35), 1500.0: (0.5, 0.35), 400.0: (0.8, 0.5), 0.0: (1.2, 0.8)}
 
@@ -63,16 +79,19 @@ def bounces(count, rng):
     omega = rng.uniform(-300, 400, count)
     cor = 0.775 - 0.014 * (v_y - 10.0)
     offset = 2.4e-3
-    pressed = v_y * (1.0 + cor)
+    normal_impulse = v_y * (1.0 + cor)
+    moment = offset * normal_impulse / RADIUS
     slip = v_x - RADIUS * omega
-    grip = RATIO / (1.0 + RATIO) * (1.1 * slip + offset * pressed / (RATIO * RADIUS))
-    lost = np.clip(grip, -0.56 * pressed, 0.56 * pressed)
-    v_x2 = v_x - lost
-    spin = omega + (lost - offset * pressed / RADIUS) / (RATIO * RADIUS)
+    grip = RATIO / (1.0 + RATIO) * (1.1 * slip + moment / RATIO)
+    most = 0.56 * normal_impulse
+    friction_impulse = np.clip(grip, -most, most)
+    v_x2 = v_x - friction_impulse
+    v_y2 = cor * v_y
+    omega_2 = omega + (friction_impulse - moment) / (RATIO * RADIUS)
     time = 4.9e-3 + 1e-4 * rng.standard_normal(count)
     path = time * (0.45 * v_x + 0.55 * v_x2)
-    turn = time * (omega + 0.6 * (spin - omega))
-    return np.stack([v_x, v_y, omega, v_x2, cor * v_y, spin, time, path, turn], axis=1)
+    turn = time * (omega + 0.6 * (omega_2 - omega))
+    return np.stack([v_x, v_y, omega, v_x2, v_y2, omega_2, time, path, turn], axis=1)
 
 
 def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
@@ -83,71 +102,105 @@ def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
     lift = ratio / (0.981 + 2.022 * abs(ratio)) + extra
     k = air * DENSITY * np.pi * RADIUS**2 / (2.0 * MASS)
 
-    def moves(_t, s):
-        pull = k * np.hypot(s[2], s[3])
+    def rates(_time, state):
+        _, _, forward, upward = state
+        pull = k * np.hypot(forward, upward)
         return (
-            s[2],
-            s[3],
-            -pull * (drag * s[2] - lift * s[3]),
-            -G - pull * (drag * s[3] + lift * s[2]),
+            forward,
+            upward,
+            -pull * (drag * forward - lift * upward),
+            -G - pull * (drag * upward + lift * forward),
         )
 
-    start = (0.0, 0.0, v_x, v_y)
-    return solve_ivp(
-        moves,
+    solution = solve_ivp(
+        rates,
         (0.0, until),
-        start,
+        (0.0, 0.0, v_x, v_y),
         "DOP853",
         dense_output=True,
         rtol=1e-10,
         atol=1e-12,
-    ).sol
+    )
+    return solution.sol
 
 
 def course(nine, drag, extra, end, ahead):
     """Places and turn (times, 3) of a ball that lands at time 0; of the contact a cubic between
     both flights.
     """
-    v_x1, v_y1, omega_1, v_x2, v_y2, omega_2, late, way, turn = nine
-    before = flight(v_x1, -v_y1, omega_1, drag, extra[0], -0.4)
-    after = flight(v_x2, v_y2, omega_2, drag, extra[1], 0.4)
-    early = flight(v_x2, v_y2, omega_2, drag, extra[1], -0.02)
+    v_x1, v_y1, omega_1, v_x2, v_y2, omega_2, gap_time, gap_path, gap_turn = nine
+    before = flight(v_x1, -v_y1, omega_1, drag, extra[0], -LONGEST)
+    after = flight(v_x2, v_y2, omega_2, drag, extra[1], LONGEST)
+    # The flight after, carried back into the contact.
+    carried_back = flight(v_x2, v_y2, omega_2, drag, extra[1], -0.02)
+
+    def incident(t):
+        x, y, *_ = before(np.clip(t, -LONGEST, 0.0))
+        return np.stack([x, y, omega_1 * t], axis=-1)
 
     def released(t):
-        since = t - late
-        place = np.where(
+        since = t - gap_time
+        x, y, *_ = np.where(
             since < 0.0,
-            early(np.clip(since, -0.02, 0.0)),
-            after(np.clip(since, 0.0, 0.4)),
+            carried_back(np.clip(since, -0.02, 0.0)),
+            after(np.clip(since, 0.0, LONGEST)),
         )
         swing = ahead * np.exp(-(t - end) / TWIST_DECAY)
-        return np.stack([way + place[0], place[1], turn + omega_2 * since + swing], axis=-1)
+        turn = gap_turn + omega_2 * since + swing
+        return np.stack([gap_path + x, y, turn], axis=-1)
 
-    def at(t):
-        landing = before(np.clip(t, -0.4, 0.0))
-        found = np.stack([landing[0], landing[1], omega_1 * t], axis=-1)
+    def in_contact(t):
         s = np.clip(t / end, 0.0, 1.0)[:, None]
-        ends = released(np.array([end, end + 1e-6]))
-        cubic = (
-            s * (1.0 - s) ** 2 * np.array([v_x1, -v_y1, omega_1]) * end
-            + s**2 * (3.0 - 2.0 * s) * ends[0]
-        )
-        cubic = cubic + s**2 * (s - 1.0) * (ends[1] - ends[0]) * 1e6 * end
-        found = np.where(
-            t[:, None] < 0.0,
-            found,
-            np.where(t[:, None] < end, cubic, released(np.maximum(t, end))),
-        )
-        return found + np.array([0.0, RADIUS, 0.0])
+        first, second = released(np.array([end, end + 1e-6]))
+        rate_of_landing = np.array([v_x1, -v_y1, omega_1])
+        rate_of_release = (second - first) * 1e6
+        leaving = s * (1.0 - s) ** 2 * rate_of_landing * end
+        arriving = s**2 * (s - 1.0) * rate_of_release * end
+        return leaving + s**2 * (3.0 - 2.0 * s) * first + arriving
 
-    return at
+    def place_and_turn(t):
+        t_column = t[:, None]
+        rebounding = released(np.maximum(t, end))
+        from_landing = np.where(t_column < end, in_contact(t), rebounding)
+        of_centre = np.where(t_column < 0.0, incident(t), from_landing)
+        return of_centre + np.array([0.0, RADIUS, 0.0])
+
+    return place_and_turn
 
 
 def waves(t, lasting, rng):
     """Errors (times, 2) of unit sd with correlation exp(-t^2/(2 lasting^2))."""
     rates = rng.standard_normal((24, 2)) / lasting
     phases = rng.uniform(0.0, 2.0 * np.pi, (24, 2))
-    return np.sqrt(2.0 / 24.0) * np.cos(t[:, None, None] * rates + phases).sum(axis=1)
+    angles = t[:, None, None] * rates + phases
+    return np.sqrt(2.0 / 24.0) * np.cos(angles).sum(axis=1)
+
+
+def in_picture(camera, number, phase, of_ball, height):
+    """Times, x and y in the picture, and places of the ball, by frame."""
+    taken = (number + phase) * camera.clock / camera.fps
+    t = taken
+    cos = np.cos(camera.tilt)
+    sin = np.sin(camera.tilt)
+    # A row lower in the picture is read later: times and places are found in turns.
+    for _ in range(5 if camera.row_time else 1):
+        places = of_ball(t)
+        along = places[:, 0] / camera.scale
+        above = places[:, 1] / camera.scale
+        x = cos * along - sin * above
+        y = sin * along + cos * above + camera.court_height
+        rows_below_top = (height - y) / (1e-3 * camera.mm_per_px)
+        t = taken + camera.row_time * rows_below_top
+    return t, x, y, places
+
+
+def frames_in_view(t, x, y, width, height):
+    """Numbers of the frames around the impact of which each shows the ball."""
+    near = np.argmin(np.abs(t))
+    away = np.flatnonzero((np.abs(x) > 0.5 * width) | (y > height))
+    first = max(away[away < near], default=-1) + 1
+    last = min(away[away > near], default=t.size)
+    return np.arange(first, last)
 
 
 def filmed(truth, camera, rng, contact=None, ahead=None):
@@ -155,55 +208,44 @@ def filmed(truth, camera, rng, contact=None, ahead=None):
     shutter.
     """
     width, height = next(size for least, size in VIEWS.items() if camera.fps >= least)
+    # Angles of which the marks on the ball look alike.
+    period = 2.0 * np.pi / camera.fold
+    count = int(0.3 * camera.fps)
+    number = np.arange(-count, count + 1)
     pieces = []
-    whole = 2.0 * np.pi / camera.fold
     for k, nine in enumerate(truth):
         drag = camera.drag + DRAG_SHOT * rng.standard_normal()
+        extra_lift = camera.lift_sd * rng.standard_normal(2)
         end = nine[6] - 1e-4 if contact is None else contact[k]
-        at = course(
-            nine,
-            drag,
-            camera.lift_sd * rng.standard_normal(2),
-            end,
-            0.0 if ahead is None else ahead[k],
-        )
-        count = int(0.3 * camera.fps)
-        number = np.arange(-count, count + 1)
-        t = taken = (number + rng.uniform()) * camera.clock / camera.fps
-        for _ in range(5 if camera.row_time else 1):
-            places = at(t)
-            x = places[:, 0] / camera.scale
-            y = places[:, 1] / camera.scale
-            cos = np.cos(camera.tilt)
-            sin = np.sin(camera.tilt)
-            x, y = cos * x - sin * y, sin * x + cos * y + camera.court_height
-            # A row lower in the picture is read later.
-            t = taken + camera.row_time * (height - y) / (1e-3 * camera.mm_per_px)
-        near = np.argmin(np.abs(t))
-        away = np.flatnonzero((np.abs(x) > 0.5 * width) | (y > height))
-        first = max(away[away < near], default=-1) + 1
-        last = min(away[away > near], default=t.size)
-        kept = np.arange(first, last)
-        kept = kept[rng.uniform(size=kept.size) >= camera.lost]
-        seen = np.column_stack([x, y])[kept] + camera.noise * rng.standard_normal((kept.size, 2))
-        seen += camera.lasting * waves(t[kept], camera.lasting_time, rng)
-        off = rng.uniform(size=kept.size) < camera.outliers
-        seen[off] += (
-            rng.choice([-1.0, 1.0], (kept.size, 2)) * rng.uniform(5e-3, 50e-3, (kept.size, 2))
-        )[off]
+        swing = 0.0 if ahead is None else ahead[k]
+        of_ball = course(nine, drag, extra_lift, end, swing)
+        t, x, y, places = in_picture(camera, number, rng.uniform(), of_ball, height)
+        rows = frames_in_view(t, x, y, width, height)
+        rows = rows[rng.uniform(size=rows.size) >= camera.lost]
+        both = (rows.size, 2)
+        seen = np.column_stack([x, y])[rows] + camera.noise * rng.standard_normal(both)
+        seen += camera.lasting * waves(t[rows], camera.lasting_time, rng)
+        off = rng.uniform(size=rows.size) < camera.outliers
+        sides = rng.choice([-1.0, 1.0], both)
+        distances = sides * rng.uniform(5e-3, 50e-3, both)
+        seen[off] += distances[off]
         # Topspin turns clockwise where the ball flies to the right.
-        angle = (
-            rng.uniform(0.0, whole)
-            - places[kept, 2]
-            + camera.angle_noise * rng.standard_normal(kept.size)
-        )
-        wrong = rng.uniform(size=kept.size) < camera.angle_outliers
-        angle = np.where(wrong, rng.uniform(0.0, whole, kept.size), angle) % whole
+        angle = rng.uniform(0.0, period) - places[rows, 2]
+        angle += camera.angle_noise * rng.standard_normal(rows.size)
+        wrong = rng.uniform(size=rows.size) < camera.angle_outliers
+        anywhere = rng.uniform(0.0, period, rows.size)
+        angle = np.where(wrong, anywhere, angle) % period
         side = -1.0 if camera.leftward else 1.0
-        unit, size = ("px", 1e-3 * camera.mm_per_px) if camera.row_time else ("m", 1.0)
-        piece = {"id": str(k + 1), "frame": number[kept] - number[kept[0]] + 50}
-        piece |= {f"x [{unit}]": side * seen[:, 0] / size, f"y [{unit}]": seen[:, 1] / size}
-        piece |= {"angle [rad]": side * angle, "angle_fold": camera.fold}
+        unit = "px" if camera.row_time else "m"
+        size = 1e-3 * camera.mm_per_px if camera.row_time else 1.0
+        piece = {
+            "id": str(k + 1),
+            "frame": number[rows] - number[rows[0]] + 50,
+            f"x [{unit}]": side * seen[:, 0] / size,
+            f"y [{unit}]": seen[:, 1] / size,
+            "angle [rad]": side * angle,
+            "angle_fold": camera.fold,
+        }
         pieces.append(pd.DataFrame(piece))
     return pd.concat(pieces, ignore_index=True)
 
@@ -214,10 +256,11 @@ def scores(film, truth):
     """
     frame = film.impacts
     rows = truth[[int(name) - 1 for name in frame.index]]
-    none = np.full(len(frame), np.nan)
-    heads = [
-        [f"{name}{end} [{unit}]" for name, unit in zip(NINE, UNITS, strict=True)]
-        for end in ("", "_sd")
-    ]
-    values, sds = (np.column_stack([frame.get(head, none) for head in part]) for part in heads)
-    return (values - rows) / sds, values - rows
+    missing = np.full(len(frame), np.nan)
+    values = []
+    sds = []
+    for name, unit in UNITS.items():
+        values.append(frame.get(f"{name} [{unit}]", missing))
+        sds.append(frame.get(f"{name}_sd [{unit}]", missing))
+    errors = np.column_stack(values) - rows
+    return errors / np.column_stack(sds), errors
