@@ -45,7 +45,6 @@ LONG_FUNCTIONS = {
     "fitball/uses/lab.py:drop_test": "to be split",
     "fitball/uses/plan.py:plan": "to be split",
     "fitball/uses/simulate.py:course": "to be split",
-    "tests/support/density.py:log_posterior": "to be split",
     "tests/support/made_fit.py:made_fit": "to be split",
     "tests/support/taylor.py:_bounce": "to be split",
     "scripts/benchmark.py:main": "to be split",
