@@ -16,12 +16,12 @@ _HOMES = {
     "fitball.data.scene": "Scene load_scene",
     "fitball.data.table": "ImpactTable",
     "fitball.base.errors": "FitballError",
-    "fitball.inference.fitted": "Fit",
+    "fitball.results.fit": "Fit",
     "fitball.inference.schema": "Verdict",
     "fitball.models.own": "model_from",
     "fitball.models.registry": "model",
     "fitball.models.types": "Rebound regime_name",
-    "fitball.result": "Result",
+    "fitball.results.result": "Result",
     "fitball.base.values": "Ball Impacts impacts",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import sys
-from importlib import import_module
 
 import cloudpickle
 import numpy as np
@@ -16,7 +15,8 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball.base.errors import FolderError, MachineError, ModelError, ParameterError
-from fitball.batches import Batch, page, rows
+from fitball.batches import many, page, rows
+from fitball.batches.batch import Batch
 from fitball.batches.tables import named, safe
 from fitball.cli import main
 from fitball.report.render import to_text
@@ -179,7 +179,7 @@ def test_what_is_no_option_and_no_batch(tmp_path):
 
 
 def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
-    monkeypatch.setattr(import_module("fitball.batches"), "calibrate", lambda *_: 1 / 0)
+    monkeypatch.setattr(many, "calibrate", lambda *_: 1 / 0)
     found = fitball.batch(
         {"a": table_of(8)},
         out=tmp_path / "x",
@@ -251,9 +251,7 @@ def made():
     drops["v_y2"] = 0.745 * drops["v_y1"] * (1.0 + 2e-3 * np.sin(np.arange(9)))
     kept.append(rows.kept("drops", made_fit(drops)))
     kept.append(rows.failed("bad", MachineError("out of memory", "memory")))
-    from fitball.batches import _batch
-
-    return _batch(None, kept, None)
+    return many._batch(None, kept, None)
 
 
 def test_a_row_has_labels_verdicts_and_laboratory_tests(made):

@@ -16,6 +16,7 @@ from support.drawn import cut_off
 from support.made_fit import table_of
 
 import fitball
+from fitball.base.findings import Findings
 from fitball.cli import main
 from fitball.data.read import load_data
 from fitball.data.scene import Scene
@@ -23,7 +24,6 @@ from fitball.inference.density import pointwise
 from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices
 from fitball.report import compare as page
-from fitball.result import Frames
 from fitball.uses import compare, left_out
 from fitball.uses.left_out import Weighted, held_out, leave_one_out
 
@@ -347,7 +347,7 @@ def test_a_model_that_cannot_be_fitted_leaves_the_others(table):
     impossible = compare.build_problem(*loaded, ONE, fitball.model_from(never))
     result = compare.compare([*problems, impossible], Effort(cores=1), no_progress)
     assert set(result.frames["models"]["model"]) == {"grip-slip", "brody"}
-    assert result.exit_code == 1
+    assert result.failed
     codes = [note.code for note in result.notes]
     assert codes.count("not-fitted") == 1
     with pytest.raises(fitball.FitballError) as caught:
@@ -375,7 +375,7 @@ def test_interrupted_it_returns_what_is_done(table, monkeypatch):
     monkeypatch.setattr(compare, "as_completed", interrupted_after(2))
     result = compare.compare(problems, Effort(), no_progress)
     assert set(result.frames["models"]["model"]) == {"grip-slip", "brody"}
-    assert result.exit_code == 1
+    assert result.failed
     assert "interrupted" in {note.code for note in result.notes}
     monkeypatch.setattr(compare, "as_completed", interrupted_after(1))
     with pytest.raises(KeyboardInterrupt):
@@ -420,7 +420,7 @@ def test_the_page_names_the_simplest_and_who_is_not_worse_and_the_figure_shows_t
 
     def answer(models):
         """First lines of the page of a comparison with these models."""
-        changed = Frames("report.compare", {**compared.frames, "models": models})
+        changed = Findings({**compared.frames, "models": models})
         return page.report(changed).summary[0].lines
 
     alone = answer(models)

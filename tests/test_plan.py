@@ -11,13 +11,14 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball.base.errors import ParameterError
+from fitball.base.options import names_of
 from fitball.data.read import load_data
 from fitball.data.scene import CameraSection, Quantity, Scene
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.report import plan as page
 from fitball.report.style import saved, styled
-from fitball.result import Result
+from fitball.results.result import Result
 
 NOISE = {"v_x_sd": 0.3, "v_y_sd": 0.2, "spin_sd": 6.0}
 GRID = {"speed": "15..25:3", "angle": "20..60:3", "spin": "-100..200:2"}
@@ -425,7 +426,7 @@ def test_derived_quantities_and_impacts_are_targets(stored):
     )
     assert [*found.frames["targets"].index] == ["court_pace", "mu", "v_x2", "v_y2", "omega_2"]
     assert (found.frames["targets"]["as before"] < found.frames["targets"]["now"]).all()
-    assert fitball.verbs.names("k_theta/k_y[clay, A],mu") == ["k_theta/k_y[clay, A]", "mu"]
+    assert names_of("k_theta/k_y[clay, A],mu") == ["k_theta/k_y[clay, A]", "mu"]
 
 
 def test_the_map_shows_gains_and_places(straight):

@@ -561,24 +561,26 @@ def test_doubts_are_refused_or_noted():
         load_data([wrong], None, False, flip=("omega_1", "omega_2"))[0].notices[0].code == "flipped"
     )
     assert check(wrong, None, False).failed and not check(wrong, None, True).failed
-    assert len(check(wrong, None, True).data["doubts"]) > 0 and check(wrong, None, True).notes == ()
+    assert (
+        len(check(wrong, None, True).frames["doubts"]) > 0 and check(wrong, None, True).notes == ()
+    )
 
 
 def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     shown = check("wang_all", None, False)
-    assert not shown.failed and shown.data["faults"].empty and shown.data["doubts"].empty
-    assert shown.data["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * [
+    assert not shown.failed and shown.frames["faults"].empty and shown.frames["doubts"].empty
+    assert shown.frames["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * [
         "disagreement"
     ]
     offered = check(None, None, False)
-    assert {"wang_all", "synthetic_gaps"} <= {*offered.data["bundled"]["table"]}
+    assert {"wang_all", "synthetic_gaps"} <= {*offered.frames["bundled"]["table"]}
     assert all(
-        key in offered.report() for key in ("mu=literature:clay", *offered.data["priors"]["key"])
+        key in offered.report() for key in ("mu=literature:clay", *offered.frames["priors"]["key"])
     )
     # Of a long table what is printed and what not are all of it.
     long = check({"v_y1": np.linspace(4, 6, 500), "v_y2": np.linspace(3, 4.5, 500)}, None, True)
     assert "... and 460 more" in long.report()
-    faults = check(written(tmp_path, "v_x1,v_y1", "5,?"), None, False).data["faults"]
+    faults = check(written(tmp_path, "v_x1,v_y1", "5,?"), None, False).frames["faults"]
     assert faults["row"].tolist() == [None, 1] and faults["line"].tolist() == [1, 2]
 
 

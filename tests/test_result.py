@@ -11,10 +11,12 @@ import pytest
 
 from fitball.base.errors import FolderError, Note, ParameterError
 from fitball.base.files import ResultFolder, result_folder
+from fitball.base.findings import Findings
 from fitball.base.numbers import Unit
 from fitball.report.blocks import Picture, Report, Section, Table, Text
+from fitball.report.page import Page
 from fitball.report.style import label, new_figure, saved, styled
-from fitball.result import Frames, Result
+from fitball.results.result import Frames, Result
 
 
 def draw():
@@ -27,7 +29,6 @@ def draw():
 class Toy(Result):
     """A result whose page is this module."""
 
-    page = __name__
     record = "own.json"
     notes = (Note("doubt", "a doubt"),)
 
@@ -38,6 +39,10 @@ class Toy(Result):
         return {
             "summary": pd.DataFrame({"median": values, "kind": ["model", None, None]}, index=index)
         }
+
+    @property
+    def _layout(self):
+        return PAGE.of(self)
 
 
 def report(result):
@@ -58,6 +63,9 @@ def figures(_result):
 
 def files(_result):
     return {"own.json": lambda: b"{}", "references.bib": lambda: b"@misc{}"}
+
+
+PAGE = Page(report, figures, files)
 
 
 def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
@@ -108,9 +116,8 @@ def test_text_notebook_and_json_say_the_same():
     assert found == {"frames": {"summary": summary}, "notes": notes, "exit_code": 0}
 
 
-def test_frames_find_their_page_and_their_exit_code(monkeypatch):
-    monkeypatch.setitem(sys.modules, "fitball.report.toy", sys.modules[__name__])
-    result = Frames("report.toy", Toy().frames, failed=True)
+def test_frames_have_their_page_and_their_exit_code():
+    result = Frames(Findings(Toy().frames, failed=True), PAGE)
     assert result.exit_code == 1 and result.record == "report.html" and "0.300" in result.report()
 
 
@@ -132,8 +139,8 @@ def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot()
 def test_nothing_is_laid_out_before_a_report_is_asked_for():
     heavy = ("matplotlib", "pandas", "scipy", "jinja2", "tqdm", "joblib")
     code = (
-        f"import sys, fitball.result, fitball.base.columns\nprint([m for m in {heavy} if m in "
-        "sys.modules])"
+        "import sys, fitball.results.result, fitball.base.columns\n"
+        f"print([name for name in {heavy} if name in sys.modules])"
     )
     assert (
         subprocess.run(

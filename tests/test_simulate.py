@@ -128,7 +128,7 @@ def test_the_figure_shows_the_courses(case):
             made_fit(frame, model=kind, sampled=case != "point"),
             impact=impact,
         )
-    figure = styled(found._layout.figures(found)["history"])
+    figure = styled(found._layout.figures()["history"])
     frame = found.frames["history"]
     assert saved(figure).startswith(b"\x89PNG") and len(figure.axes) == (2 if case == "drop" else 4)
     np.testing.assert_allclose(

@@ -13,11 +13,12 @@ from fitball.base.display_units import CM, PERCENT
 from fitball.base.numbers import counted, fixed
 from fitball.base.text import listed, one_line, short
 from fitball.base.values import Figure
-from fitball.batches import Batch
+from fitball.batches.batched import Batched
 from fitball.batches.rows import DONE, ENDS
 from fitball.inference.sampling.importance import RELIABLE
 from fitball.report import style
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
+from fitball.report.page import Page
 from fitball.report.quantities import chance, plain
 
 _TONES = {
@@ -50,7 +51,7 @@ _ABOUT = (
 )
 
 
-def report(batch: Batch) -> Report:
+def report(batch: Batched) -> Report:
     """How many tables were fitted, what failed, each quantity over the tables; then every table."""
     tables = batch.tables
     failed = batch.failed
@@ -88,7 +89,7 @@ def report(batch: Batch) -> Report:
     )
 
 
-def _described(batch: Batch) -> str:
+def _described(batch: Batched) -> str:
     """For how many tables the model describes the data."""
     count = Counter(batch.tables["adequacy"].dropna())
     excepted = "in {} except for single patterns"
@@ -102,7 +103,7 @@ def _described(batch: Batch) -> str:
     return " ".join([*parts, *[f"In {apart} sampling did not converge."] * bool(apart)])
 
 
-def _population_table(batch: Batch) -> Table:
+def _population_table(batch: Batched) -> Table:
     rows = []
     for name, one in batch.populations.head(_FIRST).iterrows():
         unit = batch.of(str(name))[0].display_unit
@@ -127,7 +128,7 @@ def _population_table(batch: Batch) -> Table:
     )
 
 
-def _table_of_all(batch: Batch) -> Table:
+def _table_of_all(batch: Batched) -> Table:
     """A row a table: does the model describe it, laboratory tests, why it failed."""
     tables = batch.tables
     rows = []
@@ -155,12 +156,12 @@ def _table_of_all(batch: Batch) -> Table:
     return Table("", rows, ("model", "fits", "why"))
 
 
-def figures(batch: Batch) -> Mapping[str, Callable[[], Figure]]:
+def figures(batch: Batched) -> Mapping[str, Callable[[], Figure]]:
     """The quantities over the tables, if any."""
     return {"tables": partial(_figure, batch)} if len(batch.populations) else {}
 
 
-def _figure(batch: Batch) -> Figure:
+def _figure(batch: Batched) -> Figure:
     """A panel a quantity: tables in their order, the mean of all and a new one."""
     tables = batch.tables
     shown = batch.populations.head(_PANELS)
@@ -199,3 +200,6 @@ def _figure(batch: Batch) -> Figure:
     axes[-1, 0].set_xticks(places[::step], named, rotation=90 if len("".join(named)) > _ROOM else 0)
     axes[-1, 0].set_xlim(-0.6, len(tables) - 0.4)
     return figure
+
+
+PAGE = Page(report, figures)

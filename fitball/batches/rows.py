@@ -14,7 +14,7 @@ from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec, Prior, parse_prior
 from fitball.base.values import DataFrame
 from fitball.inference.effort import Effort
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.inference.problem.levels import FREEDOM, usual_spread
 from fitball.uses.hierarchy import (
     LEAST,
@@ -73,7 +73,7 @@ def failed(name: str, error: FitballError) -> Kept:
     )
 
 
-def kept(name: str, fit: Fit) -> Kept:
+def kept(name: str, fit: Fitted) -> Kept:
     """Of a fit: outcome, adequacy, labels that all its impacts share, every quantity in SI,
     laboratory tests.
     """
@@ -116,7 +116,7 @@ def _cells(name: str, unit: str, value: float, low: float, high: float) -> dict[
 
 
 def _tested(
-    fit: Fit,
+    fit: Fitted,
     row: dict[str, Any],
 ) -> Iterator[tuple[str, Unit, str, tuple[float, float, float]]]:
     """Name, unit, meaning, value and interval of what was measured in laboratory tests; into the

@@ -4,15 +4,15 @@ from pathlib import Path
 from typing import Any
 
 from fitball.base.errors import InputError
+from fitball.base.findings import Findings
 from fitball.data.bundled import descriptions, published
 from fitball.data.read import Source, list_of_sources, load_data
 from fitball.data.scene import Scene
-from fitball.result import Frames
 
 
 def check(
     sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
-) -> Frames:
+) -> Findings:
     """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without
     sources `bundled`, `priors`.
     """
@@ -20,7 +20,7 @@ def check(
 
     if not (given := list_of_sources(sources)):
         known = pd.DataFrame(descriptions().items(), columns=["table", "description"])
-        return Frames("report.check", {"bundled": known, "priors": pd.DataFrame(published())})
+        return Findings({"bundled": known, "priors": pd.DataFrame(published())})
     errors = dict[str, InputError]()
     whole = None
     # Of several tables the faults of each, then those of all together.
@@ -42,4 +42,4 @@ def check(
         "faults": pd.DataFrame(faults, columns=["source", *names], dtype=object),
         "doubts": pd.DataFrame({"reading": doubted}),
     }
-    return Frames("report.check", frames, notes, bool(faults) or (bool(doubted) and not as_read))
+    return Findings(frames, notes, bool(faults) or (bool(doubted) and not as_read))

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
-from fitball.base.errors import FolderError, ModelError, Note, ParameterError, suggestion
-from fitball.base.files import ResultFolder, result_folder
+from fitball.base.errors import ModelError, ParameterError, suggestion
 from fitball.base.text import listed
 from fitball.exports import arviz, engine, page, parameters
 from fitball.exports.parameter_set import of_fit, of_model
 from fitball.exports.ports import FILES, port
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.models.model import Model
-from fitball.result import Result
 
 
 class Format(NamedTuple):
@@ -59,75 +55,22 @@ FORMATS: Mapping[str, Format] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Exported(Result):
-    """Files by name; `save` writes them alone, and without a folder the command line prints the
-    text.
-    """
-
-    record: ClassVar[str] = ""
-    contents: Mapping[str, str | bytes]
-    notes: tuple[Note, ...] = ()
-
-    def report(self, **_options: Any) -> str:
-        """The text itself. Raises ParameterError (`no-text`) of a file that has none."""
-        for name, content in self.contents.items():
-            if isinstance(content, bytes):
-                raise ParameterError(
-                    f"{name} is no text: name a folder for it, --out DIR",
-                    "no-text",
-                )
-        return "\n".join(str(content).removesuffix("\n") for content in self.contents.values())
-
-    def _repr_html_(self) -> str:
-        return f"<p>{listed(self.contents)}: save(folder) writes it.</p>"
-
-    def json(self) -> dict[str, Any]:
-        """The texts by name."""
-        texts = {
-            name: content for name, content in self.contents.items() if isinstance(content, str)
-        }
-        return {"files": texts, "notes": [], "exit_code": self.exit_code}
-
-    def save(
-        self, folder: str | Path | ResultFolder, *, overwrite: bool = False, **_options: Any
-    ) -> tuple[Path, ...]:
-        """Write the files and nothing else. Raises FolderError as `result_folder`, and
-        `older-result` where one is there already.
-        """
-        if not isinstance(folder, ResultFolder):
-            with result_folder(Path(folder)) as held:
-                return self.save(held, overwrite=overwrite)
-        there = [name for name in self.contents if (folder.path / name).exists() and not overwrite]
-        if there:
-            remedy = "replace it with --overwrite (overwrite=True), or name another folder"
-            raise FolderError(
-                f"{folder.path / there[0]}: is there already; {remedy}",
-                "older-result",
-            )
-        texts = {
-            name: text.encode() if isinstance(text, str) else text
-            for name, text in self.contents.items()
-        }
-        return tuple(folder.write(name, text) for name, text in texts.items())
-
-
 def export(
-    source: Fit | Model,
+    source: Fitted | Model,
     to: str,
     *,
     level: Mapping[str, str],
     fix: Mapping[str, Any],
     at: str,
-) -> Exported:
-    """A fit at its point on each of its surfaces, or those of `level`; or a model at numbers or
-    `literature:KEY`, other parameters at their typical value. Raises ParameterError
+) -> Mapping[str, str | bytes]:
+    """Files by name: a fit at its point on each of its surfaces, or those of `level`; or a model at
+    numbers or `literature:KEY`, other parameters at their typical value. Raises ParameterError
     (`unknown-format`, `unknown-label`, `not-for-this-format`), ModelError (`own-model`, `no-port`).
     """
     if to not in FORMATS:
         raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMATS)}", "unknown-format")
     form = FORMATS[to]
-    fit = source if isinstance(source, Fit) else None
+    fit = source if isinstance(source, Fitted) else None
     faults = {
         f"format {to} needs a fit": form.measured and fit is None,
         f"format {to} has all surfaces of a fit: leave out level": form.measured and bool(level),
@@ -143,7 +86,7 @@ def export(
             raise ParameterError(fault, "not-for-this-format")
     sets = (of_model(source, fix),) if isinstance(source, Model) else of_fit(source, level)
     try:
-        return Exported({form.file: form.make(sets, fit, at)})
+        return {form.file: form.make(sets, fit, at)}
     except ModelError as error:
         if not form.ported:
             raise

@@ -15,7 +15,7 @@ from msgspec.structs import asdict
 from fitball.base.files import json_bytes
 from fitball.base.text import one_line
 from fitball.exports.parameter_set import UNSURE, ParameterSet
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.inference.schema import Estimate
 from fitball.report.blocks import Report, Table, Text
 from fitball.report.cite import escaped
@@ -36,7 +36,7 @@ _MARKS = {
 }
 
 
-def as_json(sets: Sequence[ParameterSet], fit: Fit | None) -> str:
+def as_json(sets: Sequence[ParameterSet], fit: Fitted | None) -> str:
     """SI, angles in radians, null for what there is not. `sets`: values of a bounce on each surface
     with each ball, at the best fit. `parameters` and `derived` of a fit: numbers, prior, verdict,
     `determined` or not, and why. `correlation` of the free parameters, of the draws.
@@ -80,7 +80,7 @@ def _range(one: ParameterSet) -> dict[str, list[float]] | None:
     }
 
 
-def _of_fit(fit: Fit) -> dict[str, Any]:
+def _of_fit(fit: Fitted) -> dict[str, Any]:
     table = fit.run.table
     content: dict[str, Any] = {
         "table": {
@@ -127,7 +127,7 @@ class _Row(NamedTuple):
     mark: str
 
 
-def _rows(fit: Fit) -> Iterator[_Row]:
+def _rows(fit: Fitted) -> Iterator[_Row]:
     """Those of model, levels and what follows from them, then of the noise."""
     for row in records(fit.summary):
         if row["kind"] not in (*MAIN, "noise"):
@@ -157,7 +157,7 @@ def _notes(rows: Sequence[_Row]) -> list[tuple[str, str]]:
     return [(mark, words) for mark, words in _MARKS.values() if mark in used]
 
 
-def _caption(fit: Fit) -> str:
+def _caption(fit: Fitted) -> str:
     what = "point estimates"
     if fit.posterior is not None:
         what = (
@@ -176,7 +176,7 @@ def _caption(fit: Fit) -> str:
     )
 
 
-def as_latex(fit: Fit) -> str:
+def as_latex(fit: Fitted) -> str:
     """A `table` environment; it needs the package booktabs. What a user wrote is text, never a
     command.
     """
@@ -231,7 +231,7 @@ def _unit(unit: str) -> str:
     return rf"$\mathrm{{{text}}}$" if text else ""
 
 
-def as_markdown(fit: Fit) -> str:
+def as_markdown(fit: Fitted) -> str:
     """The same as a Markdown table."""
     rows = list(_rows(fit))
     cells = [

@@ -14,7 +14,7 @@ from fitball.base.progress import Progress
 from fitball.inference import schema
 from fitball.inference.assemble import estimates, headline, outside
 from fitball.inference.effort import Effort
-from fitball.inference.fitted import Fit, draws_of, run_of
+from fitball.inference.fitted import Fitted, draws_of, run_of
 from fitball.inference.judgement.adequacy import adequacy
 from fitball.inference.judgement.assumptions import alternatives, given
 from fitball.inference.judgement.constants import constants
@@ -36,13 +36,13 @@ def calibrate(
     effort: Effort,
     progress: Progress,
     own: Model | None = None,
-) -> Fit:
+) -> Fitted:
     """Fit a problem. Raises FitError, MachineError (`memory`), KeyboardInterrupt."""
     with enough_memory(), threads(effort.cores):
         return _calibrate(problem, effort, progress, own)
 
 
-def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model | None) -> Fit:
+def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model | None) -> Fitted:
     seconds: dict[str, float] = {}
 
     @contextmanager
@@ -95,7 +95,7 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
             *[Note("no-profiles", why)] * bool(why),
             *outside(found),
         ]
-    return Fit(
+    return Fitted(
         run=run_of(problem, effort),
         status=status,
         headline=headline(tested, found),

@@ -1,4 +1,4 @@
-"""`Fit`: a calibration, stored and computed."""
+"""`Fitted`: a calibration, stored and computed."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
-from importlib import import_module
-from typing import Any, ClassVar, cast
 
 import msgspec
 import numpy as np
@@ -27,7 +25,6 @@ from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
-from fitball.result import Frames, Result
 from fitball.version import __version__
 
 
@@ -94,14 +91,12 @@ def draws_of(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Result):
+class Fitted:
     """A calibration. Its fields are stored; what follows from them in under a second is computed
     when first asked for and never stored: problem, draws, frames, lab results, golden impacts.
     `own`, a model of one's own, is not stored either. Equal to the last digit but for `seconds`.
     """
 
-    page: ClassVar[str] = "fitball.report.fit_page"
-    record: ClassVar[str] = "fit.json"
     run: Run
     status: schema.FitStatus
     headline: str
@@ -126,16 +121,11 @@ class Fit(Result):
 
     def __eq__(self, other: object) -> bool:
         """Whether all but times, cores and notes is equal to the last digit."""
-        return (
-            isinstance(other, Fit) and self.run.key == other.run.key and not self.moved_from(other)
-        )
+        if not isinstance(other, Fitted) or self.run.key != other.run.key:
+            return False
+        return not self.moved_from(other)
 
     __hash__ = None  # type: ignore[assignment]
-
-    @property
-    def exit_code(self) -> int:
-        """1 if the posterior did not converge."""
-        return int(self.status == "not converged")
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
@@ -187,31 +177,6 @@ class Fit(Result):
         sd = np.sqrt(np.diagonal(self.covariance))
         made: DataFrame = self.covariance / np.multiply.outer(sd, sd)
         return made
-
-    def predict(self, data: Any = None, **options: Any) -> Frames:
-        """As the verb; likewise `plan`, `simulate`, `export`, called by address as pages are."""
-        return cast("Frames", self._verb("predict", data, **options))
-
-    def plan(self, **options: Any) -> Frames:
-        """As the verb."""
-        return cast("Frames", self._verb("plan", **options))
-
-    def simulate(self, **options: Any) -> Frames:
-        """As the verb."""
-        return cast("Frames", self._verb("simulate", **options))
-
-    def export(self, **options: Any) -> Result:
-        """As the verb."""
-        return cast("Result", self._verb("export", **options))
-
-    def to_datatree(self) -> Any:
-        """Draws, densities, predictions and data as ArviZ takes them, an `xarray.DataTree`:
-        `exports.arviz`.
-        """
-        return import_module("fitball.exports.arviz").datatree(self)
-
-    def _verb(self, name: str, *given: Any, **options: Any) -> Any:
-        return getattr(import_module("fitball.verbs"), name)(self, *given, **options)
 
     def quantity(self, name: str) -> Quantity:
         """A parameter or derived quantity. Raises ParameterError (`unknown-quantity`)."""
@@ -272,7 +237,7 @@ class Fit(Result):
         """A row a choice (or held constant) and quantity: the value under it."""
         return frames.variants(self.reported, self.alternatives, self.constants)
 
-    def moved_from(self, other: Fit) -> dict[str, float]:
+    def moved_from(self, other: Fitted) -> dict[str, float]:
         """Sds by which each median differs from another run's (shares of the point, where there are
         no draws); empty if all is equal to the last digit.
         """
@@ -297,7 +262,7 @@ class Fit(Result):
         return moved
 
 
-def _same(one: Fit, other: Fit) -> bool:
+def _same(one: Fitted, other: Fitted) -> bool:
     """Whether two fits have the same draws."""
     if one.posterior is None or other.posterior is None:
         return one.posterior is other.posterior

@@ -1,59 +1,32 @@
-"""What `plot` returns: figures of a fit, written into its folder."""
+"""Figures of a fit by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import ClassVar, Literal
 
 from fitball.base.errors import Note, ParameterError, suggestion
-from fitball.base.files import WAIT, ResultFolder, result_folder
 from fitball.base.text import listed
-from fitball.base.values import DataFrame, Figure
-from fitball.inference.fitted import Fit
+from fitball.base.values import Figure
+from fitball.inference.fitted import Fitted
 from fitball.report.blocks import Report, Text
 from fitball.report.figures import FIGURES, drawable
-from fitball.report.style import FORMATS, saved
-from fitball.result import Result
+from fitball.report.page import Page
+from fitball.report.style import FORMATS
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn(Result):
-    """Figures `names` of a fit, as files of a `form`; its numbers are those of the fit."""
+class Plotted:
+    """Figures `names` of a fit, as files of a `form`."""
 
-    page: ClassVar[str] = "fitball.report.plotted"
-    fit: Fit
+    fit: Fitted
     names: tuple[str, ...]
     form: str
     notes: tuple[Note, ...] = ()
 
-    @property
-    def frames(self) -> Mapping[str, DataFrame]:
-        """None."""
-        return {}
 
-    def save(
-        self,
-        folder: str | Path | ResultFolder,
-        *,
-        overwrite: bool = False,
-        figures: bool | Literal["all"] = True,
-        command: str = "",
-    ) -> tuple[Path, ...]:
-        """Write the figures beside what the folder has, in place of older ones of the same
-        names.
-        """
-        if not isinstance(folder, ResultFolder):
-            with result_folder(Path(folder), wait=WAIT) as held:
-                return self.save(held, overwrite=overwrite, figures=figures, command=command)
-        # All are drawn before any is written.
-        images = {f"{name}.{self.form}": saved(self.plot(name), self.form) for name in self.names}
-        return tuple(folder.write(name, image) for name, image in images.items())
-
-
-def drawn(fit: Fit, names: Sequence[str], form: str) -> Drawn:
+def plotted(fit: Fitted, names: Sequence[str], form: str) -> Plotted:
     """The figures `names`, or all that a fit has data for. Raises ParameterError (`format`,
     `unknown-figure`, `no-such-data`).
     """
@@ -76,10 +49,10 @@ def drawn(fit: Fit, names: Sequence[str], form: str) -> Drawn:
     notes = [Note("not-drawn", f"This fit has no data for {listed(missing, most=20)}.")] * bool(
         missing
     )
-    return Drawn(fit, tuple(dict.fromkeys(names)) or known, form, tuple(notes))
+    return Plotted(fit, tuple(dict.fromkeys(names)) or known, form, tuple(notes))
 
 
-def report(result: Drawn) -> Report:
+def report(result: Plotted) -> Report:
     """Which figures there are."""
     text = f"{listed(result.names, most=20)}, as {result.form}."
     return Report(
@@ -88,6 +61,9 @@ def report(result: Drawn) -> Report:
     )
 
 
-def figures(result: Drawn) -> Mapping[str, Callable[[], Figure]]:
+def figures(result: Plotted) -> Mapping[str, Callable[[], Figure]]:
     """Those that were asked for."""
     return {name: partial(FIGURES[name], result.fit) for name in result.names}
+
+
+PAGE = Page(report, figures)

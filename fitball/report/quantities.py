@@ -9,7 +9,7 @@ from fitball.base.files import with_index
 from fitball.base.numbers import Unit, percent
 from fitball.base.text import short, visible
 from fitball.base.values import DataFrame, FloatArray
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 
 # Kinds of quantities that a reader asks for; noise, ball and camera come after them.
 MAIN = ("model", "level", "derived")
@@ -17,7 +17,7 @@ MAIN = ("model", "level", "derived")
 _LABEL = 18
 
 
-def unit_of(fit: Fit, name: str) -> Unit:
+def unit_of(fit: Fitted, name: str) -> Unit:
     """The unit in which people read a parameter or derived quantity."""
     return fit.quantity(name).spec.display_unit
 
@@ -32,7 +32,7 @@ def plain(text: str, most: int = _LABEL) -> str:
     return short(visible(text).replace("\n", " "), most).replace("$", r"\$")
 
 
-def symbol(fit: Fit, name: str, most: int = _LABEL) -> str:
+def symbol(fit: Fitted, name: str, most: int = _LABEL) -> str:
     """Mathtext of a quantity, with at most so many letters of its level; the name of one that has
     no symbol.
     """

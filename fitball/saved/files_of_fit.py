@@ -20,7 +20,7 @@ import numpy as np
 from fitball.base.errors import FolderError
 from fitball.base.files import json_bytes
 from fitball.base.text import one_line
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.models.model import Model
 from fitball.saved.arrays import packed, unpacked
 
@@ -34,7 +34,7 @@ SHORT = 500
 _ELSEWHERE = ("posterior", "own")
 
 
-def files(fit: Fit) -> Mapping[str, Callable[[], bytes]]:
+def files(fit: Fitted) -> Mapping[str, Callable[[], bytes]]:
     """fit.nc, then fit.json, the record."""
     made: dict[str, bytes] = {}
 
@@ -92,7 +92,7 @@ def _digest(content: Mapping[str, Any], arrays: bytes) -> str:
     return sha256(whole + arrays).hexdigest()
 
 
-def read(place: Path, own: Model | None = None) -> Fit:
+def read(place: Path, own: Model | None = None) -> Fitted:
     """The fit in a folder, all of it. Raises FolderError (`no-fit`, `other-version`, `changed`)
     with the remedy.
     """
@@ -112,8 +112,10 @@ def read(place: Path, own: Model | None = None) -> Fit:
         found.setflags(write=False)
         return found
 
-    hints = get_type_hints(Fit)
-    kept = {field.name: hints[field.name] for field in fields(Fit) if field.name not in _ELSEWHERE}
+    hints = get_type_hints(Fitted)
+    kept = {
+        field.name: hints[field.name] for field in fields(Fitted) if field.name not in _ELSEWHERE
+    }
     # Not strict: numbers may be texts.
     try:
         made = {
@@ -123,7 +125,7 @@ def read(place: Path, own: Model | None = None) -> Fit:
     except (KeyError, msgspec.ValidationError) as error:
         words = f"not a fit as this version writes it ({one_line(str(error))}); run calibrate again"
         raise FolderError(f"{place / RECORD}: {words}", "no-fit") from None
-    return Fit(**made, posterior=posterior, own=own)
+    return Fitted(**made, posterior=posterior, own=own)
 
 
 def key_of(place: Path) -> str:

@@ -16,7 +16,7 @@ from fitball.base.numbers import percent
 from fitball.base.progress import Progress
 from fitball.base.text import listed
 from fitball.inference.calibrate import calibrate
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.inference.problem.build import build_problem, choices_of
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
@@ -29,7 +29,9 @@ def is_fit(source: Any) -> bool:
     # Unlike that of Path, this answers for a name too long for the system.
     named = isinstance(source, str | Path)
     inside = named and os.path.exists(os.path.join(source, files_of_fit.RECORD))  # noqa: PTH110, PTH118
-    return isinstance(source, Fit) or inside or (named and Path(source).name == files_of_fit.RECORD)
+    return (
+        isinstance(source, Fitted) or inside or (named and Path(source).name == files_of_fit.RECORD)
+    )
 
 
 def run_again(
@@ -38,7 +40,7 @@ def run_again(
     chosen: Mapping[str, Any],
     effort: Mapping[str, Any],
     progress: Progress,
-) -> Fit:
+) -> Fitted:
     """The fit to the stored table, with what is given of choices and effort, and a note by how much
     values moved. Raises ParameterError (`stored-table` for options of reading), FolderError,
     ModelError, FitError.
@@ -50,7 +52,7 @@ def run_again(
         )
         raise ParameterError(text, "stored-table")
     changed, own = choices_of(**chosen)
-    stored = source if isinstance(source, Fit) else files_of_fit.read(Path(source), own)
+    stored = source if isinstance(source, Fitted) else files_of_fit.read(Path(source), own)
     own = own or stored.own
     if changed.model == stored.run.choices.model:
         changed = msgspec.structs.replace(changed, model="")
@@ -59,7 +61,7 @@ def run_again(
     return replace(fit, notes=(*fit.notes, _moved(fit, stored)))
 
 
-def _varied(stored: Fit, changed: Choices, own: Model | None) -> Problem:
+def _varied(stored: Fitted, changed: Choices, own: Model | None) -> Problem:
     """What is changed has the defaults of this version, all else the priors and values of the
     stored fit.
     """
@@ -82,7 +84,7 @@ def _varied(stored: Fit, changed: Choices, own: Model | None) -> Problem:
     return build_problem(run.table, run.scene, choices, own, known)
 
 
-def _moved(fit: Fit, stored: Fit) -> Note:
+def _moved(fit: Fitted, stored: Fitted) -> Note:
     """By how much values moved since the stored fit."""
     moved = fit.moved_from(stored)
     if not any(moved.values()):

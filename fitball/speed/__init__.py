@@ -7,9 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from fitball.base.errors import Note
+from fitball.base.findings import Findings
 from fitball.base.progress import Progress
 from fitball.base.values import DataFrame, FloatArray, Impacts
-from fitball.result import Frames
 
 if TYPE_CHECKING:
     from fitball.models.model import Model
@@ -148,7 +148,7 @@ def _spent(action: Solve, count: int) -> float:
     return (time.process_time() - begun) / count
 
 
-def bench(progress: Progress) -> Frames:
+def bench(progress: Progress) -> Findings:
     """Frame `bench`: microseconds a bounce and error of each rival in each scene, least CPU time of
     turns.
     """
@@ -183,4 +183,4 @@ def bench(progress: Progress) -> Frames:
         "timings",
         "Times are CPU times on this machine, the least of several turns; only ratios carry over.",
     )
-    return Frames("speed.page", {"bench": pd.DataFrame(rows)}, (note,))
+    return Findings({"bench": pd.DataFrame(rows)}, (note,))

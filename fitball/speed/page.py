@@ -6,12 +6,13 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from fitball.base.display_units import PLAIN
+from fitball.base.findings import Findings
 from fitball.base.numbers import counted
 from fitball.base.values import DataFrame, Figure
 from fitball.report.blocks import Block, Picture, Report, Section, Table, Text
+from fitball.report.page import Page
 from fitball.report.quantities import records
 from fitball.report.style import MARKERS, MODEL, SERIES, legend_above, new_figure
-from fitball.result import Frames
 from fitball.speed import HARD, ONE, OURS
 
 # Errors at which the fastest rival is named; the scene of the summary; an error that is drawn for
@@ -22,7 +23,7 @@ _NONE = 1e-17
 _CAPTION = "Lower left is better. Errors are relative to the incident speed of the ball's surface."
 
 
-def report(result: Frames) -> Report:
+def report(result: Findings) -> Report:
     """Who is fastest at which error; all numbers."""
     frame = result.frames["bench"]
     main = frame[frame["scene"] == _MAIN]
@@ -95,7 +96,7 @@ def _table(rows: DataFrame) -> Table:
     return Table("", made, ("solver", "setting"))
 
 
-def figures(result: Frames) -> Mapping[str, Callable[[], Figure]]:
+def figures(result: Findings) -> Mapping[str, Callable[[], Figure]]:
     """Time over error, a panel a scene."""
     return {"bench": lambda: _drawn(result.frames["bench"])}
 
@@ -130,3 +131,6 @@ def _drawn(frame: DataFrame) -> Figure:
         [Line2D([], [], color=colours[name], marker=markers[name], label=name) for name in names],
     )
     return figure
+
+
+PAGE = Page(report, figures)

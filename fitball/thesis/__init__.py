@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 
 from fitball.base.errors import Note
+from fitball.base.findings import Findings
 from fitball.base.progress import Progress
-from fitball.result import Frames
 
 
-def rederive(fix: Mapping[str, float], progress: Progress) -> Frames:
+def rederive(fix: Mapping[str, float], progress: Progress) -> Findings:
     """Appendices C and D counted, seven sets ranked, three cases (and a set of one's own, `fix`) in
     the posteriors of two-mass, thesis-exact and the thesis's own computation, Eq. 53, Figs 36-44,
     slips, as frames. Raises ParameterError (`unknown-parameter`, `out-of-bounds`, `no-answer`).
@@ -39,4 +39,4 @@ def rederive(fix: Mapping[str, float], progress: Progress) -> Frames:
         "draws": posteriors.draws_frame(fits),
     }
     failed = not all(one.r_hat < TARGET_R_HAT for one in fits.values())
-    return Frames("thesis.page", frames, tuple(notes), failed)
+    return Findings(frames, tuple(notes), failed)

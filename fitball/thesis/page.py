@@ -9,15 +9,16 @@ from matplotlib.ticker import NullLocator
 
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import PLAIN
+from fitball.base.findings import Findings
 from fitball.base.numbers import fixed, percent
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure
 from fitball.data.bundled import printed
 from fitball.models.specs import SPECS
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
+from fitball.report.page import Page
 from fitball.report.quantities import chance, records
 from fitball.report.style import MARKERS, MEASURED, SERIES, few_ticks, legend_above, new_figure
-from fitball.result import Frames
 from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, headed
 from fitball.thesis.posteriors import slope_of
 from fitball.thesis.printed import C1, C2
@@ -56,7 +57,7 @@ _PLACES = (
 )
 
 
-def report(result: Frames) -> Report:
+def report(result: Findings) -> Report:
     """Is it reproduced, is Table 9's claim true, what do the data say; then each result."""
     frames = result.frames
     summary: list[Block] = [
@@ -286,7 +287,7 @@ def _errata() -> list[str]:
     return [f"{row['table']}, {row['column']}: {row['evidence']}." for row in rows]
 
 
-def figures(result: Frames) -> Mapping[str, Callable[[], Figure]]:
+def figures(result: Findings) -> Mapping[str, Callable[[], Figure]]:
     """Parameters and offsets at a glance; Figs 36 to 44."""
     return {
         "glance": lambda: _glance(result.frames),
@@ -398,3 +399,6 @@ def _chapter_v(points: DataFrame) -> Figure:
     ]
     legend_above(figure, [*shown, *_keys(("o", "", "measured"))])
     return figure
+
+
+PAGE = Page(report, figures)

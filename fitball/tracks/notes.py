@@ -15,7 +15,7 @@ from fitball.base.numbers import counted, percent
 from fitball.base.text import one_line
 from fitball.data.misreading import doubts
 from fitball.data.scene import Scene
-from fitball.tracks.film import Film
+from fitball.tracks.film import Filmed
 from fitball.tracks.find import FACTOR, gravity_words, impacts_of, wrong_gravity
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
 from fitball.tracks.session import Session
@@ -65,7 +65,7 @@ def wrong_session(session: Session) -> str:
     return ""
 
 
-def misread_words(film: Film) -> str:
+def misread_words(film: Filmed) -> str:
     """That angles grow the other way, or columns are exchanged, where another reading of the
     impacts fits far better; else "".
     """

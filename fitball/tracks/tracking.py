@@ -14,7 +14,7 @@ from fitball.base.progress import Progress
 from fitball.base.text import listed, one_line
 from fitball.data.read import Source
 from fitball.data.scene import CameraSection, Quantity, Scene
-from fitball.tracks.film import Film, film_of
+from fitball.tracks.film import Filmed, film_of
 from fitball.tracks.find import gravity_of, impacts_of
 from fitball.tracks.flight import Impact
 from fitball.tracks.notes import (
@@ -44,7 +44,7 @@ def track(
     columns: Mapping[str, str],
     as_read: bool,
     progress: Progress,
-) -> Film:
+) -> Filmed:
     """The impacts on films: velocities, spins and gaps are the unknowns of two flights (gravity,
     drag, Magnus force) that end and begin at the height of contact. Raises InputError (`no-rate`,
     `no-scale`, `gravity`, `no-impact`, `misread`, and what `read_tracks` does).

@@ -15,7 +15,7 @@ from fitball.data.scene import Quantity as Stated
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
 from fitball.inference.effort import AT_ONCE, LONG
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.inference.forward import Values
 from fitball.inference.predictive import Asked
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
@@ -44,7 +44,7 @@ class Known:
     time: of it the scene is known, or else its prior.
     """
 
-    def __init__(self, fit: Fit, gaps: bool) -> None:
+    def __init__(self, fit: Fitted, gaps: bool) -> None:
         problem = fit.problem
         self.fit = fit
         self.problem = problem
@@ -276,7 +276,7 @@ def vertical(name: str) -> bool:
     return not COLUMNS[name].tangential and not COLUMNS[name].timed
 
 
-def _nearest(fit: Fit, impacts: Impacts) -> IntArray:
+def _nearest(fit: Fitted, impacts: Impacts) -> IntArray:
     """Of each impact the nearest row of the table, among those in which most was measured."""
     rows = fit.problem.rows
     radius = fit.problem.forward.model.ball.radius

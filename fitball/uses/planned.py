@@ -16,7 +16,7 @@ from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.in_words import Span, impacts_of, spans
 from fitball.data.labels import spelled
 from fitball.inference.derived import Quantity
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.inference.forward import NEW_LEVEL, Values
 from fitball.models.model import Model
 
@@ -53,7 +53,7 @@ class Sensor(NamedTuple):
     drop: Impacts | None = None
 
 
-def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) -> Settings:
+def settings_of(fit: Fitted, words: Mapping[str, str], level: Mapping[str, str]) -> Settings:
     """The grid of `words` (speed, angle, spin), by default over the measured range, on every
     measured surface or those of `level`. Raises ParameterError (`impact`, `not-measured`,
     `too-many-settings`, those of `levels_of`).
@@ -103,7 +103,7 @@ def settings_of(fit: Fit, words: Mapping[str, str], level: Mapping[str, str]) ->
     return Settings(found, keys[place.astype(np.int64)], tuple(assumed))
 
 
-def measured_levels(fit: Fit, level: Mapping[str, str]) -> IntArray:
+def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
     """The combinations (combinations, levels) of a table, or those with the labels of `level`.
     Raises ParameterError (`unknown-level`, `unknown-label`, `no-such-levels`).
     """
@@ -132,7 +132,7 @@ def _predicts(model: Model, name: str) -> bool:
     return (model.tangential or not column.tangential) and (model.timed or not column.timed)
 
 
-def sensors_of(fit: Fit, words: Mapping[str, str] | None) -> list[Sensor]:
+def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     """Measuring as before, then `COLUMN=SD`, `gaps=SHARE` of their usual errors, `drop=HEIGHT`; by
     default those that the model can answer for and the table has not: the contact time to 0.2 ms,
     gaps, a drop from 254 cm. Raises ParameterError (`impact`, `sensor`).
@@ -215,7 +215,7 @@ def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None
             )
 
 
-def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]:
+def targets_of(fit: Fitted, asked: Sequence[str], keys: IntArray) -> list[Quantity]:
     """Parameters and derived quantities by name (`mu`: on every surface), `impact=v_1=30,
     theta_1=16 deg`: its rebound; none: all free parameters of the model. `keys` are the
     combinations of levels that count. Raises ParameterError (`unknown-quantity`, `fixed`, `impact`,
@@ -260,7 +260,7 @@ def targets_of(fit: Fit, asked: Sequence[str], keys: IntArray) -> list[Quantity]
     return found
 
 
-def _rebounds(fit: Fit, text: str, keys: IntArray, number: str) -> list[Quantity]:
+def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quantity]:
     """Velocities and spin after one impact, on each surface."""
     forward = fit.problem.forward
     impact, _ = impacts_of(spans(text, "value"))
@@ -292,7 +292,7 @@ def _rebounds(fit: Fit, text: str, keys: IntArray, number: str) -> list[Quantity
     return found
 
 
-def labels_in_words(fit: Fit, key: IntArray) -> str:
+def labels_in_words(fit: Fitted, key: IntArray) -> str:
     """Levels (levels,) as `clay, ball A`; "" where there are none."""
     pairs = zip(fit.problem.forward.levels, key.tolist(), strict=True)
     return ", ".join({one.column: one.labels[place] for one, place in pairs}.values())

@@ -18,11 +18,12 @@ from fitball.inference import frames, schema
 from fitball.inference.curves import curves
 from fitball.inference.derived import Quantity
 from fitball.inference.effort import Effort
-from fitball.inference.fitted import Fit, Run
+from fitball.inference.fitted import Run
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.summary import summarise
+from fitball.results.fit import Fit
 
 SHAPE = (2, 25, 8)
 PACE = ParameterSpec("court_pace", "", 0.0, 100.0, "", "ITF court pace rating, at 30 m/s", "")

@@ -5,11 +5,11 @@ regime_map.
 from collections.abc import Callable, Mapping
 
 from fitball.base.values import Figure
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.report.figures import parameters, predictions
 
 # What draws each, in the order of the page.
-FIGURES: Mapping[str, Callable[[Fit], Figure]] = {
+FIGURES: Mapping[str, Callable[[Fitted], Figure]] = {
     "curves": predictions.curves,
     "corner": parameters.corner,
     "profiles": parameters.profiles,
@@ -22,7 +22,7 @@ FIGURES: Mapping[str, Callable[[Fit], Figure]] = {
 }
 
 
-def drawable(fit: Fit) -> tuple[str, ...]:
+def drawable(fit: Fitted) -> tuple[str, ...]:
     """Names of those that a fit has data for."""
     frame = fit.predictions
     sliding = bool((frame["regime"] != "").any())

@@ -8,6 +8,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.lines import Line2D
 
 from fitball.base.display_units import DEG
+from fitball.base.findings import Findings
 from fitball.base.numbers import fixed
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure, FloatArray
@@ -21,7 +22,6 @@ from fitball.report.style import (
     legend_above,
     new_figure,
 )
-from fitball.result import Frames
 
 # White paper to the colour of what the model says, and darker still.
 _SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL, "#00304d"])
@@ -30,7 +30,7 @@ _ACROSS = 3
 _NAMED = 6
 
 
-def gains(result: Frames) -> Figure:
+def gains(result: Findings) -> Figure:
     """Over angle and speed, a panel a spin, by the sensor of the plan; over what varies where one
     of them does not. Of several surfaces the best. Numbers are the chosen impacts in their order.
     """

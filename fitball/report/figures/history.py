@@ -7,10 +7,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from fitball.base.display_units import MM, MS
+from fitball.base.findings import Findings
 from fitball.base.values import DataFrame, Figure
 from fitball.report.quantities import records
 from fitball.report.style import GUIDE, INK, MODEL, PRIOR, few_ticks, legend_above, new_figure
-from fitball.result import Frames
 
 # Pale, so that lines stand out: phases of the contact point.
 _SHADES = {
@@ -25,7 +25,7 @@ _CORE = "#008060"
 _LEAST_SLIP = 0.1
 
 
-def history(result: Frames) -> Figure:
+def history(result: Findings) -> Figure:
     """Compression and forces, with motion along the court also velocities and slip, over the time
     of the contact, shaded by phase; bands are drawn at the same share of each draw's own contact.
     """
@@ -88,7 +88,7 @@ def _draw(axis: Any, frame: DataFrame, name: str, colour: str, factor: float = 1
     axis.plot(time, factor * frame[name], color=colour, linewidth=1.5)
 
 
-def _flights(axis: Any, frame: DataFrame, result: Frames, radius: float) -> None:
+def _flights(axis: Any, frame: DataFrame, result: Findings, radius: float) -> None:
     """Velocity and surface speed in flight, where they jump at landing and release."""
     values = result.frames["outcome"].set_index("quantity")["value"]
     before = result.frames["impact"].iloc[0]

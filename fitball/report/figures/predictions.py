@@ -15,7 +15,7 @@ from fitball.base.columns import COLUMNS
 from fitball.base.display_units import DEG, M_PER_S, PLAIN, RAD_PER_S
 from fitball.base.numbers import percent
 from fitball.base.values import DataFrame, Figure, FloatArray, Impacts, IntArray
-from fitball.inference.fitted import Fit
+from fitball.inference.fitted import Fitted
 from fitball.models.types import Status, regime_name
 from fitball.report.figures.shared import (
     DOTS,
@@ -40,7 +40,7 @@ from fitball.report.style import (
 )
 
 
-def curves(fit: Fit) -> Figure:
+def curves(fit: Fitted) -> Figure:
     """A panel a measured column: the model over incidence at the speeds and spins of the table, and
     every impact, moved there along the model: its residual added to the line of its series.
     """
@@ -120,7 +120,7 @@ def _draw_curve(axis: Any, line: DataFrame, colour: str, across: float, up: floa
     axis.plot(place, np.where(inside, up * middle(line), np.nan), color=colour, linewidth=1.6)
 
 
-def predictive(fit: Fit) -> Figure:
+def predictive(fit: Fitted) -> Figure:
     """Measured over predicted, with 95 % of what a new measurement would show."""
     frame = fit.predictions.dropna(subset=["observed"])
     styles = looks(fit.curves)
@@ -198,7 +198,7 @@ _VARIES = 0.05
 _CHANCE = 0.01
 
 
-def residuals(fit: Fit) -> Figure:
+def residuals(fit: Fitted) -> Figure:
     """Residuals in sds of the noise, a row a column, over the incident state and the order of
     rows.
     """
@@ -308,7 +308,7 @@ def _words(codes: IntArray, solved: Any) -> np.ndarray[Any, np.dtype[Any]]:
     return np.asarray(names[inverse].reshape(codes.shape))
 
 
-def regimes(fit: Fit) -> Figure:
+def regimes(fit: Fitted) -> Figure:
     """A bar an impact: how probable which sequence of slip and grip is."""
     frame = fit.predictions.drop_duplicates("row").sort_values(["series", "theta_1"])
     shown = frame.iloc[np.unique(np.linspace(0, len(frame) - 1, _BARS).round().astype(int))]
@@ -364,7 +364,7 @@ _MARGIN = 0.25
 _NEAR = 0.1
 
 
-def regime_map(fit: Fit) -> Figure:
+def regime_map(fit: Fitted) -> Figure:
     """Areas of slip and grip over angle and spin at the median speed and the best fit, contours of
     the rebound angle, and the impacts; of levels the combination that most impacts have.
     """

@@ -1,0 +1,61 @@
+"""`Drawn`, the result of `plot`: figures of a fit, written into its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from fitball.base.errors import Note
+from fitball.base.files import WAIT, ResultFolder, result_folder
+from fitball.base.values import DataFrame
+from fitball.report.page import Layout
+from fitball.report.plotted import PAGE, Plotted
+from fitball.report.style import saved
+from fitball.results.result import Result
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn(Result):
+    """Figures of a fit as files; its numbers are those of the fit."""
+
+    plotted: Plotted
+
+    @property
+    def notes(self) -> tuple[Note, ...]:  # type: ignore[override]
+        """Which figures the fit has no data for."""
+        return self.plotted.notes
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the figures."""
+        return self.plotted.names
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """No frames: the fit has them."""
+        return {}
+
+    @property
+    def _layout(self) -> Layout:
+        return PAGE.of(self.plotted)
+
+    def save(
+        self,
+        folder: str | Path | ResultFolder,
+        *,
+        overwrite: bool = False,
+        figures: bool | Literal["all"] = True,
+        command: str = "",
+    ) -> tuple[Path, ...]:
+        """Write the figures beside what the folder has, in place of older ones of the same names,
+        and return their paths.
+        """
+        if not isinstance(folder, ResultFolder):
+            with result_folder(Path(folder), wait=WAIT) as locked:
+                return self.save(locked, overwrite=overwrite, figures=figures, command=command)
+        form = self.plotted.form
+        # All are drawn before any is written.
+        images = {f"{name}.{form}": saved(self.plot(name), form) for name in self.names}
+        return tuple(folder.write(name, image) for name, image in images.items())

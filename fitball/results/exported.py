@@ -1,0 +1,66 @@
+"""`Exported`, the result of `export`: files that stand alone, without a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from fitball.base.errors import FolderError, Note, ParameterError
+from fitball.base.files import ResultFolder, result_folder
+from fitball.base.text import listed
+from fitball.results.result import Result
+
+
+@dataclass(frozen=True, eq=False)
+class Exported(Result):
+    """Files by name; `save` writes them alone, and without a folder the command line prints the
+    text.
+    """
+
+    record: ClassVar[str] = ""
+    contents: Mapping[str, str | bytes]
+    notes: tuple[Note, ...] = ()
+
+    def report(self, **_options: Any) -> str:
+        """The text itself. Raises ParameterError (`no-text`) of a file that has none."""
+        for name, content in self.contents.items():
+            if isinstance(content, bytes):
+                raise ParameterError(
+                    f"{name} is no text: name a folder for it, --out DIR",
+                    "no-text",
+                )
+        return "\n".join(str(content).removesuffix("\n") for content in self.contents.values())
+
+    def _repr_html_(self) -> str:
+        return f"<p>{listed(self.contents)}: save(folder) writes it.</p>"
+
+    def json(self) -> dict[str, Any]:
+        """The texts by name."""
+        texts = {
+            name: content for name, content in self.contents.items() if isinstance(content, str)
+        }
+        return {"files": texts, "notes": [], "exit_code": self.exit_code}
+
+    def save(
+        self, folder: str | Path | ResultFolder, *, overwrite: bool = False, **_options: Any
+    ) -> tuple[Path, ...]:
+        """Write the files and nothing else. Raises FolderError as `result_folder`, and
+        `older-result` where one is there already.
+        """
+        if not isinstance(folder, ResultFolder):
+            with result_folder(Path(folder)) as held:
+                return self.save(held, overwrite=overwrite)
+        there = [name for name in self.contents if (folder.path / name).exists() and not overwrite]
+        if there:
+            remedy = "replace it with --overwrite (overwrite=True), or name another folder"
+            raise FolderError(
+                f"{folder.path / there[0]}: is there already; {remedy}",
+                "older-result",
+            )
+        texts = {
+            name: text.encode() if isinstance(text, str) else text
+            for name, text in self.contents.items()
+        }
+        return tuple(folder.write(name, text) for name, text in texts.items())

@@ -1,0 +1,30 @@
+"""`Film`, the result of `track`."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from fitball.report.page import Layout
+from fitball.results.result import Result
+from fitball.tracks.film import Filmed
+
+
+class Film(Filmed, Result):
+    """Impacts found on film: `table` has them as `calibrate` takes them, `refused` says why other
+    clips have none.
+    """
+
+    record: ClassVar[str] = "impacts.csv"
+
+    @classmethod
+    def of(cls, filmed: Filmed) -> Film:
+        """Impacts found on film as a result."""
+        film = cls.__new__(cls)
+        film.__dict__.update(filmed.__dict__)
+        return film
+
+    @property
+    def _layout(self) -> Layout:
+        from fitball.report.track import PAGE
+
+        return PAGE.of(self)

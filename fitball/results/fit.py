@@ -1,0 +1,133 @@
+"""`Fit`, the result of `calibrate`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from fitball.base.options import Names, Pairs, Watch, names_of
+from fitball.inference.fitted import Fitted
+from fitball.report.page import Layout
+from fitball.results.exported import Exported
+from fitball.results.result import Frames, Result
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+
+class Fit(Fitted, Result):
+    """A calibration: `report()`, `plot(name)`, `save(folder)`; `summary` has each parameter with
+    its interval and verdict; its methods predict, plan, simulate, compare and export.
+    """
+
+    record: ClassVar[str] = "fit.json"
+
+    @classmethod
+    def of(cls, fitted: Fitted) -> Fit:
+        """A calibration as a result, with all that was computed of it."""
+        fit = cls.__new__(cls)
+        fit.__dict__.update(fitted.__dict__)
+        return fit
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the posterior did not converge."""
+        return int(self.status == "not converged")
+
+    @property
+    def _layout(self) -> Layout:
+        from fitball.report.fit_page import PAGE
+
+        return PAGE.of(self)
+
+    def predict(self, data: Any = None, *, impact: str = "", level: Pairs = None) -> Frames:
+        """Predict rebounds of new impacts, of a table `data` or of an `impact` in words, and
+        compare them with what was measured: `fitball.predict` says more. Raises ParameterError
+        (`no-impacts`, `impact`, `unknown-label`), InputError.
+        """
+        from fitball.base.errors import ParameterError
+        from fitball.data.read import load_table, reading_of
+        from fitball.report import predict as page
+        from fitball.uses.predict import predict, table_in_words
+
+        if (data is None) is not bool(impact):
+            given = "both" if impact else "neither"
+            raise ParameterError(
+                f"predict takes a table or impacts in words (--impact): read {given}",
+                "no-impacts",
+            )
+        if impact:
+            table = table_in_words(impact)
+        else:
+            reading = reading_of(self.run.table)
+            table = load_table(data, scene=self.run.scene, rebound=False, **reading)
+        return Frames(predict(self, table, dict(level or {})), page.PAGE)
+
+    def plan(
+        self,
+        *,
+        target: Names = (),
+        speed: str = "",
+        angle: str = "",
+        spin: str = "",
+        level: Pairs = None,
+        count: int = 5,
+        sensor: Pairs = None,
+    ) -> Frames:
+        """Choose the impacts, and the way of measuring them, that would say most about a target:
+        `fitball.plan` says more. Raises ParameterError.
+        """
+        from fitball.report import plan as page
+        from fitball.uses.plan import plan
+        from fitball.uses.planned import measured_levels, sensors_of, settings_of, targets_of
+
+        levels = dict(level or {})
+        targets = targets_of(self, names_of(target), measured_levels(self, levels))
+        settings = settings_of(self, {"speed": speed, "angle": angle, "spin": spin}, levels)
+        findings = plan(self, targets, settings, sensors_of(self, sensor), count)
+        return Frames(findings, page.PAGE)
+
+    def simulate(self, *, impact: str, level: Pairs = None) -> Frames:
+        """Follow one impact through time at the best values, with the band of the posterior:
+        `fitball.simulate` says more. Raises ParameterError, ModelError.
+        """
+        from fitball.report import simulate as page
+        from fitball.uses.simulate import of_fit
+
+        return Frames(of_fit(self, impact, dict(level or {})), page.PAGE)
+
+    def compare(
+        self,
+        *,
+        models: Names = (),
+        quick: bool = False,
+        cores: int = 0,
+        progress: Watch = None,
+    ) -> Frames:
+        """Fit several models to the table of this fit, with its priors, fixed values, pool, noise
+        and seed, and score each by its predictions of impacts that are left out: `fitball.compare`
+        says more. Without `models` the fit's own is among those that can differ on this table.
+        Raises ParameterError, ModelError, FitError.
+        """
+        from fitball.base.progress import shown
+        from fitball.inference.effort import Effort
+        from fitball.report import compare as page
+        from fitball.uses.compare import compare, problems_of_fit
+
+        problems = problems_of_fit(self, names_of(models), quick)
+        effort = Effort(self.run.effort.seed, cores=cores or None)
+        with shown(progress) as show:
+            return Frames(compare(problems, effort, show), page.PAGE)
+
+    def export(self, *, to: str, level: Pairs = None, at: str = "") -> Exported:
+        """Parameters, or the bounce itself as source code, for another program; `to` is the
+        format: `fitball.export` says more. Raises ParameterError.
+        """
+        from fitball.exports import export
+
+        return Exported(export(self, to, level=dict(level or {}), fix={}, at=at))
+
+    def to_datatree(self) -> DataTree:
+        """Draws, densities, predictions and data as ArviZ takes them."""
+        from fitball.exports.arviz import datatree
+
+        return datatree(self)

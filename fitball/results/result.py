@@ -1,0 +1,160 @@
+"""The shape of what verbs return, for Python, notebook, terminal and folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from fitball.base.errors import Note, ParameterError, suggestion
+from fitball.base.files import ResultFolder, csv_bytes, result_folder, with_index
+from fitball.base.findings import Findings
+from fitball.base.values import DataFrame, Figure
+from fitball.report.blocks import Report
+from fitball.report.page import Layout, Page
+
+
+class Result:
+    """What a verb returns: all numbers as `frames`, what a reader must know of them as `notes`,
+    and a page of both. `record` is the file that is written last.
+    """
+
+    record: ClassVar[str] = "report.html"
+    notes: tuple[Note, ...]
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """All numbers, SI; each becomes `<name>.csv`."""
+        raise NotImplementedError
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the run finished and its own checks failed, such as a posterior that did not
+        converge.
+        """
+        return 0
+
+    @property
+    def _layout(self) -> Layout:
+        """The page of this result."""
+        raise NotImplementedError
+
+    @cached_property
+    def _report(self) -> Report:
+        return self._layout.report()
+
+    def report(self, *, full: bool = True, width: int = 100, colour: bool = False) -> str:
+        """The report as text of `width` columns; without `full` the summary alone, as in a
+        notebook.
+        """
+        from fitball.report.render import to_text
+
+        return to_text(self._report, width=width, colour=colour, full=full)
+
+    def _repr_html_(self) -> str:
+        from fitball.report.render import to_notebook
+
+        return to_notebook(self._report)
+
+    def plot(self, name: str) -> Figure:
+        """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`)
+        with those it has.
+        """
+        from fitball.report.style import styled
+
+        figures = self._layout.figures()
+        if name not in figures:
+            raise ParameterError(
+                f"no figure '{name}': {suggestion(name, figures)}", "unknown-figure"
+            )
+        return styled(figures[name])
+
+    def json(self) -> dict[str, Any]:
+        """Frames, notes and exit code, as `--json` prints them: rows by column, null for what is no
+        finite number.
+        """
+        return {
+            "frames": {name: _rows(frame) for name, frame in self.frames.items()},
+            "notes": [{"code": note.code, "text": note.text} for note in self.notes],
+            "exit_code": self.exit_code,
+        }
+
+    def save(
+        self,
+        folder: str | Path | ResultFolder,
+        *,
+        overwrite: bool = False,
+        figures: bool | Literal["all"] = True,
+        command: str = "",
+    ) -> tuple[Path, ...]:
+        """Write page, figures, frames and files, the record last, and return their paths. Figures
+        are those that the page shows unasked, or all that it has a place for. A `ResultFolder` is
+        locked already (the command line locks before a long run). Raises FolderError as
+        `result_folder`.
+        """
+        if not isinstance(folder, ResultFolder):
+            with result_folder(Path(folder), overwrite=overwrite, record=self.record) as locked:
+                return self.save(locked, figures=figures, command=command)
+        from fitball.report.render import to_page
+
+        images = self._images(figures)
+        contents = {name: make() for name, make in self._layout.files().items()}
+        contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
+        contents |= {f"{name}.png": image for name, image in images.items()}
+        contents["report.html"] = to_page(self._report, images, command).encode()
+        folder.clear()
+        # Whoever finds the record finds all the rest.
+        order = sorted(contents, key=lambda name: name == self.record)
+        return tuple(folder.write(name, contents[name]) for name in order)
+
+    def _images(self, figures: bool | Literal["all"]) -> dict[str, bytes]:
+        """The figures of the page as PNG, by name."""
+        if not figures:
+            return {}
+        from fitball.report.style import saved
+
+        drawable = self._layout.figures()
+        on_page = self._report.pictures(every=figures == "all")
+        return {name: saved(self.plot(name)) for name in on_page if name in drawable}
+
+
+def _rows(frame: DataFrame) -> list[dict[str, Any]]:
+    """Rows as JSON has them, with the index where that has a name."""
+    import numpy as np
+    import pandas as pd
+
+    cells = with_index(frame).astype(object)
+    finite = pd.notna(cells) & ~cells.isin([np.inf, -np.inf])
+    rows = cells.where(finite, None).to_dict("records")
+    return [{str(head): cell for head, cell in row.items()} for row in rows]
+
+
+@dataclass(frozen=True, eq=False)
+class Frames(Result):
+    """A result that is its frames: findings and their page, as check, compare, predict, plan,
+    simulate, rederive and bench return them.
+    """
+
+    findings: Findings
+    page: Page[Findings]
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """The frames of the findings."""
+        return self.findings.frames
+
+    @property
+    def notes(self) -> tuple[Note, ...]:  # type: ignore[override]
+        """The notes of the findings."""
+        return self.findings.notes
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the findings `failed`."""
+        return int(self.findings.failed)
+
+    @property
+    def _layout(self) -> Layout:
+        return self.page.of(self.findings)
