@@ -8,6 +8,6 @@ if __name__ == "__main__":
     for text in ("brody", "two-mass"):
         model = fitball.model(text)
         impact = fitball.impacts(15.0, 8.0)
-        values = {spec.name: spec.typical for spec in model.parameters}
+        values = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
         model.rebound(values, impact)
     model.history(values, impact, np.zeros(1))

@@ -40,7 +40,8 @@ from unittest.mock import patch
 from numpy.random import Generator as Rng
 from numpy.random import default_rng
 
-from fitball import cli, files
+from fitball import cli
+from fitball.base import files
 from fitball.data.bundled import folder as bundled
 
 CPU = 60.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, ForwardRef
 
 from fitball.base.options import Names, Pairs, Watch, names_of
 from fitball.inference.fitted import Fitted
@@ -12,6 +12,9 @@ from fitball.results.result import Frames, Result
 
 if TYPE_CHECKING:
     from xarray import DataTree
+else:
+    # What `typing.get_type_hints` reads; xarray is loaded only where it is needed.
+    DataTree = ForwardRef("__import__('xarray').DataTree")
 
 
 class Fit(Fitted, Result):

@@ -184,7 +184,8 @@ def told(number: int) -> Record:
     states = known.impacts
     while True:
         truth = {name: float(rng.uniform(*ends)) for name, ends in TRUE.items()}
-        values = {spec.name: spec.typical for spec in model.parameters} | truth
+        typical = {spec.name: spec.typical for spec in model.parameters if spec.typical is not None}
+        values = typical | truth
         made = model.rebound(values, states)
         if not made.status.any():
             break
