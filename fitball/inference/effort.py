@@ -1,5 +1,6 @@
 """What a fit may cost, and every size that decides by the number of rows or draws."""
 
+from typing import Any
 from zlib import crc32
 
 import msgspec
@@ -50,3 +51,19 @@ class Effort(msgspec.Struct, frozen=True):
         return np.random.default_rng(
             np.random.SeedSequence(self.seed, spawn_key=(crc32(purpose.encode()),))
         )
+
+
+def stated_effort(
+    seed: int | None,
+    max_steps: int | None,
+    point_only: bool,
+    cores: int,
+) -> dict[str, Any]:
+    """Those fields of an Effort that a user stated, by name; the rest is as it was, or default."""
+    fields: dict[str, int | bool | None] = {
+        "seed": seed,
+        "max_steps": max_steps,
+        "point_only": point_only or None,
+        "cores": cores or None,
+    }
+    return {name: value for name, value in fields.items() if value is not None}
