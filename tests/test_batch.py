@@ -245,13 +245,13 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
 def made():
     """Five courts and a broken table, of fits that nobody fitted; verdicts go in turn."""
     frames = [table_of(18, ("clay", "hard"))] + [table_of(14 + k) for k in range(4)]
-    kept = [rows.kept(f"court {k}", made_fit(frame)) for k, frame in enumerate(frames)]
+    kept = [rows.record_of(f"court {k}", made_fit(frame)) for k, frame in enumerate(frames)]
     drops = table_of(9, drop=True).assign(ball=list("aaabbbccc"))
     drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
     drops["v_y2"] = 0.745 * drops["v_y1"] * (1.0 + 2e-3 * np.sin(np.arange(9)))
-    kept.append(rows.kept("drops", made_fit(drops)))
-    kept.append(rows.failed("bad", MachineError("out of memory", "memory")))
-    return many._batch(None, kept, None)
+    kept.append(rows.record_of("drops", made_fit(drops)))
+    kept.append(rows.record_of_failure("bad", MachineError("out of memory", "memory")))
+    return many.batch_of(None, kept, None)
 
 
 def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
@@ -292,7 +292,7 @@ def test_a_court_of_the_test_has_its_measured_rating():
             "surface": "clay",
         }
     )
-    kept = rows.kept("court", made_fit(frame))
+    kept = rows.record_of("court", made_fit(frame))
     row = kept.row
     group = kept.quantities["pace_measured"].group
     assert 2.0 * 1.96 * group.width == pytest.approx(

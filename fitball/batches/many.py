@@ -25,7 +25,7 @@ from fitball.base.progress import Progress
 from fitball.base.scheduling import as_completed
 from fitball.batches import rows
 from fitball.batches.batch import Batch
-from fitball.batches.rows import HEAD, Kept
+from fitball.batches.rows import HEAD, TableRecord
 from fitball.batches.tables import named
 from fitball.data.scene import Scene, load_scene
 from fitball.inference.calibrate import calibrate
@@ -38,6 +38,7 @@ from fitball.models.registry import model as model_of
 from fitball.results.fit import Fit
 from fitball.saved import files_of_fit
 
+# The page of a fit, whose presence says that it was saved whole.
 PAGE = "report.html"
 
 
@@ -60,56 +61,64 @@ def fit_many(data: Any, task: Task, address: str, show: Progress) -> Batch:
     (`no-tables`, `scheduler`, `noise`), ModelError, InputError (`scene`).
     """
     sources = named(data, task.folder.path)
-    options = dict(task.options)
-    # What all tables would fail for is said at once.
-    if isinstance(options["model"], str) and options["model"]:
-        model_of(options["model"])
-    if options["noise"]:
-        noise_kind(options["noise"])
-    if options["scene"] and not isinstance(options["scene"], Scene):
-        options["scene"] = load_scene(None, options["scene"])
-    found = dict[str, Kept]()
+    options = _checked_options(task.options)
+    # One thread each; no number depends on it.
+    effort = msgspec.structs.replace(task.effort, cores=1)
+    record = partial(_record, replace(task, options=options, effort=effort))
     stage = f"fitting {counted(len(sources), 'table')}"
     show(stage, 0.0)
     names = list(sources)
-    # One thread each; no number depends on it.
-    one = partial(
-        _one,
-        replace(task, options=options, effort=msgspec.structs.replace(task.effort, cores=1)),
-    )
-    for place, made in as_completed(one, list(sources.items()), task.effort.cores, address):
+    records = dict[str, TableRecord]()
+    for place, result in as_completed(record, list(sources.items()), task.effort.cores, address):
         name = names[place]
-        found[name] = rows.failed(name, made) if isinstance(made, FitballError) else made
-        show(stage, len(found) / len(names))
+        if isinstance(result, FitballError):
+            records[name] = rows.record_of_failure(name, result)
+        else:
+            records[name] = result
+        show(stage, len(records) / len(names))
     show("comparing tables", 0.0)
     model = task.options.get("model")
-    return _batch(
-        task.folder.path,
-        [found[name] for name in names],
-        model if isinstance(model, Model) else None,
-    )
+    user_model = model if isinstance(model, Model) else None
+    return batch_of(task.folder.path, [records[name] for name in names], user_model)
 
 
-def _batch(folder: Path, found: Sequence[Kept], own: Model | None) -> Batch:
-    """Of what was kept of each table."""
+def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options with the scene read. What all tables would fail for is said at once. Raises
+    ParameterError (`noise`), ModelError, InputError (`scene`).
+    """
+    checked = dict(options)
+    if isinstance(checked["model"], str) and checked["model"]:
+        model_of(checked["model"])
+    if checked["noise"]:
+        noise_kind(checked["noise"])
+    if checked["scene"] and not isinstance(checked["scene"], Scene):
+        checked["scene"] = load_scene(None, checked["scene"])
+    return checked
+
+
+def batch_of(folder: Path, records: Sequence[TableRecord], user_model: Model | None) -> Batch:
+    """The result of the records of all tables, in their order."""
     import pandas as pd
 
-    heads = dict.fromkeys([*HEAD, *(head for one in found for head in one.row)])
-    tables = pd.DataFrame([one.row for one in found], columns=list(heads)).set_index("table")
+    heads = dict.fromkeys(HEAD)
+    for record in records:
+        heads |= dict.fromkeys(record.row)
+    tables = pd.DataFrame([record.row for record in records], columns=list(heads))
+    tables = tables.set_index("table")
     tables["impacts"] = tables["impacts"].astype("Int64")
-    quantities = {one.row["table"]: one.quantities for one in found}
-    names = dict.fromkeys(name for known in quantities.values() for name in known)
-    by_name = {
-        name: [known[name] for known in quantities.values() if name in known] for name in names
-    }
-    return Batch(folder, tables, rows.populations(by_name), quantities, (), own)
+    quantities = {record.row["table"]: record.quantities for record in records}
+    by_name = dict[str, list[rows.Quantity]]()
+    for record in records:
+        for name, quantity in record.quantities.items():
+            by_name.setdefault(name, []).append(quantity)
+    return Batch(folder, tables, rows.populations(by_name), quantities, (), user_model)
 
 
-def _one(task: Task, item: tuple[str, Any]) -> Kept:
-    """What is kept of a table. Raises FitballError alone: a table does not stop the others."""
-    name, source = item
+def _record(task: Task, named_source: tuple[str, Any]) -> TableRecord:
+    """The record of a table. Raises FitballError alone: a table does not stop the others."""
+    name, source = named_source
     try:
-        return rows.kept(name, _fitted(task, name, source))
+        return rows.record_of(name, _fitted(task, name, source))
     except FitballError:
         raise
     except Exception as error:
@@ -119,14 +128,14 @@ def _one(task: Task, item: tuple[str, Any]) -> Kept:
 
 def _fitted(task: Task, name: str, source: Any) -> Fit:
     """The fit of a table, from its folder if that has the same one."""
-    problem, own = pose([source], **task.options)
+    problem, user_model = pose([source], **task.options)
     place = task.folder.path / name
     key = files_of_fit.key_of(place)
     fit = None
     if key == run_of(problem, task.effort).key:
         # One that is damaged is made again.
         with suppress(FolderError):
-            fit = Fit.of(files_of_fit.read(place, own))
+            fit = Fit.of(files_of_fit.read(place, user_model))
     elif key and not task.overwrite:
         text = (
             f"{place}: has a fit of other data or settings; replace it with --overwrite "
@@ -135,7 +144,8 @@ def _fitted(task: Task, name: str, source: Any) -> Fit:
         raise FolderError(f"{text}, or name another folder", "older-result")
     if fit is not None and (task.figures is None or (place / PAGE).exists()):
         return fit
-    fit = fit or Fit.of(calibrate(problem, task.effort, lambda _stage, _share: None, own))
+    if fit is None:
+        fit = Fit.of(calibrate(problem, task.effort, _no_progress, user_model))
     folder = replace(task.folder.below(name), record=files_of_fit.RECORD)
     if task.figures is not None:
         fit.save(folder, figures=task.figures)
@@ -146,7 +156,11 @@ def _fitted(task: Task, name: str, source: Any) -> Fit:
     return fit
 
 
-def load(folder: Path, own: Model | None) -> Batch:
+def _no_progress(_stage: str, _share: float) -> None:
+    """Tables are what the progress of a batch counts."""
+
+
+def load(folder: Path, user_model: Model | None) -> Batch:
     """The finished tables of a folder, by name. Raises FolderError (`no-batch`), ModelError
     (`own-model`).
     """
@@ -157,6 +171,5 @@ def load(folder: Path, own: Model | None) -> Batch:
             "it again)"
         )
         raise FolderError(text, "no-batch")
-    return _batch(
-        folder, [rows.kept(name, files_of_fit.read(folder / name, own)) for name in names], own
-    )
+    fits = {name: files_of_fit.read(folder / name, user_model) for name in names}
+    return batch_of(folder, [rows.record_of(*item) for item in fits.items()], user_model)

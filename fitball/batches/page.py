@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, 
 from fitball.report.page import Page
 from fitball.report.quantities import chance, plain
 
+if TYPE_CHECKING:
+    from pandas import Series
+
 _TONES = {
     "describes": "good",
     "describes except": "part",
@@ -34,44 +38,55 @@ _TESTS: Mapping[str, tuple[str, Callable[[float], str]]] = {
     "rebound_measured": ("rebound [cm]", lambda height: fixed(CM.factor * height, 1)),
     "mean_passes": ("passes", chance),
 }
-# Reasons and quantities of a first screen, panels of the figure; names along its axis,
-# letters of those that fit side by side, and intervals that are legible.
+# Reasons of failures on a first screen.
 _REASONS = 5
+# Quantities on a first screen.
 _FIRST = 12
+# Panels of the figure.
 _PANELS = 6
+# Names of tables along the axis of the figure.
 _NAMED = 24
+# Letters of all names that fit side by side.
 _ROOM = 50
+# Tables up to which wide intervals are legible.
 _CROWDED = 60
+# Letters of a reason.
+_REASON = 400
 _ABOUT = (
     "Mean: centre of a normal population of tables. Spread: its sd, of a positive quantity in "
-    "percent. New: a table "
-    "of which nothing was measured. Tables count whose data determine the quantity; the prior of "
-    "each fit is divided "
-    "out (Hogg, Myers and Bovy 2010)."
+    "percent. New: a table of which nothing was measured. Tables count whose data determine the "
+    "quantity; the prior of each fit is divided out (Hogg, Myers and Bovy 2010)."
 )
+# What is said of the tables with each answer on adequacy.
+_ANSWERS = {
+    "describes": "in {}",
+    "describes except": "in {} except for single patterns",
+    "does not describe": "not in {}",
+}
 
 
 def report(batch: Batched) -> Report:
     """How many tables were fitted, what failed, each quantity over the tables; then every table."""
-    tables = batch.tables
     failed = batch.failed
-    done = len(tables) - len(failed)
+    tables = counted(len(batch.tables), "table")
+    done = len(batch.tables) - len(failed)
     lead = [
-        Mark(f"{done} of {counted(len(tables), 'table')} fitted.", "part" if failed else "good"),
+        Mark(f"{done} of {tables} fitted.", "part" if failed else "good"),
         _described(batch),
     ]
-    reasons = [f"{name} failed: {one_line(reason, 400)}" for name, reason in failed.items()]
-    more = [f"{len(failed) - _REASONS} more failed: see `batch.csv`."] * (len(failed) > _REASONS)
+    reasons = [f"{name} failed: {one_line(reason, _REASON)}" for name, reason in failed.items()]
+    if len(reasons) > _REASONS:
+        more = f"{len(reasons) - _REASONS} more failed: see `batch.csv`."
+        reasons = [*reasons[:_REASONS], more]
+    caption = (
+        "Each table: median and 95 % interval; grey where its data do not determine the quantity. "
+        "Band: 95 % interval of the mean; dashed: of a new table."
+    )
     summary: list[Block] = [
         Text(lead, "lead"),
-        Text([Mark(text, "part") for text in [*reasons[:_REASONS], *more]], "list"),
+        Text([Mark(text, "part") for text in reasons], "list"),
         _population_table(batch),
-        Picture(
-            "tables",
-            "Each table: median and 95 % interval; grey where its data do not determine the "
-            "quantity. "
-            "Band: 95 % interval of the mean; dashed: of a new table.",
-        ),
+        Picture("tables", caption),
         Text([note.text for note in batch.notes], "list"),
     ]
     files = (
@@ -79,46 +94,49 @@ def report(batch: Batched) -> Report:
         "(`fit.json`, `fit.nc`)."
     )
     again = "The same command again fits what is not finished, and nothing else."
-    return Report(
-        f"Batch of {counted(len(tables), 'table')}",
-        summary,
-        [
-            Section("Tables", [_table_of_all(batch)]),
-            Section("Method and files", [Text([_ABOUT, files, again])]),
-        ],
-    )
+    sections = [
+        Section("Tables", [_table_of_all(batch)]),
+        Section("Method and files", [Text([_ABOUT, files, again])]),
+    ]
+    return Report(f"Batch of {tables}", summary, sections)
 
 
 def _described(batch: Batched) -> str:
     """For how many tables the model describes the data."""
     count = Counter(batch.tables["adequacy"].dropna())
-    excepted = "in {} except for single patterns"
-    said = {"describes": "in {}", "describes except": excepted, "does not describe": "not in {}"}
-    found = [words.format(count[answer]) for answer, words in said.items() if count[answer]]
-    parts = [f"The model describes the data {listed(found)}."] * bool(found)
-    parts += [f"{counted(count['undecided'], 'data set')} too small to test the model."] * bool(
-        count["undecided"]
-    )
+    parts = [words.format(count[answer]) for answer, words in _ANSWERS.items() if count[answer]]
+    sentences = []
+    if parts:
+        sentences.append(f"The model describes the data {listed(parts)}.")
+    if count["undecided"]:
+        undecided = counted(count["undecided"], "data set")
+        sentences.append(f"{undecided} too small to test the model.")
     apart = int((batch.tables["status"] == "not converged").sum())
-    return " ".join([*parts, *[f"In {apart} sampling did not converge."] * bool(apart)])
+    if apart:
+        sentences.append(f"In {apart} sampling did not converge.")
+    return " ".join(sentences)
 
 
 def _population_table(batch: Batched) -> Table:
+    """A row a quantity that three tables determine, the first ones."""
     rows = []
-    for name, one in batch.populations.head(_FIRST).iterrows():
+    for name, population in batch.populations.head(_FIRST).iterrows():
         unit = batch.of(str(name))[0].display_unit
-        relative = bool(one["relative"])
         cells: dict[str, str] = {
-            "quantity": Mark(short(str(name), 28), "name", one["meaning"]),
-            "tables": f"{one['tables']}",
+            "quantity": Mark(short(str(name), 28), "name", population["meaning"]),
+            "tables": f"{population['tables']}",
         }
         for head in ("mean", "spread", "new"):
-            middle, low, high = (float(one[f"{head}{end}"]) for end in ENDS)
-            shown = PERCENT if head == "spread" and relative else unit
-            text = shown.with_interval(middle, low, high)
-            cells[f"{head}, 95 %"] = f"{text} %" if shown.name == "%" else text
-        doubt = Mark("weights unreliable", "part", f"Pareto k {one['pareto_k']:.2f}")
-        rows.append({**cells, "unit": unit.name, "": doubt if one["pareto_k"] > RELIABLE else ""})
+            median, low, high = (float(population[f"{head}{end}"]) for end in ENDS)
+            relative = head == "spread" and bool(population["relative"])
+            text = (PERCENT if relative else unit).with_interval(median, low, high)
+            cells[f"{head}, 95 %"] = f"{text} %" if relative else text
+        cells["unit"] = unit.name
+        cells[""] = ""
+        if population["pareto_k"] > RELIABLE:
+            hint = f"Pareto k {population['pareto_k']:.2f}"
+            cells[""] = Mark("weights unreliable", "part", hint)
+        rows.append(cells)
     return Table(
         "Over tables",
         rows,
@@ -131,29 +149,37 @@ def _population_table(batch: Batched) -> Table:
 def _table_of_all(batch: Batched) -> Table:
     """A row a table: does the model describe it, laboratory tests, why it failed."""
     tables = batch.tables
+    several_models = tables["model"].dropna().nunique() > 1
+    matches = {str(head): _TEST.fullmatch(str(head)) for head in tables.columns}
+    tests = {head: match for head, match in matches.items() if match}
     rows = []
-    models = tables["model"].dropna().nunique()
-    tests = [(str(head), found) for head in tables.columns if (found := _TEST.fullmatch(str(head)))]
-    for name, one in tables.iterrows():
-        done = one["outcome"] == DONE
-        status = str(one["status"])
-        cells: dict[str, str] = {
-            "table": Mark(short(str(name), 32), "name"),
-            "impacts": f"{one['impacts']:,}" if done else "",
-            "model": str(one["model"]) if done and models > 1 else "",
-            "fits": Mark(str(one["adequacy"]), _TONES[str(one["adequacy"])])
-            if done
-            else Mark("failed", "poor"),
-            "sampling": Mark(status, "poor") if status == "not converged" else "",
-        }
-        for head, found in tests:
-            title, text = _TESTS[found[1]]
-            cells[f"{title}{' on ' * bool(found[2])}{(found[2] or '')[1:-1]}"] = text(
-                float(one[head])
-            )
-        cells["why"] = "" if done else Mark(str(one["code"]), "", one_line(str(one["reason"]), 400))
+    for name, table in tables.iterrows():
+        cells: dict[str, str] = {"table": Mark(short(str(name), 32), "name")}
+        if table["outcome"] == DONE:
+            cells |= _row_of_fit(table, several_models)
+        else:
+            cells |= {"impacts": "", "model": "", "fits": Mark("failed", "poor"), "sampling": ""}
+        for head, match in tests.items():
+            title, text = _TESTS[match[1]]
+            surface = f" on {match[2][1:-1]}" if match[2] else ""
+            cells[f"{title}{surface}"] = text(float(table[head]))
+        cells["why"] = ""
+        if table["outcome"] != DONE:
+            cells["why"] = Mark(str(table["code"]), "", one_line(str(table["reason"]), _REASON))
         rows.append(cells)
     return Table("", rows, ("model", "fits", "why"))
+
+
+def _row_of_fit(table: Series, several_models: bool) -> dict[str, str]:
+    """Cells of a table that was fitted."""
+    adequacy = str(table["adequacy"])
+    status = str(table["status"])
+    return {
+        "impacts": f"{table['impacts']:,}",
+        "model": str(table["model"]) if several_models else "",
+        "fits": Mark(adequacy, _TONES[adequacy]),
+        "sampling": Mark(status, "poor") if status == "not converged" else "",
+    }
 
 
 def figures(batch: Batched) -> Mapping[str, Callable[[], Figure]]:
@@ -164,42 +190,48 @@ def figures(batch: Batched) -> Mapping[str, Callable[[], Figure]]:
 def _figure(batch: Batched) -> Figure:
     """A panel a quantity: tables in their order, the mean of all and a new one."""
     tables = batch.tables
-    shown = batch.populations.head(_PANELS)
-    figure, axes = style.new_figure(len(shown), 1, high=0.9 + 1.25 * len(shown), sharex=True)
-    places = np.arange(len(tables))
-    width, size = (1.6, 4.0) if len(tables) <= _CROWDED else (0.6, 1.5)
-    for panel, (name, over) in zip(axes[:, 0], shown.iterrows(), strict=True):
-        name = str(name)
-        first = batch.of(name)[0]
-        column = f"{name} [{first.unit}]" if first.unit else name
-        middle, low, high = (
-            first.display_unit.factor * tables[head].to_numpy(np.float64)
-            for head in (column, *(f"{name}{e}" for e in ENDS[1:]))
-        )
-        known = np.array([name in batch.quantities[table] for table in tables.index])
-        for own, colour in ((False, style.PALE), (True, style.MODEL)):
-            rows = np.flatnonzero((known == own) & np.isfinite(middle))
-            panel.vlines(places[rows], low[rows], high[rows], color=colour, linewidth=width)
-            panel.plot(places[rows], middle[rows], "o", color=colour, markersize=size)
-        mean, new = (
-            [first.display_unit.factor * over[f"{head}{end}"] for end in ENDS[1:]]
-            for head in ("mean", "new")
-        )
-        panel.axhspan(*mean, color=style.FAINT, zorder=0)
-        for end in new:
-            panel.axhline(end, color=style.GUIDE, linewidth=0.8, linestyle="--", zorder=0)
-        # Priors of what is not determined may reach far.
-        ends = np.array([*low[known], *high[known], *middle[np.isfinite(middle)], *new])
-        ends = ends[np.isfinite(ends)]
-        panel.set_ylim(ends.min() - 0.06 * np.ptp(ends), ends.max() + 0.06 * np.ptp(ends))
-        panel.set_title(style.label(plain(name, 30), first.display_unit))
-        panel.grid(axis="x", visible=False)
-        style.few_ticks(panel.yaxis)
+    populations = batch.populations.head(_PANELS)
+    count = len(populations)
+    figure, axes = style.new_figure(count, 1, high=0.9 + 1.25 * count, sharex=True)
+    for panel, (name, population) in zip(axes[:, 0], populations.iterrows(), strict=True):
+        _panel(panel, batch, str(name), population)
     step = -(-len(tables) // _NAMED)
-    named = [plain(str(name), 20) for name in tables.index[::step]]
-    axes[-1, 0].set_xticks(places[::step], named, rotation=90 if len("".join(named)) > _ROOM else 0)
-    axes[-1, 0].set_xlim(-0.6, len(tables) - 0.4)
+    names = [plain(str(name), 20) for name in tables.index[::step]]
+    rotation = 90 if len("".join(names)) > _ROOM else 0
+    last = axes[-1, 0]
+    last.set_xticks(np.arange(len(tables))[::step], names, rotation=rotation)
+    last.set_xlim(-0.6, len(tables) - 0.4)
     return figure
+
+
+def _panel(panel: Any, batch: Batched, name: str, population: Series) -> None:
+    """One quantity of all tables, and its population."""
+    tables = batch.tables
+    first = batch.of(name)[0]
+    factor = first.display_unit.factor
+    heads = [f"{name}{end}" for end in ENDS]
+    if first.unit:
+        heads[0] = f"{name} [{first.unit}]"
+    middle, low, high = (factor * tables[head].to_numpy(np.float64) for head in heads)
+    determined = np.array([name in batch.quantities[table] for table in tables.index])
+    width, size = (1.6, 4.0) if len(tables) <= _CROWDED else (0.6, 1.5)
+    for group, colour in ((~determined, style.PALE), (determined, style.MODEL)):
+        rows = np.flatnonzero(group & np.isfinite(middle))
+        panel.vlines(rows, low[rows], high[rows], color=colour, linewidth=width)
+        panel.plot(rows, middle[rows], "o", color=colour, markersize=size)
+    mean = [factor * population[f"mean{end}"] for end in ENDS[1:]]
+    new = [factor * population[f"new{end}"] for end in ENDS[1:]]
+    panel.axhspan(*mean, color=style.FAINT, zorder=0)
+    for end in new:
+        panel.axhline(end, color=style.GUIDE, linewidth=0.8, linestyle="--", zorder=0)
+    # Priors of what is not determined may reach far.
+    ends = np.array([*low[determined], *high[determined], *middle[np.isfinite(middle)], *new])
+    ends = ends[np.isfinite(ends)]
+    margin = 0.06 * np.ptp(ends)
+    panel.set_ylim(ends.min() - margin, ends.max() + margin)
+    panel.set_title(style.label(plain(name, 30), first.display_unit))
+    panel.grid(axis="x", visible=False)
+    style.few_ticks(panel.yaxis)
 
 
 PAGE = Page(report, figures)

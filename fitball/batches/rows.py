@@ -30,11 +30,21 @@ from fitball.uses.lab import drop_test, measured_pace
 
 DONE = "done"
 FAILED = "failed"
+# Columns of a table that failed, too.
 HEAD = ("table", "outcome", "code", "reason", "impacts", "model", "status", "adequacy")
-# Kinds of quantities that are compared over tables, and sds of a 95 % interval.
+# Kinds of quantities that are compared over tables.
 _KINDS = ("model", "level", "derived")
-_WIDE = 3.92
+# Sds of a normal distribution in its 95 % interval.
+_SDS_IN_INTERVAL = 3.92
+# What the columns of a quantity end with: its value, the ends of its 95 % interval.
 ENDS = ("", "_q025", "_q975")
+# How errors with faults are laid out in lines, and in one line.
+_LINES = (
+    ("faults\n  - ", "faults: "),
+    (":\n  - ", ": "),
+    ("\n  - ", "; "),
+    ("\n", ". "),
+)
 
 
 class Quantity(NamedTuple):
@@ -50,126 +60,149 @@ class Quantity(NamedTuple):
     meaning: str
 
 
-class Kept(NamedTuple):
-    """Of a table: its row, and its quantities by name."""
+class TableRecord(NamedTuple):
+    """What a batch has of one table: its row, and its quantities by name."""
 
     row: dict[str, Any]
     quantities: dict[str, Quantity]
 
 
-def failed(name: str, error: FitballError) -> Kept:
-    """Of a table that could not be fitted."""
+class _Tested(NamedTuple):
+    """What a laboratory test measured: `value` with the ends of its 95 % interval, in SI."""
+
+    name: str
+    display_unit: Unit
+    meaning: str
+    value: float
+    low: float
+    high: float
+
+
+def record_of_failure(name: str, error: FitballError) -> TableRecord:
+    """The record of a table that could not be fitted: code and reason of the error."""
     reason = str(error)
-    for broken, joined in (
-        ("faults\n  - ", "faults: "),
-        (":\n  - ", ": "),
-        ("\n  - ", "; "),
-        ("\n", ". "),
-    ):
+    for broken, joined in _LINES:
         reason = reason.replace(broken, joined)
-    return Kept(
-        {"table": name, "outcome": FAILED, "code": error.code, "reason": " ".join(reason.split())},
-        {},
-    )
+    row = {
+        "table": name,
+        "outcome": FAILED,
+        "code": error.code,
+        "reason": " ".join(reason.split()),
+    }
+    return TableRecord(row, {})
 
 
-def kept(name: str, fit: Fitted) -> Kept:
-    """Of a fit: outcome, adequacy, labels that all its impacts share, every quantity in SI,
-    laboratory tests.
+def record_of(name: str, fit: Fitted) -> TableRecord:
+    """The record of a fit: outcome, adequacy, labels that all its impacts share, every quantity in
+    SI, laboratory tests.
     """
-    model = fit.problem.forward.model.text
-    said = name, DONE, "", "", len(fit.run.table), model, fit.status, fit.adequacy.answer
-    row: dict[str, Any] = dict(zip(HEAD, said, strict=True))
+    row: dict[str, Any] = {
+        "table": name,
+        "outcome": DONE,
+        "code": "",
+        "reason": "",
+        "impacts": len(fit.run.table),
+        "model": fit.problem.forward.model.text,
+        "status": fit.status,
+        "adequacy": fit.adequacy.answer,
+    }
     for column, cells in fit.run.table.labels.items():
         if column != "id" and len({*cells}) == 1:
             row[f"label:{column}"] = cells[0]
-    found = dict[str, Quantity]()
-    for one in fit.reported:
-        value = one.median if np.isfinite(one.median) else one.point
-        row |= _cells(one.name, one.unit, value, one.q025, one.q975) | {f"{one.name}_sd": one.sd}
-        row[f"{one.name}_verdict"] = one.verdict
-        if one.kind in _KINDS and (group := group_of(fit, one.name)) is not None:
-            spec = fit.quantity(one.name).spec
-            display_unit = spec.display_unit
-            short = one.meaning.partition(",")[0]
-            found[one.name] = Quantity(
+    quantities = dict[str, Quantity]()
+    for estimate in fit.reported:
+        name = estimate.name
+        value = estimate.median if np.isfinite(estimate.median) else estimate.point
+        row |= _cells(name, estimate.unit, value, estimate.q025, estimate.q975)
+        row[f"{name}_sd"] = estimate.sd
+        row[f"{name}_verdict"] = estimate.verdict
+        group = group_of(fit, name) if estimate.kind in _KINDS else None
+        if group is not None:
+            spec = fit.quantity(name).spec
+            quantities[name] = Quantity(
                 group,
-                spread_prior(fit, one.name),
+                spread_prior(fit, name),
                 is_log(spec),
                 spec.unit,
-                display_unit,
-                short,
+                spec.display_unit,
+                estimate.meaning.partition(",")[0],
             )
-    for tested, display_unit, meaning, (value, low, high) in _tested(fit, row):
-        unit = "m" if display_unit.name else ""
-        row |= _cells(tested, unit, value, low, high)
-        if high > low:
-            group = measured(value, (high - low) / _WIDE)
-            size = usual_spread(value, 0.0, log=False)
-            spec = ParameterSpec(tested, "", 0.0, np.inf, f"half-t({size:.6g}, {FREEDOM})", "", "")
-            found[tested] = Quantity(group, parse_prior(spec), False, unit, display_unit, meaning)
-    return Kept(row, found)
+    for tested in _tested(fit, row):
+        unit = "m" if tested.display_unit.name else ""
+        row |= _cells(tested.name, unit, tested.value, tested.low, tested.high)
+        if tested.high > tested.low:
+            quantities[tested.name] = _measured_quantity(tested, unit)
+    return TableRecord(row, quantities)
+
+
+def _measured_quantity(tested: _Tested, unit: str) -> Quantity:
+    """A laboratory test as a quantity that is compared over tables."""
+    group = measured(tested.value, (tested.high - tested.low) / _SDS_IN_INTERVAL)
+    size = usual_spread(tested.value, 0.0, log=False)
+    prior = f"half-t({size:.6g}, {FREEDOM})"
+    spread = parse_prior(ParameterSpec(tested.name, "", 0.0, np.inf, prior, "", ""))
+    return Quantity(group, spread, False, unit, tested.display_unit, tested.meaning)
 
 
 def _cells(name: str, unit: str, value: float, low: float, high: float) -> dict[str, float]:
-    return {f"{name} [{unit}]" if unit else name: value, f"{name}_q025": low, f"{name}_q975": high}
+    """Columns of a quantity: its value, headed with the unit, and the ends of its interval."""
+    head = f"{name} [{unit}]" if unit else name
+    return {head: value, f"{name}_q025": low, f"{name}_q975": high}
 
 
-def _tested(
-    fit: Fitted,
-    row: dict[str, Any],
-) -> Iterator[tuple[str, Unit, str, tuple[float, float, float]]]:
-    """Name, unit, meaning, value and interval of what was measured in laboratory tests; into the
-    `row` go the category and the chances to pass.
+def _tested(fit: Fitted, row: dict[str, Any]) -> Iterator[_Tested]:
+    """What was measured in laboratory tests; into the `row` go the category of a court and the
+    chances to pass.
     """
-    given = fit.run.table, fit.run.scene, fit.run.choices.prior
-    for one in measured_pace(*given).to_dict("records"):
-        if not one["place"]:
-            name = _at("pace_measured", one["surface"])
-            yield (
-                name,
-                PLAIN,
-                "court pace rating, as measured",
-                (one["rating"], one["q025"], one["q975"]),
-            )
-            row[f"{name}_category"] = max(itf.PACE_CATEGORIES, key=lambda category: one[category])
-    for one in drop_test(*given).to_dict("records"):
-        if one["kind"] in ("mean", "another") and np.isfinite(one["passes"]):
-            row[_at(f"{one['kind']}_passes", one["surface"])] = one["passes"]
-        if one["kind"] == "mean":
-            for name, unit, meaning in (
-                ("cor", PLAIN, "COR of drops"),
-                ("rebound", CM, "rebound"),
-            ):
-                if np.isfinite(one[name]):
-                    ends = one[name], one[f"{name}_q025"], one[f"{name}_q975"]
-                    yield (
-                        _at(f"{name}_measured", one["surface"]),
-                        unit,
-                        f"{meaning}, as measured",
-                        ends,
-                    )
+    measurements = fit.run.table, fit.run.scene, fit.run.choices.prior
+    for pace in measured_pace(*measurements).to_dict("records"):
+        if pace["place"]:
+            continue
+        name = _at("pace_measured", pace["surface"])
+        meaning = "court pace rating, as measured"
+        yield _Tested(name, PLAIN, meaning, pace["rating"], pace["q025"], pace["q975"])
+        row[f"{name}_category"] = max(itf.PACE_CATEGORIES, key=lambda category: pace[category])
+    for drop in drop_test(*measurements).to_dict("records"):
+        surface = drop["surface"]
+        if drop["kind"] in ("mean", "another") and np.isfinite(drop["passes"]):
+            row[_at(f"{drop['kind']}_passes", surface)] = drop["passes"]
+        if drop["kind"] != "mean":
+            continue
+        for column, unit, meaning in (("cor", PLAIN, "COR of drops"), ("rebound", CM, "rebound")):
+            if np.isfinite(drop[column]):
+                yield _Tested(
+                    _at(f"{column}_measured", surface),
+                    unit,
+                    f"{meaning}, as measured",
+                    drop[column],
+                    drop[f"{column}_q025"],
+                    drop[f"{column}_q975"],
+                )
 
 
 def _at(name: str, surface: str) -> str:
+    """The name of a quantity on a surface."""
     return f"{name}[{surface}]" if surface else name
 
 
-def over_tables(name: str, found: Sequence[Quantity]) -> Hierarchy:
+def over_tables(name: str, quantities: Sequence[Quantity]) -> Hierarchy:
     """Centre, spread and a new table of a quantity that three tables determine: in SI, but the
     spread of a logarithm, which is relative. Raises ParameterError (`too-few-tables`).
     """
-    if len(found) < LEAST:
-        text = f"{name}: the data of {len(found)} tables determine it; expected at least {LEAST}"
+    if len(quantities) < LEAST:
+        count = len(quantities)
+        text = f"{name}: the data of {count} tables determine it; expected at least {LEAST}"
         raise ParameterError(text, "too-few-tables")
-    made = hierarchy(
-        [one.group for one in found],
-        found[0].spread,
-        Effort().stream(f"population of {name}"),
+    groups = [quantity.group for quantity in quantities]
+    stream = Effort().stream(f"population of {name}")
+    population = hierarchy(groups, quantities[0].spread, stream)
+    if not quantities[0].log:
+        return population
+    return population._replace(
+        centre=np.exp(population.centre),
+        new=np.exp(population.new),
+        each=np.exp(population.each),
     )
-    if not found[0].log:
-        return made
-    return made._replace(centre=np.exp(made.centre), new=np.exp(made.new), each=np.exp(made.each))
 
 
 def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
@@ -180,24 +213,26 @@ def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
     import pandas as pd
 
     rows = {}
-    for name, found in quantities.items():
-        if len(found) < LEAST:
+    for name, of_tables in quantities.items():
+        if len(of_tables) < LEAST:
             continue
-        made = over_tables(name, found)
-        first = found[0]
-        row: dict[str, Any] = {"unit": first.unit, "meaning": first.meaning, "tables": len(found)}
-        for head, drawn in (("mean", made.centre), ("spread", made.spread), ("new", made.new)):
-            values = np.quantile(drawn, (0.5, 0.025, 0.975)).tolist()
-            row |= {f"{head}{end}": value for end, value in zip(ENDS, values, strict=True)}
-        rows[name] = row | {"relative": first.log, "pareto_k": float(made.pareto_k.max())}
-    heads = [
-        "unit",
-        "meaning",
-        "tables",
-        *(f"{head}{end}" for head in ("mean", "spread", "new") for end in ENDS),
-    ]
-    return pd.DataFrame.from_dict(
-        rows,
-        orient="index",
-        columns=[*heads, "relative", "pareto_k"],
-    ).rename_axis("quantity")
+        population = over_tables(name, of_tables)
+        first = of_tables[0]
+        row: dict[str, Any] = {
+            "unit": first.unit,
+            "meaning": first.meaning,
+            "tables": len(of_tables),
+        }
+        draws = {"mean": population.centre, "spread": population.spread, "new": population.new}
+        for head, values in draws.items():
+            quantiles = np.quantile(values, (0.5, 0.025, 0.975)).tolist()
+            for end, value in zip(ENDS, quantiles, strict=True):
+                row[f"{head}{end}"] = value
+        row["relative"] = first.log
+        row["pareto_k"] = float(population.pareto_k.max())
+        rows[name] = row
+    heads = ["unit", "meaning", "tables"]
+    heads += [f"{head}{end}" for head in ("mean", "spread", "new") for end in ENDS]
+    heads += ["relative", "pareto_k"]
+    frame = pd.DataFrame.from_dict(rows, orient="index", columns=heads)
+    return frame.rename_axis("quantity")

@@ -24,10 +24,11 @@ from fitball.data.table import ImpactTable
 
 # Endings of tables in a folder; what `*` matches besides, scenes and notes, is none.
 ENDINGS = (".csv", ".tsv", ".txt", *WORKBOOKS, *PARQUET)
-# What Windows keeps for devices (learn.microsoft.com: Naming Files, Paths, and Namespaces), and
-# bytes of a name that every file system takes, with what is put beside it for a moment.
+# What Windows keeps for devices (learn.microsoft.com: Naming Files, Paths, and Namespaces).
 _DEVICE = re.compile(r"con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]", re.IGNORECASE)
+# Bytes of a name that every file system takes, with what is put beside it for a moment.
 _LONGEST = 100
+# Letters of a digest, enough for any folder of tables.
 _DIGEST = 8
 
 
@@ -41,12 +42,8 @@ def named(data: Any, out: Path) -> dict[str, Any]:
         sources = dict(zip(forms, data.values(), strict=True))
     else:
         many = data if isinstance(data, list | tuple | Iterator) else [data]
-        found = [one for given in many for one in _expanded(given, out)]
-        # `a.csv` and `./a.csv` are one table.
-        sources = {
-            os.path.abspath(one) if isinstance(one, str) else f"{k}": one  # noqa: PTH100
-            for k, one in enumerate(found)
-        }
+        expanded = [source for entry in many for source in _expanded(entry, out)]
+        sources = {_key(k, source): source for k, source in enumerate(expanded)}
         forms = _forms(sources)
     if not sources:
         raise ParameterError(
@@ -56,50 +53,64 @@ def named(data: Any, out: Path) -> dict[str, Any]:
     return {name: sources[key] for key, name in _alone(forms).items()}
 
 
-def _expanded(given: Any, out: Path) -> Iterator[Any]:
+def _key(number: int, source: Any) -> str:
+    """What a source is known by: `a.csv` and `./a.csv` are one table."""
+    return os.path.abspath(source) if isinstance(source, str) else f"{number}"  # noqa: PTH100
+
+
+def _expanded(entry: Any, out: Path) -> Iterator[Any]:
     """The tables of a folder or a pattern, sorted; others as they are."""
-    if not isinstance(given, str | os.PathLike):
-        yield given
+    if not isinstance(entry, str | os.PathLike):
+        yield entry
         return
-    text = os.fspath(given)
-    if not os.path.isdir(text) and (os.path.exists(text) or not glob.has_magic(text)):  # noqa: PTH110, PTH112
+    text = os.fspath(entry)
+    # Unlike those of Path, these answer for a name too long for the system.
+    folder = os.path.isdir(text)  # noqa: PTH112
+    if not folder and (os.path.exists(text) or not glob.has_magic(text)):  # noqa: PTH110
         # One that is not there is a failed row, not the end of all others.
         yield text
         return
-    pattern = os.path.join(glob.escape(text), "*") if os.path.isdir(text) else text  # noqa: PTH112, PTH118
-    inside = [Path(one) for one in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207
-    kept = [one for one in inside if one.suffix.lower() in ENDINGS and one.is_file()]
-    kept = [one for one in kept if not one.absolute().is_relative_to(out.absolute())]
-    if not kept:
+    pattern = os.path.join(glob.escape(text), "*") if folder else text  # noqa: PTH118
+    places = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207
+    tables = [place for place in places if place.suffix.lower() in ENDINGS and place.is_file()]
+    outside = [place for place in tables if not place.absolute().is_relative_to(out.absolute())]
+    if not outside:
         raise ParameterError(
             f"{text}: no table there; names of tables end with {', '.join(ENDINGS)}",
             "no-tables",
         )
-    yield from map(str, kept)
+    yield from map(str, outside)
 
 
 def _forms(sources: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """What each could be called, the shortest first."""
-    files = {key: file_and_sheet(key)[0] for key, one in sources.items() if isinstance(one, str)}
-    common = os.path.commonpath([os.path.dirname(file) for file in files.values()]) if files else ""  # noqa: PTH120
-    forms: dict[str, tuple[str, ...]] = {}
-    for key, one in sources.items():
-        if isinstance(one, str):
-            file = Path(files[key])
-            sheet = file_and_sheet(key)[1]
-            whole = "-".join(file.relative_to(common).parts)
-            forms[key] = tuple(
-                f"{name}-{sheet}" if sheet else name
-                for name in (file.stem, whole.removesuffix(file.suffix), whole)
-            )
+    """What each source could be called, the shortest first."""
+    files = [file_and_sheet(key)[0] for key, source in sources.items() if isinstance(source, str)]
+    folders = [os.path.dirname(file) for file in files]  # noqa: PTH120
+    common = os.path.commonpath(folders) if folders else ""
+    forms = dict[str, tuple[str, ...]]()
+    for key, source in sources.items():
+        if isinstance(source, str):
+            forms[key] = _forms_of_file(key, common)
         else:
-            own = (
-                one.name
-                if isinstance(one, ImpactTable)
-                else getattr(one, "attrs", {}).get("name", "table")
-            )
-            forms[key] = (str(own), f"{own}-{int(key) + 1}")
+            name = _name_of(source)
+            forms[key] = (name, f"{name}-{int(key) + 1}")
     return forms
+
+
+def _forms_of_file(key: str, common: str) -> tuple[str, ...]:
+    """A file is called by its stem, its path below the `common` folder, that with the ending."""
+    path, sheet = file_and_sheet(key)
+    file = Path(path)
+    whole = "-".join(file.relative_to(common).parts)
+    names = (file.stem, whole.removesuffix(file.suffix), whole)
+    return tuple(f"{name}-{sheet}" for name in names) if sheet else names
+
+
+def _name_of(source: Any) -> str:
+    """The name of a table or frame in memory."""
+    if isinstance(source, ImpactTable):
+        return source.name
+    return str(getattr(source, "attrs", {}).get("name", "table"))
 
 
 def _alone(forms: Mapping[str, Sequence[str]]) -> dict[str, str]:
@@ -107,27 +118,31 @@ def _alone(forms: Mapping[str, Sequence[str]]) -> dict[str, str]:
     names = dict[str, str]()
     rest = dict(forms)
     for step in range(1 + max(map(len, forms.values()))):
-        tried = {
-            key: safe(own[step])
-            if step < len(own)
-            else f"{safe(own[-1])}-{sha256(key.encode()).hexdigest()[:_DIGEST]}"
-            for key, own in rest.items()
-        }
+        tried = {key: _tried(key, choices, step) for key, choices in rest.items()}
         count = Counter(map(_same, [*tried.values(), *names.values()]))
         names |= {key: name for key, name in tried.items() if count[_same(name)] == 1}
-        rest = {key: own for key, own in rest.items() if key not in names}
+        rest = {key: choices for key, choices in rest.items() if key not in names}
         if not rest:
             break
     return {key: names[key] for key in forms}
+
+
+def _tried(key: str, choices: Sequence[str], step: int) -> str:
+    """The name that is tried in this step; after all choices the last one with a digest."""
+    if step < len(choices):
+        return safe(choices[step])
+    digest = sha256(key.encode()).hexdigest()[:_DIGEST]
+    return f"{safe(choices[-1])}-{digest}"
 
 
 def safe(name: str) -> str:
     """A name that is that of a folder everywhere: letters, digits, blanks and `_+=-()` of any
     script.
     """
-    kept = re.sub(r"[^\w +=()-]", "_", unicodedata.normalize("NFC", name)).strip()
-    kept = kept.encode()[:_LONGEST].decode(errors="ignore").strip() or "table"
-    return f"{kept}_" if _DEVICE.fullmatch(kept) else kept
+    composed = unicodedata.normalize("NFC", name)
+    letters = re.sub(r"[^\w +=()-]", "_", composed).strip()
+    short = letters.encode()[:_LONGEST].decode(errors="ignore").strip() or "table"
+    return f"{short}_" if _DEVICE.fullmatch(short) else short
 
 
 def _same(name: str) -> str:
