@@ -62,7 +62,7 @@ def pooled():
 
 
 def figure(name, fit):
-    return styled(FIGURES[name], fit)
+    return styled(FIGURES[name].draw, fit)
 
 
 def display_factor(fit, name):

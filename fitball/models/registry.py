@@ -28,21 +28,57 @@ THESIS_EXACT = {
 
 
 class Entry(NamedTuple):
-    """How a model is composed from text, ball, whether there is motion along the court, and its
-    `options` (by default these), which can be changed among `choices`.
+    """All that others know of a model. `compose` makes it of text, ball, whether there is motion
+    along the court, and its `options` (by default these), which can be changed among `choices`.
+
+    `equations` says in words what a ball is in it and whose equations these are; `works` are keys
+    of `report/references.bib`. It has `masses`, one of a rigid ball. `spinless`: a comparison tries
+    it where no spin was measured too.
     """
 
     compose: Callable[[str, str, Ball, bool, Mapping[str, str]], Model]
     options: Mapping[str, str] = {}
     choices: Mapping[str, tuple[str, ...]] = {}
+    equations: str = ""
+    works: tuple[str, ...] = ()
+    masses: int = 1
+    spinless: bool = False
 
 
 MODELS: Mapping[str, Entry] = {
-    "two-mass": Entry(two_mass.compose, TWO_MASS, two_mass.CHOICES),
-    "thesis-exact": Entry(two_mass.compose, THESIS_EXACT),
-    "grip-slip": Entry(grip_slip.compose),
-    "brody": Entry(grip_slip.compose),
+    "two-mass": Entry(
+        two_mass.compose,
+        TWO_MASS,
+        two_mass.CHOICES,
+        equations="a core and a shell, after Jafri 2004",
+        works=("jafri2004",),
+        masses=2,
+    ),
+    "thesis-exact": Entry(
+        two_mass.compose,
+        THESIS_EXACT,
+        equations="Jafri 2004",
+        works=("jafri2004",),
+        masses=2,
+    ),
+    "grip-slip": Entry(
+        grip_slip.compose,
+        equations="after Walton 1993 and Cross 2002",
+        works=("walton1993", "foerster1994", "cross2002", "garwin1969"),
+        spinless=True,
+    ),
+    "brody": Entry(
+        grip_slip.compose,
+        equations="Brody 1984",
+        works=("brody1984",),
+        spinless=True,
+    ),
 }
+# The model of a table where no other is named: with spins, without them beside motion along the
+# court, and of drops, where a mass ratio is no more than an upper end of COR.
+DEFAULT = "two-mass"
+DEFAULT_SPINLESS = "brody"
+DEFAULT_DROPS = "two-mass+normal=total"
 # What acts without motion along the court.
 VERTICAL = ("normal", "release")
 
@@ -123,16 +159,15 @@ def variants(chosen: Model) -> tuple[str, ...]:
 
 
 def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
-    """Texts of the models that can differ on such a table, the default there last: `two-mass`, but
-    `brody` where no spin was measured beside motion along the court, and `two-mass+normal=total` in
-    drops, where a mass ratio is no more than an upper end of COR.
-    """
+    """Texts of the models that can differ on such a table, the default there last."""
     if not tangential:
-        return ("two-mass+normal=total",)
+        return (DEFAULT_DROPS,)
     if not spin:
-        return ("grip-slip", "brody")
-    # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names it.
-    others = (
-        () if quick else tuple(text for text in variants(model()) if "normal=inner" not in text)
-    )
-    return ("thesis-exact", "grip-slip", "brody", *others, "two-mass")
+        spinless = (name for name, entry in MODELS.items() if entry.spinless)
+        return (*(name for name in spinless if name != DEFAULT_SPINLESS), DEFAULT_SPINLESS)
+    others = [name for name in MODELS if name != DEFAULT]
+    if not quick:
+        # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names
+        # it.
+        others += [text for text in variants(model(DEFAULT)) if "normal=inner" not in text]
+    return (*others, DEFAULT)

@@ -63,7 +63,7 @@ def report(result: Plotted) -> Report:
 
 def figures(result: Plotted) -> Mapping[str, Callable[[], Figure]]:
     """Those that were asked for."""
-    return {name: partial(FIGURES[name], result.fit) for name in result.names}
+    return {name: partial(FIGURES[name].draw, result.fit) for name in result.names}
 
 
 PAGE = Page(report, figures)

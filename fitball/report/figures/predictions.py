@@ -40,6 +40,19 @@ from fitball.report.style import (
 )
 
 
+def curves_caption(fit: Fitted) -> str:
+    """What `curves` draws: bands of draws; dots or bins; whether they are moved, where a line has a
+    speed and a spin.
+    """
+    bands = "" if fit.posterior is None else ", with 68 and 95 % bands"
+    many = len(fit.run.table) > DOTS
+    dots = "medians of bins, with their middle 68 %" if many else "every impact ± sd"
+    moved = ""
+    if fit.run.table.has_tangential:
+        moved = ", moved along the model to the speed and spin of its line"
+    return f"Lines: the model, dashed beyond the data{bands}. Dots: {dots}{moved}."
+
+
 def curves(fit: Fitted) -> Figure:
     """A panel a measured column: the model over incidence at the speeds and spins of the table, and
     every impact, moved there along the model: its residual added to the line of its series.

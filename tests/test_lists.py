@@ -1,0 +1,128 @@
+"""Lists in words are those of the code: what the help of a verb names, and what others say of a
+model or a figure.
+"""
+
+import re
+import subprocess
+import sys
+from inspect import getdoc, isfunction
+from typing import get_args
+
+import pytest
+from support.made_fit import made_fit
+
+import fitball
+from fitball import cli
+from fitball.data.scene import _KEYS
+from fitball.exports import FORMATS
+from fitball.inference.noise import KINDS
+from fitball.inference.schema import Verdict
+from fitball.models.registry import DEFAULT, DEFAULT_DROPS, DEFAULT_SPINLESS, MODELS
+from fitball.report import cite, fit_words, style
+from fitball.report.figures import FIGURES, Place
+from fitball.report.fit_page import report
+
+TIMED = [name for name in MODELS if fitball.model(name).timed]
+
+
+def listed(verb, option):
+    """Names in the help of an option, without what stands in brackets and what comes after."""
+    words = cli.help_of(cli.VERBS[verb]).arguments[option][1]
+    words = re.sub(r"\([^()]*\)", "", words).partition(", with +NAME")[0]
+    words = words.removeprefix("without a fit, ").replace(" or ", ", ")
+    return [name.strip() for name in words.split(",")]
+
+
+@pytest.mark.parametrize(
+    ("verb", "option", "names"),
+    [
+        ("calibrate", "model", MODELS),
+        ("calibrate", "noise", KINDS),
+        ("plot", "figures", FIGURES),
+        ("plot", "format", style.FORMATS),
+        ("simulate", "model", TIMED),
+        ("export", "to", FORMATS),
+    ],
+)
+def test_help_names_what_there_is(verb, option, names):
+    assert listed(verb, option) == [*names]
+    # In Python too, where help() shows the docstring.
+    document = " ".join(getdoc(getattr(fitball, verb)).split())
+    assert all(re.search(rf"(?<![\w-]){re.escape(name)}(?![\w-])", document) for name in names)
+
+
+def test_help_of_a_model_names_models_and_their_options():
+    document = " ".join(getdoc(fitball.model).split())
+    assert all(f"`{name}`" in document for name in MODELS if not MODELS[name].choices)
+    for name, entry in MODELS.items():
+        if entry.choices:
+            said = re.search(rf"`{name}` \(([^)]*)\)", document)[1]
+            listed_options = dict(part.split() for part in said.split(","))
+            options = {key: words.split("|") for key, words in listed_options.items()}
+            assert {key: {*values} for key, values in options.items()} == {
+                key: {*values} for key, values in entry.choices.items()
+            }
+            # The first is the default.
+            assert {key: values[0] for key, values in options.items()} == entry.options
+
+
+def test_scenes_take_the_same_kinds_of_noise():
+    assert _KEYS["measurement.noise"] == tuple(KINDS)
+
+
+def test_every_verdict_has_words_and_a_tone():
+    assert {*fit_words.TONES} == {*fit_words._SAID} == {*get_args(Verdict)}
+
+
+def test_a_verb_of_the_recipe_is_reachable(tmp_path):
+    # A public function of `verbs`, without another word to the command line.
+    program = """import sys
+import fitball
+from fitball import verbs
+
+def glance(data, *, times: int = 1):
+    '''Look at a table.
+
+    Args:
+        data (DATA): a table
+        times (N): how often
+    '''
+    raise fitball.FitballError(f"{data} {times}", "seen")
+
+verbs.glance = glance
+fitball._HOMES["fitball.verbs"] += " glance"
+from fitball import cli
+sys.exit(cli.main(["glance", "a.csv", "--times", "3", "--out", sys.argv[1]]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program, str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, "a.csv 3" in done.stderr) == (2, True)
+
+
+def test_verbs_are_the_public_functions_that_do_not_load():
+    public = {name for name in fitball.__all__ if isfunction(getattr(cli.verbs, name, None))}
+    assert {*cli.VERBS} == public - {"load_fit", "load_batch"}
+
+
+def test_the_page_of_a_fit_has_each_figure_once():
+    pictures = report(made_fit(model="two-mass")).pictures(every=True)
+    assert sorted(pictures) == sorted(FIGURES)
+    assert {figure.place for figure in FIGURES.values()} == {*get_args(Place)}
+    fit = made_fit()
+    assert all(figure.caption_of(fit).endswith(".") for figure in FIGURES.values())
+
+
+def test_what_the_registry_says_of_models():
+    assert {DEFAULT, DEFAULT_SPINLESS} <= {*MODELS}
+    assert DEFAULT_DROPS.partition("+")[0] in MODELS
+    assert MODELS[DEFAULT_SPINLESS].spinless
+    for name, entry in MODELS.items():
+        assert entry.equations
+        assert entry.works
+        assert {*entry.works} <= {*cite.works()}
+        # A mass ratio is what a second mass has.
+        parameters = {spec.name for spec in fitball.model(name).parameters}
+        assert entry.masses == 1 + ("mass_ratio" in parameters)
