@@ -9,7 +9,7 @@ is empty at first (of --keep DIR):
     ```python      blocks of a page share their names; `python show` is not run
     ```csv a.csv   is written to that file, of any language
     ```text        output: its lines that are not printed are named, no fault, since digits depend
-    on the machine
+                   on the machine
 
 Words are counted without generated parts and output, and without pages for developers.
 """

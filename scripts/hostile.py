@@ -2,9 +2,8 @@
 (POSIX systems).
 
     python scripts/hostile.py                   # 3,000 cases; --share 0.1 of them; --seed 2: others
-    python scripts/hostile.py scene names:17    # some kinds; or one again, which depends on the
-    seed and on no other python scripts/hostile.py --control         # the rule has teeth: with a
-    guard removed it finds a fault
+    python scripts/hostile.py scene names:17    # some kinds; or one again, by the seed alone
+    python scripts/hostile.py --control         # with a guard removed the rule finds a fault
 
 The rule: exit code 0, 1 or 2 (or a signal's), 2 with words; no traceback, no warning of a library,
 no control character shown; of the input nothing executed, nor unescaped in HTML, C, C#, JavaScript,

@@ -2,7 +2,8 @@
 of scripts/test.
 
 pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, addresses asked for,
-widths, pictures ports      ports compiled and run; those without a compiler are skipped
+           widths, pictures
+ports      ports compiled and run; those without a compiler are skipped
 docs       generated parts, links, words, and the commands of all pages
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls

@@ -75,10 +75,10 @@ def test_every_source_of_the_kernels_counts(tmp_path, monkeypatch):
 
 def test_work_that_failed_is_not_marked_as_done(tmp_path):
     mark = tmp_path / "mark"
-    with pytest.raises(FloatingPointError), environment.first_time(mark, "working"):
+    with pytest.raises(FloatingPointError), environment.once_for_all_processes(mark, "working"):
         raise FloatingPointError
     assert not mark.exists()
-    with environment.first_time(mark, "working"):
+    with environment.once_for_all_processes(mark, "working"):
         assert not mark.exists()
     assert mark.exists()
 
@@ -90,7 +90,7 @@ def test_work_that_failed_is_not_marked_as_done(tmp_path):
 def test_parts_are_the_whole(size, least, count, parts):
     seen = []
     with environment.threads(count):
-        environment.shared(lambda first, last: seen.append((first, last)), size, least)
+        environment.run_in_threads(lambda first, last: seen.append((first, last)), size, least)
     seen.sort()
     assert len(seen) == parts
     assert seen[0][0] == 0
@@ -105,7 +105,7 @@ def test_an_error_in_a_thread_arrives():
             raise FloatingPointError
 
     with environment.threads(2), pytest.raises(FloatingPointError):
-        environment.shared(work, 10, 1)
+        environment.run_in_threads(work, 10, 1)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
@@ -115,7 +115,7 @@ import os
 from fitball.base import environment
 def run():
     seen = []
-    environment.shared(lambda a, b: seen.append(b - a), 10, 5)
+    environment.run_in_threads(lambda a, b: seen.append(b - a), 10, 5)
     return seen
 with environment.threads(2):
     run()

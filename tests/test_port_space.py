@@ -21,7 +21,7 @@ def _parts(row, flags, v_y):
 def _stepped(call, v, w, v_y, steps, share):
     """Velocity along the surface and spin (impacts, 2) after a contact in time steps with implicit
     friction (Moreau): in each, as much of the friction cone as stops the slip, whatever its
-        direction. Exact to the first order.
+    direction. Exact to the first order.
     """
     ball, spring, end, damping, eps = _parts(np.array(call.row), call.flags, v_y)
     mass = ball.mass

@@ -41,7 +41,7 @@ def faults_of(source, **reading):
         fitball.load_table(source, **reading)
     listed = check(source, None, False, **reading)
     assert listed.failed
-    assert listed.data["faults"]["code"].tolist() == [fault.code for fault in caught.value.faults]
+    assert listed.frames["faults"]["code"].tolist() == [fault.code for fault in caught.value.faults]
     return placed(
         (fault.code, fault.row, fault.line, fault.column) for fault in caught.value.faults
     )

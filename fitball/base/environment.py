@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 
+# Threads that kernels share; None: the cores of this process.
 _count: ContextVar[int | None] = ContextVar("_count", default=None)
 log = logging.getLogger("fitball")
 
@@ -27,7 +28,9 @@ def packages() -> dict[str, str]:
 
 def cores() -> int:
     """Cores that this process may use, by its affinity where the system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @contextmanager
@@ -42,7 +45,7 @@ def threads(count: int | None) -> Iterator[None]:
         _count.reset(token)
 
 
-def shared(work: Callable[[int, int], object], size: int, least: int) -> None:
+def run_in_threads(work: Callable[[int, int], object], size: int, least: int) -> None:
     """Call `work(first, last)` for parts of `range(size)`, none below `least` if there are several,
     by threads.
     """
@@ -89,7 +92,7 @@ def cache_folder() -> Path:
 
 
 @contextmanager
-def first_time(mark: Path, said: str) -> Iterator[None]:
+def once_for_all_processes(mark: Path, message: str) -> Iterator[None]:
     """Let one process at a time inside, and say so, until one has come through and left its
     `mark`.
     """
@@ -101,6 +104,6 @@ def first_time(mark: Path, said: str) -> Iterator[None]:
     mark.parent.mkdir(parents=True, exist_ok=True)
     with filelock.FileLock(f"{mark}.lock"):
         if not mark.exists():
-            log.info("%s (kept in %s)", said, mark.parent)
+            log.info("%s (kept in %s)", message, mark.parent)
         yield
         mark.touch()

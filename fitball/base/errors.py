@@ -12,8 +12,9 @@ from typing import Any
 
 from fitball.base.text import listed, one_line, visible
 
-# Rows of a kind of fault that are named one by one, and lines of a message.
+# Rows of a kind of fault that are named one by one.
 _ROWS = 6
+# Lines of a message, which must stay on a screen.
 _LINES = 40
 # How alike a known name is that is probably meant: one slip in a name of three letters.
 _ALIKE = 0.7
@@ -101,11 +102,9 @@ def _folded(faults: Sequence[Fault]) -> list[str]:
         kinds.setdefault(k if fault.row is None else (fault.column, fault.code), []).append(fault)
     lines = [_line(members) for members in kinds.values()]
     more = len(lines) - _LINES
-    return (
-        lines
-        if more <= 0
-        else [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
-    )
+    if more > 0:
+        return [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
+    return lines
 
 
 def _line(members: Sequence[Fault]) -> str:
@@ -117,15 +116,12 @@ def _line(members: Sequence[Fault]) -> str:
     if len(members) > 1:
         rows = listed((str(member.row) for member in members), most=_ROWS)
         where = f"rows {rows} (first: {line or row})"
-    column = (
-        ""
-        if first.column is None
-        else f"{'key' if first.code == 'scene' else 'column'} '{first.column}'"
-    )
-    return one_line(
-        ": ".join(filter(None, [", ".join(filter(None, [where, column])), first.message])),
-        400,
-    )
+    column = ""
+    if first.column is not None:
+        kind = "key" if first.code == "scene" else "column"
+        column = f"{kind} '{first.column}'"
+    place = ", ".join(filter(None, [where, column]))
+    return one_line(": ".join(filter(None, [place, first.message])), 400)
 
 
 @dataclass(frozen=True)
@@ -154,8 +150,9 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     """`did you mean 'mu'?`, or the list of what is known."""
     choices = list(dict.fromkeys(known))
     bare = {choice.lstrip("-"): choice for choice in choices}
-    near = get_close_matches(name.lstrip("-"), bare, n=1, cutoff=_ALIKE)
-    near = [bare[one] for one in near] or [
-        choice for choice in choices if name and choice.startswith(name)
-    ]
-    return f"did you mean '{near[0]}'?" if near else f"known: {one_line(', '.join(choices), 400)}"
+    near = [bare[match] for match in get_close_matches(name.lstrip("-"), bare, 1, _ALIKE)]
+    if not near and name:
+        near = [choice for choice in choices if choice.startswith(name)]
+    if near:
+        return f"did you mean '{near[0]}'?"
+    return f"known: {one_line(', '.join(choices), 400)}"

@@ -1,7 +1,7 @@
 """Files and result folders, whole or not at all, one run at a time.
 
 Owns: temporary name and rename, CSV and JSON text, the lock of a folder (filelock). Nobody else
-    writes files.
+writes files.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ from fitball.base.text import one_line
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# While a run holds a folder it has the first; the second lists what fitball wrote there, so that no
-# file of an older result is taken for one of the next; the third is what a killed run leaves.
+# A folder has this file while a run holds it.
 _LOCK = ".fitball.lock"
+# What fitball wrote into a folder, so that no file of an older result is taken for one of the next.
 _WRITTEN = ".fitball-files"
+# What a killed run leaves.
 _PARTIAL = ".fitball-*.partial"
 # How long figures wait for a run that writes into the folder of their fit [s].
 WAIT = 60.0
-# How cells begin that spreadsheets compute (OWASP, "CSV Injection"), and the numbers among them.
+# How cells begin that spreadsheets compute (OWASP, "CSV Injection").
 _FORMULA = re.compile(r"'*[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
+# The numbers among these, which are no formula.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -146,6 +148,7 @@ def result_folder(
 
 
 def _refused(place: Path, error: Exception, code: str) -> FolderError:
+    """Why a file or folder cannot be written, with the remedy."""
     what = "be written" if code == "not-written" else "be a result folder"
     why = getattr(error, "strerror", "") or error
     text = f"{one_line(str(place))}: cannot {what}: {why}; change that, or name another folder"

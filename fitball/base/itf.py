@@ -3,7 +3,7 @@
 Scenes, derived quantities, constants of the ball, `uses.lab` and pages meet here. Sources:
 International Tennis Federation, *ITF Approved Tennis Balls, Classified Surfaces & Recognised
 Courts: a guide to products and test methods* (TB 04/01 drop test, CS 01/02 court pace), and *Rules
-    of Tennis*, Appendices I and VI.
+of Tennis*, Appendices I and VI.
 """
 
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ import numpy as np
 
 from fitball.base.values import Ball, FloatArray, Impacts
 
-# Standard gravity [m/s^2]; drop height of TB 04/01, 100 inches [m].
+# Standard gravity [m/s^2].
 GRAVITY = 9.80665
+# Drop height of TB 04/01, 100 inches [m].
 DROP_HEIGHT = 2.54
 # Lowest and highest rebound from 254 cm on smooth granite [m] by type of ball (2019 and later;
-# until then type 1 had the limits of type 2), and constants of a ball of types 1 and 2 [SI] that
-# the rules allow (Appendix I: 56.0 to 59.4 g, diameter 6.54 to 6.86 cm).
+# until then type 1 had the limits of type 2).
 BALL_TYPES: Mapping[str, tuple[float, float]] = {
     "type-1": (1.38, 1.51),
     "type-2": (1.35, 1.47),
@@ -28,6 +28,8 @@ BALL_TYPES: Mapping[str, tuple[float, float]] = {
     "stage-3": (0.90, 1.05),
     "stage-3-foam": (0.85, 1.05),
 }
+# Constants of a ball of types 1 and 2 [SI] that the rules allow (Appendix I: 56.0 to 59.4 g,
+# diameter 6.54 to 6.86 cm).
 TOLERANCES: Mapping[str, tuple[float, float]] = {
     "ball_mass": (0.0560, 0.0594),
     "ball_radius": (0.0327, 0.0343),
@@ -38,12 +40,15 @@ PACE_TOLERANCES: Mapping[str, float] = {
     "theta_1": float(np.radians(2.0)),
     "omega_1": 6.0 * np.pi,
 }
-# Whole ratings at which the categories begin (CS 01/02: up to 29, 30 to 34, 35 to 39, 40 to 44,
-# from 45 on).
 PACE_CATEGORIES = ("slow", "medium-slow", "medium", "medium-fast", "fast")
+# Whole ratings at which the categories after the first begin (CS 01/02: up to 29, 30 to 34, 35 to
+# 39, 40 to 44, from 45 on).
 _BEGINS = (30.0, 35.0, 40.0, 45.0)
+# Restitution of the mean ball in the rating of CS 01/02.
 _MEAN_RESTITUTION = 0.81
+# What restitution loses for each kelvin above the temperature of the test (CS 01/02).
 _PER_KELVIN = 0.003
+# Temperature of the test [degrees Celsius].
 _TEST_TEMPERATURE = 23.0
 
 

@@ -47,13 +47,8 @@ def as_completed(
     for place, _ in died:
         for _, words in (yield from _round(partial(_pool, 1, address), task, items, [place])):
             remedy = "most likely memory is short: use fewer cores, or another machine"
-            yield (
-                place,
-                MachineError(
-                    f"the process that worked on it ended twice ({words}); {remedy}",
-                    "worker-died",
-                ),
-            )
+            text = f"the process that worked on it ended twice ({words}); {remedy}"
+            yield place, MachineError(text, "worker-died")
 
 
 def _made(make: Callable[[Any], Any], folder: str, item: Any) -> Any:
@@ -92,7 +87,9 @@ def _round(
                         broken = True
                     else:
                         running[future] = waiting.popleft()
-                for future in wait(running, return_when=FIRST_COMPLETED).done if running else ():
+                if not running:
+                    break
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
                     place = running.pop(future)
                     error = future.exception()
                     if isinstance(error, deaths):
@@ -110,7 +107,8 @@ def _pool(count: int, address: str) -> Iterator[tuple[Any, int, tuple[type[Excep
             from distributed.scheduler import KilledWorker
 
             threads = sum(client.nthreads().values())
-            yield client.get_executor(), 2 * max(threads, 1) if count > 1 else 1, (KilledWorker,)
+            at_once = 2 * max(threads, 1) if count > 1 else 1
+            yield client.get_executor(), at_once, (KilledWorker,)
         return
     from joblib.externals.loky import ProcessPoolExecutor
 
@@ -128,9 +126,9 @@ def _client(address: str) -> Any:
     except ImportError:
         text = "a scheduler is given, but Dask is not installed here: pip install 'fitball[dask]'"
         raise ParameterError(text, "scheduler") from None
-    known = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
+    option = "scheduler_file" if address.endswith(".json") else "address"
     try:
-        return Client(timeout=_PATIENCE, set_as_default=False, **known)  # type: ignore[no-untyped-call]
+        return Client(timeout=_PATIENCE, set_as_default=False, **{option: address})  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         wanted = (
             "expected an address such as tcp://localhost:8786, or the file that the scheduler wrote"

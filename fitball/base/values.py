@@ -21,8 +21,9 @@ else:
     # Neither package is imported for a name in a signature.
     Figure = DataFrame = Any
 
-# Far beyond any ball, and far from where products of masses and lengths overflow or vanish.
+# Least constant of a ball: far below any, and far from where products of masses and lengths vanish.
 _SMALLEST = 1e-30
+# Largest: far above any, and far from where such products overflow.
 _LARGEST = 1e6
 
 
@@ -58,7 +59,7 @@ class Impacts:
     has states of its own.
 
     Unchecked: a camera or an error may make `v_y1 <= 0`, which has no answer; `impacts()` refuses
-        it.
+    it.
     """
 
     v_x1: FloatArray

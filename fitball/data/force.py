@@ -20,7 +20,7 @@ _CUT = 0.2
 def contact_time(t: FloatArray, force: FloatArray) -> float:
     """Duration of contact [s] of a record of force [N] over time [s], by the rms width of the
     pulse: a threshold is too short by some 3 %, which makes a stiffness 6 % too large. Raises
-        ParameterError (`force-record`).
+    ParameterError (`force-record`).
     """
     t = np.asarray(t, dtype=np.float64)
     force = np.asarray(force, dtype=np.float64)

@@ -3,10 +3,10 @@
 
 Films with a known truth (`tests/support/films.py`) of twelve cameras, a rolling one, and lasting
 errors: how often 68 and 95 % intervals of the nine quantities hold, beside controls that must fail.
-    Then whole roads at 240 and 1000
-frames/s: a truth drawn from `PRIORS`, 21 impacts of the two-mass ball, filmed by a camera whose
-scale, clock, tilt and court are off within their errors, tracked, fitted with the same priors: how
-often 95 % intervals hold. The posterior is that of `calibrate`, sampled by importance.
+Then whole roads at 240 and 1000 frames/s: a truth drawn from `PRIORS`, 21 impacts of the two-mass
+ball, filmed by a camera whose scale, clock, tilt and court are off within their errors, tracked,
+fitted with the same priors: how often 95 % intervals hold. The posterior is that of `calibrate`,
+sampled by importance.
 """
 
 import argparse

@@ -7,9 +7,10 @@ that a term of its series gives the next; what ends a phase is a weighted sum ov
 whose first zero is isolated by bounds. With core (1), shell (2), normal force F, friction f on the
 ball, torque T of the joint, mass M_r on the spring:
 
-    M_r y'' = -F,  F = K_y y + C_y y';   I_1 omega_1' = -T,  T = K th + C th',  th' = omega_1 -
-    omega_2 M v_x' = f,  I_2 omega_2' = T - R f - eps F;  slide f = -s mu F;  at rest f such that
-    v_x' = R omega_2'
+    M_r y'' = -F,         F = K_y y + C_y y'
+    I_1 omega_1' = -T,    T = K th + C th',    th' = omega_1 - omega_2
+    M v_x' = f,           I_2 omega_2' = T - R f - eps F
+    slide: f = -s mu F;   at rest: f such that v_x' = R omega_2'
 
 A contact point at rest takes the first of grip, hold (a grip without the offset), slide forward,
 slide back that does not contradict itself just after: the first Taylor term that is more than

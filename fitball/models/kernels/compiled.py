@@ -4,7 +4,7 @@ all their sources.
 Numba keeps what it compiled until the file of that function changes, and does not see edits of what
 it calls in other
 files: so new sources mean a new folder. Of processes that start together one compiles, and the
-    others wait for it.
+others wait for it.
 """
 
 import functools
@@ -17,7 +17,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 
-from fitball.base.environment import cache_folder, first_time
+from fitball.base.environment import cache_folder, once_for_all_processes
 
 # A division by zero gives an infinity or NaN, which ends as a status; products and sums may be
 # contracted.
@@ -72,7 +72,7 @@ def entry(function: Callable[P, R]) -> Callable[P, R]:
         nonlocal ready
         if ready:
             return compiled(*arguments, **named)
-        with first_time(
+        with once_for_all_processes(
             folder() / f"{function.__module__}.{function.__name__}",
             "compiling the models, once",
         ):

@@ -4,9 +4,10 @@ Shell (2) and core (1) are joined by a torsional spring and damper of torque `T 
 With `P` the impulse of the normal force since a phase began, `s` the direction of slip, `J = I2 + M
 R^2` (Jafri 2004):
 
-    slide         M v_x' = -s mu F;  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P     (Eqs 9,
-    11, 14, 15, 40) grip, hold    v_x = R omega_2;   I1 omega_1 + J omega_2 = const - eps P
-           (Eqs 10, 14, 17, 42)
+    slide (Eqs 9, 11, 14, 15, 40)
+        M v_x' = -s mu F;  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P
+    grip, hold (Eqs 10, 14, 17, 42)
+        v_x = R omega_2;  I1 omega_1 + J omega_2 = const - eps P
 
 so that both spins are algebraic but for the twist; `eps` is zero in a hold, and in slip where it
 acts while gripping only. What ends a phase, with `L = I1 omega_1 + I2 omega_2` and `v_x` at its
@@ -14,8 +15,9 @@ start:
 
     slide         the slip,  s (v_x - R L/I) + s R I1/I th' - (mu/M + s R (s mu R - eps)/I) P
     grip, hold    the margin of the friction cone,  mu F - |M R/J (T - eps F)|, which the thesis
-    does not ask for hold          besides, the same with eps, on the side where it is outside:
-    there it gives way to grip
+                  does not ask for
+    hold          besides, the same with eps, on the side where it is outside: there it gives way
+                  to grip
 """
 
 import math
