@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from fitball.base.columns import COLUMNS
+from fitball.base.display_units import DEG, M_PER_S, RAD_PER_S
 from fitball.base.files import with_index
 from fitball.base.numbers import Unit, percent
 from fitball.base.text import short, visible
@@ -15,6 +16,10 @@ from fitball.inference.fitted import Fitted
 MAIN = ("model", "level", "derived")
 # Letters of a label in a figure.
 _LABEL = 18
+# Impacts of the figure of predictions, evenly spread over more.
+DRAWN = 400
+# What is said of the state of an incident ball, and the unit.
+STATE = {"v_1": M_PER_S, "theta_1": DEG, "omega_1": RAD_PER_S}
 
 
 def unit_of(fit: Fitted, name: str) -> Unit:
@@ -59,3 +64,9 @@ def records(frame: DataFrame) -> list[dict[str, Any]]:
         {str(name): cell for name, cell in row.items()}
         for row in with_index(frame).to_dict("records")
     ]
+
+
+def first_rows(frame: DataFrame) -> DataFrame:
+    """A row an impact of a frame with a row an impact and column."""
+    rows: DataFrame = frame[frame["column"] == frame["column"].iloc[0]]
+    return rows

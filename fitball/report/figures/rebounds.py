@@ -1,0 +1,84 @@
+"""Figure of predicted rebounds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitball.base.columns import COLUMNS
+from fitball.base.values import DataFrame, Figure, FloatArray
+from fitball.report.quantities import DRAWN, STATE, column_unit, first_rows, middle, plain
+from fitball.report.style import MEASURED, MODEL, few_ticks, label, new_figure
+
+# Impacts whose names stand at the axis.
+_NAMED = 16
+# Letters of a name at the axis.
+_NAME = 18
+# Letters of names that stand side by side.
+_FLAT = 2
+# Impacts up to which lines are thick.
+_FEW = 60
+
+
+def rebounds(frame: DataFrame) -> Figure:
+    """A panel a column, over the incident quantity that alone varies, else over the impacts in
+    their order.
+    """
+    first = first_rows(frame)
+    columns = list(dict.fromkeys(frame["column"]))
+    shown = np.unique(
+        np.linspace(0, len(first) - 1, min(len(first), DRAWN)).round().astype(np.int64)
+    )
+    wide = min(2, len(columns))
+    down = -(-len(columns) // wide)
+    named = len(first) <= _NAMED
+    place, across = _along(first)
+    figure, axes = new_figure(down, wide, high=0.8 + 1.9 * down + 0.4 * named, sharex=True)
+    for axis, name in zip(axes.ravel(), columns, strict=False):
+        mine = frame[frame["column"] == name].iloc[shown]
+        _draw(axis, mine, place[shown])
+        axis.set_title(label(COLUMNS[name].symbol, column_unit(name)))
+        few_ticks(axis.yaxis)
+    for axis in axes.ravel()[len(columns) :]:
+        axis.set_visible(False)
+    for axis in axes.ravel()[max(len(columns) - wide, 0) : len(columns)]:
+        axis.xaxis.set_tick_params(labelbottom=True)
+        axis.set_xlabel(across)
+        if named and not across:
+            names = [plain(str(name), _NAME) for name in first["id"]] if len(first) > 1 else [""]
+            rotation = 90 if max(map(len, names)) > _FLAT else 0
+            axis.set_xticks(place, names, rotation=rotation)
+    return figure
+
+
+def _along(first: DataFrame) -> tuple[FloatArray, str]:
+    """Where impacts stand (impacts,), and what that is; "" for their order."""
+    states = {name: first[name].to_numpy(np.float64) for name in STATE}
+    varying = [
+        name for name, values in states.items() if np.ptp(values) > 1e-9 * np.abs(values).max()
+    ]
+    if len(varying) == 1 and len(np.unique(states[varying[0]])) == len(first):
+        unit = STATE[varying[0]]
+        return unit.factor * states[varying[0]], label(COLUMNS[varying[0]].symbol, unit)
+    return np.arange(1.0, len(first) + 1.0), "" if len(first) <= _NAMED else "impact"
+
+
+def _draw(axis: Any, mine: DataFrame, place: FloatArray) -> None:
+    """The rebounds of one column: 95 and 68 % intervals, medians, measurements."""
+    factor = column_unit(mine["column"].iloc[0]).factor
+    few = len(mine) <= _FEW
+    # Of the rebound itself where the error of a new measurement is not known.
+    low = mine["new_q025"].fillna(mine["q025"]).to_numpy(np.float64)
+    high = mine["new_q975"].fillna(mine["q975"]).to_numpy(np.float64)
+    axis.vlines(place, factor * low, factor * high, color=MODEL, linewidth=1.2 if few else 0.6)
+    axis.vlines(
+        place,
+        factor * mine["q16"],
+        factor * mine["q84"],
+        color=MODEL,
+        linewidth=5.0 if few else 2.0,
+        alpha=0.4,
+    )
+    axis.plot(place, factor * middle(mine), "_", color=MODEL, markersize=8 if few else 4)
+    axis.plot(place, factor * mine["observed"], "o", color=MEASURED, markersize=4 if few else 2)
