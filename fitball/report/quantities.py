@@ -70,3 +70,8 @@ def first_rows(frame: DataFrame) -> DataFrame:
     """A row an impact of a frame with a row an impact and column."""
     rows: DataFrame = frame[frame["column"] == frame["column"].iloc[0]]
     return rows
+
+
+def scored_columns(models: DataFrame) -> list[str]:
+    """The measured columns that a comparison scores."""
+    return [name for name in COLUMNS if f"rms_{name}" in models.columns]

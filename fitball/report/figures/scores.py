@@ -1,0 +1,39 @@
+"""Figure of a comparison."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitball.base.columns import COLUMNS
+from fitball.base.values import DataFrame, Figure
+from fitball.report.quantities import column_unit, plain, records, scored_columns
+from fitball.report.style import GUIDE, MODEL, PALE, few_ticks, label, new_figure
+
+
+def scores(models: DataFrame) -> Figure:
+    """A row a model, best above: the score less that of the best, and errors of left-out
+    impacts.
+    """
+    rows = records(models)
+    columns = scored_columns(models)
+    panels = 1 + min(len(columns), 3)
+    figure, axes = new_figure(1, panels, high=0.9 + 0.36 * len(rows), wide=8.0, sharey=True)
+    first = axes[0, 0]
+    places = np.arange(len(rows))
+    colours = [PALE if row["worse"] else MODEL for row in rows]
+    first.axvline(0.0, color=GUIDE, linewidth=0.8)
+    for place, row, colour in zip(places, rows, colours, strict=True):
+        error = row["error"]
+        first.errorbar(row["difference"], place, xerr=error, fmt="o", color=colour, markersize=5)
+    first.set_title("score")
+    for axis, name in zip(axes[0, 1:], columns, strict=False):
+        unit = column_unit(name)
+        axis.scatter(unit.factor * models[f"rms_{name}"], places, c=colours, s=25, zorder=3)
+        axis.set_title(f"rms {label(COLUMNS[name].symbol, unit)}")
+        axis.set_xlim(0.0, 1.1 * unit.factor * float(models[f"rms_{name}"].max()))
+    for axis in axes[0]:
+        few_ticks(axis.xaxis)
+    names = [plain(row["model"], 34).replace("+", "\n+", 1) for row in rows]
+    first.set_yticks(places, names)
+    first.set_ylim(len(rows) - 0.5, -0.5)
+    return figure
