@@ -10,7 +10,13 @@ from fitball.base.columns import COLUMNS
 from fitball.data.bundled import place_of
 from fitball.data.table import ImpactTable, pair_of
 
-_SI = {"m/s": 1.0, "rad/s": 1.0, "deg": np.pi / 180.0, "ms": 1e-3, "mm": 1e-3}
+_SI = {
+    "m/s": 1.0,
+    "rad/s": 1.0,
+    "deg": np.pi / 180.0,
+    "ms": 1e-3,
+    "mm": 1e-3,
+}
 
 
 def made(values, sd=None, corr=None, name="made", **parts):

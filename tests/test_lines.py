@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fitball.base.errors import ParameterError
 from fitball.data.in_words import Span, impacts_of, spans
@@ -26,7 +27,8 @@ DEG = np.pi / 180.0
 )
 def test_numbers_ranges_and_errors(text, name, wanted):
     (found,) = spans(text, ALL).items()
-    assert found[0] == name and found[1].count == wanted.count
+    assert found[0] == name
+    assert found[1].count == wanted.count
     for part in ("low", "high", "sd"):
         assert getattr(found[1], part) == pytest.approx(getattr(wanted, part), rel=1e-15)
 
@@ -63,22 +65,23 @@ def test_numbers_ranges_and_errors(text, name, wanted):
 def test_what_is_refused(text, takes):
     with pytest.raises(ParameterError) as caught:
         spans(text, takes)
-    assert (
-        caught.value.code == "impact"
-        and len(str(caught.value)) < 1000
-        and "\u202e" not in str(caught.value)
-    )
+    assert caught.value.code == "impact"
+    assert len(str(caught.value)) < 1000
+    assert "\u202e" not in str(caught.value)
 
 
 def test_a_grid_of_impacts():
     impacts, covariance = impacts_of(spans("omega_1=-10..10:3, v_1=17, theta_1=10..40:2", ALL))
-    assert covariance is None and len(impacts) == 6
+    assert covariance is None
+    assert len(impacts) == 6
     speed, angle = impacts.polar()
-    np.testing.assert_allclose(speed, 17.0, rtol=1e-15)
-    np.testing.assert_allclose(angle / DEG, [10, 10, 10, 40, 40, 40], rtol=1e-14)
+    assert_allclose(speed, 17.0, rtol=1e-15)
+    assert_allclose(angle / DEG, [10, 10, 10, 40, 40, 40], rtol=1e-14)
     assert impacts.omega_1.tolist() == [-10.0, 0.0, 10.0] * 2
     drop, _ = impacts_of(spans("v_y1=2..4:3", ALL))
-    assert drop.v_y1.tolist() == [2.0, 3.0, 4.0] and not drop.v_x1.any() and not drop.omega_1.any()
+    assert drop.v_y1.tolist() == [2.0, 3.0, 4.0]
+    assert not drop.v_x1.any()
+    assert not drop.omega_1.any()
 
 
 def test_stated_errors_become_those_of_the_state():
@@ -87,15 +90,16 @@ def test_stated_errors_become_those_of_the_state():
     for found, angle in zip(covariance, np.radians([20.0, 50.0]), strict=True):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         apart = turn.T @ found[:2, :2] @ turn
-        np.testing.assert_allclose(
+        assert_allclose(
             apart,
             np.diag([0.3**2, (17.0 * 0.5 * DEG) ** 2]),
             rtol=1e-13,
             atol=1e-16,
         )
-    np.testing.assert_array_equal(covariance[:, 2], [[0.0, 0.0, 25.0]] * 2)
+    assert_array_equal(covariance[:, 2], [[0.0, 0.0, 25.0]] * 2)
     plain, by_parts = impacts_of(spans("v_x1=3±0.1, v_y1=4", ALL))
-    assert plain.v_x1.tolist() == [3.0] and by_parts[0].tolist() == [
+    assert plain.v_x1.tolist() == [3.0]
+    assert by_parts[0].tolist() == [
         [0.1**2, 0, 0],
         [0, 0, 0],
         [0, 0, 0],

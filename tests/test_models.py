@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
 
 import fitball
 from fitball.base import environment
@@ -59,7 +60,7 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
     else:
         assert np.isnan([found.contact_time, found.gap_time, found.gap_path, found.gap_turn]).all()
     for name, scale in scales.items():
-        np.testing.assert_array_less(
+        assert_array_less(
             abs(getattr(found, name)[:, 0] - column(name)) / scale,
             1e-12,
             err_msg=name,
@@ -92,7 +93,8 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
 def test_a_composition_takes_what_acts_in_it(text, tangential, names):
     model = fitball.model(text, tangential=tangential)
     assert [spec.name for spec in model.parameters] == names.split()
-    assert model.timed == ("mass" in text or "thesis" in text) and model.text == text
+    assert model.timed == ("mass" in text or "thesis" in text)
+    assert model.text == text
     assert model.below == (
         (("cor_10", "mass_ratio"),) if model.options.get("normal") == "momentum" else ()
     )
@@ -118,7 +120,8 @@ def test_texts_name_what_differs_from_the_default():
 
 def test_a_comparison_tries_what_can_differ_there():
     every = candidates(tangential=True, spin=True)
-    assert every[-1] == "two-mass" and len(set(every)) == len(every) == 10
+    assert every[-1] == "two-mass"
+    assert len(set(every)) == len(every) == 10
     assert not any("inner" in text for text in every)
     assert set(candidates(tangential=True, spin=True, quick=True)) == set(NAMES)
     assert candidates(tangential=True, spin=False)[-1] == "brody"
@@ -181,7 +184,8 @@ def test_what_has_no_answer_is_nan_with_a_status(text, changes, status):
     values = typical(text)
     draws = {name: [value, changes.get(name, value)] for name, value in values.items()}
     found = model.rebound(draws, STATES)
-    assert found.status[0].tolist() == [0] * 4 and found.status[1].tolist() == [status] * 4
+    assert found.status[0].tolist() == [0] * 4
+    assert found.status[1].tolist() == [status] * 4
     assert np.isnan([found.v_x2[1], found.v_y2[1], found.omega_2[1], found.contact_time[1]]).all()
     assert np.isfinite([found.v_x2[0], found.v_y2[0], found.omega_2[0]]).all()
 
@@ -196,8 +200,10 @@ def test_no_impact_away_from_the_court(text):
             np.array([[*values.values()]]),
             Impacts(np.full(2, 9.0), np.array([0.0, -3.0]), np.zeros(2)),
         )
-        assert away.status.tolist() == [[Status.NO_IMPACT] * 2] and np.isnan(away.v_y2).all()
-    assert set(REASONS) == set(Status) and all(REASONS[status] for status in Status if status)
+        assert away.status.tolist() == [[Status.NO_IMPACT] * 2]
+        assert np.isnan(away.v_y2).all()
+    assert set(REASONS) == set(Status)
+    assert all(REASONS[status] for status in Status if status)
 
 
 @pytest.mark.parametrize("text", ["two-mass", "thesis-exact", "grip-slip", "brody"])
@@ -216,16 +222,14 @@ def test_shapes_of_numbers_draws_and_states_of_draws(text):
     )
     raw = model.evaluate(list(values), np.array([[*values.values()]]), STATES)
     for a, b, c, d, e in zip(*map(arrays, (one, draws, mixed, own, raw)), strict=True):
-        assert (a.shape, b.shape, c.shape, d.shape, e.shape) == (
-            (4,),
-            (3, 4),
-            (2, 4),
-            (2, 4),
-            (1, 4),
-        )
+        assert a.shape == (4,)
+        assert b.shape == (3, 4)
+        assert c.shape == (2, 4)
+        assert d.shape == (2, 4)
+        assert e.shape == (1, 4)
         for other in (b[2], c[1], d[0], d[1][::-1], e[0]):
-            np.testing.assert_array_equal(a, other)
-    np.testing.assert_array_equal(one.column("v_2"), np.hypot(one.v_x2, one.v_y2))
+            assert_array_equal(a, other)
+    assert_array_equal(one.column("v_2"), np.hypot(one.v_x2, one.v_y2))
     assert one.column("omega_2") is one.omega_2
 
 
@@ -259,7 +263,7 @@ def test_the_ball_is_the_models_or_a_parameter():
         found = model.rebound(values | given, STATES)
         for other in (fitball.model(text, ball=heavy), replace(model, ball=heavy)):
             for a, b in zip(arrays(found), arrays(other.rebound(values, STATES)), strict=True):
-                np.testing.assert_array_equal(a, b)
+                assert_array_equal(a, b)
         assert abs(found.v_x2 - model.rebound(values, STATES).v_x2).max() > 1e-3
 
 
@@ -272,24 +276,24 @@ def test_a_measured_restitution_replaces_the_law():
         row = np.array([[*values.values()]])
         found = model.evaluate(names, row, STATES, measured)
         law = model.evaluate(names, row, STATES)
-        np.testing.assert_allclose(found.v_y2[0, :3], measured[:3] * STATES.v_y1[:3], rtol=1e-15)
+        assert_allclose(found.v_y2[0, :3], measured[:3] * STATES.v_y1[:3], rtol=1e-15)
         assert found.v_y2[0, 3] == law.v_y2[0, 3]
         same = model.evaluate(names, row, STATES, law.v_y2[0] / STATES.v_y1)
-        np.testing.assert_allclose(same.v_x2, law.v_x2, rtol=1e-12, atol=1e-12)
+        assert_allclose(same.v_x2, law.v_x2, rtol=1e-12, atol=1e-12)
 
 
 def test_a_drop_moves_vertically_alone():
     model = fitball.model("two-mass+normal=total+release=zero_displacement", tangential=False)
     found = model.rebound(DROP, STATES)
-    np.testing.assert_array_equal(found.v_x2, STATES.v_x1)
-    np.testing.assert_allclose(found.omega_2, STATES.omega_1, rtol=1e-15)
+    assert_array_equal(found.v_x2, STATES.v_x1)
+    assert_allclose(found.omega_2, STATES.omega_1, rtol=1e-15)
     assert found.regime.tolist() == [0] * 4
     assert model.history(DROP, IMPACT, np.array([0.0, 1e-3])).phase.tolist() == [0, 0]
     # A damped half period of the whole mass: e = exp(-pi zeta/sqrt(1 - zeta^2)).
     log_e = np.log(found.v_y2 / STATES.v_y1)
     zeta = -log_e / np.hypot(math.pi, log_e)
     frequency = np.sqrt(2.0e4 / Ball().mass)
-    np.testing.assert_allclose(
+    assert_allclose(
         found.contact_time,
         math.pi / (frequency * np.sqrt(1.0 - zeta**2)),
         rtol=1e-14,

@@ -10,6 +10,7 @@ import cloudpickle
 import numba
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import fitball
 from fitball.base.errors import FitballError, ModelError, ParameterError
@@ -64,11 +65,9 @@ def test_it_is_a_model_like_grip_slip():
     mine = fitball.model_from(sliding)
     theirs = fitball.model("grip-slip")
     names = ("mu", "e_x", "cor_10")
-    assert (
-        tuple(spec.name for spec in mine.parameters) == names
-        and not mine.timed
-        and mine.text == "sliding"
-    )
+    assert tuple(spec.name for spec in mine.parameters) == names
+    assert not mine.timed
+    assert mine.text == "sliding"
     draws = np.array([[0.3, 0.1, 0.7], [0.8, -0.2, 0.75]])
     common = {name: draws[:, k] for k, name in enumerate(names)} | {
         "ball_mass": 0.058,
@@ -77,17 +76,18 @@ def test_it_is_a_model_like_grip_slip():
     found = mine.rebound(common, STATES)
     wanted = theirs.rebound({**common, "offset": 0.0, "cor_slope": 0.0}, STATES)
     for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
-        np.testing.assert_allclose(
+        assert_allclose(
             getattr(found, name),
             getattr(wanted, name),
             rtol=1e-12,
             atol=1e-12,
         )
-    assert found.regime.max() == 0 and found.status.max() == 0
+    assert found.regime.max() == 0
+    assert found.status.max() == 0
     # Every draw of states of its own.
     own = Impacts(*(np.stack([c, c[::-1]]) for c in (STATES.v_x1, STATES.v_y1, STATES.omega_1)))
     each = mine.evaluate(names, draws, own)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         each.v_x2[1],
         mine.evaluate(names, draws[1:], STATES).v_x2[0, ::-1],
     )
@@ -107,9 +107,16 @@ def test_parameters_of_fitball_keep_their_meaning_and_others_have_the_bounds_of_
         return v_x1 * mu, v_y1 * k, omega_1 * b_1 * c
 
     mu, keep, b_1, c = fitball.model_from(f).parameters
-    assert (mu.lower, mu.upper, mu.unit, mu.meaning) == (0.0, 5.0, "", SPECS["mu"].meaning)
-    assert mu.prior == "uniform(0.2, 1)" and (keep.lower, keep.upper) == (-1.0, 2.0)
-    assert b_1.lower == c.lower == 0.0 and b_1.logarithmic and not c.logarithmic
+    assert mu.lower == 0.0
+    assert mu.upper == 5.0
+    assert mu.unit == ""
+    assert mu.meaning == SPECS["mu"].meaning
+    assert mu.prior == "uniform(0.2, 1)"
+    assert keep.lower == -1.0
+    assert keep.upper == 2.0
+    assert b_1.lower == c.lower == 0.0
+    assert b_1.logarithmic
+    assert not c.logarithmic
 
 
 def test_a_compiled_function_is_one_too():
@@ -129,10 +136,8 @@ def test_without_an_answer_it_is_nan_with_a_status():
     found = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), states)
     assert found.status[0].tolist() == [Status.NO_ANSWER, Status.NO_IMPACT, Status.NO_ANSWER]
     assert found.status[1].tolist() == [Status.OK, Status.NO_IMPACT, Status.OK]
-    assert (
-        np.isnan(found.v_x2).tolist() == [[True] * 3, [False, True, False]]
-        and found.v_y2[1, 0] == 4.0
-    )
+    assert np.isnan(found.v_x2).tolist() == [[True] * 3, [False, True, False]]
+    assert found.v_y2[1, 0] == 4.0
     with pytest.raises(ParameterError) as caught:
         model.rebound({"e_y": 0.8}, STATES)
     assert caught.value.code == "no-answer"
@@ -180,7 +185,8 @@ def test_without_an_answer_it_is_nan_with_a_status():
 def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
     with pytest.raises(FitballError) as caught:
         fitball.model(written(tmp_path, text))
-    assert caught.value.code == code and place in str(caught.value)
+    assert caught.value.code == code
+    assert place in str(caught.value)
 
 
 COMMON = ["k_y", "ball_mass", "mu_spread", "spin_sd", "court_pace", *CAMERA_SPECS]
@@ -195,7 +201,8 @@ def test_no_parameter_has_a_name_that_means_something_else(tmp_path, name):
         fitball.model(
             written(tmp_path, faulty("return v_x1, v_y1, omega_1", f"{name}='uniform(0, 1)'"))
         )
-    assert caught.value.code == "own-model" and name in str(caught.value)
+    assert caught.value.code == "own-model"
+    assert name in str(caught.value)
 
 
 def test_what_is_no_function_or_has_a_taken_name(tmp_path):
@@ -224,14 +231,17 @@ def test_a_scene_is_data_and_runs_no_file(tmp_path):
     address = written(tmp_path, f"open({str(tmp_path / 'ran')!r}, 'w').close()")
     with pytest.raises(ModelError) as caught:
         fitball.calibrate("wang_zero_spin.csv", scene=Scene(model={"name": address}))
-    assert caught.value.code == "own-model" and not (tmp_path / "ran").exists()
+    assert caught.value.code == "own-model"
+    assert not (tmp_path / "ran").exists()
 
 
 def test_a_file_is_read_as_it_is_now_and_known_by_the_source_of_its_function(tmp_path):
     text = faulty("return v_x1, e_y * v_y1, omega_1")
     address = written(tmp_path, text)
     first = fitball.model(address, ball=Ball(mass=0.06))
-    assert first.text == address and first.name == "f" and first.ball.mass == 0.06
+    assert first.text == address
+    assert first.name == "f"
+    assert first.ball.mass == 0.06
     assert first.source == hashlib.sha256(text.partition("\n\n")[2].encode()).hexdigest()
     assert fitball.model(written(tmp_path, f"# A remark.\n{text}")).source == first.source
     changed = fitball.model(written(tmp_path, text.replace("e_y * v_y1", "0.5 * e_y * v_y1")))
@@ -260,4 +270,5 @@ def test_it_goes_to_another_process_without_its_file(tmp_path):
         check=True,
         cwd=tmp_path,
     ).stdout.split()
-    assert float(answer[0]) == 1.5 and len(answer[1]) == 64
+    assert float(answer[0]) == 1.5
+    assert len(answer[1]) == 64

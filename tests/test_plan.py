@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from support.made_fit import made_fit, table_of
 
 import fitball
@@ -112,7 +113,13 @@ def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards)
         towards = slopes(along) * np.array([[0.3], [0.2], [6.0]])
         # Without spin its spin follows from the velocities.
         towards = towards[:2]
-    found = fitball.plan(straight, target=target, sensor={}, count=4, **GRID)
+    found = fitball.plan(
+        straight,
+        target=target,
+        sensor={},
+        count=4,
+        **GRID,
+    )
     known = covariance(straight)
     grid = found.frames["gains"]
     for _, row in grid.iloc[::4].iterrows():
@@ -128,9 +135,9 @@ def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards)
     )
     columns = [name for name in chosen if name.startswith("sd(")][: len(shares)]
     now = found.frames["targets"]["now"].to_numpy()[: len(shares)]
-    np.testing.assert_allclose(chosen.loc[3, columns].to_numpy(float) / now, shares, rtol=1e-6)
+    assert_allclose(chosen.loc[3, columns].to_numpy(float) / now, shares, rtol=1e-6)
     # Half of the 68 % of 4,000 draws is their sd within some per cent.
-    np.testing.assert_allclose(now, np.sqrt(np.diag(towards @ known @ towards.T)), rtol=0.05)
+    assert_allclose(now, np.sqrt(np.diag(towards @ known @ towards.T)), rtol=0.05)
     own = straight.problem.rows.states
     states = [
         {"v_1": v, "theta_1": t, "omega_1": w}
@@ -144,7 +151,8 @@ def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards)
 def test_a_drop_shows_the_vertical_speed_alone(straight):
     found = fitball.plan(straight, sensor={"drop": "1 m"}, count=1, **GRID).frames["others"].iloc[0]
     fall = {"v_1": np.sqrt(2 * 9.80665), "theta_1": np.pi / 2, "omega_1": 0.0}
-    assert found["sensor"] == "drop" and found["v_1"] == pytest.approx(fall["v_1"])
+    assert found["sensor"] == "drop"
+    assert found["v_1"] == pytest.approx(fall["v_1"])
     assert found["gain"] == pytest.approx(
         about(covariance(straight), [slopes(fall)[1:2]], np.eye(3)),
         rel=1e-6,
@@ -154,9 +162,15 @@ def test_a_drop_shows_the_vertical_speed_alone(straight):
 def test_a_noise_is_learned_by_its_own_information():
     fit = made_fit()
     drawn(fit, (0.2,), ("v_x_sd",), logs=True)
-    chosen = fitball.plan(fit, target="v_x_sd", sensor={}, count=3, **GRID).frames["plan"]
+    chosen = fitball.plan(
+        fit,
+        target="v_x_sd",
+        sensor={},
+        count=3,
+        **GRID,
+    ).frames["plan"]
     size = np.var(np.log(fit.draws.values["v_x_sd"]), ddof=1)
-    np.testing.assert_allclose(
+    assert_allclose(
         chosen["total"],
         0.5 * np.log1p(2.0 * size * np.arange(1, 4)),
         rtol=1e-6,
@@ -295,12 +309,17 @@ def test_gaps_depend_on_the_height_of_the_court(elastic):
             else Scene(camera=CameraSection(court_height=Quantity(0.0, height)))
         )
         fit = drawn(made_fit(model="two-mass", fix=NOISE, scene=scene), (0.3,), ("k_y",), logs=True)
-        return fitball.plan(fit, target="k_y", sensor={"gaps": share}, count=1, **GRID).frames[
-            "plan"
-        ]["gain"][0]
+        return fitball.plan(
+            fit,
+            target="k_y",
+            sensor={"gaps": share},
+            count=1,
+            **GRID,
+        ).frames["plan"]["gain"][0]
 
     known = [gain("1", height) for height in (1e-6, 1e-3, None)]
-    assert known[0] > known[1] > known[2] > 0.1 and gain("0.5", None) > known[2]
+    assert known[0] > known[1] > known[2] > 0.1
+    assert gain("0.5", None) > known[2]
 
 
 def test_draws_that_do_not_give_the_target_are_left_out():
@@ -309,7 +328,12 @@ def test_draws_that_do_not_give_the_target_are_left_out():
     rng = np.random.default_rng(2)
     # COR cannot exceed the mass ratio.
     ratio[:] = np.where(rng.uniform(size=4000) < 0.3, 0.4, 0.87)
-    asked = {"target": "impact=v_1=20, theta_1=30", "sensor": {}, "count": 1, **GRID}
+    asked = {
+        "target": "impact=v_1=20, theta_1=30",
+        "sensor": {},
+        "count": 1,
+        **GRID,
+    }
     assert 0.1 < fitball.plan(fit, **asked).frames["plan"]["gain"][0] < 5.0
     ratio[:] = np.where(rng.uniform(size=4000) < 0.7, 0.4, 0.87)
     with pytest.raises(ParameterError) as caught:
@@ -322,15 +346,23 @@ def test_planned_impacts_are_filmed_as_the_last_were():
     frame["session"] = ["monday"] * 12 + ["tuesday"] * 12
     fit = made_fit(frame, fix=NOISE, scene=Scene(camera=CameraSection(tilt=Quantity(0.0, 0.02))))
     drawn(fit, (0.02, 0.02), ("tilt[monday]", "tilt[tuesday]"))
-    gains = fitball.plan(fit, target="tilt[tuesday]", sensor={}, count=1, **GRID).frames["plan"][
-        "gain"
-    ]
+    gains = fitball.plan(
+        fit,
+        target="tilt[tuesday]",
+        sensor={},
+        count=1,
+        **GRID,
+    ).frames["plan"]["gain"]
     # Of the two correlated ones the last is seen.
     assert (
         gains[0]
-        > fitball.plan(fit, target="tilt[monday]", sensor={}, count=1, **GRID).frames["plan"][
-            "gain"
-        ][0]
+        > fitball.plan(
+            fit,
+            target="tilt[monday]",
+            sensor={},
+            count=1,
+            **GRID,
+        ).frames["plan"]["gain"][0]
     )
 
 
@@ -339,11 +371,16 @@ def test_the_range_of_the_table_is_where_plans_are_unless_asked(straight):
         note.code for note in fitball.plan(straight, sensor={}, count=1).notes
     }
     far = fitball.plan(straight, sensor={}, count=1, **{**GRID, "speed": "60"})
-    assert (
-        "range-of-table" not in {note.code for note in far.notes}
-        and far.frames["plan"]["outside"].all()
+    assert "range-of-table" not in {note.code for note in far.notes}
+    assert far.frames["plan"]["outside"].all()
+    near = fitball.plan(
+        straight,
+        sensor={},
+        count=1,
+        speed="20",
+        angle="40",
+        spin="0",
     )
-    near = fitball.plan(straight, sensor={}, count=1, speed="20", angle="40", spin="0")
     assert not near.frames["plan"]["outside"].any()
 
 
@@ -351,9 +388,8 @@ def test_settings_and_targets_on_levels():
     fit = made_fit(table_of(36, ("clay", "hard")))
     fit.draws.values["mu[hard]"][:] = 0.5 + 2.0 * (fit.draws.values["mu[hard]"] - 0.5)
     found = fitball.plan(fit, target="mu", sensor={}, **GRID)
-    assert [*found.frames["targets"].index] == ["mu[clay]", "mu[hard]"] and len(
-        found.frames["gains"]
-    ) == 36
+    assert [*found.frames["targets"].index] == ["mu[clay]", "mu[hard]"]
+    assert len(found.frames["gains"]) == 36
     one = fitball.plan(
         fit,
         target="mu",
@@ -361,24 +397,27 @@ def test_settings_and_targets_on_levels():
         sensor={"drop": "254 cm"},
         **GRID,
     )
-    assert [*one.frames["targets"].index] == ["mu[hard]"] and set(
-        one.frames["gains"]["surface"]
-    ) == {"hard"}
+    assert [*one.frames["targets"].index] == ["mu[hard]"]
+    assert set(one.frames["gains"]["surface"]) == {"hard"}
     assert one.frames["others"]["gain"].max() < 1e-3
     both = fitball.plan(fit, target="mu[hard]", sensor={}, **GRID)
     axes = styled(page.figures(both)["gains"]).axes
     gains = both.frames["gains"].round({"v_1": 9, "theta_1": 9})
     best = gains.groupby(["v_1", "theta_1", "omega_1"])["as before"].max()
     shown = np.concatenate([np.ravel(axis.collections[0].get_array()) for axis in axes[:2]])
-    np.testing.assert_allclose(np.sort(shown), np.sort(best))
+    assert_allclose(np.sort(shown), np.sort(best))
     batches = [
         frames["sensors"].set_index("sensor")["batch"]["repeats"]
         for frames in (one.frames, both.frames)
     ]
     assert batches[0] > 1.2 * batches[1]
-    sds = fitball.plan(fit, target="impact=v_1=20, theta_1=20", sensor={}, count=1, **GRID).frames[
-        "targets"
-    ]["now"]
+    sds = fitball.plan(
+        fit,
+        target="impact=v_1=20, theta_1=20",
+        sensor={},
+        count=1,
+        **GRID,
+    ).frames["targets"]["now"]
     assert sds["v_x2[hard]"] > 1.2 * sds["v_x2[clay]"]
 
 
@@ -404,8 +443,8 @@ def test_the_table_is_filled_in_and_read_beside_the_fitted_one(polar):
     )
     both, _ = load_data([frame, table], None, True)
     assert len(both) == 40
-    np.testing.assert_allclose(both.impacts.v_x1[36:], v_x1, atol=1e-5)
-    np.testing.assert_allclose(both.values["omega_2"][36:], 10.0 * v_x1)
+    assert_allclose(both.impacts.v_x1[36:], v_x1, atol=1e-5)
+    assert_allclose(both.values["omega_2"][36:], 10.0 * v_x1)
     assert both.labels["surface"][36:] == tuple(chosen["surface"])
 
 
@@ -434,11 +473,11 @@ def test_the_map_shows_gains_and_places(straight):
     figure = styled(page.figures(found)["gains"])
     grid = found.frames["gains"]
     shown = np.concatenate([np.ravel(axis.collections[0].get_array()) for axis in figure.axes[:2]])
-    np.testing.assert_allclose(np.sort(shown), np.sort(grid["as before"]), rtol=1e-12)
+    assert_allclose(np.sort(shown), np.sort(grid["as before"]), rtol=1e-12)
     marks = {text.get_text(): text.xy for axis in figure.axes[:2] for text in axis.texts}
     for number, row in enumerate(found.frames["plan"].itertuples(), 1):
         place = next(xy for words, xy in marks.items() if str(number) in words.split(","))
-        np.testing.assert_allclose(place, [np.degrees(row.theta_1), row.v_1])
+        assert_allclose(place, [np.degrees(row.theta_1), row.v_1])
     line = fitball.plan(
         straight,
         sensor={},
@@ -452,8 +491,7 @@ def test_the_map_shows_gains_and_places(straight):
 
 def test_a_drop_test_is_planned_over_its_speed():
     found = fitball.plan(made_fit(table_of(12, drop=True)), count=2)
-    assert (found.frames["plan"]["theta_1"] == np.pi / 2).all() and found.frames["gains"][
-        "v_1"
-    ].nunique() == 6
+    assert (found.frames["plan"]["theta_1"] == np.pi / 2).all()
+    assert found.frames["gains"]["v_1"].nunique() == 6
     assert [*page.to_fill_in(found)] == ["id", "v_y1 [m/s]", "v_y2 [m/s]", "sensor"]
     assert saved(styled(page.figures(found)["gains"])).startswith(b"\x89PNG")

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from support.drawn import bars, cut_off, dots
 from support.made_fit import made_fit, table_of
@@ -103,11 +104,9 @@ def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
     known = table_of()
     mine = fit.predict(known.iloc[:10])
     scores = mine.frames["scores"].set_index("column")
-    assert (
-        list(scores.index) == list(REBOUND)
-        and (scores["seen"] == 10).all()
-        and (scores["impacts"] == 10).all()
-    )
+    assert list(scores.index) == list(REBOUND)
+    assert (scores["seen"] == 10).all()
+    assert (scores["impacts"] == 10).all()
     one = rows_of(mine, "v_x2")
     off = known["v_x2"].iloc[:10].to_numpy() - one["median"].to_numpy()
     assert scores.loc["v_x2", "bias"] == pytest.approx(off.mean())
@@ -128,7 +127,12 @@ def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
 
 def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit):
     frame = pd.DataFrame(
-        {"v_1": [17.0, 20.0], "theta_1": [25.0, 40.0], "omega_1": [100.0, 0.0], "omega_1_sd": 5.0}
+        {
+            "v_1": [17.0, 20.0],
+            "theta_1": [25.0, 40.0],
+            "omega_1": [100.0, 0.0],
+            "omega_1_sd": 5.0,
+        }
     )
     whole = fit.predict(frame).frames["predictions"]
     alone = fit.predict(frame.iloc[1:]).frames["predictions"]
@@ -136,18 +140,25 @@ def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit)
     numbers = ["point", "median", "sd", "q025", "new_q975", "noise", "distance"]
     for row, single in ((0, words), (1, alone)):
         same = whole[whole["row"] == row][numbers].to_numpy()
-        np.testing.assert_allclose(single[numbers].to_numpy(), same, rtol=1e-9)
+        assert_allclose(single[numbers].to_numpy(), same, rtol=1e-9)
     grid = table_in_words("v_x1=10..12:3, v_y1=6..8 m/s:2, omega_1=50")
-    assert len(grid) == 6 and not grid.sd and set(grid.impacts.v_y1) == {6.0, 8.0}
+    assert len(grid) == 6
+    assert not grid.sd
+    assert set(grid.impacts.v_y1) == {6.0, 8.0}
     assert table_in_words("v_1=20±1, theta_1=45 deg").sd["v_x1"] == pytest.approx(np.sqrt(0.5))
 
 
 def test_columns_are_those_that_the_model_predicts(fit):
     frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0]}).frames["predictions"]
     assert frame["column"].tolist() == ["v_x2", "v_y2", "theta_2", "omega_2"]
-    frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0], "v_2": [10.0]}).frames[
-        "predictions"
-    ]
+    frame = fit.predict(
+        {
+            "v_x1": [15.0],
+            "v_y1": [7.0],
+            "omega_1": [0.0],
+            "v_2": [10.0],
+        }
+    ).frames["predictions"]
     assert "v_2" in frame["column"].tolist()
     drop = known_fit(table_of(drop=True), model="two-mass")
     assert drop.predict(impact="v_y1=7").frames["predictions"]["column"].tolist() == [
@@ -158,20 +169,25 @@ def test_columns_are_those_that_the_model_predicts(fit):
 
 def test_levels_by_column_by_option_and_new(surfaces):
     states = pd.DataFrame(
-        {"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "surface": ["Clay", "hard"]}
+        {
+            "v_x1": [15.0] * 2,
+            "v_y1": [8.0] * 2,
+            "omega_1": [0.0] * 2,
+            "surface": ["Clay", "hard"],
+        }
     )
     by_column = rows_of(surfaces.predict(states), "v_x2")
     bare = states.drop(columns="surface")
     for row, label in enumerate(("clay", "hard")):
         by_option = rows_of(surfaces.predict(bare, level={"surface": label}), "v_x2")
-        np.testing.assert_array_equal(by_option["median"], [by_column["median"][row]] * 2)
-        assert set(by_option["surface"]) == {label} and by_column["surface"][row] == label
+        assert_array_equal(by_option["median"], [by_column["median"][row]] * 2)
+        assert set(by_option["surface"]) == {label}
+        assert by_column["surface"][row] == label
     new = surfaces.predict(bare.iloc[:1], level={"surface": "new"})
     # A surface of which nothing was measured is less sure than either.
     assert rows_of(new, "v_x2")["sd"][0] > 1.5 * by_column["sd"].max()
-    assert "new-level" in {note.code for note in new.notes} and {
-        *new.frames["predictions"]["surface"]
-    } == {"new"}
+    assert "new-level" in {note.code for note in new.notes}
+    assert {*new.frames["predictions"]["surface"]} == {"new"}
 
 
 def refused(code, call):
@@ -252,10 +268,8 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
         float(model.rebound({**free, **change}, at).v_x2[0]) for change in ({}, moved, {"e_x": 0.2})
     ]
     assert found["variant_low"][0] == pytest.approx(min(each), rel=1e-12)
-    assert (
-        found["variant_high"][0] == pytest.approx(max(each), rel=1e-12)
-        and max(each) > min(each) + 0.1
-    )
+    assert found["variant_high"][0] == pytest.approx(max(each), rel=1e-12)
+    assert max(each) > min(each) + 0.1
     assert rows_of(fit.predict(state), "v_x2")["variant_low"].isna().all()
 
 
@@ -265,23 +279,25 @@ def test_no_new_measurement_where_its_error_is_not_known():
     """
     fit = known_fit(table_of().assign(v_x2_sd=0.2))
     state = pd.DataFrame(
-        {"v_x1": [15.0] * 2, "v_y1": [8.0] * 2, "omega_1": [0.0] * 2, "v_x2": [9.0, 9.5]}
+        {
+            "v_x1": [15.0] * 2,
+            "v_y1": [8.0] * 2,
+            "omega_1": [0.0] * 2,
+            "v_x2": [9.0, 9.5],
+        }
     )
     bare = fit.predict(state)
     stated = fit.predict(state.assign(v_x2_sd=[0.1, 0.5]))
     assert rows_of(bare, "v_x2")[["new_q025", "noise"]].isna().all(axis=None)
-    assert rows_of(bare, "v_y2")["new_q025"].notna().all() and "unknown-noise" in {
-        n.code for n in bare.notes
-    }
+    assert rows_of(bare, "v_y2")["new_q025"].notna().all()
+    assert "unknown-noise" in {n.code for n in bare.notes}
     wide = rows_of(stated, "v_x2")["noise"]
     scatter = np.sqrt(np.mean(fit.draws.values["v_x_sd"] ** 2))
-    np.testing.assert_allclose(wide, np.hypot(scatter, [0.1, 0.5]), rtol=1e-9)
+    assert_allclose(wide, np.hypot(scatter, [0.1, 0.5]), rtol=1e-9)
     # Errors of states beside it change nothing in that.
     both = fit.predict(state.assign(v_y1_sd=0.3))
-    assert (
-        rows_of(both, "v_x2")["new_q025"].isna().all()
-        and rows_of(both, "v_y2")["new_q025"].notna().all()
-    )
+    assert rows_of(both, "v_x2")["new_q025"].isna().all()
+    assert rows_of(both, "v_y2")["new_q025"].notna().all()
 
 
 def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, monkeypatch):
@@ -312,7 +328,7 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
         draws=Draws(fit.draws.point, values, fit.draws.best),
     )
     monkeypatch.setattr(predictive, "PREDICTED", 20_000)
-    np.testing.assert_array_equal(known.predict(table).frames["predictions"]["q975"], fewer["q975"])
+    assert_array_equal(known.predict(table).frames["predictions"]["q975"], fewer["q975"])
     assert len(values["mu"]) == count < len(fit.draws.values["mu"])
 
 
@@ -336,34 +352,44 @@ def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     assert shown["v_x2"] == pytest.approx(rows_of(one, "v_x2")["median"][0], abs=0.06)
     point = known_fit(sampled=False).predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     frame = point.frames["predictions"]
-    assert frame[["median", "new_q025"]].isna().all(axis=None) and frame["point"].notna().all()
-    assert "theta_2" in point.report() and point.plot("rebounds").get_axes()
+    assert frame[["median", "new_q025"]].isna().all(axis=None)
+    assert frame["point"].notna().all()
+    assert "theta_2" in point.report()
+    assert point.plot("rebounds").get_axes()
     hostile = fit.predict(
-        {"id": ["<b>$x", "a\x1b[31m"], "v_x1": [15, 16], "v_y1": [7, 8], "omega_1": [0, 0]}
+        {
+            "id": ["<b>$x", "a\x1b[31m"],
+            "v_x1": [15, 16],
+            "v_y1": [7, 8],
+            "omega_1": [0, 0],
+        }
     )
-    assert "\x1b" not in hostile.report() and hostile.plot("rebounds").get_axes()
+    assert "\x1b" not in hostile.report()
+    assert hostile.plot("rebounds").get_axes()
 
 
 def test_the_page_says_which_impacts_are_outside_and_the_figure_shows_the_frame(fit):
     own = table_of().iloc[:6]
     within = fit.predict(own)
-    assert "outside" not in within.report(full=False) and "all within" in within.report(full=False)
+    assert "outside" not in within.report(full=False)
+    assert "all within" in within.report(full=False)
     frame = fit.predict(own.assign(v_x1=own["v_x1"] * [1, 9, 1, 1, 1, 1]))
-    assert "1 outside" in frame.report(full=False) and "(impact 2)" in frame.report(full=False)
+    assert "1 outside" in frame.report(full=False)
+    assert "(impact 2)" in frame.report(full=False)
     drawn = within.plot("rebounds")
     assert not cut_off(drawn)
     for axis, name in zip(drawn.axes, ("v_x2", "v_y2", "theta_2", "omega_2"), strict=True):
         mine = rows_of(within, name)
         unit = 180.0 / np.pi if name == "theta_2" else 1.0
         wide, narrow = (one[:, :, 1] for one in bars(axis))
-        np.testing.assert_allclose(
+        assert_allclose(
             wide,
             unit * mine[["new_q025", "new_q975"]].to_numpy(),
             rtol=1e-12,
         )
-        np.testing.assert_allclose(narrow, unit * mine[["q16", "q84"]].to_numpy(), rtol=1e-12)
-        np.testing.assert_allclose(dots(axis, "_")[:, 1], unit * mine["median"], rtol=1e-12)
-        np.testing.assert_allclose(dots(axis, "o")[:, 1], unit * mine["observed"], rtol=1e-12)
+        assert_allclose(narrow, unit * mine[["q16", "q84"]].to_numpy(), rtol=1e-12)
+        assert_allclose(dots(axis, "_")[:, 1], unit * mine["median"], rtol=1e-12)
+        assert_allclose(dots(axis, "o")[:, 1], unit * mine["observed"], rtol=1e-12)
 
 
 def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
@@ -411,15 +437,14 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
     for name, table in (("theirs", "new.csv"), ("ours", "same.csv")):
         assert main(["predict", str(tmp_path / name), str(tmp_path / table), "--json"]) == 0
         made.append(pd.DataFrame(json.loads(capsys.readouterr().out)["frames"]["predictions"]))
-    np.testing.assert_allclose(
+    assert_allclose(
         made[0]["point"].astype(float),
         made[1]["point"].astype(float),
         rtol=1e-5,
     )
     written = {place.name for place in (tmp_path / "ours" / "predict").iterdir()}
-    assert {"predictions.csv", "report.html", "rebounds.png"} <= written and not [
-        *(tmp_path / "ours").glob("*.png")
-    ]
+    assert {"predictions.csv", "report.html", "rebounds.png"} <= written
+    assert not [*(tmp_path / "ours").glob("*.png")]
     assert (
         main(
             ["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_tables import made
+from numpy.testing import assert_allclose
 from scipy import stats
 
 import fitball
@@ -65,20 +66,21 @@ def test_quantiles_of_rebounds_and_of_new_measurements(stated):
     found = predicted(("v_x2", "omega_2"), observed=seen, stated=sds)["v_x2"]
     middle = AT.v_x1 * AT.v_y1 / 10.0 + 1.0
     for name, share in zip(("q025", "q16", "median", "q84", "q975"), SHARES, strict=True):
-        np.testing.assert_allclose(found[name], stats.norm.ppf(share, middle, 0.3), atol=1e-3)
-    np.testing.assert_allclose(found["sd"], 0.3, rtol=1e-3)
-    np.testing.assert_allclose(found["point"], middle + 0.1, rtol=1e-14)
+        assert_allclose(found[name], stats.norm.ppf(share, middle, 0.3), atol=1e-3)
+    assert_allclose(found["sd"], 0.3, rtol=1e-3)
+    assert_allclose(found["point"], middle + 0.1, rtol=1e-14)
     noise = np.hypot(0.4, stated or 0.0)
-    np.testing.assert_allclose(found["noise"], noise, rtol=1e-12)
-    np.testing.assert_allclose(found["z"], (seen[:, 0] - middle) / noise, atol=1e-3)
+    assert_allclose(found["noise"], noise, rtol=1e-12)
+    assert_allclose(found["z"], (seen[:, 0] - middle) / noise, atol=1e-3)
     whole = np.hypot(0.3, noise)
     for name, share in (("new_q025", 0.025), ("new_q975", 0.975)):
-        np.testing.assert_allclose(
+        assert_allclose(
             found[name],
             stats.norm.ppf(share, middle, whole),
             atol=NEAR * whole,
         )
-    assert found["solved"].tolist() == [1.0] * 3 and found["reason"].tolist() == [""] * 3
+    assert found["solved"].tolist() == [1.0] * 3
+    assert found["reason"].tolist() == [""] * 3
 
 
 def test_a_stated_column_without_an_error_has_no_new_measurement():
@@ -98,15 +100,20 @@ def test_a_point_fit_has_a_point_and_a_deviation():
         .isna()
         .all(axis=None)
     )
-    np.testing.assert_allclose(found["point"], AT.v_x1 * AT.v_y1 / 10.0 + 1.1, rtol=1e-14)
-    np.testing.assert_allclose(found["z"], (9.0 - found["point"]) / 0.4, rtol=1e-12)
+    assert_allclose(found["point"], AT.v_x1 * AT.v_y1 / 10.0 + 1.1, rtol=1e-14)
+    assert_allclose(found["z"], (9.0 - found["point"]) / 0.4, rtol=1e-12)
 
 
 def test_errors_of_states_against_monte_carlo_of_the_whole_covariance():
     """What is measured is the truth plus an error; errors of the state and of the rebound belong
     together.
     """
-    sds = {"v_x1": 0.5, "v_y1": 0.4, "omega_1": 8.0, "v_x2": 0.6}
+    sds = {
+        "v_x1": 0.5,
+        "v_y1": 0.4,
+        "omega_1": 8.0,
+        "v_x2": 0.6,
+    }
     r = {("v_x1", "v_x2"): 0.7, ("v_y1", "v_x2"): 0.3}
     states = {name: getattr(AT, name) for name in ("v_x1", "v_y1", "omega_1")}
     table = made({**states, "v_x2": [9.0, 9.0, 9.0]}, sds, r)
@@ -124,12 +131,12 @@ def test_errors_of_states_against_monte_carlo_of_the_whole_covariance():
         rebound = true + rng.normal(1.0, 0.3, len(true))
         new = rebound + error[:, 3] + rng.normal(0.0, 0.4, len(true))
         size = new.std()
-        np.testing.assert_allclose(
+        assert_allclose(
             found.loc[k, ["q025", "q975"]],
             np.quantile(rebound, [0.025, 0.975]),
             atol=NEAR * size,
         )
-        np.testing.assert_allclose(
+        assert_allclose(
             found.loc[k, ["new_q025", "new_q975"]],
             np.quantile(new, [0.025, 0.975]),
             atol=NEAR * size,
@@ -151,7 +158,7 @@ def test_a_column_without_a_scatter_of_its_own_follows_from_noisy_velocities():
         for name, formula in (("v_2", np.hypot), ("theta_2", lambda x, y: np.arctan2(y, x))):
             wanted = np.quantile(formula(*noisy), [0.025, 0.975])
             sd = formula(*noisy).std()
-            np.testing.assert_allclose(
+            assert_allclose(
                 found[name].loc[k, ["new_q025", "new_q975"]],
                 wanted,
                 atol=NEAR * sd,
@@ -180,15 +187,12 @@ def test_shares_of_regimes_and_of_answers():
     forward = ForwardModel(fitball.model("brody"), KINDS["normal"])
     found = regimes(forward, known, Asked(at, None, ("v_x2",))).set_index("regime")["share"]
     least = 0.56 / 1.56 * 20.0 / (1.75 * 8.0)
-    assert found["slide"] == pytest.approx(least / 0.9, abs=1e-3) and found.sum() == pytest.approx(
-        1.0
-    )
+    assert found["slide"] == pytest.approx(least / 0.9, abs=1e-3)
+    assert found.sum() == pytest.approx(1.0)
     one = predict(forward, known, Asked(at, None, ("v_x2",)), np.random.default_rng(1)).iloc[0]
-    assert (
-        one["solved"] == pytest.approx(0.9, abs=1e-3)
-        and "cor_10" in one["reason"]
-        and one["regime"] == "slide"
-    )
+    assert one["solved"] == pytest.approx(0.9, abs=1e-3)
+    assert "cor_10" in one["reason"]
+    assert one["regime"] == "slide"
     # What follows from noisy velocities is that of draws with an answer.
     scatter = {"v_x_sd": np.full(4001, 0.4), "v_y_sd": np.full(4001, 0.2)}
     noises = []
@@ -203,4 +207,5 @@ def test_shares_of_regimes_and_of_answers():
                 "noise"
             ][0]
         )
-    assert noises[0] == pytest.approx(noises[1], rel=1e-12) and 0.005 < noises[0] < 0.1
+    assert noises[0] == pytest.approx(noises[1], rel=1e-12)
+    assert 0.005 < noises[0] < 0.1

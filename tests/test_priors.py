@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import integrate, stats
 
 from fitball.base.errors import ParameterError
@@ -62,17 +63,17 @@ def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
     prior = prior_of(text, lower, upper)
     shares = np.array([1e-6, 0.01, 0.3, 0.5, 0.9, 0.999])
     coordinates = law.ppf(shares)
-    np.testing.assert_allclose(
+    assert_allclose(
         prior.coordinate(prior.quantile(shares)),
         coordinates,
         rtol=1e-8,
         atol=1e-9,
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         prior.value(coordinates),
         np.exp(coordinates) if "log" in text else coordinates,
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         prior.log_density(coordinates),
         law.logpdf(coordinates),
         rtol=1e-9,
@@ -120,7 +121,8 @@ def test_density_and_quantiles_agree_with_scipy(text, lower, upper, law):
 def test_a_bad_prior_is_refused(text):
     with pytest.raises(ParameterError) as caught:
         prior_of(text)
-    assert caught.value.code == "prior" and text in str(caught.value)
+    assert caught.value.code == "prior"
+    assert text in str(caught.value)
 
 
 def test_half_priors_have_no_negative_side_and_defaults_are_the_specs():

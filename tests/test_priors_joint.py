@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_tables import made
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import integrate, stats
 from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of
 
@@ -40,10 +41,10 @@ def test_priors_together_are_those_of_scipy_one_by_one():
         sum(log_prior(one.spec, one.prior.text, v) for one, v in zip(items, row, strict=True))
         for row in values
     ]
-    np.testing.assert_allclose(problem.prior.log_density(q), exact, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(problem.prior.coordinate(values), q, rtol=1e-13, atol=1e-13)
+    assert_allclose(problem.prior.log_density(q), exact, rtol=1e-9, atol=1e-9)
+    assert_allclose(problem.prior.coordinate(values), q, rtol=1e-13, atol=1e-13)
     named = dict(zip(problem.free, values[0], strict=True))
-    np.testing.assert_array_equal(problem.coordinates(named), problem.prior.coordinate(values)[0])
+    assert_array_equal(problem.coordinates(named), problem.prior.coordinate(values)[0])
     k = problem.free.index("offset")
     wide = q.copy()
     wide[:, k] *= 1.5
@@ -79,17 +80,17 @@ def test_noise_against_scipy_and_quadrature(kind):
     z = np.linspace(-30.0, 30.0, 121) * np.ones((3, 1))
     law = [stats.norm if kind == "normal" else stats.t(one) for one in nu]
     exact = np.array([own.logpdf(row) for own, row in zip(law, z, strict=True)])
-    np.testing.assert_allclose(noise.log_density(z, values), exact, rtol=1e-10)
-    np.testing.assert_allclose(
+    assert_allclose(noise.log_density(z, values), exact, rtol=1e-10)
+    assert_allclose(
         noise.log_density(z[:, :, None, None], values)[..., 0, 0],
         exact,
         rtol=1e-10,
     )
     residual, rate = noise.residual(z, values)
     middle = np.array([[own.logpdf(0.0)] for own in law])
-    np.testing.assert_allclose(residual**2, 2.0 * (middle - exact), rtol=1e-9, atol=1e-12)
+    assert_allclose(residual**2, 2.0 * (middle - exact), rtol=1e-9, atol=1e-12)
     above, below = (noise.residual(z + step, values)[0] for step in (1e-6, -1e-6))
-    np.testing.assert_allclose(rate, (above - below) / 2e-6, rtol=1e-7)
+    assert_allclose(rate, (above - below) / 2e-6, rtol=1e-7)
     centre, scale = (np.broadcast_to(one, 3) for one in noise.information(values))
     for k, own in enumerate(law):
 
@@ -190,14 +191,14 @@ def test_what_the_table_does_not_show_is_held():
         values={n: v for n, v in spinless.values.items() if n != "omega_1"},
     )
     named = {item.spec.name: item for item in problem_of(spinless).parameters}
-    assert named["offset"].fixed == 0.0 and "no-spin" in {
-        n.code for n in problem_of(spinless).notes
-    }
+    assert named["offset"].fixed == 0.0
+    assert "no-spin" in {n.code for n in problem_of(spinless).notes}
     assert problem_of(spinless, text="").forward.model.text == "brody"
     drop = table_of(("v_y2",))
     drop = replace(drop, values={"v_y1": drop.values["v_y1"], "v_y2": drop.values["v_y2"]})
     fallen = problem_of(drop, text="")
-    assert not fallen.forward.model.tangential and fallen.free == ("cor_10", "cor_slope", "v_y_sd")
+    assert not fallen.forward.model.tangential
+    assert fallen.free == ("cor_10", "cor_slope", "v_y_sd")
     assert {item.spec.name: item.fixed for item in fallen.parameters}["k_y"] == 2e4
     assert "k_y" in problem_of(drop, Scene(contact_time=Quantity(5e-3, 5e-4)), text="").free
 
@@ -207,19 +208,23 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     known = {"e_x": "normal(0.1, 0.1)", "k_theta": "lognormal(20, 1)"}
     scene = Scene(prior=known, fix={"offset": 0.001}, pool={"mu": "none"})
     problem = problem_of(table, scene, prior={"offset": "normal(0, 0.001)"}, fix={"e_x": 0.05})
-    assert (problem.known["offset"], problem.known["e_x"]) == ("normal(0, 0.001)", "0.05")
-    assert problem.known["mu"] == "lognormal(0.6, 0.4)" and "mu" in problem.free
+    assert problem.known["offset"] == "normal(0, 0.001)"
+    assert problem.known["e_x"] == "0.05"
+    assert problem.known["mu"] == "lognormal(0.6, 0.4)"
+    assert "mu" in problem.free
     stored = problem.known | {
         "cor_slope": "normal(0, 0.5)",
         "cor_10_spread": "half-t(0.01, 3)",
         "v_x_sd": "0.3",
     }
     again = build_problem(table, scene, problem.choices, known=stored)
-    assert again.known == stored and again.free == tuple(n for n in problem.free if n != "v_x_sd")
+    assert again.known == stored
+    assert again.free == tuple(n for n in problem.free if n != "v_x_sd")
     q = near(problem, 3)
     same = build_problem(table, scene, problem.choices, known=problem.known)
-    assert same.parameters == problem.parameters and same.notes == problem.notes
-    np.testing.assert_array_equal(same.prior.log_density(q), problem.prior.log_density(q))
+    assert same.parameters == problem.parameters
+    assert same.notes == problem.notes
+    assert_array_equal(same.prior.log_density(q), problem.prior.log_density(q))
     literature = problem_of(table, prior={"mu": "literature:clay"}, pool={"mu": "none"})
     assert literature.known["mu"].startswith("normal(0.73")
     assert "published-prior" in {note.code for note in literature.notes}
@@ -298,29 +303,32 @@ def test_summaries_of_draws():
     draws = rng.standard_normal(20_000)
     found = summarise(3.0 + 2.0 * draws, 2.9)
     exact = 3.0 + 2.0 * stats.norm.ppf([0.025, 0.16, 0.5, 0.84, 0.975])
-    np.testing.assert_allclose(
+    assert_allclose(
         [found.q025, found.q16, found.median, found.q84, found.q975],
         exact,
         atol=0.08,
     )
-    assert found.point == 2.9 and found.sd == pytest.approx(2.0, rel=0.02)
+    assert found.point == 2.9
+    assert found.sd == pytest.approx(2.0, rel=0.02)
     some = np.column_stack(
         [draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.1, np.nan, draws)]
     )
     made = bands(some)
-    assert np.isfinite(made[:, :2]).all() and np.isnan(made[:, 2]).all()
-    np.testing.assert_allclose(
+    assert np.isfinite(made[:, :2]).all()
+    assert np.isnan(made[:, 2]).all()
+    assert_allclose(
         made[:, 1],
         np.quantile(draws[draws <= 0.5], [0.025, 0.16, 0.5, 0.84, 0.975]),
     )
-    assert np.isnan(summarise(np.empty(0), 1.0).median) and summarise(np.empty(0), 1.0).point == 1.0
+    assert np.isnan(summarise(np.empty(0), 1.0).median)
+    assert summarise(np.empty(0), 1.0).point == 1.0
 
 
 def test_streams_of_random_numbers_depend_on_seed_and_purpose_alone():
     effort = Effort(seed=3)
     first = effort.stream("search").random(4)
     effort.stream("chains").random(100)
-    np.testing.assert_array_equal(effort.stream("search").random(4), first)
+    assert_array_equal(effort.stream("search").random(4), first)
     others = np.stack(
         [effort.stream("chains").random(4), Effort(seed=4).stream("search").random(4)]
     )

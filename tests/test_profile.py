@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 from scipy.optimize import minimize
 from support.density import REBOUND, near, problem_of, scene_of, table_of, truth_of
@@ -51,21 +52,22 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
         for share, ends in ((0.6826894921, profile.interval_68), (0.95, profile.interval_95)):
             reach = law.ppf(0.5 + 0.5 * share) * np.sqrt(inverse[k, k])
             # A crossing between two points is linear in the root of the drop.
-            np.testing.assert_allclose(
+            assert_allclose(
                 np.subtract(ends, best[k]),
                 [-reach, reach],
                 rtol=0.03 if share < 0.9 else 0.01,
             )
         more = (profile.values - best[k]) ** 2 / inverse[k, k]
         exact = 3.5 * np.log1p(more / squares) if noise is None else 0.5 * more / noise**2
-        np.testing.assert_allclose(profile.drop, exact, atol=2e-3)
-        assert np.all(np.diff(profile.values) > 0.0) and profile.drop.min() == 0.0
+        assert_allclose(profile.drop, exact, atol=2e-3)
+        assert np.all(np.diff(profile.values) > 0.0)
+        assert profile.drop.min() == 0.0
     if noise is None:
         # n ln(s/s0) + n (s0^2/s^2 - 1)/2.
         profile = found["v_y_sd"]
         size = np.sqrt(squares / 7.0)
         exact = 7.0 * np.log(profile.values / size) + 3.5 * ((size / profile.values) ** 2 - 1.0)
-        np.testing.assert_allclose(profile.drop, exact, atol=2e-3)
+        assert_allclose(profile.drop, exact, atol=2e-3)
 
 
 def test_the_drop_covers_with_seven_rows_and_that_of_many_does_not():
@@ -100,10 +102,11 @@ def test_two_optima_the_highest_counts_wherever_the_search_began(c, sd, starts):
     found, _ = profiles(problem, from_values(problem, *({"a": a} for a in starts)))
     profile = found["a"]
     low, high = profile.interval_95
-    assert low < -0.9 and high > 1.0
+    assert low < -0.9
+    assert high > 1.0
     squares = np.array([of_wells(y, a, c) for a in profile.values])
     least = min(of_wells(y, a, c) for a in np.linspace(-2.0, 2.0, 20001))
-    np.testing.assert_allclose(profile.drop, 3.5 * np.log(squares / least), atol=2e-3)
+    assert_allclose(profile.drop, 3.5 * np.log(squares / least), atol=2e-3)
     # The noise of the better one.
     at = found["v_y_sd"].values[np.argmin(found["v_y_sd"].drop)]
     assert at == pytest.approx(np.sqrt(least / 7.0), rel=1e-3)
@@ -116,7 +119,8 @@ def test_mirrored_wells_are_found_by_every_profile():
     found, _ = profiles(problem, from_values(problem, {"a": 1.0, "c": 0.1}, {"a": -1.0, "c": -0.1}))
     for name in ("a", "c"):
         low, high = found[name].interval_95
-        assert low == pytest.approx(-high, rel=0.03) and high > 0.1
+        assert low == pytest.approx(-high, rel=0.03)
+        assert high > 0.1
 
 
 def two_mass(count=21, seed=0, scene=None, sizes=(0.1, 0.1, 4.0), **values):
@@ -177,7 +181,8 @@ def test_a_best_value_at_its_bound_is_open_there():
     problem = dropped(bounded, y)
     found, _ = profiles(problem, from_values(problem, {"a": 0.5, "b": 0.1}))
     low, high = found["b"].interval_95
-    assert low is None and 0.0 < high < 0.02
+    assert low is None
+    assert 0.0 < high < 0.02
     assert found["b"].values[np.argmin(found["b"].drop)] == 0.0
     assert None not in found["a"].interval_95
 
@@ -203,9 +208,8 @@ def test_some_tables_have_none():
     assert profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))[0] == {}
     problem = dropped(line, DESIGN @ [0.7, -0.02])
     found, why = profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))
-    assert found == {} and "v_y_sd" in why
+    assert found == {}
+    assert "v_y_sd" in why
     problem = dropped(line, y[:2], SPEEDS[:2])
-    assert (
-        drops(problem) == ()
-        and profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))[0] == {}
-    )
+    assert drops(problem) == ()
+    assert profiles(problem, from_values(problem, {"a": 0.7, "b": 0.0}))[0] == {}

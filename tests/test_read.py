@@ -6,6 +6,7 @@ import made_tables
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from support import misread
 
 import fitball
@@ -58,9 +59,11 @@ def test_units_convert_once(tmp_path):
     }
     assert list(table.values) == list(wanted)
     for name, numbers in wanted.items():
-        np.testing.assert_allclose(table.values[name], numbers, rtol=1e-15, err_msg=name)
-    np.testing.assert_allclose(table.impacts.v_x1, [20 * 3**0.5 / 2, 15 / 2**0.5], rtol=1e-14)
-    assert table.has_tangential and table.has_spin and table.notices == ()
+        assert_allclose(table.values[name], numbers, rtol=1e-15, err_msg=name)
+    assert_allclose(table.impacts.v_x1, [20 * 3**0.5 / 2, 15 / 2**0.5], rtol=1e-14)
+    assert table.has_tangential
+    assert table.has_spin
+    assert table.notices == ()
 
 
 def test_standard_deviations_have_their_units(tmp_path):
@@ -82,7 +85,7 @@ def test_standard_deviations_have_their_units(tmp_path):
     }
     assert list(table.sd) == list(wanted)
     for name, numbers in wanted.items():
-        np.testing.assert_allclose(table.sd[name], numbers, rtol=1e-15, err_msg=name)
+        assert_allclose(table.sd[name], numbers, rtol=1e-15, err_msg=name)
 
 
 def test_correlations_in_a_file_beside_the_table_are_asked_for(tmp_path):
@@ -90,10 +93,8 @@ def test_correlations_in_a_file_beside_the_table_are_asked_for(tmp_path):
     (tmp_path / "t_covariance.csv").touch()
     with pytest.raises(InputError) as caught:
         fitball.load_table(place)
-    assert (
-        caught.value.code == "covariance-file"
-        and len(fitball.load_table(place, ignore="corr").impacts) == 4
-    )
+    assert caught.value.code == "covariance-file"
+    assert len(fitball.load_table(place, ignore="corr").impacts) == 4
 
 
 @pytest.mark.parametrize(
@@ -141,7 +142,7 @@ def test_measured_restitution_is_that_of_tables_2_4_and_6():
     for spin, number in (("zero_spin", 2), ("topspin", 4), ("backspin", 6)):
         table = fitball.load_table(f"wang_{spin}")
         wanted = printed(f"table_{number}")["cor"]
-        np.testing.assert_allclose(
+        assert_allclose(
             table.values["v_y2"] / table.impacts.v_y1,
             wanted,
             rtol=0.0,
@@ -222,7 +223,8 @@ def test_twenty_thousand_impacts_are_read_though_noise_lifts_some_above_their_bo
     frame = frame[frame["v_y2"] > 0.0]
     assert (frame["v_y2"] > frame["v_y1"]).sum() > 50
     table = fitball.load_table(frame)
-    assert len(table) == len(frame) and table.notices == ()
+    assert len(table) == len(frame)
+    assert table.notices == ()
 
 
 @pytest.mark.parametrize(
@@ -252,7 +254,8 @@ def test_faults_that_no_reading_mends_bring_no_hint():
     frame.loc[3, "v_y2"] = 40.0
     with pytest.raises(InputError) as caught:
         fitball.load_table(frame)
-    assert caught.value.hints == () and {fault.row for fault in caught.value.faults} == {4}
+    assert caught.value.hints == ()
+    assert {fault.row for fault in caught.value.faults} == {4}
 
 
 def test_slow_impacts_swapped_are_found_together():
@@ -277,8 +280,9 @@ def test_slow_impacts_swapped_are_found_together():
 def test_what_is_counted_downward_is_turned_once(tmp_path, head, rows, name):
     up = fitball.load_table(written(tmp_path, head, *(row.replace("-", "") for row in rows)))
     down = fitball.load_table(written(tmp_path, head, *rows))
-    np.testing.assert_array_equal(down.values[name], up.values[name])
-    assert codes(down) == ["turned"] and codes(up) == []
+    assert_array_equal(down.values[name], up.values[name])
+    assert codes(down) == ["turned"]
+    assert codes(up) == []
 
 
 def test_flips_turn_values_and_correlations():
@@ -289,7 +293,7 @@ def test_flips_turn_values_and_correlations():
     rows |= {"corr(v_y2,v_x2)": [0.5] * 4, "corr(omega_2,v_x2)": [0.2] * 4}
     straight = fitball.load_table(rows)
     turned = fitball.load_table(rows, flip="omega_2,v_x2")
-    np.testing.assert_array_equal(turned.values["omega_2"], -straight.values["omega_2"])
+    assert_array_equal(turned.values["omega_2"], -straight.values["omega_2"])
     assert {pair: one[0] for pair, one in straight.corr.items()} == {
         "v_x2,v_y2": 0.5,
         "v_x2,omega_2": 0.2,
@@ -299,15 +303,16 @@ def test_flips_turn_values_and_correlations():
         "v_x2,omega_2": 0.2,
     }
     down = fitball.load_table(rows | {"v_y2": [-one for one in rows["v_y2"]]})
-    assert down.corr["v_x2,v_y2"][0] == -0.5 and down.values["v_y2"][0] == 4.2
+    assert down.corr["v_x2,v_y2"][0] == -0.5
+    assert down.values["v_y2"][0] == 4.2
     normal = fitball.load_table(
         {"v_1": [17, 18], "theta_1": [73, 63], "v_y2": [4, 5]},
         flip=["theta_1"],
     )
-    np.testing.assert_allclose(normal.values["theta_1"], np.radians([17, 27]))
+    assert_allclose(normal.values["theta_1"], np.radians([17, 27]))
     for name in misread.SPEEDS + misread.SPINS:
         if name not in ("v_y1", "v_y2"):
-            np.testing.assert_array_equal(
+            assert_array_equal(
                 fitball.load_table(rows, flip=name).values[name],
                 -np.array(rows[name]),
             )
@@ -335,7 +340,8 @@ def test_correlations_that_no_errors_can_have_are_faults_of_their_rows():
     assert fitball.load_table(rows, ignore="corr").corr == {}
     assert {*fitball.load_table(rows, ignore="omega_2").corr} == {"v_x2,v_y2"}
     bare = fitball.load_table(rows, ignore=("v_x2_sd", "v_y2_sd"))
-    assert {*bare.sd} == {"omega_2"} and bare.corr == {}
+    assert {*bare.sd} == {"omega_2"}
+    assert bare.corr == {}
 
 
 def test_drop_heights_are_the_speeds_of_free_fall():
@@ -348,10 +354,11 @@ def test_drop_heights_are_the_speeds_of_free_fall():
     while height > 0.0:
         height -= speed * step + 0.5 * 9.80665 * step**2
         speed += 9.80665 * step
-    assert list(table.values) == ["v_y1", "v_y2"] and not table.has_tangential
-    np.testing.assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
+    assert list(table.values) == ["v_y1", "v_y2"]
+    assert not table.has_tangential
+    assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
     cor = table.values["v_y2"] / table.impacts.v_y1
-    np.testing.assert_allclose(cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
+    assert_allclose(cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
     drawn = np.sqrt(
         2 * 9.80665 * (1.40 + 0.005 * np.random.default_rng(3).standard_normal(400_000))
     )
@@ -364,7 +371,7 @@ def test_a_rebound_cell_without_a_number_is_a_gap(tmp_path, cell):
     table = fitball.load_table(
         written(tmp_path, HEAD, *ROWS[:2], f"13.1,7.7,3,8.2,6.1,{cell}", ROWS[3])
     )
-    np.testing.assert_array_equal(table.values["omega_2"], [239, 250, np.nan, 255])
+    assert_array_equal(table.values["omega_2"], [239, 250, np.nan, 255])
     assert table.labels["id"] == ("1", "2", "3", "4")
 
 
@@ -374,10 +381,9 @@ def test_rows_without_incident_state_or_rebound_are_left_out(tmp_path):
     table = fitball.load_table(
         written(tmp_path, f"id,surface,{HEAD}", *gaps, *good, "e,hard,12,8,0,,-,")
     )
-    assert table.labels == {"id": ("b", "d"), "surface": ("hard", "clay")} and codes(table) == [
-        "rows-left-out"
-    ]
-    np.testing.assert_array_equal(table.impacts.v_y1, [4.8, 6.1])
+    assert table.labels == {"id": ("b", "d"), "surface": ("hard", "clay")}
+    assert codes(table) == ["rows-left-out"]
+    assert_array_equal(table.impacts.v_y1, [4.8, 6.1])
     assert len(fitball.load_table(written(tmp_path, HEAD, "12,8,0,,-,"), rebound=False)) == 1
 
 
@@ -387,17 +393,15 @@ def test_an_empty_column_is_as_if_it_were_not_there(tmp_path):
         written(tmp_path, head, *(row + ",,0.1," for row in ROWS)),
         ignore="contact_time_sd",
     )
-    assert (
-        list(table.values) == HEAD.split(",")
-        and table.sd == {}
-        and {"empty-column"} < {*codes(table)}
-    )
+    assert list(table.values) == HEAD.split(",")
+    assert table.sd == {}
+    assert {"empty-column"} < {*codes(table)}
 
 
 def test_gaps_beside_standard_deviations_and_energy(tmp_path):
     lines = ["5,4,0.1,0.005", "6,,,0.005", "7,,0.2,0.005", "8,6,0.3,"]
     table = fitball.load_table(written(tmp_path, "v_y1,v_y2,v_y2_sd,contact_time", *lines))
-    np.testing.assert_array_equal(table.sd["v_y2"], [0.1, np.nan, np.nan, 0.3])
+    assert_array_equal(table.sd["v_y2"], [0.1, np.nan, np.nan, 0.3])
     assert np.isnan(
         fitball.load_table(written(tmp_path, HEAD, *ROWS, "5,5,0,,,200")).values["v_x2"][4]
     )
@@ -418,19 +422,20 @@ def test_limits_themselves_are_allowed(tmp_path):
 
 def test_ids_are_made_unique_and_labels_have_one_spelling(tmp_path):
     table = fitball.load_table(written(tmp_path, "id,v_y1,v_y2", "a,5,4", "a,5,4", ",5,4", "b,5,4"))
-    assert table.labels["id"] == ("a (1)", "a (2)", "(3)", "b") and codes(table) == ["ids"]
+    assert table.labels["id"] == ("a (1)", "a (2)", "(3)", "b")
+    assert codes(table) == ["ids"]
     table = fitball.load_table(written(tmp_path, "id,v_y1,v_y2", "a,5,4", "a,5,4", "a (2),5,4"))
     assert table.labels["id"] == ("1", "2", "3")
     courts = ["clay", "Clay", "clay", "CLAY", "hard", "Hardd"]
     rows = [f"{court},{5 + k},{4 + k},{k}" for k, court in enumerate(courts)]
     table = fitball.load_table(written(tmp_path, "court,v_y1,v_y2,mood", *rows))
-    assert table.labels["court"] == ("clay",) * 4 + ("hard", "Hardd") and codes(table) == [
-        "spellings"
-    ]
+    assert table.labels["court"] == ("clay",) * 4 + ("hard", "Hardd")
+    assert codes(table) == ["spellings"]
     assert table.labels["mood"] == tuple("012345")
     own = "v_1,theta_1,theta_3,v_2,theta_2,omega_2"
     table = fitball.load_table(written(tmp_path, own, *["5,53.13,9,3,50,9"] * 2), ignore="theta_2")
-    assert table.labels["theta_3"] == ("9", "9") and {*codes(table)} > {
+    assert table.labels["theta_3"] == ("9", "9")
+    assert {*codes(table)} > {
         "no-incident-spin",
         "ignored",
     }
@@ -456,14 +461,20 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
         encoding="utf-8",
     )
     by_scene = fitball.load_table(place, columns={"theta_2": "  angle\n out "})
-    assert by_scene.values.keys() == ours.values.keys() and by_scene.labels == ours.labels
+    assert by_scene.values.keys() == ours.values.keys()
+    assert by_scene.labels == ours.labels
     assert all(np.array_equal(by_scene.values[name], ours.values[name]) for name in ours.values)
     # What a caller says goes before the scene.
     turned = fitball.load_table(place, columns={"theta_1": "angle out", "theta_2": "angle_in"})
-    np.testing.assert_allclose(turned.values["theta_1"], np.radians([23, 25]))
+    assert_allclose(turned.values["theta_1"], np.radians([23, 25]))
     # New impacts are read as those of the fit, in its units where they have none, and need no
     # rebound.
-    units = {"v_1": "mph", "theta_1": "deg", "v_2": "km/h", "theta_2": "deg"}
+    units = {
+        "v_1": "mph",
+        "theta_1": "deg",
+        "v_2": "km/h",
+        "theta_2": "deg",
+    }
     named = names | {"theta_2": "angle out"}
     assert reading_of(by_scene)["columns"] == {
         name: f"{their} [{units[name]}]" for name, their in named.items()
@@ -478,7 +489,7 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
             **reading_of(table),
             rebound=False,
         )
-        np.testing.assert_array_equal(new.values["v_1"], ours.values["v_1"][:1])
+        assert_array_equal(new.values["v_1"], ours.values["v_1"][:1])
     other = {"v_x1 [m/s]": [10.0], "v_y1 [km/h]": [36.0]}
     assert fitball.load_table(other, **reading_of(ours), rebound=False).values["v_y1"] == 10.0
 
@@ -492,19 +503,14 @@ def test_how_a_table_was_read_is_kept(tmp_path):
         ignore="v_y2",
     )
     (read,) = table.read
-    assert read["sha256"] == hashlib.sha256(place.read_bytes()).hexdigest() and read[
-        "source"
-    ] == str(place)
-    assert (read["columns"], read["flip"], read["ignore"]) == (
-        "omega_2=spin,v_y1=u",
-        "v_x1,v_x2",
-        "v_y2",
-    )
-    assert (
-        "omega_2=rpm" in read["units"].split(",")
-        and "v_y2" not in read["units"]
-        and "not-read" in codes(table)
-    )
+    assert read["sha256"] == hashlib.sha256(place.read_bytes()).hexdigest()
+    assert read["source"] == str(place)
+    assert read["columns"] == "omega_2=spin,v_y1=u"
+    assert read["flip"] == "v_x1,v_x2"
+    assert read["ignore"] == "v_y2"
+    assert "omega_2=rpm" in read["units"].split(",")
+    assert "v_y2" not in read["units"]
+    assert "not-read" in codes(table)
 
 
 def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
@@ -526,7 +532,8 @@ def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
         "t (1)",
         "t (2)",
         "t (2)",
-    ) and scene.ball_value() == Ball(0.057)
+    )
+    assert scene.ball_value() == Ball(0.057)
     assert load_data([one, two], tmp_path / "a" / "t.toml", False)[1].ball_value() == Ball(0.057)
     with pytest.raises(InputError) as twice:
         load_data([one, one], None, False)
@@ -555,23 +562,26 @@ def test_doubts_are_refused_or_noted():
     wrong.attrs["name"] = "wrong"
     with pytest.raises(InputError) as caught:
         load_data([good, wrong], None, False)
-    assert (caught.value.code, caught.value.source) == ("misread", "wrong") and caught.value.hints
+    assert caught.value.code == "misread"
+    assert caught.value.source == "wrong"
+    assert caught.value.hints
     assert "misread" in codes(load_data([good, wrong], None, True)[0])
     assert (
         load_data([wrong], None, False, flip=("omega_1", "omega_2"))[0].notices[0].code == "flipped"
     )
-    assert check(wrong, None, False).failed and not check(wrong, None, True).failed
-    assert (
-        len(check(wrong, None, True).frames["doubts"]) > 0 and check(wrong, None, True).notes == ()
-    )
+    assert check(wrong, None, False).failed
+    assert not check(wrong, None, True).failed
+    assert len(check(wrong, None, True).frames["doubts"]) > 0
+    assert check(wrong, None, True).notes == ()
 
 
 def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     shown = check("wang_all", None, False)
-    assert not shown.failed and shown.frames["faults"].empty and shown.frames["doubts"].empty
-    assert shown.frames["table"].shape[0] == 21 and [note.code for note in shown.notes] == 3 * [
-        "disagreement"
-    ]
+    assert not shown.failed
+    assert shown.frames["faults"].empty
+    assert shown.frames["doubts"].empty
+    assert shown.frames["table"].shape[0] == 21
+    assert [note.code for note in shown.notes] == 3 * ["disagreement"]
     offered = check(None, None, False)
     assert {"wang_all", "synthetic_gaps"} <= {*offered.frames["bundled"]["table"]}
     printed = fitball.check().report()
@@ -582,7 +592,8 @@ def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     long = fitball.check(drops, as_read=True)
     assert "... and 460 more" in long.report()
     faults = check(written(tmp_path, "v_x1,v_y1", "5,?"), None, False).frames["faults"]
-    assert faults["row"].tolist() == [None, 1] and faults["line"].tolist() == [1, 2]
+    assert faults["row"].tolist() == [None, 1]
+    assert faults["line"].tolist() == [1, 2]
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.03, 0.05, 0.1, 0.15])

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import fitball
 from fitball.base.values import Ball, impacts
@@ -62,7 +63,7 @@ def test_damping_of_chapter_five_is_that_of_its_captions(spin):
     made = (
         appendices.damping(appendices.MEAN_COR[spin], values["mass_ratio"], values["k_y"]) / DAMPING
     )
-    np.testing.assert_allclose(made, CAPTIONS[spin], rtol=5e-3)
+    assert_allclose(made, CAPTIONS[spin], rtol=5e-3)
     # The mean of Wang's own, as printed with two or three digits.
     here = (appendices.wang()["group"] == spin).to_numpy()
     assert appendices.cor()[here].mean() == pytest.approx(appendices.MEAN_COR[spin], abs=2e-3)
@@ -75,9 +76,11 @@ def test_ranks_of_the_seven_sets(found):
     ranks = found.frames["rankings"].set_index(["source", "set"])
     for source, best in (("printed", 5), ("recomputed", 4), ("exact", 4)):
         mine = ranks.loc[source]
-        assert mine["score"].idxmin() == best and mine["first"].sum() == pytest.approx(1.0)
+        assert mine["score"].idxmin() == best
+        assert mine["first"].sum() == pytest.approx(1.0)
         assert mine["among_three"].sum() == pytest.approx(3.0)
-        assert mine.loc[1, "among_three"] < 0.1 and mine.loc[[4, 5], "among_three"].min() > 0.9
+        assert mine.loc[1, "among_three"] < 0.1
+        assert mine.loc[[4, 5], "among_three"].min() > 0.9
         assert mine.loc[[4, 5, 6], "score"].max() < 1.02 * mine["score"].min()
     printed = ranks.loc["printed"]
     assert printed["case"].tolist() == ["3", "", "", "", "1", "2", ""]
@@ -101,10 +104,12 @@ def test_the_bootstrap_knows_equal_sets(monkeypatch):
 
 def test_points_of_figures_are_printed_measured_and_recomputed(found):
     points = found.frames["figures"]
-    assert len(points) == 84 and points["omega_2 printed [rad/s]"].isna().sum() == 21
+    assert len(points) == 84
+    assert points["omega_2 printed [rad/s]"].isna().sum() == 21
     # Fig. 44 and C15: the third case, backspin at 17 degrees, turns backwards.
     row = points[(points["case"] == "case 3") & (points["spin"] == "backspin")].iloc[0]
-    assert row["omega_2 printed [rad/s]"] < 0.0 and row["theta_2 printed [deg]"] > 0.0
+    assert row["omega_2 printed [rad/s]"] < 0.0
+    assert row["theta_2 printed [deg]"] > 0.0
     first = points.iloc[0]
     assert [first[f"{name} measured [{unit}]"] for name, unit in appendices.OUTPUTS.items()] == [
         11.09,
@@ -122,9 +127,8 @@ def test_a_set_of_ones_own_stands_beside_the_cases(found):
     assert scores["exact"].idxmin() == "yours"
     shown = found.frames["parameters"].set_index("parameter")
     assert shown.loc["k_y", "yours"] == pytest.approx(19300.0 / STIFFNESS)
-    assert shown.loc["C1", "yours"] == 0.0 and shown.loc["C2", "yours"] == pytest.approx(
-        0.0024 / INCH
-    )
+    assert shown.loc["C1", "yours"] == 0.0
+    assert shown.loc["C2", "yours"] == pytest.approx(0.0024 / INCH)
     places = found.frames["places"]
     assert (places["point"] == "yours").sum() == 2
     assert places[places["point"].str.startswith("case")]["level"].min() > 0.99
@@ -134,7 +138,8 @@ def test_a_set_of_ones_own_stands_beside_the_cases(found):
         ranking.case_values(fix)[1]["inertia_split"][-1]
         for fix in ({"mu": 0.6}, {"mass_ratio": 2 / 3})
     ]
-    assert shares[0] == 0.532 and shares[1] == pytest.approx(0.532, abs=0.003)
+    assert shares[0] == 0.532
+    assert shares[1] == pytest.approx(0.532, abs=0.003)
 
 
 def test_the_offset_does_not_grow(found):
@@ -146,10 +151,10 @@ def test_the_offset_does_not_grow(found):
     spin = wang["omega_2 [rad/s]"] - wang["omega_1 [rad/s]"]
     turn = (wang["v_x1 [m/s]"] - wang["v_x2 [m/s]"]) / 0.03302 - 0.56 * spin
     lever = 0.03302**2 * turn / (wang["v_y1 [m/s]"] + wang["v_y2 [m/s]"]) / INCH
-    np.testing.assert_allclose(offsets["offset [in]"], lever, rtol=1e-9)
+    assert_allclose(offsets["offset [in]"], lever, rtol=1e-9)
     slope, error = posteriors.slope_of(offsets)
     assert abs(slope) < 3.0 * error < 0.0431 / 5.0
-    np.testing.assert_allclose(
+    assert_allclose(
         offsets["Eq. (53) [in]"],
         0.0431 * wang["v_y1 [m/s]"] - 0.189,
         atol=1e-12,
@@ -172,7 +177,10 @@ def test_a_level_is_the_mass_of_denser_draws():
 def test_each_slip_is_listed_beside_what_it_changes(found):
     slips = found.frames["slips"]
     rows = slips["rows within 0.1 %"].tolist()
-    assert rows[0] == 110 and sorted(rows[1:])[-1] == 110 and rows.count(110) == 2 and 67 in rows
+    assert rows[0] == 110
+    assert sorted(rows[1:])[-1] == 110
+    assert rows.count(110) == 2
+    assert 67 in rows
     only = slips[slips["rows within 0.1 %"] == 110].iloc[1]
     assert only["v_x2 [m/s]"] == 0.0
     # Of half a damped period the damper leaves this share of the speed.
@@ -219,9 +227,9 @@ def test_the_computation_as_a_model_is_the_computation():
         c_y,
         ball.mass,
     )
-    np.testing.assert_allclose(made.v_x2[0], plain.v_x2, rtol=1e-13)
-    np.testing.assert_allclose(made.omega_2[0], plain.omega_2, rtol=1e-13)
-    np.testing.assert_allclose(made.v_y2[0], cor * states.v_y1, rtol=1e-13)
+    assert_allclose(made.v_x2[0], plain.v_x2, rtol=1e-13)
+    assert_allclose(made.omega_2[0], plain.omega_2, rtol=1e-13)
+    assert_allclose(made.v_y2[0], cor * states.v_y1, rtol=1e-13)
     soft = np.array([[*(values | {"k_theta": 1e-3}).values(), *law.values()]])
     assert np.all(model.evaluate([*values, *law], soft, states).status == Status.TORSION_TOO_SOFT)
 

@@ -93,43 +93,41 @@ class Page(HTMLParser):
 
 def test_a_page_is_well_formed_complete_and_needs_nothing_else():
     page = Page(to_page(REPORT, {"curves": b"png"}, "fitball calibrate 'a  b'"))
-    assert not page.open and page.links == ["data:image/png;base64,cG5n"]
-    assert (
-        page.tags.count("details") == 2
-        and page.tags.count("table") == 2
-        and page.tags.count("figure") == 1
-    )
+    assert not page.open
+    assert page.links == ["data:image/png;base64,cG5n"]
+    assert page.tags.count("details") == 2
+    assert page.tags.count("table") == 2
+    assert page.tags.count("figure") == 1
     # 2 heads, 2 and 300 rows.
-    assert page.tags.count("tr") == 304 and "300.0" not in page.texts
+    assert page.tags.count("tr") == 304
+    assert "300.0" not in page.texts
     assert {"400 rows.", "299.0", "all.csv"} < {*page.texts}
     assert "... and 700 more: " in page.texts
-    assert (
-        "fitball calibrate  'a  b'\n" in page.texts
-        and "v_x2" in page.texts
-        and "a & b|c" in page.texts
-    )
-    assert "script" not in page.tags and any(HOSTILE[:25] in text for text in page.texts)
+    assert "fitball calibrate  'a  b'\n" in page.texts
+    assert "v_x2" in page.texts
+    assert "a & b|c" in page.texts
+    assert "script" not in page.tags
+    assert any(HOSTILE[:25] in text for text in page.texts)
     for text in (
         to_page(REPORT, {"curves": b"png"}, HOSTILE),
         to_notebook(REPORT),
         to_text(REPORT),
         to_markdown(REPORT),
     ):
-        assert not {*"\x1b\u202e\udcff"} & {*text} and "never seen" not in text
-    assert (
-        "img" not in Page(to_page(REPORT, {})).tags and "html" not in Page(to_notebook(REPORT)).tags
-    )
+        assert not {*"\x1b\u202e\udcff"} & {*text}
+        assert "never seen" not in text
+    assert "img" not in Page(to_page(REPORT, {})).tags
+    assert "html" not in Page(to_notebook(REPORT)).tags
     assert not Page(to_notebook(REPORT)).open
-    assert (
-        "button" in page.tags
-        and "button" not in Page(to_page(Report("check", [Text(["a"])]), {})).tags
-    )
+    assert "button" in page.tags
+    assert "button" not in Page(to_page(Report("check", [Text(["a"])]), {})).tags
 
 
 def test_a_terminal_shows_the_summary_or_all_in_its_width():
     summary = to_text(REPORT, full=False)
     full = to_text(REPORT)
-    assert full.startswith(summary) and "All" not in summary
+    assert full.startswith(summary)
+    assert "All" not in summary
     lines = summary.split("\n")
     start = lines.index("Parameters") + 1
     assert lines[start : start + 3] == [
@@ -141,9 +139,11 @@ def test_a_terminal_shows_the_summary_or_all_in_its_width():
     assert "fitball calibrate  'a  b'" in full
     assert max(map(len, to_text(REPORT._replace(title="wang"), width=60).split("\n"))) <= 60
     below = [line.split()[:1] for line in to_text(REPORT, full=False, width=34).split("\n")]
-    assert (below.count(["mu"]), below.count(["cor_slope"])) == (1, 2)
+    assert below.count(["mu"]) == 1
+    assert below.count(["cor_slope"]) == 2
     coloured = to_text(REPORT, full=False, colour=True)
-    assert re.sub(r"\x1b\[\d+m", "", coloured) == summary and "\x1b[33mgiven\x1b[0m" in coloured
+    assert re.sub(r"\x1b\[\d+m", "", coloured) == summary
+    assert "\x1b[33mgiven\x1b[0m" in coloured
 
 
 def test_columns_of_wide_letters_and_of_lines_stay_below_each_other():
@@ -158,11 +158,9 @@ def test_columns_of_wide_letters_and_of_lines_stay_below_each_other():
     ]
     long = [{"a": "x", "reason": "word " * 30}]
     lines = to_text(Report("", [Table("", long, ("reason",))]), width=40).split("\n")
-    assert (
-        len(lines) == 9
-        and max(map(len, lines)) <= 40
-        and all(line.startswith("   word") for line in lines[5:])
-    )
+    assert len(lines) == 9
+    assert max(map(len, lines)) <= 40
+    assert all(line.startswith("   word") for line in lines[5:])
 
 
 def test_long_tables_are_looked_through_a_few_times_alone():
@@ -175,27 +173,27 @@ def test_long_tables_are_looked_through_a_few_times_alone():
 
     rows = Rows([{f"c{k}": "1" for k in range(9)}] * 500)
     report = Report("", [Table("", rows)])
-    assert (
-        len(to_text(report)) + len(to_page(report, {})) + len(to_markdown(report)) > 0
-        and rows.seen < 20
-    )
+    assert len(to_text(report)) + len(to_page(report, {})) + len(to_markdown(report)) > 0
+    assert rows.seen < 20
 
 
 def test_markdown_has_every_row_and_keeps_its_columns():
     text = to_markdown(REPORT)
     rows = [line for line in text.split("\n") if line.startswith("|")]
-    assert len(rows) == 2 + 2 + 2 + 400 and {
-        len(re.findall(r"(?<!\\)\|", row)) for row in rows
-    } == {5, 3}
-    assert "| ---: |" in text and "`all.csv`" not in text and "    fitball calibrate" in text
-    assert "<" not in text and "<" not in to_markdown(
-        Report("`<b>", [Text(["`<b>"]), Table("", [{"a": "`<b>"}])])
-    )
+    assert len(rows) == 2 + 2 + 2 + 400
+    assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {5, 3}
+    assert "| ---: |" in text
+    assert "`all.csv`" not in text
+    assert "    fitball calibrate" in text
+    assert "<" not in text
+    assert "<" not in to_markdown(Report("`<b>", [Text(["`<b>"]), Table("", [{"a": "`<b>"}])]))
 
 
 def test_marks_travel_with_their_tone():
     mark = pickle.loads(pickle.dumps(Mark("given", "part", "hint")))
-    assert (mark, mark.tone, mark.hint) == ("given", "part", "hint")
+    assert mark == "given"
+    assert mark.tone == "part"
+    assert mark.hint == "hint"
 
 
 class Terminal(io.StringIO):
@@ -224,7 +222,8 @@ def test_progress_is_shown_where_somebody_looks_on(progress, stream, stages, mon
     text = sys.stderr.getvalue()
     assert sum(stage in text for stage in ("search", "sampling")) == stages
     # A terminal has one line, gone at the end; a log one line a stage.
-    assert text.count("\n") == (stages if stream is io.StringIO else 0) and "\x1b[A" not in text
+    assert text.count("\n") == (stages if stream is io.StringIO else 0)
+    assert "\x1b[A" not in text
     assert text.rstrip(" ").endswith(("\r", "\n")) or not text
 
 
@@ -241,7 +240,5 @@ def test_progress_of_the_caller_and_messages_above_the_line(monkeypatch):
     with shown(True) as show:
         show("search", 0.5)
         log.info("kernels are compiled once")
-    assert (
-        "kernels are compiled once\n" in sys.stderr.getvalue()
-        and (log.level, list(log.handlers)) == before
-    )
+    assert "kernels are compiled once\n" in sys.stderr.getvalue()
+    assert (log.level, list(log.handlers)) == before

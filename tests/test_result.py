@@ -77,38 +77,33 @@ def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
         lambda self, name, *more: order.append(name) or write(self, name, *more),
     )
     places = Toy().save(tmp_path, command="fitball toy 'a b'")
-    assert [place.name for place in places] == order and order[-1] == "own.json"
+    assert [place.name for place in places] == order
+    assert order[-1] == "own.json"
     # Of the figures those that the report shows.
     assert sorted(order) == ["line.png", "own.json", "references.bib", "report.html", "summary.csv"]
     page = (tmp_path / "report.html").read_text()
-    assert (
-        "0.300" in page and "data:image/png;base64," in page and "fitball toy &#39;a b&#39;" in page
-    )
+    assert "0.300" in page
+    assert "data:image/png;base64," in page
+    assert "fitball toy &#39;a b&#39;" in page
     back = pd.read_csv(tmp_path / "summary.csv", index_col="name")
     assert back["median"].tolist() == [0.1 + 0.2, np.inf, -np.inf]
     with pytest.raises(FolderError):
         Toy().save(tmp_path)
     Toy().save(tmp_path, overwrite=True, figures=False)
-    assert (
-        not (tmp_path / "line.png").exists()
-        and "data:image" not in (tmp_path / "report.html").read_text()
-    )
+    assert not (tmp_path / "line.png").exists()
+    assert "data:image" not in (tmp_path / "report.html").read_text()
     with result_folder(tmp_path / "held") as folder:
         assert len(Toy().save(folder, figures=False)) == 4
 
 
 def test_text_notebook_and_json_say_the_same():
     toy = Toy()
-    assert (
-        "0.300" in toy.report()
-        and "More" in toy.report(colour=True)
-        and "\x1b[" not in toy.report()
-    )
-    assert (
-        "More" not in toy.report(full=False)
-        and "0.300" in toy._repr_html_()
-        and "<html" not in toy._repr_html_()
-    )
+    assert "0.300" in toy.report()
+    assert "More" in toy.report(colour=True)
+    assert "\x1b[" not in toy.report()
+    assert "More" not in toy.report(full=False)
+    assert "0.300" in toy._repr_html_()
+    assert "<html" not in toy._repr_html_()
     found = json.loads(json.dumps(toy.json(), allow_nan=False))
     rows = [("mu", 0.1 + 0.2, "model"), ("k_y", None, None), ("drop", None, None)]
     summary = [dict(zip(("name", "median", "kind"), row, strict=True)) for row in rows]
@@ -118,7 +113,9 @@ def test_text_notebook_and_json_say_the_same():
 
 def test_frames_have_their_page_and_their_exit_code():
     result = Frames(Findings(Toy().frames, failed=True), PAGE)
-    assert result.exit_code == 1 and result.record == "report.html" and "0.300" in result.report()
+    assert result.exit_code == 1
+    assert result.record == "report.html"
+    assert "0.300" in result.report()
 
 
 def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot():
@@ -126,14 +123,17 @@ def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot()
 
     with plt.rc_context({"axes.facecolor": "red", "font.size": 30}):
         first = {form: saved(Toy().plot("line"), form) for form in ("png", "svg", "pdf")}
-    assert first == {form: saved(styled(draw), form) for form in first} and not plt.get_fignums()
-    assert first["png"].startswith(b"\x89PNG") and not re.search(
+    assert first == {form: saved(styled(draw), form) for form in first}
+    assert not plt.get_fignums()
+    assert first["png"].startswith(b"\x89PNG")
+    assert not re.search(
         rb"[Mm]atplotlib|20\d\d-",
         first["png"] + first["pdf"],
     )
     with pytest.raises(ParameterError) as caught:
         Toy().plot("lines")
-    assert caught.value.code == "unknown-figure" and "'line'" in str(caught.value)
+    assert caught.value.code == "unknown-figure"
+    assert "'line'" in str(caught.value)
 
 
 def test_nothing_is_laid_out_before_a_report_is_asked_for():

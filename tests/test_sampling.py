@@ -4,6 +4,7 @@ diagnostics.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from support.density import REBOUND, problem_of, scene_of, table_of
 from support.line import exact, line_problem
 
@@ -39,7 +40,7 @@ def check(problem, posterior, size):
     values = posterior.values.reshape(-1, 2)
     sds = np.sqrt(np.diagonal(covariance))
     assert np.all(np.abs(values.mean(axis=0) - centre) < 4.0 * sds / np.sqrt(size))
-    np.testing.assert_allclose(values.std(axis=0) / sds, 1.0, atol=4.0 / np.sqrt(2.0 * size))
+    assert_allclose(values.std(axis=0) / sds, 1.0, atol=4.0 / np.sqrt(2.0 * size))
     assert np.corrcoef(values.T)[0, 1] == pytest.approx(covariance[0, 1] / sds.prod(), abs=0.02)
     where = np.unravel_index(posterior.log_density.argmax(), posterior.log_density.shape)
     assert np.all(np.abs(posterior.values[where] - centre) < 0.2 * sds)
@@ -54,33 +55,37 @@ def test_chains_have_the_moments_of_a_known_posterior(monkeypatch):
         Effort(),
         lambda stage, share: shares.append((stage, share)),
     )
-    assert found.converged and found.complaints == () and found.pareto_k is None
-    assert (
-        max(found.r_hat.values()) < 1.01
-        and min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
-    )
+    assert found.converged
+    assert found.complaints == ()
+    assert found.pareto_k is None
+    assert max(found.r_hat.values()) < 1.01
+    assert min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
     assert posterior.values.shape == (4, found.steps - found.warm_up, 16, 2)
     check(problem, posterior, 1000.0)
     monkeypatch.setattr(sampling, "TARGET_R_HAT", min(found.r_hat.values()))
     _, worse = sample(problem, begun(problem), Effort(), quiet)
-    assert worse.r_hat == found.r_hat and not worse.converged and len(worse.complaints) == 2
-    assert {stage for stage, _ in shares} == {"sampling"} and all(
-        0.0 <= share <= 1.0 for _, share in shares
-    )
+    assert worse.r_hat == found.r_hat
+    assert not worse.converged
+    assert len(worse.complaints) == 2
+    assert {stage for stage, _ in shares} == {"sampling"}
+    assert all(0.0 <= share <= 1.0 for _, share in shares)
 
 
 def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
     problem = line_problem(copies=2)
     monkeypatch.setattr(sampling, "LONG", 20)
     posterior, found = sample(problem, begun(problem), Effort(), quiet)
-    assert found.converged and found.r_hat is None and found.pareto_k < 0.7
+    assert found.converged
+    assert found.r_hat is None
+    assert found.pareto_k < 0.7
     assert posterior.values.shape[0] == posterior.values.shape[2] == 1
     check(problem, posterior, min(found.ess_bulk.values()))
     for name, value in (("RELIABLE", found.pareto_k - 0.01), ("SPARE", 0.3)):
         with monkeypatch.context() as patch:
             patch.setattr(sampling, name, value)
             _, worse = sample(problem, begun(problem), Effort(), quiet)
-        assert not worse.converged and len(worse.complaints) == 1
+        assert not worse.converged
+        assert len(worse.complaints) == 1
 
 
 @pytest.mark.parametrize("long", [20, 3000])
@@ -89,10 +94,8 @@ def test_the_same_seed_gives_the_same_bytes(long, monkeypatch):
     effort = Effort(seed=7, max_steps=100)
     monkeypatch.setattr(sampling, "LONG", long)
     one, two = (sample(problem, begun(problem), effort, quiet)[0] for _ in range(2))
-    assert (
-        one.values.tobytes() == two.values.tobytes()
-        and one.log_density.tobytes() == two.log_density.tobytes()
-    )
+    assert one.values.tobytes() == two.values.tobytes()
+    assert one.log_density.tobytes() == two.log_density.tobytes()
 
 
 def test_chains_that_have_not_converged_are_said_so():
@@ -104,8 +107,10 @@ def test_chains_that_have_not_converged_are_said_so():
         noise="student-t",
     )
     posterior, found = sample(problem, begun(problem), Effort(max_steps=100), quiet)
-    assert not found.converged and found.complaints
-    assert found.steps == found.warm_up + 100 and np.isfinite(posterior.values).all()
+    assert not found.converged
+    assert found.complaints
+    assert found.steps == found.warm_up + 100
+    assert np.isfinite(posterior.values).all()
 
 
 # Of 100 steps that are stored, every fourth, the first quarter is left out; draws that taught are
@@ -129,7 +134,7 @@ def test_a_long_chain_is_thinned_evenly(lessons, kept, monkeypatch):
     centre, covariance = exact(problem)
     sds = np.sqrt(np.diagonal(covariance))
     assert np.all(np.abs(mixed.chains.mean(axis=(0, 1, 2)) - centre) < 0.1 * sds)
-    np.testing.assert_allclose(mixed.chains.std(axis=(0, 1, 2)) / sds, 1.0, atol=0.1)
+    assert_allclose(mixed.chains.std(axis=(0, 1, 2)) / sds, 1.0, atol=0.1)
 
 
 def test_a_walker_that_the_others_left_behind():
@@ -162,7 +167,8 @@ def test_effective_sizes_and_r_hat():
     assert all(
         abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values())
     )
-    assert found.reached(0.8 * size, 1.01) and not found.reached(1.2 * size, 1.01)
+    assert found.reached(0.8 * size, 1.01)
+    assert not found.reached(1.2 * size, 1.01)
     # An autoregression of 0.9 is worth 1/19 of its length; an ensemble elsewhere, or one that never
     # moved, shows.
     for k in range(1, 1000):
@@ -172,12 +178,12 @@ def test_effective_sizes_and_r_hat():
     # Walkers of one ensemble may lie apart: ensembles are compared.
     white[..., 3] += np.linspace(-2.0, 2.0, 4)
     found = Mixing(tuple("abcd"), white)
-    assert found.ess_bulk["a"] == pytest.approx(size / 19.0, rel=0.2) and found.r_hat["a"] < 1.02
-    assert found.r_hat["b"] > 1.05 and not found.reached(1.0, 1.05)
+    assert found.ess_bulk["a"] == pytest.approx(size / 19.0, rel=0.2)
+    assert found.r_hat["a"] < 1.02
+    assert found.r_hat["b"] > 1.05
+    assert not found.reached(1.0, 1.05)
     wide = rng.standard_normal((4, 1000, 4, 1)) * np.repeat([0.2, 1.0], 500)[None, :, None, None]
     assert (now := Mixing("a", wide)).ess_tail["a"] < 0.2 * now.ess_bulk["a"]
-    assert (
-        not found.r_hat["c"] < np.inf
-        and found.r_hat["d"] < 1.02
-        and found.ess_bulk["d"] < 0.1 * size
-    )
+    assert not found.r_hat["c"] < np.inf
+    assert found.r_hat["d"] < 1.02
+    assert found.ess_bulk["d"] < 0.1 * size

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 import xarray
+from numpy.testing import assert_array_equal, assert_equal
 from support.made_fit import made_fit, table_of
 
 from fitball.base.errors import FolderError
@@ -45,7 +46,7 @@ def plain(fit):
 def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
     fit = made_fit(table, **options)
     again = files_of_fit.read(written(fit, tmp_path) / "fit.json")
-    np.testing.assert_equal(plain(again), plain(fit))
+    assert_equal(plain(again), plain(fit))
     assert files_of_fit.key_of(tmp_path) == fit.run.key
     # A point fit has no intervals, which are NaN, not null.
     text = json.loads((tmp_path / "fit.json").read_text())["parameters"]["v_y_sd"]["median"]
@@ -61,12 +62,12 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
         assert (
             draws.coords["ensemble"].values.tolist() == np.repeat([0, 1], values.shape[2]).tolist()
         )
-        np.testing.assert_array_equal(
+        assert_array_equal(
             draws["mu"][values.shape[2] + 3],
             values[1, :, 3, fit.posterior.names.index("mu")],
         )
     with xarray.open_dataset(place, group="observed_data", engine="h5netcdf") as seen:
-        np.testing.assert_array_equal(seen["v_x2"], fit.run.table.values["v_x2"])
+        assert_array_equal(seen["v_x2"], fit.run.table.values["v_x2"])
 
 
 @pytest.mark.parametrize(
@@ -106,8 +107,6 @@ def test_what_is_no_fit_says_so(tmp_path):
     (tmp_path / "of a table/fit.json").mkdir(parents=True)
     with pytest.raises(FolderError) as caught:
         files_of_fit.read(tmp_path)
-    assert (
-        caught.value.code == "no-fit"
-        and files_of_fit.key_of(tmp_path) == ""
-        and "of a table" in str(caught.value)
-    )
+    assert caught.value.code == "no-fit"
+    assert files_of_fit.key_of(tmp_path) == ""
+    assert "of a table" in str(caught.value)

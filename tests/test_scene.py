@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from made_tables import written
+from numpy.testing import assert_array_equal
 
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import InputError
@@ -66,9 +67,8 @@ def refused(make):
     """Message of each fault by its key."""
     with pytest.raises(InputError) as caught:
         make()
-    assert {fault.code for fault in caught.value.faults} == {"scene"} and len(
-        str(caught.value)
-    ) < 1000
+    assert {fault.code for fault in caught.value.faults} == {"scene"}
+    assert len(str(caught.value)) < 1000
     return {fault.column: fault.message for fault in caught.value.faults}
 
 
@@ -81,7 +81,8 @@ def test_every_key_is_read_and_written_without_loss(tmp_path):
     for form in (msgspec.toml, msgspec.json):
         assert form.decode(form.encode(scene), type=Scene) == scene
     assert pickle.loads(pickle.dumps(scene)) == scene == scene_of(tmp_path, "\ufeff" + FULL)
-    assert scene.camera.scale == Quantity(1.0, 0.01) and scene.assumed() == ()
+    assert scene.camera.scale == Quantity(1.0, 0.01)
+    assert scene.assumed() == ()
 
 
 def test_bundled_scenes_are_read():
@@ -92,12 +93,11 @@ def test_bundled_scenes_are_read():
             assert scene.source["description"] == description
             assert msgspec.to_builtins(scene) == tomllib.loads(place.read_text(encoding="utf-8"))
     wang = load_scene(place_of("wang_all"))
-    assert (
-        wang.ball_value() == Ball(0.0576, 0.03302, 0.56)
-        and wang.ball_sd() == {}
-        and wang.assumed() == ()
-    )
-    assert wang.surface["mu"] == Quantity(0.55, 0.05) and wang.contact_time == Quantity(5e-3, 5e-4)
+    assert wang.ball_value() == Ball(0.0576, 0.03302, 0.56)
+    assert wang.ball_sd() == {}
+    assert wang.assumed() == ()
+    assert wang.surface["mu"] == Quantity(0.55, 0.05)
+    assert wang.contact_time == Quantity(5e-3, 5e-4)
     assert wang.measurement == {"nominal_velocity_sd": 0.25, "nominal_spin_sd": 10.0}
     assert load_scene(place_of("synthetic_gaps")).ball_sd() == {
         "mass": 1e-4,
@@ -142,7 +142,7 @@ def test_columns_that_a_scene_flips_or_ignores():
         "wang_topspin",
         scene=Scene(measurement={"flip": ("omega_1",), "ignore": ("omega_2",)}),
     )
-    np.testing.assert_array_equal(turned.values["omega_1"], -plain.values["omega_1"])
+    assert_array_equal(turned.values["omega_1"], -plain.values["omega_1"])
     assert {*plain.values} - {*turned.values} == {"omega_2"}
 
 
@@ -210,7 +210,8 @@ def test_what_no_scene_holds_is_refused_at_its_key_with_what_may_be_meant(
     hint,
 ):
     ((found, message),) = refused(lambda: scene_of(tmp_path, text)).items()
-    assert found == key and (hint in message if hint else "did you mean" not in message)
+    assert found == key
+    assert hint in message if hint else "did you mean" not in message
 
 
 def test_every_fault_is_named_at_once(tmp_path):

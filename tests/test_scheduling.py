@@ -51,11 +51,9 @@ def test_every_item_comes_back_with_its_place_and_faults_are_results(cores):
 def test_a_worker_that_dies_takes_no_other_item_with_it(tmp_path):
     made = dict(as_completed(partial(dying, tmp_path), range(9), 2))
     error = made.pop(3)
-    assert (
-        isinstance(error, MachineError)
-        and error.code == "worker-died"
-        and "SIGKILL(-9)" in str(error)
-    )
+    assert isinstance(error, MachineError)
+    assert error.code == "worker-died"
+    assert "SIGKILL(-9)" in str(error)
     # What died once was tried again.
     assert made == {k: k for k in (0, 1, 2, 4, 5, 6, 7, 8)}
 
@@ -143,5 +141,12 @@ def test_a_dask_scheduler_gives_the_same(tmp_path):
     program = tmp_path / "cluster.py"
     program.write_text(CLUSTER)
     command = [sys.executable, str(program), str(tmp_path)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
-    assert (run.returncode, run.stdout) == (0, "scheduler\n"), run.stderr[-2000:]
+    run = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert run.stdout == "scheduler\n", run.stderr[-2000:]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import approx_fprime, minimize
 from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of, truth_of
 from support.line import exact, line_problem
@@ -46,7 +47,7 @@ def test_cost_is_minus_the_posterior_and_its_slopes_are_right(name):
     objective = Objective(problem)
     # Without the spike of the prior where all levels agree, which is none elsewhere.
     raised = replace(problem, prior=problem.prior.smooth)
-    np.testing.assert_allclose(objective.cost(x), -density.log_posterior(raised, x), rtol=1e-12)
+    assert_allclose(objective.cost(x), -density.log_posterior(raised, x), rtol=1e-12)
     assert (name == "levels") == bool(
         np.any(objective.cost(x) != -density.log_posterior(problem, x))
     )
@@ -57,7 +58,7 @@ def test_cost_is_minus_the_posterior_and_its_slopes_are_right(name):
             lambda q: objective.cost(q[None])[0],
             1e-7 * problem.prior.width,
         )
-        np.testing.assert_allclose(found, wanted, atol=2e-5 * np.abs(wanted).max())
+        assert_allclose(found, wanted, atol=2e-5 * np.abs(wanted).max())
     assert np.all(np.linalg.eigvalsh(curvature) > 0.0)
 
 
@@ -66,13 +67,13 @@ def test_the_curvature_of_a_straight_line_is_its_precision():
     centre, covariance = exact(problem)
     x = np.array([[0.4, 2.0]])
     gradient, curvature = Objective(problem).linearised(x)
-    np.testing.assert_allclose(np.linalg.inv(curvature[0]), covariance, rtol=1e-6)
-    np.testing.assert_allclose(x[0] - np.linalg.solve(curvature[0], gradient[0]), centre, rtol=1e-6)
+    assert_allclose(np.linalg.inv(curvature[0]), covariance, rtol=1e-6)
+    assert_allclose(x[0] - np.linalg.solve(curvature[0], gradient[0]), centre, rtol=1e-6)
     # A logarithm of a normal scale has twice the information of a measurement, and nothing in
     # common with the mean.
     free = line_problem(noise=0.0)
     _, curvature = Objective(free).linearised(np.array([[0.4, 2.0, np.log(0.3)]]))
-    np.testing.assert_allclose(
+    assert_allclose(
         curvature[0, 2],
         [0.0, 0.0, 2.0 * 12 + 0.7**-2],
         rtol=1e-6,
@@ -89,13 +90,13 @@ def test_not_penalised_only_evidence_counts():
         k = problem.free.index(name)
         evidence -= 0.5 * ((x[:, k] - problem.prior.location[k]) * problem.prior.rate[k]) ** 2
     found = Objective(problem, penalised=False)
-    np.testing.assert_allclose(np.diff(found.cost(x)), -np.diff(evidence), rtol=1e-9)
+    assert_allclose(np.diff(found.cost(x)), -np.diff(evidence), rtol=1e-9)
     pooled = form("levels")
     at = near(pooled, 2)
     cost = Objective(pooled, penalised=False).cost(at)
-    np.testing.assert_allclose(cost, -density.log_likelihood(pooled, at)[0], rtol=1e-12)
+    assert_allclose(cost, -density.log_likelihood(pooled, at)[0], rtol=1e-12)
     wanted = approx_fprime(x[0], lambda q: found.cost(q[None])[0], 1e-7 * problem.prior.width)
-    np.testing.assert_allclose(found.linearised(x)[0][0], wanted, atol=2e-5 * np.abs(wanted).max())
+    assert_allclose(found.linearised(x)[0][0], wanted, atol=2e-5 * np.abs(wanted).max())
 
 
 def test_impacts_that_do_not_count(monkeypatch):
@@ -106,7 +107,7 @@ def test_impacts_that_do_not_count(monkeypatch):
     found = descend(Objective(problem, counted=counted), start)
     for row, rows in enumerate(([3], [5, 6, 7])):
         alone = descend(Objective(problem.without(np.array(rows))), start[row : row + 1])
-        np.testing.assert_allclose(
+        assert_allclose(
             found[0][row],
             alone[0][0],
             atol=1e-9 * problem.prior.width.max(),
@@ -117,8 +118,8 @@ def test_impacts_that_do_not_count(monkeypatch):
     cost = whole.cost(start)
     gradient, _ = whole.linearised(start)
     monkeypatch.setattr(density, "AT_ONCE", 50)
-    np.testing.assert_allclose(whole.cost(start), cost, rtol=1e-12)
-    np.testing.assert_allclose(whole.linearised(start)[0], gradient, rtol=1e-9, atol=1e-9)
+    assert_allclose(whole.cost(start), cost, rtol=1e-12)
+    assert_allclose(whole.linearised(start)[0], gradient, rtol=1e-9, atol=1e-9)
 
 
 def test_what_is_held_stays_to_the_last_bit():
@@ -128,12 +129,13 @@ def test_what_is_held_stays_to_the_last_bit():
     mu = problem.free.index("mu")
     start[mu, mu] = np.nextafter(problem.prior.high[mu], 0.0)
     x, cost, _ = descend(Objective(problem, penalised=False, held=place), start)
-    np.testing.assert_array_equal(x[place, place], start[place, place])
+    assert_array_equal(x[place, place], start[place, place])
     top = descend(Objective(problem, penalised=False), x)[1].min()
-    assert np.all(cost >= top - 1e-6) and np.all(cost < np.inf)
+    assert np.all(cost >= top - 1e-6)
+    assert np.all(cost < np.inf)
     several = np.tile([[0, 3, -1]], (2, 1))
     x, _, _ = descend(Objective(problem, held=several), start[:2])
-    np.testing.assert_array_equal(x[:, [0, 3]], start[:2, [0, 3]])
+    assert_array_equal(x[:, [0, 3]], start[:2, [0, 3]])
     assert np.all(x[:, [1, 2]] != start[:2, [1, 2]])
 
 
@@ -148,13 +150,16 @@ def test_walls_and_bounds_are_kept():
     # Held below what the data say of COR, which then lies against the wall; outside of the bounds
     # it starts inside.
     x, cost, _ = descend(Objective(problem, penalised=False, held=held), start)
-    assert np.isfinite(cost).all() and np.all(np.diff(cost[:4]) < 0.0)
-    assert np.all(x[:, cor] < x[:, ratio]) and np.all(x[:2, ratio] - x[:2, cor] < 0.01)
+    assert np.isfinite(cost).all()
+    assert np.all(np.diff(cost[:4]) < 0.0)
+    assert np.all(x[:, cor] < x[:, ratio])
+    assert np.all(x[:2, ratio] - x[:2, cor] < 0.01)
     assert np.all((x >= problem.prior.low) & (x <= problem.prior.high))
     # What is drawn over a bound ends exactly on it.
     prior = {"mu": "uniform(0.6, 0.9)", "offset": "uniform(0, 0.001)"}
     point = best_fit(problem_of(table_of(REBOUND), scene_of(), prior=prior), seeded()).optima[0]
-    assert (point["mu"], point["offset"]) == (0.6, 0.001)
+    assert point["mu"] == 0.6
+    assert point["offset"] == 0.001
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -175,7 +180,7 @@ def test_steps_solve_the_quadratic_programme(seed):
         method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 500},
     )
-    np.testing.assert_allclose(found, other.x, atol=1e-5)
+    assert_allclose(found, other.x, atol=1e-5)
     assert (
         constrained_step(curvature, slope, np.array([a[0], -a[0]]), np.array([-1.0, 0.5])) is None
     )
@@ -194,7 +199,12 @@ def test_no_maximum_of_scipy_is_higher(name):
 
     assert -cost(np.zeros(begin.size)) == found.log_posterior[0]
     truth = (problem.coordinates(truth_of(problem)) - begin) / width
-    options = {"maxfev": 1200, "xatol": 1e-4, "fatol": 1e-7, "adaptive": True}
+    options = {
+        "maxfev": 1200,
+        "xatol": 1e-4,
+        "fatol": 1e-7,
+        "adaptive": True,
+    }
     other = -minimize(cost, truth, method="Nelder-Mead", options=options).fun
     assert found.log_posterior[0] - 1.0 < other < found.log_posterior[0] + 1e-4
     assert found.log_likelihood == pytest.approx(
@@ -239,7 +249,8 @@ def test_a_ridge_is_climbed_by_points_at_random():
     beside = top + 0.05 * np.sqrt(np.diagonal(np.linalg.inv(objective.linearised(top[None])[1][0])))
     found = search._climbed(problem, beside[None], seeded())
     lowest, begun, ended = objective.cost(np.stack([top, beside, found[0]]))
-    assert begun - lowest > 1e-3 and ended - lowest < 1e-5
+    assert begun - lowest > 1e-3
+    assert ended - lowest < 1e-5
 
 
 def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):
@@ -261,7 +272,8 @@ def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):
 def test_the_same_seed_gives_the_same_bytes_and_another_the_same_maximum():
     problem = form("simple")
     one, two, three = (best_fit(problem, seeded(seed)) for seed in (3, 3, 4))
-    assert one == two and one != three
+    assert one == two
+    assert one != three
     assert one.log_posterior[0] == pytest.approx(three.log_posterior[0], abs=1e-6)
 
 

@@ -4,6 +4,7 @@ figure.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from support.made_fit import made_fit, table_of
 
 import fitball
@@ -39,7 +40,7 @@ def test_forces_change_the_momentum_of_the_ball(model):
     assert (
         frame["friction_force"].abs() <= frame["friction_limit"].abs() * (1 + 1e-9) + 1e-9
     ).all()
-    np.testing.assert_allclose(
+    assert_allclose(
         frame["slip"],
         frame["v_x"] - RADIUS * frame["omega_shell"],
         atol=1e-9,
@@ -53,12 +54,15 @@ def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
     values = found.frames["parameters"].set_index("parameter")["value"].to_dict()
     model = fitball.model("two-mass+normal=total")
     made = model.rebound(values, STATE)
-    assert ", ".join(phases["phase"]) == regime_name(int(made.regime[0])) and len(phases) > 1
-    assert time == pytest.approx(made.contact_time[0]) and phases["start"][0] == 0.0
-    np.testing.assert_array_equal(phases["start"][1:], phases["end"][:-1])
+    assert ", ".join(phases["phase"]) == regime_name(int(made.regime[0]))
+    assert len(phases) > 1
+    assert time == pytest.approx(made.contact_time[0])
+    assert phases["start"][0] == 0.0
+    assert_array_equal(phases["start"][1:], phases["end"][:-1])
     edge = phases["end"][0]
     around = model.history(values, STATE, np.array([edge * (1 - 1e-6), edge]))
-    assert 0.0 < around.courses["slip"][0] < 1e-3 and abs(around.courses["slip"][1]) < 1e-9
+    assert 0.0 < around.courses["slip"][0] < 1e-3
+    assert abs(around.courses["slip"][1]) < 1e-9
 
 
 def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
@@ -81,9 +85,9 @@ def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
         )
         slips.append(one.courses["slip"])
     ends = np.quantile(slips, [0.025, 0.84], axis=0)
-    np.testing.assert_allclose(frame.loc[[60, 120], "slip_q025"], ends[0], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(frame.loc[[60, 120], "slip_q84"], ends[1], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(outcome.loc["contact_time", "q975"], np.quantile(times, 0.975))
+    assert_allclose(frame.loc[[60, 120], "slip_q025"], ends[0], rtol=1e-12, atol=1e-12)
+    assert_allclose(frame.loc[[60, 120], "slip_q84"], ends[1], rtol=1e-12, atol=1e-12)
+    assert_allclose(outcome.loc["contact_time", "q975"], np.quantile(times, 0.975))
     assert "extrapolated" not in {note.code for note in found.notes}
     held = fitball.simulate(made_fit(model="two-mass", fix={"k_y": 2e4}), impact=IMPACT)
     assert [note.code for note in held.notes] == ["held"]
@@ -109,7 +113,8 @@ def test_values_by_hand_are_numbers_or_published_ones():
         .frames["parameters"]
         .set_index("parameter")["value"]
     )
-    assert found["mu"] == pytest.approx(0.73) and found["k_y"] == 1e4
+    assert found["mu"] == pytest.approx(0.73)
+    assert found["k_y"] == 1e4
     assert found["k_theta"] == fitball.model("two-mass").specs["k_theta"].typical
 
 
@@ -130,8 +135,9 @@ def test_the_figure_shows_the_courses(case):
         )
     figure = styled(found._layout.figures()["history"])
     frame = found.frames["history"]
-    assert saved(figure).startswith(b"\x89PNG") and len(figure.axes) == (2 if case == "drop" else 4)
-    np.testing.assert_allclose(
+    assert saved(figure).startswith(b"\x89PNG")
+    assert len(figure.axes) == (2 if case == "drop" else 4)
+    assert_allclose(
         figure.axes[0].lines[0].get_xydata(),
         1e3 * frame[["time", "y"]].to_numpy(),
     )
@@ -147,9 +153,9 @@ def test_the_figure_shows_the_courses(case):
         values = found.frames["outcome"].set_index("quantity")["value"]
         dots = [line.get_ydata()[0] for line in figure.axes[2].lines if line.get_marker() == "o"]
         ends = np.array([[state["v_x1"], state["omega_1"]], [values["v_x2"], values["omega_2"]]])
-        np.testing.assert_allclose(dots, (ends * [1.0, state["radius"]]).ravel())
+        assert_allclose(dots, (ends * [1.0, state["radius"]]).ravel())
         widths = [patch.get_width() for patch in figure.axes[0].patches]
-        np.testing.assert_allclose(
+        assert_allclose(
             widths,
             1e3 * (found.frames["phases"]["end"] - found.frames["phases"]["start"]),
         )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_tables import bundled, made
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import InputError
@@ -11,7 +12,12 @@ from fitball.data.read import load_table
 from fitball.data.table import joined, pair_of, stated
 
 GAPS = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "gap_time", "gap_path", "gap_turn")
-POLAR = {"v_1": [10.0, 20.0], "theta_1": [0.3, 2.0], "v_x2": [5.0, np.nan], "omega_2": 100.0}
+POLAR = {
+    "v_1": [10.0, 20.0],
+    "theta_1": [0.3, 2.0],
+    "v_x2": [5.0, np.nan],
+    "omega_2": 100.0,
+}
 
 
 def codes(tables):
@@ -33,7 +39,8 @@ def codes(tables):
 )
 def test_what_motion_a_table_shows(columns, tangential, spin):
     table = made(dict.fromkeys(columns.split(), 1.0))
-    assert (table.has_tangential, table.has_spin) == (tangential, spin)
+    assert table.has_tangential == tangential
+    assert table.has_spin == spin
 
 
 def test_dense_errors_are_those_stated_in_any_order_of_columns():
@@ -44,15 +51,16 @@ def test_dense_errors_are_those_stated_in_any_order_of_columns():
     whole = table.covariance(GAPS[3:])
     sds = np.stack([table.sd[name] for name in GAPS], 1)
     corr = whole / (sds[:, :, None] * sds[:, None, :])
-    np.testing.assert_allclose(np.diagonal(corr, axis1=1, axis2=2), 1.0, rtol=1e-13)
+    assert_allclose(np.diagonal(corr, axis1=1, axis2=2), 1.0, rtol=1e-13)
     for pair, values in table.corr.items():
         i, j = (GAPS.index(name) for name in pair.split(","))
-        np.testing.assert_allclose(corr[:, i, j], values, rtol=1e-12)
-        np.testing.assert_allclose(corr[:, j, i], values, rtol=1e-12)
-    assert len(table.corr) == 13 and np.count_nonzero(np.abs(corr[0]) > 1e-12) == 9 + 2 * 13
+        assert_allclose(corr[:, i, j], values, rtol=1e-12)
+        assert_allclose(corr[:, j, i], values, rtol=1e-12)
+    assert len(table.corr) == 13
+    assert np.count_nonzero(np.abs(corr[0]) > 1e-12) == 9 + 2 * 13
     part = table.covariance(("gap_turn", "v_y2"))
     keep = [0, 1, 2, 8, 4]
-    np.testing.assert_allclose(part, whole[:, keep][:, :, keep], rtol=1e-13)
+    assert_allclose(part, whole[:, keep][:, :, keep], rtol=1e-13)
 
 
 def test_errors_of_speed_and_angle_are_propagated_together_with_the_rebound():
@@ -68,13 +76,11 @@ def test_errors_of_speed_and_angle_are_propagated_together_with_the_rebound():
         np.random.default_rng(2).multivariate_normal([10.0, 0.3, 5.0], matrix, 400_000).T
     )
     drawn = np.cov([v * np.cos(theta), v * np.sin(theta), x_2])
-    np.testing.assert_allclose(found[0][np.ix_([0, 1, 3], [0, 1, 3])], drawn, rtol=0.02, atol=2e-6)
-    assert (
-        found.shape == (2, 5, 5)
-        and not found[:, [2, 4]].any()
-        and not found[1, 3].any()
-        and found[1, 0, 0] > 0.0
-    )
+    assert_allclose(found[0][np.ix_([0, 1, 3], [0, 1, 3])], drawn, rtol=0.02, atol=2e-6)
+    assert found.shape == (2, 5, 5)
+    assert not found[:, [2, 4]].any()
+    assert not found[1, 3].any()
+    assert found[1, 0, 0] > 0.0
     assert made(POLAR).covariance(["v_x2"]) is None
     assert made(POLAR, {"omega_2": 1.0}).covariance(["v_x2"]) is None
 
@@ -85,17 +91,27 @@ def test_stated_errors_of_a_covariance_make_it_again():
     covariance = factor @ factor.transpose(0, 2, 1)
     columns = ("v_x2", "omega_1", "v_y1", "v_x1")
     sd, corr = stated(columns, covariance)
-    table = made({"v_x1": [9.0, 8.0, 7.0], "v_y1": 8.0, "omega_1": 7.0, "v_x2": 6.0}, sd)
+    table = made(
+        {
+            "v_x1": [9.0, 8.0, 7.0],
+            "v_y1": 8.0,
+            "omega_1": 7.0,
+            "v_x2": 6.0,
+        },
+        sd,
+    )
     again = made(
         table.values,
         sd,
         {tuple(pair.split(",")): one for pair, one in corr.items()},
     ).covariance(["v_x2"])
-    np.testing.assert_allclose(again[:, [3, 2, 1, 0]][:, :, [3, 2, 1, 0]], covariance, rtol=1e-13)
-    assert "v_x1,v_x2" in corr and pair_of("gap_time", "v_x1") == "v_x1,gap_time"
+    assert_allclose(again[:, [3, 2, 1, 0]][:, :, [3, 2, 1, 0]], covariance, rtol=1e-13)
+    assert "v_x1,v_x2" in corr
+    assert pair_of("gap_time", "v_x1") == "v_x1,gap_time"
     covariance[:, 2] = covariance[:, :, 2] = 0.0
     sd, corr = stated(columns, covariance)
-    assert np.isnan(sd["v_y1"]).all() and not any("v_y1" in pair for pair in corr)
+    assert np.isnan(sd["v_y1"]).all()
+    assert not any("v_y1" in pair for pair in corr)
 
 
 def test_some_of_the_rows():
@@ -106,12 +122,11 @@ def test_some_of_the_rows():
         labels={"surface": ("clay", "grass")},
     )
     part = table.take(np.array([1]))
-    assert len(part) == 1 and part.labels == {"id": ("2",), "surface": ("grass",)}
-    assert (part.values["v_1"].item(), part.sd["v_1"].item(), part.corr["v_1,theta_1"].item()) == (
-        20.0,
-        0.2,
-        0.4,
-    )
+    assert len(part) == 1
+    assert part.labels == {"id": ("2",), "surface": ("grass",)}
+    assert part.values["v_1"].item() == 20.0
+    assert part.sd["v_1"].item() == 0.2
+    assert part.corr["v_1,theta_1"].item() == 0.4
 
 
 @pytest.mark.parametrize(
@@ -129,10 +144,10 @@ def test_a_frame_read_again_is_the_table_to_the_last_digit(name, tmp_path):
             other = getattr(back, part)
             assert [*one] == [*other]
             for column, numbers in one.items():
-                np.testing.assert_array_equal(other[column], numbers)
+                assert_array_equal(other[column], numbers)
     if name == "synthetic_gaps":
         plain = bundled(name, GAPS)
-        np.testing.assert_allclose(
+        assert_allclose(
             table.covariance(GAPS[3:]),
             plain.covariance(GAPS[3:]),
             rtol=1e-12,
@@ -160,16 +175,18 @@ def test_tables_together():
         read=({"n": "2"},),
     )
     both = joined([one, other])
-    assert both.labels["id"] == ("one:1", "one:2", "other:1") and both.labels["table"] == (
+    assert both.labels["id"] == ("one:1", "one:2", "other:1")
+    assert both.labels["table"] == (
         "one",
         "one",
         "other",
     )
     assert both.labels["surface"] == ("Hard court", "clay", "Hard court")
-    assert [*both.values] == ["v_1", "theta_1", "v_x2", "v_y2", "omega_2"] and len(both.read) == 2
-    np.testing.assert_array_equal(both.values["v_x2"], [5.0, np.nan, np.nan])
-    np.testing.assert_array_equal(both.sd["v_x2"], [0.1, np.nan, np.nan])
-    np.testing.assert_array_equal(both.values["v_y2"], [np.nan, np.nan, 4.0])
+    assert [*both.values] == ["v_1", "theta_1", "v_x2", "v_y2", "omega_2"]
+    assert len(both.read) == 2
+    assert_array_equal(both.values["v_x2"], [5.0, np.nan, np.nan])
+    assert_array_equal(both.sd["v_x2"], [0.1, np.nan, np.nan])
+    assert_array_equal(both.values["v_y2"], [np.nan, np.nan, 4.0])
     # Correlations that one table lacks are none.
     assert both.corr["v_1,v_x2"].tolist() == [0.5, 0.5, 0.0]
     assert [note.code for note in both.notices] == ["column-in-some"] * 3

@@ -73,14 +73,17 @@ def test_an_interval_has_the_decimals_of_its_width(low, high, text):
 def test_numbers_without_an_sd():
     found = [PLAIN.number(x) for x in (0.0996, 12345.0, 0.0, -0.0, 1e-15, -3.14159, np.inf, None)]
     assert found == ["0.0996", "12345", "0", "0", "1.00e-15", "-3.14", "", ""]
-    assert PLAIN.number(0.0996, 2) == "0.10" and MS.number(0.0042) == "4.20"
+    assert PLAIN.number(0.0996, 2) == "0.10"
+    assert MS.number(0.0042) == "4.20"
     assert [signed(x) for x in (0.01, 0.3, -2.0)] == ["0.0", "+0.3", "-2.0"]
-    assert Unit("1e-3 s/m").with_unit("3") == "3 × 1e-3 s/m" and PLAIN.with_unit("3") == "3"
+    assert Unit("1e-3 s/m").with_unit("3") == "3 × 1e-3 s/m"
+    assert PLAIN.with_unit("3") == "3"
 
 
 def test_a_share_is_all_or_none_only_where_it_is():
     whole = {percent(x) for x in np.linspace(0.0, 1.0, 2001)[1:-1]}
-    assert not {"0 %", "100 %"} & whole and {"1 %", "50 %", "99 %"} < whole
+    assert not {"0 %", "100 %"} & whole
+    assert {"1 %", "50 %", "99 %"} < whole
     ends = [percent(x) for x in (0.0, 1e-9, 1.0 - 1e-9, 1.0, 1.3, np.nan)]
     assert ends == ["0 %", "< 1 %", "> 99 %", "100 %", "130 %", ""]
 
@@ -99,33 +102,31 @@ def test_nothing_that_steers_or_hides_remains_and_nothing_that_is_read_is_lost()
     kept = "".join(c for c in EVERYTHING if c.isprintable() or c in "\n\t")
     assert visible(kept) == kept
     # Joiners are part of Persian, and of nothing that Latin letters spell.
-    assert visible("cl\u200day") == "cl\\u200day" and "\\u" not in visible(
-        "\u0645\u06cc\u200c\u062e"
-    )
+    assert visible("cl\u200day") == "cl\\u200day"
+    assert "\\u" not in visible("\u0645\u06cc\u200c\u062e")
 
 
 def test_one_line_keeps_both_ends_of_what_is_long():
     line = one_line(f"read '{'a' * 100_000}\n\t\x1b'; expected a number")
-    assert len(line) == 200 and line.isprintable() and one_line(line) == line
-    assert line.startswith("read 'aaa") and line.endswith("\\n\\t\\x1b'; expected a number")
+    assert len(line) == 200
+    assert line.isprintable()
+    assert one_line(line) == line
+    assert line.startswith("read 'aaa")
+    assert line.endswith("\\n\\t\\x1b'; expected a number")
     assert short("a" * 30 + "b" * 30, 12) == "aaaaaa...bbb"
 
 
 def test_all_faults_are_kept_and_their_message_is_bounded():
     faults = [Fault("not-a-number", f"read '{k}'", k, k + 1, f"c{k % 60}") for k in range(100_000)]
     error = InputError("t\x1b.csv", faults, ["flip v_x1"])
-    assert (
-        error.faults == tuple(faults)
-        and error.code == "not-a-number"
-        and error.source == "t\\x1b.csv"
-    )
+    assert error.faults == tuple(faults)
+    assert error.code == "not-a-number"
+    assert error.source == "t\\x1b.csv"
     text = str(error)
-    assert (
-        len(text) < 10_000
-        and "100,000 faults" in text
-        and "flip v_x1" in text
-        and "\x1b" not in text
-    )
+    assert len(text) < 10_000
+    assert "100,000 faults" in text
+    assert "flip v_x1" in text
+    assert "\x1b" not in text
     # Column, rows and line of a kind that repeats.
     assert (
         "rows 3, 63, 123, 183, 243, 303 and 1,661 more (first: line 4), column 'c3': read '3'"
@@ -139,7 +140,9 @@ def test_all_faults_are_kept_and_their_message_is_bounded():
 )
 def test_an_error_of_another_process_is_the_same(error):
     back = pickle.loads(pickle.dumps(error))
-    assert (type(back), str(back), back.code) == (type(error), str(error), error.code)
+    assert type(back) is type(error)
+    assert str(back) == str(error)
+    assert back.code == error.code
     assert str(error).isprintable() or isinstance(error, InputError)
 
 

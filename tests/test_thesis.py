@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from fitball.data.bundled import printed
@@ -27,7 +28,8 @@ def counts(made):
 
 def test_rows_of_appendix_c_that_are_reproduced(rows):
     """Within 0.1, 0.5 and 1 % in both velocity and spin."""
-    assert len(rows) == 147 and counts(rows) == [110, 118, 127]
+    assert len(rows) == 147
+    assert counts(rows) == [110, 118, 127]
     assert (rows["contact_time_error"].abs() <= 0.1).sum() == 140
 
 
@@ -44,7 +46,8 @@ def test_each_row_agrees_or_is_listed_among_the_errata(rows):
         assert not np.any(off & ~listed)
         # Nor does the list explain what needs no cause: but for three rows of C5, of a slip that
         # all six share.
-        assert set(rows["table"][listed & ~off]) <= {"C5"} and np.sum(listed & ~off) <= 3
+        assert set(rows["table"][listed & ~off]) <= {"C5"}
+        assert np.sum(listed & ~off) <= 3
 
 
 def test_without_the_slips_of_sliding_the_spin_keeps_the_balance():
@@ -58,11 +61,18 @@ def test_without_the_slips_of_sliding_the_spin_keeps_the_balance():
         "inertia_split": 0.6,
         "mass_ratio": 2 / 3,
     }
-    given = ball | {"k_y": 1.4e4, "k_theta": 1e7, "mu": 0.1, "eps": 0.0, "c_y": 2.0}
+    given = ball | {
+        "k_y": 1.4e4,
+        "k_theta": 1e7,
+        "mu": 0.1,
+        "eps": 0.0,
+        "c_y": 2.0,
+    }
     for mended, share in (((), 0.6 / 0.4), (("torque", "sign", "cosine"), 1.0)):
         made = thesis_rebound(25.0, 8.0, 0.0, 0.75, **given, mended=mended)
         lost = 0.0576 * 0.033 * (25.0 - made.v_x2) / 3.2e-5
-        assert np.isnan(made.rolling) and made.omega_2 / lost == pytest.approx(share, rel=0.05)
+        assert np.isnan(made.rolling)
+        assert made.omega_2 / lost == pytest.approx(share, rel=0.05)
 
 
 def test_misprinted_inputs_and_the_radius_of_appendix_b_give_fewer(monkeypatch):
@@ -166,9 +176,9 @@ def test_it_is_what_the_formulas_of_the_thesis_give(rows):
         c_y=rows["c_y [lb s/in]"].to_numpy(float) * 4.4482216152605 * 39.37,
     )
     for name, column in zip(("rolling", "v_x2", "omega_2"), zip(*found, strict=True), strict=True):
-        np.testing.assert_allclose(getattr(made, name)[few], column, rtol=1e-9, atol=2e-7)
+        assert_allclose(getattr(made, name)[few], column, rtol=1e-9, atol=2e-7)
     assert 5 < np.isnan(made.rolling).sum() < 142
-    np.testing.assert_allclose(made.v_y2, rows["cor"] * rows["v_y1 [m/s]"], rtol=1e-15)
+    assert_allclose(made.v_y2, rows["cor"] * rows["v_y1 [m/s]"], rtol=1e-15)
 
 
 def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
@@ -192,11 +202,21 @@ def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
         eps=1e-3,
         c_y=4.0,
     )
-    assert made.v_x2.shape == made.v_y2.shape == (2, 2) and np.isfinite(made.v_x2).all()
+    assert made.v_x2.shape == made.v_y2.shape == (2, 2)
+    assert np.isfinite(made.v_x2).all()
     for changes in ({"c_y": 70.0}, {"k_theta": 0.5}):
         given = {"k_y": 2e4, "k_theta": 110.0, "c_y": 4.0} | changes
         assert np.isnan(
-            thesis_rebound(15.0, 6.0, 10.0, 0.75, **ball, mu=0.55, eps=1e-3, **given).v_x2
+            thesis_rebound(
+                15.0,
+                6.0,
+                10.0,
+                0.75,
+                **ball,
+                mu=0.55,
+                eps=1e-3,
+                **given,
+            ).v_x2
         )
 
 
@@ -205,4 +225,5 @@ def test_table_8_is_eq_79():
     runs = printed("table_8")
     period = (runs["time [s]"] / runs["cycles"]).mean()
     ratio = 386.4 / (1.016 * 39.37) * (period / (2.0 * np.pi)) ** 2
-    assert period == pytest.approx(1.516, abs=5e-4) and ratio == pytest.approx(0.5625, abs=5e-4)
+    assert period == pytest.approx(1.516, abs=5e-4)
+    assert ratio == pytest.approx(0.5625, abs=5e-4)

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from support.drawn import bars
 from support.films import Camera, bounces, filmed
 
@@ -46,14 +47,16 @@ def test_calibrate_reads_what_track_writes(film, tmp_path):
         "report.html",
     }
     table, scene = load_data([tmp_path / "out" / "impacts.csv"], None, True)
-    assert scene == film.scene and not scene.columns
+    assert scene == film.scene
+    assert not scene.columns
     assert scene.camera.tilt.sd == pytest.approx(np.radians(0.3), rel=1e-3)
     sure = film.impacts["omega_1 [rad/s]"].notna()
     assert 1 < sure.sum() < len(film.impacts) == 6
-    assert [*table.values] == list(TRACKED) and len(table) == sure.sum() == len(film.table)
+    assert [*table.values] == list(TRACKED)
+    assert len(table) == sure.sum() == len(film.table)
     for name in TRACKED:
-        np.testing.assert_array_equal(table.values[name], film.table.values[name])
-        np.testing.assert_array_equal(table.sd[name], film.table.sd[name])
+        assert_array_equal(table.values[name], film.table.values[name])
+        assert_array_equal(table.sd[name], film.table.sd[name])
     matrix = table.covariance(TRACKED[3:])
     assert np.all(
         np.linalg.eigvalsh(matrix / np.sqrt(np.einsum("rii,rjj->rij", matrix, matrix)))[:, 0] > 0.0
@@ -64,9 +67,8 @@ def test_calibrate_reads_what_track_writes(film, tmp_path):
         point_only=True,
         progress=False,
     )
-    assert {"scale", "clock", "tilt"} <= {*fit.parameters} and abs(
-        fit.parameters["mu"].point - 0.56
-    ) < 0.05
+    assert {"scale", "clock", "tilt"} <= {*fit.parameters}
+    assert abs(fit.parameters["mu"].point - 0.56) < 0.05
 
 
 def test_frames_of_the_film_are_told_one_by_one(film):
@@ -75,9 +77,8 @@ def test_frames_of_the_film_are_told_one_by_one(film):
     contact = own["role"] == "contact"
     assert own.loc[contact, ["outlier", "residual_x [m]"]].isna().all(axis=None)
     flying = own.loc[~contact]
-    assert (
-        flying["outlier"].between(0.0, 1.0).all() and flying["residual_y [m]"].abs().median() < 2e-3
-    )
+    assert flying["outlier"].between(0.0, 1.0).all()
+    assert flying["residual_y [m]"].abs().median() < 2e-3
     assert set(film.refused) == {"7"}
     assert sum(film.spins["used"] == "yes") == film.impacts["omega_1 [rad/s]"].notna().sum()
 
@@ -85,16 +86,19 @@ def test_frames_of_the_film_are_told_one_by_one(film):
 def test_the_page_says_what_was_found_and_runs_nothing(film):
     html = film._repr_html_()
     text = film.report()
-    assert "<script>alert" not in html and "\x1b" not in text
+    assert "<script>alert" not in html
+    assert "\x1b" not in text
     for word in ("6 impacts", "gap_time", "court_height", "no minimum"):
         assert word in text
     # Most doubtful impacts first: those without sure spins have pictures.
     shown = film._report.pictures()
     open_ = [k for k, name in enumerate(film.impacts["omega_1 [rad/s]"].isna()) if name]
-    assert {f"track-{k + 1}" for k in open_} <= {*shown} and "session" in shown
+    assert {f"track-{k + 1}" for k in open_} <= {*shown}
+    assert "session" in shown
     for name in shown:
         axes = film.plot(name).axes
-        assert axes and all(axis.lines or axis.collections for axis in axes)
+        assert axes
+        assert all(axis.lines or axis.collections for axis in axes)
     impacts = film.impacts
     session = film.plot("session").axes
     for axis, values in zip(
@@ -108,7 +112,7 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
         strict=True,
     ):
         shown = axis.lines[0].get_xydata()
-        np.testing.assert_allclose(
+        assert_allclose(
             shown,
             np.column_stack([impacts["v_y1 [m/s]"], values]),
             rtol=1e-12,
@@ -122,7 +126,7 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
         (rise_sd / fall) ** 2 + (rise * fall_sd / fall**2) ** 2 - 2.0 * rise / fall**3 * both
     )
     ends = bars(session[0])[0][:, :, 1]
-    np.testing.assert_allclose(0.5 * (ends[:, 1] - ends[:, 0]), sd, rtol=1e-9)
+    assert_allclose(0.5 * (ends[:, 1] - ends[:, 0]), sd, rtol=1e-9)
     own = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
     assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
@@ -141,12 +145,14 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
     (tmp_path / "clip.toml").write_text("[camera]\nfps = 500.0\ncourt = 0.0\n")
     assert cli.main(["track", "clip.csv", "--json", "--figures", "none"]) == 0
     found = json.loads(capsys.readouterr().out)["frames"]
-    assert len(found["impacts"]) == 3 and len(found["session"]) == 1
+    assert len(found["impacts"]) == 3
+    assert len(found["session"]) == 1
     again = pd.read_csv("fits/clip/track/impacts.csv")
     assert again["v_x1 [m/s]"].tolist() == [row["v_x1 [m/s]"] for row in found["impacts"]]
     # What is stated on the line holds over the scene.
     assert cli.main(["track", "clip.csv", "--fps", "25", "--out", "x"]) == 2
-    assert "frames/s" in capsys.readouterr().err and not (tmp_path / "x").exists()
+    assert "frames/s" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()
     assert cli.main(["track"]) == 2
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from support import films
 from support.films import NINE, Camera, bounces, filmed, scores
 
@@ -78,8 +79,10 @@ def test_intervals_of_all_nine_hold_on_twelve_cameras(study):
     assert len(z) == 96
     # 99.8 % of binomial counts of 96, and of the 80 with spins.
     for k in range(9):
-        assert within(z[:, k], 1.96) > 0.86 and 0.53 < within(z[:, k], 0.9945) < 0.83, NINE[k]
-    assert 0.92 < within(z, 1.96) < 0.98 and 0.63 < within(z, 0.9945) < 0.73
+        assert within(z[:, k], 1.96) > 0.86, NINE[k]
+        assert 0.53 < within(z[:, k], 0.9945) < 0.83, NINE[k]
+    assert 0.92 < within(z, 1.96) < 0.98
+    assert 0.63 < within(z, 0.9945) < 0.73
 
 
 def test_errors_of_a_row_belong_together_as_stated(study):
@@ -107,9 +110,9 @@ def test_spins_are_sure_or_empty_never_wrong(study):
         first = own["omega_1 [rad/s]"] - truth[int(name) - 1, 2]
         second = own["omega_2 [rad/s]"] - truth[int(name) - 1, 5]
         assert np.min(np.hypot(first, second)) < 15.0
-        assert (
-            len(own) > 1 and own["probability"].sum() <= 1.0 + 1e-9 and set(own["used"]) == {"no"}
-        )
+        assert len(own) > 1
+        assert own["probability"].sum() <= 1.0 + 1e-9
+        assert set(own["used"]) == {"no"}
 
 
 def test_angles_of_a_mark_leave_spins_apart_by_whole_turns():
@@ -119,9 +122,8 @@ def test_angles_of_a_mark_leave_spins_apart_by_whole_turns():
     found = lines(d, phi, 2, 0.03, 0.05, 420.0)
     turns = (np.array([one.omega for one in found]) - 1000.0) / (np.pi * 240.0)
     # Of a table-tennis ball, to four sds of its spins: 1000 - 754 n rad/s.
-    assert (
-        sorted(np.round(turns)) == [-3, -2, -1, 0] and np.abs(turns - np.round(turns)).max() < 5e-3
-    )
+    assert sorted(np.round(turns)) == [-3, -2, -1, 0]
+    assert np.abs(turns - np.round(turns)).max() < 5e-3
     assert np.ptp([one.log for one in found]) < 1e-6
     for one in found:
         assert np.sqrt(one.covariance[1, 1]) == pytest.approx(
@@ -137,11 +139,9 @@ def test_noise_and_outliers_of_a_session_are_those_of_the_film(study):
         for axis in "xy"
     ]
     # Of some 200 frames each, of which flights take up a tenth.
-    assert (
-        max(shares) < 1.25
-        and min(shares) > 0.8
-        and np.mean(shares) == pytest.approx(1.0, abs=0.035)
-    )
+    assert max(shares) < 1.25
+    assert min(shares) > 0.8
+    assert np.mean(shares) == pytest.approx(1.0, abs=0.035)
     for camera, film, _ in study:
         row = film.session.iloc[0]
         assert row["noise_angle [rad]"] == pytest.approx(camera.angle_noise, rel=0.25)
@@ -154,7 +154,8 @@ def test_a_rolling_shutter_is_right_where_its_rows_are_known_and_asked_for_where
     known = {"mm_per_px": 1.0}
     z = scores(tracked(table, ROLLING, row_time=3.7e-6, **known), truth)[0]
     unstated = tracked(table, ROLLING, **known)
-    assert within(z, 1.96) > 0.9 and within(scores(unstated, truth)[0][:, SPEEDS], 1.96) < 0.1
+    assert within(z, 1.96) > 0.9
+    assert within(scores(unstated, truth)[0][:, SPEEDS], 1.96) < 0.1
     codes = {note.code for note in unstated.notes}
     assert "shutter" in codes
     assert "shutter" not in {
@@ -170,7 +171,8 @@ def test_errors_that_last_are_counted_where_they_are_stated():
     z = scores(tracked(table, LASTING, lasting=1e-3), truth)[0]
     silent = scores(tracked(table, LASTING), truth)[0]
     assert within(z[:, SPEEDS + GAPS], 1.96) > 0.9
-    assert within(silent[:, SPEEDS], 1.96) < 0.8 and within(silent[:, GAPS], 1.96) < 0.75
+    assert within(silent[:, SPEEDS], 1.96) < 0.8
+    assert within(silent[:, GAPS], 1.96) < 0.75
 
 
 def test_flights_without_drag_and_lift_do_not_hold():
@@ -201,7 +203,7 @@ def test_a_court_that_may_be_tilted_is_less_certain_where_balls_land_far_apart()
     )
     slope = 1.0 / plain["v_y1 [m/s]"] + 1.0 / plain["v_y2 [m/s]"]
     more = apart["gap_time_sd [s]"] ** 2 - plain["gap_time_sd [s]"] ** 2
-    np.testing.assert_allclose(
+    assert_allclose(
         more,
         (np.radians(0.3) * np.array([*far.values()]) * slope) ** 2,
         rtol=0.05,
@@ -216,7 +218,8 @@ def test_a_court_that_is_not_stated_is_found_by_the_contacts():
     height = film.scene.camera.court_height
     # Contacts last 4.9 ms in these films, 4.7 ms usually.
     assert film.session["court [m]"].iloc[0] == pytest.approx(0.4, abs=1.5 * height.sd)
-    assert height.sd > 3e-3 and "court-found" in {note.code for note in film.notes}
+    assert height.sd > 3e-3
+    assert "court-found" in {note.code for note in film.notes}
 
 
 @pytest.mark.parametrize("other", ["leftward", "down", "clockwise"])
@@ -235,7 +238,7 @@ def test_the_same_film_seen_otherwise_gives_the_same_impacts(other):
         table["angle [rad]"], said = -table["angle [rad]"], {"angles": "clockwise"}
     one = tracked(plain, Camera()).impacts
     two = tracked(table, Camera(), **said).impacts
-    np.testing.assert_allclose(two, one, rtol=1e-5, atol=1e-7)
+    assert_allclose(two, one, rtol=1e-5, atol=1e-7)
 
 
 def test_the_series_of_a_flight_agrees_with_an_integration():
@@ -245,7 +248,7 @@ def test_the_series_of_a_flight_agrees_with_an_integration():
         for until in (0.15, -0.15):
             d = np.linspace(0.0, until, 31)
             true = films.flight(v_x, v_y, omega, 0.5, 0.0, until)(d)[:2]
-            np.testing.assert_allclose(flight.path(v_x, v_y, 0.5, lift, k, d), true, atol=1.5e-4)
+            assert_allclose(flight.path(v_x, v_y, 0.5, lift, k, d), true, atol=1.5e-4)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.25])
@@ -282,18 +285,17 @@ def test_films_that_cannot_be_are_refused():
     # Marks that turn the other way: of most impacts such spins are not taken, whatever their angles
     # say.
     other = tracked(table.assign(**{"angle [rad]": -table["angle [rad]"]}), camera, as_read=True)
-    assert (other.spins["used"] == "yes").sum() < 4 and len({*other.spins["id"]}) == 8
+    assert (other.spins["used"] == "yes").sum() < 4
+    assert len({*other.spins["id"]}) == 8
 
 
 def test_a_clip_that_ends_soon_after_the_bounce_leaves_the_others():
     table, truth = film_of(Camera(500))
     landed = table.loc[table[table["id"] == "3"]["y [m]"].idxmin(), "frame"]
     film = tracked(table[(table["id"] != "3") | (table["frame"] < landed + 4)], Camera(500))
-    assert (
-        set(film.refused) == {"3"}
-        and len(film.impacts) == 7
-        and within(scores(film, truth)[0], 2.6) > 0.9
-    )
+    assert set(film.refused) == {"3"}
+    assert len(film.impacts) == 7
+    assert within(scores(film, truth)[0], 2.6) > 0.9
 
 
 def test_several_bounces_of_a_clip_and_sessions_apart():
@@ -313,7 +315,7 @@ def test_several_bounces_of_a_clip_and_sessions_apart():
     joined = tracked(whole[whole["session"] == "a"].drop(columns="session"), camera)
     assert [*joined.impacts.index] == ["all-1", "all-2", "all-3"]
     apart = tracked(table[table["session"] == "a"].drop(columns="session"), camera)
-    np.testing.assert_allclose(joined.impacts["v_x1 [m/s]"], apart.impacts["v_x1 [m/s]"], atol=0.03)
+    assert_allclose(joined.impacts["v_x1 [m/s]"], apart.impacts["v_x1 [m/s]"], atol=0.03)
 
 
 def test_balls_without_marks_have_speeds_and_gaps_alone():
@@ -324,7 +326,8 @@ def test_balls_without_marks_have_speeds_and_gaps_alone():
     # Lift of spins that nobody saw is within the errors, those of the rebound near those of a ball
     # that rolls.
     z = scores(film, truth)[0]
-    assert within(z[:, SPEEDS], 1.96) > 0.9 and np.abs(np.mean(z[:, [3, 4]], axis=0)).max() < 0.6
+    assert within(z[:, SPEEDS], 1.96) > 0.9
+    assert np.abs(np.mean(z[:, [3, 4]], axis=0)).max() < 0.6
     assert "no-spins" in {note.code for note in film.notes}
 
 
@@ -334,7 +337,8 @@ def test_a_shell_that_swings_after_release_does_not_bias_the_turn():
     truth = bounces(8, rng)
     film = tracked(filmed(truth, camera, rng, ahead=np.full(8, 0.15)), camera)
     errors = scores(film, truth)[1]
-    assert abs(np.mean(errors[:, 8])) < 0.025 and np.abs(np.mean(errors[:, 5])) < 1.5
+    assert abs(np.mean(errors[:, 8])) < 0.025
+    assert np.abs(np.mean(errors[:, 5])) < 1.5
 
 
 def test_the_bundled_film_is_a_table_tennis_ball_that_a_robot_repeats():
@@ -346,5 +350,7 @@ def test_the_bundled_film_is_a_table_tennis_ball_that_a_robot_repeats():
     cor = speeds["v_y2 [m/s]"] / speeds["v_y1 [m/s]"]
     # ITTF Technical Leaflet T3: 0.89 to 0.92 on steel at 2.4 m/s; a table is as hard.
     assert 0.85 < cor.median() < 1.0
-    assert len(film.table) == len(film.impacts) and film.table.sd["gap_time"].max() < 1e-3
-    assert film.scene.ball.radius == 0.02 and "shutter" in {note.code for note in film.notes}
+    assert len(film.table) == len(film.impacts)
+    assert film.table.sd["gap_time"].max() < 1e-3
+    assert film.scene.ball.radius == 0.02
+    assert "shutter" in {note.code for note in film.notes}

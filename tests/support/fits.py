@@ -42,5 +42,12 @@ def bounded(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="uniform(0, 1)"):
 
 def drops_of(function, speeds, y, **choices):
     """A problem of a model of vertical speeds."""
-    table = made({"v_x1": 0.0 * speeds, "v_y1": speeds, "omega_1": 0.0 * speeds, "v_y2": y})
+    table = made(
+        {
+            "v_x1": 0.0 * speeds,
+            "v_y1": speeds,
+            "omega_1": 0.0 * speeds,
+            "v_y2": y,
+        }
+    )
     return build_problem(table, Scene(), Choices(**choices), fitball.model_from(function))

@@ -57,7 +57,13 @@ class MadeFit(Fit):
         return Quantity(known[name], lambda values: values[name])
 
 
-TRUTH = {"mu": 0.6, "e_x": 0.12, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.015}
+TRUTH = {
+    "mu": 0.6,
+    "e_x": 0.12,
+    "offset": 0.002,
+    "cor_10": 0.76,
+    "cor_slope": -0.015,
+}
 
 
 def table_of(count=24, surfaces=(), ids=None, drop=False, scatter=1.0):
