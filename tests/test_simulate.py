@@ -15,7 +15,8 @@ from fitball.uses.simulate import DRAWS
 IMPACT = "v_1=20, theta_1=35 deg, omega_1=-1000 rpm"
 ALONG = 20 * np.cos(np.radians(35))
 DOWN = 20 * np.sin(np.radians(35))
-STATE = fitball.impacts(ALONG, DOWN, -1000 * np.pi / 30)
+SPIN = -1000 * np.pi / 30
+STATE = fitball.impacts(ALONG, DOWN, SPIN)
 MASS = 0.0576
 RADIUS = 0.03302
 
@@ -29,22 +30,18 @@ def test_forces_change_the_momentum_of_the_ball(model):
     found = by_hand(model=model)
     frame = found.frames["history"]
     outcome = found.frames["outcome"].set_index("quantity")["value"]
-    impulse = {
-        name: np.trapezoid(frame[name], frame["time"])
-        for name in ("friction_force", "normal_force")
-    }
+    along = np.trapezoid(frame["friction_force"], frame["time"])
+    upward = np.trapezoid(frame["normal_force"], frame["time"])
     # Friction has a corner at each phase.
-    assert impulse["friction_force"] == pytest.approx(MASS * (outcome["v_x2"] - ALONG), rel=2e-3)
+    change = MASS * (outcome["v_x2"] - ALONG)
+    assert along == pytest.approx(change, rel=2e-3)
     if "total" in model:
-        assert impulse["normal_force"] == pytest.approx(MASS * (outcome["v_y2"] + DOWN), rel=1e-4)
-    assert (
-        frame["friction_force"].abs() <= frame["friction_limit"].abs() * (1 + 1e-9) + 1e-9
-    ).all()
-    assert_allclose(
-        frame["slip"],
-        frame["v_x"] - RADIUS * frame["omega_shell"],
-        atol=1e-9,
-    )
+        change = MASS * (outcome["v_y2"] + DOWN)
+        assert upward == pytest.approx(change, rel=1e-4)
+    limit = frame["friction_limit"].abs() * (1 + 1e-9) + 1e-9
+    assert (frame["friction_force"].abs() <= limit).all()
+    slip = frame["v_x"] - RADIUS * frame["omega_shell"]
+    assert_allclose(frame["slip"], slip, atol=1e-9)
 
 
 def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
@@ -60,9 +57,10 @@ def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
     assert phases["start"][0] == 0.0
     assert_array_equal(phases["start"][1:], phases["end"][:-1])
     edge = phases["end"][0]
-    around = model.history(values, STATE, np.array([edge * (1 - 1e-6), edge]))
-    assert 0.0 < around.courses["slip"][0] < 1e-3
-    assert abs(around.courses["slip"][1]) < 1e-9
+    around = np.array([edge * (1 - 1e-6), edge])
+    before, after = model.history(values, STATE, around).courses["slip"]
+    assert 0.0 < before < 1e-3
+    assert abs(after) < 1e-9
 
 
 def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
@@ -70,29 +68,31 @@ def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
     found = fitball.simulate(fit, impact=IMPACT, level={"surface": "Hard"})
     frame = found.frames["history"]
     outcome = found.frames["outcome"].set_index("quantity")
-    draws = fit.draws.values
-    names = [spec.name for spec in fit.problem.forward.model.parameters]
-    at = {name: draws.get(f"{name}[hard]", draws.get(name)) for name in names}
-    rows = np.linspace(0, 399, DRAWS).astype(int)
     model = fit.problem.forward.model
+    rows = np.linspace(0, 399, DRAWS).astype(int)
+    on_hard = {}
+    for spec in model.parameters:
+        draws = fit.draws.values
+        pooled = draws.get(spec.name)
+        on_hard[spec.name] = draws.get(f"{spec.name}[hard]", pooled)[rows]
+    times = model.rebound(on_hard, STATE).contact_time[:, 0]
     slips = []
-    times = model.rebound({name: one[rows] for name, one in at.items()}, STATE).contact_time[:, 0]
-    for row, time in zip(rows, times, strict=True):
-        one = model.history(
-            {name: values[row] for name, values in at.items()},
-            STATE,
-            np.array([0.25, 0.5]) * time,
-        )
-        slips.append(one.courses["slip"])
-    ends = np.quantile(slips, [0.025, 0.84], axis=0)
-    assert_allclose(frame.loc[[60, 120], "slip_q025"], ends[0], rtol=1e-12, atol=1e-12)
-    assert_allclose(frame.loc[[60, 120], "slip_q84"], ends[1], rtol=1e-12, atol=1e-12)
+    for k, time in enumerate(times):
+        draw = {name: values[k] for name, values in on_hard.items()}
+        history = model.history(draw, STATE, np.array([0.25, 0.5]) * time)
+        slips.append(history.courses["slip"])
+    low, high = np.quantile(slips, [0.025, 0.84], axis=0)
+    # 240 steps of the contact: a quarter, and half of it.
+    shown = frame.loc[[60, 120]]
+    assert_allclose(shown["slip_q025"], low, rtol=1e-12, atol=1e-12)
+    assert_allclose(shown["slip_q84"], high, rtol=1e-12, atol=1e-12)
     assert_allclose(outcome.loc["contact_time", "q975"], np.quantile(times, 0.975))
     assert "extrapolated" not in {note.code for note in found.notes}
-    held = fitball.simulate(made_fit(model="two-mass", fix={"k_y": 2e4}), impact=IMPACT)
-    assert [note.code for note in held.notes] == ["held"]
     far = fitball.simulate(fit, impact="v_1=60, theta_1=35", level={"surface": "hard"})
     assert "extrapolated" in {note.code for note in far.notes}
+    fixed = made_fit(model="two-mass", fix={"k_y": 2e4})
+    found = fitball.simulate(fixed, impact=IMPACT)
+    assert [note.code for note in found.notes] == ["held"]
 
 
 def test_draws_without_an_answer_are_left_out_and_said():
@@ -101,21 +101,21 @@ def test_draws_without_an_answer_are_left_out_and_said():
     rng = np.random.default_rng(2)
     for share, banded in ((0.3, True), (0.7, False)):
         # COR cannot exceed the mass ratio.
-        ratio[:] = np.where(rng.uniform(size=400) < share, 0.4, 0.87)
+        without_answer = rng.uniform(size=400) < share
+        ratio[:] = np.where(without_answer, 0.4, 0.87)
         found = fitball.simulate(fit, impact=IMPACT)
         assert [note.code for note in found.notes] == ["no-answer"]
-        assert (found.frames["history"]["y_q025"].notna() == banded).all()
+        drawn = found.frames["history"]["y_q025"].notna()
+        assert (drawn == banded).all()
 
 
 def test_values_by_hand_are_numbers_or_published_ones():
-    found = (
-        by_hand(mu="literature:clay", k_y="1e4")
-        .frames["parameters"]
-        .set_index("parameter")["value"]
-    )
-    assert found["mu"] == pytest.approx(0.73)
-    assert found["k_y"] == 1e4
-    assert found["k_theta"] == fitball.model("two-mass").specs["k_theta"].typical
+    found = by_hand(mu="literature:clay", k_y="1e4")
+    values = found.frames["parameters"].set_index("parameter")["value"]
+    assert values["mu"] == pytest.approx(0.73)
+    assert values["k_y"] == 1e4
+    specs = fitball.model("two-mass").specs
+    assert values["k_theta"] == specs["k_theta"].typical
 
 
 @pytest.mark.parametrize("case", ["fit", "drop", "point", "values"])
@@ -129,33 +129,35 @@ def test_the_figure_shows_the_courses(case):
             kind = "two-mass+normal=total"
             frame = table_of(12, drop=True)
             impact = "v_y1=7"
-        found = fitball.simulate(
-            made_fit(frame, model=kind, sampled=case != "point"),
-            impact=impact,
-        )
+        fit = made_fit(frame, model=kind, sampled=case != "point")
+        found = fitball.simulate(fit, impact=impact)
     figure = styled(found._layout.figures()["history"])
-    frame = found.frames["history"]
     assert saved(figure).startswith(b"\x89PNG")
-    assert len(figure.axes) == (2 if case == "drop" else 4)
-    assert_allclose(
-        figure.axes[0].lines[0].get_xydata(),
-        1e3 * frame[["time", "y"]].to_numpy(),
-    )
-    assert len(figure.axes[0].collections) == (2 if case in ("fit", "drop") else 0)
+    height = figure.axes[0]
+    course = found.frames["history"][["time", "y"]]
+    assert_allclose(height.lines[0].get_xydata(), 1e3 * course.to_numpy())
+    bands = 2 if case in ("fit", "drop") else 0
+    assert len(height.collections) == bands
     assert ("no-band" in {note.code for note in found.notes}) == (case == "point")
-    assert (
-        ("omega_2" in found.report(full=False))
-        == (case != "drop")
-        == (not found.frames["phases"].empty)
-    )
-    if case != "drop":
+    phases = found.frames["phases"]
+    if case == "drop":
+        assert len(figure.axes) == 2
+        assert "omega_2" not in found.report(full=False)
+        assert phases.empty
+    else:
+        assert len(figure.axes) == 4
+        assert "omega_2" in found.report(full=False)
+        assert not phases.empty
         state = found.frames["impact"].iloc[0]
         values = found.frames["outcome"].set_index("quantity")["value"]
-        dots = [line.get_ydata()[0] for line in figure.axes[2].lines if line.get_marker() == "o"]
-        ends = np.array([[state["v_x1"], state["omega_1"]], [values["v_x2"], values["omega_2"]]])
-        assert_allclose(dots, (ends * [1.0, state["radius"]]).ravel())
-        widths = [patch.get_width() for patch in figure.axes[0].patches]
-        assert_allclose(
-            widths,
-            1e3 * (found.frames["phases"]["end"] - found.frames["phases"]["start"]),
-        )
+        # Speeds of the ball and of its surface, before and after.
+        ends = [
+            state["v_x1"],
+            state["radius"] * state["omega_1"],
+            values["v_x2"],
+            state["radius"] * values["omega_2"],
+        ]
+        dots = [line for line in figure.axes[2].lines if line.get_marker() == "o"]
+        assert_allclose([dot.get_ydata()[0] for dot in dots], ends)
+        widths = [patch.get_width() for patch in height.patches]
+        assert_allclose(widths, 1e3 * (phases["end"] - phases["start"]))

@@ -45,19 +45,34 @@ def written(folder, text, name="clip.csv"):
 
 
 def read(source, columns=None, ball=None, **camera):
-    scene = Scene(camera=CameraSection(**camera), ball=ball or BallSection())
+    """Tracks and notes of one file or frame."""
+    scene = Scene(
+        camera=CameraSection(**camera),
+        ball=ball or BallSection(),
+    )
     return read_tracks([source], scene, columns or {})
 
 
-def same(track, rows=slice(None), within=2e-5, x=X, y=Y):
+def read_text(folder, text, **camera):
+    """Tracks of a file of a text."""
+    tracks, _ = read(written(folder, text), **camera)
+    return tracks
+
+
+def same(track, rows=slice(None), x=X, y=Y):
     """Positions are those of the film, times too but for where they begin."""
-    assert_allclose(track.x, x[rows], atol=within)
-    assert_allclose(track.y, y[rows], atol=within)
-    assert_allclose(np.diff(track.time), np.diff(TIME[rows]), atol=2e-5)
+    steps = np.diff(TIME[rows])
+    assert_allclose(track.x, x[rows], atol=2e-5)
+    assert_allclose(track.y, y[rows], atol=2e-5)
+    assert_allclose(np.diff(track.time), steps, atol=2e-5)
 
 
 def rows_of(*columns, sign=";"):
-    lines = [sign.join(map(str, row)) for row in zip(*columns, strict=True)]
+    """Lines of a file of columns."""
+    lines = []
+    for row in zip(*columns, strict=True):
+        cells = map(str, row)
+        lines.append(sign.join(cells))
     return "\n".join(lines)
 
 
@@ -65,26 +80,29 @@ def with_commas(*columns):
     return rows_of(*(map(comma, column) for column in columns))
 
 
+# Times of playback at 30 frames a second, rounded to a millisecond.
+PLAYBACK = np.round(FRAME / 30.0, 3)
+NAMES = ["a"] * len(X)
+IN_SECONDS = {}
+IN_FRAMES = {"fps": FPS}
+DOWNWARD = {**PIXELS, "y": "down"}
+# Header, rows, what the scene states of the camera.
 LONG = [
-    ("id,t [s],x [m],y [m]", lambda: rows_of(["a"] * len(X), TIME, X, Y, sign=","), {}),
-    ("Time [ms];X [mm];Y [mm]", lambda: with_commas(1e3 * TIME, 1e3 * X, 1e3 * Y), {}),
-    ("frame x_cm y_cm", lambda: rows_of(FRAME, 100 * X, 100 * Y, sign=" "), {"fps": FPS}),
-    ("bild;x_pos [px];y_pos [px]", lambda: rows_of(FRAME, X_PX, Y_PX), PIXELS),
-    ("frame\tx\ty", lambda: rows_of(FRAME, X_PX, Y_PX, sign="\t"), PIXELS),
-    ("t;x;y\ns;cm;cm", lambda: rows_of(TIME, 100 * X, 100 * Y), {}),
-    # Times of playback at 30 frames a second, rounded to a millisecond.
-    ("t,x [m],y [m]", lambda: rows_of(np.round(FRAME / 30.0, 3), X, Y, sign=","), {"fps": FPS}),
-    (
-        "frame,x [px],y [px]",
-        lambda: rows_of(FRAME, X_PX, -Y_PX, sign=","),
-        {**PIXELS, "y": "down"},
-    ),
+    ("id,t [s],x [m],y [m]", rows_of(NAMES, TIME, X, Y, sign=","), IN_SECONDS),
+    ("Time [ms];X [mm];Y [mm]", with_commas(1e3 * TIME, 1e3 * X, 1e3 * Y), IN_SECONDS),
+    ("frame x_cm y_cm", rows_of(FRAME, 100 * X, 100 * Y, sign=" "), IN_FRAMES),
+    ("bild;x_pos [px];y_pos [px]", rows_of(FRAME, X_PX, Y_PX), PIXELS),
+    ("frame\tx\ty", rows_of(FRAME, X_PX, Y_PX, sign="\t"), PIXELS),
+    ("t;x;y\ns;cm;cm", rows_of(TIME, 100 * X, 100 * Y), IN_SECONDS),
+    ("t,x [m],y [m]", rows_of(PLAYBACK, X, Y, sign=","), IN_FRAMES),
+    ("frame,x [px],y [px]", rows_of(FRAME, X_PX, -Y_PX, sign=","), DOWNWARD),
 ]
+HEADERS = [header for header, *_ in LONG]
 
 
-@pytest.mark.parametrize(("header", "rows", "camera"), LONG, ids=[header for header, *_ in LONG])
+@pytest.mark.parametrize(("header", "rows", "camera"), LONG, ids=HEADERS)
 def test_long_tables_as_people_write_them(tmp_path, header, rows, camera):
-    (track,), _ = read(written(tmp_path, f"{header}\n{rows()}\n"), **camera)
+    (track,) = read_text(tmp_path, f"{header}\n{rows}\n", **camera)
     same(track)
     if header.startswith("id"):
         assert track.id == "a"
@@ -119,21 +137,22 @@ def test_tracker_has_masses_side_by_side(tmp_path, head):
     v = TWO["y [m]"].to_numpy()
     lines = []
     for k in range(count):
-        cells = [comma(TIME[k]), comma(X[k]), comma(Y[k])]
+        numbers = [TIME[k], X[k], Y[k]]
         if head.count("t") == 2:
-            cells.append(comma(TIME[k]))
+            numbers.append(TIME[k])
         # The second ball is lost in two frames.
         if k in (3, 4):
-            cells += ["", ""]
+            cells = [*map(comma, numbers), "", ""]
         else:
-            cells += [comma(u[k]), comma(v[k])]
+            cells = map(comma, [*numbers, u[k], v[k]])
         lines.append(";".join(cells))
     text = "\n".join([";mass_A;;mass_B;", head, *lines])
-    tracks, _ = read(written(tmp_path, text))
-    assert [track.id for track in tracks] == ["clip-1", "clip-2"]
-    same(tracks[0], slice(count))
+    first, second = read_text(tmp_path, text)
+    assert first.id == "clip-1"
+    assert second.id == "clip-2"
+    same(first, slice(count))
     seen = np.delete(np.arange(count), (3, 4))
-    same(tracks[1], seen, x=u, y=v)
+    same(second, seen, x=u, y=v)
 
 
 def test_kinovea_has_objects_in_one_table(tmp_path):
@@ -144,7 +163,7 @@ def test_kinovea_has_objects_in_one_table(tmp_path):
         lines.append(",".join(quoted) + ",,")
     lines[5] = lines[5][:-1] + '"0,5","0,5"'
     text = "\n".join([head, *lines])
-    (ball, marker), _ = read(written(tmp_path, text))
+    ball, marker = read_text(tmp_path, text)
     same(ball)
     assert ball.id == "Trajectory 1"
     assert marker.id == "Marker 1"
@@ -156,7 +175,7 @@ def test_dltdv_counts_rows_and_is_in_pixels(tmp_path):
     for x, y in zip(X_PX, Y_PX, strict=True):
         lines.append(f"{x:.4f},{y:.4f},NaN,NaN")
     text = "\n".join(lines)
-    (ball, other), _ = read(written(tmp_path, text), **PIXELS)
+    ball, other = read_text(tmp_path, text, **PIXELS)
     same(ball)
     assert ball.id == "clip-pt1_cam1"
     assert ball.frame[0] == 2
@@ -184,21 +203,25 @@ def test_the_ball_itself_is_a_scale(tmp_path):
 
 
 def test_frames_without_a_ball_are_left_out():
-    table = ONE.assign(quality=1.0).astype({"x [m]": float})
+    table = ONE.assign(quality=1.0)
+    table = table.astype({"x [m]": float})
     table.loc[3, "quality"] = 0.5
     table.loc[7, ["x [m]", "y [m]"]] = -999.0
     table.loc[9, "x [m]"] = -99.0
-    table.loc[12, ["x [m]", "y [m]"]] = table.loc[11, ["x [m]", "y [m]"]].to_numpy()
+    position = ["x [m]", "y [m]"]
+    table.loc[12, position] = table.loc[11, position].to_numpy()
     table.loc[20, "y [m]"] = np.nan
     (track,), notes = read(table, fps=FPS)
     # The 99 m of row 9 is a number like others; four rows are none.
     assert len(track.x) == len(X) - 4
-    assert {3, 7, 12, 20}.isdisjoint(track.frame - FRAME[0])
+    numbers = track.frame - FRAME[0]
+    assert {3, 7, 12, 20}.isdisjoint(numbers)
     assert [note.code for note in notes] == ["frames-left-out"] * 3
 
 
 def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
-    mixed = ONE.sample(frac=1.0, random_state=1).rename(columns={"x [m]": "Hor", "y [m]": "Ver"})
+    mixed = ONE.sample(frac=1.0, random_state=1)
+    mixed = mixed.rename(columns={"x [m]": "Hor", "y [m]": "Ver"})
     labelled = mixed.assign(surface="clay", mood="good")
     names = {"x": "Hor [m]", "y": "Ver [m]"}
     (track,), _ = read(labelled, names, fps=FPS)
@@ -219,9 +242,9 @@ def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
 
 
 def test_times_of_playback_count_frames_that_are_missing():
-    seen = np.array([k for k in range(len(X)) if k % 5 not in (2, 3)])
-    playback = np.round(FRAME / 30.0, 3)
-    table = pd.DataFrame({"t": playback, "x [m]": X, "y [m]": Y})
+    number = np.arange(len(X)) % 5
+    seen = np.flatnonzero((number != 2) & (number != 3))
+    table = pd.DataFrame({"t": PLAYBACK, "x [m]": X, "y [m]": Y})
     tracks, _ = read(table.iloc[seen], fps=FPS)
     same(tracks[0], seen)
 
