@@ -10,8 +10,8 @@ from support.line import exact, line_problem
 
 from fitball.base.errors import FitError
 from fitball.inference.effort import Effort
+from fitball.inference.sampling import chains
 from fitball.inference.sampling import sample as sampling
-from fitball.inference.sampling.chains import _left_behind, run
 from fitball.inference.sampling.convergence import Mixing
 from fitball.inference.sampling.importance import Student
 from fitball.inference.sampling.sample import sample
@@ -23,15 +23,14 @@ def quiet(_stage, _share):
     """Nothing is shown."""
 
 
-def begun(problem, at=None):
+def begun(problem):
     """The normal density that touches the posterior at a maximum."""
-    q = problem.coordinates(
-        best_fit(problem, np.random.default_rng(0)).optima[0] if at is None else at
-    )
-    curvature = Objective(problem).linearised(q[None])[1][0] + np.diag(
-        1e-8 / problem.prior.width**2
-    )
-    return [Student(q, np.linalg.cholesky(np.linalg.inv(curvature)))]
+    best = best_fit(problem, np.random.default_rng(0)).optima[0]
+    q = problem.coordinates(best)
+    _, (curvature,) = Objective(problem).linearised(q[None])
+    curvature = curvature + np.diag(1e-8 / problem.prior.width**2)
+    covariance = np.linalg.inv(curvature)
+    return [Student(q, np.linalg.cholesky(covariance))]
 
 
 def check(problem, posterior, size):
@@ -39,36 +38,42 @@ def check(problem, posterior, size):
     centre, covariance = exact(problem)
     values = posterior.values.reshape(-1, 2)
     sds = np.sqrt(np.diagonal(covariance))
-    assert np.all(np.abs(values.mean(axis=0) - centre) < 4.0 * sds / np.sqrt(size))
+    shift = values.mean(axis=0) - centre
+    assert np.all(np.abs(shift) < 4.0 * sds / np.sqrt(size))
     assert_allclose(values.std(axis=0) / sds, 1.0, atol=4.0 / np.sqrt(2.0 * size))
-    assert np.corrcoef(values.T)[0, 1] == pytest.approx(covariance[0, 1] / sds.prod(), abs=0.02)
-    where = np.unravel_index(posterior.log_density.argmax(), posterior.log_density.shape)
-    assert np.all(np.abs(posterior.values[where] - centre) < 0.2 * sds)
+    correlation = covariance[0, 1] / sds.prod()
+    assert np.corrcoef(values.T)[0, 1] == pytest.approx(correlation, abs=0.02)
+    best = values[posterior.log_density.argmax()]
+    assert np.all(np.abs(best - centre) < 0.2 * sds)
 
 
 def test_chains_have_the_moments_of_a_known_posterior(monkeypatch):
     problem = line_problem()
+    stages = []
     shares = []
-    posterior, found = sample(
-        problem,
-        begun(problem),
-        Effort(),
-        lambda stage, share: shares.append((stage, share)),
-    )
+
+    def shown(stage, share):
+        stages.append(stage)
+        shares.append(share)
+
+    posterior, found = sample(problem, begun(problem), Effort(), shown)
     assert found.converged
     assert found.complaints == ()
     assert found.pareto_k is None
     assert max(found.r_hat.values()) < 1.01
-    assert min(*found.ess_bulk.values(), *found.ess_tail.values()) > 1000.0
-    assert posterior.values.shape == (4, found.steps - found.warm_up, 16, 2)
+    assert min(found.ess_bulk.values()) > 1000.0
+    assert min(found.ess_tail.values()) > 1000.0
+    steps = found.steps - found.warm_up
+    assert posterior.values.shape == (4, steps, 16, 2)
     check(problem, posterior, 1000.0)
     monkeypatch.setattr(sampling, "TARGET_R_HAT", min(found.r_hat.values()))
     _, worse = sample(problem, begun(problem), Effort(), quiet)
     assert worse.r_hat == found.r_hat
     assert not worse.converged
     assert len(worse.complaints) == 2
-    assert {stage for stage, _ in shares} == {"sampling"}
-    assert all(0.0 <= share <= 1.0 for _, share in shares)
+    assert set(stages) == {"sampling"}
+    assert min(shares) >= 0.0
+    assert max(shares) <= 1.0
 
 
 def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
@@ -78,7 +83,9 @@ def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
     assert found.converged
     assert found.r_hat is None
     assert found.pareto_k < 0.7
-    assert posterior.values.shape[0] == posterior.values.shape[2] == 1
+    ensembles, _, walkers, _ = posterior.values.shape
+    assert ensembles == 1
+    assert walkers == 1
     check(problem, posterior, min(found.ess_bulk.values()))
     for name, value in (("RELIABLE", found.pareto_k - 0.01), ("SPARE", 0.3)):
         with monkeypatch.context() as patch:
@@ -93,9 +100,10 @@ def test_the_same_seed_gives_the_same_bytes(long, monkeypatch):
     problem = line_problem(copies=2)
     effort = Effort(seed=7, max_steps=100)
     monkeypatch.setattr(sampling, "LONG", long)
-    one, two = (sample(problem, begun(problem), effort, quiet)[0] for _ in range(2))
-    assert one.values.tobytes() == two.values.tobytes()
-    assert one.log_density.tobytes() == two.log_density.tobytes()
+    first, _ = sample(problem, begun(problem), effort, quiet)
+    again, _ = sample(problem, begun(problem), effort, quiet)
+    assert first.values.tobytes() == again.values.tobytes()
+    assert first.log_density.tobytes() == again.log_density.tobytes()
 
 
 def test_chains_that_have_not_converged_are_said_so():
@@ -115,35 +123,43 @@ def test_chains_that_have_not_converged_are_said_so():
 
 # Of 100 steps that are stored, every fourth, the first quarter is left out; draws that taught are
 # no draws.
-@pytest.mark.parametrize(("lessons", "kept"), [(0, 75), (2, 100)])
-def test_a_long_chain_is_thinned_evenly(lessons, kept, monkeypatch):
+@pytest.mark.parametrize(("lessons", "stored"), [(0, 75), (2, 100)])
+def test_a_long_chain_is_thinned_evenly(lessons, stored, monkeypatch):
     problem = line_problem()
-    chains = "fitball.inference.sampling.chains."
-    for name, value in (("STORED", 100), ("FIRST", 100), ("TARGET_ESS", 1e9), ("LESSONS", lessons)):
-        monkeypatch.setattr(chains + name, value)
-    mixed, scores, rates, *steps = run(
+    monkeypatch.setattr(chains, "STORED", 100)
+    monkeypatch.setattr(chains, "FIRST", 100)
+    monkeypatch.setattr(chains, "TARGET_ESS", 1e9)
+    monkeypatch.setattr(chains, "LESSONS", lessons)
+    rng = np.random.default_rng(0)
+    mixed, scores, rates, warm_up, steps = chains.run(
         problem,
         begun(problem),
-        np.random.default_rng(0),
+        rng,
         400,
         lambda _share: None,
     )
-    assert steps == [160 + 100 * lessons, 160 + 400]
-    assert mixed.chains.shape[:2] == (4, kept) == scores.shape[:2]
+    assert warm_up == 160 + 100 * lessons
+    assert steps == 160 + 400
+    assert mixed.chains.shape[:2] == (4, stored)
+    assert scores.shape[:2] == (4, stored)
     assert all(0.2 < rate < 0.9 for rate in rates)
     centre, covariance = exact(problem)
     sds = np.sqrt(np.diagonal(covariance))
-    assert np.all(np.abs(mixed.chains.mean(axis=(0, 1, 2)) - centre) < 0.1 * sds)
-    assert_allclose(mixed.chains.std(axis=(0, 1, 2)) / sds, 1.0, atol=0.1)
+    draws = mixed.chains.reshape(-1, 2)
+    shift = draws.mean(axis=0) - centre
+    assert np.all(np.abs(shift) < 0.1 * sds)
+    assert_allclose(draws.std(axis=0) / sds, 1.0, atol=0.1)
 
 
 def test_a_walker_that_the_others_left_behind():
-    scores = -0.5 * np.random.default_rng(0).chisquare(5.0, (4, 80, 16))
-    assert not _left_behind(scores).any()
+    rng = np.random.default_rng(0)
+    scores = -0.5 * rng.chisquare(5.0, (4, 80, 16))
+    assert not chains._left_behind(scores).any()
     scores[1, :, 3] -= 30.0
     # Low for a while is no reason.
     scores[2, :50, 5] -= 30.0
-    assert np.argwhere(_left_behind(scores)).tolist() == [[1, 3]]
+    behind = np.argwhere(chains._left_behind(scores))
+    assert behind.tolist() == [[1, 3]]
 
 
 def test_where_no_chain_can_start():
@@ -164,15 +180,17 @@ def test_effective_sizes_and_r_hat():
     white = rng.standard_normal((4, 1000, 4, 4))
     found = Mixing(tuple("abcd"), white)
     size = 4 * 1000 * 4
-    assert all(
-        abs(one / size - 1.0) < 0.15 for one in (*found.ess_bulk.values(), *found.ess_tail.values())
-    )
+    for name in "abcd":
+        assert abs(found.ess_bulk[name] / size - 1.0) < 0.15
+        assert abs(found.ess_tail[name] / size - 1.0) < 0.15
     assert found.reached(0.8 * size, 1.01)
     assert not found.reached(1.2 * size, 1.01)
     # An autoregression of 0.9 is worth 1/19 of its length; an ensemble elsewhere, or one that never
     # moved, shows.
+    correlated = white[..., 0]
     for k in range(1, 1000):
-        white[:, k, :, 0] = 0.9 * white[:, k - 1, :, 0] + np.sqrt(0.19) * white[:, k, :, 0]
+        before = correlated[:, k - 1]
+        correlated[:, k] = 0.9 * before + np.sqrt(0.19) * correlated[:, k]
     white[2, :, :, 1] += 1.0
     white[..., 2] = 0.5
     # Walkers of one ensemble may lie apart: ensembles are compared.
@@ -182,8 +200,10 @@ def test_effective_sizes_and_r_hat():
     assert found.r_hat["a"] < 1.02
     assert found.r_hat["b"] > 1.05
     assert not found.reached(1.0, 1.05)
-    wide = rng.standard_normal((4, 1000, 4, 1)) * np.repeat([0.2, 1.0], 500)[None, :, None, None]
-    assert (now := Mixing("a", wide)).ess_tail["a"] < 0.2 * now.ess_bulk["a"]
+    # Nearly all draws of the tails come from the second half.
+    widening = np.repeat([0.2, 1.0], 500)[None, :, None, None]
+    wide = Mixing("a", rng.standard_normal((4, 1000, 4, 1)) * widening)
+    assert wide.ess_tail["a"] < 0.2 * wide.ess_bulk["a"]
     assert not found.r_hat["c"] < np.inf
     assert found.r_hat["d"] < 1.02
     assert found.ess_bulk["d"] < 0.1 * size

@@ -24,23 +24,34 @@ def line_problem(count=12, seed=0, noise=SD, copies=1, **choices):
     """
     rng = np.random.default_rng(seed)
     v_x1 = rng.uniform(5.0, 20.0, count)
+    errors = SD * rng.standard_normal(count)
     values = {
         "v_x1": v_x1,
         "v_y1": np.full(count, 8.0),
-        "v_x2": 0.6 * v_x1 + 1.0 + SD * rng.standard_normal(count),
+        "v_x2": 0.6 * v_x1 + 1.0 + errors,
     }
-    values = {name: np.tile(column, copies) for name, column in values.items()}
-    table = ImpactTable("line", values, {}, {}, {"id": tuple(map(str, range(count * copies)))})
-    choices = {"fix": {"v_x_sd": noise} if noise else {}} | choices
-    return build_problem(table, Scene(), Choices("", **choices), own=fitball.model_from(line))
+    for name, column in values.items():
+        values[name] = np.tile(column, copies)
+    ids = tuple(map(str, range(count * copies)))
+    table = ImpactTable("line", values, {}, {}, {"id": ids})
+    choices.setdefault("fix", {"v_x_sd": noise} if noise else {})
+    return build_problem(
+        table,
+        Scene(),
+        Choices("", **choices),
+        own=fitball.model_from(line),
+    )
 
 
 def exact(problem):
     """Mean (2,) and covariance (2, 2) of slope and shift."""
-    design = np.column_stack([problem.rows.states.v_x1, np.ones(len(problem.rows.y))])
-    precision = design.T @ design / SD**2 + np.diag([0.3**-2, 2.0**-2])
-    centre = np.linalg.solve(
-        precision,
-        design.T @ problem.rows.y[:, 0] / SD**2 + np.array([0.5 / 0.3**2, 0.0]),
-    )
-    return centre, np.linalg.inv(precision)
+    v_x1 = problem.rows.states.v_x1
+    y = problem.rows.y[:, 0]
+    # Of the priors of `line`: means 0.5 and 0, sds 0.3 and 2.
+    prior_mean = np.array([0.5, 0.0])
+    prior_precision = np.diag([0.3**-2, 2.0**-2])
+    design = np.column_stack([v_x1, np.ones(y.size)])
+    precision = design.T @ design / SD**2 + prior_precision
+    weighted = design.T @ y / SD**2 + prior_precision @ prior_mean
+    mean = np.linalg.solve(precision, weighted)
+    return mean, np.linalg.inv(precision)

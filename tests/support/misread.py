@@ -3,6 +3,8 @@ slides or grips, with an offset of the normal force (Walton 1993; Cross 2002), w
 is shared with the package.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 SPINS = ("omega_1", "omega_2")
@@ -23,57 +25,95 @@ SQUASH = (0.024, 0.02, 0.55)
 # Friction, tangential restitution, offset [m], restitution at 10 m/s and its slope [s/m].
 BALL = (0.55, 0.1, 2.5e-3, 0.775, -0.0145)
 BOUNCY = (0.6, 0.1, 2e-3, 0.78, -0.01)
-WIDE = ((14, 20), (15, 75), (-250, 250))
-SMALL = (0.25, 10)
-# Rows; speeds [m/s], angles to the court [deg], spins [rad/s]; noise [m/s], [rad/s]; ball; surface.
+
+
+class Design(NamedTuple):
+    """What impacts of a simulated table are drawn from."""
+
+    #: Ends of the speeds [m/s].
+    speeds: tuple = (14, 20)
+    #: Ends of the angles to the court [deg].
+    angles: tuple = (15, 75)
+    #: Ends of the spins [rad/s].
+    spins: tuple = (-250, 250)
+    #: Sds of the noise, of velocities [m/s] and of spins [rad/s].
+    noise: tuple = (0.25, 10)
+    ball: tuple = TENNIS
+    surface: tuple = BALL
+    rows: int = 30
+
+
+SOFT = (0.55, 0.1, 2e-3, 0.76, -0.01)
 DESIGNS = {
-    "wide": (30, WIDE, SMALL, TENNIS, BALL),
-    "all grip": (30, ((14, 20), (45, 75), (-250, 250)), SMALL, TENNIS, (0.9, *BALL[1:])),
-    "all slide": (30, ((18, 24), (14, 19), (-250, 0)), SMALL, TENNIS, (0.45, *BALL[1:])),
-    "one angle": (30, ((14, 20), (39, 41), (-250, 250)), SMALL, TENNIS, BALL),
-    "without spin": (30, ((14, 20), (15, 75), (-8, 8)), SMALL, TENNIS, BALL),
-    "backspin": (30, ((14, 20), (15, 75), (-400, -100)), SMALL, TENNIS, BALL),
-    "three rows": (3, WIDE, SMALL, TENNIS, BALL),
-    "two rows": (2, WIDE, SMALL, TENNIS, BALL),
-    "steep": (30, ((14, 18), (75, 89), (-20, 20)), SMALL, TENNIS, BALL),
-    "dropped": (12, ((3, 8), (90, 90), (0, 0)), (0.1, 5), TENNIS, BOUNCY),
-    "dropped with spin": (12, ((3, 8), (90, 90), (-200, 200)), (0.1, 5), TENNIS, BOUNCY),
-    "slow": (30, ((2, 5), (25, 80), (-60, 60)), (0.1, 4), TENNIS, BOUNCY),
-    "noisy": (30, WIDE, (2, 60), TENNIS, BALL),
-    "very noisy": (30, WIDE, (4, 150), TENNIS, BALL),
-    "long": (8000, WIDE, SMALL, TENNIS, (0.55, 0.1, 2e-3, 0.76, -0.01)),
-    "slippery": (30, WIDE, SMALL, TENNIS, (0.08, 0.3, 0.0, 0.8, -0.01)),
-    "rolling": (30, WIDE, SMALL, TENNIS, (0.55, 0.0, 0.0, 0.75, -0.01)),
-    "table tennis": (
-        30,
-        ((3, 15), (15, 75), (-800, 800)),
-        (0.1, 10),
-        PONG,
-        (0.25, 0.1, 0.0, 0.85, -0.01),
+    "wide": Design(),
+    "all grip": Design(angles=(45, 75), surface=(0.9, *BALL[1:])),
+    "all slide": Design((18, 24), (14, 19), (-250, 0), surface=(0.45, *BALL[1:])),
+    "one angle": Design(angles=(39, 41)),
+    "without spin": Design(spins=(-8, 8)),
+    "backspin": Design(spins=(-400, -100)),
+    "three rows": Design(rows=3),
+    "two rows": Design(rows=2),
+    "steep": Design((14, 18), (75, 89), (-20, 20)),
+    "dropped": Design(
+        speeds=(3, 8),
+        angles=(90, 90),
+        spins=(0, 0),
+        noise=(0.1, 5),
+        surface=BOUNCY,
+        rows=12,
     ),
-    "golf": (30, ((8, 25), (30, 60), (-900, -200)), (0.2, 20), GOLF, (0.35, 0.1, 0.0, 0.6, -0.01)),
-    "basketball": (
-        30,
-        ((3, 9), (25, 80), (-20, 20)),
-        (0.1, 1),
-        BASKET,
-        (0.8, 0.2, 2e-3, 0.75, -0.01),
+    "dropped with spin": Design(
+        speeds=(3, 8),
+        angles=(90, 90),
+        spins=(-200, 200),
+        noise=(0.1, 5),
+        surface=BOUNCY,
+        rows=12,
     ),
-    "superball": (
-        30,
-        ((3, 9), (25, 80), (-200, 200)),
-        (0.1, 5),
-        SUPER,
-        (0.8, 0.6, 0.0, 0.88, -0.01),
+    "slow": Design((2, 5), (25, 80), (-60, 60), (0.1, 4), surface=BOUNCY),
+    "noisy": Design(noise=(2, 60)),
+    "very noisy": Design(noise=(4, 150)),
+    "long": Design(surface=SOFT, rows=8000),
+    "slippery": Design(surface=(0.08, 0.3, 0.0, 0.8, -0.01)),
+    "rolling": Design(surface=(0.55, 0.0, 0.0, 0.75, -0.01)),
+    "table tennis": Design(
+        speeds=(3, 15),
+        spins=(-800, 800),
+        noise=(0.1, 10),
+        ball=PONG,
+        surface=(0.25, 0.1, 0.0, 0.85, -0.01),
     ),
-    "squash": (
-        30,
-        ((8, 40), (15, 75), (-250, 250)),
-        (0.4, 15),
-        SQUASH,
-        (0.8, 0.0, 1e-3, 0.4, -0.003),
+    "golf": Design(
+        speeds=(8, 25),
+        angles=(30, 60),
+        spins=(-900, -200),
+        noise=(0.2, 20),
+        ball=GOLF,
+        surface=(0.35, 0.1, 0.0, 0.6, -0.01),
     ),
-    "grazing": (30, ((15, 30), (3, 8), (-50, 50)), SMALL, TENNIS, (0.55, 0.1, 2e-3, 0.76, -0.01)),
+    "basketball": Design(
+        speeds=(3, 9),
+        angles=(25, 80),
+        spins=(-20, 20),
+        noise=(0.1, 1),
+        ball=BASKET,
+        surface=(0.8, 0.2, 2e-3, 0.75, -0.01),
+    ),
+    "superball": Design(
+        speeds=(3, 9),
+        angles=(25, 80),
+        spins=(-200, 200),
+        noise=(0.1, 5),
+        ball=SUPER,
+        surface=(0.8, 0.6, 0.0, 0.88, -0.01),
+    ),
+    "squash": Design(
+        speeds=(8, 40),
+        noise=(0.4, 15),
+        ball=SQUASH,
+        surface=(0.8, 0.0, 1e-3, 0.4, -0.003),
+    ),
+    "grazing": Design((15, 30), (3, 8), (-50, 50), surface=SOFT),
 }
 
 
@@ -82,31 +122,45 @@ def bounce(v_x, v_y, spin, ball, surface):
     friction mu.
     """
     mass, radius, ratio = ball
-    mu, e_x, offset, cor, slope = surface
+    mu, e_x, offset, cor_10, cor_slope = surface
     inertia = ratio * mass * radius**2
-    up = np.clip(cor + slope * (v_y - 10.0), 0.05, 1.0) * v_y
+    cor = np.clip(cor_10 + cor_slope * (v_y - 10.0), 0.05, 1.0)
+    up = cor * v_y
     normal = mass * (v_y + up)
-    grip = (1.0 + e_x) * (v_x - radius * spin) + radius * offset * normal / inertia
-    along = np.clip(grip / (1.0 / mass + radius**2 / inertia), -mu * normal, mu * normal)
-    return v_x - along / mass, up, spin + (radius * along - offset * normal) / inertia
+    torque = offset * normal
+    # The impulse that turns the slip round, and the largest of friction.
+    turn = (1.0 + e_x) * (v_x - radius * spin) + radius * torque / inertia
+    compliance = 1.0 / mass + radius**2 / inertia
+    limit = mu * normal
+    along = np.clip(turn / compliance, -limit, limit)
+    v_x2 = v_x - along / mass
+    omega_2 = spin + (radius * along - torque) / inertia
+    return v_x2, up, omega_2
 
 
-def table(design, seed):
+def table(name, seed):
     """A table of a design, well read, and its ball."""
-    count, (speeds, angles, spins), (velocity_sd, spin_sd), ball, surface = DESIGNS[design]
-    rng = np.random.default_rng([seed, list(DESIGNS).index(design)])
-    speed = rng.uniform(*speeds, count)
-    angle = np.radians(rng.uniform(*angles, count))
-    state = (speed * np.cos(angle), speed * np.sin(angle), rng.uniform(*spins, count))
-    after = bounce(*state, ball, (surface[0] * np.exp(0.2 * rng.normal()), *surface[1:]))
-    noise = rng.normal(size=(3, count)) * [[velocity_sd], [velocity_sd], [spin_sd]]
-    rebound = [
-        np.abs(x + e) if k == 1 else x + e
-        for k, (x, e) in enumerate(zip(after, noise, strict=True))
-    ]
-    return dict(
-        zip(("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2"), (*state, *rebound), strict=True)
-    ), ball
+    design = DESIGNS[name]
+    rng = np.random.default_rng([seed, list(DESIGNS).index(name)])
+    speed = rng.uniform(*design.speeds, design.rows)
+    angle = np.radians(rng.uniform(*design.angles, design.rows))
+    v_x1 = speed * np.cos(angle)
+    v_y1 = speed * np.sin(angle)
+    omega_1 = rng.uniform(*design.spins, design.rows)
+    mu, *others = design.surface
+    surface = (mu * np.exp(0.2 * rng.normal()), *others)
+    v_x2, v_y2, omega_2 = bounce(v_x1, v_y1, omega_1, design.ball, surface)
+    errors = rng.normal(size=(3, design.rows))
+    velocity_sd, spin_sd = design.noise
+    columns = {
+        "v_x1": v_x1,
+        "v_y1": v_y1,
+        "omega_1": omega_1,
+        "v_x2": v_x2 + errors[0] * velocity_sd,
+        "v_y2": np.abs(v_y2 + errors[1] * velocity_sd),
+        "omega_2": omega_2 + errors[2] * spin_sd,
+    }
+    return columns, design.ball
 
 
 def polar(columns):
@@ -115,7 +169,8 @@ def polar(columns):
     for end in "12":
         x = columns[f"v_x{end}"]
         y = columns[f"v_y{end}"]
-        turned |= {f"v_{end}": np.hypot(x, y), f"theta_{end}": np.arctan2(y, x)}
+        turned[f"v_{end}"] = np.hypot(x, y)
+        turned[f"theta_{end}"] = np.arctan2(y, x)
     return turned
 
 
@@ -125,20 +180,49 @@ def spinless(columns):
 
 def times(factor, *names):
     """What a wrong unit or sign does."""
-    return lambda columns: {
-        name: values * (factor if name in names else 1.0) for name, values in columns.items()
-    }
+
+    def misread(columns):
+        changed = dict(columns)
+        for name in columns:
+            if name in names:
+                changed[name] = columns[name] * factor
+        return changed
+
+    return misread
 
 
 def from_normal(*names):
-    return lambda columns: {
-        n: np.pi / 2 - x if n in names else x for n, x in polar(columns).items()
-    }
+    """What angles to the normal do that are read as angles to the court."""
+
+    def misread(columns):
+        changed = polar(columns)
+        for name in names:
+            changed[name] = np.pi / 2 - changed[name]
+        return changed
+
+    return misread
 
 
 def exchanged(*pairs):
-    other = dict(pairs) | {two: one for one, two in pairs}
-    return lambda columns: {other.get(name, name): values for name, values in columns.items()}
+    """What columns do that are taken for each other."""
+    other = {}
+    for first, second in pairs:
+        other[first] = second
+        other[second] = first
+
+    def misread(columns):
+        return {other.get(name, name): values for name, values in columns.items()}
+
+    return misread
+
+
+def _mph_and_rpm(columns):
+    in_rpm = times(RPM, *SPINS)(columns)
+    return times(MPH, *SPEEDS)(in_rpm)
+
+
+def _radians(columns):
+    return times(1 / DEG, *ANGLES)(polar(columns))
 
 
 RPM = 30.0 / np.pi
@@ -160,12 +244,12 @@ MISREADINGS = {
     "km/h": times(KMH, *SPEEDS),
     "mph": times(MPH, *SPEEDS),
     "rebound mph": times(MPH, "v_x2", "v_y2"),
-    "mph and rpm": lambda columns: times(MPH, *SPEEDS)(times(RPM, *SPINS)(columns)),
+    "mph and rpm": _mph_and_rpm,
     "both spins, in rpm": times(-RPM, *SPINS),
     "from the normal": from_normal(*ANGLES),
     "incident from the normal": from_normal("theta_1"),
-    "radians": lambda columns: times(1 / DEG, *ANGLES)(polar(columns)),
-    "ends": exchanged(*((f"{name}1", f"{name}2") for name in ("v_x", "v_y", "omega_"))),
+    "radians": _radians,
+    "ends": exchanged(("v_x1", "v_x2"), ("v_y1", "v_y2"), SPINS),
     "components": exchanged(("v_x1", "v_y1"), ("v_x2", "v_y2")),
     "spins exchanged": exchanged(SPINS),
 }
@@ -173,18 +257,27 @@ MISREADINGS = {
 
 def means(read, columns):
     """Whether columns as read anew are these, or their mirror image, which is the same table."""
-    one, other = (
-        polar(item) | item if {"v_x1", "v_x2"} <= item.keys() else item for item in (read, columns)
-    )
-    mirrored = dict(other)
+    read = _with_polar(read)
+    same = _with_polar(columns)
+    mirrored = dict(same)
     for name in mirrored:
         if name in ("v_x1", "v_x2", *SPINS):
-            mirrored[name] = -other[name]
+            mirrored[name] = -same[name]
         elif name in ANGLES:
-            mirrored[name] = np.pi - other[name]
-    return any(
-        all(
-            np.allclose(one[name], item[name], rtol=1e-9, atol=1e-9) for name in one if name in item
-        )
-        for item in (other, mirrored)
-    )
+            mirrored[name] = np.pi - same[name]
+    return _agree(read, same) or _agree(read, mirrored)
+
+
+def _with_polar(columns):
+    """Components with speeds and angles beside them."""
+    if {"v_x1", "v_x2"} <= columns.keys():
+        return polar(columns) | columns
+    return columns
+
+
+def _agree(first, second):
+    """Whether the columns that both have are equal."""
+    for name in first.keys() & second.keys():
+        if not np.allclose(first[name], second[name], rtol=1e-9, atol=1e-9):
+            return False
+    return True
