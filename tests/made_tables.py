@@ -21,23 +21,35 @@ _SI = {
 
 def made(values, sd=None, corr=None, name="made", **parts):
     """A table of columns by name; numbers are repeated for all rows."""
-    count = max(np.size(one) for one in values.values())
+    count = max(np.size(numbers) for numbers in values.values())
 
-    def whole(part):
-        return {
-            name: np.broadcast_to(np.asarray(one, float), count).copy()
-            for name, one in (part or {}).items()
-        }
+    def in_all_rows(columns):
+        repeated = {}
+        for column, numbers in (columns or {}).items():
+            numbers = np.asarray(numbers, float)
+            repeated[column] = np.broadcast_to(numbers, count).copy()
+        return repeated
 
-    labels = {"id": tuple(map(str, range(1, count + 1))), **parts.pop("labels", {})}
-    pairs = {pair_of(*pair): one for pair, one in whole(corr).items()}
-    return ImpactTable(name, whole(values), whole(sd), pairs, labels, **parts)
+    ids = tuple(map(str, range(1, count + 1)))
+    labels = {"id": ids, **parts.pop("labels", {})}
+    pairs = {pair_of(*pair): numbers for pair, numbers in in_all_rows(corr).items()}
+    return ImpactTable(
+        name,
+        in_all_rows(values),
+        in_all_rows(sd),
+        pairs,
+        labels,
+        **parts,
+    )
 
 
 def written(folder, text, name="t.csv"):
     """A file of a text or bytes."""
     place = folder / name
-    place.write_bytes(text if isinstance(text, bytes) else text.encode())
+    if isinstance(text, bytes):
+        place.write_bytes(text)
+    else:
+        place.write_bytes(text.encode())
     return place
 
 
@@ -45,17 +57,24 @@ def bundled(name, columns):
     """Some columns of a bundled table as a table, with its stated errors and correlations."""
     with place_of(name).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
+
+    def numbers(head, factor):
+        return [float(row[head]) * factor for row in rows]
+
     values = {}
     sd = {}
     corr = {}
     for head in rows[0]:
         bare, _, unit = head.rstrip("]").partition(" [")
-        numbers = [float(row[head]) * _SI[unit] for row in rows] if unit in _SI else None
+        column = bare.removesuffix("_sd")
         if bare in columns:
-            values[bare] = numbers
-        elif bare.removesuffix("_sd") in columns:
-            sd[bare.removesuffix("_sd")] = numbers
+            values[bare] = numbers(head, _SI[unit])
+        elif column in columns:
+            sd[column] = numbers(head, _SI[unit])
         elif bare.startswith("corr("):
-            corr[tuple(bare[5:-1].split(","))] = [float(row[head]) for row in rows]
-    assert {*values} == {*columns} <= {*COLUMNS}
-    return made(values, sd, corr, name, labels={"id": tuple(row["id"] for row in rows)})
+            pair = bare.removeprefix("corr(").removesuffix(")")
+            corr[tuple(pair.split(","))] = numbers(head, 1.0)
+    assert {*values} == {*columns}
+    assert {*columns} <= {*COLUMNS}
+    ids = tuple(row["id"] for row in rows)
+    return made(values, sd, corr, name, labels={"id": ids})

@@ -26,21 +26,25 @@ def test_a_straight_line_as_curve_fit_has_it(noise):
     found = fitted(problem)
     x = problem.rows.states.v_x1
     y = problem.rows.y[:, 0]
-    best, covariance = curve_fit(
-        lambda x, a, b: a * x + b,
+    (slope, shift), covariance = curve_fit(
+        lambda x, slope, shift: slope * x + shift,
         x,
         y,
         sigma=np.full(x.size, noise),
         absolute_sigma=False,
     )
-    for k, name in enumerate(("slope", "shift")):
-        assert found.values[name] == pytest.approx(best[k], rel=1e-6)
-        # Whatever noise was expected: they follow from how the measurements scatter.
-        assert found.stderr[name] == pytest.approx(np.sqrt(covariance[k, k]), rel=1e-4)
-    square = np.sum(((y - best[0] * x - best[1]) / noise) ** 2)
+    slope_error, shift_error = np.sqrt(np.diag(covariance))
+    assert found.values["slope"] == pytest.approx(slope, rel=1e-6)
+    assert found.values["shift"] == pytest.approx(shift, rel=1e-6)
+    # Whatever noise was expected: they follow from how the measurements scatter.
+    assert found.stderr["slope"] == pytest.approx(slope_error, rel=1e-4)
+    assert found.stderr["shift"] == pytest.approx(shift_error, rel=1e-4)
+    residuals = (y - slope * x - shift) / noise
+    square = np.sum(residuals**2)
     assert found.chi_square == pytest.approx(square, rel=1e-9)
     assert found.degrees_of_freedom == x.size - 2
-    assert found.aic == pytest.approx(x.size * np.log(square / x.size) + 4.0, rel=1e-9)
+    aic = x.size * np.log(square / x.size) + 4.0
+    assert found.aic == pytest.approx(aic, rel=1e-9)
     assert found.stderr["v_x_sd"] is None
     assert found.missing["v_x_sd"].startswith("fixed")
 
@@ -50,60 +54,68 @@ def test_the_noise_is_taken_as_expected():
     found = fitted(problem)
     assert found.values["v_x_sd"] == pytest.approx(0.25, rel=1e-6)
     assert found.stderr["v_x_sd"] is None
-    assert found.chi_square == pytest.approx(fitted(line_problem(noise=0.25)).chi_square, rel=1e-6)
+    expected = fitted(line_problem(noise=0.25))
+    assert found.chi_square == pytest.approx(expected.chi_square, rel=1e-6)
 
 
 def test_lmfit_itself_is_at_hand():
     table = table_of(REBOUND, labels=("surface",), count=14)
     problem = problem_of(table, scene_of(), pool={"mu": "surface"})
     point = best_fit(problem, np.random.default_rng(0))
-    found = minimized(problem, point)
-    known = least_squares(problem, point)
-    assert isinstance(found, lmfit.minimizer.MinimizerResult)
-    assert "mu_a_" in lmfit.fit_report(found)
-    assert found.redchi == found.chisqr / found.nfree
-    assert found.params["mu_a_"].stderr == known.stderr["mu[a]"] > 0.0
-    assert known.degrees_of_freedom == 14 * 3 - 7
+    result = minimized(problem, point)
+    found = least_squares(problem, point)
+    assert isinstance(result, lmfit.minimizer.MinimizerResult)
+    assert "mu_a_" in lmfit.fit_report(result)
+    assert result.redchi == result.chisqr / result.nfree
+    assert result.params["mu_a_"].stderr == found.stderr["mu[a]"]
+    assert found.stderr["mu[a]"] > 0.0
+    assert found.degrees_of_freedom == 14 * 3 - 7
 
 
 def test_slopes_are_those_of_the_residuals():
-    problem = problem_of(table_of(REBOUND, "corr"), scene_of(time=True, ball=True), "two-mass")
+    scene = scene_of(time=True, ball=True)
+    problem = problem_of(table_of(REBOUND, "corr"), scene, "two-mass")
     values = truth_of(problem)
     q = problem.coordinates(values)
     width = problem.prior.width
 
-    def at(row):
-        return search._linear(
-            problem,
-            {name: v[0] for name, v in problem.values(row[None]).items()},
-        )[0]
+    def residuals_at(q):
+        values = problem.values(q[None])
+        point = {name: column[0] for name, column in values.items()}
+        residuals, _ = search._linear(problem, point)
+        return residuals
 
-    wanted = approx_fprime(q, at, 1e-7 * width)
-    found = search._linear(problem, values)[1]
-    assert found.shape == (10 * 3 + 1 + 2, q.size)
-    assert_allclose(found * width, wanted * width, atol=1e-4)
-    assert np.all(np.abs(found[-3:] * width).max(axis=1) > 0.1)
+    wanted = approx_fprime(q, residuals_at, 1e-7 * width)
+    _, slopes = search._linear(problem, values)
+    assert slopes.shape == (10 * 3 + 1 + 2, q.size)
+    assert_allclose(slopes * width, wanted * width, atol=1e-4)
+    # The rows of what the scene measured, too.
+    of_scene = np.abs(slopes[-3:] * width)
+    assert np.all(of_scene.max(axis=1) > 0.1)
 
 
 def test_what_the_scene_measured_counts():
-    ball = problem_of(table_of(REBOUND), scene_of(ball=True))
-    found = fitted(ball)
-    z = 0.0
-    for name, stated, sd in (("ball_mass", 0.0577, 2e-4), ("inertia_ratio", 0.56, 0.01)):
-        z += ((found.values[name] - stated) / sd) ** 2
-        assert found.stderr[name] < 3.0 * sd
-    own = cells(ball, ball.coordinates(found.values)[None]).z
-    assert found.chi_square == pytest.approx(np.sum(own**2) + z, rel=1e-9)
+    problem = problem_of(table_of(REBOUND), scene_of(ball=True))
+    found = fitted(problem)
+    mass_z = (found.values["ball_mass"] - 0.0577) / 2e-4
+    ratio_z = (found.values["inertia_ratio"] - 0.56) / 0.01
+    assert found.stderr["ball_mass"] < 3.0 * 2e-4
+    assert found.stderr["inertia_ratio"] < 3.0 * 0.01
+    q = problem.coordinates(found.values)
+    z = cells(problem, q[None]).z
+    square = np.sum(z**2) + mass_z**2 + ratio_z**2
+    assert found.chi_square == pytest.approx(square, rel=1e-9)
     assert found.degrees_of_freedom == 30 + 2 - 7
 
 
 def test_no_error_on_a_bound_or_where_nothing_changes():
-    bound = fitted(problem_of(table_of(REBOUND), scene_of(), prior={"mu": "uniform(0.1, 0.5)"}))
+    prior = {"mu": "uniform(0.1, 0.5)"}
+    bound = fitted(problem_of(table_of(REBOUND), scene_of(), prior=prior))
     assert bound.values["mu"] == pytest.approx(0.5)
     assert bound.stderr["mu"] is None
-    held = fitted(problem_of(table_of(REBOUND), scene_of(), fix={"mu": 0.5}))
+    fixed = fitted(problem_of(table_of(REBOUND), scene_of(), fix={"mu": 0.5}))
     for name in ("e_x", "offset", "cor_10", "cor_slope"):
-        assert bound.stderr[name] == pytest.approx(held.stderr[name], rel=1e-3)
+        assert bound.stderr[name] == pytest.approx(fixed.stderr[name], rel=1e-3)
     # Fewer measurements than parameters.
     few = fitted(problem_of(table_of(REBOUND, count=2), scene_of(), "two-mass"))
     assert few.degrees_of_freedom < 0
@@ -112,7 +124,8 @@ def test_no_error_on_a_bound_or_where_nothing_changes():
     table = table_of(REBOUND)
     table.values["v_x1"][:] *= 0.2
     table.values["v_x2"][:] *= 0.2
-    table.values["omega_1"][:] = table.values["omega_2"][:] = 0.0
+    table.values["omega_1"][:] = 0.0
+    table.values["omega_2"][:] = 0.0
     grip = fitted(problem_of(table, scene_of()))
     assert grip.stderr["mu"] is None
     assert grip.stderr["cor_10"] > 0.0
