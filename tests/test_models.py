@@ -29,11 +29,17 @@ STATES = fitball.impacts([15.0, 20.0, 5.0, 0.0], [8.0, 6.0, 11.0, 4.0], [-100.0,
 
 
 def typical(text, **changes):
-    return {spec.name: spec.typical for spec in fitball.model(text).parameters} | changes
+    parameters = fitball.model(text).parameters
+    return {spec.name: spec.typical for spec in parameters} | changes
 
 
 def arrays(rebound):
     return list(vars(rebound).values())
+
+
+def one_row(values):
+    """Values of a single draw as `evaluate` takes them, (1, names)."""
+    return np.array([[*values.values()]])
 
 
 @pytest.mark.parametrize("text", TEXTS)
@@ -45,28 +51,35 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
 
     model = fitball.model(text)
     names = [spec.name for spec in model.parameters]
-    states = Impacts(*(column(name)[:, None] for name in ("v_x1", "v_y1", "omega_1")))
-    found = model.evaluate(names, np.stack([column(name) for name in names], axis=1), states)
-    speed = np.hypot(column("v_x1"), column("v_y1")) + 0.033 * abs(column("omega_1"))
+    values = np.stack([column(name) for name in names], axis=1)
+    v_x1 = column("v_x1")
+    v_y1 = column("v_y1")
+    omega_1 = column("omega_1")
+    states = Impacts(v_x1[:, None], v_y1[:, None], omega_1[:, None])
+    found = model.evaluate(names, values, states)
+    speed = np.hypot(v_x1, v_y1) + 0.033 * abs(omega_1)
     time = column("contact_time")
-    scales = {"v_x2": speed, "v_y2": speed, "omega_2": speed / 0.033}
+    scales = {
+        "v_x2": speed,
+        "v_y2": speed,
+        "omega_2": speed / 0.033,
+    }
+    of_contact = {
+        "contact_time": time,
+        "gap_time": time,
+        "gap_path": speed * time,
+        "gap_turn": speed * time / 0.033,
+    }
     if model.timed:
-        scales |= {
-            "contact_time": time,
-            "gap_time": time,
-            "gap_path": speed * time,
-            "gap_turn": speed * time / 0.033,
-        }
+        scales |= of_contact
     else:
-        assert np.isnan([found.contact_time, found.gap_time, found.gap_path, found.gap_turn]).all()
+        for name in of_contact:
+            assert np.isnan(getattr(found, name)).all(), name
     for name, scale in scales.items():
-        assert_array_less(
-            abs(getattr(found, name)[:, 0] - column(name)) / scale,
-            1e-12,
-            err_msg=name,
-        )
-    regimes = [fitball.regime_name(regime).replace(", ", "-") for regime in found.regime[:, 0]]
-    assert regimes == [row["regime"] for row in rows]
+        error = abs(getattr(found, name)[:, 0] - column(name))
+        assert_array_less(error / scale, 1e-12, err_msg=name)
+    for regime, row in zip(found.regime[:, 0], rows, strict=True):
+        assert fitball.regime_name(regime).replace(", ", "-") == row["regime"]
 
 
 @pytest.mark.parametrize(
@@ -95,41 +108,45 @@ def test_a_composition_takes_what_acts_in_it(text, tangential, names):
     assert [spec.name for spec in model.parameters] == names.split()
     assert model.timed == ("mass" in text or "thesis" in text)
     assert model.text == text
-    assert model.below == (
-        (("cor_10", "mass_ratio"),) if model.options.get("normal") == "momentum" else ()
-    )
+    if model.options.get("normal") == "momentum":
+        assert model.below == (("cor_10", "mass_ratio"),)
+    else:
+        assert model.below == ()
 
 
 def test_texts_name_what_differs_from_the_default():
     assert tuple(MODELS) == NAMES
-    assert (
-        fitball.model("two-mass", offset="grip", normal="momentum").text == "two-mass+offset=grip"
-    )
-    assert (
-        fitball.model("two-mass+spin=shell+offset=grip").text == "two-mass+offset=grip+spin=shell"
-    )
+    by_options = fitball.model("two-mass", offset="grip", normal="momentum")
+    assert by_options.text == "two-mass+offset=grip"
+    unordered = fitball.model("two-mass+spin=shell+offset=grip")
+    assert unordered.text == "two-mass+offset=grip+spin=shell"
     for text in ("two-mass", "two-mass+normal=total+offset=grip"):
         chosen = fitball.model(text)
         others = [fitball.model(other) for other in variants(chosen)]
-        assert len(others) == 7 == len({other.text for other in others})
+        assert len(others) == 7
+        assert len({other.text for other in others}) == 7
         for other in others:
-            assert sum(other.options[key] != value for key, value in chosen.options.items()) == 1
-    assert variants(fitball.model("thesis-exact")) == variants(fitball.model("brody")) == ()
+            different = [key for key in chosen.options if other.options[key] != chosen.options[key]]
+            assert len(different) == 1
+    assert variants(fitball.model("thesis-exact")) == ()
+    assert variants(fitball.model("brody")) == ()
     assert len(variants(fitball.model(tangential=False))) == 3
 
 
 def test_a_comparison_tries_what_can_differ_there():
     every = candidates(tangential=True, spin=True)
     assert every[-1] == "two-mass"
-    assert len(set(every)) == len(every) == 10
+    assert len(every) == 10
+    assert len(set(every)) == 10
     assert not any("inner" in text for text in every)
-    assert set(candidates(tangential=True, spin=True, quick=True)) == set(NAMES)
+    quick = candidates(tangential=True, spin=True, quick=True)
+    assert set(quick) == set(NAMES)
     assert candidates(tangential=True, spin=False)[-1] == "brody"
     assert candidates(tangential=False, spin=False)[-1] == "two-mass+normal=total"
 
 
-def rebound(**changes):
-    return fitball.model().rebound(typical("two-mass", **changes), IMPACT)
+def rebound(impact=IMPACT, **changes):
+    return fitball.model().rebound(typical("two-mass", **changes), impact)
 
 
 @pytest.mark.parametrize(
@@ -145,13 +162,7 @@ def rebound(**changes):
         (lambda: rebound(mu="much"), "parameters"),
         (lambda: rebound(mu=[[0.5]]), "parameters"),
         (lambda: rebound(mu=[0.5, 0.6], k_y=[1e4] * 3), "parameters"),
-        (
-            lambda: fitball.model().rebound(
-                typical("two-mass", mu=[0.5, 0.6]),
-                Impacts(*np.ones((3, 3, 1))),
-            ),
-            "parameters",
-        ),
+        (lambda: rebound(Impacts(*np.ones((3, 3, 1))), mu=[0.5, 0.6]), "parameters"),
         (lambda: rebound(mu=-0.1), "out-of-bounds"),
         (lambda: rebound(mu=[0.5, 5.1]), "out-of-bounds"),
         (lambda: rebound(mu=np.nan), "out-of-bounds"),
@@ -181,25 +192,25 @@ def test_misuse_has_a_code(call, code):
 )
 def test_what_has_no_answer_is_nan_with_a_status(text, changes, status):
     model = fitball.model(text)
-    values = typical(text)
-    draws = {name: [value, changes.get(name, value)] for name, value in values.items()}
+    draws = typical(text)
+    for name, value in changes.items():
+        draws[name] = [draws[name], value]
     found = model.rebound(draws, STATES)
     assert found.status[0].tolist() == [0] * 4
     assert found.status[1].tolist() == [status] * 4
-    assert np.isnan([found.v_x2[1], found.v_y2[1], found.omega_2[1], found.contact_time[1]]).all()
-    assert np.isfinite([found.v_x2[0], found.v_y2[0], found.omega_2[0]]).all()
+    for name in ("v_x2", "v_y2", "omega_2"):
+        assert np.isfinite(getattr(found, name)[0]).all()
+        assert np.isnan(getattr(found, name)[1]).all()
+    assert np.isnan(found.contact_time[1]).all()
 
 
 @pytest.mark.parametrize("text", ["two-mass", "grip-slip"])
 def test_no_impact_away_from_the_court(text):
     # A restitution that is constant has a logarithm of no speed: it must be refused all the same.
+    impacts = Impacts(np.full(2, 9.0), np.array([0.0, -3.0]), np.zeros(2))
     for slope in (0.0, -0.01):
         values = typical(text, cor_slope=slope)
-        away = fitball.model(text).evaluate(
-            list(values),
-            np.array([[*values.values()]]),
-            Impacts(np.full(2, 9.0), np.array([0.0, -3.0]), np.zeros(2)),
-        )
+        away = fitball.model(text).evaluate(list(values), one_row(values), impacts)
         assert away.status.tolist() == [[Status.NO_IMPACT] * 2]
         assert np.isnan(away.v_y2).all()
     assert set(REASONS) == set(Status)
@@ -210,61 +221,73 @@ def test_no_impact_away_from_the_court(text):
 def test_shapes_of_numbers_draws_and_states_of_draws(text):
     model = fitball.model(text)
     values = typical(text)
-    one = model.rebound(values, STATES)
-    draws = model.rebound(
-        dict.fromkeys(values) | {name: np.full(3, value) for name, value in values.items()},
-        STATES,
+    of_numbers = model.rebound(values, STATES)
+    three_draws = {name: np.full(3, value) for name, value in values.items()}
+    of_draws = model.rebound(three_draws, STATES)
+    two_frictions = values | {"mu": np.array([0.3, values["mu"]])}
+    of_both = model.rebound(two_frictions, STATES)
+    # Each draw has states of its own.
+    states = Impacts(
+        np.stack([STATES.v_x1, STATES.v_x1[::-1]]),
+        np.stack([STATES.v_y1, STATES.v_y1[::-1]]),
+        np.stack([STATES.omega_1, STATES.omega_1[::-1]]),
     )
-    mixed = model.rebound(values | {"mu": np.array([0.3, values["mu"]])}, STATES)
-    own = model.rebound(
-        values,
-        Impacts(*(np.stack([c, c[::-1]]) for c in (STATES.v_x1, STATES.v_y1, STATES.omega_1))),
-    )
-    raw = model.evaluate(list(values), np.array([[*values.values()]]), STATES)
-    for a, b, c, d, e in zip(*map(arrays, (one, draws, mixed, own, raw)), strict=True):
-        assert a.shape == (4,)
-        assert b.shape == (3, 4)
-        assert c.shape == (2, 4)
-        assert d.shape == (2, 4)
-        assert e.shape == (1, 4)
-        for other in (b[2], c[1], d[0], d[1][::-1], e[0]):
-            assert_array_equal(a, other)
-    assert_array_equal(one.column("v_2"), np.hypot(one.v_x2, one.v_y2))
-    assert one.column("omega_2") is one.omega_2
+    of_states = model.rebound(values, states)
+    raw = model.evaluate(list(values), one_row(values), STATES)
+    for name, wanted in vars(of_numbers).items():
+        assert wanted.shape == (4,)
+        assert getattr(of_draws, name).shape == (3, 4)
+        assert getattr(of_both, name).shape == (2, 4)
+        assert getattr(of_states, name).shape == (2, 4)
+        assert getattr(raw, name).shape == (1, 4)
+        assert_array_equal(getattr(of_draws, name)[2], wanted)
+        assert_array_equal(getattr(of_both, name)[1], wanted)
+        assert_array_equal(getattr(of_states, name)[0], wanted)
+        assert_array_equal(getattr(of_states, name)[1], wanted[::-1])
+        assert_array_equal(getattr(raw, name)[0], wanted)
+    speed = np.hypot(of_numbers.v_x2, of_numbers.v_y2)
+    assert_array_equal(of_numbers.column("v_2"), speed)
+    assert of_numbers.column("omega_2") is of_numbers.omega_2
 
 
 @pytest.mark.parametrize("text", ["two-mass", "brody"])
 def test_one_and_many_threads_give_the_same_bytes(text):
     rng = np.random.default_rng(1)
     values = typical(text)
-    draws = np.array([*values.values()]) * (1.0 + 0.02 * rng.standard_normal((400, len(values))))
+    scatter = 1.0 + 0.02 * rng.standard_normal((400, len(values)))
+    draws = one_row(values) * scatter
     states = fitball.impacts(
         rng.uniform(2, 30, 21),
         rng.uniform(3, 20, 21),
         rng.uniform(-400, 400, 21),
     )
-    found = []
-    for count in (1, 2, 3):
+    model = fitball.model(text)
+
+    def with_threads(count):
         with environment.threads(count):
-            found.append(arrays(fitball.model(text).evaluate(list(values), draws, states)))
-    assert np.isfinite(found[0][0]).mean() > 0.9
-    for other in found[1:]:
-        assert [array.tobytes() for array in other] == [array.tobytes() for array in found[0]]
+            return arrays(model.evaluate(list(values), draws, states))
+
+    of_one_thread = with_threads(1)
+    assert np.isfinite(of_one_thread[0]).mean() > 0.9
+    for count in (2, 3):
+        for array, wanted in zip(with_threads(count), of_one_thread, strict=True):
+            assert array.tobytes() == wanted.tobytes()
 
 
 def test_the_ball_is_the_models_or_a_parameter():
     heavy = Ball(0.0594, 0.0343, 0.54)
     for text in ("two-mass", "grip-slip"):
         values = typical(text)
-        given = dict(
-            zip(BALL_PARAMETERS, (heavy.mass, heavy.radius, heavy.inertia_ratio), strict=True)
-        )
         model = fitball.model(text)
-        found = model.rebound(values | given, STATES)
+        constants = (heavy.mass, heavy.radius, heavy.inertia_ratio)
+        as_parameters = dict(zip(BALL_PARAMETERS, constants, strict=True))
+        found = model.rebound(values | as_parameters, STATES)
         for other in (fitball.model(text, ball=heavy), replace(model, ball=heavy)):
-            for a, b in zip(arrays(found), arrays(other.rebound(values, STATES)), strict=True):
-                assert_array_equal(a, b)
-        assert abs(found.v_x2 - model.rebound(values, STATES).v_x2).max() > 1e-3
+            wanted = other.rebound(values, STATES)
+            for first, second in zip(arrays(found), arrays(wanted), strict=True):
+                assert_array_equal(first, second)
+        usual = model.rebound(values, STATES)
+        assert abs(found.v_x2 - usual.v_x2).max() > 1e-3
 
 
 def test_a_measured_restitution_replaces_the_law():
@@ -273,7 +296,7 @@ def test_a_measured_restitution_replaces_the_law():
         model = fitball.model(text)
         values = typical(text)
         names = list(values)
-        row = np.array([[*values.values()]])
+        row = one_row(values)
         found = model.evaluate(names, row, STATES, measured)
         law = model.evaluate(names, row, STATES)
         assert_allclose(found.v_y2[0, :3], measured[:3] * STATES.v_y1[:3], rtol=1e-15)
@@ -293,8 +316,5 @@ def test_a_drop_moves_vertically_alone():
     log_e = np.log(found.v_y2 / STATES.v_y1)
     zeta = -log_e / np.hypot(math.pi, log_e)
     frequency = np.sqrt(2.0e4 / Ball().mass)
-    assert_allclose(
-        found.contact_time,
-        math.pi / (frequency * np.sqrt(1.0 - zeta**2)),
-        rtol=1e-14,
-    )
+    half_period = math.pi / (frequency * np.sqrt(1.0 - zeta**2))
+    assert_allclose(found.contact_time, half_period, rtol=1e-14)

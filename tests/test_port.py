@@ -35,21 +35,18 @@ def drawn(text):
     values = []
     impacts = []
     for k in range(300):
-        one, impact = bounces.random_bounce(rng, options, wide=k % 2 == 1)
-        values.append(
-            {**one, "e_x": rng.uniform(-0.5, 0.9), "offset": 0.01 * rng.standard_normal()}
-        )
+        draw, impact = bounces.random_bounce(rng, options, wide=k % 2 == 1)
+        draw["e_x"] = rng.uniform(-0.5, 0.9)
+        draw["offset"] = 0.01 * rng.standard_normal()
+        values.append(draw)
         impacts.append(impact)
     with answers.PLACE.open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             if text == "+".join(filter(None, ["two-mass", row["options"]])):
-                values.append({name: float(row[name]) for name in names})
+                values.append(row)
                 impacts.append([float(row[name]) for name in answers.IMPACT])
-    return (
-        names,
-        np.array([[float(one[name]) for name in names] for one in values]),
-        np.array(impacts),
-    )
+    rows = [[float(draw[name]) for name in names] for draw in values]
+    return names, np.array(rows), np.array(impacts)
 
 
 @functools.cache
@@ -59,21 +56,20 @@ def bounced(text):
     """
     model = fitball.model(text)
     names, values, impacts = drawn(text)
+    count = len(impacts)
     side = np.where(impacts[:, 0] < 0.0, -1.0, 1.0)
-    forwards = impacts * np.stack([side, np.ones(len(side)), side], axis=1)
-    found = model.solve(model.ball, tuple(names), values, Impacts(*forwards.T[:, :, None]), None)
+    forwards = impacts * np.stack([side, np.ones(count), side], axis=1)
+    states = Impacts(*forwards.T[:, :, None])
+    found = model.solve(model.ball, tuple(names), values, states, None)
     rng = np.random.default_rng(6)
-    space = np.concatenate(
-        [rng.uniform(-20.0, 20.0, (len(side), 3)), rng.uniform(-300.0, 300.0, (len(side), 3))],
-        1,
-    )
+    velocities = rng.uniform(-20.0, 20.0, (count, 3))
+    spins = rng.uniform(-300.0, 300.0, (count, 3))
+    normals = rng.standard_normal((count, 3))
     rows = model.solve.rows(model.ball, tuple(names), values)
-    speeds = np.tile(MEASURED, (len(side), 1))
-    lines = np.concatenate(
-        [rows, speeds, impacts, space, rng.standard_normal((len(side), 3))],
-        axis=1,
-    )
-    return lines, side, {name: getattr(found, name)[:, 0] for name in OUTPUTS[:-1]}
+    speeds = np.tile(MEASURED, (count, 1))
+    lines = np.concatenate([rows, speeds, impacts, velocities, spins, normals], axis=1)
+    wanted = {name: getattr(found, name)[:, 0] for name in OUTPUTS[:-1]}
+    return lines, side, wanted
 
 
 @pytest.mark.parametrize(
@@ -104,86 +100,80 @@ def test_every_bounce_is_that_of_the_kernel(tmp_path, language, text):
         ("gap_path", side, speed * wanted["gap_time"]),
         ("gap_turn", side, speed * wanted["gap_time"] / RADIUS),
     ):
-        error = np.abs(found[name] - sign * wanted[name])[good]
-        assert (
-            np.all(error <= 1e-12 * np.broadcast_to(scale, good.shape)[good])
-            or np.isnan(wanted[name]).all()
-        ), name
+        if not np.isnan(wanted[name]).all():
+            error = np.abs(found[name] - sign * wanted[name])
+            assert np.all(error[good] <= 1e-12 * scale[good]), name
         assert np.array_equal(np.isnan(found[name][good]), np.isnan(wanted[name][good]))
     assert np.array_equal(found["regime"][good], wanted["regime"][good] % 8**17)
-    assert np.array_equal(
-        found["extrapolated"],
-        (impacts[:, 1] < MEASURED[0]) | (impacts[:, 1] > MEASURED[1]),
-    )
+    slowest, fastest = MEASURED
+    v_y1 = impacts[:, 1]
+    assert np.array_equal(found["extrapolated"], (v_y1 < slowest) | (v_y1 > fastest))
     # In space all languages agree, and `test_port_space` holds one of them against an integration.
     other = ports.in_python(ports.reference(text), lines)[:, 10:]
-    sizes = np.linalg.norm(lines[:, -9:-6], axis=1) + RADIUS * np.linalg.norm(
-        lines[:, -6:-3],
-        axis=1,
-    )
-    assert np.all(
-        np.abs(spatial - other) <= 1e-12 * np.outer(sizes, [1.0] * 3 + [1.0 / RADIUS] * 3)
-    )
+    velocity = np.linalg.norm(lines[:, -9:-6], axis=1)
+    spin = np.linalg.norm(lines[:, -6:-3], axis=1)
+    size = velocity + RADIUS * spin
+    scales = np.outer(size, [1.0] * 3 + [1.0 / RADIUS] * 3)
+    assert np.all(np.abs(spatial - other) <= 1e-12 * scales)
 
 
 def test_where_the_model_has_no_answer_a_rigid_ball_slides_or_rolls():
     lines, side, wanted = bounced("two-mass")
     names, values, impacts = drawn("two-mass")
-    found = dict(zip(OUTPUTS, ports.in_python(ports.reference("two-mass"), lines).T, strict=False))
+    columns = ports.in_python(ports.reference("two-mass"), lines).T
+    found = dict(zip(OUTPUTS, columns, strict=False))
     none = wanted["status"] == Status.TORSION_TOO_SOFT
     assert none.sum() > 5
-    one = {name: column[none, None] for name, column in zip(names, values.T, strict=True)}
-    v_x1, v_y1, omega_1 = (impacts * np.stack([side, side**2, side], axis=1))[none].T[:, :, None]
+    parameters = dict(zip(names, values[none].T[:, :, None], strict=True))
+    sign = side[none, None]
+    v_x1 = sign * impacts[none, 0, None]
+    v_y1 = impacts[none, 1, None]
+    omega_1 = sign * impacts[none, 2, None]
     # The law of restitution is that of a ball with any joint.
     free = fitball.model("two-mass+torsion=free")
     joined = np.concatenate([values[none], np.ones((none.sum(), 1))], axis=1)
     law = free.evaluate([*names, "zeta_theta"], joined, Impacts(v_x1, v_y1, omega_1))
-    eps = one["eps_10"] + one["eps_slope"] * (v_y1 - 10.0)
+    eps = parameters["eps_10"] + parameters["eps_slope"] * (v_y1 - 10.0)
     mass = 0.0576
     radius = RADIUS
     a = 0.56
     impulse = mass * (v_y1 + law.v_y2)
-    stops = mass * a / (1.0 + a) * (v_x1 - radius * omega_1) + eps * impulse / (radius * (1.0 + a))
-    friction = np.clip(stops, -one["mu"] * impulse, one["mu"] * impulse)
-    spin = omega_1 + (radius * friction - eps * impulse) / (a * mass * radius**2)
-    for name, right in (
-        ("v_x2", side[none, None] * (v_x1 - friction / mass)),
+    torque = eps * impulse
+    # The impulse that ends in rolling, and the largest of friction.
+    slip = v_x1 - radius * omega_1
+    rolling = (mass * a * slip + torque / radius) / (1.0 + a)
+    limit = parameters["mu"] * impulse
+    friction = np.clip(rolling, -limit, limit)
+    v_x2 = v_x1 - friction / mass
+    omega_2 = omega_1 + (radius * friction - torque) / (a * mass * radius**2)
+    for name, expected in (
+        ("v_x2", sign * v_x2),
         ("v_y2", law.v_y2),
-        ("omega_2", side[none, None] * spin),
+        ("omega_2", sign * omega_2),
     ):
-        assert found[name][none] == pytest.approx(right[:, 0], rel=1e-9, abs=1e-9), name
+        assert found[name][none] == pytest.approx(expected[:, 0], rel=1e-9, abs=1e-9), name
 
 
 @pytest.mark.parametrize("text", MODELS)
 def test_every_impact_has_an_answer(text):
     """Over twelve decades of speed and spin, with parameters near and far."""
-    lines = bounced(text)[0]
+    lines, _, _ = bounced(text)
     rng = np.random.default_rng(7)
     made = ports.reference(text)
     count = len(lines[0]) - 12
+    normal = made.Vector(0.0, 0.0, 3.0)
     for line in lines:
-        v_x, v_y, omega = 10.0 ** rng.uniform(-9.0, 3.0, 3) * (
-            rng.choice([-1.0, 1.0]),
-            1.0,
-            rng.choice([-1.0, 1.0]),
-        )
-        found = made.rebound(
-            float(v_x),
-            float(v_y),
-            float(omega),
-            made.Parameters(*line[:count].tolist()),
-        )
+        parameters = made.Parameters(*line[:count].tolist())
+        sizes = 10.0 ** rng.uniform(-9.0, 3.0, 3)
+        signs = (rng.choice([-1.0, 1.0]), 1.0, rng.choice([-1.0, 1.0]))
+        v_x, v_y, omega = (sizes * signs).tolist()
+        found = made.rebound(v_x, v_y, omega, parameters)
         assert found.status >= 0
         assert np.isfinite([found.v_x2, found.omega_2]).all()
         assert 0.0 <= found.v_y2 <= v_y
-        velocity = made.Vector(float(v_x), 0.3 * v_y, float(-v_y))
+        velocity = made.Vector(v_x, 0.3 * v_y, -v_y)
         spin = made.Vector(omega, -omega, 1.0)
-        space = made.rebound_3d(
-            velocity,
-            spin,
-            made.Vector(0.0, 0.0, 3.0),
-            made.Parameters(*line[:count].tolist()),
-        )
+        space = made.rebound_3d(velocity, spin, normal, parameters)
         assert space.status >= 0
         assert np.isfinite([*space.velocity, *space.spin]).all()
         assert space.velocity.z >= 0.0
@@ -204,7 +194,8 @@ def test_a_ball_that_does_not_come_leaves_as_it_came_and_no_number_has_no_answer
             made.Vector(0, 0, 2),
             made.BALL,
         )
-        assert [*space.velocity, *space.spin] == pytest.approx([1, 2, -v_y, 3, 4, 5], abs=1e-12)
+        assert [*space.velocity] == pytest.approx([1, 2, -v_y], abs=1e-12)
+        assert [*space.spin] == pytest.approx([3, 4, 5], abs=1e-12)
     for impact in (
         (np.nan, 1.0, 0.0),
         (0.0, np.inf, 0.0),
@@ -236,18 +227,22 @@ def test_self_test_passes_and_sees_a_wrong_constant(tmp_path, language):
         assert ports.module(wrong).self_test() > 1e-6
         # One answer that is no number is enough.
         rebound = made.rebound
-        answers_left = iter([True])
-        made.rebound = lambda *given: rebound(*given)._replace(
-            **{"v_x2": np.nan} if next(answers_left, 0) else {}
-        )
+        calls = []
+
+        def first_is_no_number(*impact):
+            calls.append(impact)
+            answer = rebound(*impact)
+            if len(calls) == 1:
+                return answer._replace(v_x2=np.nan)
+            return answer
+
+        made.rebound = first_is_no_number
         assert made.self_test() > 1.0
         return
-    for given, code in ((text, 0), (wrong, 1)):
-        command = ports.compiled(tmp_path, language, given, driver=False)
-        assert (
-            subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=60).returncode
-            == code
-        )
+    for source, code in ((text, 0), (wrong, 1)):
+        command = ports.compiled(tmp_path, language, source, driver=False)
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=60)
+        assert done.returncode == code
 
 
 def test_golden_table_has_the_rebounds_of_the_model():
@@ -255,20 +250,18 @@ def test_golden_table_has_the_rebounds_of_the_model():
     rows = list(csv.DictReader(port(sets, "golden").splitlines()))
     assert {row["level"] for row in rows} == {"clay", "hard court"}
     assert len(rows) == 36
+    turning = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
     for number, row in enumerate(rows):
-        side = (1.0, -1.0)[number % 2]
-        signs = dict.fromkeys(("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn"), side)
-        at = {
-            name: signs.get(name, 1.0) * float(row[name])
-            for name in (*answers.IMPACT, *OUTPUTS[:7])
-        }
-        assert at["v_x1"] > 0.0
-        one = sets[row["level"] != "clay"]
-        found = one.model.rebound(
-            one.values,
-            fitball.impacts(*(at[name] for name in answers.IMPACT)),
-        )
-        assert [at[name] for name in OUTPUTS[:7]] == [
-            getattr(found, name)[0] for name in OUTPUTS[:7]
-        ]
+        # Every second row is the mirror of an impact.
+        side = -1.0 if number % 2 else 1.0
+        forwards = {}
+        for name in (*answers.IMPACT, *OUTPUTS[:7]):
+            sign = side if name in turning else 1.0
+            forwards[name] = sign * float(row[name])
+        assert forwards["v_x1"] > 0.0
+        impact = [forwards[name] for name in answers.IMPACT]
+        level = sets[0] if row["level"] == "clay" else sets[1]
+        found = level.model.rebound(level.values, fitball.impacts(*impact))
+        for name in OUTPUTS[:7]:
+            assert forwards[name] == getattr(found, name)[0], name
         assert row["regime"] == fitball.regime_name(found.regime[0])
