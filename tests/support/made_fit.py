@@ -116,7 +116,9 @@ def made_fit(
     estimates = {}
     noises = {one.noise for one in problem.observables}
     for k, one in enumerate(problem.parameters):
-        kind = "noise" if one.spec.name in noises else "level" if "[" in one.spec.name else "model"
+        kind = "level" if "[" in one.spec.name else "model"
+        if one.spec.name in noises:
+            kind = "noise"
         verdict = VERDICTS[k % len(VERDICTS)] if one.fixed is None else "fixed"
         rests = ("offset=contact", "ball_radius") if verdict == "given" else ()
         known = summarise(values[one.spec.name], point[one.spec.name])

@@ -64,9 +64,8 @@ class Numbers(NamedTuple):
     @property
     def terms(self):
         """Terms after which a series of reach REACH has converged."""
-        return next(
-            n for n in range(999) if REACH**n < math.factorial(n) * 10 ** (-self.digits - 2)
-        )
+        small = 10 ** (-self.digits - 2)
+        return next(n for n in range(999) if REACH**n < math.factorial(n) * small)
 
 
 DOUBLE = Numbers(float, math.sqrt, math.log, 16)
@@ -89,16 +88,18 @@ class Answer(
         """Octal digits of the phases, the first lowest, without those up to a share `shortest` of
         the contact.
         """
-        kept = [p for p, lasted in self.phases if lasted > shortest * float(self.contact_time)]
-        return sum(p << 3 * k for k, p in enumerate(kept[:20]))
+        least = shortest * float(self.contact_time)
+        phases = [phase for phase, duration in self.phases if duration > least]
+        return sum(phase << 3 * k for k, phase in enumerate(phases[:20]))
 
 
 def value(c, x):
     """A polynomial and its slope."""
-    f = d = 0 * x
-    for one in reversed(c):
+    f = 0 * x
+    d = 0 * x
+    for coefficient in reversed(c):
         d = d * x + f
-        f = f * x + one
+        f = f * x + coefficient
     return f, d
 
 
@@ -107,17 +108,19 @@ def first_fall(c, zero, least):
     intervals are proved free of zeros, or monotonic, by a bound of the second derivative, or
     halved.
     """
-    bend = sum(k * (k - 1) * abs(one) for k, one in enumerate(c))
+    bend = sum(k * (k - 1) * abs(coefficient) for k, coefficient in enumerate(c))
     parts = [(zero, zero + 1)]
     while parts:
         low, high = parts.pop()
         middle = (low + high) / 2
         half = (high - low) / 2
         f, d = value(c, middle)
-        if abs(f) > abs(d) * half + bend * half * half / 2:
+        free_of_zeros = abs(f) > abs(d) * half + bend * half * half / 2
+        monotonic = abs(d) > bend * half
+        if free_of_zeros:
             if f < 0:
                 return low
-        elif abs(d) > bend * half or half < least:
+        elif monotonic or half < least:
             if d < 0 and value(c, high)[0] <= 0:
                 return falling(c, low, high, least)
             if value(c, low)[0] < 0:
@@ -137,9 +140,14 @@ def falling(c, low, high, least):
         if abs(x - old) <= least / 1000:
             break
         f, d = value(c, x)
-        low, high = (x, high) if f > 0 else (low, x)
+        if f > 0:
+            low = x
+        else:
+            high = x
         old = x
-        x = min(max(x - f / d, low), high) if d < 0 else (low + high) / 2
+        x = (low + high) / 2
+        if d < 0:
+            x = min(max(old - f / d, low), high)
     return x
 
 
@@ -148,19 +156,28 @@ def total(*parts):
     state.
     """
     places = sorted({place for _, weights in parts for place in weights})
-    return {
-        place: sum(factor * weights.get(place, 0) for factor, weights in parts) for place in places
-    }
+    sums = {}
+    for place in places:
+        sums[place] = sum(factor * weights.get(place, 0) for factor, weights in parts)
+    return sums
+
+
+def weighted(weights, state):
+    """The weighted sum over a state."""
+    return sum([weight * state[place] for place, weight in weights.items()])
+
+
+def sizes_of(weights):
+    return {place: abs(weight) for place, weight in weights.items()}
 
 
 def series(rates, z, h, count):
     """Terms in t/h of the motion z' = A z that begins at z; `rates` are the rows of A."""
-    rows = [tuple(row.items()) for row in rates]
     terms = [z]
     for k in range(1, count):
         share = h / k
         last = terms[-1]
-        terms.append([share * sum([w * last[i] for i, w in row]) for row in rows])
+        terms.append([share * weighted(row, last) for row in rates])
     return terms
 
 
@@ -171,36 +188,38 @@ class Piece:
         self.terms = series(rates, z, h, count or kind.terms)
         self.kind = kind
         self.zero = 0 * z[0]
-        sizes = [{place: abs(weight) for place, weight in row.items()} for row in rates]
-        self.sizes = series(sizes, [abs(one) for one in z], h, FIRST)
+        sizes = [sizes_of(row) for row in rates]
+        self.sizes = series(sizes, [abs(number) for number in z], h, FIRST)
 
     def leading(self, weights):
         """A weighted sum of the state as terms, and the place of the first that is not rounding
         (None: all are).
         """
-        c = [sum([w * z[i] for i, w in weights.items()]) for z in self.terms]
-        sizes = [sum([abs(w) * z[i] for i, w in weights.items()]) for z in self.sizes]
+        c = [weighted(weights, z) for z in self.terms]
         noise = self.kind.rounding
-        return c, next((k for k, size in enumerate(sizes) if abs(c[k]) > noise * size), None)
+        absolute = sizes_of(weights)
+        for k, z in enumerate(self.sizes):
+            if abs(c[k]) > noise * weighted(absolute, z):
+                return c, k
+        return c, None
 
     def sign(self, weights):
         """Whether a weighted sum is positive just after the start (1), negative (-1) or neither
         (0).
         """
         c, k = self.leading(weights)
-        return 0 if k is None else 1 if c[k] > 0 else -1
+        if k is None:
+            return 0
+        return 1 if c[k] > 0 else -1
 
     def fall(self, weights):
         """When a weighted sum falls to zero: None if not here, 0 if it is falling from there."""
         c, k = self.leading(weights)
-        falls = k is not None and c[k] < 0
-        return (
-            None
-            if k is None
-            else self.zero
-            if falls
-            else first_fall(c[k:], self.zero, self.kind.rounding)
-        )
+        if k is None:
+            return None
+        if c[k] < 0:
+            return self.zero
+        return first_fall(c[k:], self.zero, self.kind.rounding)
 
     def at(self, x):
         """The state at x."""
@@ -238,13 +257,18 @@ def swing(zeta, by_force, kind):
     t = 0 * zeta
     ends = []
     h = REACH / fastest(zeta, 0 * zeta + 1, kind.sqrt)
-    for end in ({0: 1, 1: 2 * zeta}, {0: 1})[: 1 if by_force else 2]:
+    rates = [{1: 1}, {0: -1, 1: -2 * zeta}]
+    end_of_force = {0: 1, 1: 2 * zeta}
+    end_of_contact = {0: 1}
+    events = [end_of_force] if by_force else [end_of_force, end_of_contact]
+    for event in events:
         x = None
         while x is None:
-            piece = Piece([{1: 1}, {0: -1, 1: -2 * zeta}], z, h, kind)
-            x = piece.fall(end)
-            z = piece.at(1 if x is None else x)
-            t = t + h * (1 if x is None else x)
+            piece = Piece(rates, z, h, kind)
+            x = piece.fall(event)
+            share = 1 if x is None else x
+            z = piece.at(share)
+            t = t + h * share
         ends.append(t)
     return ends[0], ends[-1], -z[1]
 
@@ -290,19 +314,34 @@ def landed(v_x, omega_2, impulse, mass, radius, shell, mu, eps, in_slide):
     """
     yields = 1 / mass + radius * radius / shell
     slip = v_x - radius * omega_2
-    # Friction and offset per normal force: in slip, until it is used up; then what keeps the
-    # contact point at rest.
-    sliding = (-mu if slip > 0 else mu, eps if in_slide else 0)
-    rate = yields * sliding[0] + radius * sliding[1] / shell
-    spent = min(impulse, -slip / rate) if rate * slip < 0 else impulse if slip != 0 else 0
-    need = -radius * eps / (shell * yields)
-    resting = (
-        (need, eps) if abs(need) <= mu else (mu if need > 0 else -mu, eps) if in_slide else (0, 0)
-    )
-    for (friction, lever), part in ((sliding, spent), (resting, impulse - spent)):
+
+    def pushed(v_x, omega_2, friction, lever, part):
         v_x = v_x + friction * part / mass
         omega_2 = omega_2 - (radius * friction + lever) * part / shell
-    return v_x, omega_2
+        return v_x, omega_2
+
+    # Friction and offset per normal force: in slip, until it is used up.
+    friction = -mu if slip > 0 else mu
+    lever = eps if in_slide else 0
+    rate = yields * friction + radius * lever / shell
+    if rate * slip < 0:
+        spent = min(impulse, -slip / rate)
+    elif slip != 0:
+        spent = impulse
+    else:
+        spent = 0
+    v_x, omega_2 = pushed(v_x, omega_2, friction, lever, spent)
+    # Then what keeps the contact point at rest, as far as friction can.
+    need = -radius * eps / (shell * yields)
+    friction = 0
+    lever = 0
+    if abs(need) <= mu:
+        friction = need
+        lever = eps
+    elif in_slide:
+        friction = mu if need > 0 else -mu
+        lever = eps
+    return pushed(v_x, omega_2, friction, lever, impulse - spent)
 
 
 def solve(options, parameters, impact, *, ball=BALL, cor=None, until=None, kind=DOUBLE):
@@ -324,15 +363,15 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
     mu = p["mu"]
     momentum = options["normal"] == "momentum"
     cap = m if momentum else one
-    e = law(p["cor_10"], p["cor_slope"], cap, v_y, kind.log) if cor is None else kind.make(cor)
-    if e is None or not 0 < e <= cap:
-        return Answer(
-            "REBOUND_FALLS"
-            if e is None
-            else "COR_EXCEEDS_MASS_RATIO"
-            if 0 < e <= 1
-            else "COR_OUT_OF_RANGE"
-        )
+    e = None if cor is None else kind.make(cor)
+    if cor is None:
+        e = law(p["cor_10"], p["cor_slope"], cap, v_y, kind.log)
+    if e is None:
+        return Answer("REBOUND_FALLS")
+    if cap < e <= 1:
+        return Answer("COR_EXCEEDS_MASS_RATIO")
+    if not 0 < e <= cap:
+        return Answer("COR_OUT_OF_RANGE")
     riding = mass if options["normal"] == "total" else m * mass
     k_y = p["k_y"]
     omega_y = kind.sqrt(p["k_y"] / riding)
@@ -353,11 +392,9 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
     squared = 1 - (1 - zeta * zeta) * omega_y * omega_y / (k * compliance)
     if options["torsion"] == "matched" and squared < 0:
         return Answer("TORSION_TOO_SOFT")
-    c = (
-        2
-        * (kind.sqrt(squared) if options["torsion"] == "matched" else p["zeta_theta"])
-        * kind.sqrt(k / compliance)
-    )
+    matched = options["torsion"] == "matched"
+    zeta_theta = kind.sqrt(squared) if matched else p["zeta_theta"]
+    c = 2 * zeta_theta * kind.sqrt(k / compliance)
 
     eps = p["eps_10"] + p["eps_slope"] * (v_y - 10)
     in_slide = options["offset"] == "contact"
@@ -371,12 +408,15 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
     slip = {X: one, W2: -radius}
     gyration = shell + mass * radius * radius
     acting = eps if in_slide else zero
-    full, bare = (
-        total((mass * radius / gyration, torque), (-mass * radius / gyration * lever, force))
-        for lever in (eps, zero)
-    )
-    rates = {
-        phase: [
+
+    def at_rest_by(lever):
+        """The friction that keeps the contact point at rest."""
+        share = mass * radius / gyration
+        return total((share, torque), (-share * lever, force))
+
+    def rates_of(friction, lever):
+        """Rows of A in a phase with this friction and this offset."""
+        return [
             {V: one},
             total((-1 / riding, force)),
             total((1 / mass, friction)),
@@ -386,54 +426,65 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
             {X: one},
             {W1: core / inertia, W2: shell / inertia},
         ]
-        for phase, friction, lever in (
-            (SLIDE_FORWARD, total((-mu, force)), acting),
-            (SLIDE_BACKWARD, total((mu, force)), acting),
-            (GRIP, full, eps),
-            (HOLD, bare, zero),
-            (FREE, {}, zero),
-        )
+
+    full = at_rest_by(eps)
+    bare = at_rest_by(zero)
+    rates = {
+        SLIDE_FORWARD: rates_of(total((-mu, force)), acting),
+        SLIDE_BACKWARD: rates_of(total((mu, force)), acting),
+        GRIP: rates_of(full, eps),
+        HOLD: rates_of(bare, zero),
+        FREE: rates_of({}, zero),
     }
 
     def beginning(phase, z):
         """Whether a phase can begin at z, and what falls through zero where it ends."""
         near = Piece(rates[phase], z, t_contact, kind, FIRST)
-        if phase in (SLIDE_FORWARD, SLIDE_BACKWARD):
-            ends = [total((1 if phase == SLIDE_FORWARD else -1, slip))] if mu > 0 else []
-        else:
-            ends = [total((mu, force), (side, full if phase == GRIP else bare)) for side in (-1, 1)]
+        ends = []
+        if phase in (GRIP, HOLD):
+            friction = full if phase == GRIP else bare
+            ends.append(total((mu, force), (-1, friction)))
+            ends.append(total((mu, force), (1, friction)))
+        elif mu > 0:
+            side = 1 if phase == SLIDE_FORWARD else -1
+            ends.append(total((side, slip)))
         if phase == HOLD:
             ends.append(total((near.sign(full), full), (-mu, force)))
-        return all(near.sign(end) > 0 for end in ends) and not (
-            phase == HOLD and (in_slide or eps == 0)
-        ), ends
+        can = all(near.sign(end) > 0 for end in ends)
+        if phase == HOLD and (in_slide or eps == 0):
+            can = False
+        return can, ends
 
     def at_rest(z):
-        """The phase that begins at zero slip, and what ends it; StopIteration if every phase
+        """The phase that begins at zero slip, and what ends it; an error if every phase
         contradicts itself.
         """
-        tried = (
-            (phase, beginning(phase, z)) for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD)
-        )
-        return next((phase, ends) for phase, (can, ends) in tried if can)
+        for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD):
+            can, ends = beginning(phase, z)
+            if can:
+                return phase, ends
+        raise ArithmeticError("every phase contradicts itself")
 
     z = [zero, v_y, v_x, omega, omega_2, zero, zero, zero]
     now = zero
     began = zero
     phases = []
     apart = v_x - radius * omega_2
-    if mu > 0 and abs(apart) <= kind.rounding * (abs(v_x) + radius * abs(omega_2)):
+    size = abs(v_x) + radius * abs(omega_2)
+    if mu > 0 and abs(apart) <= kind.rounding * size:
         phase, ends = at_rest(z)
     else:
         phase = SLIDE_FORWARD if apart > 0 else SLIDE_BACKWARD
-        ends = beginning(phase, z)[1]
+        _, ends = beginning(phase, z)
     stop = t_contact if until is None else min(kind.make(until), t_contact)
     nearly = kind.rounding * t_contact
     swinging = fastest(zeta * omega_y, omega_y * omega_y, kind.sqrt)
     while len(phases) < PHASES:
         limit = stop if phase == FREE else min(stop, t_force)
-        yields = 1 / core + 1 / (gyration if phase in (GRIP, HOLD) else shell)
-        h = REACH / max(swinging, fastest(c * yields / 2, k * yields, kind.sqrt))
+        turning = gyration if phase in (GRIP, HOLD) else shell
+        yields = 1 / core + 1 / turning
+        twisting = fastest(c * yields / 2, k * yields, kind.sqrt)
+        h = REACH / max(swinging, twisting)
         left = limit - now
         last = h >= left
         h = left if last else h
@@ -455,7 +506,9 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
             break
     else:
         return Answer("TOO_MANY_PHASES")
-    spin = z[W2] if options["spin"] == "shell" else (core * z[W1] + shell * z[W2]) / inertia
+    spin = z[W2]
+    if options["spin"] != "shell":
+        spin = (core * z[W1] + shell * z[W2]) / inertia
     v_y2 = -z[V] * (m if momentum else 1)
     late = z[Y] / v_y2
     gaps = (t_contact + late, z[PATH] + z[X] * late, z[TURN] + spin * late)
