@@ -54,6 +54,14 @@ def dropped(heights, fall=2.54, **labels):
     return made({"v_y1": speeds, "v_y2": after}, labels=labels)
 
 
+def drop_test_of(heights, **choices):
+    return drop_test(dropped(heights, **choices), Scene())
+
+
+def pace_of(table):
+    return measured_pace(table, Scene())
+
+
 def row(frame, **wanted):
     """The only row with these values."""
     for name, value in wanted.items():
@@ -74,7 +82,7 @@ def interval_of_mean(values, error=None):
 def test_a_court_has_the_rating_and_interval_of_its_impacts(polar):
     ratings = np.array([36.0, 38.5, 37.0, 35.5, 39.5])
     table = paced(ratings, polar=polar)
-    found = row(measured_pace(table, Scene()), surface="", place="")
+    found = row(pace_of(table), surface="", place="")
     assert found["impacts"] == 5
     assert found["rating"] == pytest.approx(37.3, rel=1e-9)
     low, high = interval_of_mean(ratings)
@@ -99,13 +107,13 @@ def test_only_impacts_within_tolerances_of_a_tennis_ball_count():
     spin = np.where(impact == 2, 6.1 * np.pi, -5.9 * np.pi)
     table = paced(ratings, speed=speed, angle=angle, spin=spin)
     table.values["v_x2"][3] = np.nan
-    assert measured_pace(table, Scene())["impacts"].tolist() == [4]
+    assert pace_of(table)["impacts"].tolist() == [4]
     two = paced(ratings[:2])
-    assert measured_pace(two, Scene()).empty
+    assert pace_of(two).empty
     table_tennis = BallSection(mass=0.0027, radius=0.02)
     assert measured_pace(paced(ratings), Scene(ball=table_tennis)).empty
     drops = made({"v_y1": 7.0, "v_y2": [5.0, 5.1, 5.2]})
-    assert measured_pace(drops, Scene()).empty
+    assert pace_of(drops).empty
 
 
 def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_others_theirs():
@@ -113,7 +121,7 @@ def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_oth
     surfaces = ("hard",) * 9 + ("clay",) * 2
     places = tuple("AAABBBCCCDD")
     table = paced(ratings, surface=surfaces, location=places)
-    found = measured_pace(table, Scene())
+    found = pace_of(table)
     assert found["surface"].tolist() == ["hard"] * 4
     assert found["place"].tolist() == ["", "A", "B", "C"]
     assert found["impacts"].tolist() == [9, 3, 3, 3]
@@ -137,7 +145,7 @@ def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_oth
 def test_a_drop_test_of_one_ball_is_students():
     heights = np.array([1.402, 1.395, 1.413, 1.408])
     cor = np.sqrt(heights / 2.54)
-    found = drop_test(dropped(heights), Scene())
+    found = drop_test_of(heights)
     assert found["kind"].tolist() == ["mean"]
     mean = found.iloc[0]
     assert mean["cor"] == pytest.approx(cor.mean(), rel=1e-9)
@@ -153,7 +161,7 @@ def test_a_drop_test_of_one_ball_is_students():
     stage_1 = Scene(ball=BallSection(type="stage-1"))
     assert drop_test(dropped(heights), stage_1)["passes"][0] < 0.01
     # Repeats that agree to every digit say nothing of their noise.
-    same = drop_test(dropped(np.full(3, 1.4)), Scene()).iloc[0]
+    same = drop_test_of(np.full(3, 1.4)).iloc[0]
     for name in ("cor_q025", "rebound_q975", "passes"):
         assert np.isnan(same[name]), name
     assert same["rebound"] == pytest.approx(1.4, rel=1e-9)
@@ -200,7 +208,7 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
 
 def test_balls_dropped_once_are_students_and_another_lies_among_them():
     cor = np.array([0.741, 0.747, 0.738, 0.744, 0.749])
-    found = drop_test(dropped(2.54 * cor**2, ball=tuple("ABCDE")), Scene())
+    found = drop_test_of(2.54 * cor**2, ball=tuple("ABCDE"))
     assert found["kind"].tolist() == ["mean", "another"]
     for kind, error in (("mean", np.sqrt(0.2)), ("another", np.sqrt(1.2))):
         answer = row(found, kind=kind)
@@ -261,7 +269,7 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     assert row(found, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
     balls = found[found["kind"] == "ball"]
     assert np.diff(balls["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
-    low = drop_test(dropped([0.57, 0.58, 0.575], fall=1.0), Scene()).iloc[0]
+    low = drop_test_of([0.57, 0.58, 0.575], fall=1.0).iloc[0]
     assert low["speed"] == pytest.approx(np.sqrt(TWICE_G))
     assert np.isnan(low["rebound"])
     assert np.isnan(low["passes"])
@@ -270,7 +278,7 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
 def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     heights = np.array([1.40, 1.41, 1.405, 1.20, 1.22, 1.21])
     surfaces = ("Smooth concrete",) * 3 + ("clay",) * 3
-    found = drop_test(dropped(heights, surface=surfaces), Scene())
+    found = drop_test_of(heights, surface=surfaces)
     base = row(found, surface="Smooth concrete")
     clay = row(found, surface="clay")
     cor = np.sqrt(heights / 2.54)
@@ -282,10 +290,10 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     assert clay["ratio"] == pytest.approx(on_clay / on_concrete, rel=1e-9)
     assert clay["ratio_q025"] < clay["ratio"] < clay["ratio_q975"] < 1.0
     not_rigid = ("hard",) * 3 + ("clay",) * 3
-    found = drop_test(dropped(heights, surface=not_rigid), Scene())
+    found = drop_test_of(heights, surface=not_rigid)
     assert np.isnan(found["ratio"]).all()
     # On clay alone no ball passes or fails.
-    alone = drop_test(dropped(heights[:3], surface=("clay",) * 3), Scene())
+    alone = drop_test_of(heights[:3], surface=("clay",) * 3)
     assert np.isnan(alone["passes"][0])
     assert alone["surface"][0] == ""
     by_scene = drop_test(dropped(heights[:3]), Scene(surface={"name": "clay"}))

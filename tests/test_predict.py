@@ -48,16 +48,26 @@ def surfaces():
     draws = fit.draws
     prior = fit.problem.prior
     rng = np.random.default_rng(6)
-    beyond = prior.beyond(
-        prior.coordinate(np.stack([draws.values[name] for name in fit.problem.free], axis=1)),
-        rng,
-    )
-    best = {name: np.median(column, keepdims=True) for name, column in beyond.items()}
-    fit.made.draws = Draws(draws.point, {**draws.values, **beyond}, {**draws.best, **best})
+    free = np.stack([draws.values[name] for name in fit.problem.free], axis=1)
+    beyond = prior.beyond(prior.coordinate(free), rng)
+    values = {**draws.values, **beyond}
+    best = dict(draws.best)
+    for name, column in beyond.items():
+        best[name] = np.median(column, keepdims=True)
+    fit.made.draws = Draws(draws.point, values, best)
     return fit
 
 
+def predictions(fit, *table, **choices):
+    return fit.predict(*table, **choices).frames["predictions"]
+
+
+def scores_of(fit, table):
+    return fit.predict(table).frames["scores"].set_index("column")
+
+
 def rows_of(result, column):
+    """Predictions of one column."""
     frame = result.frames["predictions"]
     return frame[frame["column"] == column].reset_index(drop=True)
 
@@ -66,24 +76,26 @@ def new_table(count, rng, fit, errors):
     """Impacts within the fit's range whose states are measured with `errors`, each with the rebound
     of a draw of the posterior at its true state, and noise; what a laboratory would have.
     """
-    known = fit.problem.rows.states
-    draw = rng.integers(len(next(iter(fit.draws.values.values()))), size=count)
-    picked = known.take(rng.integers(len(known), size=count))
+    fitted = fit.problem.rows.states
+    draw = rng.integers(len(fit.draws.values["mu"]), size=count)
+    measured = fitted.take(rng.integers(len(fitted), size=count))
     values = {name: column[draw] for name, column in fit.draws.values.items()}
-    true = fitball.impacts(
-        *(getattr(picked, name) + sd * rng.standard_normal(count) for name, sd in errors.items())
-    )
-    states = [fitball.impacts(true.v_x1[k], true.v_y1[k], true.omega_1[k]) for k in range(count)]
-    forward = fit.problem.forward
-    made = [
-        forward.rebound({n: v[k : k + 1] for n, v in values.items()}, states[k])
-        for k in range(count)
-    ]
-    table = {name: getattr(picked, name) for name in errors}
+    true = []
+    for name, sd in errors.items():
+        error = sd * rng.standard_normal(count)
+        true.append(getattr(measured, name) + error)
+    # Each impact has the values of its own draw.
+    rebounds = []
+    for k in range(count):
+        of_draw = {name: column[k : k + 1] for name, column in values.items()}
+        state = fitball.impacts(*(column[k] for column in true))
+        rebounds.append(fit.problem.forward.rebound(of_draw, state))
+    table = {name: getattr(measured, name) for name in errors}
     noise = {"v_x2": "v_x_sd", "v_y2": "v_y_sd", "omega_2": "spin_sd"}
     for name in REBOUND:
-        exact = np.array([getattr(one, name)[0, 0] for one in made])
-        table[name] = exact + values[noise[name]] * rng.standard_normal(count)
+        exact = np.array([getattr(rebound, name)[0, 0] for rebound in rebounds])
+        scatter = values[noise[name]] * rng.standard_normal(count)
+        table[name] = exact + scatter
     return pd.DataFrame(table)
 
 
@@ -93,7 +105,8 @@ def test_intervals_hold_with_errors_of_the_incident_state_and_do_not_without(fit
     stated = table.assign(**{f"{name}_sd": sd for name, sd in errors.items()})
     # What is left outside of 95 % of 400 is so much, but once in a thousand.
     low, high = stats.binom.ppf([5e-4, 1.0 - 5e-4], 400, 0.95) / 400
-    good, blind = (fit.predict(one).frames["scores"].set_index("column") for one in (stated, table))
+    good = scores_of(fit, stated)
+    blind = scores_of(fit, table)
     for name in REBOUND:
         assert low <= good.loc[name, "within_95"] <= high, name
         assert blind.loc[name, "within_95"] < low, name
@@ -107,22 +120,21 @@ def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
     assert list(scores.index) == list(REBOUND)
     assert (scores["seen"] == 10).all()
     assert (scores["impacts"] == 10).all()
-    one = rows_of(mine, "v_x2")
-    off = known["v_x2"].iloc[:10].to_numpy() - one["median"].to_numpy()
-    assert scores.loc["v_x2", "bias"] == pytest.approx(off.mean())
-    assert scores.loc["v_x2", "rms"] == pytest.approx(np.sqrt((off**2).mean()))
+    median = rows_of(mine, "v_x2")["median"].to_numpy()
+    residuals = known["v_x2"].to_numpy()[:10] - median
+    rms = np.sqrt(np.mean(residuals**2))
+    assert scores.loc["v_x2", "bias"] == pytest.approx(residuals.mean())
+    assert scores.loc["v_x2", "rms"] == pytest.approx(rms)
     # The same impacts by speed and angle are known again; others, or other rebounds, are not.
-    polar = known.assign(
-        v_1=np.hypot(known.v_x1, known.v_y1),
-        theta_1=np.degrees(np.arctan2(known.v_y1, known.v_x1)),
-    )
-    assert (
-        fit.predict(polar.drop(columns=["v_x1", "v_y1"])).frames["scores"]["seen"].tolist()
-        == [24] * 3
-    )
-    other = known.assign(v_y2=known["v_y2"] + [0.1, *[0.0] * 23])
-    assert fit.predict(other).frames["scores"]["seen"].tolist() == [23] * 3
-    assert fit.predict(known.drop(columns=list(REBOUND))).frames["scores"].empty
+    angle = np.arctan2(known.v_y1, known.v_x1)
+    polar = known.assign(v_1=np.hypot(known.v_x1, known.v_y1), theta_1=np.degrees(angle))
+    polar = polar.drop(columns=["v_x1", "v_y1"])
+    assert scores_of(fit, polar)["seen"].tolist() == [24] * 3
+    other = known.copy()
+    other.loc[0, "v_y2"] += 0.1
+    assert scores_of(fit, other)["seen"].tolist() == [23] * 3
+    bare = known.drop(columns=list(REBOUND))
+    assert fit.predict(bare).frames["scores"].empty
 
 
 def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit):
@@ -149,22 +161,14 @@ def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit)
 
 
 def test_columns_are_those_that_the_model_predicts(fit):
-    frame = fit.predict({"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0]}).frames["predictions"]
-    assert frame["column"].tolist() == ["v_x2", "v_y2", "theta_2", "omega_2"]
-    frame = fit.predict(
-        {
-            "v_x1": [15.0],
-            "v_y1": [7.0],
-            "omega_1": [0.0],
-            "v_2": [10.0],
-        }
-    ).frames["predictions"]
-    assert "v_2" in frame["column"].tolist()
+    state = {"v_x1": [15.0], "v_y1": [7.0], "omega_1": [0.0]}
+    columns = predictions(fit, state)["column"].tolist()
+    assert columns == ["v_x2", "v_y2", "theta_2", "omega_2"]
+    columns = predictions(fit, state | {"v_2": [10.0]})["column"].tolist()
+    assert "v_2" in columns
     drop = known_fit(table_of(drop=True), model="two-mass")
-    assert drop.predict(impact="v_y1=7").frames["predictions"]["column"].tolist() == [
-        "v_y2",
-        "contact_time",
-    ]
+    columns = predictions(drop, impact="v_y1=7")["column"].tolist()
+    assert columns == ["v_y2", "contact_time"]
 
 
 def test_levels_by_column_by_option_and_new(surfaces):
@@ -185,54 +189,57 @@ def test_levels_by_column_by_option_and_new(surfaces):
         assert by_column["surface"][row] == label
     new = surfaces.predict(bare.iloc[:1], level={"surface": "new"})
     # A surface of which nothing was measured is less sure than either.
-    assert rows_of(new, "v_x2")["sd"][0] > 1.5 * by_column["sd"].max()
+    sd = rows_of(new, "v_x2")["sd"][0]
+    assert sd > 1.5 * by_column["sd"].max()
     assert "new-level" in {note.code for note in new.notes}
     assert {*new.frames["predictions"]["surface"]} == {"new"}
 
 
-def refused(code, call):
+def refused(code, function, *values, **choices):
+    """The error, with this code, that a function raises."""
     with pytest.raises(fitball.FitballError) as caught:
-        call()
+        function(*values, **choices)
     assert caught.value.code == code
     return caught.value
 
 
 def test_what_cannot_be_predicted_is_refused(fit, surfaces, tmp_path):
     state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
-    refused("no-impacts", lambda: fit.predict())
-    refused("no-impacts", lambda: fit.predict(state, impact="v_y1=7"))
-    refused("impact", lambda: fit.predict(impact="v_1=17"))
-    refused("impact", lambda: fit.predict(impact="v_1=17, theta_1=200 deg"))
-    refused("label-missing", lambda: surfaces.predict(state))
-    refused("unknown-label", lambda: surfaces.predict(state, level={"surface": "grass"}))
-    refused("unknown-label", lambda: surfaces.predict(state | {"surface": ["grass"]}))
-    refused("unknown-level", lambda: surfaces.predict(state, level={"court": "clay"}))
-    refused("unknown-level", lambda: fit.predict(state, level={"surface": "clay"}))
-    refused(
-        "level-twice",
-        lambda: surfaces.predict(state | {"surface": ["clay"]}, level={"surface": "hard"}),
-    )
-    error = refused(
-        "not-a-number",
-        lambda: fit.predict({"v_x1": [1.0, "x"], "v_y1": [1, 2], "omega_1": [0, 0]}),
-    )
-    assert [(fault.row, fault.column) for fault in error.faults] == [(2, "v_x1")]
-    refused("not-found", lambda: fit.predict(tmp_path / "none.csv"))
-    refused("no-fit", lambda: fitball.predict(tmp_path, impact="v_y1=7"))
+    on_clay = state | {"surface": ["clay"]}
+    on_grass = state | {"surface": ["grass"]}
+    not_a_number = {"v_x1": [1.0, "x"], "v_y1": [1, 2], "omega_1": [0, 0]}
+    refused("no-impacts", fit.predict)
+    refused("no-impacts", fit.predict, state, impact="v_y1=7")
+    refused("impact", fit.predict, impact="v_1=17")
+    refused("impact", fit.predict, impact="v_1=17, theta_1=200 deg")
+    refused("label-missing", surfaces.predict, state)
+    refused("unknown-label", surfaces.predict, state, level={"surface": "grass"})
+    refused("unknown-label", surfaces.predict, on_grass)
+    refused("unknown-level", surfaces.predict, state, level={"court": "clay"})
+    refused("unknown-level", fit.predict, state, level={"surface": "clay"})
+    refused("level-twice", surfaces.predict, on_clay, level={"surface": "hard"})
+    error = refused("not-a-number", fit.predict, not_a_number)
+    (fault,) = error.faults
+    assert fault.row == 2
+    assert fault.column == "v_x1"
+    refused("not-found", fit.predict, tmp_path / "none.csv")
+    refused("no-fit", fitball.predict, tmp_path, impact="v_y1=7")
 
 
 def test_extrapolation_is_judged_within_the_surface(surfaces):
     """An impact as the fastest on hard is far from all on clay."""
-    known = surfaces.run.table
-    fast = int(np.argmax(known.impacts.polar()[0]))
-    state = {
-        name: [float(getattr(known.impacts, name)[fast])] * 3
-        for name in ("v_x1", "v_y1", "omega_1")
-    }
-    assert known.labels["surface"][fast] == "hard"
-    found = rows_of(surfaces.predict(state | {"surface": ["hard", "clay", "new"]}), "v_x2")
+    table = surfaces.run.table
+    speed, _ = table.impacts.polar()
+    fastest = int(np.argmax(speed))
+    assert table.labels["surface"][fastest] == "hard"
+    states = {"surface": ["hard", "clay", "new"]}
+    for name in ("v_x1", "v_y1", "omega_1"):
+        states[name] = [float(getattr(table.impacts, name)[fastest])] * 3
+    found = rows_of(surfaces.predict(states), "v_x2")
     assert found["outside"].tolist() == [False, True, False]
-    assert found["distance"][0] < 1e-6 < 3.0 < found["distance"][1]
+    on_hard, on_clay = found["distance"][:2]
+    assert on_hard < 1e-6
+    assert on_clay > 3.0
 
 
 def test_the_range_over_variants_that_fit_equally_well(fit):
@@ -262,15 +269,17 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
     state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
     found = rows_of(known.predict(state), "v_x2")
     model = fit.problem.forward.model
-    at = fitball.impacts(15.0, 8.0, 0.0)
+    impact = fitball.impacts(15.0, 8.0, 0.0)
     free = {spec.name: base[spec.name] for spec in model.parameters}
-    each = [
-        float(model.rebound({**free, **change}, at).v_x2[0]) for change in ({}, moved, {"e_x": 0.2})
-    ]
+    each = []
+    for change in ({}, moved, {"e_x": 0.2}):
+        rebound = model.rebound({**free, **change}, impact)
+        each.append(float(rebound.v_x2[0]))
     assert found["variant_low"][0] == pytest.approx(min(each), rel=1e-12)
     assert found["variant_high"][0] == pytest.approx(max(each), rel=1e-12)
     assert max(each) > min(each) + 0.1
-    assert rows_of(fit.predict(state), "v_x2")["variant_low"].isna().all()
+    alone = rows_of(fit.predict(state), "v_x2")
+    assert alone["variant_low"].isna().all()
 
 
 def test_no_new_measurement_where_its_error_is_not_known():
@@ -288,9 +297,11 @@ def test_no_new_measurement_where_its_error_is_not_known():
     )
     bare = fit.predict(state)
     stated = fit.predict(state.assign(v_x2_sd=[0.1, 0.5]))
-    assert rows_of(bare, "v_x2")[["new_q025", "noise"]].isna().all(axis=None)
+    unknown = rows_of(bare, "v_x2")
+    assert unknown["new_q025"].isna().all()
+    assert unknown["noise"].isna().all()
     assert rows_of(bare, "v_y2")["new_q025"].notna().all()
-    assert "unknown-noise" in {n.code for n in bare.notes}
+    assert "unknown-noise" in {note.code for note in bare.notes}
     wide = rows_of(stated, "v_x2")["noise"]
     scatter = np.sqrt(np.mean(fit.draws.values["v_x_sd"] ** 2))
     assert_allclose(wide, np.hypot(scatter, [0.1, 0.5]), rtol=1e-9)
@@ -307,18 +318,16 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
         "v_y1": rng.uniform(4, 12, 300),
         "omega_1": rng.uniform(-100, 100, 300),
     }
-    whole = fit.predict(table).frames["predictions"]
-    monkeypatch.setattr(predictive, "_BLOCK", 7 * len(fit.draws.values["mu"]))
+    at_once = predictions(fit, table)
+    all_draws = len(fit.draws.values["mu"])
+    monkeypatch.setattr(predictive, "_BLOCK", 7 * all_draws)
     for cores in (1, 3):
         with environment.threads(cores):
-            pd.testing.assert_frame_equal(
-                fit.predict(table).frames["predictions"],
-                whole,
-                rtol=1e-12,
-            )
+            in_blocks = predictions(fit, table)
+        pd.testing.assert_frame_equal(in_blocks, at_once, rtol=1e-12)
     monkeypatch.setattr(predictive, "_FEWEST", 40)
     monkeypatch.setattr(predictive, "PREDICTED", 4)
-    fewer = fit.predict(table).frames["predictions"]
+    fewer = predictions(fit, table)
     count = predictive.PREDICTING * 4 // 300
     chosen = (np.arange(count) * 400) // count
     values = {name: column[chosen] for name, column in fit.draws.values.items()}
@@ -328,28 +337,29 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
         draws=Draws(fit.draws.point, values, fit.draws.best),
     )
     monkeypatch.setattr(predictive, "PREDICTED", 20_000)
-    assert_array_equal(known.predict(table).frames["predictions"]["q975"], fewer["q975"])
-    assert len(values["mu"]) == count < len(fit.draws.values["mu"])
+    assert_array_equal(predictions(known, table)["q975"], fewer["q975"])
+    assert len(values["mu"]) == count
+    assert count < all_draws
+
+
+def rows_of_page(result):
+    """Rows of the first table of the page."""
+    blocks = page.report(result).summary
+    return next(block.rows for block in blocks if getattr(block, "rows", None))
 
 
 def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
     one = fit.predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     many = fit.predict(impact="v_1=15..60:4, theta_1=30 deg, omega_1=0")
-    assert [page.report(found).summary[0].lines[0].tone for found in (one, many)] == [
-        "good",
-        "part",
-    ]
-    table = next(block for block in page.report(many).summary if getattr(block, "rows", None))
-    assert [row["remark"] for row in table.rows] == [
-        "",
-        "extrapolated",
-        "extrapolated",
-        "extrapolated",
-    ]
-    assert all(len(result.plot("rebounds").get_axes()) == 4 for result in (one, many))
-    alone = next(block for block in page.report(one).summary if getattr(block, "rows", None)).rows
-    shown = {row[""]: float(row["median"]) for row in alone}
-    assert shown["v_x2"] == pytest.approx(rows_of(one, "v_x2")["median"][0], abs=0.06)
+    assert page.report(one).summary[0].lines[0].tone == "good"
+    assert page.report(many).summary[0].lines[0].tone == "part"
+    remarks = [row["remark"] for row in rows_of_page(many)]
+    assert remarks == ["", "extrapolated", "extrapolated", "extrapolated"]
+    for result in (one, many):
+        assert len(result.plot("rebounds").get_axes()) == 4
+    shown = {row[""]: float(row["median"]) for row in rows_of_page(one)}
+    median = rows_of(one, "v_x2")["median"][0]
+    assert shown["v_x2"] == pytest.approx(median, abs=0.06)
     point = known_fit(sampled=False).predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     frame = point.frames["predictions"]
     assert frame[["median", "new_q025"]].isna().all(axis=None)
@@ -381,13 +391,11 @@ def test_the_page_says_which_impacts_are_outside_and_the_figure_shows_the_frame(
     for axis, name in zip(drawn.axes, ("v_x2", "v_y2", "theta_2", "omega_2"), strict=True):
         mine = rows_of(within, name)
         unit = 180.0 / np.pi if name == "theta_2" else 1.0
-        wide, narrow = (one[:, :, 1] for one in bars(axis))
-        assert_allclose(
-            wide,
-            unit * mine[["new_q025", "new_q975"]].to_numpy(),
-            rtol=1e-12,
-        )
-        assert_allclose(narrow, unit * mine[["q16", "q84"]].to_numpy(), rtol=1e-12)
+        new = unit * mine[["new_q025", "new_q975"]].to_numpy()
+        central = unit * mine[["q16", "q84"]].to_numpy()
+        wide, narrow = bars(axis)
+        assert_allclose(wide[:, :, 1], new, rtol=1e-12)
+        assert_allclose(narrow[:, :, 1], central, rtol=1e-12)
         assert_allclose(dots(axis, "_")[:, 1], unit * mine["median"], rtol=1e-12)
         assert_allclose(dots(axis, "o")[:, 1], unit * mine["observed"], rtol=1e-12)
 
@@ -397,14 +405,15 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
     command line.
     """
     known = table_of(16)
-    theirs = {
-        "Vin": known.v_x1 * 3.6,
-        "down": known.v_y1,
-        "spin": -known.omega_1,
-        "Vout": known.v_x2 * 3.6,
-    }
     theirs = pd.DataFrame(
-        theirs | {"v_y2": known.v_y2, "omega_2 [rpm]": -known.omega_2 * 30 / np.pi}
+        {
+            "Vin": known.v_x1 * 3.6,
+            "down": known.v_y1,
+            "spin": -known.omega_1,
+            "Vout": known.v_x2 * 3.6,
+            "v_y2": known.v_y2,
+            "omega_2 [rpm]": -known.omega_2 * 30 / np.pi,
+        }
     )
     theirs.to_csv(tmp_path / "theirs.csv", index=False)
     known.drop(columns="id").to_csv(tmp_path / "ours.csv", index=False)
@@ -415,44 +424,31 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
         "--flip",
         "omega_1,omega_2",
     ]
+    ours = tmp_path / "ours"
     for name, more in (("theirs", named), ("ours", [])):
-        assert (
-            main(
-                [
-                    "calibrate",
-                    str(tmp_path / f"{name}.csv"),
-                    *more,
-                    *options,
-                    "--out",
-                    str(tmp_path / name),
-                ]
-            )
-            == 0
-        )
+        file = str(tmp_path / f"{name}.csv")
+        out = ["--out", str(tmp_path / name)]
+        assert main(["calibrate", file, *more, *options, *out]) == 0
     # Without rebounds, and without a unit in the header.
-    theirs[["Vin", "down", "spin"]].iloc[:4].to_csv(tmp_path / "new.csv", index=False)
-    known[["v_x1", "v_y1", "omega_1"]].iloc[:4].to_csv(tmp_path / "same.csv", index=False)
+    their_states = theirs[["Vin", "down", "spin"]].iloc[:4]
+    our_states = known[["v_x1", "v_y1", "omega_1"]].iloc[:4]
+    their_states.to_csv(tmp_path / "new.csv", index=False)
+    our_states.to_csv(tmp_path / "same.csv", index=False)
     capsys.readouterr()
-    made = []
+    points = []
     for name, table in (("theirs", "new.csv"), ("ours", "same.csv")):
         assert main(["predict", str(tmp_path / name), str(tmp_path / table), "--json"]) == 0
-        made.append(pd.DataFrame(json.loads(capsys.readouterr().out)["frames"]["predictions"]))
-    assert_allclose(
-        made[0]["point"].astype(float),
-        made[1]["point"].astype(float),
-        rtol=1e-5,
-    )
-    written = {place.name for place in (tmp_path / "ours" / "predict").iterdir()}
+        record = json.loads(capsys.readouterr().out)
+        frame = pd.DataFrame(record["frames"]["predictions"])
+        points.append(frame["point"].astype(float))
+    assert_allclose(points[0], points[1], rtol=1e-5)
+    written = {place.name for place in (ours / "predict").iterdir()}
     assert {"predictions.csv", "report.html", "rebounds.png"} <= written
-    assert not [*(tmp_path / "ours").glob("*.png")]
-    assert (
-        main(
-            ["predict", str(tmp_path / "ours"), "--impact", "v_1=17", "--out", str(tmp_path / "x")]
-        )
-        == 2
-    )
+    assert not [*ours.glob("*.png")]
+    out = ["--out", str(tmp_path / "x")]
+    assert main(["predict", str(ours), "--impact", "v_1=17", *out]) == 2
     assert not (tmp_path / "x").exists()
-    refused("own-model", lambda: fitball.load_fit(tmp_path / "ours", "brody"))
+    refused("own-model", fitball.load_fit, ours, "brody")
 
 
 def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
@@ -463,10 +459,12 @@ def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
         "v_x1\n"
     )
     own = f"{place}:roll"
-    fitball.calibrate(tmp_path / "balls.csv", model=own, point_only=True, progress=False).save(
-        tmp_path / "fit"
-    )
-    made = fitball.predict(tmp_path / "fit", impact="v_x1=10, v_y1=7", model=own)
-    best = fitball.load_fit(tmp_path / "fit", own).point.optima[0]["k"]
-    assert rows_of(made, "v_x2")["point"][0] == pytest.approx(10.0 * best, rel=1e-12)
-    refused("own-model", lambda: fitball.predict(tmp_path / "fit", impact="v_x1=10, v_y1=7"))
+    table = tmp_path / "balls.csv"
+    folder = tmp_path / "fit"
+    fitball.calibrate(table, model=own, point_only=True, progress=False).save(folder)
+    impact = "v_x1=10, v_y1=7"
+    result = fitball.predict(folder, impact=impact, model=own)
+    best = fitball.load_fit(folder, own).point.optima[0]["k"]
+    found = rows_of(result, "v_x2")["point"][0]
+    assert found == pytest.approx(10.0 * best, rel=1e-12)
+    refused("own-model", fitball.predict, folder, impact=impact)
