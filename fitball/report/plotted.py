@@ -46,9 +46,10 @@ def plotted(fit: Fitted, names: Sequence[str], form: str) -> Plotted:
             text = f"figure {name}: this fit has no data for it; it has {listed(known, most=20)}"
             raise ParameterError(text, "no-such-data")
     missing = [name for name in FIGURES if name not in known and not names]
-    notes = [Note("not-drawn", f"This fit has no data for {listed(missing, most=20)}.")] * bool(
-        missing
-    )
+    notes = []
+    if missing:
+        text = f"This fit has no data for {listed(missing, most=20)}."
+        notes.append(Note("not-drawn", text))
     return Plotted(fit, tuple(dict.fromkeys(names)) or known, form, tuple(notes))
 
 
