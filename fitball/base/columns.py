@@ -34,14 +34,18 @@ REBOUND = (
 )
 # What laboratories write instead of v_y1 and v_y2 of a drop test; a table has the speeds.
 HEIGHTS = ("drop_height", "rebound_height")
+# The components of the velocity at the ends of the bounce, "1" incident and "2" rebound.
+COMPONENTS: Mapping[str, tuple[str, str]] = {"1": ("v_x1", "v_y1"), "2": ("v_x2", "v_y2")}
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers: SI `unit`, angles in radians; numbers outside `limits` are faults;
+    """A column of numbers: SI `unit` (empty: dimensionless), angles in radians, and the
+    `display_unit` that people read, by default `unit`; numbers outside `limits` are faults;
     `opposite` is the other convention. `tangential` ones need motion along the court, `timed` ones
     a time axis, `gap` ones lie between the flights. `noise` is the scatter of a rebound column;
-    `formula` gives it from (v_x2, v_y2), None: a model's output.
+    `formula` gives it from the components of the velocity at its end, None: a measurement of its
+    own, or a model's output.
     """
 
     name: str
@@ -61,21 +65,30 @@ class Column:
         if self.display_unit is SI:
             object.__setattr__(self, "display_unit", Unit(self.unit))
 
+    @property
+    def of_velocity(self) -> bool:
+        """Whether it is a component of a velocity, or follows from both."""
+        return self.formula is not None or any(self.name in pair for pair in COMPONENTS.values())
 
-# Limits: ten times the fastest serve and the fastest spins of any ball game, and more. A ball that
-# does not come has no bounce. Contacts last from a fifth of a millisecond (hard spheres of some
-# centimetres) to some tens.
+
+# Ten times the fastest serve of any ball game, and more.
 _ALONG = (-1000.0, 1000.0)
 _FAST = (0.0, 1000.0)
+# A ball that does not come has no bounce.
 _COMING = (1e-3, 1000.0)
+# Ten times the fastest spins of any ball game, and more.
 _SPIN = (-1e5, 1e5)
+# From a fifth of a millisecond (hard spheres of some centimetres) to some tens.
 _TIME = (1e-4, 0.1)
+# Drops from a millimetre to a fall at 31 m/s.
 _HEIGHT = (1e-3, 50.0)
-# Between its flights a ball moves and turns less than in a tenth of a second at the largest speeds.
+# Between its flights a ball moves less than in a tenth of a second at the largest speeds,
 _PATH = (-10.0, 10.0)
+# and turns less than in that time at any spin that was measured.
 _TURN = (-1e3, 1e3)
 # A grazing impact of less than 0.006 degrees is none.
 _FALLING = (1e-4, pi - 1e-4)
+# A rebound leaves the court.
 _RISING = (0.0, pi)
 
 
@@ -96,21 +109,29 @@ def _noise(
     return ParameterSpec(name, unit, *ends, prior, meaning, symbol, display_unit=display_unit)
 
 
+def _angle(v_x: FloatArray, v_y: FloatArray) -> FloatArray:
+    """Between velocity and court, 0 to pi, above pi/2 where the ball moves backwards."""
+    return np.asarray(np.arctan2(v_y, v_x))
+
+
+# From a tenth of a millimetre a second, finer than any camera, to what is no measurement any more.
 _SPEED_SD = (1e-4, 10.0)
+# From a microsecond to some contacts.
 _TIME_SD = (1e-6, 1e-2)
 _ALL = (
     Column("v_x1", "m/s", "horizontal incident velocity", r"$v_{x1}$", _ALONG, opposite="negated"),
     Column("v_y1", "m/s", "vertical incident velocity", r"$v_{y1}$", _COMING, opposite="negated"),
     Column("omega_1", "rad/s", "incident spin", r"$\omega_1$", _SPIN, opposite="negated"),
-    Column("v_1", "m/s", "incident speed", r"$v_1$", _COMING),
+    Column("v_1", "m/s", "incident speed", r"$v_1$", _COMING, formula=np.hypot),
     Column(
         "theta_1",
         "rad",
         "incident angle",
         r"$\theta_1$",
         _FALLING,
-        DEG,
-        "from the normal",
+        display_unit=DEG,
+        opposite="from the normal",
+        formula=_angle,
     ),
     Column(
         "v_x2",
@@ -146,10 +167,10 @@ _ALL = (
         "rebound angle",
         r"$\theta_2$",
         _RISING,
-        DEG,
-        "from the normal",
+        display_unit=DEG,
+        opposite="from the normal",
         tangential=True,
-        formula=lambda v_x2, v_y2: np.arctan2(v_y2, v_x2),
+        formula=_angle,
         noise=_noise(
             "angle_sd",
             "rad",
@@ -176,7 +197,7 @@ _ALL = (
         "contact time",
         r"$t_c$",
         _TIME,
-        MS,
+        display_unit=MS,
         timed=True,
         noise=_noise(
             "contact_time_sd",
@@ -194,7 +215,7 @@ _ALL = (
         "time between the flights",
         r"$T$",
         _TIME,
-        MS,
+        display_unit=MS,
         timed=True,
         gap=True,
         noise=_noise(
@@ -213,11 +234,11 @@ _ALL = (
         "path between the flights",
         r"$P$",
         _PATH,
-        MM,
-        "negated",
-        True,
-        True,
-        True,
+        display_unit=MM,
+        opposite="negated",
+        tangential=True,
+        timed=True,
+        gap=True,
         noise=_noise(
             "gap_path_sd",
             "m",
@@ -234,11 +255,11 @@ _ALL = (
         "turn between the flights",
         r"$Q$",
         _TURN,
-        DEG,
-        "negated",
-        True,
-        True,
-        True,
+        display_unit=DEG,
+        opposite="negated",
+        tangential=True,
+        timed=True,
+        gap=True,
         noise=_noise(
             "gap_turn_sd",
             "rad",
@@ -253,3 +274,12 @@ _ALL = (
     Column("rebound_height", "m", "rebound height", r"$h_2$", _HEIGHT),
 )
 COLUMNS: Mapping[str, Column] = {column.name: column for column in _ALL}
+
+
+def velocity_columns(end: str) -> tuple[str, ...]:
+    """The columns of one end of the bounce ("1" incident, "2" rebound) that are its velocity or
+    follow from it, components first. Any two of them say the others.
+    """
+    names = INCIDENT if end == "1" else REBOUND
+    others = [name for name in names if COLUMNS[name].of_velocity and name not in COMPONENTS[end]]
+    return (*COMPONENTS[end], *others)

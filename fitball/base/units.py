@@ -29,9 +29,18 @@ _UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "rad": {"deg": (pi, 180), "rad": (1, 1), "mrad": (1, 1000)},
     "s": {"s": (1, 1), "ms": (1, 1000), "us": (1, 1_000_000)},
     "m": {"m": (1, 1), "cm": (1, 100), "mm": (1, 1000), "in": (127, 5000), "ft": (381, 1250)},
+    "": {"": (1, 1), "1": (1, 1), "-": (1, 1), "%": (1, 100)},
 }
-_SI = {symbol: si for si, units in _UNITS.items() for symbol in units}
-_MEASURES = {"m/s": "a speed", "rad/s": "a spin", "rad": "an angle", "s": "a time", "m": "a length"}
+# Of ratios nothing is here: 1 and - are units only in a column that is known to be one.
+_SI = {symbol: si for si, units in _UNITS.items() for symbol in units if si}
+_MEASURES = {
+    "m/s": "a speed",
+    "rad/s": "a spin",
+    "rad": "an angle",
+    "s": "a time",
+    "m": "a length",
+    "": "a ratio",
+}
 
 
 def _by_word(words_of: Mapping[str, str]) -> dict[str, str]:
@@ -120,19 +129,32 @@ def symbol_of(text: str) -> str | None:
     return found if found in _SI else None
 
 
+def assumed_symbol(si: str) -> str:
+    """The unit of what states none: degrees of angles, else `si`."""
+    return next(iter(_UNITS[si]))
+
+
+def symbol_within(unit: str, si: str) -> str | None:
+    """The symbol of a spelling among the units of `si`, which may be a ratio (empty); of another
+    unit its own symbol, None for any other text.
+    """
+    text = unit.strip()
+    return text if text in _UNITS[si] else symbol_of(text)
+
+
 def factor_of(unit: str | None, si: str) -> float:
-    """The factor to `si` (m/s, rad/s, rad, s, m), rounded once from the exact fraction; without a
-    unit (None) angles are in degrees and all else is in SI. Raises ParameterError (`unknown-unit`,
-    `ambiguous-unit`, `other-quantity`).
+    """The factor to `si` (m/s, rad/s, rad, s, m, empty: a ratio), rounded once from the exact
+    fraction; without a unit (None) angles are in degrees and all else is in SI. Raises
+    ParameterError (`unknown-unit`, `ambiguous-unit`, `other-quantity`).
     """
     units = _UNITS[si]
-    symbol = next(iter(units)) if unit is None else symbol_of(unit.strip())
+    symbol = assumed_symbol(si) if unit is None else symbol_within(unit, si)
     if symbol is not None and symbol in units:
         above, below = units[symbol]
         return above / below
     spelled = one_line(unit or "", _LONGEST)
     read = f"read unit '[{spelled}]'"
-    known = f"units of {_MEASURES[si]}: {', '.join(units)}"
+    known = f"units of {_MEASURES[si]}: {', '.join(filter(None, units))}"
     if symbol is not None:
         words = f"{read}, which measures {_MEASURES[_SI[symbol]]}; expected one of the {known}"
         raise ParameterError(words, "other-quantity")

@@ -12,6 +12,7 @@ from fitball.base.display_units import CM, PLAIN
 from fitball.base.errors import FitballError, ParameterError
 from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec, Prior, parse_prior
+from fitball.base.text import column_head
 from fitball.base.values import DataFrame
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted
@@ -146,7 +147,7 @@ def _measured_quantity(tested: _Tested, unit: str) -> Quantity:
 
 def _cells(name: str, unit: str, value: float, low: float, high: float) -> dict[str, float]:
     """Columns of a quantity: its value, headed with the unit, and the ends of its interval."""
-    head = f"{name} [{unit}]" if unit else name
+    head = column_head(name, unit)
     return {head: value, f"{name}_q025": low, f"{name}_q975": high}
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitball.base.columns import STATE
+from fitball.base.text import column_head
 from fitball.base.values import Ball, DataFrame, FloatArray
 from fitball.data.kinematics import Columns, counted, slopes, velocity
 from fitball.data.table import ImpactTable
@@ -59,13 +60,12 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
     sds[np.any(slope[:, :, unknown] != 0.0, axis=2).T] = np.nan
     frame: dict[str, FloatArray] = {}
     for name, unit in BALANCES.items():
-        bracket = f" [{unit}]" if unit else ""
         column = np.full(len(impacts), np.nan)
         sd = column
         if name in results:
             column = np.where(np.isfinite(results[name]), results[name], np.nan)
             sd = sds[[*results].index(name)]
-        frame |= {name + bracket: column, f"{name}_sd{bracket}": sd}
+        frame |= {column_head(name, unit): column, column_head(f"{name}_sd", unit): sd}
     return pd.DataFrame(frame, index=pd.Index(table.labels["id"], name="id"))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from fitball.base.columns import COLUMNS, REBOUND
+from fitball.base.columns import COLUMNS, COMPONENTS, REBOUND, velocity_columns
 from fitball.base.display_units import PLAIN
 from fitball.base.text import listed
 from fitball.base.units import factor_of
@@ -41,7 +41,7 @@ def shown(name: str, value: float, units: Units) -> str:
     """A value [SI] in the unit of the file."""
     si = COLUMNS[name.removesuffix("_sd")].unit
     unit = units.get(name, si)
-    return f"{value / factor_of(unit, si):.5g} {unit}"
+    return f"{value / factor_of(unit, si):.5g} {unit}".rstrip()
 
 
 def missing_columns(
@@ -148,14 +148,36 @@ def deviations(cells: Cells, numbers: Numbers) -> None:
             )
 
 
+def _further(velocities: Numbers, end: str) -> dict[str, FloatArray]:
+    """What follows from the velocity of one `end` besides components, speed and angle, where both
+    components are known.
+    """
+    if not velocities.keys() >= {*COMPONENTS[end]}:
+        return {}
+    components = [velocities[name] for name in COMPONENTS[end]]
+    formulas = {name: COLUMNS[name].formula for name in velocity_columns(end)}
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return {
+            name: formula(*components)
+            for name, formula in formulas.items()
+            if formula is not None and name not in velocities
+        }
+
+
 def redundant(cells: Cells, numbers: Numbers, units: Units) -> None:
     """Faults and notes of velocity columns that contradict those which count, row by row."""
     for end in "12":
         names = counted(numbers, end)
         said = velocity({name: numbers[name] for name in names}, end)
+        further = _further(said, end)
+        said |= further
         basis = listed(names)
         for name in [name for name in said if name in numbers and name not in names]:
-            scale = np.abs(said[name] if name.startswith("theta") else said[f"v_{end}"])
+            speed = COLUMNS[name].unit == "m/s"
+            scale = np.abs(said[f"v_{end}"] if speed else said[name])
+            if name in further:
+                # It may be zero in some rows.
+                scale = np.maximum(scale, np.nanmedian(scale))
             share = np.abs(numbers[name] - said[name]) / np.maximum(scale, 1e-12)
             for k in np.flatnonzero(share > _GROSS).tolist():
                 read, given = (

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from fitball.base.columns import COLUMNS, HEIGHTS
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed
-from fitball.base.units import factor_of, symbol_of
+from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
 
 if TYPE_CHECKING:
     from fitball.data.cells import Cells
@@ -252,7 +252,7 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
         base = column.removesuffix("_sd")
         unit = units[column] or units.get(base)
         si = COLUMNS[base].unit
-        symbols[column] = symbol_of(unit or "") or ("deg" if si == "rad" else si)
+        symbols[column] = symbol_within(unit or "", si) or assumed_symbol(si)
         try:
             factors[column] = factor_of(unit, si)
         except ParameterError as error:

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from fitball.base.columns import STATE
+from fitball.base.columns import COMPONENTS, STATE, velocity_columns
 from fitball.base.values import FloatArray
 
 # Arrays (impacts,) by name; complex ones where a step goes through.
@@ -24,18 +24,18 @@ _STEP = 2.0**-100
 
 def counted(names: Iterable[str], end: str) -> tuple[str, ...]:
     """The velocity columns of one `end` ("1" or "2") that count: at most two, components before
-    polar.
+    polar, and these before what else follows from the velocity.
 
     With one component and both polar columns the polar pair counts: it always determines the
     velocity, while a component and the angle or the speed need not.
     """
     present = set(names)
-    components = (f"v_x{end}", f"v_y{end}")
     polar = (f"v_{end}", f"theta_{end}")
-    for pair in (components, polar):
+    for pair in (COMPONENTS[end], polar):
         if present.issuperset(pair):
             return pair
-    return tuple(name for name in (*components, *polar) if name in present)
+    order = dict.fromkeys((*COMPONENTS[end], *polar, *velocity_columns(end)))
+    return tuple(name for name in order if name in present)[:2]
 
 
 def velocity(known: Columns, end: str) -> dict[str, FloatArray]:

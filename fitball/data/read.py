@@ -19,7 +19,7 @@ from fitball.base.columns import COLUMNS, HEIGHTS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
 from fitball.base.itf import GRAVITY
 from fitball.base.priors import parse_prior
-from fitball.base.text import listed
+from fitball.base.text import column_head, listed
 from fitball.base.values import FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import place_of
@@ -83,12 +83,11 @@ def load_table(
     if complete := counted(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, known, units)
         checks.energy(cells, known, units, scene.ball_value(), _noises(scene))
-    said_twice = {f"{item}{end}" for end in "12" for item in ("v_x", "v_y", "v_", "theta_")}
-    said_twice -= {*counted(measured, "1"), *counted(measured, "2")}
+    counts = {*counted(measured, "1"), *counted(measured, "2")}
     values = {
         item: known[item]
         for item in (*INCIDENT, *REBOUND)
-        if item in measured and item not in said_twice
+        if item in measured and (item in counts or not COLUMNS[item].of_velocity)
     }
     rows = _rows(cells, values, rebound)
     if cells.faults:
@@ -141,7 +140,7 @@ def reading_of(table: ImpactTable) -> dict[str, Any]:
     )
     for name, unit in units.items():
         their = columns.get(name, name)
-        columns[name] = their if "[" in their else f"{their} [{unit}]"
+        columns[name] = their if "[" in their else column_head(their, unit)
     return {"columns": columns, "flip": first.get("flip", "")}
 
 

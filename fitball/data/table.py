@@ -9,7 +9,7 @@ import numpy as np
 
 from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note
-from fitball.base.text import listed
+from fitball.base.text import column_head, listed
 from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
 from fitball.data.kinematics import counted, propagate, state, velocity
 from fitball.data.labels import first_spelled
@@ -124,9 +124,10 @@ class ImpactTable:
 
         columns: dict[str, object] = {}
         for name, values in self.values.items():
-            columns[f"{name} [{COLUMNS[name].unit}]"] = values
+            unit = COLUMNS[name].unit
+            columns[column_head(name, unit)] = values
             if name in self.sd:
-                columns[f"{name}_sd [{COLUMNS[name].unit}]"] = self.sd[name]
+                columns[column_head(f"{name}_sd", unit)] = self.sd[name]
         columns |= {f"corr({pair})": values for pair, values in self.corr.items()}
         columns |= {name: texts for name, texts in self.labels.items() if name != "id"}
         return pd.DataFrame(columns, index=pd.Index(self.labels["id"], name="id"))
@@ -239,7 +240,7 @@ def _differences(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Iter
             "incident columns"
         )
         yield Fault("incident-columns-differ", text)
-    velocities = [name for name in measured if name in ("v_x2", "v_y2", "v_2", "theta_2")]
+    velocities = [name for name in measured if COLUMNS[name].of_velocity]
     if {*counted(velocities, "2")} != {*velocities}:
         found = "; ".join(
             f"{', '.join(name for name in velocities if name in table.values) or 'none'} in "

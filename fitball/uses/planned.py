@@ -27,8 +27,6 @@ MOST = 20_000
 BEFORE = "as before"
 GAPS = "gaps"
 DROP = "drop"
-# Velocities of a rebound, any two of which say the others.
-_VELOCITY = ("v_x2", "v_y2", "v_2", "theta_2")
 _IMPACT = "impact="
 
 
@@ -207,8 +205,8 @@ def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None
             )
             text = f"sensor {name}: {model.text} does not predict the {COLUMNS[name].title}: {why}"
             raise ParameterError(text, "sensor")
-        known = [one for one in measured if one in _VELOCITY]
-        if name in _VELOCITY and name not in measured and len(known) > 1:
+        known = [one for one in measured if COLUMNS[one].of_velocity]
+        if COLUMNS[name].of_velocity and name not in measured and len(known) > 1:
             raise ParameterError(
                 f"sensor {name}: it follows from {' and '.join(known)}; name these",
                 "sensor",
