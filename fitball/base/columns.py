@@ -66,6 +66,11 @@ class Column:
             object.__setattr__(self, "display_unit", Unit(self.unit))
 
     @property
+    def vertical(self) -> bool:
+        """Whether a drop shows it: without motion along the court, and without a time axis."""
+        return not self.tangential and not self.timed
+
+    @property
     def of_velocity(self) -> bool:
         """Whether it is a component of a velocity, or follows from both."""
         return self.formula is not None or any(self.name in pair for pair in COMPONENTS.values())

@@ -34,6 +34,8 @@ TOLERANCES: Mapping[str, tuple[float, float]] = {
     "ball_mass": (0.0560, 0.0594),
     "ball_radius": (0.0327, 0.0343),
 }
+# Radii [m] of tennis balls with wear and the errors of a picture.
+_RADII = (0.030, 0.037)
 # What CS 01/02 allows about its test impact: 2 m/s, 2 degrees, 3 revolutions a second.
 PACE_TOLERANCES: Mapping[str, float] = {
     "v_1": 2.0,
@@ -50,6 +52,13 @@ _MEAN_RESTITUTION = 0.81
 _PER_KELVIN = 0.003
 # Temperature of the test [degrees Celsius].
 _TEST_TEMPERATURE = 23.0
+
+
+def is_tennis_radius(radius: float) -> bool:
+    """Whether a radius [m] may be that of a tennis ball, worn or measured in a picture; its mass is
+    not known.
+    """
+    return _RADII[0] <= radius <= _RADII[1]
 
 
 def is_tennis_ball(ball: Ball) -> bool:

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import Asked
 from fitball.inference.problem.problem import Problem
 from fitball.inference.summary import bands
-from fitball.models.types import Status
 
 # Draws and points of a curve; curves at most.
 _DRAWS = 400
@@ -56,7 +56,7 @@ class _Places(NamedTuple):
 
     def crowd(self, rows: IntArray) -> tuple[float, float, IntArray]:
         """A round speed and spin with as many of `rows` near them as at any of those tried."""
-        tried = rows[np.unique(np.linspace(0, rows.size - 1, _TRIED).round().astype(np.int64))]
+        tried = rows[evenly_spread(rows.size, _TRIED)]
         near = max((self.near(rows, self.speed[k], self.spin[k], _NEAR) for k in tried), key=len)
         middle = float(np.median(self.speed[near]))
         middle = _rounded(middle, _NEAR * middle)
@@ -132,7 +132,7 @@ def curves(problem: Problem, draws: Draws) -> DataFrame:
     place = states.polar()[1] if tangential else states.v_y1
     frames = []
     count = len(next(iter(draws.values.values())))
-    rows = np.linspace(0, count - 1, min(count, _DRAWS)).round().astype(np.int64)
+    rows = evenly_spread(count, _DRAWS)
     values = {name: array[rows] for name, array in draws.values.items()}
     columns = tuple(item.column.name for item in problem.observables)
     names = {one.name for one in found}
@@ -153,9 +153,9 @@ def curves(problem: Problem, draws: Draws) -> DataFrame:
         shared = {"series": k, "name": one.name if len(names) > 1 else "", "speed": one.speed}
         shared |= {"spin": one.spin if tangential else math.nan}
         for column in columns:
-            known = np.where(drawn.status == Status.OK, drawn.column(column), np.nan)
+            known = drawn.answers(column)
             q025, q16, median, q84, q975 = bands(known) if count else np.full((5, _POINTS), np.nan)
-            point = np.where(best.status[0] == Status.OK, best.column(column)[0], np.nan)
+            point = best.answers(column)[0]
             frames.append(
                 pd.DataFrame(
                     {

@@ -12,6 +12,7 @@ import numpy as np
 
 from fitball.base.environment import packages
 from fitball.base.errors import ModelError, Note, ParameterError, suggestion
+from fitball.base.selection import evenly_begun
 from fitball.base.values import DataFrame, FloatArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
@@ -82,9 +83,7 @@ def draws_of(
         return Draws(point, {name: np.empty(0) for name in best}, best)
     chains = posterior.values.reshape(-1, len(posterior.names))
     count = min(PREDICTING, len(chains))
-    values = dict(
-        zip(posterior.names, chains[(np.arange(count) * len(chains)) // count].T, strict=True)
-    )
+    values = dict(zip(posterior.names, chains[evenly_begun(len(chains), count)].T, strict=True))
     values |= {name: np.full(count, value) for name, value in point.items() if name not in values}
     q = problem.prior.coordinate(np.stack([values[name] for name in problem.free], axis=1))
     return Draws(point, {**values, **problem.prior.beyond(q, effort.stream("levels"))}, best)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitball.base.columns import STATE
+from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, Impacts
 from fitball.data.balances import balances as balances_of
 from fitball.inference import predictive
@@ -93,8 +94,7 @@ def regimes(problem: Problem, draws: Draws) -> DataFrame:
     """A row an impact and sequence of slip and grip, with its share of _REGIMES draws that have an
     answer (without draws of the best fit); of a long table PREDICTED impacts, evenly spread.
     """
-    count = len(problem.table)
-    rows = np.unique(np.linspace(0, count - 1, min(count, PREDICTED)).round().astype(np.int64))
+    rows = evenly_spread(len(problem.table), PREDICTED)
     some = {
         name: column[:: max(1, len(column) // _REGIMES)] for name, column in draws.values.items()
     }

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fitball.base.columns import Column
 from fitball.base.errors import ModelError, ParameterError, suggestion
 from fitball.base.priors import ParameterSpec
 from fitball.base.values import Ball, FloatArray, Impacts, IntArray
@@ -102,6 +103,11 @@ class Model:
     timed: bool = False
     below: tuple[tuple[str, str], ...] = ()
     source: str = ""
+
+    def predicts(self, column: Column) -> bool:
+        """Whether the model says anything of a rebound column."""
+        moves = self.tangential or not column.tangential
+        return moves and (self.timed or not column.timed)
 
     def evaluate(
         self,

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
+
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import ParameterError
 from fitball.base.values import FloatArray, IntArray
@@ -89,6 +91,10 @@ class Rebound:
             return formula(self.v_x2, self.v_y2)
         found: FloatArray = getattr(self, name)
         return found
+
+    def answers(self, name: str) -> FloatArray:
+        """A rebound column (draws, impacts), NaN where there is no answer."""
+        return np.asarray(np.where(self.status == Status.OK, self.column(name), np.nan))
 
 
 def regime_name(regime: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import MM, MS, PLAIN
 from fitball.base.errors import InputError, Note
-from fitball.base.itf import GRAVITY
+from fitball.base.itf import GRAVITY, is_tennis_radius
 from fitball.base.numbers import counted, percent
 from fitball.base.text import one_line
 from fitball.data.misreading import doubts
@@ -26,8 +26,6 @@ from fitball.tracks.types import FilmAssumptions, Track
 _PHONE = 495.0
 # Sds by which gravity is off from which a note is due.
 _DIFFERENT = 3.0
-# Radii of tennis balls [m]: ITF Rules of Tennis, and wear.
-_TENNIS = (0.030, 0.037)
 # Frames whose probability of being no outlier is higher fit a flight.
 _FITTING = 0.5
 # Fewest frames on a side that fit.
@@ -197,7 +195,7 @@ def _gap_notes(session: Session, many: str) -> Iterator[Note]:
 
 def _ball_notes(session: Session, scene: Scene) -> Iterator[Note]:
     """That drag and contact time of a tennis ball are taken for another one."""
-    is_tennis = _TENNIS[0] <= session.assumed.ball.radius <= _TENNIS[1]
+    is_tennis = is_tennis_radius(session.assumed.ball.radius)
     if not is_tennis and ("drag" not in scene.flight or scene.contact_time is None):
         words = "The ball is no tennis ball, but drag and contact time of one are taken"
         yield Note(

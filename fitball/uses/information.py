@@ -10,6 +10,7 @@ import numpy as np
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import ParameterError
 from fitball.base.priors import parse_prior
+from fitball.base.selection import evenly_spread
 from fitball.base.values import BoolArray, FloatArray, Impacts, IntArray
 from fitball.data.scene import Quantity as Stated
 from fitball.inference.derived import Quantity
@@ -81,9 +82,7 @@ class Known:
 
     def thinned(self, count: int) -> None:
         """Keep so many draws, evenly spread."""
-        self.at = self.at[
-            np.linspace(0, len(self.at) - 1, min(count, len(self.at))).astype(np.int64)
-        ]
+        self.at = self.at[evenly_spread(len(self.at), count, down=True)]
 
     def values(self, q: FloatArray) -> Values:
         """All parameters by name."""
@@ -201,7 +200,8 @@ class _Measured:
         names = [
             name
             for name in self.columns
-            if (name in items or name in sensor.sds) and (sensor.drop is None or vertical(name))
+            if (name in items or name in sensor.sds)
+            and (sensor.drop is None or COLUMNS[name].vertical)
         ]
         places = [self.columns.index(name) for name in names]
         own = list[FloatArray]()
@@ -271,11 +271,6 @@ class _Measured:
         return found
 
 
-def vertical(name: str) -> bool:
-    """Whether a drop shows a column."""
-    return not COLUMNS[name].tangential and not COLUMNS[name].timed
-
-
 def _nearest(fit: Fitted, impacts: Impacts) -> IntArray:
     """Of each impact the nearest row of the table, among those in which most was measured."""
     rows = fit.problem.rows
@@ -286,7 +281,7 @@ def _nearest(fit: Fitted, impacts: Impacts) -> IntArray:
         # One is like another.
         return np.full(len(impacts), whole[0])
     # Of a long table evenly spread ones.
-    whole = whole[np.linspace(0, len(whole) - 1, min(len(whole), LONG)).astype(np.int64)]
+    whole = whole[evenly_spread(len(whole), LONG, down=True)]
     known = rows.states.take(whole)
     away = (
         (impacts.v_x1[:, None] - known.v_x1) ** 2

@@ -124,12 +124,6 @@ def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
     return keys
 
 
-def _predicts(model: Model, name: str) -> bool:
-    """Whether a model says anything of a rebound column."""
-    column = COLUMNS[name]
-    return (model.tangential or not column.tangential) and (model.timed or not column.timed)
-
-
 def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     """Measuring as before, then `COLUMN=SD`, `gaps=SHARE` of their usual errors, `drop=HEIGHT`; by
     default those that the model can answer for and the table has not: the contact time to 0.2 ms,
@@ -137,11 +131,9 @@ def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     """
     model = fit.problem.forward.model
     measured = [item.column.name for item in fit.problem.observables]
-    gaps = [name for name in REBOUND if COLUMNS[name].gap and _predicts(model, name)]
+    gaps = [name for name in REBOUND if COLUMNS[name].gap and model.predicts(COLUMNS[name])]
     if words is None:
-        vertical = any(
-            not COLUMNS[name].tangential and not COLUMNS[name].timed for name in measured
-        )
+        vertical = any(COLUMNS[name].vertical for name in measured)
         usual = {
             "contact_time": ("0.2 ms", model.timed and "contact_time" not in measured),
             GAPS: ("1", bool(gaps) and not {*gaps} & {*measured}),
@@ -197,7 +189,7 @@ def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None
     measured before.
     """
     for name in names:
-        if not _predicts(model, name):
+        if not model.predicts(COLUMNS[name]):
             why = (
                 "it has no time axis"
                 if COLUMNS[name].timed and not model.timed
@@ -273,7 +265,7 @@ def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quant
     for key in keys:
         label = labels_in_words(fit, key)
         for name in ("v_x2", "v_y2", "omega_2"):
-            if not _predicts(forward.model, name):
+            if not forward.model.predicts(COLUMNS[name]):
                 continue
             column = COLUMNS[name]
             spec = ParameterSpec(

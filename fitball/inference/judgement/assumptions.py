@@ -11,6 +11,7 @@ import numpy as np
 
 from fitball.base.errors import FitballError, FitError
 from fitball.base.numbers import fixed
+from fitball.base.selection import evenly_spread, systematic
 from fitball.base.values import FloatArray
 from fitball.inference.density import log_posterior, slopes, terms
 from fitball.inference.effort import ALTERNATIVES
@@ -79,7 +80,7 @@ def alternatives(
     """
     count = len(problem.rows.y)
     now = problem.forward.model
-    rows = np.linspace(0, count - 1, min(count, ALTERNATIVES)).round().astype(np.int64)
+    rows = evenly_spread(count, ALTERNATIVES)
     x = problem.coordinates(point.optima[0])
     own = _fitted(problem.part(rows), x[None], rng)
     wider = np.ones(x.size)
@@ -248,8 +249,7 @@ def _compared(
             f"its weighted draws are not reliable: Pareto k is {fixed(k, 2)}, more than {RELIABLE}"
         )
         raise FitError(text, "unreliable")
-    shares = np.cumsum(np.exp(smoothed(log_weights, 1.0)[0]))
-    x = x[np.searchsorted(shares / shares[-1], (np.arange(DRAWS) + rng.uniform()) / DRAWS)]
+    x = x[systematic(np.exp(smoothed(log_weights, 1.0)[0]), DRAWS, rng.uniform())]
     # What is new is where it is, and as wide, on the part.
     move, wider = np.array([to_all.get(name, (0.0, 1.0)) for name in posed.free]).T
     q = there.best + move + wider * (np.vstack([there.best, x]) - there.best)

@@ -97,8 +97,7 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
     held = {item.spec.name: item.fixed for item in problem.parameters if item.fixed is not None}
     ball = problem.scene.ball_value()
     stated = problem.scene.ball_sd()
-    limits = zip((ball.mass, ball.radius), itf.TOLERANCES.values(), strict=True)
-    tennis = all(low <= one <= high for one, (low, high) in limits)
+    tennis = itf.is_tennis_ball(ball)
     tolerated = itf.TOLERANCES if tennis else {}
     for name in BALL_PARAMETERS:
         key = name.removeprefix("ball_")

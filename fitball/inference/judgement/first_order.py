@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray, IntArray
 from fitball.inference.density import STEP, cells, factors, measured, parts, slopes
 from fitball.inference.derived import Quantity
@@ -232,8 +233,7 @@ def _off_zero(problem: Problem, x: FloatArray) -> FloatArray:
 
 def _kept(problem: Problem) -> IntArray:
     """Evenly spread rows, at most LONG."""
-    count = len(problem.rows.y)
-    return np.linspace(0, count - 1, min(count, LONG)).round().astype(np.int64)
+    return evenly_spread(len(problem.rows.y), LONG)
 
 
 def _known(problem: Problem, x: FloatArray) -> FloatArray:

@@ -201,13 +201,11 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
         )
     found = []
     for column in (COLUMNS[name] for name in REBOUND if name in table.values):
-        if column.tangential and not model.tangential:
-            text = f"{column.name} is not used: only the vertical motion is fitted."
-            notes.append(Note("unused-column", text))
-        elif column.timed and not model.timed:
-            notes.append(
-                Note("unused-column", f"{column.name} is not used: {model.text} has no time axis.")
-            )
+        if not model.predicts(column):
+            why = f"{model.text} has no time axis"
+            if column.tangential and not model.tangential:
+                why = "only the vertical motion is fitted"
+            notes.append(Note("unused-column", f"{column.name} is not used: {why}."))
         elif column.noise is not None:
             found.append(Observable(column, column.noise.name, column.name in table.sd))
     if not found:

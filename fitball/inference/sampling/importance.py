@@ -13,6 +13,7 @@ from math import lgamma, log, pi
 
 import numpy as np
 
+from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
 from fitball.inference.sampling.convergence import arviz
 
@@ -108,7 +109,7 @@ def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student
     (Dempster, Laird and Rubin 1977): together they follow a bent posterior, or one at a wall,
     closer than one does. Empty where the draws do not span the space.
     """
-    x = x[np.linspace(0, len(x) - 1, min(len(x), SEEN)).astype(np.int64)]
+    x = x[evenly_spread(len(x), SEEN, down=True)]
     whole = fitted(x)
     if whole is None:
         return []

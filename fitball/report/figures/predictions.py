@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import DEG, M_PER_S, PLAIN, RAD_PER_S
 from fitball.base.numbers import percent
+from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, Figure, FloatArray, Impacts, IntArray
 from fitball.inference.fitted import Fitted
 from fitball.models.types import Status, regime_name
@@ -324,7 +325,7 @@ def _words(codes: IntArray, solved: Any) -> np.ndarray[Any, np.dtype[Any]]:
 def regimes(fit: Fitted) -> Figure:
     """A bar an impact: how probable which sequence of slip and grip is."""
     frame = fit.predictions.drop_duplicates("row").sort_values(["series", "theta_1"])
-    shown = frame.iloc[np.unique(np.linspace(0, len(frame) - 1, _BARS).round().astype(int))]
+    shown = frame.iloc[evenly_spread(len(frame), _BARS)]
     draws = fit.draws.values if fit.posterior is not None else fit.draws.best
     like = shown["row"].to_numpy(np.int64)
     seen = fit.problem.seen(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fitball.base.columns import COLUMNS
+from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, Figure, FloatArray
 from fitball.report.quantities import DRAWN, STATE, column_unit, first_rows, middle, plain
 from fitball.report.style import MEASURED, MODEL, few_ticks, label, new_figure
@@ -27,9 +28,7 @@ def rebounds(frame: DataFrame) -> Figure:
     """
     first = first_rows(frame)
     columns = list(dict.fromkeys(frame["column"]))
-    shown = np.unique(
-        np.linspace(0, len(first) - 1, min(len(first), DRAWN)).round().astype(np.int64)
-    )
+    shown = evenly_spread(len(first), DRAWN)
     wide = min(2, len(columns))
     down = -(-len(columns) // wide)
     named = len(first) <= _NAMED
