@@ -68,9 +68,8 @@ def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
     moved = other.moved_from(stored)
     name = max(moved, key=moved.get)
     away = abs(other.parameters[name].median - stored.parameters[name].median)
-    assert moved[name] == pytest.approx(
-        away / max(other.parameters[name].sd, stored.parameters[name].sd)
-    )
+    larger_sd = max(other.parameters[name].sd, stored.parameters[name].sd)
+    assert moved[name] == pytest.approx(away / larger_sd)
     assert 0.0 < moved[name] < 0.5
     assert f" {name} " in note_of(other)
     assert "last digit" not in note_of(other)
@@ -85,9 +84,10 @@ def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
     assert varied.run.known["mu"] == stored.run.known["mu"]
     assert varied.status == "point only"
     shares = varied.moved_from(stored)
-    one = varied.parameters["cor_slope"].point
+    after = varied.parameters["cor_slope"].point
     before = stored.parameters["cor_slope"].point
-    assert shares["cor_slope"] == pytest.approx(abs(one - before) / max(abs(one), abs(before)))
+    larger = max(abs(after), abs(before))
+    assert shares["cor_slope"] == pytest.approx(abs(after - before) / larger)
     # Another model keeps what it has of choices.
     brody = fitball.calibrate(folder, model="brody", point_only=True, progress=False)
     assert brody.problem.forward.model.name == "brody"
@@ -96,13 +96,18 @@ def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
 
 
 def test_a_function_of_ones_own_is_passed_again(tmp_path):
-    own = fitball.model_from(law)
-    stored = fitball.calibrate("wang_zero_spin.csv", model=own, point_only=True, progress=False)
+    user_model = fitball.model_from(law)
+    stored = fitball.calibrate(
+        "wang_zero_spin.csv",
+        model=user_model,
+        point_only=True,
+        progress=False,
+    )
     stored.save(tmp_path / "fit", figures=False)
     with pytest.raises(FitballError) as caught:
         fitball.calibrate(tmp_path / "fit", progress=False)
     assert caught.value.code == "own-model"
-    again = fitball.calibrate(tmp_path / "fit", model=own, progress=False)
+    again = fitball.calibrate(tmp_path / "fit", model=user_model, progress=False)
     assert "last digit" in note_of(again)
 
 

@@ -51,14 +51,14 @@ WRONG = {
 @pytest.mark.parametrize("option", WRONG)
 def test_what_is_given_is_given_to_every_table(option, courts):
     value, code = WRONG[option]
-    found = fitball.batch(
+    batch = fitball.batch(
         [courts / "court 1.csv"],
         out="all",
         cores=1,
         figures="none",
         **{option: value},
     )
-    assert found.tables["code"].tolist() == [code]
+    assert batch.tables["code"].tolist() == [code]
 
 
 @pytest.fixture
@@ -80,45 +80,55 @@ OPTIONS = {"model": "brody", "point_only": True, "progress": False}
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
 def test_a_table_that_ends_its_process_is_a_failed_row(courts):
-    found = fitball.batch([courts / "court 1.csv", Deadly()], cores=2, figures="none", **OPTIONS)
-    assert found.tables["code"].to_dict() == {"court 1": "", "table": "worker-died"}
+    place = courts / "court 1.csv"
+    batch = fitball.batch([place, Deadly()], cores=2, figures="none", **OPTIONS)
+    assert batch.tables["code"].to_dict() == {"court 1": "", "table": "worker-died"}
     # As calibrate does, whatever the processes.
-    alone = fitball.calibrate(courts / "court 1.csv", **OPTIONS)
-    assert found["court 1"] == alone
-    assert found["court 1"].run.key == alone.run.key
+    alone = fitball.calibrate(place, **OPTIONS)
+    assert batch["court 1"] == alone
+    assert batch["court 1"].run.key == alone.run.key
 
 
 def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, capsys):
-    found = fitball.batch([courts], out="all", cores=1, figures="none", **OPTIONS)
-    assert list(found.tables.index) == ["broken", *GOOD, "empty"]
+    batch = fitball.batch([courts], out="all", cores=1, figures="none", **OPTIONS)
+    assert list(batch.tables.index) == ["broken", *GOOD, "empty"]
     codes = dict.fromkeys(GOOD, "") | {"broken": "not-a-number", "empty": "empty"}
-    assert found.tables["code"].to_dict() == codes
-    assert found.exit_code == 1
-    assert set(found.failed) == {"broken", "empty"}
+    assert batch.tables["code"].to_dict() == codes
+    assert batch.exit_code == 1
+    assert set(batch.failed) == {"broken", "empty"}
     for name in ("broken", "court 9"):
         with pytest.raises(KeyError):
-            found[name]
-    places = {name: courts.parent / "all" / name / "fit.json" for name in GOOD}
-    assert sorted((courts.parent / "all").glob("*/fit.json")) == sorted(places.values())
-    again = fitball.load_batch("all")
-    assert again["court 2"] == found["court 2"]
-    assert again["court 2"].run.table.name == "court 2"
-    assert found.tables.loc["court 2", "mu"] == again["court 2"].parameters["mu"].point
-    pd.testing.assert_frame_equal(again.tables, found.tables.loc[GOOD], check_dtype=False)
+            batch[name]
+    folder = courts.parent / "all"
+    places = {name: folder / name / "fit.json" for name in GOOD}
+    assert sorted(folder.glob("*/fit.json")) == sorted(places.values())
+    loaded = fitball.load_batch("all")
+    second = loaded["court 2"]
+    assert second == batch["court 2"]
+    assert second.run.table.name == "court 2"
+    assert batch.tables.loc["court 2", "mu"] == second.parameters["mu"].point
+    pd.testing.assert_frame_equal(loaded.tables, batch.tables.loc[GOOD], check_dtype=False)
     # Files are of the numbers; without the deadly one, in this process, nothing is made again but
     # what was damaged.
     csv = pd.read_csv("all/batch.csv", index_col="table")
-    assert csv["mu"].tolist() == pytest.approx(found.tables["mu"].tolist(), rel=1e-15, nan_ok=True)
+    mu = batch.tables["mu"].tolist()
+    assert csv["mu"].tolist() == pytest.approx(mu, rel=1e-15, nan_ok=True)
     record = json.loads(places["court 1"].read_text())
-    places["court 1"].write_text(json.dumps({**record, "headline": "edited"}))
-    places["court 3"].unlink()
-    (places["court 3"].parent / ".fitball-0.partial").write_text("half")
-    before = {name: place.stat().st_mtime_ns for name, place in places.items() if name != "court 3"}
+    record["headline"] = "edited"
+    places["court 1"].write_text(json.dumps(record))
+    before = {name: place.stat().st_mtime_ns for name, place in places.items()}
+    third = places["court 3"]
+    third.unlink()
+    del before["court 3"]
+    (third.parent / ".fitball-0.partial").write_text("half")
     words = "batch courts --out all --model brody --point-only --as-read --cores 1 --figures none"
     assert main(words.split()) == 1
-    made = {name for name, place in places.items() if place.stat().st_mtime_ns != before.get(name)}
-    assert made == {"court 1", "court 3"}
-    assert not list(places["court 3"].parent.glob("*.partial"))
+    rewritten = set()
+    for name, place in places.items():
+        if place.stat().st_mtime_ns != before.get(name):
+            rewritten.add(name)
+    assert rewritten == {"court 1", "court 3"}
+    assert not list(third.parent.glob("*.partial"))
     text = capsys.readouterr().out
     assert "3 of 5 tables" in text
     assert "broken" in text
@@ -140,20 +150,23 @@ def test_fits_of_other_data_are_kept_unless_they_are_to_be_replaced(tmp_path, mo
     assert list(first.tables.index) == ["a", "b_ clay"]
     assert first.exit_code == 0
     assert first.folder.name == "batch"
-    kept = (first.folder / "a" / "fit.json").read_bytes()
+    folder = first.folder
+    record = folder / "a" / "fit.json"
+    contents = record.read_bytes()
     tables["a"] = table_of(10)
     second = fitball.batch(tables, **plain)
     assert second.tables["code"].tolist() == ["older-result", ""]
-    assert (first.folder / "a" / "fit.json").read_bytes() == kept
+    assert record.read_bytes() == contents
     third = fitball.batch(tables, overwrite=True, all_files=True, **plain)
     assert third.tables["impacts"].tolist() == [10, 9]
     assert third["a"].run.table.name == "table"
-    assert all((first.folder / name / "report.html").exists() for name in third.tables.index)
-    assert (first.folder / "report.html").exists()
-    assert not list(first.folder.glob("*.png"))
+    for name in third.tables.index:
+        assert (folder / name / "report.html").exists()
+    assert (folder / "report.html").exists()
+    assert not list(folder.glob("*.png"))
     # A folder of another result is none of a batch.
     with pytest.raises(FolderError) as caught:
-        fitball.batch(tables, out=first.folder / "a", **plain)
+        fitball.batch(tables, out=folder / "a", **plain)
     assert caught.value.code == "older-result"
 
 
@@ -161,17 +174,21 @@ def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
     def ball(v_x1, v_y1, omega_1, ball, cor="normal(0.75, 0.1)"):
         return v_x1, cor * v_y1, omega_1
 
-    own = fitball.model_from(ball)
-    found = fitball.batch({"a": table_of(8)}, out=tmp_path, **OPTIONS | {"model": own})
-    assert found["a"] == fitball.load_batch(tmp_path, own)["a"]
+    user_model = fitball.model_from(ball)
+    options = {**OPTIONS, "model": user_model}
+    batch = fitball.batch({"a": table_of(8)}, out=tmp_path, **options)
+    assert batch["a"] == fitball.load_batch(tmp_path, user_model)["a"]
     with pytest.raises(ModelError) as caught:
         fitball.load_batch(tmp_path)
     assert caught.value.code == "own-model"
 
 
 def test_what_is_no_option_and_no_batch(tmp_path):
-    for option, kind in (({"no_option": 1}, TypeError), ({"noise": "odd"}, ParameterError)):
-        with pytest.raises(kind):
+    for option, error in (
+        ({"no_option": 1}, TypeError),
+        ({"noise": "odd"}, ParameterError),
+    ):
+        with pytest.raises(error):
             fitball.batch(["wang_all"], out=tmp_path / "x", **option)
     with pytest.raises(FolderError) as caught:
         fitball.load_batch(tmp_path)
@@ -180,16 +197,21 @@ def test_what_is_no_option_and_no_batch(tmp_path):
 
 def test_a_fault_of_ours_stops_no_other_table(monkeypatch, tmp_path):
     monkeypatch.setattr(many, "calibrate", lambda *_: 1 / 0)
-    found = fitball.batch(
+    batch = fitball.batch(
         {"a": table_of(8)},
         out=tmp_path / "x",
         model="grip-slip",
         progress=False,
         cores=1,
     )
-    assert found.tables["code"].tolist() == ["fault-of-fitball"]
+    assert batch.tables["code"].tolist() == ["fault-of-fitball"]
     # What names the package travels to workers.
     assert cloudpickle.loads(cloudpickle.dumps(fitball)) is fitball
+
+
+def different(names):
+    """Names that differ where capitals are taken for small letters."""
+    return {name.casefold() for name in names}
 
 
 def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
@@ -208,8 +230,9 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     ):
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).touch()
-    found = named(["a", "b/*", "./a/one.csv", "wang_all"], tmp_path / "out")
-    assert list(found) == [
+    out = tmp_path / "out"
+    tables = named(["a", "b/*", "./a/one.csv", "wang_all"], out)
+    assert list(tables) == [
         "a-one",
         "b-One_txt",
         "caf\u00e9",
@@ -220,54 +243,55 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
         "v1_2_ x",
         "wang_all",
     ]
-    assert len({name.casefold() for name in found}) == len(found) == 9
-    assert found["a-one"].endswith("one.csv")
-    assert not any("out" in str(one) for one in found.values())
-    assert list(named([f"{tmp_path}/**/two.*"], tmp_path / "out")) == ["two_csv", "two_xlsx"]
-    assert list(named(["book.xlsx#one", "book.xlsx#two", "book.xlsx"], tmp_path)) == [
-        "book-one",
-        "book-two",
-        "book",
-    ]
-    assert list(named("**/one.csv", tmp_path / "out")) == ["a-one", "b-one"]
-    assert list(named([table_of(3), table_of(4)], tmp_path)) == ["table-1", "table-2"]
-    assert len({name.casefold() for name in named({"Court": 1, "court": 2}, tmp_path)}) == 2
-    for name in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
-        made = safe(name)
-        assert made
-        assert len(made.encode()) <= 101
-        assert not set(made) & set('<>:"/\\|?*.\n')
-        assert made == made.strip()
-        assert made.casefold() not in ("nul", "lpt1")
+    assert len(tables) == 9
+    assert len(different(tables)) == 9
+    assert tables["a-one"].endswith("one.csv")
+    assert not any("out" in str(table) for table in tables.values())
+    assert list(named([f"{tmp_path}/**/two.*"], out)) == ["two_csv", "two_xlsx"]
+    sheets = ["book.xlsx#one", "book.xlsx#two", "book.xlsx"]
+    assert list(named(sheets, tmp_path)) == ["book-one", "book-two", "book"]
+    assert list(named("**/one.csv", out)) == ["a-one", "b-one"]
+    frames = [table_of(3), table_of(4)]
+    assert list(named(frames, tmp_path)) == ["table-1", "table-2"]
+    assert len(different(named({"Court": 1, "court": 2}, tmp_path))) == 2
+    for odd in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
+        name = safe(odd)
+        assert name
+        assert len(name.encode()) <= 101
+        assert not set(name) & set('<>:"/\\|?*.\n')
+        assert name == name.strip()
+        assert name.casefold() not in ("nul", "lpt1")
 
 
 @pytest.fixture(scope="module")
 def made():
     """Five courts and a broken table, of fits that nobody fitted; verdicts go in turn."""
-    frames = [table_of(18, ("clay", "hard"))] + [table_of(14 + k) for k in range(4)]
-    kept = [rows.record_of(f"court {k}", made_fit(frame)) for k, frame in enumerate(frames)]
+    frames = [table_of(18, ("clay", "hard"))]
+    frames += [table_of(14 + k) for k in range(4)]
+    results = [rows.record_of(f"court {k}", made_fit(frame)) for k, frame in enumerate(frames)]
     drops = table_of(9, drop=True).assign(ball=list("aaabbbccc"))
     drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
-    drops["v_y2"] = 0.745 * drops["v_y1"] * (1.0 + 2e-3 * np.sin(np.arange(9)))
-    kept.append(rows.record_of("drops", made_fit(drops)))
-    kept.append(rows.record_of_failure("bad", MachineError("out of memory", "memory")))
-    return many.batch_of(None, kept, None)
+    wiggle = 1.0 + 2e-3 * np.sin(np.arange(9))
+    drops["v_y2"] = 0.745 * drops["v_y1"] * wiggle
+    results.append(rows.record_of("drops", made_fit(drops)))
+    results.append(rows.record_of_failure("bad", MachineError("out of memory", "memory")))
+    return many.batch_of(None, results, None)
 
 
 def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
     tables = made.tables
     assert tables.loc["court 1", "mu_verdict"] == "given"
     assert np.isnan(tables.loc["court 0", "mu"])
-    own = made_fit(table_of(14)).parameters["cor_10"]
-    assert tables.loc["court 1", "cor_10"] == own.median != own.point
+    cor = made_fit(table_of(14)).parameters["cor_10"]
+    assert tables.loc["court 1", "cor_10"] == cor.median
+    assert cor.median != cor.point
     assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
     drop = tables.loc["drops"]
     bad = tables.loc["bad"]
     assert drop["cor_measured"] == pytest.approx(0.745, abs=1e-3)
-    assert drop["rebound_measured [m]"] == pytest.approx(2.54 * drop["cor_measured"] ** 2, rel=1e-3)
-    assert (
-        drop["rebound_measured_q025"] < drop["rebound_measured [m]"] < drop["rebound_measured_q975"]
-    )
+    height = drop["rebound_measured [m]"]
+    assert height == pytest.approx(2.54 * drop["cor_measured"] ** 2, rel=1e-3)
+    assert drop["rebound_measured_q025"] < height < drop["rebound_measured_q975"]
     assert drop["mean_passes"] > 0.99
     assert 0.5 < drop["another_passes"] <= 1.0
     assert bad["code"] == "memory"
@@ -275,11 +299,17 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
 
 
 def test_a_court_of_the_test_has_its_measured_rating():
-    states = fitball.impacts(
-        np.full(6, 30.0 * np.cos(np.radians(16))),
-        np.full(6, 30.0 * np.sin(np.radians(16))),
-    )
-    truth = {"mu": 0.6, "e_x": 0.1, "offset": 0.002, "cor_10": 0.76, "cor_slope": -0.012}
+    angle = np.radians(16)
+    v_x = np.full(6, 30.0 * np.cos(angle))
+    v_y = np.full(6, 30.0 * np.sin(angle))
+    states = fitball.impacts(v_x, v_y)
+    truth = {
+        "mu": 0.6,
+        "e_x": 0.1,
+        "offset": 0.002,
+        "cor_10": 0.76,
+        "cor_slope": -0.012,
+    }
     after = fitball.model("grip-slip").rebound(truth, states)
     frame = pd.DataFrame(
         {
@@ -292,35 +322,39 @@ def test_a_court_of_the_test_has_its_measured_rating():
             "surface": "clay",
         }
     )
-    kept = rows.record_of("court", made_fit(frame))
-    row = kept.row
-    group = kept.quantities["pace_measured"].group
-    assert 2.0 * 1.96 * group.width == pytest.approx(
-        row["pace_measured_q975"] - row["pace_measured_q025"],
-        rel=1e-9,
-    )
-    assert row["pace_measured_category"] in ("slow", "medium-slow", "medium", "medium-fast", "fast")
-    assert row["pace_measured_q025"] < row["pace_measured"] < row["pace_measured_q975"]
+    result = rows.record_of("court", made_fit(frame))
+    row = result.row
+    low = row["pace_measured_q025"]
+    high = row["pace_measured_q975"]
+    group = result.quantities["pace_measured"].group
+    assert 2.0 * 1.96 * group.width == pytest.approx(high - low, rel=1e-9)
+    categories = ("slow", "medium-slow", "medium", "medium-fast", "fast")
+    assert row["pace_measured_category"] in categories
+    assert low < row["pace_measured"] < high
     assert row["label:surface"] == "clay"
 
 
 def test_populations_are_of_what_three_tables_determine(made):
-    found = made.populations
-    assert (found["tables"] >= 3).all()
-    assert "mu" in found.index
-    assert "mu[clay]" not in found.index
-    for name, one in found.iterrows():
-        drawn = made.population(name)
-        groups = made.of(name)
-        assert one["tables"] == len(groups) == len(drawn.each)
-        assert one["mean"] == pytest.approx(np.median(drawn.centre), rel=1e-12)
-        assert one["mean_q025"] < one["mean"] < one["mean_q975"]
-        assert one["new_q025"] < one["mean_q025"]
+    populations = made.populations
+    assert (populations["tables"] >= 3).all()
+    assert "mu" in populations.index
+    assert "mu[clay]" not in populations.index
+    for name, row in populations.iterrows():
+        population = made.population(name)
+        assert row["tables"] == len(made.of(name))
+        assert row["tables"] == len(population.each)
+        assert row["mean"] == pytest.approx(np.median(population.centre), rel=1e-12)
+        assert row["mean_q025"] < row["mean"] < row["mean_q975"]
+        assert row["new_q025"] < row["mean_q025"]
     # In SI; the fits have the same draws.
-    assert found.loc["mu", "mean"] == pytest.approx(made.tables.loc["court 1", "mu"], abs=0.01)
-    assert found.loc["mu", "relative"]
-    assert found.loc["mu", "spread"] < 0.05
-    for name, code in (("nothing", "unknown-quantity"), ("mu[clay]", "too-few-tables")):
+    of_mu = populations.loc["mu"]
+    assert of_mu["mean"] == pytest.approx(made.tables.loc["court 1", "mu"], abs=0.01)
+    assert of_mu["relative"]
+    assert of_mu["spread"] < 0.05
+    for name, code in (
+        ("nothing", "unknown-quantity"),
+        ("mu[clay]", "too-few-tables"),
+    ):
         with pytest.raises(ParameterError) as caught:
             made.population(name)
         assert caught.value.code == code
@@ -328,36 +362,34 @@ def test_populations_are_of_what_three_tables_determine(made):
 
 def test_the_page_has_every_table_and_its_figure_every_interval(made):
     text = to_text(page.report(made), full=True)
-    assert all(name in text for name in made.tables.index)
+    tables = made.tables
+    for name in tables.index:
+        assert name in text
     assert "6 of 7 tables" in text
-    assert len(to_text(page.report(made), full=False).splitlines()) <= 40
+    first_screen = to_text(page.report(made), full=False)
+    assert len(first_screen.splitlines()) <= 40
     figure = made.plot("tables")
     panels = [axis for axis in figure.axes if axis.get_title(loc="left") or axis.get_title()]
     assert len(panels) == min(len(made.populations), 6)
-    first = next(iter(made.populations.index))
-    dots = np.concatenate(
-        [line.get_ydata() for line in panels[0].lines if line.get_marker() == "o"]
-    )
-    unit = made.of(first)[0].display_unit.factor
-    column = next(head for head in made.tables.columns if head.partition(" [")[0] == first)
-    assert sorted(dots) == pytest.approx(sorted(unit * made.tables[column].dropna()))
+    first = made.populations.index[0]
+    lines = panels[0].lines
+    dots = np.concatenate([line.get_ydata() for line in lines if line.get_marker() == "o"])
+    factor = made.of(first)[0].display_unit.factor
+    column = next(head for head in tables.columns if head.partition(" [")[0] == first)
+    values = tables[column]
+    assert sorted(dots) == pytest.approx(sorted(factor * values.dropna()))
     # Tables that know it are strong, and nothing of them is cut off.
-    strong = [
-        line.get_xdata() for line in panels[0].lines if to_rgba(line.get_color()) == to_rgba(MODEL)
-    ]
-    known = np.array([first in made.quantities[table] for table in made.tables.index])
-    assert (
-        sorted(np.concatenate(strong))
-        == np.flatnonzero(known & made.tables[column].notna()).tolist()
-    )
+    strong = []
+    for line in lines:
+        if to_rgba(line.get_color()) == to_rgba(MODEL):
+            strong.extend(line.get_xdata())
+    determined = np.array([first in made.quantities[table] for table in tables.index])
+    assert sorted(strong) == np.flatnonzero(determined & values.notna()).tolist()
     assert not cut_off(figure)
     # Where models differ they are named.
-    mixed = made.tables.assign(
-        model=made.tables["model"].where(made.tables.index != "drops", "brody")
-    )
-    assert "brody" in to_text(
-        page.report(Batch(None, mixed, made.populations, made.quantities)),
-        full=True,
-    )
-    none = Batch(None, made.tables, made.populations.iloc[:0], {})
-    assert not page.figures(none)
+    mixed = tables.copy()
+    mixed.loc["drops", "model"] = "brody"
+    of_two_models = Batch(None, mixed, made.populations, made.quantities)
+    assert "brody" in to_text(page.report(of_two_models), full=True)
+    without_populations = Batch(None, tables, made.populations.iloc[:0], {})
+    assert not page.figures(without_populations)

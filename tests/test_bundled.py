@@ -37,28 +37,37 @@ def test_what_is_nowhere(source, tmp_path, monkeypatch):
 
 
 def test_every_table_has_a_scene_that_describes_it():
-    found = descriptions()
-    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*found}
-    assert all(found.values())
+    by_name = descriptions()
+    assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*by_name}
+    assert all(by_name.values())
     assert [*descriptions("tracks")] == ["table_tennis_topspin"]
     # Of others, by its licence.
-    assert place_of("table_tennis_topspin", "tracks").with_suffix(".LICENSE").is_file()
+    place = place_of("table_tennis_topspin", "tracks")
+    assert place.with_suffix(".LICENSE").is_file()
 
 
 def test_priors_of_the_literature():
     spec = ParameterSpec("mu", "", 0.01, 2.0, "lognormal(0.5, 0.5)", "friction", "")
     prior = published_prior(spec, "literature:Clay")
-    assert (prior.location, prior.scale, prior.lower, prior.upper) == (0.73, 0.10, 0.01, 2.0)
+    assert prior.location == 0.73
+    assert prior.scale == 0.10
+    assert prior.lower == 0.01
+    assert prior.upper == 2.0
     assert "Carre" in prior.source
     spread = ParameterSpec("mu_spread", "", 0.0, 2.0, "half-t(0.2, 4)", "spread", "")
-    assert (published_prior(spread, "surface").scale, published_prior(spread, "place").freedom) == (
-        0.2,
-        4.0,
-    )
-    assert all(row["source"] and row["note"] for row in published())
-    for name, key in (("mu", "literature:clya"), ("offset", "clay"), ("mu", "")):
+    assert published_prior(spread, "surface").scale == 0.2
+    assert published_prior(spread, "place").freedom == 4.0
+    for row in published():
+        assert row["source"]
+        assert row["note"]
+    for name, key in (
+        ("mu", "literature:clya"),
+        ("offset", "clay"),
+        ("mu", ""),
+    ):
+        spec = ParameterSpec(name, "", 0.0, 1.0, "uniform(0, 1)", "", "")
         with pytest.raises(ParameterError) as caught:
-            published_prior(ParameterSpec(name, "", 0.0, 1.0, "uniform(0, 1)", "", ""), key)
+            published_prior(spec, key)
         assert caught.value.code == "unknown-key"
 
 

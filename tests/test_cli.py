@@ -50,12 +50,10 @@ def test_options_are_those_of_the_signature():
     assert asked["fix"] == {"mu": 0.5, "eps_slope": 0.0, "e_x": 0.1}
     assert asked["prior"] == {"mu": "normal(0.6,0.1)", "e_x": "uniform(-1,1)"}
     assert asked["flip"] == ["v_y2", "omega_1"]
-    assert (asked["as_read"], asked["point_only"], asked["seed"], asked["_out"]) == (
-        True,
-        False,
-        7,
-        "x",
-    )
+    assert asked["as_read"] is True
+    assert asked["point_only"] is False
+    assert asked["seed"] == 7
+    assert asked["_out"] == "x"
     assert _parsed("check")["data"] == []
 
 
@@ -77,9 +75,9 @@ def test_options_are_those_of_the_signature():
     ],
 )
 def test_a_mistake_in_words_ends_with_two_and_names_what_is_near(capsys, words, named):
-    code, said = _exit(capsys, *words)
+    code, message = _exit(capsys, *words)
     assert code == 2
-    assert named in said
+    assert named in message
 
 
 # What cannot be wrong by itself, or is the mistake of another option.
@@ -87,8 +85,9 @@ SURE = {"progress", "data", "fit", "figures", "out"}
 
 
 def _outcome(line):
+    """The exit code of a command, the code of its error, or "words" of a mistake in words."""
     try:
-        return str(cli.run(vars(cli.make_parser().parse_args(shlex.split(line))), ""))
+        return str(cli.run(_parsed(*shlex.split(line)), ""))
     except FitballError as error:
         return error.code
     except SystemExit as end:
@@ -103,29 +102,31 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
         "P": made_fit(sampled=False),
         "D": made_fit(table_of(12, drop=True)),
     }
-    for name, fit in (fits | {"T": made_fit(surfaces, model="two-mass")}).items():
+    fits["T"] = made_fit(surfaces, model="two-mass")
+    for name, fit in fits.items():
         Path(name).mkdir()
         for file, content in files_of_fit.files(fit).items():
             Path(name, file).write_bytes(content())
     for name, text in TABLES.items():
         Path(name).write_text(text)
     before = sorted(Path().rglob("*"))
-    wanted = tomllib.loads((DATA / "mistakes.toml").read_text(encoding="utf-8"))["verb"]
-    lines = {
-        f"{verb} {words}": code for verb, mistakes in wanted.items() for words, code in mistakes
-    }
-    assert {line: _outcome(line) for line in lines} == lines
-    assert {*wanted} == {*cli.VERBS}
+    text = (DATA / "mistakes.toml").read_text(encoding="utf-8")
+    by_verb = tomllib.loads(text)["verb"]
+    expected = {}
+    for verb, mistakes in by_verb.items():
+        for words, code in mistakes:
+            expected[f"{verb} {words}"] = code
+    assert {line: _outcome(line) for line in expected} == expected
+    assert {*by_verb} == {*cli.VERBS}
     assert sorted(Path().rglob("*")) == before
     for verb, function in cli.VERBS.items():
-        values = {
-            n for n, one in cli.parameters_of(function).items() if not isinstance(one.default, bool)
-        } - SURE
-        tried = " ".join(words for words, _ in wanted[verb])
         # A batch has what a table does not accept in the row of that table (test_batch).
-        assert verb == "batch" or not [
-            n for n in values if f"--{n.replace('_', '-')}" not in tried
-        ], verb
+        if verb == "batch":
+            continue
+        tried = " ".join(words for words, _ in by_verb[verb])
+        for name, parameter in cli.parameters_of(function).items():
+            if name not in SURE and not isinstance(parameter.default, bool):
+                assert f"--{name.replace('_', '-')}" in tried, verb
 
 
 def test_mistakes_in_python_have_codes_too():
@@ -146,16 +147,14 @@ def test_a_negative_value_is_no_option():
 def test_every_option_has_words():
     for verb in cli.VERBS.values():
         shared = cli.help_of(cli.verbs.calibrate).arguments
-        own = cli.help_of(verb)
-        assert own.summary
-        names = set(cli.parameters_of(verb)) - {"progress"}
-        assert names <= set(own.arguments) | set(shared)
+        words = cli.help_of(verb)
+        parameters = dict(cli.parameters_of(verb))
+        parameters.pop("progress", None)
+        assert words.summary
+        assert set(parameters) <= set(words.arguments) | set(shared)
         # A flag is off, and means the same in every verb.
-        assert not any(
-            one.default is True
-            for one in cli.parameters_of(verb).values()
-            if one.name != "progress"
-        )
+        for parameter in parameters.values():
+            assert parameter.default is not True
 
 
 @pytest.mark.parametrize(
@@ -181,8 +180,12 @@ def test_where_a_result_goes(verb, asked, folder):
 def test_what_is_of_a_fit_goes_below_it_and_beside_what_is_there(tmp_path):
     asked = {"data": [str(tmp_path)], "model": ""}
     place = cli.default_folder("calibrate", asked)
-    assert place == tmp_path / "calibrate" == cli.beside(place)
-    for name, following in (("calibrate", "calibrate-2"), ("calibrate-2", "calibrate-3")):
+    assert place == tmp_path / "calibrate"
+    assert cli.beside(place) == place
+    for name, following in (
+        ("calibrate", "calibrate-2"),
+        ("calibrate-2", "calibrate-3"),
+    ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "report.html").touch()
         assert cli.beside(place) == tmp_path / following
@@ -196,24 +199,25 @@ def test_help_needs_no_heavy_package():
         "'jinja2', 'tqdm'}\n"
         "sys.exit(','.join(heavy & set(sys.modules)) or 0)"
     )
-    made = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-P", "-c", code],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert (made.returncode, made.stderr) == (0, "")
-    assert "--as-read" in made.stdout
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "--as-read" in done.stdout
 
 
 def test_the_package_runs_as_a_module():
-    made = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-P", "-m", "fitball", "--version"],
         capture_output=True,
         text=True,
     )
-    assert made.returncode == 0
-    assert made.stdout.startswith("fitball ")
+    assert done.returncode == 0
+    assert done.stdout.startswith("fitball ")
 
 
 def test_too_little_memory_is_said_in_words(capsys, monkeypatch):
@@ -233,9 +237,9 @@ def test_errors_that_nobody_can_read_and_a_backend_that_is_none():
         "matplotlib; sys.exit(k)"
     )
     with Path("/dev/full").open("w") as full:
-        made = subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-P", "-c", code],
             env={**os.environ, "MPLBACKEND": "no"},
             stderr=full,
         )
-    assert made.returncode == 2
+    assert done.returncode == 2

@@ -53,7 +53,14 @@ def form(noise, gaps, errors, camera, levels, timed):
 
 def all_at_once(noise, errors):
     """A form with gaps, a camera, levels and times."""
-    return form(noise, gaps=True, errors=errors, camera=True, levels=True, timed=True)
+    return form(
+        noise,
+        gaps=True,
+        errors=errors,
+        camera=True,
+        levels=True,
+        timed=True,
+    )
 
 
 def written_out(problem, q):
@@ -66,13 +73,19 @@ def written_out(problem, q):
     return scores
 
 
-@pytest.mark.parametrize("form_of", FORMS, ids=lambda words: "-".join(map(str, words)))
+def words_of(words):
+    """The name of a form."""
+    return "-".join(map(str, words))
+
+
+@pytest.mark.parametrize("form_of", FORMS, ids=words_of)
 def test_the_posterior_is_that_of_scipy(form_of):
     _, _, errors, _, levels, _ = form_of
     problem = form(*form_of)
     assert bool(problem.forward.levels) is levels
     assert (problem.rows.errors is not None) is (errors == "corr")
-    of_prior = problem.prior.draw(np.random.default_rng(3), 1)
+    rng = np.random.default_rng(3)
+    of_prior = problem.prior.draw(rng, 1)
     q = np.vstack([near(problem, 1), of_prior])
     scores = density.log_posterior(problem, q)
     exact = written_out(problem, q)
@@ -84,7 +97,8 @@ def test_every_part_of_it_matters():
     problem = all_at_once("normal", "corr")
     truth = truth_of(problem)
     exact = log_posterior(problem, truth)
-    (score,) = density.log_posterior(problem, problem.coordinates(truth)[None])
+    q = problem.coordinates(truth)
+    (score,) = density.log_posterior(problem, q[None])
     assert score == pytest.approx(exact, rel=1e-10)
     for omitted in ("priors", "levels", "camera", "errors", "correlations", "contact time"):
         incomplete = log_posterior(problem, truth, (omitted,))
@@ -94,7 +108,8 @@ def test_every_part_of_it_matters():
 @pytest.mark.parametrize("errors", ["sd", "corr"])
 def test_stated_errors_alone_where_scatter_is_held_at_nothing(errors):
     no_scatter = {"v_x_sd": 0.0, "spin_sd": 0.0}
-    problem = problem_of(table_of(REBOUND, errors), scene_of(), fix=no_scatter)
+    table = table_of(REBOUND, errors)
+    problem = problem_of(table, scene_of(), fix=no_scatter)
     q = near(problem, 2)
     scores = density.log_posterior(problem, q)
     assert_allclose(scores, written_out(problem, q), rtol=1e-9)
@@ -127,8 +142,10 @@ def test_outside_the_bounds_and_without_a_number_there_is_no_density():
     prior = problem.prior
     trials = [good]
     for k in range(good.size):
-        below = prior.low[k] - 1e-9
-        above = prior.high[k] + 1e-9 * abs(prior.high[k])
+        low = prior.low[k]
+        high = prior.high[k]
+        below = low - 1e-9
+        above = high + 1e-9 * abs(high)
         for value in (below, above, np.nan):
             trial = good.copy()
             trial[k] = value
@@ -180,7 +197,8 @@ def test_some_columns_of_an_impact_whatever_the_others():
         mean = answers.mean[0, k, columns]
         covariance = covariances[k][np.ix_(columns, columns)]
         law = stats.multivariate_normal(mean, covariance)
-        exact.append(law.logpdf(problem.rows.y[k, columns]))
+        measured = problem.rows.y[k, columns]
+        exact.append(law.logpdf(measured))
     assert_allclose(points[0], exact, rtol=1e-10)
     # Given v_y2 it is another density.
     each = terms(problem, answers, problem.values(q))[0]
@@ -210,8 +228,9 @@ def integrated(problem, values, k, sign=1.0):
     across = stated[3:, :3]
     regression = across @ np.linalg.inv(of_impact)
     root = np.linalg.cholesky(of_impact)
-    state = np.array([problem.table.values[name][k] for name in INCIDENT])
-    rebound = np.array([problem.table.values[name][k] for name in REBOUND])
+    columns = problem.table.values
+    state = np.array([columns[name][k] for name in INCIDENT])
+    rebound = np.array([columns[name][k] for name in REBOUND])
     shares = []
     deviations = []
     for of_point in product(range(10), repeat=3):
@@ -220,10 +239,12 @@ def integrated(problem, values, k, sign=1.0):
         seen = seen_by(problem, values, k, state + step)
         mean = np.array([seen[name] for name in REBOUND])
         deviations.append(rebound - mean + sign * regression @ step)
-    sds = np.array([values[name] for name in ("v_x_sd", "v_y_sd", "spin_sd")])
-    covariance = stated[3:, 3:] - regression @ across.T + np.diag(sds**2)
-    law = stats.multivariate_normal(np.zeros(3), covariance)
-    return np.log(shares @ law.pdf(np.array(deviations)))
+    noises = ("v_x_sd", "v_y_sd", "spin_sd")
+    scatter = np.diag([values[name] ** 2 for name in noises])
+    of_rebound = stated[3:, 3:] - regression @ across.T
+    law = stats.multivariate_normal(np.zeros(3), of_rebound + scatter)
+    densities = law.pdf(np.array(deviations))
+    return np.log(shares @ densities)
 
 
 def test_sigma_points_against_the_integral_over_true_states():
@@ -256,8 +277,8 @@ def test_slopes_are_those_of_the_density(errors):
         step = np.zeros(q.size)
         step[k] = 1e-4 * width
         places = q + np.outer((-2, -1, 1, 2), step)
-        ends = density.log_posterior(problem, places)
-        exact = (ends[0] - 8.0 * ends[1] + 8.0 * ends[2] - ends[3]) / 12e-4
+        far_below, below, above, far_above = density.log_posterior(problem, places)
+        exact = (far_below - 8.0 * below + 8.0 * above - far_above) / 12e-4
         slope = gradient[k] * width
         assert slope == pytest.approx(exact, rel=1e-4, abs=1e-3), problem.free[k]
 

@@ -3,6 +3,7 @@ at its place.
 """
 
 import random
+from itertools import product
 
 import numpy as np
 import pandas
@@ -72,118 +73,173 @@ def read(source, columns=None, **optional):
     naming = Naming(columns or {})
     cells = read_cells(source, naming.worth)
     header = read_header(cells, naming, **optional)
-    found = numbers(cells, header.numbers)
+    values = numbers(cells, header.numbers)
     cells.refuse()
-    factor = {
-        name: header.factors.get(name, header.factors.get(name.removesuffix("_sd")))
-        for name in found
-    }
-    values = {name: column * factor[name] for name, column in found.items()}
-    return values | {name: cells.text(k) for name, k in header.labels.items()}, [
-        note.code for note in cells.notes
-    ]
+    table = {}
+    for name, column in values.items():
+        factor_of_column = header.factors.get(name.removesuffix("_sd"))
+        factor = header.factors.get(name, factor_of_column)
+        table[name] = column * factor
+    for name, k in header.labels.items():
+        table[name] = cells.text(k)
+    return table, [note.code for note in cells.notes]
+
+
+def table_of(source, columns=None, **optional):
+    """Numbers in SI and labels by our names."""
+    table, _ = read(source, columns, **optional)
+    return table
 
 
 def faults_of(source, columns=None):
+    """Code, row, line and column of each fault of a table that is refused."""
     with pytest.raises(InputError) as caught:
         read(source, columns)
     return [(fault.code, fault.row, fault.line, fault.column) for fault in caught.value.faults]
 
 
+def name_and_unit(heading):
+    """The two parts of one of our headings."""
+    name, _, unit = heading.rstrip("]").partition(" [")
+    return name, unit
+
+
 def meant(rows):
     """The table that rows are, computed here."""
-    columns = dict(zip(HEADER, zip(*rows, strict=True), strict=True))
-    units = {name: name.partition(" [")[2].rstrip("]") for name in HEADER}
-    return {
-        name.partition(" [")[0]: np.array([float(c) for c in cells]) * SI[units[name]]
-        if units[name]
-        else [*cells]
-        for name, cells in columns.items()
-    }
-
-
-def assert_same(found, wanted):
-    assert found.keys() == wanted.keys()
-    for name, column in wanted.items():
-        if isinstance(column, list):
-            assert found[name] == column
+    table = {}
+    for heading, *cells in zip(HEADER, *rows, strict=True):
+        name, unit = name_and_unit(heading)
+        if unit:
+            table[name] = np.array([float(cell) for cell in cells]) * SI[unit]
         else:
-            assert_allclose(found[name], column, rtol=1e-14, err_msg=name)
+            table[name] = cells
+    return table
+
+
+def assert_same(table, expected):
+    assert table.keys() == expected.keys()
+    for name, column in expected.items():
+        if isinstance(column, list):
+            assert table[name] == column
+        else:
+            assert_allclose(table[name], column, rtol=1e-14, err_msg=name)
+
+
+def of_spaces(separator):
+    return not separator.strip(" ")
+
+
+def random_rows(rng):
+    """Two to five impacts like those of ROWS, with numbers of various digits."""
+    rows = [[*row] for row in rng.choices(ROWS, k=rng.randint(2, 5))]
+    for k, row in enumerate(rows):
+        row[0] = rng.choice([f"impact {k}", str(k)])
+        for column in range(1, 6):
+            number = float(row[column]) * rng.uniform(0.97, 1.03)
+            digits = rng.choice([0, 1, 2, 4])
+            row[column] = f"{number:.{digits}f}"
+        row[1] = f"{float(row[1]):.2f}"
+    return rows
+
+
+def random_heading(rng, heading, spaces, below):
+    """A heading of ours, and its unit, as somebody may write them.
+
+    The unit stands in the heading unless units are a row `below`. Between `spaces` neither has one.
+    """
+    name, unit = name_and_unit(heading)
+    name = rng.choice(NAMED.get(name, [name]))
+    unit = rng.choice(SPELLED[unit])
+    if spaces:
+        name = name.replace(" ", "_")
+    if unit and not below:
+        forms = FORMS[:3] if spaces else FORMS
+        name = rng.choice(forms).format(name, unit)
+    if spaces and not unit:
+        unit = "-"
+    return name, unit
 
 
 def dialect(seed):
     """A text file in some dialect, and its rows."""
     rng = random.Random(seed)
-    one = rng.choice
 
     def maybe():
         return rng.random() < 0.5
 
-    rows = [[*row] for row in rng.choices(ROWS, k=rng.randint(2, 5))]
-    for k, row in enumerate(rows):
-        row[0] = one([f"impact {k}", str(k)])
-        row[1:6] = [
-            f"{float(cell) * rng.uniform(0.97, 1.03):.{one([0, 1, 2, 4])}f}" for cell in row[1:6]
-        ]
-        row[1] = f"{float(row[1]):.2f}"
-    sign = one([",", ";", "\t", "|", "  ", " "])
-    spaces = sign.isspace() and sign != "\t"
-    comma = sign != "," and maybe()
+    rows = random_rows(rng)
+    separator = rng.choice([",", ";", "\t", "|", "  ", " "])
+    spaces = of_spaces(separator)
+    decimal_commas = separator != "," and maybe()
     below = maybe()
     deviations = maybe()
     if spaces:
         for row in rows:
-            row[0], row[7] = row[0].replace(" ", "_"), row[7].split(",")[0]
+            row[0] = row[0].replace(" ", "_")
+            row[7] = row[7].split(",")[0]
     head = []
     units = []
-    for column in HEADER:
-        name, _, unit = column.rstrip("]").partition(" [")
-        name = one(NAMED.get(name, [name]))
-        unit = one(SPELLED[unit])
-        name = name.replace(" ", "_") if spaces else name
-        head.append(
-            name if below or not unit else one(FORMS[:3] if spaces else FORMS).format(name, unit)
-        )
-        units.append(unit or "-" * spaces)
-    body = [
-        [cell.replace(".", ",") if comma and 0 < k < 7 else cell for k, cell in enumerate(row)]
-        for row in rows
-    ]
+    for heading in HEADER:
+        name, unit = random_heading(rng, heading, spaces, below)
+        head.append(name)
+        units.append(unit)
+    body = [[*row] for row in rows]
+    if decimal_commas:
+        for row in body:
+            row[1:7] = [cell.replace(".", ",") for cell in row[1:7]]
     if maybe():
         body = [[cell.replace("-", "\u2212") for cell in row] for row in body]
     if deviations:
-        mark = one([" ± ", "±", " +/- ", " +- "])
-        body = [[*row[:4], row[4] + mark + row[6], row[5], row[7]] for row in body]
-        del head[6], units[6]
-    lines = [head, *[units] * below, *body]
-    quote = '"' if not spaces else "\0"
-    text = "\n".join(
-        sign.join(f'"{c}"' if sign in c and quote == '"' else c for c in line) for line in lines
-    )
-    above = "".join(f"{title}\n" for title in rng.sample(TITLES, rng.randint(0, 2))) + one(
-        ["", "# a note\n", "\n"]
-    )
-    text = (above + text).replace("\n", one(["\n", "\r\n"])) + one(["", "\n", "\n\n"])
-    coding = one(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "cp1252"])
-    return text.encode(
-        "utf-8" if {"\u2212", "θ", "ω"} & {*text} and coding == "cp1252" else coding
-    ), rows
+        mark = rng.choice([" ± ", "±", " +/- ", " +- "])
+        for row in body:
+            deviation = row.pop(6)
+            row[4] += mark + deviation
+        del head[6]
+        del units[6]
+    lines = [head]
+    if below:
+        lines.append(units)
+    lines += body
+    return encoded(rng, lines, separator), rows
+
+
+def encoded(rng, lines, separator):
+    """The bytes of a file of these cells, with titles above or not, in some coding."""
+
+    def quoted(cell):
+        if separator in cell and not of_spaces(separator):
+            return f'"{cell}"'
+        return cell
+
+    titles = rng.sample(TITLES, rng.randint(0, 2))
+    above = "".join(f"{title}\n" for title in titles)
+    above += rng.choice(["", "# a note\n", "\n"])
+    text = above + "\n".join(separator.join(map(quoted, line)) for line in lines)
+    text = text.replace("\n", rng.choice(["\n", "\r\n"]))
+    text += rng.choice(["", "\n", "\n\n"])
+    coding = rng.choice(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "cp1252"])
+    # Letters that Windows-1252 has not.
+    if coding == "cp1252" and {"\u2212", "θ", "ω"} & {*text}:
+        coding = "utf-8"
+    return text.encode(coding)
 
 
 def test_three_hundred_dialects_are_the_same_tables(tmp_path):
     for seed in range(300):
         data, rows = dialect(seed)
         try:
-            assert_same(read(written(tmp_path, data))[0], meant(rows))
+            assert_same(table_of(written(tmp_path, data)), meant(rows))
         except (FitballError, AssertionError) as error:
             pytest.fail(f"{error}\nseed {seed}: {data!r}")
 
 
 def save_ods(frame, place):
-    lines = [list(frame), *frame.itertuples(index=False)]
-    place.write_bytes(
-        workbooks.ods("".join(workbooks.row("".join(map(workbooks.cell, line))) for line in lines))
-    )
+    """A workbook of LibreOffice."""
+    rows = []
+    for line in [list(frame), *frame.itertuples(index=False)]:
+        cells = map(workbooks.cell, line)
+        rows.append(workbooks.row("".join(cells)))
+    place.write_bytes(workbooks.ods("".join(rows)))
 
 
 @pytest.fixture
@@ -198,9 +254,16 @@ def test_workbooks_parquet_and_frames_are_the_same_table(tmp_path, frame):
     save_ods(frame, tmp_path / "t.ods")
     texts = pandas.DataFrame(ROWS, columns=HEADER)
     mapping = {name: frame[name].tolist() for name in HEADER}
-    places = [tmp_path / f"t.{ending}" for ending in ("xlsx", "parquet", "ods")]
-    for source in (*places, frame, texts, frame.set_index("id"), mapping):
-        assert_same(read(source)[0], meant(ROWS))
+    for source in (
+        tmp_path / "t.xlsx",
+        tmp_path / "t.parquet",
+        tmp_path / "t.ods",
+        frame,
+        texts,
+        frame.set_index("id"),
+        mapping,
+    ):
+        assert_same(table_of(source), meant(ROWS))
     assert faults_of(texts.replace("42.00", "?")) == [("not-a-number", 3, None, "v_1")]
 
 
@@ -217,16 +280,20 @@ def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
     assert [column.dtype.kind for column in cells.columns] == ["f", "f", "f", "f"]
     assert cells.text(0) == ["1", "2"]
     assert cells.text(1) == ["0.1", ""]
-    assert_array_equal(numbers(cells, {"omega_2": 3})["omega_2"], [5.0, np.nan])
+    omega_2 = numbers(cells, {"omega_2": 3})["omega_2"]
+    assert_array_equal(omega_2, [5.0, np.nan])
     # The digest is of what is in it, however it was given.
     same = read_cells(dict(frame), Naming({}).worth)
-    assert (
-        cells.sha256
-        == same.sha256
-        != read_cells(frame.assign(v_1=[0.1, 0.2]), Naming({}).worth).sha256
-    )
-    assert faults_of({"v_1": [1.0, np.inf], "v_2": [1.0, 2.0]}) == [("not-finite", 2, None, "v_1")]
-    for columns in ({"v_1": [1.0], "v_2": [1.0, 2.0]}, {"v_1": ["\ud800"]}, {"\ud800": [1.0]}):
+    other = read_cells(frame.assign(v_1=[0.1, 0.2]), Naming({}).worth)
+    assert cells.sha256 == same.sha256
+    assert cells.sha256 != other.sha256
+    infinite = {"v_1": [1.0, np.inf], "v_2": [1.0, 2.0]}
+    assert faults_of(infinite) == [("not-finite", 2, None, "v_1")]
+    for columns in (
+        {"v_1": [1.0], "v_2": [1.0, 2.0]},
+        {"v_1": ["\ud800"]},
+        {"\ud800": [1.0]},
+    ):
         assert faults_of(columns) == [("not-a-table", None, None, None)]
     for cell in ("\ud800", np.ones(2), frame):
         assert faults_of({"v_1": [1.0, cell]}) == [("not-a-number", 2, None, "v_1")]
@@ -238,22 +305,24 @@ def test_a_workbook_as_people_keep_it(tmp_path, frame):
     with pandas.ExcelWriter(place) as book:
         notes = pandas.DataFrame([["what", "who"], ["bounces", "me"]])
         notes.to_excel(book, sheet_name="notes", index=False, header=False)
-        units = [name.partition(" [")[2].rstrip("]") for name in HEADER]
-        body = frame.to_numpy().tolist()
-        rows = [["Court 3"], [], [*meant(ROWS)], units, *body[:2], [], *body[2:]]
-        full = [[*row, *[None] * (len(HEADER) - len(row)), " "] for row in rows]
-        pandas.DataFrame(full).to_excel(book, sheet_name="impacts", index=False, header=False)
-    found, noted = read(place)
-    assert_same(found, meant(ROWS))
-    assert noted == ["sheet", "above-header", "units-row"]
-    assert_same(read(f"{place}#impacts")[0], meant(ROWS))
-    assert read(f"{place}#impacts")[1] == noted[1:]
+        names, units = zip(*map(name_and_unit, HEADER), strict=True)
+        first, second, third = frame.to_numpy().tolist()
+        rows = [["Court 3"], [], [*names], [*units], first, second, [], third]
+        padded = [[*row, *[None] * (len(HEADER) - len(row)), " "] for row in rows]
+        impacts = pandas.DataFrame(padded)
+        impacts.to_excel(book, sheet_name="impacts", index=False, header=False)
+    table, notes = read(place)
+    assert_same(table, meant(ROWS))
+    assert notes == ["sheet", "above-header", "units-row"]
+    table, notes = read(f"{place}#impacts")
+    assert_same(table, meant(ROWS))
+    assert notes == ["above-header", "units-row"]
     assert faults_of(f"{place}#sand") == [("no-sheet", None, None, None)]
     with pandas.ExcelWriter(place) as book:
         frame.to_excel(book, sheet_name="clay", index=False)
         frame[:2].to_excel(book, sheet_name="grass #2", index=False)
     assert faults_of(place) == [("several-sheets", None, None, None)]
-    assert_same(read(f"{place}#grass #2")[0], meant(ROWS[:2]))
+    assert_same(table_of(f"{place}#grass #2"), meant(ROWS[:2]))
 
 
 def test_damaged_files_are_refused(tmp_path, frame):
@@ -265,11 +334,24 @@ def test_damaged_files_are_refused(tmp_path, frame):
         ("ods", "not-a-workbook"),
         ("parquet", "not-parquet"),
     ):
-        whole = (tmp_path / f"t.{ending}").read_bytes()
-        for part in (whole[:10], whole[: len(whole) // 2], whole[:-300] + b"x" * 300):
-            assert faults_of(written(tmp_path, part, f"cut.{ending}")) == [(code, None, None, None)]
-    assert faults_of(written(tmp_path, b"PK", "t.xls")) == [("not-a-workbook", None, None, None)]
-    for missing in (tmp_path / "absent.csv", tmp_path, "a" * 5000, "a\0b", "\udcff.csv"):
+        data = (tmp_path / f"t.{ending}").read_bytes()
+        half = len(data) // 2
+        for damaged in (
+            data[:10],
+            data[:half],
+            data[:-300] + b"x" * 300,
+        ):
+            place = written(tmp_path, damaged, f"cut.{ending}")
+            assert faults_of(place) == [(code, None, None, None)]
+    place = written(tmp_path, b"PK", "t.xls")
+    assert faults_of(place) == [("not-a-workbook", None, None, None)]
+    for missing in (
+        tmp_path / "absent.csv",
+        tmp_path,
+        "a" * 5000,
+        "a\0b",
+        "\udcff.csv",
+    ):
         assert faults_of(missing) == [("not-found", None, None, None)]
 
 
@@ -335,27 +417,37 @@ def test_ten_thousand_faults_are_kept(tmp_path):
 def test_what_was_assumed_is_noted(tmp_path):
     head = "No.;V_1 [mph];theta_1;v_2 [mph];spin in\n"
     text = f"Test 3\n{head}1;38,1;18;28,0 ± 0,3;20\n\n;;\n{head}2;\u221239,2;;n/a;\n"
-    found, noted = read(written(tmp_path, text.encode("utf-16")))
-    assert {*noted} == {"above-header", "header-again", "not-read", "plus-minus", "decimal-commas"}
-    assert_allclose(found["v_1"], np.array([38.1, -39.2]) * SI["mph"])
-    assert_allclose(found["v_2_sd"], [0.3 * SI["mph"], np.nan])
-    assert found["id"] == ["1", "2"]
-    assert found["spin in"] == ["20", ""]
-    assert read(written(tmp_path, "v_1,surface\n1,ras\u00e9\n".encode("cp1252")))[1] == ["encoding"]
+    table, notes = read(written(tmp_path, text.encode("utf-16")))
+    assert {*notes} == {
+        "above-header",
+        "header-again",
+        "not-read",
+        "plus-minus",
+        "decimal-commas",
+    }
+    assert_allclose(table["v_1"], np.array([38.1, -39.2]) * SI["mph"])
+    assert_allclose(table["v_2_sd"], [0.3 * SI["mph"], np.nan])
+    assert table["id"] == ["1", "2"]
+    assert table["spin in"] == ["20", ""]
+    of_windows = "v_1,surface\n1,ras\u00e9\n".encode("cp1252")
+    _, notes = read(written(tmp_path, of_windows))
+    assert notes == ["encoding"]
 
 
 def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path):
     place = tmp_path / "t.txt"
-    np.savetxt(place, [[10.0, 6.0, 7.0, 4.0], [11.0, 7.0, 8.0, 5.0]], header="v_x1 v_y1 v_x2 v_y2")
-    assert_array_equal(read(place)[0]["v_y1"], [6.0, 7.0])
+    rows = [
+        [10.0, 6.0, 7.0, 4.0],
+        [11.0, 7.0, 8.0, 5.0],
+    ]
+    np.savetxt(place, rows, header="v_x1 v_y1 v_x2 v_y2")
+    assert_array_equal(table_of(place)["v_y1"], [6.0, 7.0])
 
 
 def test_what_excel_shows_for_missing_values_begins_no_comment(tmp_path):
     text = 'omega_2,v_y1\n#N/A,5\n3,6\n# a, "comment\n#NV,7\n-,8\nNaN,9\n'
-    assert_array_equal(
-        read(written(tmp_path, text))[0]["omega_2"],
-        [np.nan, 3, np.nan, np.nan, np.nan],
-    )
+    table = table_of(written(tmp_path, text))
+    assert_array_equal(table["omega_2"], [np.nan, 3, np.nan, np.nan, np.nan])
 
 
 def test_correlations_and_deviations_of_columns(tmp_path):
@@ -363,29 +455,30 @@ def test_correlations_and_deviations_of_columns(tmp_path):
     unit.
     """
     text = 'v_1 [mph],v_1_sd,theta_1,v_2,"corr(V_2, v_1)"\n40,1,30,9,-0.5\n'
-    found, _ = read(written(tmp_path, text))
-    assert found["corr(v_1,v_2)"] == [-0.5]
-    assert_allclose([found["v_1_sd"][0], found["theta_1"][0]], [SI["mph"], np.pi / 6])
+    table = table_of(written(tmp_path, text))
+    assert table["corr(v_1,v_2)"] == [-0.5]
+    assert_allclose(table["v_1_sd"], [SI["mph"]])
+    assert_allclose(table["theta_1"], [np.pi / 6])
 
 
 def test_names_and_units_of_ones_own(tmp_path):
     plain = written(tmp_path, "Vin,angle_in,v_2,Belag\n38,20,42,clay\n", "plain.csv")
-    said = {
+    columns = {
         "v_1": "vin [mph]",
         "theta_1": "angle_in [rad]",
         "v_2": "v_2 [km/h]",
         "surface": "Belag",
     }
-    found, _ = read(plain, said)
-    assert_allclose(
-        [found[name][0] for name in ("v_1", "theta_1", "v_2")],
-        [38 * SI["mph"], 20, 42 / 3.6],
-    )
-    assert found["surface"] == ["clay"]
+    table = table_of(plain, columns)
+    assert_allclose(table["v_1"], [38 * SI["mph"]])
+    assert_allclose(table["theta_1"], [20])
+    assert_allclose(table["v_2"], [42 / 3.6])
+    assert table["surface"] == ["clay"]
     # They make a header of a line, and of its separator one.
-    found = read(written(tmp_path, "a, b; c\nfoo;bar\n5;4\n"), {"v_y1": "foo", "v_y2": "bar"})[0]
-    assert found == {"v_y1": [5.0], "v_y2": [4.0]}
-    assert "v_1" not in read(plain, {"v_1": "V_in"}, optional=["v_1"])[0]
+    below_words = written(tmp_path, "a, b; c\nfoo;bar\n5;4\n")
+    table = table_of(below_words, {"v_y1": "foo", "v_y2": "bar"})
+    assert table == {"v_y1": [5.0], "v_y2": [4.0]}
+    assert "v_1" not in table_of(plain, {"v_1": "V_in"}, optional=["v_1"])
     for wrong in ({"v_1": " "}, {"v_1": "[mph]"}):
         with pytest.raises(ParameterError) as caught:
             Naming(wrong)
@@ -410,8 +503,10 @@ def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
     naming = Naming({})
     cells = read_cells(place, naming.worth)
     guesses = read_header(cells, naming).guesses
-    assert [note.code for note in cells.notes].count("not-read") == 6
-    assert_same(read(place, guesses)[0], read(written(tmp_path, OURS + body, "ours.csv"))[0])
+    codes = [note.code for note in cells.notes]
+    assert codes.count("not-read") == 6
+    ours = written(tmp_path, OURS + body, "ours.csv")
+    assert_same(table_of(place, guesses), table_of(ours))
 
 
 ENDS = {
@@ -424,16 +519,18 @@ ENDS = {
 def test_a_guess_never_swaps_incidence_and_rebound(end):
     quantities = ("v", "theta", "omega", "speed", "angle", "spin", "vx", "v_y", "velocity")
     forms = ("{q}_{w}", "{w}_{q}", "{q}{t}", "{w} {q}", "{q}.{w}", "{t}{q}")
-    names = [
-        f.format(q=q, w=w, t=w.title())
-        for q in quantities
-        for w in ENDS[end].split()
-        for f in forms
-    ]
-    guesses = [guess_of(name) for name in names]
-    assert all(item.endswith(end) for guess in guesses for item in guess)
-    assert {end_of(name) for name in names} <= {None, end}
-    assert sum(map(bool, guesses)) > 0.9 * len(names)
+    words = ENDS[end].split()
+    guessed = 0
+    names = 0
+    for quantity, word, form in product(quantities, words, forms):
+        name = form.format(q=quantity, w=word, t=word.title())
+        guess = guess_of(name)
+        for column in guess:
+            assert column.endswith(end)
+        assert end_of(name) in (None, end)
+        names += 1
+        guessed += bool(guess)
+    assert guessed > 0.9 * names
 
 
 @pytest.mark.parametrize("name", ["v_72", "v_23", "V_2+", "theta_22", "teta_2", "omga_1", "omega_"])
@@ -442,28 +539,24 @@ def test_a_slip_in_a_name_is_a_fault_and_no_column_of_ones_own(name):
 
 
 def test_a_name_beside_all_that_it_resembles_is_ones_own():
-    ours = [name + suffix for name in ("theta_1", "theta_2") for suffix in ("", "_sd")]
-    assert read({name: [1.0] for name in [*ours, "theta_3"]})[0]["theta_3"] == ["1"]
+    names = ["theta_1", "theta_1_sd", "theta_2", "theta_2_sd", "theta_3"]
+    table = table_of({name: [1.0] for name in names})
+    assert table["theta_3"] == ["1"]
     # Of the other end nothing is a slip.
-    assert read({"omega_1": [1.0], "omega_1_sd": [1.0], "omga_1": [1.0]})[0]["omga_1"] == ["1"]
-    assert read({"id": ["a"], "No.": [1], "v_1_km_h": [36.0]})[0] == {
-        "id": ["a"],
-        "No.": ["1"],
-        "v_1": [10.0],
-    }
+    table = table_of({"omega_1": [1.0], "omega_1_sd": [1.0], "omga_1": [1.0]})
+    assert table["omga_1"] == ["1"]
+    table = table_of({"id": ["a"], "No.": [1], "v_1_km_h": [36.0]})
+    assert table == {"id": ["a"], "No.": ["1"], "v_1": [10.0]}
 
 
 def test_a_row_of_names_is_no_row_of_units(tmp_path):
     """Though `s` and `m` are, and a row of units may repeat what the header says."""
-    found, noted = read(
-        written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n")
-    )
-    assert found["id"] == ["s", "m"]
-    assert "units-row" not in noted
-    assert read(written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n"))[0] == {
-        "v_1": [10.0],
-        "theta_1": [1.0],
-    }
+    place = written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n")
+    table, notes = read(place)
+    assert table["id"] == ["s", "m"]
+    assert "units-row" not in notes
+    units_twice = written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n")
+    assert table_of(units_twice) == {"v_1": [10.0], "theta_1": [1.0]}
 
 
 def test_a_quote_behind_a_separator_and_a_blank_is_a_quote(tmp_path):

@@ -45,117 +45,114 @@ def parsed(text):
     return json.loads(text, parse_constant=lambda name: pytest.fail(name))
 
 
-def content(made):
-    (text,) = made.contents.values()
+def content(exported):
+    """The text of the only file."""
+    (text,) = exported.contents.values()
     return text
 
 
 def test_json_says_of_every_number_whether_the_data_determine_it(fit):
-    found = parsed(content(fit.export(to="json")))
-    known = {"identified": True, "given": True}
-    for name, one in {**fit.parameters, **fit.derived}.items():
-        kept = {**found["parameters"], **found["derived"]}[name]
-        assert kept["verdict"] == one.verdict
-        assert kept["determined"] == known.get(
-            one.verdict,
-            False,
-        )
-        assert (kept["median"], kept["reason"], kept["given"]) == (
-            one.median,
-            one.reason,
-            list(one.given),
-        )
+    exported = parsed(content(fit.export(to="json")))
+    quantities = {**exported["parameters"], **exported["derived"]}
+    for name, estimate in {**fit.parameters, **fit.derived}.items():
+        quantity = quantities[name]
+        assert quantity["verdict"] == estimate.verdict
+        assert quantity["determined"] == (estimate.verdict in ("identified", "given"))
+        assert quantity["median"] == estimate.median
+        assert quantity["reason"] == estimate.reason
+        assert quantity["given"] == list(estimate.given)
     doubtful = {"prior-dominated", "one-sided", "conditional", "extrapolated"}
-    assert set(found["not_determined"]) == {
-        one.name for one in fit.reported if one.verdict in doubtful
-    }
-    remarks = found["sets"][0]["remarks"]
-    parameters = fit.parameters
-    unsure = {
-        name
-        for name, one in parameters.items()
-        if one.kind == "model" and one.verdict != "identified"
-    }
-    assert set(remarks) == unsure
+    not_determined = {estimate.name for estimate in fit.reported if estimate.verdict in doubtful}
+    assert set(exported["not_determined"]) == not_determined
+    (only_set,) = exported["sets"]
+    unsure = set()
+    for name, estimate in fit.parameters.items():
+        if estimate.kind == "model" and estimate.verdict != "identified":
+            unsure.add(name)
+    assert set(only_set["remarks"]) == unsure
     assert "offset" in unsure
-    assert found["parameters"]["offset"]["verdict"] == "fixed"
-    assert found["sets"][0]["values"]["mu"] == fit.point.optima[0]["mu"]
-    names = found["correlation"]["names"]
-    matrix = np.array(found["correlation"]["values"])
-    draws = np.stack([fit.posterior.values[..., k].ravel() for k in range(len(names))])
-    centred = draws - draws.mean(axis=1, keepdims=True)
-    wanted = (
-        centred
-        @ centred.T
-        / np.outer(np.linalg.norm(centred, axis=1), np.linalg.norm(centred, axis=1))
-    )
-    assert_allclose(matrix, wanted, atol=1e-12)
+    assert exported["parameters"]["offset"]["verdict"] == "fixed"
+    assert only_set["values"]["mu"] == fit.point.optima[0]["mu"]
+    count = len(exported["correlation"]["names"])
+    matrix = exported["correlation"]["values"]
+    draws = [fit.posterior.values[..., k].ravel() for k in range(count)]
+    assert_allclose(matrix, np.corrcoef(draws), atol=1e-12)
 
 
 def test_each_surface_has_its_own_values_and_range(levelled):
-    whole = parsed(content(levelled.export(to="json")))
-    assert whole["correlation"] is whole["parameters"]["e_x"]["median"] is None
-    assert whole["status"] == "point only"
-    assert whole["parameters"]["e_x"]["point"] == levelled.point.optima[0]["e_x"]
-    found = whole["sets"]
-    assert [one["label"] for one in found] == list(LABELS)
+    exported = parsed(content(levelled.export(to="json")))
+    e_x = exported["parameters"]["e_x"]
+    best = levelled.point.optima[0]
+    assert exported["correlation"] is None
+    assert exported["status"] == "point only"
+    assert e_x["median"] is None
+    assert e_x["point"] == best["e_x"]
+    sets = exported["sets"]
+    assert [each["label"] for each in sets] == list(LABELS)
     table = table_of(40, surfaces=LABELS)
-    for label, one in zip(LABELS, found, strict=True):
-        assert one["values"]["mu"] == levelled.point.optima[0][f"mu[{label}]"]
+    for label, each in zip(LABELS, sets, strict=True):
+        assert each["values"]["mu"] == best[f"mu[{label}]"]
         speeds = table["v_y1"][table["surface"] == label]
-        assert_allclose(
-            one["measured"]["v_y1"],
-            [speeds.min(), speeds.max()],
-            rtol=1e-12,
-        )
-    (clay,) = parsed(content(levelled.export(to="json", level={"surface": "CLAY"})))["sets"]
-    assert clay == found[0]
+        measured = [speeds.min(), speeds.max()]
+        assert_allclose(each["measured"]["v_y1"], measured, rtol=1e-12)
+    of_clay = levelled.export(to="json", level={"surface": "CLAY"})
+    assert parsed(content(of_clay))["sets"] == sets[:1]
     (new,) = parameter_set.of_fit(levelled, {"Surface": "new"})
     assert new.values["mu"] == levelled.draws.best["mu[new]"][0]
     assert "mu" in new.sources
     assert len(new.impacts) == 40
-    values = np.array([one["values"]["mu"] for one in found])
-    assert values.min() < new.values["mu"] < values.max()
+    values = [each["values"]["mu"] for each in sets]
+    assert min(values) < new.values["mu"] < max(values)
+
+
+def published(parameter, key):
+    """The row of a published prior, read here."""
+    place = bundled.folder() / "literature" / "priors.csv"
+    with place.open(newline="", encoding="utf-8") as file:
+        rows = {(row["parameter"], row["key"]): row for row in csv.DictReader(file)}
+    return rows[parameter, key]
 
 
 def test_published_and_set_values_become_a_set_with_their_sources():
-    with (bundled.folder() / "literature" / "priors.csv").open(
-        newline="",
-        encoding="utf-8",
-    ) as file:
-        rows = {(row["parameter"], row["key"]): row for row in csv.DictReader(file)}
-    found = fitball.export(
+    exported = fitball.export(
         to="json",
         model="two-mass",
         fix={"mu": "literature:clay", "cor_10": "0.7", "k_y": 3e4},
     )
-    (one,) = parsed(content(found))["sets"]
-    row = rows["mu", "clay"]
-    values = one["values"]
-    assert (values["mu"], values["cor_10"], values["k_y"]) == (float(row["value"]), 0.7, 3e4)
-    assert row["source"] in one["remarks"]["mu"]
-    low, high = (float(row["value"]) + end * float(row["sd"]) for end in (-1.96, 1.96))
-    assert f"[{low:.2f}, {high:.2f}]" in one["remarks"]["mu"]
-    assert one["measured"] is None
-    assert {*values} - {*one["remarks"]} == {
+    (only_set,) = parsed(content(exported))["sets"]
+    row = published("mu", "clay")
+    value = float(row["value"])
+    sd = float(row["sd"])
+    values = only_set["values"]
+    remarks = only_set["remarks"]
+    assert values["mu"] == value
+    assert values["cor_10"] == 0.7
+    assert values["k_y"] == 3e4
+    assert row["source"] in remarks["mu"]
+    low = value - 1.96 * sd
+    high = value + 1.96 * sd
+    assert f"[{low:.2f}, {high:.2f}]" in remarks["mu"]
+    assert only_set["measured"] is None
+    assert {*values} - {*remarks} == {
         "ball_mass",
         "ball_radius",
         "inertia_ratio",
     }
 
 
-def cost(one, point, e, inertia, mu):
+def cost(parameters, point, e, inertia, mu):
     """Kinetic energy over mass of the difference between Brody's ball of another inertia and a
     set's rebound.
     """
-    ball = Ball(one.values["ball_mass"], one.values["ball_radius"], inertia)
-    made = fitball.model("brody", ball=ball).rebound(
-        {"mu": mu, "cor_10": e, "cor_slope": 0.0},
-        point,
-    )
-    true = one.model.rebound(one.values, point)
-    spin = ball.radius**2 * one.values["inertia_ratio"] * (made.omega_2 - true.omega_2) ** 2
-    return float(((made.v_x2 - true.v_x2) ** 2 + (made.v_y2 - true.v_y2) ** 2 + spin)[0])
+    values = parameters.values
+    ball = Ball(values["ball_mass"], values["ball_radius"], inertia)
+    brody = fitball.model("brody", ball=ball)
+    sphere = brody.rebound({"mu": mu, "cor_10": e, "cor_slope": 0.0}, point)
+    exact = parameters.model.rebound(values, point)
+    v_x = sphere.v_x2[0] - exact.v_x2[0]
+    v_y = sphere.v_y2[0] - exact.v_y2[0]
+    omega = sphere.omega_2[0] - exact.omega_2[0]
+    return v_x**2 + v_y**2 + values["inertia_ratio"] * (ball.radius * omega) ** 2
 
 
 @pytest.mark.parametrize(
@@ -169,78 +166,85 @@ def cost(one, point, e, inertia, mu):
 )
 @pytest.mark.parametrize("inertia", [0.4, 0.56])
 def test_engine_settings_are_the_best_of_a_rigid_sphere(state, grips, inertia):
-    one = parameter_set.of_model(fitball.model(), {})
+    parameters = parameter_set.of_model(fitball.model(), {})
     point = fitball.impacts(*state)
-    found = engine.settings(one, point, inertia)
+    settings = engine.settings(parameters, point, inertia)
+
+    def cost_of_friction(mu):
+        return cost(parameters, point, settings.e, inertia, mu)
+
     best = minimize_scalar(
-        lambda mu: cost(one, point, found.e, inertia, mu),
+        cost_of_friction,
         bounds=(0.0, 2.0),
         method="bounded",
         options={"xatol": 1e-10},
     )
-    assert found.grips is grips
-    assert found.errors["v_y2"] == 0.0
+    assert settings.grips is grips
+    assert settings.errors["v_y2"] == 0.0
     if grips:
         # What fits one such impact best is too little for others: the ball may slip, and bounce on
         # as if on ice.
-        made = engine.sphere(found.e, found.mu, inertia, one.values["ball_radius"], point)
-        assert made["v_x2"][0] == pytest.approx(
-            one.values["ball_radius"] * made["omega_2"][0],
-            rel=1e-12,
-        )
-        assert found.mu >= one.values["mu"]
-        assert found.rms["v_x2"] < 3.0
+        radius = parameters.values["ball_radius"]
+        rebound = engine.sphere(settings.e, settings.mu, inertia, radius, point)
+        surface_speed = radius * rebound["omega_2"][0]
+        assert rebound["v_x2"][0] == pytest.approx(surface_speed, rel=1e-12)
+        assert settings.mu >= parameters.values["mu"]
+        assert settings.rms["v_x2"] < 3.0
     else:
-        assert found.mu == pytest.approx(best.x, abs=1e-6)
-        assert cost(one, point, found.e, inertia, found.mu) <= best.fun * (1.0 + 1e-9)
+        assert settings.mu == pytest.approx(best.x, abs=1e-6)
+        assert cost_of_friction(settings.mu) <= best.fun * (1.0 + 1e-9)
 
 
 def test_an_engine_with_the_same_ball_makes_no_error():
-    one = parameter_set.of_model(
+    parameters = parameter_set.of_model(
         fitball.model("brody"),
         {"mu": 0.5, "cor_10": 0.75, "cor_slope": 0.0},
     )
-    found = engine.settings(one, fitball.impacts(8.0, 9.0, 10.0), one.values["inertia_ratio"])
+    point = fitball.impacts(8.0, 9.0, 10.0)
+    exact = engine.settings(parameters, point, parameters.values["inertia_ratio"])
     # It grips there: the friction is the model's own, which other impacts need.
-    assert found.grips
-    assert found.mu == 0.5
-    assert max(found.rms.values()) < 1e-12
-    assert max(map(abs, found.errors.values())) < 1e-12
+    assert exact.grips
+    assert exact.mu == 0.5
+    assert max(exact.rms.values()) < 1e-12
+    assert max(map(abs, exact.errors.values())) < 1e-12
     # Without slip any friction would do.
-    assert engine.settings(one, fitball.impacts(0.0, 9.0, 0.0), 0.4).mu == 0.5
-    softer = engine.settings(one, fitball.impacts(8.0, 9.0, 10.0), 0.4)
-    assert softer.rms["omega_2"] > 1.0
+    without_slip = fitball.impacts(0.0, 9.0, 0.0)
+    assert engine.settings(parameters, without_slip, 0.4).mu == 0.5
+    other_inertia = engine.settings(parameters, point, 0.4)
+    assert other_inertia.rms["omega_2"] > 1.0
 
 
 @pytest.mark.parametrize("e", [0.02, 0.1353, 0.75, 1.0])
 def test_the_spring_of_mujoco_parts_at_the_restitution_when_its_force_ends(e):
-    stiffness, damping = engine.spring(e, 0.005)
-    pressed, speed = expm(0.005 * np.array([[0.0, 1.0], [-stiffness, -damping]])) @ [0.0, 1.0]
+    time = 0.005
+    stiffness, damping = engine.spring(e, time)
+    motion = np.array([[0.0, 1.0], [-stiffness, -damping]])
+    pressed, speed = expm(time * motion) @ [0.0, 1.0]
+    force = stiffness * pressed + damping * speed
     assert speed == pytest.approx(-e, rel=1e-9)
-    assert stiffness * pressed + damping * speed == pytest.approx(0.0, abs=1e-9 * stiffness * 0.005)
+    assert force == pytest.approx(0.0, abs=1e-9 * stiffness * time)
 
 
 def test_an_impact_outside_of_the_measured_ones_is_noted_for_each_surface(levelled):
-    notes = [
-        content(levelled.export(to="engine", at=f"v_1={v},theta_1=40")).count("\n- ")
-        for v in (18, 60)
-    ]
-    assert notes[1] - notes[0] == len(LABELS)
+    def count_of_notes(speed):
+        exported = levelled.export(to="engine", at=f"v_1={speed},theta_1=40")
+        return content(exported).count("\n- ")
+
+    assert count_of_notes(60) - count_of_notes(18) == len(LABELS)
 
 
 def test_a_drop_test_has_restitution_alone():
-    one = parameter_set.of_model(
-        fitball.model("two-mass+normal=total", tangential=False),
-        {"cor_10": 0.7},
-    )
-    text = engine.engine([one], "v_y1=10")
-    numbers = parsed(engine.as_json([one], "v_y1=10"))["sets"][0]
+    vertical = fitball.model("two-mass+normal=total", tangential=False)
+    parameters = parameter_set.of_model(vertical, {"cor_10": 0.7})
+    text = engine.engine([parameters], "v_y1=10")
     assert "0.7000" in text
     assert "| friction mu |" not in text
-    assert numbers["settings"][0]["e"] == pytest.approx(0.7)
-    assert numbers["settings"][0]["mu"] is None
+    exported = parsed(engine.as_json([parameters], "v_y1=10"))
+    settings = exported["sets"][0]["settings"][0]
+    assert settings["e"] == pytest.approx(0.7)
+    assert settings["mu"] is None
     with pytest.raises(FitballError) as caught:
-        engine.engine([one], "v_1=10, theta_1=30")
+        engine.engine([parameters], "v_1=10, theta_1=30")
     assert caught.value.code == "impact"
 
 
@@ -281,57 +285,63 @@ def test_nothing_in_latex_is_a_command_of_others(levelled, fit):
         assert "%" not in bare
         assert bare.count("{") == bare.count("}")
         assert bare.count("$") % 2 == 0
-        assert all(
-            line.count("&") == 4 for line in bare.split("\n") if re.search(r"(?<!\\)&", line)
-        )
+        for line in bare.split("\n"):
+            if re.search(r"(?<!\\)&", line):
+                assert line.count("&") == 4
 
 
 def test_tables_have_the_rounded_numbers_and_a_note_for_each_doubt(fit):
-    latex, markdown = (content(fit.export(to=form)) for form in ("latex", "markdown"))
-    one = fit.parameters["mu"]
+    latex = content(fit.export(to="latex"))
+    markdown = content(fit.export(to="markdown"))
+    mu = fit.parameters["mu"]
     row = next(line for line in latex.split("\n") if r"$\mu$" in line)
-    value, sd = (float(number) for number in re.search(r"\$([\d.]+) \\pm ([\d.]+)", row).groups())
-    assert value == pytest.approx(one.median, abs=0.6 * 10 ** -len(str(value).partition(".")[2]))
-    assert sd == pytest.approx(one.half, rel=0.06)
+    value, sd = map(float, re.search(r"\$([\d.]+) \\pm ([\d.]+)", row).groups())
+    digits = len(str(value).partition(".")[2])
+    assert value == pytest.approx(mu.median, abs=0.6 * 10**-digits)
+    assert sd == pytest.approx(mu.half, rel=0.06)
     assert f"{value} ± {sd}" in markdown
+    lines = markdown.split("\n")
     for verdict, mark in (
         ("given", "a"),
         ("conditional", "b"),
         ("one-sided", "d"),
         ("prior-dominated", "e"),
     ):
-        name = next(each.name for each in fit.parameters.values() if each.verdict == verdict)
-        assert f"({mark})" in next(
-            line for line in markdown.split("\n") if line.startswith(f"| `{name}`")
-        )
+        estimates = fit.parameters.values()
+        name = next(estimate.name for estimate in estimates if estimate.verdict == verdict)
+        line = next(line for line in lines if line.startswith(f"| `{name}`"))
+        assert f"({mark})" in line
 
 
-@pytest.mark.parametrize(
-    "form",
-    [name for name, one in FORMATS.items() if name != "arviz" and not one.measured],
-)
+WITHOUT_FIT = [name for name, form in FORMATS.items() if name != "arviz" and not form.measured]
+
+
+@pytest.mark.parametrize("form", WITHOUT_FIT)
 def test_every_format_is_made_without_a_fit(form):
-    made = fitball.export(to=form, model="two-mass", fix={"mu": "literature:grass"})
-    (name,) = made.contents
+    exported = fitball.export(to=form, model="two-mass", fix={"mu": "literature:grass"})
+    (name,) = exported.contents
     assert name == FORMATS[form].file
-    assert len(content(made)) > 100
+    assert len(content(exported)) > 100
 
 
 def test_the_command_line_prints_or_writes_the_file_alone(tmp_path, capsys):
     words = ("export", "--model", "brody", "--fix", "mu=literature:clay", "--to", "json")
+    as_engine = (*words[:-1], "engine")
+    folder = tmp_path / "folder"
+    out = ("--out", str(folder))
     assert cli.main(words) == 0
     printed = capsys.readouterr().out
-    assert cli.main((*words, "--out", str(tmp_path / "made"))) == 0
-    file = tmp_path / "made" / "parameters.json"
+    assert cli.main((*words, *out)) == 0
+    file = folder / "parameters.json"
     assert capsys.readouterr().out.strip() == str(file)
     assert parsed(printed) == parsed(file.read_text())
-    assert [one.name for one in file.parent.iterdir()] == ["parameters.json"]
-    assert cli.main((*words, "--out", str(tmp_path / "made"))) == 2
-    assert cli.main((*words[:-1], "engine", "--out", str(tmp_path / "made"))) == 0
+    assert list(folder.iterdir()) == [file]
+    assert cli.main((*words, *out)) == 2
+    assert cli.main((*as_engine, *out)) == 0
     file.write_text("older")
-    assert cli.main((*words, "--out", str(tmp_path / "made"), "--overwrite")) == 0
+    assert cli.main((*words, *out, "--overwrite")) == 0
     assert parsed(file.read_text()) == parsed(printed)
-    assert len(list(file.parent.iterdir())) == 2
+    assert len(list(folder.iterdir())) == 2
 
 
 def test_a_file_that_is_no_text_is_not_printed(fit):
@@ -361,11 +371,16 @@ def test_a_surface_and_a_ball_that_no_impact_has_together_are_named():
         point_only=True,
     )
     sets = parameter_set.of_fit(two, {})
-    found = {one.label: len(one.impacts) for one in sets}
-    assert found == {"clay, new ball": 6, "clay, worn": 6, "hard, new ball": 12}
+    counts = {each.label: len(each.impacts) for each in sets}
+    assert counts == {
+        "clay, new ball": 6,
+        "clay, worn": 6,
+        "hard, new ball": 12,
+    }
     (apart,) = parameter_set.of_fit(two, {"ball": "worn", "surface": "hard"})
     best = two.point.optima[0]
-    assert (apart.values["mu"], apart.values["cor_10"]) == (best["mu[hard]"], best["cor_10[worn]"])
+    assert apart.values["mu"] == best["mu[hard]"]
+    assert apart.values["cor_10"] == best["cor_10[worn]"]
     assert len(apart.impacts) == 24
     assert "together" in apart.origin
     assert "together" not in sets[0].origin

@@ -48,13 +48,12 @@ const document = {
 class Page:
     """What a browser finds: scripts, ids, texts of options."""
 
-    def __init__(self, made):
-        (self.text,) = made.contents.values()
+    def __init__(self, exported):
+        (self.text,) = exported.contents.values()
         self.scripts = re.findall("(?s)<script>(.*?)</script>", self.text)
         self.ids = re.findall('id="([^"]*)"', self.text)
-        self.options = [
-            html.unescape(one) for one in re.findall("<option[^>]*>(.*?)</option>", self.text)
-        ]
+        options = re.findall("<option[^>]*>(.*?)</option>", self.text)
+        self.options = list(map(html.unescape, options))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +66,8 @@ def run(page, *lines):
     node = shutil.which("node")
     if node is None:
         pytest.skip("needs node")
-    code = "\n".join([f"const PAGE = {json.dumps(page.ids)};", BROWSER, *page.scripts, *lines])
+    ids = f"const PAGE = {json.dumps(page.ids)};"
+    code = "\n".join([ids, BROWSER, *page.scripts, *lines])
     done = subprocess.run(
         [node, "-"],
         input=code,
@@ -86,43 +86,54 @@ def test_names_of_others_are_text_on_the_page(levelled):
     assert page.options == list(LABELS)
     assert "level" not in nasty.ids
     # A column of values for each.
-    assert (
-        re.search('<th class="left">parameter</th>(.*?)</tr>', page.text)[1].count("<th")
-        == len(LABELS) + 1
-    )
-    for one in (page, nasty):
-        assert one.text.count("<script") == 2 == len(one.scripts)
-        assert "<img" not in one.text
+    headings = re.search('<th class="left">parameter</th>(.*?)</tr>', page.text)[1]
+    assert headings.count("<th") == len(LABELS) + 1
+    for each in (page, nasty):
+        assert each.text.count("<script") == 2
+        assert len(each.scripts) == 2
+        assert "<img" not in each.text
 
 
 def test_the_page_computes_the_rebounds_of_the_model(levelled):
     page = Page(levelled.export(to="page", at="v_1=20, theta_1=30, omega_1=10 rev/s"))
-    cells = 'place("rebound").rows.map(row => row.cells[2].textContent)'
-    shown = f"console.log(JSON.stringify([state, bounce(state), {cells}]))"
-    moved = 'place("mu").move("0.3"); place("angle-number").move("12"); place("speed").move("abc");'
+    column = 'place("rebound").rows.map(row => row.cells[2].textContent)'
+    print_all = f"console.log(JSON.stringify([state, bounce(state), {column}]))"
+    move_level = 'place("level").move("1");'
+    move_mu = (
+        'place("mu").move("0.3"); place("angle-number").move("12"); place("speed").move("abc");'
+    )
     clay, other, _ = parameter_set.of_fit(levelled, {})
-    for one, change, lines, degrees in (
+    for values_set, change, action, degrees in (
         (clay, {}, "", 30.0),
-        (other, {}, 'place("level").move("1");', 30.0),
-        (clay, {"mu": 0.3}, moved, 12.0),
+        (other, {}, move_level, 30.0),
+        (clay, {"mu": 0.3}, move_mu, 12.0),
     ):
         angle = math.radians(degrees)
-        impact = fitball.impacts(20.0 * math.cos(angle), 20.0 * math.sin(angle), 20.0 * math.pi)
-        true = one.model.rebound({**one.values, **change}, impact)
-        state, found, cells = run(page, lines, shown)
-        assert (state["speed"], state["angle"], state["spin"]) == (20.0, degrees, 600.0)
-        assert found["v_x2"] == pytest.approx(true.v_x2[0], rel=1e-12)
-        assert found["omega_2"] == pytest.approx(true.omega_2[0], rel=1e-12)
-        assert float(cells[0].replace("\u2212", "-")) == pytest.approx(true.v_x2[0], abs=0.006)
+        v_x = 20.0 * math.cos(angle)
+        v_y = 20.0 * math.sin(angle)
+        values = {**values_set.values, **change}
+        exact = values_set.model.rebound(values, fitball.impacts(v_x, v_y, 20.0 * math.pi))
+        state, rebound, cells = run(page, action, print_all)
+        assert state["speed"] == 20.0
+        assert state["angle"] == degrees
+        assert state["spin"] == 600.0
+        assert rebound["v_x2"] == pytest.approx(exact.v_x2[0], rel=1e-12)
+        assert rebound["omega_2"] == pytest.approx(exact.omega_2[0], rel=1e-12)
+        shown = float(cells[0].replace("\u2212", "-"))
+        assert shown == pytest.approx(exact.v_x2[0], abs=0.006)
 
 
 def test_the_page_says_what_it_does_not_rest_on(levelled):
-    said = 'console.log(JSON.stringify([place("said").className, place("said").children.length]))'
+    warnings = (
+        'console.log(JSON.stringify([place("said").className, place("said").children.length]))'
+    )
     usual = Page(levelled.export(to="page"))
     far = Page(levelled.export(to="page", at="v_1=60, theta_1=80"))
-    assert run(usual, said) == ["lead", 1]
-    assert run(far, said) == run(usual, 'place("mu").move("0.2");', said) == ["lead part", 2]
-    assert run(Page(fitball.export(to="page", model="brody")), said) == ["lead part", 2]
+    without_fit = Page(fitball.export(to="page", model="brody"))
+    assert run(usual, warnings) == ["lead", 1]
+    assert run(far, warnings) == ["lead part", 2]
+    assert run(usual, 'place("mu").move("0.2");', warnings) == ["lead part", 2]
+    assert run(without_fit, warnings) == ["lead part", 2]
 
 
 @pytest.fixture(scope="module")
@@ -140,18 +151,27 @@ def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
     assert draws["ensemble"].values.tolist() == [0] * walkers + [1] * walkers
     assert "cor_10[grass\u2215new]" in draws
     assert draws["offset"].attrs["units"] == "m"
-    chain = walkers + 3
-    step = 7
-    row = fit.posterior.values[1, step, 3]
+    # The fourth walker of the second ensemble.
+    draw = (walkers + 3, 7)
+    row = fit.posterior.values[1, 7, 3]
     for k, name in enumerate(problem.free):
-        assert draws[name.replace("/", "\u2215")].values[chain, step] == row[k]
+        written = draws[name.replace("/", "\u2215")]
+        assert written.values[draw] == row[k]
     q = problem.prior.coordinate(row[None])
-    total = tree["log_likelihood"]["impacts"].values[chain, step].sum()
-    total += sum(one.values[chain, step] for one in tree["log_prior"].data_vars.values())
-    assert total == pytest.approx(log_posterior(problem, q)[0], abs=1e-9)
-    assert tree["sample_stats"]["lp"].values[chain, step] == pytest.approx(total, abs=1e-9)
-    surfaces = tree["constant_data"]["labels"].sel(label="surface").values.tolist()
-    assert surfaces == list(fit.run.table.labels["surface"])
+    exact = log_posterior(problem, q)[0]
+    total = likelihood_and_prior(tree, draw)
+    assert total == pytest.approx(exact, abs=1e-9)
+    assert tree["sample_stats"]["lp"].values[draw] == pytest.approx(total, abs=1e-9)
+    surfaces = tree["constant_data"]["labels"].sel(label="surface")
+    assert surfaces.values.tolist() == list(fit.run.table.labels["surface"])
+
+
+def likelihood_and_prior(tree, draw):
+    """The sum of all parts of the log posterior at a draw (chain, step)."""
+    total = tree["log_likelihood"]["impacts"].values[draw].sum()
+    for part in tree["log_prior"].data_vars.values():
+        total += part.values[draw]
+    return total
 
 
 def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
@@ -159,81 +179,73 @@ def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
     monkeypatch.setattr("fitball.inference.density.AT_ONCE", 2000)
     timed = made_fit(scene=Scene(contact_time=Quantity(4.5e-3, 2e-4)), model="two-mass")
     tree = timed.to_datatree()
+    draw = (2, 4)
     row = timed.posterior.values[0, 4, 2]
-    total = log_posterior(timed.problem, timed.problem.prior.coordinate(row[None]))[0]
-    assert tree["sample_stats"]["lp"].values[2, 4] == pytest.approx(total, abs=1e-9)
+    q = timed.problem.prior.coordinate(row[None])
+    exact = log_posterior(timed.problem, q)[0]
+    assert tree["sample_stats"]["lp"].values[draw] == pytest.approx(exact, abs=1e-9)
     assert set(tree["log_prior"].data_vars) == {"priors", "contact_time"}
-    summed = sum(one.values[2, 4] for one in tree["log_prior"].data_vars.values())
-    assert summed + tree["log_likelihood"]["impacts"].values[2, 4].sum() == pytest.approx(
-        total,
-        abs=1e-9,
-    )
+    assert likelihood_and_prior(tree, draw) == pytest.approx(exact, abs=1e-9)
 
 
 def test_of_too_many_numbers_every_kth_step_is_kept(fit, monkeypatch):
     monkeypatch.setattr("fitball.exports.arviz.ENTRIES", 3000)
-    whole = fit.posterior.values
-    thin = fit.to_datatree()["posterior"]
-    assert thin.sizes["draw"] == 9
-    assert np.array_equal(thin["e_x"].values[1], whole[0, ::3, 1, fit.posterior.names.index("e_x")])
+    thinned = fit.to_datatree()["posterior"]
+    assert thinned.sizes["draw"] == 9
+    k = fit.posterior.names.index("e_x")
+    every_third = fit.posterior.values[0, ::3, 1, k]
+    assert np.array_equal(thinned["e_x"].values[1], every_third)
 
 
 def test_statistics_of_others_are_those_of_the_fit(fit):
     from arviz_stats.base.array import array_stats
 
-    draws = fit.to_datatree()["posterior"]
-    mine = Mixing(fit.problem.free, fit.posterior.values)
+    posterior = fit.to_datatree()["posterior"]
+    ensembles = posterior["ensemble"].values
+    ours = Mixing(fit.problem.free, fit.posterior.values)
+    axes = {"chain_axis": 0, "draw_axis": 1}
     for name in ("mu[clay]", "e_x", "v_x_sd"):
-        axes = {"chain_axis": 0, "draw_axis": 1}
-        assert array_stats.ess(draws[name].values, method="bulk", **axes) == pytest.approx(
-            mine.ess_bulk[name]
-        )
-        nested = array_stats.rhat_nested(
-            draws[name].values,
-            superchain_ids=draws["ensemble"].values,
-            **axes,
-        )
-        assert nested == pytest.approx(mine.r_hat[name])
+        draws = posterior[name].values
+        ess = array_stats.ess(draws, method="bulk", **axes)
+        assert ess == pytest.approx(ours.ess_bulk[name])
+        nested = array_stats.rhat_nested(draws, superchain_ids=ensembles, **axes)
+        assert nested == pytest.approx(ours.r_hat[name])
 
 
 def test_replicated_tables_scatter_as_the_noise_says(fit):
     tree = fit.to_datatree()
     problem = fit.problem
-    values = {
-        name: fit.posterior.values[..., k].transpose(0, 2, 1).ravel()
-        for k, name in enumerate(problem.free)
-    }
-    values |= {
-        one.spec.name: np.full(400, one.fixed)
-        for one in problem.parameters
-        if one.fixed is not None
-    }
-    true = problem.forward.rebound(values, problem.rows.states, problem.rows.index)
+    values = {}
+    for k, name in enumerate(problem.free):
+        values[name] = fit.posterior.values[..., k].transpose(0, 2, 1).ravel()
+    for parameter in problem.parameters:
+        if parameter.fixed is not None:
+            values[parameter.spec.name] = np.full(400, parameter.fixed)
+    exact = problem.forward.rebound(values, problem.rows.states, problem.rows.index)
     for column, noise in (("v_x2", "v_x_sd"), ("omega_2", "spin_sd")):
-        again = tree["posterior_predictive"][column].values.reshape(400, -1)
-        z = (again - true.column(column)) / values[noise][:, None]
+        replicated = tree["posterior_predictive"][column].values.reshape(400, -1)
+        z = (replicated - exact.column(column)) / values[noise][:, None]
         # 8,000 normal numbers: five standard errors.
         assert abs(z.mean()) < 5.0 / math.sqrt(z.size)
         assert abs(z.std() - 1.0) < 5.0 / math.sqrt(2.0 * z.size)
-        assert np.array_equal(
-            tree["observed_data"][column],
-            fit.run.table.values[column],
-            equal_nan=True,
-        )
-    before = tree["prior"]["e_x"].values
-    assert abs(before.mean()) < 5.0 * before.std() / math.sqrt(before.size)
+        observed = tree["observed_data"][column]
+        measured = fit.run.table.values[column]
+        assert np.array_equal(observed, measured, equal_nan=True)
+    prior_draws = tree["prior"]["e_x"].values
+    standard_error = prior_draws.std() / math.sqrt(prior_draws.size)
+    assert abs(prior_draws.mean()) < 5.0 * standard_error
 
 
 def test_the_file_is_the_tree_whatever_columns_and_labels_are_called(tmp_path):
     table = table_of(12, surfaces=("c\x00d", "e"))
-    table["court/side"], table["impact"] = ["a\x00b", "/"] * 6, "<b>"
+    table["court/side"] = ["a\x00b", "/"] * 6
+    table["impact"] = "<b>"
     fit = made_fit(table)
+    tree = fit.to_datatree()
     (file,) = fit.export(to="arviz").save(tmp_path)
-    with xarray.open_datatree(file, engine="h5netcdf") as again:
-        assert set(again.children) == set(fit.to_datatree().children)
-        for name, group in fit.to_datatree().children.items():
-            xarray.testing.assert_equal(again[name].to_dataset(), group.to_dataset())
-        assert (
-            again["constant_data"]["labels"].sel(label="court/side").values.tolist()
-            == ["a\\x00b", "/"] * 6
-        )
+    with xarray.open_datatree(file, engine="h5netcdf") as written:
+        assert set(written.children) == set(tree.children)
+        for name, group in tree.children.items():
+            xarray.testing.assert_equal(written[name].to_dataset(), group.to_dataset())
+        labels = written["constant_data"]["labels"].sel(label="court/side")
+        assert labels.values.tolist() == ["a\\x00b", "/"] * 6

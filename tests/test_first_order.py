@@ -22,17 +22,20 @@ def by_scipy(problem, x):
     rows = problem.rows
     # Of a flat prior the sd.
     width = problem.prior.width
-    centre = np.array([parameter.prior.location for parameter in problem.prior.parameters])
+    priors = [parameter.prior for parameter in problem.prior.parameters]
+    centre = np.array([prior.location for prior in priors])
     columns = [observable.column.name for observable in problem.observables]
     noises = [NOISE[observable.noise] for observable in problem.observables]
 
     def residuals(u):
         # scipy's steps are for numbers of order one.
         q = x + width * u
-        rebound = problem.forward.rebound(problem.values(q[None]), rows.states, rows.index)
-        predicted = np.stack([rebound.column(name)[0] for name in columns], axis=1)
-        z = (rows.y - predicted) / noises
-        pieces = [z[np.isfinite(rows.y)], (q - centre) / width]
+        values = problem.values(q[None])
+        rebound = problem.forward.rebound(values, rows.states, rows.index)
+        predicted = [rebound.column(name)[0] for name in columns]
+        z = (rows.y - np.transpose(predicted)) / noises
+        measured = np.isfinite(rows.y)
+        pieces = [z[measured], (q - centre) / width]
         if problem.contact_time is not None:
             value, sd = problem.contact_time
             late = rebound.contact_time.mean() - value
@@ -41,7 +44,8 @@ def by_scipy(problem, x):
 
     start = np.zeros(x.size)
     jacobian = least_squares(residuals, start, jac="3-point", max_nfev=1).jac
-    return np.linalg.inv(jacobian.T @ jacobian) * np.outer(width, width)
+    of_unit_steps = np.linalg.inv(jacobian.T @ jacobian)
+    return of_unit_steps * np.outer(width, width)
 
 
 def sds_of(covariance):
@@ -56,7 +60,13 @@ def covariance_of(first):
 
 def residuals_at(problem, x):
     """Standardised residuals at coordinates (free,), column after column."""
-    return cells(problem, x[None]).z[0].T.ravel()
+    (z,) = cells(problem, x[None]).z
+    return z.T.ravel()
+
+
+def grip_slip(table, **choices):
+    """A problem of a table under the model of three balances."""
+    return problem_of(table, None, "grip-slip", **choices)
 
 
 @pytest.mark.parametrize("timed", [False, True])
@@ -80,23 +90,27 @@ def test_standard_errors_are_scipys(timed):
 
 
 def test_a_refit_is_what_the_linearisation_says():
-    problem = problem_of(table_of(REBOUND, "corr", count=12), None, "grip-slip", fix=NOISE)
+    table = table_of(REBOUND, "corr", count=12)
+    problem = grip_slip(table, fix=NOISE)
     x = best(problem)
     first = first_order(problem, at(problem, x))
     shape = 0.02 * np.linspace(-1.0, 1.0, 12) ** 2
     direction = first.direction("v_x2", shape)
     y = problem.rows.y.copy()
     y[:, 0] += shape
-    moved = replace(problem, rows=replace(problem.rows, y=y))
+    moved_rows = replace(problem.rows, y=y)
+    moved = replace(problem, rows=moved_rows)
     before = residuals_at(problem, x)
     after = residuals_at(moved, x)
     assert_allclose(direction, after - before, rtol=1e-9, atol=1e-12)
     # Only part of it is left in its own column: the errors belong together.
     largest = np.abs(direction).max()
-    assert np.abs(direction[12:]).max() > 0.1 * largest
+    other_columns = direction[12:]
+    assert np.abs(other_columns).max() > 0.1 * largest
     refitted = best(moved, x)
     moves = first.moves(direction)
-    assert_allclose((refitted - x) / first.sds, moves, rtol=0.05, atol=2e-3)
+    exact_moves = (refitted - x) / first.sds
+    assert_allclose(exact_moves, moves, rtol=0.05, atol=2e-3)
     shifts = first.shifts(direction)
     sds = np.linalg.norm(first.root, axis=1) * first.sds
     assert_allclose(shifts, moves * first.sds / sds)
@@ -107,7 +121,7 @@ def test_a_refit_is_what_the_linearisation_says():
 
 
 def test_residuals_are_column_after_column_of_what_was_measured():
-    problem = problem_of(table_of(REBOUND, gaps=True), None, "grip-slip", fix=NOISE)
+    problem = grip_slip(table_of(REBOUND, gaps=True), fix=NOISE)
     (x,) = near(problem, 1)
     first = first_order(problem, at(problem, x))
     measured = np.isfinite(problem.rows.y)
@@ -120,13 +134,8 @@ def test_residuals_are_column_after_column_of_what_was_measured():
 
 
 def test_the_score_of_students_t_has_the_same_algebra():
-    problem = problem_of(
-        table_of(REBOUND, count=12),
-        None,
-        "grip-slip",
-        noise="student-t",
-        fix=NOISE,
-    )
+    table = table_of(REBOUND, count=12)
+    problem = grip_slip(table, noise="student-t", fix=NOISE)
     q = near(problem, 1)
     point = at(problem, q[0])
     first = first_order(problem, point)
@@ -136,7 +145,8 @@ def test_the_score_of_students_t_has_the_same_algebra():
     exact_gradient = -gradient[0, fitted] * first.sds
     assert_allclose(slopes.T @ first.residual, exact_gradient, rtol=1e-6, atol=1e-9)
     units = np.outer(first.sds, first.sds)
-    exact_curvature = curvature[0][np.ix_(fitted, fitted)] * units
+    of_fitted = curvature[0][np.ix_(fitted, fitted)]
+    exact_curvature = of_fitted * units
     assert_allclose(slopes.T @ slopes, exact_curvature, rtol=1e-6, atol=1e-6)
     assert "degrees_of_freedom" not in first.names
 
@@ -152,11 +162,12 @@ def test_freedom_of_a_straight_line_is_two_less():
     }
     table = replace(table, values=values)
     wide = {"cor_10": "uniform(0.1, 1)", "cor_slope": "normal(-0.01, 1)"}
-    problem = problem_of(table, None, "grip-slip", prior=wide, fix={"v_y_sd": 0.05})
+    problem = grip_slip(table, prior=wide, fix={"v_y_sd": 0.05})
     x = problem.coordinates({"cor_10": 0.7, "cor_slope": -0.01})
     first = first_order(problem, at(problem, x))
     assert first.freedom == {"v_y_sd": pytest.approx(7.0, abs=0.01)}
-    assert (first.basis**2).sum() == pytest.approx(2.0, abs=0.01)
+    freedom_of_line = np.sum(first.basis**2)
+    assert freedom_of_line == pytest.approx(2.0, abs=0.01)
 
 
 def truth_in(problem):
@@ -184,24 +195,21 @@ def test_stiffnesses_are_traded_unless_a_time_was_measured():
 
 
 def test_levels_that_agree_have_the_prior_of_a_search():
-    problem = problem_of(
-        table_of(REBOUND, labels=("surface",), count=16),
-        None,
-        "grip-slip",
-        fix=NOISE,
-    )
+    table = table_of(REBOUND, labels=("surface",), count=16)
+    problem = grip_slip(table, fix=NOISE)
     x = truth_in(problem)
     for level in problem.forward.levels:
-        first_label, second_label = level.labels
-        k = problem.free.index(level.name(second_label))
-        x[problem.free.index(level.name(first_label))] = x[k]
+        names = map(level.name, level.labels)
+        k, other = map(problem.free.index, names)
+        x[k] = x[other]
     first = first_order(problem, at(problem, x))
     factor = first.proposal.factor
-    assert_allclose(covariance_of(first), factor @ factor.T, rtol=1e-6, atol=1e-14)
+    wide = factor @ factor.T
+    assert_allclose(covariance_of(first), wide, rtol=1e-6, atol=1e-14)
 
 
 def test_noise_is_known_to_two_measurements_each():
-    problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip")
+    problem = grip_slip(table_of(REBOUND, count=12))
     sd = sd_in_proposal(problem, truth_in(problem), "spin_sd")
     # ln of the noise: 2 n of the table, and the prior's.
     precision = 2 * 12 + 0.7**-2
@@ -210,12 +218,13 @@ def test_noise_is_known_to_two_measurements_each():
 
 def sd_in_proposal(problem, x, name):
     """Standard deviation of a coordinate in the proposal at coordinates (free,)."""
+    k = problem.free.index(name)
     factor = proposal(problem, x).factor
-    return np.linalg.norm(factor[problem.free.index(name)])
+    return np.linalg.norm(factor[k])
 
 
 def test_a_scatter_that_vanishes_has_room():
-    problem = problem_of(table_of(REBOUND, "sd", count=40), None, "grip-slip")
+    problem = grip_slip(table_of(REBOUND, "sd", count=40))
     x = truth_in(problem)
     x[problem.free.index("v_x_sd")] = 1e-4
     stated = problem.rows.sd[:, 0]
@@ -231,7 +240,8 @@ def test_a_scatter_that_vanishes_has_room():
 
 
 def test_long_tables_are_thinned_and_streamed(monkeypatch):
-    problem = problem_of(table_of(REBOUND, count=400), scene_of(time=True), "two-mass", fix=NOISE)
+    table = table_of(REBOUND, count=400)
+    problem = problem_of(table, scene_of(time=True), "two-mass", fix=NOISE)
     point = at(problem, truth_in(problem))
     exact = first_order(problem, point)
     monkeypatch.setattr(module, "LONG", 100)
@@ -239,7 +249,8 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     first = first_order(problem, point)
     assert len(first.residual) == 300
     assert first.share == 0.25
-    assert {*np.unique(first.rows)} == {*np.linspace(0, 399, 100).round()}
+    evenly_spread = np.linspace(0, 399, 100).round()
+    assert {*np.unique(first.rows)} == {*evenly_spread}
     assert_allclose(
         first.root @ first.root.T,
         exact.root @ exact.root.T,
@@ -261,7 +272,8 @@ def test_the_factor_of_an_inverse_holds_where_one_direction_is_known_far_better(
     rng = np.random.default_rng(1)
     sizes = np.geomspace(1.0, 1e12, 11)
     for _ in range(10):
-        turn, _ = np.linalg.qr(rng.normal(size=(11, 11)))
+        square = rng.normal(size=(11, 11))
+        turn, _ = np.linalg.qr(square)
         factor = factor_of_inverse(turn * sizes @ turn.T)
         above_diagonal = np.triu(factor, 1)
         assert np.abs(above_diagonal).max() < 1e-12

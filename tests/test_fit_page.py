@@ -38,27 +38,39 @@ def pooled():
 def near(text, value):
     """Whether a number is shown as it is, but for rounding of its last digit."""
     shown = float(re.search(r"-?[\d.]+(e-?\d+)?", text)[0])
-    places = len(text.partition(".")[2].split(" ")[0]) if "." in text else 0
+    _, _, decimals = text.partition(".")
+    places = len(decimals.split(" ")[0])
     return shown == pytest.approx(value, abs=0.5000001 * 10.0**-places)
 
 
 def ends_of(text):
+    """The two ends of an interval."""
     return re.fullmatch(r"\[(.+), (.+)\]", text).groups()
+
+
+def tone_of(z):
+    """How a residual of so many sds is marked."""
+    if abs(z) > 3.0:
+        return "poor"
+    if abs(z) > 2.0:
+        return "part"
+    return ""
 
 
 def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
     summary = fit.summary
     rows = fit_tables.main_table(fit, 30).rows
-    assert [row["parameter"] for row in rows] == [*summary.index[summary["kind"].isin(MAIN)]]
-    for row in rows:
-        known = summary.loc[row["parameter"]]
-        unit = unit_of(fit, row["parameter"])
-        assert near(row["median"], known["median"] * unit.factor)
-        assert row["verdict"] == known["verdict"]
+    names = [row["parameter"] for row in rows]
+    assert names == [*summary.index[summary["kind"].isin(MAIN)]]
+    for name, row in zip(names, rows, strict=True):
+        expected = summary.loc[name]
+        unit = unit_of(fit, name)
+        assert near(row["median"], expected["median"] * unit.factor)
+        assert row["verdict"] == expected["verdict"]
         low, high = ends_of(row["95 %"])
-        assert near(low, known["q025"] * unit.factor)
-        assert near(high, known["q975"] * unit.factor)
-        assert row["verdict"].hint == known["reason"]
+        assert near(low, expected["q025"] * unit.factor)
+        assert near(high, expected["q975"] * unit.factor)
+        assert row["verdict"].hint == expected["reason"]
         assert row["unit"] == unit.name
 
 
@@ -74,51 +86,54 @@ def test_every_quantity_choice_and_impact_appears(fit):
     full = {row["parameter"]: row for row in fit_tables.full_table(fit).rows}
     assert [*full] == [*fit.summary.index]
     for name, row in full.items():
-        known = fit.summary.loc[name]
+        expected = fit.summary.loc[name]
         unit = unit_of(fit, name)
-        assert near(row["best fit"], known["point"] * unit.factor)
-        for text, end in zip(ends_of(row["68 %"]), ("q16", "q84"), strict=True):
-            assert near(text, known[end] * unit.factor)
-        assert row["verdict"].hint == known["reason"]
-        assert row["prior (SI)"] == known["prior"]
-    whys = [full[name]["why"] for name in ("mu", "e_x", "offset")]
-    assert whys == ["if offset=contact, ball_radius", "", "reason of offset"]
-    assert [re.findall("`(.*?)`", words)[0] for words in fit_words.rests(fit)] == [
-        "offset=contact",
-        "ball_radius",
-    ]
+        assert near(row["best fit"], expected["point"] * unit.factor)
+        low, high = ends_of(row["68 %"])
+        assert near(low, expected["q16"] * unit.factor)
+        assert near(high, expected["q84"] * unit.factor)
+        assert row["verdict"].hint == expected["reason"]
+        assert row["prior (SI)"] == expected["prior"]
+    assert full["mu"]["why"] == "if offset=contact, ball_radius"
+    assert full["e_x"]["why"] == ""
+    assert full["offset"]["why"] == "reason of offset"
+    assumptions = [re.findall("`(.*?)`", words)[0] for words in fit_words.rests(fit)]
+    assert assumptions == ["offset=contact", "ball_radius"]
     choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
     assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]
-    assert choices["offset=grip"]["moves most"] == "mu"
-    assert choices["offset=grip"]["by [sd]"] == "2.6"
-    assert (choices["noise=student-t"]["fits"], choices["noise=student-t"]["score"]) == (
-        "worse",
-        "-9.0 ± 1.0",
-    )
-    assert choices["spin=shell"]["not fitted"] == "no answer"
-    assert "fits" not in choices["spin=shell"]
+    grip = choices["offset=grip"]
+    heavy_tails = choices["noise=student-t"]
+    shell = choices["spin=shell"]
+    assert grip["moves most"] == "mu"
+    assert grip["by [sd]"] == "2.6"
+    assert heavy_tails["fits"] == "worse"
+    assert heavy_tails["score"] == "-9.0 ± 1.0"
+    assert shell["not fitted"] == "no answer"
+    assert "fits" not in shell
     impacts = fit_tables.impact_table(fit).rows
-    frame = fit.predictions
-    assert len(impacts) == len(fit.run.table) == 24
-    for one in frame.to_dict("records"):
-        unit = {"v_x2": "m/s", "v_y2": "m/s", "omega_2": "rad/s"}[one["column"]]
-        shown, z = impacts[one["row"]][f"{one['column']} [{unit}]"].split(" ")
-        assert near(shown, one["observed"])
-        assert near(z.strip("()"), one["z"])
-        tone = impacts[one["row"]][f"{one['column']} [{unit}]"].tone
-        assert tone == ("poor" if abs(one["z"]) > 3.0 else "part" if abs(one["z"]) > 2.0 else "")
+    assert len(impacts) == 24
+    assert len(fit.run.table) == 24
+    headings = {
+        "v_x2": "v_x2 [m/s]",
+        "v_y2": "v_y2 [m/s]",
+        "omega_2": "omega_2 [rad/s]",
+    }
+    for record in fit.predictions.to_dict("records"):
+        cell = impacts[record["row"]][headings[record["column"]]]
+        value, z = cell.split(" ")
+        assert near(value, record["observed"])
+        assert near(z.strip("()"), record["z"])
+        assert cell.tone == tone_of(record["z"])
 
 
 def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
     warned = made_fit(table_of(60, SURFACES), model="two-mass")
     complaints = tuple(f"complaint {k} " + 12 * "of chains " for k in range(9))
-    object.__setattr__(
-        warned,
-        "diagnostics",
-        replace(warned.diagnostics, converged=False, complaints=complaints),
-    )
-    for one in (fit, pooled, warned):
-        lines = to_text(fit_page.report(one), full=False).split("\n")
+    diagnostics = replace(warned.diagnostics, converged=False, complaints=complaints)
+    object.__setattr__(warned, "diagnostics", diagnostics)
+    for each in (fit, pooled, warned):
+        text = to_text(fit_page.report(each), full=False)
+        lines = text.split("\n")
         assert len(lines) <= 40
         assert max(map(len, lines)) <= 100
     rows = fit_tables.main_table(pooled, 12).rows
@@ -130,15 +145,17 @@ def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
 def test_differences_between_levels_are_those_of_draws(pooled):
     shown = {row["parameter"]: row for row in fit_tables.difference_table(pooled).rows}
     for name, row in shown.items():
-        apart = (
-            pooled.draws.values[f"{name}[{row['highest']}]"]
-            - pooled.draws.values[f"{name}[{row['lowest']}]"]
-        )
+        highest = pooled.draws.values[f"{name}[{row['highest']}]"]
+        lowest = pooled.draws.values[f"{name}[{row['lowest']}]"]
+        apart = highest - lowest
         value, interval = row["difference, 95 %"].split(" ", 1)
+        low, high = ends_of(interval)
         assert near(value, np.median(apart))
-        for text, share in zip(ends_of(interval), (0.025, 0.975), strict=True):
-            assert near(text, np.quantile(apart, share))
-        assert (row[""] == "differs") == (20.0 * np.mean(apart <= 0.0) < 0.05)
+        assert near(low, np.quantile(apart, 0.025))
+        assert near(high, np.quantile(apart, 0.975))
+        # Ten pairs of five surfaces, on either side.
+        chance = 20.0 * np.mean(apart <= 0.0)
+        assert (row[""] == "differs") == (chance < 0.05)
     assert {*shown} == {"mu", "cor_10"}
 
 
@@ -154,16 +171,18 @@ def test_a_point_fit_has_best_values_and_profiles(point):
     assert "R-hat" not in text
     assert "probability" not in "".join(lab.lines(point))
     # An open profile is not the same as none.
-    for low, high, text in (
-        (-np.inf, np.inf, "open"),
-        (np.nan, np.nan, ""),
-        (0.05, 13500.0, "[0.050, 13500]"),
+    for low, high, value, interval in (
+        (-np.inf, np.inf, "20.70", "open"),
+        (np.nan, np.nan, "20.70", ""),
+        (0.05, 13500.0, "21", "[0.050, 13500]"),
     ):
-        row = {"median": np.nan, "point": 20.7, "profile_low": low, "profile_high": high}
-        assert fit_words.value_texts(row, unit_of(point, "mu")) == (
-            "20.70" if low < 0.0 or not text else "21",
-            text,
-        )
+        row = {
+            "median": np.nan,
+            "point": 20.7,
+            "profile_low": low,
+            "profile_high": high,
+        }
+        assert fit_words.value_texts(row, unit_of(point, "mu")) == (value, interval)
 
 
 def test_shares_that_are_not_all_are_never_all(fit):
@@ -173,7 +192,8 @@ def test_shares_that_are_not_all_are_never_all(fit):
     frame.loc[0, "observed"] = frame.loc[0, "new_q975"] + 1.0
     assert f"71 of 72 measurements ({percent(71 / 72)})" in fit_words.inside(frame)
     # All draws are fast, which is no certainty.
-    assert itf.pace_categories(fit.quantity("court_pace").rule(fit.draws.values))["fast"] == 1.0
+    ratings = fit.quantity("court_pace").rule(fit.draws.values)
+    assert itf.pace_categories(ratings)["fast"] == 1.0
     assert "> 99 %" in "".join(lab.lines(fit))
     assert "100 %" not in to_text(fit_page.report(fit))
 
@@ -182,15 +202,15 @@ def test_methods_have_every_value_with_its_unit(fit, point):
     text = fit_words.methods(fit)
     for name in fit.summary.index[fit.summary["kind"] == "model"]:
         row = fit.summary.loc[name]
-        unit = unit_of(fit, name)
-        assert f"{name} = {unit.with_interval(row['median'], row['q025'], row['q975'])}" in text
+        value = unit_of(fit, name).with_interval(row["median"], row["q025"], row["q975"])
+        assert f"{name} = {value}" in text
     assert "24 impacts" in text
     assert "2 independent ensembles of 8 walkers and 25 steps" in text
-    assert "ensemble" not in fit_words.methods(point)
-    assert "assumptions" not in fit_words.methods(point)
-    assert "assumptions: normal=total" in fit_words.methods(
-        made_fit(model="two-mass+normal=total", sampled=False)
-    )
+    of_point = fit_words.methods(point)
+    assert "ensemble" not in of_point
+    assert "assumptions" not in of_point
+    other_model = made_fit(model="two-mass+normal=total", sampled=False)
+    assert "assumptions: normal=total" in fit_words.methods(other_model)
 
 
 def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
@@ -252,20 +272,14 @@ def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
     usual = {place.stem for place in (tmp_path / "usual").glob("*.png")}
     assert usual == {"curves", "corner", "forest", "residuals", "predictive"}
     fit.save(tmp_path / "all", figures="all")
-    assert {place.stem for place in (tmp_path / "all").glob("*.png")} == usual | {
-        "profiles",
-        "trace",
-        "regimes",
-        "regime_map",
-    }
-    assert (
-        (tmp_path / "usual" / "references.bib")
-        .read_text(encoding="utf-8")
-        .startswith("@misc{fitball,")
-    )
+    all_figures = {place.stem for place in (tmp_path / "all").glob("*.png")}
+    assert all_figures == usual | {"profiles", "trace", "regimes", "regime_map"}
+    references = tmp_path / "usual" / "references.bib"
+    assert references.read_text(encoding="utf-8").startswith("@misc{fitball,")
 
 
 def keys_of(text):
+    """Keys of the works of a BibTeX file."""
     return re.findall(r"^@\w+\{(\w+),", text, re.MULTILINE)
 
 
@@ -283,18 +297,19 @@ def test_works_are_those_of_model_sampler_and_data(fit, point):
     assert len(sampled) == len({*sampled})
     assert "jafri2004" not in sampled
     assert "data" not in sampled
-    assert not {"foremanmackey2013", "vehtari2021", "cornuet2012"} & {
-        *keys_of(cite.references(point))
-    }
+    of_sampling = {"foremanmackey2013", "vehtari2021", "cornuet2012"}
+    assert of_sampling.isdisjoint(keys_of(cite.references(point)))
     wang = Scene(source={"citation": "J. C. Wang (1989) as printed by S. M. Jafri, 2004"})
-    named = keys_of(cite.references(made_fit(scene=wang)))
-    assert named.count("jafri2004") == 1
-    assert "data" not in named
-    ours = Scene(source={"citation": "50 % of {Lab_A} & others", "description": "a#b"})
-    own = cite.references(made_fit(scene=ours))
-    assert r"note = {50 \% of \{Lab\_A\} \& others}" in own
-    assert r"title = {a\#b}" in own
-    for text in (own, *cite.works().values()):
-        assert text.replace(r"\{", "").count("{") == text.replace(r"\}", "").count("}")
-    assert "VERSION" not in own
-    assert "3.0" in own
+    of_wang = keys_of(cite.references(made_fit(scene=wang)))
+    assert of_wang.count("jafri2004") == 1
+    assert "data" not in of_wang
+    lab_a = Scene(source={"citation": "50 % of {Lab_A} & others", "description": "a#b"})
+    of_lab_a = cite.references(made_fit(scene=lab_a))
+    assert r"note = {50 \% of \{Lab\_A\} \& others}" in of_lab_a
+    assert r"title = {a\#b}" in of_lab_a
+    for text in (of_lab_a, *cite.works().values()):
+        opened = text.replace(r"\{", "").count("{")
+        closed = text.replace(r"\}", "").count("}")
+        assert opened == closed
+    assert "VERSION" not in of_lab_a
+    assert "3.0" in of_lab_a

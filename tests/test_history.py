@@ -2,7 +2,7 @@
 rebound.
 """
 
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
@@ -68,10 +68,13 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 
 
 def solved(case):
-    text, changes, impact, _ = case
+    """Model, values, impact and rebound of a case."""
+    text, changes, components, _ = case
     model = fitball.model(text)
-    values = {spec.name: {**VALUES, **changes}[spec.name] for spec in model.parameters}
-    return model, values, fitball.impacts(*impact), model.rebound(values, fitball.impacts(*impact))
+    all_values = {**VALUES, **changes}
+    values = {spec.name: all_values[spec.name] for spec in model.parameters}
+    impact = fitball.impacts(*components)
+    return model, values, impact, model.rebound(values, impact)
 
 
 def spans(course, end):
@@ -84,68 +87,94 @@ def spans(course, end):
         high = grid[k + 1]
         for _ in range(60):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if course([middle]).phase[0] == phases[k] else (low, middle)
+            if course([middle]).phase[0] == phases[k]:
+                low = middle
+            else:
+                high = middle
         edges.append(high)
     return [*edges, end]
 
 
+def offset_of(case, values, v_y1, phases):
+    """Offset of the normal force in one phase: of some models it acts in grip alone."""
+    text, *_ = case
+    only_in_grip = "offset=grip" in text or "thesis" in text
+    if only_in_grip and Phase.GRIP not in phases:
+        return 0.0
+    return values["eps_10"] + values["eps_slope"] * (v_y1 - 10.0)
+
+
+def check_forces(courses, phases, mu):
+    """Coulomb's law, the direction of slip and friction, and a ground that does not pull."""
+    friction = courses["friction_force"]
+    normal = courses["normal_force"]
+    slip = courses["slip"]
+    limit = mu * normal * (1.0 + 1e-9) + 1e-9
+    assert np.all(abs(friction) <= limit)
+    assert np.all(normal >= -1e-9)
+    assert np.all(slip * friction <= 1e-9)
+    if phases & {Phase.GRIP, Phase.HOLD}:
+        assert abs(slip).max() < 1e-11
+    surface = courses["v_x"] - BALL.radius * courses["omega_shell"]
+    assert_allclose(slip, surface, atol=1e-11)
+
+
 @pytest.mark.parametrize("case", CASES, ids=[case[3] for case in CASES])
 def test_momentum_spin_and_place_are_integrals(case):
+    text, _, _, names_of_phases = case
     model, values, impact, rebound = solved(case)
 
     def course(times):
         return model.history(values, impact, np.asarray(times))
 
+    def v_y_at(time):
+        return course([time]).courses["v_y"][0]
+
     end = float(rebound.contact_time[0])
     edges = spans(course, end)
-    first, last = (course([time]).courses for time in (0.0, end))
+    first = course([0.0]).courses
+    last = course([end]).courses
     change = {name: float(last[name][0] - first[name][0]) for name in first}
-    total = dict.fromkeys(
-        ("normal_force", "friction_force", "moment", "v_y", "turning", "v_x"),
-        0.0,
-    )
-    most = 0.0
+    total = {
+        "normal_force": 0.0,
+        "friction_force": 0.0,
+        "moment": 0.0,
+        "v_y": 0.0,
+        "turning": 0.0,
+        "v_x": 0.0,
+    }
     for low, high in pairwise(edges):
         half = 0.5 * (high - low)
-        found = course(0.5 * (low + high) + half * NODES)
-        at = found.courses
-        phase = set(found.phase.tolist())
-        assert len(phase) == 1
-        acts = Phase.GRIP in phase or ("offset=grip" not in case[0] and "thesis" not in case[0])
-        eps = (values["eps_10"] + values["eps_slope"] * (impact.v_y1[0] - 10.0)) * acts
-        at["moment"] = -BALL.radius * at["friction_force"] - eps * at["normal_force"]
-        at["turning"] = at["omega_core"] - at["omega_shell"]
+        history = course(0.5 * (low + high) + half * NODES)
+        courses = history.courses
+        phases = set(history.phase.tolist())
+        assert len(phases) == 1
+        check_forces(courses, phases, values["mu"])
+        eps = offset_of(case, values, impact.v_y1[0], phases)
+        of_friction = -BALL.radius * courses["friction_force"]
+        courses["moment"] = of_friction - eps * courses["normal_force"]
+        courses["turning"] = courses["omega_core"] - courses["omega_shell"]
         for name in total:
-            total[name] += half * float(WEIGHTS @ at[name])
-        # Coulomb; slip is against friction; no slip in grip and hold; the ground does not pull.
-        limit = values["mu"] * at["normal_force"] * (1.0 + 1e-9) + 1e-9
-        assert np.all(abs(at["friction_force"]) <= limit)
-        assert np.all(at["normal_force"] >= -1e-9)
-        assert np.all(at["slip"] * at["friction_force"] <= 1e-9)
-        if phase & {Phase.GRIP, Phase.HOLD}:
-            most = max(most, abs(at["slip"]).max())
-        assert_allclose(
-            at["slip"],
-            at["v_x"] - BALL.radius * at["omega_shell"],
-            atol=1e-11,
-        )
-    assert most < 1e-11
-    core = (1.0 if "total" in case[0] else values["mass_ratio"]) * BALL.mass
-    freed = (
-        core * (last["v_y"][0] - course([edges[-2]]).courses["v_y"][0])
-        if "free" in case[3]
-        else 0.0
-    )
-    assert total["normal_force"] == pytest.approx(-core * change["v_y"] + freed, rel=1e-9)
-    assert total["friction_force"] == pytest.approx(BALL.mass * change["v_x"], rel=1e-8, abs=1e-12)
+            total[name] += half * float(WEIGHTS @ courses[name])
+    core = BALL.mass
+    if "total" not in text:
+        core *= values["mass_ratio"]
+    normal_impulse = -core * change["v_y"]
+    if "free" in names_of_phases:
+        # Once it is free the ball meets no force of the ground.
+        normal_impulse += core * (last["v_y"][0] - v_y_at(edges[-2]))
+    friction_impulse = BALL.mass * change["v_x"]
+    assert total["normal_force"] == pytest.approx(normal_impulse, rel=1e-9)
+    assert total["friction_force"] == pytest.approx(friction_impulse, rel=1e-8, abs=1e-12)
     assert total["v_y"] == pytest.approx(change["y"], rel=1e-9, abs=1e-13)
     assert total["turning"] == pytest.approx(change["twist"], rel=1e-8, abs=1e-12)
     share = values.get("inertia_split") or split(values["mass_ratio"])
-    turned = INERTIA * (share * change["omega_core"] + (1.0 - share) * change["omega_shell"])
-    assert total["moment"] == pytest.approx(turned, rel=1e-7, abs=1e-12)
+    change_of_spin = share * change["omega_core"] + (1.0 - share) * change["omega_shell"]
+    assert total["moment"] == pytest.approx(INERTIA * change_of_spin, rel=1e-7, abs=1e-12)
     # Path over the contact, of which gap_path has what the flight makes of it besides.
     late = float(rebound.gap_time[0]) - end
-    assert total["v_x"] + late * rebound.v_x2[0] == pytest.approx(rebound.gap_path[0], rel=1e-9)
+    path = total["v_x"] + late * rebound.v_x2[0]
+    assert path == pytest.approx(rebound.gap_path[0], rel=1e-9)
 
 
 def split(ratio):
@@ -159,29 +188,35 @@ def split(ratio):
 
 @pytest.mark.parametrize("case", CASES, ids=[case[3] for case in CASES])
 def test_phases_of_a_course_are_those_of_the_rebound(case):
+    *_, names_of_phases = case
     model, values, impact, rebound = solved(case)
-    phase = model.history(
-        values,
-        impact,
-        np.linspace(0.0, float(rebound.contact_time[0]), 2001),
-    ).phase
-    packed = sum(int(one) << 3 * k for k, one in enumerate(phase[np.r_[True, np.diff(phase) != 0]]))
-    assert fitball.regime_name(rebound.regime[0]) == case[3] == fitball.regime_name(packed)
+    times = np.linspace(0.0, float(rebound.contact_time[0]), 2001)
+    phases = model.history(values, impact, times).phase
+    # Three bits for each phase, the first in the lowest.
+    code = 0
+    for k, (phase, _) in enumerate(groupby(phases.tolist())):
+        code += phase << 3 * k
+    assert fitball.regime_name(rebound.regime[0]) == names_of_phases
+    assert fitball.regime_name(code) == names_of_phases
 
 
 def test_what_has_no_courses_says_so_by_code():
     model, values, impact, rebound = solved(CASES[0])
     brody = {"mu": 0.5, "cor_10": 0.7, "cor_slope": 0.0}
-    none = np.zeros(1)
+    start = np.zeros(1)
     late = np.array([0.0, 1.01 * rebound.contact_time[0]])
-    for code, call in (
-        ("no-history", lambda: fitball.model("brody").history(brody, impact, none)),
-        ("times", lambda: model.history(values, impact, late)),
-        ("times", lambda: model.history(values, impact, np.array([np.nan]))),
-        ("parameters", lambda: model.history(values, fitball.impacts([20.0, 20.0], 6.0), none)),
-        ("parameters", lambda: model.history({**values, "mu": [0.5, 0.6]}, impact, none)),
-        ("no-answer", lambda: model.history({**values, "cor_10": 0.95}, impact, none)),
+    no_number = np.array([np.nan])
+    two_impacts = fitball.impacts([20.0, 20.0], 6.0)
+    two_draws = {**values, "mu": [0.5, 0.6]}
+    no_answer = {**values, "cor_10": 0.95}
+    for code, history, arguments in (
+        ("no-history", fitball.model("brody").history, (brody, impact, start)),
+        ("times", model.history, (values, impact, late)),
+        ("times", model.history, (values, impact, no_number)),
+        ("parameters", model.history, (values, two_impacts, start)),
+        ("parameters", model.history, (two_draws, impact, start)),
+        ("no-answer", model.history, (no_answer, impact, start)),
     ):
         with pytest.raises(FitballError) as caught:
-            call()
+            history(*arguments)
         assert caught.value.code == code
