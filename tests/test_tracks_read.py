@@ -64,7 +64,7 @@ def same(track, rows=slice(None), x=X, y=Y):
     steps = np.diff(TIME[rows])
     assert_allclose(track.x, x[rows], atol=2e-5)
     assert_allclose(track.y, y[rows], atol=2e-5)
-    assert_allclose(np.diff(track.time), steps, atol=2e-5)
+    assert_allclose(np.diff(track.time), steps, atol=2e-6)
 
 
 def rows_of(*columns, sign=";"):
