@@ -22,10 +22,11 @@ from fitball.inference.predictive import Asked
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
 from fitball.uses.planned import Sensor
 
-# Steps of differences in sds; the share of the widest direction of the posterior below which one is
-# known.
+# Steps of differences, in sds.
 STEP = 1e-5
+# Share of the variance of the widest direction of the posterior below which one has none.
 NARROW = 1e-10
+# The parameter of a camera that gaps depend on.
 HEIGHT = "court_height"
 
 
@@ -73,10 +74,12 @@ class Known:
             old = problem.camera or CameraModel((), ("",), np.zeros(1, np.int64))
             self.camera = old._replace(keys=(*old.keys, HEIGHT))
             q = np.column_stack([q, np.zeros(len(q))])
-            wider = np.zeros((self.root.shape[0] + 1, self.root.shape[1] + 1))
-            wider[:-1, :-1], wider[-1, -1] = self.root, self.height
+            wider = np.zeros(np.array(self.root.shape) + 1)
+            wider[:-1, :-1] = self.root
+            wider[-1, -1] = self.height
             self.root = wider
-            self.low, self.high = np.append(self.low, spec.lower), np.append(self.high, spec.upper)
+            self.low = np.append(self.low, spec.lower)
+            self.high = np.append(self.high, spec.upper)
             self.step = np.append(self.step, STEP * self.height)
         self.at = q
 
@@ -129,7 +132,10 @@ class Known:
         """
         columns = [item.column.name for item in self.problem.observables]
         columns += dict.fromkeys(name for one in sensors for name in one.sds if name not in columns)
-        pieces = -(-len(impacts) * len(self.at) * (2 * self.at.shape[1] + 7) // AT_ONCE)
+        draws, unknowns = self.at.shape
+        # Two bounces for each unknown and each error of a state, and one.
+        bounces = draws * (2 * unknowns + 7)
+        pieces = -(-len(impacts) * bounces // AT_ONCE)
         found: list[list[Look]] = [[] for _ in sensors]
         for part in np.array_split(np.arange(len(impacts)), min(pieces, len(impacts))):
             measured = _Measured(self, impacts.take(part), index[part], columns)

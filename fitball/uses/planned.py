@@ -20,13 +20,17 @@ from fitball.inference.fitted import Fitted
 from fitball.inference.forward import NEW_LEVEL, Values
 from fitball.models.model import Model
 
-# Steps of a range of which none are given, and settings at most: beyond them a plan takes minutes.
+# Steps of a range of which none are given.
 STEPS: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}
+# Settings at most: beyond them a plan takes minutes.
 MOST = 20_000
-# How an impact is measured as those of the table were, and what a sensor is besides a column.
+# The sensor that measures as the table was measured.
 BEFORE = "as before"
+# The sensor of all gaps between the flights.
 GAPS = "gaps"
+# The sensor of drops, without motion along the court.
 DROP = "drop"
+# How a target that is the rebound of an impact begins.
 _IMPACT = "impact="
 
 
