@@ -7,7 +7,8 @@ import numba
 import numpy as np
 import pytest
 
-from fitball.models.kernels.motion import sixth_bounds, spring_of, swing_at
+from fitball.models.kernels.crossings import sixth_bounds
+from fitball.models.kernels.motion import spring_of, swing_at
 
 
 @numba.njit

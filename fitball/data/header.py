@@ -8,7 +8,7 @@ incidence for rebound.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
@@ -224,9 +224,25 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
                     "expected one unit"
                 )
                 cells.fault("two-units", words, column)
-    called = {
-        " ".join(one.split()).casefold() for one in (*cells.names, *(name for name, _ in split))
-    }
+    _check_named(cells, naming, [name for name, _ in split], ours, optional)
+    guesses = _guesses(cells.names, split, ours)
+    for column, their in guesses.items():
+        cells.note("not-read", f'a column is not read; did you mean --columns "{column}={their}"?')
+    factors, symbols = _units(cells, numbers, units)
+    return Header(numbers, factors, symbols, labels, guesses)
+
+
+def _check_named(
+    cells: Cells,
+    naming: Naming,
+    names: Sequence[str],
+    ours: Sequence[str | None],
+    optional: Collection[str],
+) -> None:
+    """A fault where a column that the user named is not there; a note where ours is, under its own
+    name.
+    """
+    called = {" ".join(text.split()).casefold() for text in (*cells.names, *names)}
     for column, their in naming.theirs.items():
         if column in {*ours, *optional} or (optional and their == column):
             if column in ours and not optional and their not in called:
@@ -242,9 +258,16 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
             f"{words}; columns of the table: {listed(cells.names, most=20)}",
             column,
         )
-    guesses = _guesses(cells.names, split, ours)
-    for column, their in guesses.items():
-        cells.note("not-read", f'a column is not read; did you mean --columns "{column}={their}"?')
+
+
+def _units(
+    cells: Cells,
+    numbers: Mapping[str, int],
+    units: Mapping[str, str | None],
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Factors to SI and symbols of the units, stated or assumed, of columns; a fault where a unit
+    is none of its column's.
+    """
     factors = dict.fromkeys(numbers, 1.0)
     symbols = dict[str, str]()
     for column in [column for column in numbers if column in NUMBERS]:
@@ -258,7 +281,7 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
         except ParameterError as error:
             cells.fault(error.code, str(error), column)
             factors[column] = nan
-    return Header(numbers, factors, symbols, labels, guesses)
+    return factors, symbols
 
 
 def _check_unknown(cells: Cells, cell: str, name: str, taken: Collection[str | None]) -> None:

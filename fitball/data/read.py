@@ -83,23 +83,13 @@ def load_table(
     if complete := counted(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, known, units)
         checks.energy(cells, known, units, scene.ball_value(), _noises(scene))
-    counts = {*counted(measured, "1"), *counted(measured, "2")}
-    values = {
-        item: known[item]
-        for item in (*INCIDENT, *REBOUND)
-        if item in measured and (item in counts or not COLUMNS[item].of_velocity)
-    }
+    values = _fitted(known, measured)
     rows = _rows(cells, values, rebound)
     if cells.faults:
-        whole = (
-            {item: all_of_it.get(item, array) for item, array in values.items()} if complete else {}
-        )
-        cells.refuse([one.text for one in better_readings(whole, units, scene.ball_value())])
-    sds = {item: known[f"{item}_sd"] for item in values if f"{item}_sd" in known}
-    sds = {item: np.where(np.isnan(values[item]), np.nan, sd)[rows] for item, sd in sds.items()}
-    stated = {pair: array[rows] for pair, array in corr.items() if {*pair.split(",")} <= {*sds}}
-    for pair in stated:
-        stated[pair] *= np.prod([signs.get(item, 1.0) for item in pair.split(",")])
+        whole = {item: all_of_it.get(item, array) for item, array in values.items()}
+        readings = better_readings(whole if complete else {}, units, scene.ball_value())
+        cells.refuse([reading.text for reading in readings])
+    sds, stated = _stated(known, values, corr, signs, rows)
     read = {"source": str(source) if isinstance(source, Path) else name, "sha256": cells.sha256}
     read |= {"columns": _pairs(naming.columns), "flip": ",".join(flip), "ignore": ",".join(ignore)}
     read |= {"units": _pairs({item: units[item] for item in values if item in units})}
@@ -110,6 +100,34 @@ def load_table(
         cells.fault("impossible-correlations", "correlations that no errors can have", None, row)
     cells.refuse()
     return replace(table, notices=(*cells.notes, *repeated_rows(table)))
+
+
+def _fitted(known: Known, measured: Sequence[str]) -> Known:
+    """Incidence and rebound without what other columns say already."""
+    counts = {*counted(measured, "1"), *counted(measured, "2")}
+    return {
+        item: known[item]
+        for item in (*INCIDENT, *REBOUND)
+        if item in measured and (item in counts or not COLUMNS[item].of_velocity)
+    }
+
+
+def _stated(
+    known: Known,
+    values: Known,
+    corr: Known,
+    signs: Mapping[str, float],
+    rows: IntArray,
+) -> tuple[Known, Known]:
+    """Stated standard deviations of the `rows` that are used, by column, and correlations by pair,
+    which turn their sign with the columns.
+    """
+    sds = {item: known[f"{item}_sd"] for item in values if f"{item}_sd" in known}
+    sds = {item: np.where(np.isnan(values[item]), np.nan, sd)[rows] for item, sd in sds.items()}
+    stated = {pair: array[rows] for pair, array in corr.items() if {*pair.split(",")} <= {*sds}}
+    for pair in stated:
+        stated[pair] *= np.prod([signs.get(item, 1.0) for item in pair.split(",")])
+    return sds, stated
 
 
 def _check_beside(cells: Cells, place: Path) -> None:

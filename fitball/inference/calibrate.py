@@ -66,10 +66,8 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
     with stage("judging"):
         first = first_order(problem, point)
         derived = problem.derived
-        profiled, why = profiles(
-            problem,
-            np.stack([problem.coordinates(values) for values in point.optima]),
-        )
+        optima = np.stack([problem.coordinates(values) for values in point.optima])
+        profiled, why = profiles(problem, optima)
         tested = adequacy(problem, point, first, derived)
     with stage("trying assumptions"):
         # The same numbers whatever the seed: verdicts rest on them.
@@ -83,18 +81,13 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         within = judge(problem, point, first, profiled, derived)
         judged = qualified(within, tested, given(tried, sure, fitted))
         squares = least_squares(problem, point)
-        parameters, following = estimates(
-            problem,
-            draws_of(problem, point, posterior, effort),
-            judged,
-        )
+        draws = draws_of(problem, point, posterior, effort)
+        parameters, following = estimates(problem, draws, judged)
         found = [*parameters.values(), *following.values()]
-        notes = [
-            *problem.table.notices,
-            *problem.notes,
-            *[Note("no-profiles", why)] * bool(why),
-            *outside(found),
-        ]
+        notes = [*problem.table.notices, *problem.notes]
+        if why:
+            notes.append(Note("no-profiles", why))
+        notes += outside(found)
     return Fitted(
         run=run_of(problem, effort),
         status=status,

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,24 @@ from fitball.inference.schema import Alternative, Constant, Diagnostics, Estimat
 
 # Kinds in the order of the page.
 _ORDER = ("model", "level", "derived", "noise", "ball", "camera")
+# Columns of `variants`.
+_VARIANT_COLUMNS = [
+    "choice",
+    "instead_of",
+    "rests_on",
+    "low",
+    "high",
+    "score",
+    "error",
+    "as_good",
+    "reason",
+    "quantity",
+    "median",
+    "q025",
+    "q975",
+    "moved",
+    "reach",
+]
 # Draws of which shares are taken: the error of a share is 0.025 at most.
 _REGIMES = 400
 
@@ -151,80 +169,68 @@ def variants(
     """
     import pandas as pd
 
-    own = {one.name: one for one in estimates}
-    rows = []
-    for choice in tried:
-        shared = {
-            "choice": choice.choice,
-            "instead_of": choice.instead_of,
-            "rests_on": choice.instead_of,
-            "low": np.nan,
-            "high": np.nan,
-            "score": np.nan if choice.score is None else choice.score,
-            "error": np.nan if choice.score is None else choice.error,
-            "as_good": choice.as_good,
-            "reason": choice.reason,
-        }
-        for name, there in choice.summaries.items() if not choice.reason else ():
-            moved = reach = np.nan
-            if name in own and own[name].half > 0.0:
-                here = own[name]
-                moved = abs(there.median - here.median) / here.half
-                reach = max(
-                    moved,
-                    (here.q025 - there.q025) / here.half,
-                    (there.q975 - here.q975) / here.half,
-                )
-            ends = {
-                "median": there.median,
-                "q025": there.q025,
-                "q975": there.q975,
-                "moved": moved,
-                "reach": reach,
-            }
-            rows.append({**shared, "quantity": name, **ends})
-        if choice.reason:
-            rows.append({**shared, "quantity": ""})
-    for constant in held:
-        for name, moved in constant.moves.items():
-            here = own[name]
-            ends = {
-                "q025": here.median - abs(moved) * here.half,
-                "q975": here.median + abs(moved) * here.half,
-            }
-            rows.append(
-                {
-                    "choice": constant.name,
-                    "instead_of": "",
-                    "rests_on": constant.name,
-                    "low": constant.low,
-                    "high": constant.high,
-                    "score": np.nan,
-                    "error": np.nan,
-                    "as_good": True,
-                    "reason": "",
-                    "quantity": name,
-                    "median": np.nan,
-                    **ends,
-                    "moved": abs(moved),
-                    "reach": abs(moved),
-                }
+    here = {estimate.name: estimate for estimate in estimates}
+    rows = [row for choice in tried for row in _rows_of_choice(here, choice)]
+    rows += [row for constant in held for row in _rows_of_constant(here, constant)]
+    return pd.DataFrame(rows, columns=_VARIANT_COLUMNS)
+
+
+def _rows_of_choice(here: Mapping[str, Estimate], choice: Alternative) -> Iterator[dict[str, Any]]:
+    """A row a quantity, or one with the reason why the choice was not tried."""
+    shared = {
+        "choice": choice.choice,
+        "instead_of": choice.instead_of,
+        "rests_on": choice.instead_of,
+        "low": np.nan,
+        "high": np.nan,
+        "score": np.nan if choice.score is None else choice.score,
+        "error": np.nan if choice.score is None else choice.error,
+        "as_good": choice.as_good,
+        "reason": choice.reason,
+    }
+    if choice.reason:
+        yield {**shared, "quantity": ""}
+        return
+    for name, there in choice.summaries.items():
+        moved = np.nan
+        reach = np.nan
+        if name in here and here[name].half > 0.0:
+            before = here[name]
+            moved = abs(there.median - before.median) / before.half
+            reach = max(
+                moved,
+                (before.q025 - there.q025) / before.half,
+                (there.q975 - before.q975) / before.half,
             )
-    names = [
-        "choice",
-        "instead_of",
-        "rests_on",
-        "low",
-        "high",
-        "score",
-        "error",
-        "as_good",
-        "reason",
-        "quantity",
-        "median",
-        "q025",
-        "q975",
-        "moved",
-        "reach",
-    ]
-    return pd.DataFrame(rows, columns=names)
+        yield {
+            **shared,
+            "quantity": name,
+            "median": there.median,
+            "q025": there.q025,
+            "q975": there.q975,
+            "moved": moved,
+            "reach": reach,
+        }
+
+
+def _rows_of_constant(here: Mapping[str, Estimate], constant: Constant) -> Iterator[dict[str, Any]]:
+    """A row a quantity: by how much it moves over the range of a constant that was held."""
+    for name, moved in constant.moves.items():
+        before = here[name]
+        yield {
+            "choice": constant.name,
+            "instead_of": "",
+            "rests_on": constant.name,
+            "low": constant.low,
+            "high": constant.high,
+            "score": np.nan,
+            "error": np.nan,
+            "as_good": True,
+            "reason": "",
+            "quantity": name,
+            "median": np.nan,
+            "q025": before.median - abs(moved) * before.half,
+            "q975": before.median + abs(moved) * before.half,
+            "moved": abs(moved),
+            "reach": abs(moved),
+        }

@@ -196,6 +196,40 @@ def misses(found: Outputs) -> dict[str, FloatArray]:
     return {name: found[name] - column(name) for name in OUTPUTS}
 
 
+# Departures of the thesis from its own equations, in words, and where it has these.
+_SLIPS = {
+    "none": ("none: the computation as it is", ""),
+    "torque": (
+        "the torque of friction on the shell is multiplied by a moment of inertia in lbf s^2 in, "
+        "and so lost",
+        "Appendix B",
+    ),
+    "sign": (
+        "and the torque of the joint on the shell has the opposite sign",
+        "Eqs (32), (34)",
+    ),
+    "cosine": (
+        "a cosine too many in the damper's impulse on a ball that slides throughout",
+        "Eq. (73)",
+    ),
+    "restitution": (
+        "V_y2 is the measured restitution times V_y1, not what c_y gives",
+        "Eqs (5) to (7)",
+    ),
+    "damping": (
+        "c_y is that of exp(-x) = (M1/M)/COR; of exp(-x) = COR, as in Chapter V",
+        "Eq. (8)",
+    ),
+    "radius": ("the radius is 1.3 in; the 1.25 in of Appendix B", "Appendix B"),
+    "inputs": ("misprinted inputs are corrected; as printed", "Appendix C"),
+    "all": (
+        "all, with the twist at landing and at the start of rolling and the friction cone: solved "
+        "exactly",
+        "",
+    ),
+}
+
+
 def slips() -> DataFrame:
     """Each departure from the thesis's own equations: by how much the outputs of the 147 rows
     change without it (rms), and how many rows then still agree with print within 0.1 % in both
@@ -226,53 +260,22 @@ def slips() -> DataFrame:
         Impacts(*(one[:, np.newaxis] for one in (v_x1, v_y1, omega_1))),
         own[:, np.newaxis],
     )
-    cases: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
-        ("none: the computation as it is", "", {}),
-        (
-            "the torque of friction on the shell is multiplied by a moment of inertia in lbf s^2 "
-            "in, and so lost",
-            "Appendix B",
-            found("torque"),
-        ),
-        (
-            "and the torque of the joint on the shell has the opposite sign",
-            "Eqs (32), (34)",
-            found("torque", "sign"),
-        ),
-        (
-            "a cosine too many in the damper's impulse on a ball that slides throughout",
-            "Eq. (73)",
-            found("cosine"),
-        ),
-        (
-            "V_y2 is the measured restitution times V_y1, not what c_y gives",
-            "Eqs (5) to (7)",
-            {"v_y2": left * v_y1},
-        ),
-        (
-            "c_y is that of exp(-x) = (M1/M)/COR; of exp(-x) = COR, as in Chapter V",
-            "Eq. (8)",
-            found(c_y=damping(own, ratio, values["k_y"])),
-        ),
-        (
-            "the radius is 1.3 in; the 1.25 in of Appendix B",
-            "Appendix B",
-            found(ball_radius=values["ball_radius"] * (1.25 / 1.3), inertia_ratio=inertia),
-        ),
-        (
-            "misprinted inputs are corrected; as printed",
-            "Appendix C",
-            {name: printed_inputs[name] for name in SCALES},
-        ),
-        (
-            "all, with the twist at landing and at the start of rolling and the friction cone: "
-            "solved exactly",
-            "",
-            {name: solved[name][:, 0] for name in SCALES},
-        ),
-    )
+    outputs: Mapping[str, Mapping[str, Any]] = {
+        "none": {},
+        "torque": found("torque"),
+        "sign": found("torque", "sign"),
+        "cosine": found("cosine"),
+        "restitution": {"v_y2": left * v_y1},
+        "damping": found(c_y=damping(own, ratio, values["k_y"])),
+        "radius": found(ball_radius=values["ball_radius"] * (1.25 / 1.3), inertia_ratio=inertia),
+        "inputs": {name: printed_inputs[name] for name in SCALES},
+        "all": {name: solved[name][:, 0] for name in SCALES},
+    }
     return pd.DataFrame(
-        [{"slip": slip, "where": where, **_change(rows, base, one)} for slip, where, one in cases]
+        [
+            {"slip": slip, "where": where, **_change(rows, base, outputs[key])}
+            for key, (slip, where) in _SLIPS.items()
+        ]
     )
 
 

@@ -88,24 +88,9 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
                 parts: list[ast.expr] = list(map(ast.IfExp, [test] * len(ones), ones, others))
                 yield from _simple([ast.Assign(node.targets, ast.Tuple(parts, ast.Load()))])
             case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple(elts=values)):
-                held = [f"{ast.unparse(target)}_now" for target in targets]
-                if _names(targets) & _names(values):
-                    yield from map(_stored, held, values)
-                    values = [ast.Name(name, ast.Load()) for name in held]
-                for target, value in zip(targets, values, strict=True):
-                    yield _stored(ast.unparse(target), value)
+                yield from _several(targets, values)
             case ast.Assign(targets=[ast.Tuple(elts=targets)]):
-                held_name = "_".join(
-                    ["of", *(ast.unparse(target).strip("_") or "none" for target in targets)]
-                )
-                yield _stored(held_name, node.value)
-                for place, target in enumerate(targets):
-                    part = ast.Subscript(
-                        ast.Name(held_name, ast.Load()),
-                        ast.Constant(place),
-                        ast.Load(),
-                    )
-                    yield _stored(ast.unparse(target), part)
+                yield from _unpacked(targets, node.value)
             case ast.If():
                 yield ast.If(node.test, list(_simple(node.body)), list(_simple(node.orelse)))
             case ast.While(orelse=[]):
@@ -116,6 +101,26 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
                 continue
             case _:
                 yield node
+
+
+def _several(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> Iterator[ast.stmt]:
+    """The assignments of `a, b = x, y`; values are held first if a target is read in them."""
+    if _names(targets) & _names(values):
+        held = [f"{ast.unparse(target)}_now" for target in targets]
+        yield from map(_stored, held, values)
+        values = [ast.Name(name, ast.Load()) for name in held]
+    for target, value in zip(targets, values, strict=True):
+        yield _stored(ast.unparse(target), value)
+
+
+def _unpacked(targets: Sequence[ast.expr], value: ast.expr) -> Iterator[ast.stmt]:
+    """The assignments of `a, b = f(x)`: the tuple is held, and its fields are taken."""
+    names = [ast.unparse(target).strip("_") or "none" for target in targets]
+    held = "_".join(["of", *names])
+    yield _stored(held, value)
+    for place, target in enumerate(targets):
+        field = ast.Subscript(ast.Name(held, ast.Load()), ast.Constant(place), ast.Load())
+        yield _stored(ast.unparse(target), field)
 
 
 def _stored(name: str, value: ast.expr) -> ast.Assign:
@@ -195,18 +200,9 @@ class _Walk:
         """Text and type of an expression. Raises UnportableError for a construct that is not
         known.
         """
-        d = self.dialect
         match node:
-            case ast.Constant(value=bool() as truth):
-                return ("true" if truth else "false"), bool
-            case ast.Constant(value=int() | float() as number):
-                return repr(number), type(number)
-            case ast.Name(id=name) if name in self.kinds:
-                return d.name(name), self.kinds[name]
-            case ast.Name(id=name) if name in self.all.constants:
-                return d.constant(name), type_of(self.all.constants[name])
-            case ast.Name(id=name):
-                raise _UnknownYetError(f"{name} is read before its type is known")
+            case ast.Constant() | ast.Name():
+                return self.leaf(node)
             case ast.BinOp() | ast.Compare() | ast.BoolOp():
                 return self.operated(node)
             case ast.UnaryOp(op=ast.USub() | ast.Not()):
@@ -220,8 +216,34 @@ class _Walk:
                     f"{self.fitted(other, kind)})",
                     kind,
                 )
-            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in d.values:
-                return d.values[name], float
+            case ast.Attribute() | ast.Subscript():
+                return self.field(node)
+            case ast.Call():
+                return self.called(node)
+        raise _refused(node)
+
+    def leaf(self, node: ast.Constant | ast.Name) -> tuple[str, Type]:
+        """Text and type of a truth value, a number, a variable or a constant of a module."""
+        match node:
+            case ast.Constant(value=bool() as truth):
+                return ("true" if truth else "false"), bool
+            case ast.Constant(value=int() | float() as number):
+                return repr(number), type(number)
+            case ast.Name(id=name) if name in self.kinds:
+                return self.dialect.name(name), self.kinds[name]
+            case ast.Name(id=name) if name in self.all.constants:
+                return self.dialect.constant(name), type_of(self.all.constants[name])
+            case ast.Name(id=name):
+                raise _UnknownYetError(f"{name} is read before its type is known")
+        raise _refused(node)
+
+    def field(self, node: ast.Attribute | ast.Subscript) -> tuple[str, Type]:
+        """Text and type of `math.pi`, of a field of a named tuple or a tuple, of an item of a
+        list.
+        """
+        match node:
+            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in self.dialect.values:
+                return self.dialect.values[name], float
             case ast.Attribute(value=value, attr=name):
                 text, kind = self.code(value)
                 if is_struct(kind) and name in fields_of(kind):
@@ -233,8 +255,6 @@ class _Walk:
                 field = f"f{ast.unparse(place)}"
                 if origin_of(kind) is tuple and field in fields_of(kind):
                     return f"{text}.{field}", fields_of(kind)[field]
-            case ast.Call():
-                return self.called(node)
         raise _refused(node)
 
     def operated(self, node: ast.BinOp | ast.Compare | ast.BoolOp) -> tuple[str, Type]:

@@ -254,6 +254,18 @@ def _patterns(fit: _Residuals) -> Iterator[_Look]:
                 first.direction(column, shape),
                 kept,
             )
+    yield from _parameter_patterns(fit, row, groups, kept)
+
+
+def _parameter_patterns(
+    fit: _Residuals,
+    row: Sequence[tuple[str, FloatArray]],
+    groups: Sequence[tuple[str, str, FloatArray]],
+    kept: list[FloatArray],
+) -> Iterator[_Look]:
+    """Patterns of parameters: wear along the rows, friction with the slip speed, groups."""
+    problem = fit.problem
+    first = fit.first
     levels = {level.parameter for level in problem.forward.levels}
     for spec in problem.forward.model.parameters:
         mine = [k for k, name in enumerate(first.names) if base_of(name) == spec.name]

@@ -202,29 +202,41 @@ def judge(
         )
         judged[name] = _judged(seen, given)
     for k, quantity in enumerate(derived, start=len(problem.free)):
-        parts = tuple(
-            name
-            for name, share in zip(problem.free, linear.shares[k], strict=True)
-            if share > SHARED
-        )
-        undetermined, bounded = (
-            tuple(name for name in parts if judged[name].verdict == kind)
-            for kind in ("prior-dominated", "one-sided")
-        )
-        given = [
-            *_rests(problem, linear, k),
-            *(one for name in parts for one in judged[name].given),
-        ]
-        seen = Seen(
-            quantity.spec,
-            linear.contraction[k],
-            missing=missing,
-            extrapolated=BEYOND * quantity.extrapolated,
-            open=undetermined,
-            bounded=bounded,
-        )
-        judged[quantity.spec.name] = _judged(seen, given)
+        judged[quantity.spec.name] = _judged_derived(problem, quantity, linear, k, judged, missing)
     return judged
+
+
+def _judged_derived(
+    problem: Problem,
+    quantity: Quantity,
+    linear: _Linear,
+    k: int,
+    judged: Mapping[str, Judgement],
+    missing: bool,
+) -> Judgement:
+    """A derived quantity, which is row `k` of the linearisation, by the verdicts `judged` of the
+    parameters that have a share in it.
+    """
+    names = tuple(
+        name for name, share in zip(problem.free, linear.shares[k], strict=True) if share > SHARED
+    )
+    undetermined, bounded = (
+        tuple(name for name in names if judged[name].verdict == kind)
+        for kind in ("prior-dominated", "one-sided")
+    )
+    given = [
+        *_rests(problem, linear, k),
+        *(condition for name in names for condition in judged[name].given),
+    ]
+    seen = Seen(
+        quantity.spec,
+        linear.contraction[k],
+        missing=missing,
+        extrapolated=BEYOND * quantity.extrapolated,
+        open=undetermined,
+        bounded=bounded,
+    )
+    return _judged(seen, given)
 
 
 def _judged(seen: Seen, given: Iterable[str]) -> Judgement:

@@ -119,13 +119,8 @@ def build_problem(
             "determine the noise"
         )
         raise FitError(text, "too-few-impacts")
-    tangential = table.has_tangential
     notes = list[Note]()
-    ball = scene.ball_value()
-    text = choices.model or str(scene.model.get("name", ""))
-    text = text or candidates(tangential=tangential, spin=table.has_spin)[-1]
-    chosen = known_model(text, ball=ball, tangential=tangential) if own is None else own
-    model = replace(chosen, ball=ball, tangential=tangential)
+    model = _model(table, scene, choices, own)
     observables = _observables(table, model, notes)
     noise = noise_kind(choices.noise or str(scene.measurement.get("noise", "normal")))
     named = [*choices.prior, *choices.fix, *scene.prior, *scene.fix]
@@ -151,24 +146,9 @@ def build_problem(
             f"{table.name}: every parameter of {model.text} is fixed: free at least one of {names}"
         )
         raise FitError(text, "nothing-to-fit")
-    columns = [item.column.name for item in observables]
     exact = {item.spec.name for item in parameters if item.fixed == 0.0}
-    errors = row_errors(
-        table,
-        columns,
-        [item.column.name for item in observables if item.noise in exact],
-    )
-    if errors is not None:
-        notes.append(errors.note)
-    sd = np.zeros((len(table), len(columns)))
-    if errors is None:
-        sd = np.stack(
-            [np.nan_to_num(table.sd.get(name, np.zeros(len(table)))) for name in columns],
-            axis=1,
-        )
     forward = ForwardModel(model, noise, levels)
-    index = forward.levels_of(table.labels, len(table))
-    y = np.stack([table.values[name] for name in columns], axis=1)
+    rows = _rows(table, forward, observables, exact, notes)
     time = scene.contact_time if model.timed else None
     return Problem(
         table=table,
@@ -179,12 +159,47 @@ def build_problem(
         free=tuple(item.spec.name for item in free),
         prior=joint_prior(free, priors),
         observables=observables,
-        rows=Rows(table.impacts, y, sd, errors, index),
+        rows=rows,
         camera=camera,
         contact_time=None if time is None else (time.value, time.sd),
         notes=(*_assumed(scene, {base_of(item.spec.name) for item in free}, timed), *notes),
         known=texts,
     )
+
+
+def _rows(
+    table: ImpactTable,
+    forward: ForwardModel,
+    observables: Sequence[Observable],
+    exact: Collection[str],
+    notes: list[Note],
+) -> Rows:
+    """What was measured, with its stated errors; noises that are `exact` add nothing to these."""
+    columns = [item.column.name for item in observables]
+    noiseless = [item.column.name for item in observables if item.noise in exact]
+    errors = row_errors(table, columns, noiseless)
+    sd = np.zeros((len(table), len(columns)))
+    if errors is None:
+        unstated = np.zeros(len(table))
+        sds = [np.nan_to_num(table.sd.get(name, unstated)) for name in columns]
+        sd = np.stack(sds, axis=1)
+    else:
+        notes.append(errors.note)
+    index = forward.levels_of(table.labels, len(table))
+    y = np.stack([table.values[name] for name in columns], axis=1)
+    return Rows(table.impacts, y, sd, errors, index)
+
+
+def _model(table: ImpactTable, scene: Scene, choices: Choices, own: Model | None) -> Model:
+    """The model that was chosen, or the usual one of such columns, with the scene's ball. Raises
+    ModelError.
+    """
+    tangential = table.has_tangential
+    ball = scene.ball_value()
+    text = choices.model or str(scene.model.get("name", ""))
+    text = text or candidates(tangential=tangential, spin=table.has_spin)[-1]
+    chosen = known_model(text, ball=ball, tangential=tangential) if own is None else own
+    return replace(chosen, ball=ball, tangential=tangential)
 
 
 def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[Observable, ...]:

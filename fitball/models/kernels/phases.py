@@ -23,9 +23,8 @@ start:
 import math
 from typing import NamedTuple
 
+from fitball.base.values import FloatArray
 from fitball.models.kernels.compiled import inlined, kernel
-
-# isort: off
 from fitball.models.kernels.contact import (
     OK,
     SPIN,
@@ -34,31 +33,26 @@ from fitball.models.kernels.contact import (
     Ball,
     Contact,
     Flags,
+    ball_of,
+    contact_of,
+    landed,
 )
-from fitball.models.kernels.contact import ball_of, contact_of, landed
+from fitball.models.kernels.crossings import FLAT, NO_ZERO, Weights, curve_of, first_fall
 from fitball.models.kernels.motion import (
-    FLAT,
-    NO_ZERO,
     SERIES_FAR,
     START,
     Piece,
     State,
     Swing,
-    Weights,
-)
-from fitball.models.kernels.motion import (
-    curve_of,
     fastest,
-    first_fall,
     load_of,
     motion_at,
     piece_of,
+    swing_at,
+    swings_anew,
+    swung,
 )
-from fitball.models.kernels.motion import swing_at, swings_anew, swung
 from fitball.models.types import Phase
-from fitball.base.values import FloatArray
-
-# isort: on
 
 # In place of a phase: the friction cone decides which one follows.
 UNDECIDED = 0

@@ -421,7 +421,29 @@ def regime_map(fit: Fitted) -> Figure:
         interpolation="nearest",
         alpha=0.75,
     )
-    rebound = np.ma.masked_invalid(np.degrees(made.column("theta_2")[0].reshape(across.shape)))
+    _contours(axis, angles, spins, np.degrees(made.column("theta_2")[0].reshape(across.shape)))
+    handles: list[Any] = [
+        Patch(color=colour, alpha=0.75, label=name) for name, colour in colours.items()
+    ]
+    near = np.abs(speed - middle_speed) < _NEAR * middle_speed
+    handles += _dots(axis, angle[near], mine.omega_1[near], "black", "impacts near this speed")
+    handles += _dots(axis, angle[~near], mine.omega_1[~near], "none", "other speeds")
+    axis.set_xlim(*ends)
+    axis.set_ylim(*spins[[0, -1]])
+    axis.set_xlabel(rf"angle $\theta_1$ [deg], at {middle_speed:.3g} m/s")
+    axis.set_ylabel(r"spin $\omega_1$ [rad/s]")
+    axis.grid(visible=False)
+    levels = zip(forward.levels, keys[counts.argmax()], strict=True)
+    labels = dict.fromkeys(level.labels[place] for level, place in levels)
+    title = ", ".join(["best fit", *map(plain, labels)])
+    axis.set_title(title + r"; lines: $\theta_2$ [deg]")
+    legend_above(figure, handles)
+    return figure
+
+
+def _contours(axis: Any, angles: FloatArray, spins: FloatArray, rebound: FloatArray) -> None:
+    """Lines of the rebound angle [deg], (spins, angles), over angles [rad] and spins."""
+    rebound = np.ma.masked_invalid(rebound)
     if np.ma.count(rebound) and np.ptp(rebound.compressed()) > 0.0:
         lines = axis.contour(
             np.degrees(angles),
@@ -434,42 +456,25 @@ def regime_map(fit: Fitted) -> Figure:
         for number in axis.clabel(lines, fontsize=8, fmt="%g", zorder=4):
             # Over the dots, and readable there.
             number.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
-    handles: list[Any] = [
-        Patch(color=colour, alpha=0.75, label=name) for name, colour in colours.items()
-    ]
-    near = np.abs(speed - middle_speed) < _NEAR * middle_speed
-    for chosen, face, name in (
-        (near, "black", "impacts near this speed"),
-        (~near, "none", "other speeds"),
-    ):
-        if chosen.any():
-            shade = opacity(int(chosen.sum()))
-            handles += axis.plot(
-                np.degrees(angle[chosen]),
-                mine.omega_1[chosen],
-                "o",
-                markersize=4.5,
-                alpha=shade,
-                markerfacecolor=face,
-                markeredgecolor="black",
-                markeredgewidth=0.6,
-                label=name,
-            )
-    axis.set_xlim(*ends)
-    axis.set_ylim(*spins[[0, -1]])
-    axis.set_xlabel(rf"angle $\theta_1$ [deg], at {middle_speed:.3g} m/s")
-    axis.set_ylabel(r"spin $\omega_1$ [rad/s]")
-    axis.grid(visible=False)
-    levels = [
-        level.labels[place]
-        for level, place in zip(forward.levels, keys[counts.argmax()], strict=True)
-    ]
-    axis.set_title(
-        ", ".join(["best fit", *(plain(one) for one in dict.fromkeys(levels))])
-        + r"; lines: $\theta_2$ [deg]"
+
+
+def _dots(axis: Any, angle: FloatArray, spin: FloatArray, face: str, name: str) -> list[Any]:
+    """A dot an impact; what the legend shows of them, nothing without impacts."""
+    if not angle.size:
+        return []
+    shade = opacity(angle.size)
+    drawn: list[Any] = axis.plot(
+        np.degrees(angle),
+        spin,
+        "o",
+        markersize=4.5,
+        alpha=shade,
+        markerfacecolor=face,
+        markeredgecolor="black",
+        markeredgewidth=0.6,
+        label=name,
     )
-    legend_above(figure, handles)
-    return figure
+    return drawn
 
 
 def _range(values: FloatArray, least: float) -> tuple[float, float]:
