@@ -152,6 +152,52 @@ def by_script(table: str) -> tuple[float, float]:
     return fitted, (time.process_time() - begun) / (TIMED + 1) * STEPS
 
 
+def timed(
+    files: dict[str, str],
+    editions: dict[str, list[str]],
+    rounds: int,
+    folder: str,
+) -> dict[tuple[str, str], list[float]]:
+    """CPU seconds of fits by table and edition, which take turns; a first round does not count."""
+    seconds: dict[tuple[str, str], list[float]] = {}
+    for k in range(rounds + 1):
+        for name, file in files.items():
+            for edition, command in editions.items():
+                out = f"{folder}/{k}{name}{edition}"
+                words = [*command, "calibrate", file, "--out", out, "--quiet"]
+                seconds.setdefault((name, edition), []).append(spent(words, folder))
+    return {key: times[1:] for key, times in seconds.items()}
+
+
+def comparison(times: dict[str, list[float]]) -> str:
+    """Medians of all editions, and ratios of the first to others."""
+    first, *others = times.values()
+    texts = [f"{edition} {median(seconds):.2f}" for edition, seconds in times.items()]
+    for other in others:
+        ratios = [a / b for a, b in zip(first, other, strict=True)]
+        texts.append(f"ratio {median(ratios):.2f}")
+    return " ".join(texts)
+
+
+def shares(file: str, folder: str) -> str:
+    """CPU seconds of what a fit on one core consists of."""
+    command = [sys.executable, "-c", SHARES, file, f"{folder}/shares-{Path(file).stem}"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    names = ("imports", "fit", "files", "files and figures")
+    seconds = map(float, answer.split()[-4:])
+    return ", ".join(f"{name} {value:.2f}" for name, value in zip(names, seconds, strict=True))
+
+
+def beside_script(ours: float) -> str:
+    """What a script as users write it takes, beside our CPU seconds."""
+    least, sampled = by_script("wang_zero_spin.csv")
+    return (
+        f"a script on wang_zero_spin: least squares {least:.1f} s, {WALKERS} walkers of "
+        f"{STEPS:,} steps {sampled:.0f} s (from {TIMED + 1}), {(least + sampled) / ours:.0f} times "
+        "calibrate"
+    )
+
+
 def main() -> None:
     """Measure by turns and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -164,63 +210,18 @@ def main() -> None:
         {"old": [asked.old, "-m", "fitball"]} if asked.old else {}
     )
     with tempfile.TemporaryDirectory() as folder:
-        known = tables(Path(folder))
-        chosen = [
-            name for name in known if name in (asked.tables.split(",") if asked.tables else known)
-        ]
-        found: dict[tuple[str, str], list[float]] = {}
-        for k in range(asked.rounds + 1):
-            for name in chosen:
-                for edition, command in editions.items():
-                    out = [
-                        "calibrate",
-                        known[name],
-                        "--out",
-                        f"{folder}/{k}{name}{edition}",
-                        "--quiet",
-                    ]
-                    found.setdefault((name, edition), []).append(spent(command + out, folder))
+        files = tables(Path(folder))
+        chosen = asked.tables.split(",") if asked.tables else list(files)
+        measured = timed({name: files[name] for name in chosen}, editions, asked.rounds, folder)
         print(
             f"CPU seconds of calibrate, medians of {asked.rounds} rounds by turns after one that "
             "is not counted"
         )
         for name in chosen:
-            times = [found[name, edition][1:] for edition in editions]
-            texts = [
-                f"{edition} {median(taken):.2f}"
-                for edition, taken in zip(editions, times, strict=True)
-            ]
-            texts += [
-                f"ratio {median(a / b for a, b in zip(times[0], other, strict=True)):.2f}"
-                for other in times[1:]
-            ]
-            command = [sys.executable, "-c", SHARES, known[name], f"{folder}/shares{name}"]
-            shared = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                check=True,
-            ).stdout.split()[-4:]
-            parts = zip(
-                ("imports", "fit", "files", "files and figures"),
-                map(float, shared),
-                strict=True,
-            )
-            print(
-                f"{name}:",
-                *texts,
-                "| one core:",
-                *(f"{part} {value:.2f}," for part, value in parts),
-            )
+            times = {edition: measured[name, edition] for edition in editions}
+            print(f"{name}: {comparison(times)} | one core: {shares(files[name], folder)}")
         if asked.script:
-            least, sampled = by_script("wang_zero_spin.csv")
-            ours = median(found["wang_zero_spin", "new"][1:])
-            print(
-                f"a script on wang_zero_spin: least squares {least:.1f} s, {WALKERS} walkers of "
-                f"{STEPS:,} steps "
-                f"{sampled:.0f} s (from {TIMED + 1}), {(least + sampled) / ours:.0f} times "
-                "calibrate"
-            )
+            print(beside_script(median(measured["wang_zero_spin", "new"])))
 
 
 if __name__ == "__main__":

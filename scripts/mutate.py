@@ -2,9 +2,9 @@
 would nobody notice?
 
 `python scripts/mutate.py --rooms data models --count 40 --seed 1`, in the environment of
-scripts/test. The tree is copied. A survivor of its room's tests meets the whole suite. Of those
-that survive that too a person decides: either no input separates them from the original, or the
-tests have a hole.
+scripts/test; with `--constants` only numbers of units and of module constants change. The tree is
+copied. A survivor of its room's tests meets the whole suite. Of those that survive that too a
+person decides: either no input separates them from the original, or the tests have a hole.
 """
 
 from __future__ import annotations
@@ -28,24 +28,25 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 # By the beginning of a module's path the tests of its room, those most likely to fail first.
 TESTS = {
-    "models/kernels": "hard_cases laws oracle models derivatives history",
+    "models/kernels": "hard_cases laws oracle models history",
     "models/own": "own_model",
     "models/history": "history",
     "models/grip_slip": "grip_slip models",
     "models": "models grip_slip own_model history laws",
-    "inference/differences": "differences derivatives",
+    "inference/differences": "differences density",
     "inference/problem/levels": "levels priors_joint",
     "inference/problem/camera": "camera",
     "inference/problem": "priors_joint density levels camera",
-    "inference/first_order": "first_order",
-    "inference/profile": "profile",
-    "inference/verdict": "verdicts",
+    "inference/judgement/first_order": "first_order",
+    "inference/judgement/profile": "profile",
+    "inference/judgement/verdict": "verdicts",
     "inference/derived": "derived",
-    "inference/adequacy": "adequacy",
+    "inference/judgement/assumptions": "assumptions",
+    "inference/judgement/adequacy": "adequacy",
     "inference/search": "search least_squares",
     "inference/sampling": "sampling importance",
     "inference/predictive": "predictive",
-    "inference/fit": "frames saved calibrate",
+    "inference/fitted": "frames saved calibrate",
     "inference": "frames calibrate density priors_joint",
     "data/misreading": "misreading read_faults",
     "data/scene": "scene",
@@ -61,11 +62,11 @@ TESTS = {
     "data/read": "read read_faults",
     "data": "dialects read read_faults hostile",
     "thesis": "thesis rederive",
-    "itf": "itf",
-    "units": "units dialects",
+    "base/itf": "itf",
+    "base/units": "units dialects",
     "report/figures": "fit_figures plot",
     "report/fit": "fit_page",
-    "report/check": "check read_faults cli",
+    "report/check": "read_faults cli",
     "report/lab": "lab",
     "report/plan": "plan",
     "report/predict": "predict",
@@ -82,12 +83,12 @@ TESTS = {
     "uses/left_out": "compare",
     "uses": "predict simulate",
     "saved": "saved again",
-    "batch": "batch",
+    "batches": "batch",
     "tracks": "tracks tracks_read track_page",
-    "exports/port": "port port_space port_text",
+    "exports/ports": "port port_space port_text",
     "exports/page": "exports_page",
     "exports": "exports",
-    "bench": "bench",
+    "speed": "bench",
     "": "text_numbers priors files result render scheduling cli calibrate",
 }
 COMPARED = {
@@ -158,7 +159,22 @@ def expressions(tree: ast.AST) -> Iterator[ast.expr]:
                 yield from expressions(child)
 
 
-def mutants(room: str) -> list[Mutant]:
+def constants(tree: ast.Module) -> Iterator[ast.expr]:
+    """Numbers of module constants, and in calls of `Unit` anywhere."""
+    tops = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
+    units = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "Unit"
+    ]
+    inside = [expression for node in (*tops, *units) for expression in expressions(node)]
+    # A unit that is a module constant is met twice.
+    for node in dict.fromkeys(inside):
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            yield node
+
+
+def mutants(room: str, only_constants: bool = False) -> list[Mutant]:
     """Every mutant of the modules whose path in the package begins with `room`."""
     found = []
     for path in sorted((ROOT / "fitball").rglob("*.py")):
@@ -166,7 +182,8 @@ def mutants(room: str) -> list[Mutant]:
             continue
         source = path.read_bytes()
         starts = np.cumsum([0, *(len(line) for line in source.splitlines(keepends=True))])
-        for node in expressions(ast.parse(source)):
+        tree = ast.parse(source)
+        for node in constants(tree) if only_constants else expressions(tree):
             other = changed(node)
             if other is not None:
                 first = int(starts[node.lineno - 1]) + node.col_offset
@@ -238,8 +255,7 @@ def judged(trees: SimpleQueue[Path], mutant: Mutant) -> str:
     path.write_bytes(source[: mutant.first] + mutant.after.encode() + source[mutant.last :])
     inside = mutant.file.removeprefix("fitball/")
     names = next(tests for room, tests in TESTS.items() if inside.startswith(room)).split()
-    tests = [f"tests/test_{name}.py" for name in names if (tree / f"tests/test_{name}.py").exists()]
-    noticed = failing(tree, tests)
+    noticed = failing(tree, [f"tests/test_{name}.py" for name in names])
     if not noticed:
         noticed = failing(tree, ["tests", "--deselect", "tests/test_house.py"]) or "SURVIVED"
     path.write_bytes(source)
@@ -255,6 +271,7 @@ def main() -> None:
         nargs="+",
         default=["models/kernels", "models", "data", "inference", "thesis"],
     )
+    parser.add_argument("--constants", action="store_true", help="of units and constants only")
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
@@ -262,7 +279,11 @@ def main() -> None:
     rng = np.random.default_rng(asked.seed)
     drawn: list[Mutant] = []
     for k, room in enumerate(asked.rooms):
-        every = [m for m in mutants(room) if not (room == "models" and "/kernels/" in m.file)]
+        every = [
+            mutant
+            for mutant in mutants(room, asked.constants)
+            if not (room == "models" and "/kernels/" in mutant.file)
+        ]
         share = asked.count // len(asked.rooms) + (k < asked.count % len(asked.rooms))
         drawn += [every[i] for i in rng.choice(len(every), min(share, len(every)), replace=False)]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.processes) as pool:

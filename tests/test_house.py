@@ -1,5 +1,6 @@
 """The house: what a reader feels has limits, and what counts it counts right."""
 
+import ast
 import importlib.util
 import sys
 import textwrap
@@ -21,6 +22,7 @@ def script(name):
 
 
 size = script("size")
+mutate = script("mutate")
 
 
 def function_of(code_lines):
@@ -113,3 +115,19 @@ def test_density_counts_tokens_vague_words_and_assignments_of_several_things():
 def test_rooms_are_folders_of_the_package_its_top_tests_and_scripts():
     names = ("fitball/cli.py", "fitball/data/read.py", "tests/support/line.py", "scripts/size.py")
     assert [size.room_of(name) for name in names] == ["top", "data", "tests", "scripts"]
+
+
+def test_mutants_meet_tests_that_exist_of_rooms_that_exist(sources):
+    modules = [name.removeprefix("fitball/") for name in sources if name.startswith("fitball/")]
+    for room, tests in mutate.TESTS.items():
+        assert any(module.startswith(room) for module in modules), room
+        for test in tests.split():
+            assert f"tests/test_{test}.py" in sources, test
+
+
+def test_constants_are_numbers_of_the_module_and_of_units():
+    tree = ast.parse(
+        'A = (1, "x", True)\nB: int = -2\ndef f(): return 3 + Unit("mm", 1e3).factor\n'
+    )
+    assert [node.value for node in mutate.constants(tree)] == [1, 2, 1e3]
+    assert [ast.unparse(mutate.changed(node)) for node in mutate.constants(tree)][:2] == ["2", "3"]
