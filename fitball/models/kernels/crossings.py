@@ -342,8 +342,9 @@ def polished(
     return t, p, q
 
 
+# Compiled in one piece: its state is 15 values, which parts would hand to each other.
 @inlined
-def first_fall(
+def first_fall(  # noqa: C901
     piece: Piece,
     a: Curve,
     b: Curve,

@@ -268,8 +268,9 @@ def moved(
     )
 
 
+# Compiled in one piece: its state is 16 values, which parts would hand to each other.
 @inlined
-def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:
+def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:  # noqa: C901
     """`(status, state, regime, phase)` of a contact at the time `until` after landing: `regime`
     packs its phases till then, `phase` is the last.
     """
