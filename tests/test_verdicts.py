@@ -15,7 +15,7 @@ from fitball.inference import derived
 from fitball.inference.judgement import verdict as module
 from fitball.inference.judgement.first_order import first_order
 from fitball.inference.judgement.profile import profiles
-from fitball.inference.judgement.verdict import Seen, judge, qualified
+from fitball.inference.judgement.verdict import Evidence, judge, qualified
 from fitball.inference.schema import Adequacy, Judgement
 from fitball.inference.search.objective import Objective, descend
 
@@ -276,7 +276,7 @@ RANKED = [
 @pytest.mark.parametrize(("numbers", "rule"), RANKED)
 def test_the_first_rule_that_holds_decides(numbers, rule):
     spec = problem_of(table_of(REBOUND)).prior.parameters[0].spec
-    seen = Seen(**{"spec": spec, "contraction": 0.9, **numbers})
+    seen = Evidence(**{"spec": spec, "contraction": 0.9, **numbers})
     judgement = module._judged(seen, ())
     assert judgement.rule == rule
     assert judgement.reason.endswith(".") is (rule != "extrapolated")

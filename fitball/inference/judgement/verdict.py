@@ -21,27 +21,31 @@ from fitball.inference.judgement.first_order import FirstOrder, gradients
 from fitball.inference.problem.problem import Problem, base_of
 from fitball.inference.schema import Adequacy, Interval, Judgement, PointFit, Profile, Verdict
 
-# Contraction below which the data add next to nothing; degrees of freedom at and below which the
-# variance of a noise, scaled inverse chi-square, has no mean.
+# Contraction below which the data add next to nothing.
 NEGLIGIBLE = 0.2
+# Degrees of freedom at and below which the variance of a noise, scaled inverse chi-square, has no
+# mean.
 LEAST_FREEDOM = 2.0
 # Ratio of standard errors without and with the scene's contact time from which a value rests on
-# that; share of its variance from which a quantity moves with a parameter; sds by which a pattern
-# moves what is conditional.
+# that.
 RESTS = 2.0
+# Share of its variance from which a quantity moves with a parameter.
 SHARED = 0.5
+# Sds by which a pattern moves what is conditional.
 MOVED = 1.0
 # Change of a rebound, in sds of its noise for an sd of the prior, below which a parameter does not
 # act.
 ACTS = 1e-3
+# What a value rests on, as `given` has it.
 CONTACT_TIME = "contact_time"
 MODEL = "model"
 NOISE = "the prior of the noise"
+# How values are extrapolated, in words.
 ANCHOR = "It is the value at 10 m/s, where no vertical speed was measured."
 BEYOND = "Nothing was measured there: the value follows from the laws of the model."
 
 
-class Seen(NamedTuple):
+class Evidence(NamedTuple):
     """All that a verdict is based on: `contraction` (1 - variance over prior variance); the 95 %
     `interval` of the profile (None: `missing`, or the table is long), and whether the point is
     `within`; what a parameter is `traded` with, unless the contact time separates them; the
@@ -75,85 +79,106 @@ class Seen(NamedTuple):
         return words and f" (95 % interval of the profile likelihood: {words})"
 
 
-RULES: tuple[tuple[str, Verdict, Callable[[Seen], bool], Callable[[Seen], str]], ...] = (
-    (
-        "traded",
-        "prior-dominated",
-        lambda n: bool(n.traded),
-        lambda n: (
-            f"The data determine it only in combination with {listed(n.traded)}; its own value is "
-            "its prior's."
+class Rule(NamedTuple):
+    """A rule of `code`: where it `holds`, the verdict is this, for the reason that it `says`."""
+
+    code: str
+    verdict: Verdict
+    holds: Callable[[Evidence], bool]
+    says: Callable[[Evidence], str]
+
+
+# The first rule that holds decides.
+RULES = (
+    Rule(
+        code="traded",
+        verdict="prior-dominated",
+        holds=lambda seen: bool(seen.traded),
+        says=lambda seen: (
+            f"The data determine it only in combination with {listed(seen.traded)}; its own value "
+            "is its prior's."
         ),
     ),
-    (
-        "no-maximum",
-        "prior-dominated",
-        lambda n: n.missing and np.isfinite(n.freedom),
-        lambda _: (
+    Rule(
+        code="no-maximum",
+        verdict="prior-dominated",
+        holds=lambda seen: seen.missing and np.isfinite(seen.freedom),
+        says=lambda _: (
             "The model can reproduce the measurements all but exactly: the size of this noise is "
             "its prior's."
         ),
     ),
-    (
-        "no-freedom",
-        "prior-dominated",
-        lambda n: n.freedom <= LEAST_FREEDOM,
-        lambda n: (
-            f"Its measurements have {fixed(n.freedom, 1)} degrees of freedom left, too few for a "
-            "noise."
+    Rule(
+        code="no-freedom",
+        verdict="prior-dominated",
+        holds=lambda seen: seen.freedom <= LEAST_FREEDOM,
+        says=lambda seen: (
+            f"Its measurements have {fixed(seen.freedom, 1)} degrees of freedom left, too few for "
+            "a noise."
         ),
     ),
-    (
-        "open",
-        "prior-dominated",
-        lambda n: all(n.sides),
-        lambda n: f"Its profile likelihood is open on both sides.{n.acting}",
+    Rule(
+        code="open",
+        verdict="prior-dominated",
+        holds=lambda seen: all(seen.sides),
+        says=lambda seen: f"Its profile likelihood is open on both sides.{seen.acting}",
     ),
-    (
-        "open-part",
-        "prior-dominated",
-        lambda n: bool(n.open),
-        lambda n: f"It depends on {listed(n.open)}, which the data do not determine.",
+    Rule(
+        code="open-part",
+        verdict="prior-dominated",
+        holds=lambda seen: bool(seen.open),
+        says=lambda seen: f"It depends on {listed(seen.open)}, which the data do not determine.",
     ),
-    (
-        "bounded",
-        "one-sided",
-        lambda n: any(n.sides),
-        lambda n: f"The data give only a bound{n.ends}.{n.acting}",
+    Rule(
+        code="bounded",
+        verdict="one-sided",
+        holds=lambda seen: any(seen.sides),
+        says=lambda seen: f"The data give only a bound{seen.ends}.{seen.acting}",
     ),
-    (
-        "bounded-part",
-        "one-sided",
-        lambda n: bool(n.bounded),
-        lambda n: f"It depends on {listed(n.bounded)}, for which the data give only a bound.",
+    Rule(
+        code="bounded-part",
+        verdict="one-sided",
+        holds=lambda seen: bool(seen.bounded),
+        says=lambda seen: (
+            f"It depends on {listed(seen.bounded)}, for which the data give only a bound."
+        ),
     ),
-    (
-        "held-off",
-        "prior-dominated",
-        lambda n: not n.within,
-        lambda n: f"Priors keep it outside of what the data allow{n.ends}.",
+    Rule(
+        code="held-off",
+        verdict="prior-dominated",
+        holds=lambda seen: not seen.within,
+        says=lambda seen: f"Priors keep it outside of what the data allow{seen.ends}.",
     ),
-    (
-        "unchanged",
-        "prior-dominated",
-        lambda n: n.contraction < NEGLIGIBLE,
-        lambda n: (
+    Rule(
+        code="unchanged",
+        verdict="prior-dominated",
+        holds=lambda seen: seen.contraction < NEGLIGIBLE,
+        says=lambda seen: (
             "The data reduce the variance of its prior by "
-            f"{percent(max(n.contraction, 0.0))}.{n.acting}"
+            f"{percent(max(seen.contraction, 0.0))}.{seen.acting}"
         ),
     ),
-    ("extrapolated", "extrapolated", lambda n: bool(n.extrapolated), lambda n: n.extrapolated),
-    (
-        "exact",
-        "given",
-        lambda n: n.missing,
-        lambda _: (
+    Rule(
+        code="extrapolated",
+        verdict="extrapolated",
+        holds=lambda seen: bool(seen.extrapolated),
+        says=lambda seen: seen.extrapolated,
+    ),
+    Rule(
+        code="exact",
+        verdict="given",
+        holds=lambda seen: seen.missing,
+        says=lambda _: (
             "The model can reproduce the measurements all but exactly: how well they determine it "
-            "follows from "
-            "the prior of the noise."
+            "follows from the prior of the noise."
         ),
     ),
-    ("determined", "identified", lambda _: True, lambda n: f"The data determine it{n.ends}."),
+    Rule(
+        code="determined",
+        verdict="identified",
+        holds=lambda _: True,
+        says=lambda seen: f"The data determine it{seen.ends}.",
+    ),
 )
 
 
@@ -173,85 +198,62 @@ def judge(
         for item in problem.parameters
         if item.fixed is not None
     }
-    far = anchored(problem.forward, problem.calibrated)
     noises = problem.noises
     missing = not found and len(problem.rows.y) <= PROFILED
     linear = _linear(problem, first, derived)
+    far = anchored(problem.forward, problem.calibrated)
     for k, item in enumerate(problem.prior.parameters):
         name = item.spec.name
-        profile = found.get(item.spec.name)
+        profile = found.get(name)
         interval = None if profile is None else profile.interval_95
         value = point.optima[0][name]
-        given = _rests(problem, linear, k)
-        if name not in noises and not _meet(
-            interval,
-            *item.prior.quantile(np.array([0.025, 0.975])),
-        ):
-            given.append(f"the prior of {name}")
+        rests = _rests(problem, linear, k)
+        prior_ends = item.prior.quantile(np.array([0.025, 0.975]))
+        if name not in noises and not _meet(interval, *prior_ends):
+            rests.append(f"the prior of {name}")
         anchor = name in far and LAWS[base_of(name)] in problem.free
-        seen = Seen(
+        evidence = Evidence(
             item.spec,
             linear.contraction[k],
             interval,
             missing,
-            name in noises or _meet(interval, value, value),
-            () if CONTACT_TIME in given else first.traded.get(name, ()),
-            first.freedom.get(name, np.inf),
-            _acting(first, name),
-            ANCHOR * anchor,
+            within=name in noises or _meet(interval, value, value),
+            traded=() if CONTACT_TIME in rests else first.traded.get(name, ()),
+            freedom=first.freedom.get(name, np.inf),
+            acting=_acting(first, name),
+            extrapolated=ANCHOR if anchor else "",
         )
-        judged[name] = _judged(seen, given)
+        judged[name] = _judged(evidence, rests)
     for k, quantity in enumerate(derived, start=len(problem.free)):
-        judged[quantity.spec.name] = _judged_derived(problem, quantity, linear, k, judged, missing)
+        shares = zip(problem.free, linear.shares[k], strict=True)
+        parts = [name for name, share in shares if share > SHARED]
+        verdicts = {name: judged[name].verdict for name in parts}
+        rests = _rests(problem, linear, k)
+        for name in parts:
+            rests += judged[name].given
+        evidence = Evidence(
+            quantity.spec,
+            linear.contraction[k],
+            missing=missing,
+            extrapolated=BEYOND if quantity.extrapolated else "",
+            open=tuple(name for name in parts if verdicts[name] == "prior-dominated"),
+            bounded=tuple(name for name in parts if verdicts[name] == "one-sided"),
+        )
+        judged[quantity.spec.name] = _judged(evidence, rests)
     return judged
 
 
-def _judged_derived(
-    problem: Problem,
-    quantity: Quantity,
-    linear: _Linear,
-    k: int,
-    judged: Mapping[str, Judgement],
-    missing: bool,
-) -> Judgement:
-    """A derived quantity, which is row `k` of the linearisation, by the verdicts `judged` of the
-    parameters that have a share in it.
-    """
-    names = tuple(
-        name for name, share in zip(problem.free, linear.shares[k], strict=True) if share > SHARED
-    )
-    undetermined, bounded = (
-        tuple(name for name in names if judged[name].verdict == kind)
-        for kind in ("prior-dominated", "one-sided")
-    )
-    given = [
-        *_rests(problem, linear, k),
-        *(condition for name in names for condition in judged[name].given),
-    ]
-    seen = Seen(
-        quantity.spec,
-        linear.contraction[k],
-        missing=missing,
-        extrapolated=BEYOND * quantity.extrapolated,
-        open=undetermined,
-        bounded=bounded,
-    )
-    return _judged(seen, given)
-
-
-def _judged(seen: Seen, given: Iterable[str]) -> Judgement:
-    """By the first rule that holds."""
-    rule, verdict, _, words = next(row for row in RULES if row[2](seen))
-    unique = tuple(dict.fromkeys([*given, *[NOISE] * (rule == "exact")]))
+def _judged(evidence: Evidence, rests: Iterable[str]) -> Judgement:
+    """The judgement of the first rule that holds, with what the value rests on."""
+    rule = next(rule for rule in RULES if rule.holds(evidence))
+    unique = dict.fromkeys(rests)
+    if rule.code == "exact":
+        unique[NOISE] = None
+    verdict = rule.verdict
     if verdict == "identified" and unique:
         verdict = "given"
-    return Judgement(
-        verdict,
-        rule,
-        words(seen),
-        unique if verdict == "given" else (),
-        float(seen.contraction),
-    )
+    given = tuple(unique) if verdict == "given" else ()
+    return Judgement(verdict, rule.code, rule.says(evidence), given, float(evidence.contraction))
 
 
 def _meet(interval: Interval | None, low: float, high: float) -> bool:
@@ -272,24 +274,26 @@ class _Linear(NamedTuple):
 
 
 def _linear(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) -> _Linear:
+    """Free parameters and derived quantities to first order, in this order."""
     prior = problem.prior
     factor = first.proposal.factor
     tiny = np.finfo(float).tiny
-    moves = np.concatenate(
-        [np.eye(len(problem.free)), gradients(problem, first.proposal.centre, derived)]
-    )
+    following = gradients(problem, first.proposal.centre, derived)
+    moves = np.concatenate([np.eye(len(problem.free)), following])
     variance = np.sum((moves @ factor) ** 2, axis=1)
     before = np.sum((moves * prior.width) ** 2, axis=1)
     contraction = np.where(before > 0.0, 1.0 - variance / np.maximum(before, tiny), 0.0)
-    product = np.outer(variance, np.sum(factor**2, axis=1))
-    shares = np.minimum((moves @ factor @ factor.T) ** 2 / np.maximum(product, tiny), 1.0)
+    product = np.maximum(np.outer(variance, np.sum(factor**2, axis=1)), tiny)
+    shares = np.minimum((moves @ factor @ factor.T) ** 2 / product, 1.0)
     if problem.contact_time is None:
         return _Linear(contraction, shares, np.zeros(len(moves), np.bool_))
-    along = (moves[:, [problem.free.index(name) for name in first.names]] * first.sds) @ first.root
+    places = [problem.free.index(name) for name in first.names]
+    along = (moves[:, places] * first.sds) @ first.root
     time = first.slopes[first.residual.size] @ first.root
     # The covariance without a row (Sherman and Morrison).
     more = (along @ time) ** 2 / (1.0 - time @ time)
-    return _Linear(contraction, shares, more > (RESTS**2 - 1.0) * np.sum(along**2, axis=1))
+    timed = more > (RESTS**2 - 1.0) * np.sum(along**2, axis=1)
+    return _Linear(contraction, shares, timed)
 
 
 def _rests(problem: Problem, linear: _Linear, k: int) -> list[str]:
@@ -297,20 +301,22 @@ def _rests(problem: Problem, linear: _Linear, k: int) -> list[str]:
     the contact time; it moves by its own error, with the constant held, as what is stated of ball
     or camera moves by two sds.
     """
-    given = [CONTACT_TIME] * bool(linear.timed[k])
+    rests = [CONTACT_TIME] if linear.timed[k] else []
     for m, item in enumerate(problem.prior.parameters):
         share = linear.shares[k, m]
-        if item.measured and m != k and 4.0 * share * (1.0 - linear.contraction[m]) > 1.0 - share:
-            given.append(f"the prior of {item.spec.name}")
-    return given
+        moved = 4.0 * share * (1.0 - linear.contraction[m])
+        if item.measured and m != k and moved > 1.0 - share:
+            rests.append(f"the prior of {item.spec.name}")
+    return rests
 
 
 def _acting(first: FirstOrder, name: str) -> str:
     """In how many impacts a parameter acts, where these are not all that were tested."""
     if name not in first.names:
         return ""
-    seen = np.abs(first.slopes[: first.residual.size, first.names.index(name)]) > ACTS
-    acting, impacts = (np.unique(first.rows[rows]).size for rows in (seen, ...))
+    slopes = first.slopes[: first.residual.size, first.names.index(name)]
+    acting = np.unique(first.rows[np.abs(slopes) > ACTS]).size
+    impacts = np.unique(first.rows).size
     return "" if acting == impacts else f" It acts in {acting} of {impacts} impacts."
 
 
@@ -325,27 +331,23 @@ def qualified(
     from msgspec.structs import replace
 
     final = {}
-    for name, one in within.items():
+    for name, judgement in within.items():
+        if judgement.verdict not in ("identified", "given"):
+            final[name] = judgement
+            continue
         moved = tested.moved.get(name, 0.0)
-        given = tuple(
-            dict.fromkeys(
-                [*one.given, *rests.get(name, ()), *[MODEL] * (tested.answer == "undecided")]
-            )
-        )
-        words = ""
+        doubt = ""
         if tested.answer == "does not describe":
-            words = "But the model does not describe the data: this holds only if it is right."
+            doubt = "But the model does not describe the data: this holds only if it is right."
         elif moved > MOVED:
-            words = f"But a pattern of the residuals moves it by {fixed(moved, 1)} of its sds."
-        if one.verdict not in ("identified", "given"):
-            final[name] = one
-        elif words:
-            final[name] = replace(
-                one,
-                verdict="conditional",
-                reason=f"{one.reason} {words}",
-                given=(),
-            )
-        else:
-            final[name] = replace(one, verdict="given" if given else "identified", given=given)
+            doubt = f"But a pattern of the residuals moves it by {fixed(moved, 1)} of its sds."
+        if doubt:
+            reason = f"{judgement.reason} {doubt}"
+            final[name] = replace(judgement, verdict="conditional", reason=reason, given=())
+            continue
+        given = [*judgement.given, *rests.get(name, ())]
+        if tested.answer == "undecided":
+            given.append(MODEL)
+        verdict = "given" if given else "identified"
+        final[name] = replace(judgement, verdict=verdict, given=tuple(dict.fromkeys(given)))
     return final
