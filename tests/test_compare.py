@@ -337,6 +337,45 @@ def test_what_cannot_be_compared_is_refused(table):
     refused("one-model", table[["v_y1", "v_y2"]])
 
 
+def straight(v_x1, v_y1, omega_1, ball, e="uniform(0, 1)"):
+    """A function of one's own: what falls straight rises straight."""
+    return v_x1, e * v_y1, omega_1
+
+
+CHOICES = {"pool": {"all": "none"}, "fix": {"mu": 0.55}, "prior": {"e_x": "normal(0.1, 0.2)"}}
+
+
+def test_a_fit_compares_on_its_own_table_with_its_own_choices(table):
+    """As the verb does that is given all of them."""
+    fit = fitball.calibrate(table, model="grip-slip", point_only=True, seed=3, **CHOICES)
+    result = fit.compare(models="grip-slip,brody", cores=1, progress=False)
+    wanted = fitball.compare(
+        table, models="grip-slip,brody", seed=3, cores=1, progress=False, **CHOICES
+    )
+    assert isinstance(result, fitball.Frames)
+    for name, frame in wanted.frames.items():
+        pd.testing.assert_frame_equal(result.frames[name], frame)
+
+
+@pytest.mark.parametrize(
+    ("model", "text"),
+    [("grip-slip", "grip-slip"), ("two-mass+spin=shell+offset=grip", ""), (straight, "")],
+)
+def test_a_fit_compares_its_own_model_with_those_that_can_differ(table, model, text):
+    user_model = fitball.model_from(model) if callable(model) else model
+    fit = fitball.calibrate(table, model=user_model, point_only=True, as_read=True)
+    problems = compare.problems_of_fit(fit, (), True)
+    texts = [problem.forward.model.text for problem in problems]
+    assert texts.count(fit.problem.forward.model.text) == 1
+    assert len(texts) == len({*texts})
+    usual = [
+        problem.forward.model.text
+        for problem in compare.problems_of(fit.run.table, fit.run.scene, Choices(), (), True)
+    ]
+    assert {*usual} - {*texts} == set()
+    assert len(texts) == len(usual) + (text == "")
+
+
 def never(v_x1, v_y1, omega_1, ball, a="normal(0, 1)"):
     return np.where(v_y1 > 15.0, np.nan, v_x1), v_y1, omega_1
 
