@@ -27,6 +27,7 @@ from pathlib import Path
 from fitball import cli
 from fitball.base import units as spellings
 from fitball.base.columns import COLUMNS
+from fitball.base.prior_families import FAMILIES
 from fitball.data import scene as scenes
 from fitball.data.bundled import published
 from fitball.models.registry import MODELS, model
@@ -138,6 +139,15 @@ def parameters() -> str:
         models = ", ".join(text for text, names in of.items() if name in names) or rest
         rows.append((f"`{name}`", one.meaning, one.unit, f"`{one.prior}`", models))
     return table("parameter|means|unit|default prior|models", rows)
+
+
+def families() -> str:
+    """Families of priors: the meaning is the first sentence of each class."""
+    rows = []
+    for family in FAMILIES.values():
+        meaning = (family.__doc__ or "").partition(".")[0].replace("\n", " ")
+        rows.append((f"`{family.form}`", " ".join(meaning.split()), family.coordinate_kind.name))
+    return table("prior|of|coordinate", rows)
 
 
 def priors() -> str:

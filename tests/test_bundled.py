@@ -50,13 +50,13 @@ def test_priors_of_the_literature():
     spec = ParameterSpec("mu", "", 0.01, 2.0, "lognormal(0.5, 0.5)", "friction", "")
     prior = published_prior(spec, "literature:Clay")
     assert prior.location == 0.73
-    assert prior.scale == 0.10
+    assert prior.width == 0.10
     assert prior.lower == 0.01
     assert prior.upper == 2.0
     assert "Carre" in prior.source
     spread = ParameterSpec("mu_spread", "", 0.0, 2.0, "half-t(0.2, 4)", "spread", "")
-    assert published_prior(spread, "surface").scale == 0.2
-    assert published_prior(spread, "place").freedom == 4.0
+    assert published_prior(spread, "surface").width == 0.2
+    assert published_prior(spread, "place").numbers[1] == 4.0
     for row in published():
         assert row["source"]
         assert row["note"]

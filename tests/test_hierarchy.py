@@ -231,8 +231,8 @@ def test_groups_of_a_fit_have_the_density_of_their_prior():
 
 def test_the_spread_between_tables_is_expected_as_between_levels():
     fit = made_fit()
-    assert spread_prior(fit, "mu").scale == pytest.approx(0.3, rel=1e-6)
+    assert spread_prior(fit, "mu").width == pytest.approx(0.3, rel=1e-6)
     # A share of the median, 0.75, of 4,000 prior draws.
-    assert spread_prior(fit, "cor_10").scale == pytest.approx(0.3 * 0.75, rel=0.02)
+    assert spread_prior(fit, "cor_10").width == pytest.approx(0.3 * 0.75, rel=0.02)
     # About zero the width of the prior.
-    assert spread_prior(fit, "e_x").scale == pytest.approx(0.4, rel=0.15)
+    assert spread_prior(fit, "e_x").width == pytest.approx(0.4, rel=0.15)

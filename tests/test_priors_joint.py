@@ -31,9 +31,19 @@ PRIORS = {
 }
 
 
-def test_priors_together_are_those_of_scipy_one_by_one():
+SHAPED = {
+    "mu": "gamma(9, 0.07)",
+    "e_x": "beta(2, 8)",
+    "cor_10": "beta(30, 10)",
+    "degrees_of_freedom": "gamma(2, 4)",
+    "v_x_sd": "gamma(0.5, 30)",
+}
+
+
+@pytest.mark.parametrize("priors", [PRIORS, SHAPED])
+def test_priors_together_are_those_of_scipy_one_by_one(priors):
     # The bounds cut off most of a prior far above them.
-    problem = problem_of(table_of(REBOUND, "sd"), scene_of(), prior=PRIORS, noise="student-t")
+    problem = problem_of(table_of(REBOUND, "sd"), scene_of(), prior=priors, noise="student-t")
     q = problem.prior.draw(np.random.default_rng(1), 40)
     values = problem.prior.value(q)
     items = [item for item in problem.parameters if item.fixed is None]
@@ -45,29 +55,104 @@ def test_priors_together_are_those_of_scipy_one_by_one():
     assert_allclose(problem.prior.coordinate(values), q, rtol=1e-13, atol=1e-13)
     named = dict(zip(problem.free, values[0], strict=True))
     assert_array_equal(problem.coordinates(named), problem.prior.coordinate(values)[0])
-    k = problem.free.index("offset")
-    wide = q.copy()
-    wide[:, k] *= 1.5
-    assert np.abs(problem.prior.log_density(wide) - exact).max() > 0.1
+    for name in priors:
+        k = problem.free.index(name)
+        wide = q.copy()
+        wide[:, k] = 0.9 * q[:, k] + 0.1 * q[::-1, k]
+        if problem.prior.flat[k]:
+            continue
+        assert np.abs(problem.prior.log_density(wide) - exact).max() > 0.01, name
+
+
+@pytest.mark.parametrize("priors", [PRIORS, SHAPED])
+def test_gradients_of_priors_together_are_slopes_of_their_density(priors):
+    problem = problem_of(table_of(REBOUND, "sd"), scene_of(), prior=priors, noise="student-t")
+    q = problem.prior.draw(np.random.default_rng(1), 5)
+    gradient, curvature = problem.prior.pull(q)
+    for k, width in enumerate(problem.prior.width):
+        step = 1e-5 * width * np.eye(q.shape[1])[k]
+        ends = [problem.prior.log_density(q + side) for side in (-step, step)]
+        inside = np.isfinite(ends).all(axis=0)
+        slope = (ends[0] - ends[1])[inside] / (2e-5 * width)
+        assert_allclose(gradient[inside, k] * width, slope * width, rtol=1e-5, atol=1e-5)
+        bends = [problem.prior.pull(q + side)[0][:, k] for side in (-step, step)]
+        # Of half-t the curvature is that of a normal density that touches it.
+        if "half-t" not in problem.prior.parameters[k].prior.text:
+            bend = (bends[1] - bends[0]) * width / 2e-5
+            assert_allclose(curvature[:, k, k] * width**2, bend, rtol=1e-4, atol=1e-4)
+
+
+def test_evidence_is_the_priors_of_what_the_scene_measured_alone():
+    prior = {"ball_mass": "gamma(33000, 1.75e-6)", "e_x": "beta(2, 8)"}
+    problem = problem_of(table_of(REBOUND), scene_of(ball=True), prior=prior)
+    q = problem.prior.draw(np.random.default_rng(1), 6)
+    k = problem.free.index("ball_mass")
+    others = [problem.free.index(name) for name in ("mu", "e_x", "cor_10")]
+    law = stats.gamma(33000, scale=1.75e-6)
+    mass = np.exp(q[:, k])
+    spec = problem.prior.parameters[problem.free.index("inertia_ratio")]
+    ratio = stats.norm(0.56, 0.01).logpdf(q[:, problem.free.index("inertia_ratio")])
+    assert spec.measured
+    exact = law.logpdf(mass) + np.log(mass) + ratio
+    got = problem.prior.evidence.log_density(q)
+    assert_allclose(got - got[0], exact - exact[0], rtol=1e-8, atol=1e-8)
+    gradient, _ = problem.prior.evidence.pull(q)
+    assert_array_equal(gradient[:, others], 0.0)
+    assert np.all(gradient[:, k] != 0.0)
+
+
+def test_at_levels_a_prior_in_the_logit_gives_way_to_a_normal_one_of_values():
+    table = table_of(REBOUND, labels=("surface",), count=12)
+    prior = {"cor_10": "beta(30, 10)", "mu": "gamma(9, 0.07)"}
+    pool = {"cor_10": "surface", "mu": "surface"}
+    problem = problem_of(table, prior=prior, pool=pool)
+    assert [note.code for note in problem.notes].count("normal-common-value") == 2
+    assert problem.known["cor_10"] == "beta(30, 10)"
+    ours = {level.levels.parameter: level for level in problem.prior.levels}
+    law = stats.beta(30, 10)
+    assert not ours["cor_10"].log
+    assert ours["cor_10"].centre == pytest.approx(law.mean(), rel=1e-3)
+    assert ours["cor_10"].width == pytest.approx(law.std(), rel=1e-2)
+    log = stats.loggamma(9, np.log(0.07))
+    assert ours["mu"].log
+    assert ours["mu"].centre == pytest.approx(log.mean(), rel=1e-3)
+    assert ours["mu"].width == pytest.approx(log.std(), rel=1e-2)
+    values = problem.prior.value(problem.prior.draw(np.random.default_rng(1), 500))
+    drawn = values[:, problem.free.index("cor_10[a]")]
+    assert np.all((drawn >= 0.0) & (drawn <= 1.0))
+    assert drawn.mean() == pytest.approx(law.mean(), abs=0.02)
+    again = problem_of(table, prior=problem.known, pool=pool)
+    q = problem.prior.draw(np.random.default_rng(2), 5)
+    assert_array_equal(again.prior.log_density(q), problem.prior.log_density(q))
 
 
 def test_draws_follow_the_priors():
-    problem = problem_of(table_of(REBOUND), prior=PRIORS)
+    prior = PRIORS | {"cor_10": "beta(3, 1)", "v_y_sd": "gamma(2, 0.1)"}
+    problem = problem_of(table_of(REBOUND), prior=prior)
     values = problem.prior.value(problem.prior.draw(np.random.default_rng(2), 3000))
-    exact = stats.uniform(0.2, 0.7), stats.truncnorm(-2, 2, 0, 0.5), stats.loguniform(0.01, 3)
-    for name, law in zip(("mu", "e_x", "v_x_sd"), exact, strict=True):
+    exact = {
+        "mu": stats.uniform(0.2, 0.7),
+        "e_x": stats.truncnorm(-2, 2, 0, 0.5),
+        "v_x_sd": stats.loguniform(0.01, 3),
+        "cor_10": stats.beta(3, 1),
+        "v_y_sd": stats.gamma(2, scale=0.1),
+    }
+    for name, law in exact.items():
         drawn = values[:, problem.free.index(name)]
         assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
         assert stats.kstest(drawn * 1.25, law.cdf).pvalue < 1e-3
 
 
 def test_widths_are_sds():
-    problem = problem_of(
-        table_of(REBOUND),
-        prior={"mu": "uniform(0.2, 0.9)", "e_x": "normal(0, 0.1)"},
-    )
+    prior = {
+        "mu": "uniform(0.2, 0.9)",
+        "e_x": "normal(0, 0.1)",
+        "cor_10": "beta(3, 2)",
+        "v_y_sd": "gamma(3, 0.1)",
+    }
+    problem = problem_of(table_of(REBOUND), prior=prior)
     drawn = problem.prior.draw(np.random.default_rng(3), 20_000).std(axis=0)
-    for name in ("mu", "e_x", "v_x_sd"):
+    for name in (*prior, "v_x_sd"):
         k = problem.free.index(name)
         assert problem.prior.width[k] == pytest.approx(drawn[k], rel=0.02)
 

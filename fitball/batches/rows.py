@@ -11,7 +11,8 @@ from fitball.base import itf
 from fitball.base.display_units import CM, PLAIN
 from fitball.base.errors import FitballError, ParameterError
 from fitball.base.numbers import Unit
-from fitball.base.priors import ParameterSpec, Prior, parse_prior
+from fitball.base.prior_families import Prior
+from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head
 from fitball.base.values import DataFrame
 from fitball.inference.effort import Effort

@@ -14,7 +14,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from fitball.base.errors import FolderError, ParameterError, suggestion
-from fitball.base.priors import ParameterSpec, Prior, parse_prior
+from fitball.base.prior_families import Prior
+from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 

@@ -295,7 +295,8 @@ def _noises(scene: Scene) -> dict[str, float]:
                 for prefix in ("", "nominal_")
             ]
             stated = [one for one in said if isinstance(one, float | int)]
-            found[name] = stated[0] if stated else float(np.exp(parse_prior(spec).location))
+            usual = parse_prior(spec)
+            found[name] = stated[0] if stated else float(usual.value(np.array(usual.location)))
     return found
 
 

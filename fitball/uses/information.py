@@ -68,7 +68,7 @@ class Known:
         seen = any(item.column.gap for item in problem.observables)
         if gaps and not seen and (problem.camera is None or HEIGHT not in problem.camera.keys):
             stated = None if problem.scene.camera is None else problem.scene.camera.court_height
-            usual = parse_prior(spec, spec.prior).scale if stated is None else 0.0
+            usual = parse_prior(spec, spec.prior).width if stated is None else 0.0
             self.height = stated.sd if isinstance(stated, Stated) else usual
         if self.height:
             old = problem.camera or CameraModel((), ("",), np.zeros(1, np.int64))
@@ -272,7 +272,9 @@ class _Measured:
             if name not in sensor.sds and noise in problem.free:
                 place = problem.free.index(noise)
                 size = values[noise][:, None]
-                rate = size**2 / variance[..., k] / (1.0 if problem.prior.logs[place] else size)
+                # Of the logarithm of the noise with its coordinate.
+                growth = problem.prior.stretch(place, size) / size
+                rate = size**2 / variance[..., k] * growth
                 found[:, :, k] = (rate * seen[:, k])[..., None] * self.known.root[place]
         return found
 

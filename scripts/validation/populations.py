@@ -15,7 +15,8 @@ from scipy.stats import binom
 
 import fitball
 from fitball.base.errors import FitballError
-from fitball.base.priors import ParameterSpec, Prior, parse_prior
+from fitball.base.prior_families import Prior
+from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.scheduling import as_completed
 from fitball.base.values import FloatArray
 from fitball.data.scene import Scene

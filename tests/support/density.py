@@ -160,6 +160,11 @@ def log_prior(spec, text, value):
     a, b = map(float, (numbers + ",0").split(",")[:2])
     low = spec.lower
     high = spec.upper
+    if family in ("beta", "gamma"):
+        law = stats.beta(a, b) if family == "beta" else stats.gamma(a, scale=b)
+        # From the density of the value to that of its coordinate.
+        stretch = value * (1.0 - value) if family == "beta" else value
+        return law.logpdf(value) + np.log(stretch) - np.log(law.cdf(high) - law.cdf(low))
     if family.startswith("log"):
         value = np.log(value)
         a = np.log(a)

@@ -357,7 +357,7 @@ def _camera(fit: _Residuals) -> Iterator[_Look]:
     for key, spec in CAMERA_SPECS.items():
         if key in keys or (key == "tilt" and not problem.forward.model.tangential):
             continue
-        step = parse_prior(spec).scale
+        step = parse_prior(spec).width
         sides = [cells(problem.holding(key, LEVEL[key] + one), x) for one in (-step, step)]
         if all(one.possible.all() for one in sides):
             direction = 0.5 * (sides[0].z[0] - sides[1].z[0])[fit.first.rows, fit.first.column]

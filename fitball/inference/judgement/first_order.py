@@ -226,7 +226,7 @@ def _off_zero(problem: Problem, x: FloatArray) -> FloatArray:
     for item, own in zip(problem.observables, weight, strict=True):
         k = problem.free.index(item.noise) if item.noise in problem.free else -1
         # Of a column all of whose measurements are withheld nothing is known.
-        if item.stated and k >= 0 and own > 0.0 and not problem.prior.logs[k]:
+        if item.stated and k >= 0 and own > 0.0 and problem.prior.plain[k]:
             moved[k] = max(moved[k], 0.5 * (2.0 / own) ** 0.25)
     return moved
 
@@ -244,10 +244,7 @@ def _known(problem: Problem, x: FloatArray) -> FloatArray:
 
 
 def _flat(problem: Problem) -> FloatArray:
-    flat = np.array([item.prior.flat for item in problem.prior.parameters])
-    for own in problem.prior.levels:
-        flat[own.places] = False
-    return np.where(flat, problem.prior.width**-2.0, 0.0)
+    return np.where(problem.prior.flat, problem.prior.width**-2.0, 0.0)
 
 
 def _traded(

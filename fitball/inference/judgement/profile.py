@@ -229,7 +229,9 @@ def _walk(
     top = maxima[0]
     rivals = maxima[1:]
     first = math.sqrt(2.0 * AIM * level) * _errors(problem, top)
-    ends = np.stack([np.where(np.isinf(prior.low), top - EMPTY, prior.low), prior.high])
+    low = np.where(np.isinf(prior.low), top - EMPTY, prior.low)
+    high = np.where(np.isinf(prior.high), top + EMPTY, prior.high)
+    ends = np.stack([low, high])
     paths = [
         _Path(
             k,
@@ -272,7 +274,7 @@ def _profile(problem: Problem, down: _Path, up: _Path, levels: Sequence[float]) 
     at, order = np.unique([*down.at[::-1], *up.at[1:]], return_index=True)
     drop = np.array([*down.cost[::-1], *up.cost[1:]])[order]
     drop = np.maximum(drop - drop.min(), 0.0)
-    log = bool(problem.prior.logs[down.column])
+    prior = problem.prior.parameters[down.column].prior
 
     def crossing(level: float, left: bool) -> float | None:
         """Where the drop passes a level for the last time, linear in its root (Bates and Watts
@@ -284,7 +286,8 @@ def _profile(problem: Problem, down: _Path, up: _Path, levels: Sequence[float]) 
         k = int(np.flatnonzero(fall < level)[-1])
         a, b = np.sqrt(fall[k : k + 2])
         end = place[k] + (math.sqrt(level) - a) / (b - a) * (place[k + 1] - place[k])
-        return math.exp(end) if log else float(end)
+        # The exponential of the C library, whose last digit numpy's does not always share.
+        return math.exp(end) if prior.log else float(prior.value(np.asarray(end)))
 
     ends: list[Interval] = [(crossing(level, True), crossing(level, False)) for level in levels]
-    return Profile(np.exp(at) if log else at, drop, *ends)
+    return Profile(prior.value(at), drop, *ends)

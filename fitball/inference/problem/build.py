@@ -385,6 +385,7 @@ def _parameters(
                 notes,
             )
             joint.append(level)
+            prior = prior.at_levels()
             texts[f"{name}_spread"] = level.text
             where = by_level[name]
             for label in where.labels:
@@ -392,7 +393,10 @@ def _parameters(
                     Parameter(at_label(spec, where.name(label), label, f"on {where.column}"), prior)
                 )
             continue
-        lower = 0.0 if spec.prior.startswith("half") else spec.lower
+        # A half prior begins at zero whatever the bounds: a scatter beyond stated errors may be
+        # held there.
+        begins, _ = prior.support(prior.numbers)
+        lower = begins if begins == 0.0 and not prior.flat else spec.lower
         if value is not None and not lower <= value <= spec.upper:
             wanted = f"expected {lower:g} to {spec.upper:g} {spec.unit}".rstrip()
             raise ParameterError(f"read {name} = {value:g}; {wanted}", "out-of-bounds")
