@@ -8,6 +8,7 @@ docs       generated parts, links, words, and the commands of all pages
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls
 readonly   the main job by a user who can write nothing but the result
+types      what pyright says of a user's script
 versions   the wheel of the sdist with the lowest and with the newest packages, on each Python found
 """
 
@@ -48,6 +49,8 @@ COMMANDS = {
         "scripts/validation/films.py --films 10",
     ],
 }
+# The checker of a user's script, besides mypy.
+PYRIGHT = "pyright==1.1.414"
 # What each verb is asked for its page, in the folder of that name; `fit` is the first one's.
 PAGES = {
     "fit": "calibrate wang_all.csv --figures all",
@@ -189,6 +192,18 @@ def readonly(work: Path) -> str:
     return done(*nobody, *calibrate, cwd=Path("/"), **nowhere)
 
 
+def types(work: Path) -> str:
+    """What pyright says of a user's script, beside mypy: `tests/test_types.py` skips it where it is
+    not installed.
+    """
+    place = work / "pyright"
+    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
+    done(*pip, "--target", place, PYRIGHT)
+    path = os.pathsep.join([str(place / "bin"), os.environ["PATH"]])
+    test = (sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider")
+    return done(*test, "tests/test_types.py", PATH=path, PYTHONPATH=str(place))
+
+
 def python_of(version: str) -> str:
     """The Python that runs this, one of PATH or pyenv. Raises FailedError where there is none."""
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
@@ -250,12 +265,14 @@ def run(work: Path, name: str, *given: str) -> str:
     if name in COMMANDS:
         lines = [line.replace("WORK", str(work)) for line in COMMANDS[name]]
         return ", ".join(done(sys.executable, *line.split()) for line in lines)
-    return versions(work, *given) if given else pages(work) if name == "pages" else readonly(work)
+    if given:
+        return versions(work, *given)
+    return {"pages": pages, "readonly": readonly, "types": types}[name](work)
 
 
 def main() -> int:
     """Run the parts, print their lines; 1 where one failed."""
-    names = ("pages", *COMMANDS, "readonly", "versions")
+    names = ("pages", *COMMANDS, "readonly", "types", "versions")
     parser = argparse.ArgumentParser(
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
