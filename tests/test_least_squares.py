@@ -13,7 +13,7 @@ from support.line import SD, line_problem
 from fitball.inference.density import cells
 from fitball.inference.search import least_squares as search
 from fitball.inference.search.best_fit import best_fit
-from fitball.inference.search.least_squares import least_squares, minimized
+from fitball.inference.search.least_squares import least_squares
 
 
 def fitted(problem):
@@ -58,11 +58,11 @@ def test_the_noise_is_taken_as_expected():
     assert found.chi_square == pytest.approx(expected.chi_square, rel=1e-6)
 
 
-def test_lmfit_itself_is_at_hand():
+def test_the_result_of_lmfit_has_the_same_errors():
     table = table_of(REBOUND, labels=("surface",), count=14)
     problem = problem_of(table, scene_of(), pool={"mu": "surface"})
     point = best_fit(problem, np.random.default_rng(0))
-    result = minimized(problem, point)
+    result, _ = search._minimized(problem, point)
     found = least_squares(problem, point)
     assert isinstance(result, lmfit.minimizer.MinimizerResult)
     assert "mu_a_" in lmfit.fit_report(result)

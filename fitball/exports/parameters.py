@@ -23,7 +23,9 @@ from fitball.report.quantities import MAIN, records, unit_of
 from fitball.report.render import to_markdown
 from fitball.version import __version__
 
+# What says of a JSON file what it is.
 KIND = "fitball parameter set"
+# Of the layout of that file: another number if a reader must be changed.
 VERSION = 1
 # Verdicts of values that the data determine, alone or under assumptions.
 DETERMINED = ("identified", "given")
@@ -56,27 +58,29 @@ def as_json(sets: Sequence[ParameterSet], fit: Fitted | None) -> str:
         "origin": first.origin,
         "sets": [
             {
-                "label": one.label,
-                "values": dict(one.values),
-                "remarks": dict(one.sources),
-                "measured": _range(one),
+                "label": parameters.label,
+                "values": dict(parameters.values),
+                "remarks": dict(parameters.sources),
+                "measured": _range(parameters),
             }
-            for one in sets
+            for parameters in sets
         ],
     }
     if fit is not None:
         content |= _of_fit(fit)
     # On the way what is no finite number becomes null.
-    return json_bytes(json.decode(json.encode(content, enc_hook=lambda one: one.item()))).decode()
+    return json_bytes(
+        json.decode(json.encode(content, enc_hook=lambda number: number.item()))
+    ).decode()
 
 
-def _range(one: ParameterSet) -> dict[str, list[float]] | None:
-    """Smallest and largest of each incident column on this surface."""
-    if one.impacts is None:
+def _range(parameters: ParameterSet) -> dict[str, list[float]] | None:
+    """Smallest and largest of each incident column on this surface, SI; None without impacts."""
+    if parameters.impacts is None:
         return None
     return {
         name: [float(column.min()), float(column.max())]
-        for name, column in vars(one.impacts).items()
+        for name, column in vars(parameters.impacts).items()
     }
 
 
@@ -86,15 +90,17 @@ def _of_fit(fit: Fitted) -> dict[str, Any]:
         "table": {
             "name": table.name,
             "impacts": len(table),
-            "sha256": [one.get("sha256", "") for one in table.read],
+            "sha256": [entry.get("sha256", "") for entry in table.read],
         },
         "status": fit.status,
         "adequacy": {"answer": fit.adequacy.answer, "sentence": fit.adequacy.sentence},
         "not_determined": [
-            one.name for one in fit.reported if one.verdict not in (*DETERMINED, "fixed")
+            estimate.name
+            for estimate in fit.reported
+            if estimate.verdict not in (*DETERMINED, "fixed")
         ],
-        "parameters": {one.name: _estimate(one) for one in fit.parameters.values()},
-        "derived": {one.name: _estimate(one) for one in fit.derived.values()},
+        "parameters": {name: _estimate(estimate) for name, estimate in fit.parameters.items()},
+        "derived": {name: _estimate(estimate) for name, estimate in fit.derived.items()},
         "correlation": None,
     }
     if fit.posterior is not None:
@@ -106,10 +112,10 @@ def _of_fit(fit: Fitted) -> dict[str, Any]:
     return content
 
 
-def _estimate(one: Estimate) -> dict[str, Any]:
-    """Without the name, which is its key."""
-    known = asdict(one) | {"determined": one.verdict in DETERMINED}
-    return {key: value for key, value in known.items() if key != "name"}
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    """The fields of an estimate but its name, which is its key, and whether it is determined."""
+    fields = asdict(estimate) | {"determined": estimate.verdict in DETERMINED}
+    return {key: value for key, value in fields.items() if key != "name"}
 
 
 class _Row(NamedTuple):
@@ -128,7 +134,9 @@ class _Row(NamedTuple):
 
 
 def _rows(fit: Fitted) -> Iterator[_Row]:
-    """Those of model, levels and what follows from them, then of the noise."""
+    """Rows of the parameters of model and levels and of what follows from them, then of the
+    noise.
+    """
     for row in records(fit.summary):
         if row["kind"] not in (*MAIN, "noise"):
             continue
@@ -137,7 +145,8 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
         sampled = bool(np.isfinite(row["median"])) and row["sd"] > 0.0
         # A few far draws make an sd that no reader expects after a plus-minus sign.
         wide = 0.5 * (row["q84"] - row["q16"])
-        value, _, sd = unit.plus_minus(row["median" if sampled else "point"], wide).partition(" ± ")
+        middle = row["median"] if sampled else row["point"]
+        value, _, sd = unit.plus_minus(middle, wide).partition(" ± ")
         interval = unit.interval(row["q025"], row["q975"]) if sampled else ""
         mark = _MARKS.get(row["verdict"], ("", ""))[0]
         yield _Row(
@@ -153,6 +162,7 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
 
 
 def _notes(rows: Sequence[_Row]) -> list[tuple[str, str]]:
+    """The marks that rows have, and what each means."""
     used = {row.mark for row in rows}
     return [(mark, words) for mark, words in _MARKS.values() if mark in used]
 
@@ -166,14 +176,14 @@ def _caption(fit: Fitted) -> str:
         )
     model = fit.problem.forward.model.text
     table = fit.run.table
-    failed = " The sampler did not converge." * (fit.status == "not converged")
-    misfit = " The model does not describe these data." * (
-        fit.adequacy.answer == "does not describe"
+    caption = (
+        f"Parameters of {model} fitted to {len(table):,} impacts ({one_line(table.name)}): {what}."
     )
-    return (
-        f"Parameters of {model} fitted to {len(table):,} impacts ({one_line(table.name)}): "
-        f"{what}.{misfit}{failed}"
-    )
+    if fit.adequacy.answer == "does not describe":
+        caption += " The model does not describe these data."
+    if fit.status == "not converged":
+        caption += " The sampler did not converge."
+    return caption
 
 
 def as_latex(fit: Fitted) -> str:
@@ -194,9 +204,11 @@ def as_latex(fit: Fitted) -> str:
     ]
     for row in rows:
         base, bracket, level = row.name.partition("[")
-        symbol = f"{row.symbol or _latex(base)}{', ' + _latex(level[:-1]) if bracket else ''}"
-        mark = rf"^{{\mathrm{{{row.mark}}}}}" * bool(row.mark)
-        sd = rf" \pm {row.sd}" * bool(row.sd)
+        symbol = row.symbol or _latex(base)
+        if bracket:
+            symbol += f", {_latex(level[:-1])}"
+        mark = rf"^{{\mathrm{{{row.mark}}}}}" if row.mark else ""
+        sd = rf" \pm {row.sd}" if row.sd else ""
         value = f"${_power(row.value)}{sd}{mark}$"
         interval = f"${row.interval.replace('...', chr(92) + 'ldots')}$" if row.interval else ""
         meaning = rf"\raggedright {_latex(row.meaning)}"
@@ -220,7 +232,7 @@ def _power(number: str) -> str:
     """Numbers with a power of ten as LaTeX writes them."""
     return re.sub(
         r"e([+-])0*(\d+)",
-        lambda found: rf" \times 10^{{{found[1].strip('+')}{found[2]}}}",
+        lambda match: rf" \times 10^{{{match[1].strip('+')}{match[2]}}}",
         number,
     )
 
@@ -232,20 +244,21 @@ def _unit(unit: str) -> str:
 
 
 def as_markdown(fit: Fitted) -> str:
-    """The same as a Markdown table."""
+    """The rows of `as_latex` as a Markdown table."""
     rows = list(_rows(fit))
-    cells = [
-        {
-            "parameter": f"`{row.name}`",
-            "meaning": row.meaning,
-            "value": row.value
-            + (f" ± {row.sd}" if row.sd else "")
-            + (f" ({row.mark})" if row.mark else ""),
-            "95 % interval": row.interval,
-            "unit": row.unit,
-        }
-        for row in rows
-    ]
+    cells = []
+    for row in rows:
+        sd = f" ± {row.sd}" if row.sd else ""
+        mark = f" ({row.mark})" if row.mark else ""
+        cells.append(
+            {
+                "parameter": f"`{row.name}`",
+                "meaning": row.meaning,
+                "value": f"{row.value}{sd}{mark}",
+                "95 % interval": row.interval,
+                "unit": row.unit,
+            }
+        )
     notes = [f"({mark}) {words}." for mark, words in _notes(rows)]
     table = Table("", cells, ("meaning", "unit"))
     return to_markdown(Report("Parameters", [Text([_caption(fit)]), table, Text(notes)]))

@@ -94,7 +94,8 @@ class Diagnostics(Struct, frozen=True):
 class Profile(Struct, frozen=True):
     """`drop` (points,) of the log likelihood, scene included, below its maximum, at rising `values`
     (points,). Ends of intervals are None on an open side; 95 % is a drop of n/2 ln(1 + t^2/(n-p)),
-    Student's t of n-p.
+    Student's t of n-p. No page shows `interval_68`: it is the standard error of a point fit, for
+    who works with `fit.profiles`.
     """
 
     values: FloatArray
@@ -117,8 +118,9 @@ class Judgement(Struct, frozen=True):
 
 class Estimate(Summary, frozen=True, kw_only=True):
     """A parameter or derived quantity: its `kind` (model, level, noise, camera, ball, derived),
-    prior with source, `contraction` (1 - variance over prior variance, to first order), and its
-    judgement.
+    prior, `contraction` (1 - variance over prior variance, to first order), and its judgement.
+    `prior_source` is the work that a published prior is from, for who reads `fit.json` or the
+    export `json`; pages name it in a note.
     """
 
     name: str

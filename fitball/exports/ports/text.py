@@ -31,21 +31,23 @@ from fitball.version import __version__
 # Largest difference that a self-test allows: other mathematical libraries differ by their last
 # digit, 2e-16, which the search for the ends of phases amplifies a hundredfold or so.
 TOLERANCE = 1e-12
-# Vertical speeds of golden impacts where none were measured [m/s]; speeds along the court, and R
-# omega, over them.
+# Vertical speeds of golden impacts where none were measured [m/s]: from a lob to a serve.
 SPEEDS = (4.0, 25.0)
+# Their speeds along the court over the vertical ones: balls that grip, both, and slide.
 ALONG = (0.3, 1.2, 4.0)
+# Their R omega over the vertical speeds: backspin, none, topspin.
 SPINNING = (-0.8, 0.0, 1.5)
 # What is the other way for a ball that flies to the left.
 MIRRORED = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
 # A double holds so many phases, and JavaScript has no other numbers.
 PHASES = 17
-# Characters of a name at most, beginnings included: C99 distinguishes 63. Names that files have
-# besides.
+# Characters of a name at most, beginnings included: C99 distinguishes 63.
 LONGEST = 40
+# Names that files have besides.
 TAKEN = ("SELF_TEST",)
 # Punctuation that means nothing in a comment.
 HARMLESS = " .,:;_-+=()[]%'/&^×±"
+# Languages that are translated to; Python gets the kernels' own text.
 _DIALECTS: dict[str, Dialect] = {"c": C, "csharp": CSHARP, "javascript": JAVASCRIPT}
 # The file of each language.
 FILES = {
@@ -57,32 +59,33 @@ FILES = {
 }
 
 
-def golden_of(one: ParameterSet) -> list[list[float]]:
+def golden_of(parameters: ParameterSet) -> list[list[float]]:
     """Impacts over the measured speeds, of all kinds of slip, every other one to the left: their
     states, OUTPUTS and packed regimes. Raises ParameterError (`no-answer`) if the model has no
     answer for any of them.
     """
-    radius = one.values.get("ball_radius", one.model.ball.radius)
-    v_y, along, spinning = np.array(list(product(one.measured or SPEEDS, ALONG, SPINNING))).T
-    given = Impacts(along * v_y, v_y, spinning * v_y / radius)
+    model = parameters.model
+    radius = parameters.values.get("ball_radius", model.ball.radius)
+    states = product(parameters.measured or SPEEDS, ALONG, SPINNING)
+    v_y, along, spinning = np.array(list(states)).T
+    impacts = Impacts(along * v_y, v_y, spinning * v_y / radius)
     # As the kernel has it, with the phases of a drop.
-    values = np.array([list(one.values.values())])
-    found: Rebound = one.model.solve(one.model.ball, tuple(one.values), values, given, None)
-    good = (found.status[0] == Status.OK) & (found.regime[0] < 1 << PHASES * PHASE_BITS)
+    values = np.array([list(parameters.values.values())])
+    rebound: Rebound = model.solve(model.ball, tuple(parameters.values), values, impacts, None)
+    solved = rebound.status[0] == Status.OK
+    short = rebound.regime[0] < 1 << PHASES * PHASE_BITS
+    good = solved & short
     if not good.any():
-        reason = REASONS[Status(int(found.status[0, 0]))]
+        reason = REASONS[Status(int(rebound.status[0, 0]))]
         raise ParameterError(
-            f"model {one.model.text} has no answer at these values: {reason}",
+            f"model {model.text} has no answer at these values: {reason}",
             "no-answer",
         )
-    numbers = np.stack(
-        [*vars(given).values(), *(getattr(found, name)[0] for name in (*OUTPUTS, "regime"))],
-        axis=1,
-    )
-    numbers = numbers[good]
-    numbers[1::2] *= [
-        -1.0 if name in MIRRORED else 1.0 for name in (*vars(given), *OUTPUTS, "regime")
-    ]
+    columns: dict[str, FloatArray] = {**vars(impacts)}
+    for name in (*OUTPUTS, "regime"):
+        columns[name] = getattr(rebound, name)[0]
+    numbers = np.stack([*columns.values()], axis=1)[good]
+    numbers[1::2] *= [-1.0 if name in MIRRORED else 1.0 for name in columns]
     rows: list[list[float]] = numbers.tolist()
     return rows
 
@@ -103,15 +106,15 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
     the same model and choices. Raises ModelError (`own-model`, and `no-port` without a front or of
     a kernel that has no translation), ParameterError (`no-answer`, and as `Model.rebound`).
     """
-    calls = [one.model.kernel_call(one.values) for one in sets]
+    calls = [parameters.model.kernel_call(parameters.values) for parameters in sets]
     front = front_of(sets[0].model)
-    golden = [golden_of(one) for one in sets]
+    golden = [golden_of(parameters) for parameters in sets]
     if language == "golden":
         return _golden_table(sets, golden)
     dialect = _DIALECTS.get(language)
     margin = "# " if language == "python" else " * "
     source = _source(sets, front, calls, golden, dialect)
-    names = _names([one.label for one in sets])
+    names = _names([parameters.label for parameters in sets])
     if dialect is None:
         _check_translation(_source(sets, front, calls, golden, C))
         structs = [python.struct_text(kind) for kind in source.compounds]
@@ -122,10 +125,8 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
         functions = [translated(source, name, dialect) for name in source.functions]
         constants = [dialect.constant_of(name, value) for name, value in source.constants.items()]
     parts = {
-        "head": "\n".join(f"{margin}{line}".rstrip() for line in _head(sets, names)),
-        "licence": "\n".join(
-            f"{margin}{line}".rstrip() for line in _template("licence.txt").splitlines()
-        ),
+        "head": _indented(margin, _head(sets, names)),
+        "licence": _indented(margin, _template("licence.txt").splitlines()),
         "structs": "\n".join(filter(None, structs)),
         "constants": "\n".join(constants),
         "tolerance": repr(TOLERANCE),
@@ -133,19 +134,22 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
         "impacts": str(source.constants["IMPACTS_"]),
     }
 
-    def filled(found: re.Match[str]) -> str:
-        if found["line"]:
+    def filled(match: re.Match[str]) -> str:
+        if match["line"]:
             return "\n".join(
-                found["line"].replace("@name@", name).replace("@place@", str(k))
+                match["line"].replace("@name@", name).replace("@place@", str(k))
                 for k, name in enumerate(names)
             )
-        return "\n".join(
-            f"{found['indent']}{line}".rstrip() for line in parts[found["part"]].split("\n")
-        )
+        return _indented(match["indent"], parts[match["part"]].split("\n"))
 
     # A line of a template with @name@ stands for one of each set.
     pattern = r"(?m)^(?P<line>.*@name@.*)$|(?P<indent>(?:^ +)?)@(?P<part>[a-z]+)@"
     return re.sub(pattern, filled, _template(f"port.{language}"))
+
+
+def _indented(margin: str, lines: Sequence[str]) -> str:
+    """Lines behind a margin, without blanks at their ends."""
+    return "\n".join(f"{margin}{line}".rstrip() for line in lines)
 
 
 def _check_translation(source: Source) -> None:
@@ -164,29 +168,31 @@ def _source(
     dialect: Dialect | None,
 ) -> Source:
     """The functions of a port with its numbers."""
+    # Named tuples whose fields are known at run time alone.
     struct: Any = NamedTuple
     columns = (*calls[0].columns, "v_y1_low", "v_y1_high")
-    parameters = struct("Parameters", [(name, float) for name in columns])
+    row_type = struct("Parameters", [(name, float) for name in columns])
     choices = struct("Choices", [(name, int) for name, _ in CHOICES])
     flags = calls[0].flags
-    rows = [[float(k), *np.nan_to_num(row).tolist()] for k, one in enumerate(golden) for row in one]
-    given = {
+    numbers = [
+        [float(k), *np.nan_to_num(row).tolist()] for k, rows in enumerate(golden) for row in rows
+    ]
+    constants = {
         "SOLVED": front.answer,
         "FLAGS": choices(*flags),
         "LEVELS": [
-            parameters(*call.row, *(one.measured or (0.0, 0.0)))
-            for one, call in zip(sets, calls, strict=True)
+            row_type(*call.row, *(parameters.measured or (0.0, 0.0)))
+            for parameters, call in zip(sets, calls, strict=True)
         ],
-        "GOLDEN": list(chain.from_iterable(rows)),
-        "IMPACTS": len(rows),
+        "GOLDEN": list(chain.from_iterable(numbers)),
+        "IMPACTS": len(numbers),
         "GRIP_ONLY": int(front.grip_only(flags)),
         "MAX_PACKED_PHASES": PHASES,
     }
-    types = {FloatArray: parameters, Flags: choices, offered.Parameters: parameters}
+    types = {FloatArray: row_type, Flags: choices, offered.Parameters: row_type}
     helpers = python.HELPERS if dialect is None else dialect.helpers
-    return collected(
-        (offered.rebound, offered.rebound_3d, offered.self_test), given, types, helpers
-    )
+    functions = (offered.rebound, offered.rebound_3d, offered.self_test)
+    return collected(functions, constants, types, helpers)
 
 
 def _golden_table(sets: Sequence[ParameterSet], golden: Sequence[list[list[float]]]) -> str:
@@ -194,24 +200,27 @@ def _golden_table(sets: Sequence[ParameterSet], golden: Sequence[list[list[float
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["level", "v_x1", "v_y1", "omega_1", *OUTPUTS, "regime"])
-    for one, rows in zip(sets, golden, strict=True):
+    for parameters, rows in zip(sets, golden, strict=True):
         for *numbers, regime in rows:
-            cells = ["" if number != number else repr(number) for number in numbers]
-            writer.writerow([source_text(one.label), *cells, regime_name(int(regime))])
+            cells = ["" if np.isnan(number) else repr(number) for number in numbers]
+            writer.writerow([source_text(parameters.label), *cells, regime_name(int(regime))])
     return text.getvalue()
 
 
 def _names(labels: Sequence[str]) -> list[str]:
     """Constants for labels: capitals, digits and underscores of ASCII, all different."""
-    found: list[str] = []
+    names: list[str] = []
     for label in labels:
+        # Letters without their accents.
         apart = unicodedata.normalize("NFKD", label)
-        plain = "".join(c for c in apart if not unicodedata.combining(c)).upper()
-        plain = re.sub("[^A-Z0-9]+", "_", plain).strip("_")
-        name = (plain if plain[:1].isalpha() else f"BALL_{plain}".rstrip("_"))[:LONGEST].rstrip("_")
+        plain = "".join(char for char in apart if not unicodedata.combining(char)).upper()
+        name = re.sub("[^A-Z0-9]+", "_", plain).strip("_")
+        if not name[:1].isalpha():
+            name = f"BALL_{name}".rstrip("_")
+        name = name[:LONGEST].rstrip("_")
         numbered = chain([name], (f"{name}_{k}" for k in count(2)))
-        found.append(next(one for one in numbered if one not in found and one not in TAKEN))
-    return found
+        names.append(next(name for name in numbered if name not in (*names, *TAKEN)))
+    return names
 
 
 def _head(sets: Sequence[ParameterSet], names: Sequence[str]) -> list[str]:
@@ -222,34 +231,26 @@ def _head(sets: Sequence[ParameterSet], names: Sequence[str]) -> list[str]:
         f"Bounce of a ball: model {first.model.text}. Made by fitball {__version__} from its "
         "kernels."
     ]
-    sentences += [*dict.fromkeys(one.origin for one in sets), ""]
+    sentences += [*dict.fromkeys(parameters.origin for parameters in sets), ""]
     if not first.model.tangential:
         sentences[-1:] = [
             "A model of drops: the ball keeps its velocity along the court and its spin.",
             "",
         ]
-    for one, name in zip(sets, names, strict=True):
-        low, high = one.measured or (0.0, 0.0)
-        known = (
-            f"measured from v_y1 = {low:.4g} to {high:.4g} m/s"
-            if one.measured
-            else "not fitted to measurements"
-        )
-        sentences.append(f"{name}: {one.label or 'the ball'}, {known}.")
-        sentences += [f"{own} of {name}: {text}." for own, text in one.sources.items()]
-    sentences += [
-        "",
-        *(
-            f"{spec.name} [{spec.unit or 1}]: {spec.meaning}."
-            for spec in first.model.specs.values()
-        ),
-    ]
-    said = [
-        *map(source_text, sentences),
-        "",
-        *_template("usage.txt").replace("@phases@", phases).splitlines(),
-    ]
-    return [line for text in said for line in wrap(text, 110) or [""]]
+    for parameters, name in zip(sets, names, strict=True):
+        basis = "not fitted to measurements"
+        if parameters.measured is not None:
+            low, high = parameters.measured
+            basis = f"measured from v_y1 = {low:.4g} to {high:.4g} m/s"
+        sentences.append(f"{name}: {parameters.label or 'the ball'}, {basis}.")
+        for parameter, text in parameters.sources.items():
+            sentences.append(f"{parameter} of {name}: {text}.")
+    sentences.append("")
+    for spec in first.model.specs.values():
+        sentences.append(f"{spec.name} [{spec.unit or 1}]: {spec.meaning}.")
+    usage = _template("usage.txt").replace("@phases@", phases)
+    paragraphs = [*map(source_text, sentences), "", *usage.splitlines()]
+    return [line for text in paragraphs for line in wrap(text, 110) or [""]]
 
 
 def source_text(text: str) -> str:

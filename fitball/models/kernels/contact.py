@@ -80,7 +80,6 @@ CHOICES = (
     ("release", ("zero_displacement", "zero_force")),
 )
 NORMAL, OFFSET, TORSION, INERTIA, SPIN, RELEASE = range(6)
-NORMAL_INNER = 0
 NORMAL_MOMENTUM = 1
 NORMAL_TOTAL = 2
 OFFSET_CONTACT = 1
