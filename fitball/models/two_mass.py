@@ -9,13 +9,13 @@ from fitball.models.kernels.contact import CHOICES as FLAGS
 from fitball.models.kernels.contact import COLUMNS
 from fitball.models.kernels.phases import bounce
 from fitball.models.model import KernelSolver, Model
-from fitball.models.specs import SPECS
+from fitball.models.specs import BALL_PARAMETERS, SPECS
 
+# Options of each choice, in the order of a kernel's flags.
 CHOICES: Mapping[str, tuple[str, ...]] = dict(FLAGS)
-# What a column without a parameter holds, where not zero: in a drop core and shell have any
-# inertia.
+# Values of columns without a parameter, where not zero: in a drop core and shell have any inertia.
 ABSENT = {"inertia_split": 0.5}
-# A drop has no twist, whose damping could not be matched.
+# Options without motion along the court: a drop has no twist, whose damping could not be matched.
 DROP = {"torsion": "free", "inertia": "table"}
 
 
@@ -28,15 +28,15 @@ class TwoMass(KernelSolver):
 
 
 def _parameters(options: Mapping[str, str], tangential: bool) -> tuple[str, ...]:
-    """Names of the parameters of a composition, without motion along the court only the vertical
-    ones.
+    """Names of the parameters of a composition; without motion along the court (not `tangential`)
+    those of the vertical motion only.
 
     The mass ratio acts on the vertical motion unless the whole mass rides the spring, and on the
     spin where it sets the inertia of the core.
     """
-    heavy = options["normal"] != "total" or (tangential and options["inertia"] == "tied")
-    wanted = {
-        "mass_ratio": heavy,
+    tied = tangential and options["inertia"] == "tied"
+    acts = {
+        "mass_ratio": options["normal"] != "total" or tied,
         "k_y": True,
         "k_theta": tangential,
         "mu": tangential,
@@ -47,7 +47,7 @@ def _parameters(options: Mapping[str, str], tangential: bool) -> tuple[str, ...]
         "zeta_theta": tangential and options["torsion"] == "free",
         "inertia_split": tangential and options["inertia"] == "table",
     }
-    return tuple(name for name, present in wanted.items() if present)
+    return tuple(name for name in acts if acts[name])
 
 
 def compose(
@@ -57,13 +57,20 @@ def compose(
     tangential: bool,
     options: Mapping[str, str],
 ) -> Model:
-    """The model of a composition with its parameters."""
+    """The two-mass model under `options`, one of each choice, with its parameters; of a ball that
+    moves along the court too if `tangential`.
+    """
     used = options if tangential else {**options, **DROP}
-    normal, offset, torsion, inertia, spin, release = (
-        values.index(used[key]) for key, values in CHOICES.items()
+    flags = (
+        CHOICES["normal"].index(used["normal"]),
+        CHOICES["offset"].index(used["offset"]),
+        CHOICES["torsion"].index(used["torsion"]),
+        CHOICES["inertia"].index(used["inertia"]),
+        CHOICES["spin"].index(used["spin"]),
+        CHOICES["release"].index(used["release"]),
     )
-    flags = (normal, offset, torsion, inertia, spin, release)
-    solver = TwoMass(flags, tuple(ABSENT.get(column, 0.0) for column in COLUMNS[:-3]))
-    specs = tuple(SPECS[own] for own in _parameters(options, tangential))
+    columns = COLUMNS[: -len(BALL_PARAMETERS)]
+    solver = TwoMass(flags, tuple(ABSENT.get(column, 0.0) for column in columns))
+    specs = tuple(SPECS[parameter] for parameter in _parameters(options, tangential))
     below = (("cor_10", "mass_ratio"),) if options["normal"] == "momentum" else ()
     return Model(name, text, ball, options, specs, solver, tangential, timed=True, below=below)

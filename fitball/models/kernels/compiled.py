@@ -1,10 +1,9 @@
 """How kernels are compiled: `njit(cache=True)` without the GIL, in a folder named by the hash of
 all their sources.
 
-Numba keeps what it compiled until the file of that function changes, and does not see edits of what
-it calls in other
-files: so new sources mean a new folder. Of processes that start together one compiles, and the
-others wait for it.
+Numba caches what it compiled until the file of that function changes, and does not see edits in
+other files of what the function calls: so new sources mean a new folder. Of processes that start
+together one compiles, and the others wait for it.
 """
 
 import functools
@@ -19,10 +18,11 @@ import numba
 
 from fitball.base.environment import cache_folder, once_for_all_processes
 
-# A division by zero gives an infinity or NaN, which ends as a status; products and sums may be
-# contracted.
+# Kernels run in threads. A division by zero gives an infinity or NaN, which ends as a status;
+# products and sums may be contracted.
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}}
-# Without ways in for the interpreter and for C, which take a fifth of the time to compile.
+# Inlined parts have no wrappers for the interpreter and for C, which take a fifth of the time to
+# compile.
 INNER: dict[str, Any] = {
     "forceinline": True,
     "no_cpython_wrapper": True,
@@ -34,33 +34,36 @@ R = TypeVar("R")
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that others call, in Python too: not kept on disk by itself."""
-    made: Callable[P, R] = numba.njit(**OPTIONS)(function)
-    return made
+    """A kernel that other kernels and Python call: not cached on disk by itself."""
+    compiled: Callable[P, R] = numba.njit(**OPTIONS)(function)
+    return compiled
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """A part of kernels, expanded where it is called (without that a bounce takes 1.8 times as
     long).
     """
-    made: Callable[P, R] = numba.njit(**INNER)(function)
-    return made
+    compiled: Callable[P, R] = numba.njit(**INNER)(function)
+    return compiled
 
 
 @functools.cache
 def folder() -> Path:
-    """Where these sources, compiled by this numba, are kept."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
-    named = b"".join(source.read_bytes() for source in sources) + numba.__version__.encode()
-    return cache_folder() / f"kernels-{hashlib.sha256(named).hexdigest()[:16]}"
+    """The folder in which these sources, compiled by this numba, are cached."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    digest.update(numba.__version__.encode())
+    return cache_folder() / f"kernels-{digest.hexdigest()[:16]}"
 
 
 def entry(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that Python calls, kept on disk; the first call compiles it, or waits for a process
-    that does.
+    """A kernel that Python calls, cached on disk; the first call compiles it, or waits for a
+    process that does.
     """
     settings: Any = numba.config
-    before, settings.CACHE_DIR = settings.CACHE_DIR, os.fspath(folder())
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = os.fspath(folder())
     try:
         compiled: Callable[P, R] = numba.njit(cache=True, **OPTIONS)(function)
     finally:
@@ -72,19 +75,17 @@ def entry(function: Callable[P, R]) -> Callable[P, R]:
         nonlocal ready
         if ready:
             return compiled(*arguments, **named)
-        with once_for_all_processes(
-            folder() / f"{function.__module__}.{function.__name__}",
-            "compiling the models, once",
-        ):
+        mark = folder() / f"{function.__module__}.{function.__name__}"
+        with once_for_all_processes(mark, "compiling the models, once"):
             collecting = gc.isenabled()
             # A compiler makes little but objects that stay.
             gc.disable()
             try:
-                found: R = compiled(*arguments, **named)
+                result: R = compiled(*arguments, **named)
             finally:
                 if collecting:
                     gc.enable()
         ready = True
-        return found
+        return result
 
     return call

@@ -22,14 +22,14 @@ Flags: TypeAlias = tuple[int, int, int, int, int, int]
 
 # Speed at which the law of restitution has the value `cor_10` and the slope `cor_slope` [m/s].
 ANCHOR_SPEED = 10.0
-# Where the exponential of a double would overflow; restitution that is none: it would take damping
-# without bounds.
+# Exponent from which on ln(1 + odds exp(x)) is that of its second term: exp overflows from 709 on.
 LARGE = 600.0
+# Restitution below which there is no answer: it would take damping without bounds.
 LEAST_COR = 1e-12
 # Inner radius of the shell in units of the outer one, for the split of inertia (Appendix B).
 CORE_RADIUS_RATIO = 0.97
 
-# As kernels have them: plain integers.
+# Statuses as kernels have them: plain integers.
 OK = +Status.OK
 COR_OUT_OF_RANGE = +Status.COR_OUT_OF_RANGE
 COR_EXCEEDS_MASS_RATIO = +Status.COR_EXCEEDS_MASS_RATIO
@@ -39,6 +39,7 @@ NO_INERTIA = +Status.NO_INERTIA
 REBOUND_FALLS = +Status.REBOUND_FALLS
 NO_IMPACT = +Status.NO_IMPACT
 
+# Parameters in the order of a kernel's row, and the places of each.
 COLUMNS = (
     "mass_ratio",
     "k_y",
@@ -80,18 +81,26 @@ CHOICES = (
     ("release", ("zero_displacement", "zero_force")),
 )
 NORMAL, OFFSET, TORSION, INERTIA, SPIN, RELEASE = range(6)
+# normal=momentum: landing stops the shell by an impulse; at release the core picks it up.
 NORMAL_MOMENTUM = 1
+# normal=total: the whole mass rides on the spring.
 NORMAL_TOTAL = 2
+# offset=contact: the offset acts during the whole contact, else while gripping only.
 OFFSET_CONTACT = 1
+# torsion=free: the damping ratio is a parameter; else twist and compression have one damped
+# frequency while the ball slides.
 TORSION_FREE = 1
+# inertia=tied: the inertias of core and shell follow from the mass ratio.
 INERTIA_TIED = 1
+# spin=shell: the spin after the bounce is that of the shell at release, else the mean of both.
 SPIN_SHELL = 0
+# release=zero_force: contact ends when the force returns to zero, else when the compression does.
 ZERO_FORCE = 1
 
 
 class Law(NamedTuple):
-    """The law of restitution, `COR = cap e`: `cor_10`, with `ln(e) = log_10`, where `odds` are
-    zero, else with `x = ln(v_y/10)` `ln(e) = -share ln(1 + odds exp(power x))`.
+    """The law of restitution, `COR = cap e`. Where `odds` is zero COR is `cor_10` at every speed,
+    and `ln(e) = log_10`; else `ln(e) = -share ln(1 + odds exp(power x))` with `x = ln(v_y/10)`.
     """
 
     cap: float
@@ -103,12 +112,12 @@ class Law(NamedTuple):
 
 
 class Ball(NamedTuple):
-    """A parameter set on a ball, SI: what its impacts share.
+    """What all impacts of a parameter set on a ball share, SI.
 
-    `core`, `shell` moments of inertia, `gyration = shell + M R^2`, `lever = M R/gyration`; `slip`,
-    `rest` the compliances of the twist in slip and at zero slip; `riding` the mass on the spring,
-    of `frequency` [rad/s] with its square, `landing` the mass that landing stops; `law` of
-    restitution.
+    `core` and `shell` are moments of inertia, `gyration = shell + M R^2`, `lever = M R/gyration`;
+    `slip` and `rest` the compliances of the twist in slip and at zero slip; `riding` the mass on
+    the spring, of `frequency` [rad/s] without damping and its square, `landing` the mass that
+    landing stops; `law` that of restitution.
     """
 
     mass: float
@@ -133,9 +142,10 @@ class Ball(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """One impact on a ball: the vertical oscillator, COR of the whole ball; end of compression,
-    release [s], and when the flight after it, followed back, is at the height of contact; the twist
-    in slip and at zero slip, damping of the joint [N m s], offset [m], and the state just before
+    """One impact on a ball, SI: the vertical oscillator `spring`, COR of the whole ball; the times
+    of the end of the force, of release, and at which the flight after it, followed back, is at the
+    height of contact; the oscillators of the twist in `slip` and at zero slip (`rest`), `damping`
+    of the joint [N m s], offset `eps` [m], whether it acts in slip too, and the state just before
     landing.
     """
 
@@ -157,7 +167,8 @@ class Contact(NamedTuple):
 
 @kernel
 def law_of(cor_10: float, cor_slope: float, cap: float) -> tuple[int, Law]:
-    """Status and law of restitution with this value and slope at 10 m/s.
+    """Status and law of restitution with the value `cor_10` and the slope `cor_slope` at 10 m/s,
+    below the limit `cap`.
 
     With `e = COR/cap` and `w = -10 cor_slope/cor_10`: `e = (1 + (v/v_0)^q)^(-1/q)` for 0 < w < 1;
     the odds of `e` go as a power of `v` for w < 0; `e` is constant for w = 0, or where it is 1.
@@ -168,6 +179,7 @@ def law_of(cor_10: float, cor_slope: float, cap: float) -> tuple[int, Law]:
     odds = 0.0
     power = 0.0
     share = 0.0
+    # From w = 1 on the speed after the bounce would not grow with the speed before it.
     status = OK if w < 1.0 else REBOUND_FALLS
     if not e > 0.0:
         status = COR_OUT_OF_RANGE
@@ -244,13 +256,14 @@ def restitution(law: Law, v_y: float, cor: float) -> tuple[int, float, float]:
         log_e = law.log_10
     else:
         x = law.power * math.log(v_y / ANCHOR_SPEED)
-        log_e = -law.share * (
-            math.log1p(law.odds * math.exp(x)) if x < LARGE else x + math.log(law.odds)
-        )
+        log_sum = math.log1p(law.odds * math.exp(x)) if x < LARGE else x + math.log(law.odds)
+        log_e = -law.share * log_sum
         cor = law.cap * math.exp(log_e)
     if not LEAST_COR < cor <= 1.0:
         return COR_OUT_OF_RANGE, cor, log_e
-    return COR_EXCEEDS_MASS_RATIO if cor > law.cap else OK, cor, log_e
+    if cor > law.cap:
+        return COR_EXCEEDS_MASS_RATIO, cor, log_e
+    return OK, cor, log_e
 
 
 @inlined
@@ -262,20 +275,26 @@ def zero_force_release(log_e: float) -> tuple[float, float, float]:
     solved for `b^2`, which is negative beyond critical damping.
     """
     x = -0.5 * log_e
-    # Good to 4e-12 below 0.5 (restitution above 0.37).
-    z = 0.00037281493 + x * 0.000170741727
-    z = 2.4674011 - x * (2.0 + x * (0.405284705 + x * (0.0583219842 + x * (0.00433787671 - x * z))))
-    z = z if x < 1.0 else (1.0 - x) * (2.0 + x)
+    # A polynomial near z = b^2, to 3e-10 for x below 0.5 (restitution above 0.37): one step of the
+    # loop is then enough.
+    z = 0.00433787671 - x * (0.00037281493 + x * 0.000170741727)
+    z = 2.4674011 - x * (2.0 + x * (0.405284705 + x * (0.0583219842 + x * z)))
+    if not x < 1.0:
+        z = (1.0 - x) * (2.0 + x)
+    # Newton's steps on `b cot(b) = x`, in terms of C and S of an oscillator.
     for _ in range(60):
         swing = swing_at(spring_of(0.0, z, z), 1.0)
         c = 1.0 + swing.c
         s = swing.s
         # Of the slopes by z that of the cosine is -s/2; this is that of s.
-        fall = 0.5 * (c - s) / z if abs(z) > 1e-4 else -1.0 / 6.0
+        fall = -1.0 / 6.0
+        if abs(z) > 1e-4:
+            fall = 0.5 * (c - s) / z
         step = (c / s - x) / (0.5 + c * fall / (s * s))
         z += step
         if abs(step) <= 1e-9 * (1.0 + abs(z)):
             break
+    # s goes along with the last step.
     s += fall * step
     return x * s, z * s * s, 2.0 / s
 
@@ -289,7 +308,8 @@ def contact_of(
     omega: float,
     cor: float,
 ) -> tuple[int, Contact]:
-    """Status and contact of one impact; `cor` replaces the law of restitution unless it is NaN.
+    """Status and contact of one impact at this state, SI; `cor` replaces the law of restitution
+    unless it is NaN.
 
     A ball that leaves when its force has gone is still pressed in, by `y = 2 zeta e v_y1/omega_y`:
     its flight, of speed `v_y2 = COR v_y1`, begins `y/v_y2` later.
@@ -325,7 +345,10 @@ def contact_of(
         if natural < damped and status == OK:
             status = TORSION_TOO_SOFT
         decay = math.sqrt(max(natural - damped, 0.0))
+    # At zero slip the ground holds the shell: the joint turns more inertia, and swings slower.
     softer = ball.rest / ball.slip
+    decay_rest = decay * softer
+    natural_rest = natural * softer
     return status, Contact(
         ball,
         spring,
@@ -334,11 +357,7 @@ def contact_of(
         angle * per_omega,
         (angle + late) * per_omega,
         spring_of(decay, damped, natural),
-        spring_of(
-            decay * softer,
-            natural * softer - decay * softer * (decay * softer),
-            natural * softer,
-        ),
+        spring_of(decay_rest, natural_rest - decay_rest * decay_rest, natural_rest),
         2.0 * decay / ball.slip,
         ball.eps_10 + ball.eps_slope * (v_y - ANCHOR_SPEED),
         flags[OFFSET] == OFFSET_CONTACT,
@@ -350,8 +369,8 @@ def contact_of(
 
 @inlined
 def landed(contact: Contact) -> tuple[float, float, bool]:
-    """`(v_x, omega_2, stuck)` just after the impulse that stops the shell: `stuck` if it has used
-    up the slip.
+    """`(v_x, omega_2, stuck)` just after the impulse of landing that stops the shell; `stuck` says
+    whether that has used up the slip.
 
     While the impulse grows the slip obeys `du/dJ = -s mu A + R eps/I_s` with the compliance `A =
     1/M + R^2/I_s`: a bounce with constant force ratio, so that Coulomb's law is followed exactly.
@@ -369,17 +388,22 @@ def landed(contact: Contact) -> tuple[float, float, bool]:
     side = 1.0 if slip > 0.0 else -1.0
     rate = compliance * (mu - side * need_slide)
     stuck = slip == 0.0 or rate * impulse > side * slip
-    # What of the normal impulse it takes to use up the slip.
-    spent = (side * slip / rate if slip != 0.0 else 0.0) if stuck else impulse
-    friction = side * mu * spent
+    # The part of the normal impulse during which the contact slips.
+    slipping = impulse
+    if stuck:
+        slipping = 0.0
+        if slip != 0.0:
+            slipping = side * slip / rate
+    friction = side * mu * slipping
+    # The part during which an offset acts that acts in grip alone.
     acting = 0.0
-    left = impulse - spent
+    rest = impulse - slipping
     if abs(need) <= mu:
-        friction = friction + need * left
-        acting = left
+        friction = friction + need * rest
+        acting = rest
     elif abs(need_slide) > mu and stuck:
         # The offset overcomes friction: the contact slips on in the direction it drives.
-        friction += math.copysign(mu, need_slide) * left
+        friction += math.copysign(mu, need_slide) * rest
         stuck = False
     if contact.eps_in_slide:
         acting = impulse

@@ -31,9 +31,9 @@ from fitball.models.kernels.motion import (
 
 
 class Weights(NamedTuple):
-    """A contact function: a constant, and what it takes of twist, twist rate, normal force, and
-    impulse since the start of the piece. `order` zeros are known to sit at the start itself, where
-    it is positive just after.
+    """A contact function as a sum: a constant, and its weights of twist, twist rate, normal force,
+    and impulse since the start of the piece. It has `order` zeros at the start itself, and is
+    positive just after.
     """
 
     order: int
@@ -45,7 +45,7 @@ class Weights(NamedTuple):
 
 
 class Jet(NamedTuple):
-    """Value, slope and curvature at a time."""
+    """Value, slope and curvature of a function of time at one instant."""
 
     value: float
     slope: float
@@ -68,7 +68,7 @@ class Curve(NamedTuple):
     fast_f: float
 
 
-# Stands for the second function where there is only one: it is not looked at.
+# The contact function zero, which stands in for a second one where there is none.
 FLAT = Curve(
     Weights(0, 0.0, 0.0, 0.0, 0.0, 0.0),
     Jet(0.0, 0.0, 0.0),
@@ -80,40 +80,43 @@ FLAT = Curve(
     0.0,
     0.0,
 )
-# No time of a zero, which are all positive or zero.
+# In place of a time: there is no zero. No time is negative.
 NO_ZERO = -1.0
-# Error of the quintic's value, over max|f6| h^6.
+# Error of the quintic's value, over the sixth derivative times width^6 (Birkhoff and Priver 1967).
 OFF = 1.0 / 46080
-# The same of a value of which one zero is divided out.
+# That error over the share of the interval since its start, where one zero there is divided out.
 OFF_ONCE = 1.0 / 20833
-# The same of a value of which two zeros are divided out.
+# That error over the square of the share, where two zeros are divided out.
 OFF_TWICE = 1.0 / 6826
-# Error of the quintic's slope, over max|f6| h^5: sqrt(5)/30000, rounded up.
+# Error of its slope times width: sqrt(5)/30000 (Birkhoff and Priver 1967).
 OFF_SLOPE = 7.4536e-5
-# Sixth derivative times width^6 over value from which the first width is halved at once.
+# Sixth derivative times width^6 over value from which the first width is halved at once. It saves
+# time only: every interval is proved or halved anyway.
 WIDE = 700.0
-# Steps after which a search is given up: none of a bounce that can be solved needs so many.
+# Intervals after which a search is given up (status TOO_MANY_PHASES).
 MAX_STEPS = 10000
-# Steps after which rounding of the swings that were put together is worth making them anew.
+# Steps after which rounding of the swings that were put together matters enough to compute them
+# anew.
 MANY_STEPS = 8
 
 
 @inlined
 def sixth_bounds(o: Spring, c: float, s: float, span: float) -> tuple[float, float]:
-    """Bounds of |d^6/dt^6 (c C + s S)| up to `span`, over the swing's slow and its fast
-    exponential.
+    """Bounds of |d^6/dt^6 (c C + s S)| of an oscillator up to the time `span`, over the slow and
+    over the fast exponential of its swing.
     """
     turn = o.damped_squared * span * span
     if turn > 1.0:
-        return o.natural_squared * o.natural_squared * o.natural_squared * (
-            abs(c) + abs(s) * o.period
-        ), 0.0
+        poles = o.natural_squared * o.natural_squared * o.natural_squared
+        return poles * (abs(c) + abs(s) * o.period), 0.0
     if turn < -1.0:
         # Each exponential with its own pole: or the fast one's sixth power would outlive its share.
         fast = o.decay + o.frequency
+        slow = o.natural_squared / fast
         lead = s * o.period
-        return 0.5 * abs(c + lead) * (o.natural_squared / fast) ** 6, 0.5 * abs(c - lead) * fast**6
+        return 0.5 * abs(c + lead) * slow**6, 0.5 * abs(c - lead) * fast**6
     for _ in range(6):
+        # The derivative of c C + s S in the basis.
         c, s = s - o.decay * c, -o.damped_squared * c - o.decay * s
     return abs(c) + abs(s) * span, 0.0
 
@@ -128,7 +131,9 @@ def jet_of(
     angle: float,
     rate: float,
 ) -> Jet:
-    """A contact function of known value where compression and twist are these."""
+    """A contact function that has this `value` where compression and twist, each with its rate, are
+    these: slope and curvature follow from the equations of motion.
+    """
     torsion = piece.torsion
     vertical = piece.vertical
     riding = piece.riding
@@ -136,16 +141,14 @@ def jet_of(
     accel = piece.kappa * force - 2.0 * torsion.decay * rate - torsion.natural_squared * angle
     jerk = piece.kappa * force_rate - 2.0 * torsion.decay * accel - torsion.natural_squared * rate
     bend = -2.0 * vertical.decay * force_rate - vertical.natural_squared * force
-    return Jet(
-        value,
-        w.angle * rate + w.rate * accel + w.force * force_rate + w.impulse * force,
-        w.angle * accel + w.rate * jerk + w.force * bend + w.impulse * force_rate,
-    )
+    slope = w.angle * rate + w.rate * accel + w.force * force_rate + w.impulse * force
+    curvature = w.angle * accel + w.rate * jerk + w.force * bend + w.impulse * force_rate
+    return Jet(value, slope, curvature)
 
 
 @inlined
 def curve_of(piece: Piece, w: Weights) -> Curve:
-    """A contact function over a piece."""
+    """A contact function over a piece, from its weights."""
     torsion = piece.torsion
     vertical = piece.vertical
     x = piece.twist
@@ -160,14 +163,12 @@ def curve_of(piece: Piece, w: Weights) -> Curve:
         return Curve(w, start, NONE, NONE, NONE, series_bound(piece, w), 0.0, 0.0, 0.0)
     momentum = piece.riding * s.y_rate
     force_s = piece.force_rate + vertical.decay * piece.force
+    impulse_s = piece.force - vertical.decay * momentum
     f = Mix(
         w.angle * x.c + w.rate * r.c,
         w.angle * x.s + w.rate * r.s,
         w.angle * x.c_f + w.rate * r.c_f + w.force * piece.force - w.impulse * momentum,
-        w.angle * x.s_f
-        + w.rate * r.s_f
-        + w.force * force_s
-        + w.impulse * (piece.force - vertical.decay * momentum),
+        w.angle * x.s_f + w.rate * r.s_f + w.force * force_s + w.impulse * impulse_s,
     )
     slope = rate_of(torsion, vertical, f)
     bend = rate_of(torsion, vertical, slope)
@@ -179,7 +180,9 @@ def curve_of(piece: Piece, w: Weights) -> Curve:
 
 @kernel
 def series_bound(piece: Piece, w: Weights) -> float:
-    """Bound of the sixth derivative of a contact function over a piece that is a series."""
+    """Bound of the sixth derivative of a contact function over a piece that is a series, term by
+    term. `f1` and `a1` are the terms of force and twist in `h^k`, `f0` and `a0` those before.
+    """
     vertical = piece.vertical
     torsion = piece.torsion
     h = piece.length
@@ -200,39 +203,38 @@ def series_bound(piece: Piece, w: Weights) -> float:
             bound += abs(c) * (n * (n - 1.0) * (n - 2.0) * (n - 3.0) * (n - 4.0) * (n - 5.0))
         per = 1.0 / (k * (k + 1.0))
         before = f0
-        a0, a1 = a1, (piece.kappa * h * h * f0 - pull_twist * a0 - drag_twist * k * a1) * per
-        f0, f1 = f1, -(drag * k * f1 + pull * f0) * per
+        torque = piece.kappa * h * h * f0 - pull_twist * a0 - drag_twist * k * a1
+        a0 = a1
+        a1 = torque * per
+        load = drag * k * f1 + pull * f0
+        f0 = f1
+        f1 = -load * per
     return bound / h**6
 
 
 @inlined
 def jet_at(piece: Piece, c: Curve, t: float, p: Swing, q: Swing) -> Jet:
-    """A contact function at `t`, where the swings are `p` and `q`."""
+    """A contact function at the time `t` of a piece, where the swings are `p` and `q`."""
     if piece.terms == 0:
-        return Jet(
-            c.start.value + changed(c.value, p, q),
-            c.start.slope + changed(c.slope, p, q),
-            c.start.curvature + changed(c.curvature, p, q),
-        )
+        value = c.start.value + changed(c.value, p, q)
+        slope = c.start.slope + changed(c.slope, p, q)
+        return Jet(value, slope, c.start.curvature + changed(c.curvature, p, q))
     w = c.weights
     s = piece.start
+    vertical = piece.vertical
+    # These are changes since the start.
     y, y_rate, angle, rate = series_changes(piece, t)
-    force = piece.riding * (
-        2.0 * piece.vertical.decay * y_rate + piece.vertical.natural_squared * y
-    )
-    value = (
-        c.start.value
-        + w.angle * angle
-        + w.rate * rate
-        + w.force * force
-        - w.impulse * piece.riding * y_rate
-    )
+    force = piece.riding * (2.0 * vertical.decay * y_rate + vertical.natural_squared * y)
+    value = c.start.value + w.angle * angle + w.rate * rate
+    value = value + w.force * force - w.impulse * piece.riding * y_rate
     return jet_of(piece, w, value, s.y + y, s.y_rate + y_rate, s.angle + angle, s.rate + rate)
 
 
 @inlined
 def off_of(c: Curve, p: Swing, q: Swing, h: float) -> float:
-    """Bound of the sixth derivative, times h^6, from where the swings are `p` and `q`."""
+    """Bound of the sixth derivative of a contact function, times h^6, over the time `h` that
+    follows where the swings are `p` and `q`.
+    """
     return (c.slow * p.slow + c.fast * p.fast + c.slow_f * q.slow + c.fast_f * q.fast) * h**6
 
 
@@ -252,24 +254,27 @@ def proved(f: Jet, g: Jet, h: float, order: int, off: float) -> tuple[float, boo
     b3 = b5 - 2.0 * x1 + h2 * g.curvature
     b4 = b5 - x1
     if order == 1:
-        return min(
-            min(5.0 * b1, 2.5 * b2),
-            min(min(5.0 / 3.0 * b3, 1.25 * b4), b5),
-        ) - OFF_ONCE * off, False
+        # Coefficients of the quartic that remains when the zero at the start is divided out.
+        early = min(5.0 * b1, 2.5 * b2)
+        late = min(min(5.0 / 3.0 * b3, 1.25 * b4), b5)
+        return min(early, late) - OFF_ONCE * off, False
     if order == 2:
-        return min(
-            min(10.0 * b2, 10.0 / 3.0 * b3),
-            min(5.0 / 3.0 * b4, b5),
-        ) - OFF_TWICE * off, False
-    lowest = min(min(min(b0, b1), b2), min(min(b3, b4), b5)) - OFF * off
-    steepest = max(max(b1 - b0, b2 - b1), max(b3 - b2, max(b4 - b3, b5 - b4)))
+        # Coefficients of the cubic that remains without two zeros.
+        early = min(10.0 * b2, 10.0 / 3.0 * b3)
+        late = min(5.0 / 3.0 * b4, b5)
+        return min(early, late) - OFF_TWICE * off, False
+    early = min(min(b0, b1), b2)
+    late = min(min(b3, b4), b5)
+    lowest = min(early, late) - OFF * off
+    steepest = max(b1 - b0, b2 - b1)
+    steepest = max(steepest, max(b3 - b2, max(b4 - b3, b5 - b4)))
     return lowest, b5 <= 0.0 and 5.0 * steepest < -OFF_SLOPE * off
 
 
 @inlined
 def guess(f: Jet, g: Jet, h: float) -> float:
-    """About where the quintic that falls from `f` to `g` over a time `h` is zero, in units of
-    it.
+    """About where the quintic that falls from `f` to `g` over a time `h` is zero, as a share of
+    that time.
     """
     drop = f.value - g.value
     half = 0.5 * h * h
@@ -278,13 +283,13 @@ def guess(f: Jet, g: Jet, h: float) -> float:
     y0 = half * f.curvature
     y1 = half * g.curvature
     # Inverse interpolation: the cubic in the value that has the quintic's ends and slopes, at value
-    # zero.
+    # zero; the straight line if that is outside.
     u = f.value / drop
     s0 = -drop / x0
     s1 = -drop / x1
     x = u * (s0 + u * (3.0 - 2.0 * s0 - s1 + u * (s0 + s1 - 2.0)))
     x = x if abs(x - 0.5) < 0.5 else u
-    # One step of Halley.
+    # One step of Halley, on the quintic's coefficients p3, p4, p5 above the parabola of the start.
     rest = -drop - x0 - y0
     turn = x1 - x0 - 2.0 * y0
     bend = y1 - y0
@@ -307,13 +312,14 @@ def polished(
     high: float,
     t: float,
 ) -> tuple[float, Swing, Swing]:
-    """The one zero in an interval, to rounding, from a first guess `t`, and the swings there:
-    Halley, kept inside.
+    """The one zero of a contact function between the times `low` and `high`, to rounding, from a
+    first guess `t`, and the swings there: steps of Halley, which do not leave the interval.
     """
     torsion = piece.torsion
     vertical = piece.vertical
     h = high - low
-    pole = max(max(torsion.decay, torsion.frequency), max(vertical.decay, vertical.frequency))
+    pole = max(torsion.decay, torsion.frequency)
+    pole = max(pole, max(vertical.decay, vertical.frequency))
     p = START
     q = START
     step = t
@@ -337,8 +343,9 @@ def polished(
         t += step
         # Halley's error is the cube of the step, in units of an interval on which f is nearly a
         # parabola.
-        done = abs(step) <= 1e-5 * h and abs(step * f.curvature) <= 2e-5 * abs(f.slope)
-        done = done or high - low <= 2.3e-16 * high
+        short_step = abs(step) <= 1e-5 * h
+        straight = abs(step * f.curvature) <= 2e-5 * abs(f.slope)
+        done = (short_step and straight) or high - low <= 2.3e-16 * high
     return t, p, q
 
 
@@ -351,8 +358,12 @@ def first_fall(  # noqa: C901
     paired: bool,
     end: float,
 ) -> tuple[float, bool, Swing, Swing]:
-    """First time in (0, end] at which `a`, or `b` if they are `paired`, falls to zero, whether that
-    is `b`, and the swings there; NO_ZERO with the swings at the end, NaN if it cannot be found.
+    """First time in (0, end] at which `a`, or `b` if they are `paired`, falls to zero, whether it
+    is `b` that does, and the swings there; NO_ZERO with the swings at the end if there is no such
+    time, NaN if the search does not end.
+
+    The piece is gone through in intervals of width `h`, of which `passed` of `total` are done. An
+    interval without proof is halved, and two are joined again where the proof was easy.
     """
     torsion = piece.torsion
     vertical = piece.vertical
@@ -363,29 +374,30 @@ def first_fall(  # noqa: C901
     if (f_order == 0 and f.value <= 0.0) or (paired and g_order == 0 and g.value <= 0.0):
         return 0.0, f_order > 0 or f.value > 0.0, START, START
     bound = a.slow + a.fast + a.slow_f + a.fast_f
-    if not abs(f.value) + abs(g.value) + bound + b.slow + b.fast + b.slow_f + b.fast_f < math.inf:
+    size = abs(f.value) + abs(g.value) + bound
+    if not size + b.slow + b.fast + b.slow_f + b.fast_f < math.inf:
         return math.nan, False, START, START
     p = START
     q = START
-    place = 0
-    places = 1
+    passed = 0
+    total = 1
     h = end
     while f_order == 0 and bound * h**6 > WIDE * f.value and h * 3.0 > end:
         h = 0.5 * h
-        places = 2 * places
+        total = 2 * total
     step_p, step_q = swings_at(piece, h)
     for step in range(MAX_STEPS):
-        left = place * h
+        begin = passed * h
         p1 = joined(torsion, p, step_p)
         q1 = joined(vertical, q, step_q)
-        f1 = jet_at(piece, a, left + h, p1, q1)
+        f1 = jet_at(piece, a, begin + h, p1, q1)
         g1 = g
         off = off_of(a, p, q, h)
         f_clear, f_falls = proved(f, f1, h, f_order, off)
         g_clear = math.inf
         g_falls = False
         if paired:
-            g1 = jet_at(piece, b, left + h, p1, q1)
+            g1 = jet_at(piece, b, begin + h, p1, q1)
             g_off = off_of(b, p, q, h)
             g_clear, g_falls = proved(g, g1, h, g_order, g_off)
             off = max(off, g_off)
@@ -395,31 +407,32 @@ def first_fall(  # noqa: C901
                     a = b
                     f = g
                     f1 = g1
-                t, p, q = polished(piece, a, left, left + h, left + h * guess(f, f1, h))
+                t = begin + h * guess(f, f1, h)
+                t, p, q = polished(piece, a, begin, begin + h, t)
                 return t, g_falls, p, q
-            if h > 4.5e-16 * (left + h):
+            if h > 4.5e-16 * (begin + h):
                 h = 0.5 * h
-                place = 2 * place
-                places = 2 * places
+                passed = 2 * passed
+                total = 2 * total
                 step_p, step_q = swings_at(piece, h)
                 continue
             # Narrower than rounding can resolve: what the right end shows is all there is to know.
             if f1.value <= 0.0 or (paired and g1.value <= 0.0):
-                return left + h, f1.value > 0.0, p1, q1
+                return begin + h, f1.value > 0.0, p1, q1
         f = f1
         g = g1
         p = p1
         q = q1
         f_order = 0
         g_order = 0
-        place += 1
-        if place == places:
+        passed += 1
+        if passed == total:
             if step > MANY_STEPS:
                 p, q = swings_anew(piece, end)
             return NO_ZERO, False, p, q
-        if place % 2 == 0 and min(f_clear, g_clear) > 50.0 * OFF * off:
+        if passed % 2 == 0 and min(f_clear, g_clear) > 50.0 * OFF * off:
             h = 2.0 * h
-            place = place // 2
-            places = places // 2
+            passed = passed // 2
+            total = total // 2
             step_p, step_q = swings_anew(piece, h)
     return math.nan, False, START, START

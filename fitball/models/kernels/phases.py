@@ -4,20 +4,20 @@ Shell (2) and core (1) are joined by a torsional spring and damper of torque `T 
 With `P` the impulse of the normal force since a phase began, `s` the direction of slip, `J = I2 + M
 R^2` (Jafri 2004):
 
-    slide (Eqs 9, 11, 14, 15, 40)
-        M v_x' = -s mu F;  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P
-    grip, hold (Eqs 10, 14, 17, 42)
-        v_x = R omega_2;  I1 omega_1 + J omega_2 = const - eps P
+    slide         M v_x' = -s mu F      (Eqs 9, 11, 14, 15, 40)
+                  I1 omega_1 + I2 omega_2 = const + (s mu R - eps) P
+    grip, hold    v_x = R omega_2       (Eqs 10, 14, 17, 42)
+                  I1 omega_1 + J omega_2 = const - eps P
 
 so that both spins are algebraic but for the twist; `eps` is zero in a hold, and in slip where it
 acts while gripping only. What ends a phase, with `L = I1 omega_1 + I2 omega_2` and `v_x` at its
 start:
 
     slide         the slip,  s (v_x - R L/I) + s R I1/I th' - (mu/M + s R (s mu R - eps)/I) P
-    grip, hold    the margin of the friction cone,  mu F - |M R/J (T - eps F)|, which the thesis
-                  does not ask for
-    hold          besides, the same with eps, on the side where it is outside: there it gives way
-                  to grip
+    grip, hold    the margin of the friction cone,  mu F - |M R/J (T - eps F)|,
+                  which the thesis does not ask for
+    hold          besides, the same with eps, on the side where it is outside:
+                  there it gives way to grip
 """
 
 import math
@@ -56,9 +56,13 @@ from fitball.models.types import Phase
 
 # In place of a phase: the friction cone decides which one follows.
 UNDECIDED = 0
+# Phases as kernels have them: plain integers.
 SLIDE_FORWARD, SLIDE_BACKWARD, GRIP, HOLD, FREE = (int(phase) for phase in Phase)
+# Bits of a phase in a packed regime (`types.PHASE_BITS`), enough for five of them and none.
 PHASE_BITS = 3
+# Phases that a packed regime has room for: 60 bits, below the sign of 64.
 MAX_PACKED_PHASES = 20
+# Pieces after which a contact is given up (status TOO_MANY_PHASES).
 MAX_PIECES = 1000
 # Relative distance to the edge of the friction cone that rounding of the forces alone can make.
 CONE_ROUNDING = 1e-13
@@ -67,24 +71,27 @@ SLIP_ROUNDING = 4.5e-16
 # Share of the time until the normal force ends from which on nothing is an event: force and cone
 # vanish there.
 FORCE_END_SHARE = 1.0 - 1e-13
-# Share of what is left of it within which an event may be the work of cancellation: a series looks
-# for it again.
+# Share of the remaining contact within which an event may be the work of cancellation: a series
+# looks for it again.
 DOUBTFUL_SHARE = 1e-3
-# Where so many phases take no time in succession, as friction and its limit agree to rounding with
-# all their rates, the next moves on for the share NUDGE of the time: which phase that is makes a
-# difference of rounding only.
+# Share of the contact below which a phase takes no time.
 NO_TIME = 1e-12
+# Phases that may take no time in succession, as friction and its limit agree to rounding with all
+# their rates. The next then moves on, whichever it is: that makes a difference of rounding only.
 PATIENCE = 8
+# Share of the contact for which it moves on.
 NUDGE = 1e-9
-# How a phase ends: with its piece only, by an event, or as a hold that gives way to grip.
+# How a phase ends: with its piece only.
 LASTS = 0
+# How a phase ends: by an event.
 EVENT = 1
+# How a phase ends: as a hold that gives way to grip.
 RESUMES = 2
 
 
 class Outcome(NamedTuple):
-    """One impact solved, in SI: m/s, rad/s, s, m, rad. All but `status` and `regime` are NaN where
-    that is not OK.
+    """One impact solved, in SI: velocity, spin, `contact_time`, and time, path and turn between the
+    flights before and after it. All but `status` and `regime` are NaN where the status is not OK.
     """
 
     status: int
@@ -100,8 +107,8 @@ class Outcome(NamedTuple):
 
 @inlined
 def cone_margin(friction: float, friction_rate: float, limit: float, limit_rate: float) -> float:
-    """Positive when `|friction| <= limit` now and just after; at the edge itself, to rounding, the
-    rates decide.
+    """A number that is positive when `|friction| <= limit` now and just after; at the edge itself,
+    to rounding, the rates decide.
     """
     margin = limit - abs(friction)
     noise = CONE_ROUNDING * (limit + abs(friction))
@@ -122,7 +129,7 @@ def decide(contact: Contact, s: State, broke: bool) -> tuple[int, float, int]:
     """
     ball = contact.ball
     eps = contact.eps
-    lever = contact.ball.lever
+    lever = ball.lever
     force, force_rate = load_of(contact.spring, ball.riding, s.y, s.y_rate)
     accel = -2.0 * contact.rest.decay * s.rate - contact.rest.natural_squared * s.angle
     # Friction that holds without the offset, and the full one with it, each with its rate.
@@ -135,15 +142,22 @@ def decide(contact: Contact, s: State, broke: bool) -> tuple[int, float, int]:
     if not broke and cone_margin(full, full_rate, limit, limit_rate) > 0.0:
         return GRIP, 0.0, 0
     # Without an offset to speak of a hold is the grip that has just broken.
-    other = not broke or abs(full - free) > CONE_ROUNDING * (limit + abs(full))
-    if not contact.eps_in_slide and other and cone_margin(free, free_rate, limit, limit_rate) > 0.0:
-        return HOLD, 1.0 if full > 0.0 or (full == 0.0 and full_rate > 0.0) else -1.0, 0
-    needed, rate = (full, full_rate) if contact.eps_in_slide else (free, free_rate)
-    side = -1.0 if needed > 0.0 or (needed == 0.0 and rate > 0.0) else 1.0
+    may_hold = not broke or abs(full - free) > CONE_ROUNDING * (limit + abs(full))
+    may_hold = may_hold and not contact.eps_in_slide
+    if may_hold and cone_margin(free, free_rate, limit, limit_rate) > 0.0:
+        outside = 1.0 if full > 0.0 or (full == 0.0 and full_rate > 0.0) else -1.0
+        return HOLD, outside, 0
+    needed = free
+    rate = free_rate
+    if contact.eps_in_slide:
+        needed = full
+        rate = full_rate
     # Slip starts with what friction cannot balance; at the very edge of the cone that is zero and
     # grows.
     order = 1 if abs(needed) - limit > CONE_ROUNDING * (limit + abs(needed)) else 2
-    return (SLIDE_FORWARD if side > 0.0 else SLIDE_BACKWARD), side, order
+    if needed > 0.0 or (needed == 0.0 and rate > 0.0):
+        return SLIDE_BACKWARD, -1.0, order
+    return SLIDE_FORWARD, 1.0, order
 
 
 @inlined
@@ -156,9 +170,9 @@ def search(
     eps: float,
     spinning_up: float,
 ) -> tuple[float, int, float, Swing, Swing]:
-    """When a phase ends: `(time, kind, side, swings there)`: kind LASTS if with the piece only,
-    else an EVENT on that `side` of the cone, or a hold that RESUMES its grip. Time is NaN if it
-    cannot be found.
+    """When a phase ends: `(time, kind, side, swings there)`. Of kind LASTS it ends with the piece
+    only, else by an EVENT on that `side` of the cone, or as a hold that RESUMES its grip. Time is
+    NaN if the search does not end.
     """
     ball = contact.ball
     s = piece.start
@@ -178,31 +192,22 @@ def search(
         limit = ball.mu * piece.force
         noise = CONE_ROUNDING * (limit + abs(friction))
         if phase < GRIP:
+            # The slip, along its direction.
             turn = side * ball.radius / ball.inertia
             slip = side * s.v_x - turn * s.spin_sum
-            wa = wb = Weights(
-                order,
-                slip,
-                0.0,
-                turn * ball.core,
-                0.0,
-                -(ball.mu / ball.mass + turn * spinning_up),
-            )
+            braked = -(ball.mu / ball.mass + turn * spinning_up)
+            wa = wb = Weights(order, slip, 0.0, turn * ball.core, 0.0, braked)
         elif paired:
+            # The distances to both sides of the cone.
             a_order = 1 if limit - friction <= noise or (phase == GRIP and side > 0.0) else 0
             b_order = 1 if limit + friction <= noise or (phase == GRIP and side < 0.0) else 0
             wa = Weights(a_order, 0.0, -k, -c, ball.mu + ball.lever * eps, 0.0)
             wb = Weights(b_order, 0.0, k, c, ball.mu - ball.lever * eps, 0.0)
         else:
+            # How far the friction of a grip is outside of the cone, on the side of the hold.
             outside = 1 if side * friction - limit <= noise else 0
-            wa = wb = Weights(
-                outside,
-                0.0,
-                side * k,
-                side * c,
-                -(ball.mu + side * ball.lever * contact.eps),
-                0.0,
-            )
+            per_force = -(ball.mu + side * ball.lever * contact.eps)
+            wa = wb = Weights(outside, 0.0, side * k, side * c, per_force, 0.0)
         a = curve_of(piece, wa)
         b = curve_of(piece, wb) if paired else FLAT
         t, second, p1, q1 = first_fall(piece, a, b, paired, time)
@@ -215,7 +220,11 @@ def search(
         if event:
             time = t
             kind = EVENT if attempt == 0 else RESUMES
-            at = -1.0 if second else 1.0 if paired else side
+            at = side
+            if second:
+                at = -1.0
+            elif paired:
+                at = 1.0
     return time, kind, at, p, q
 
 
@@ -231,7 +240,9 @@ def moved(
     p: Swing,
     q: Swing,
 ) -> State:
-    """The state at the time `t` of a piece, where the swings are `p` and `q`."""
+    """The state at the time `t` of a piece, where the swings are `p` and `q`. The impulse of the
+    normal force takes `braking` from `v_x` and adds `spinning_up` to the spin sum.
+    """
     ball = contact.ball
     s = piece.start
     y, y_rate, angle, rate = motion_at(piece, t, p, q)
@@ -271,8 +282,8 @@ def moved(
 # Compiled in one piece: its state is 16 values, which parts would hand to each other.
 @inlined
 def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:  # noqa: C901
-    """`(status, state, regime, phase)` of a contact at the time `until` after landing: `regime`
-    packs its phases till then, `phase` is the last.
+    """`(status, state, regime, phase)` of a contact at the time `until` [s] after landing: `regime`
+    packs its phases until then, `phase` is the last of them.
     """
     ball = contact.ball
     spring = contact.spring
@@ -281,10 +292,15 @@ def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:  # no
     slip = v_x - radius * omega_2
     spin_sum = ball.core * contact.omega + ball.shell * omega_2
     s = State(0.0, 0.0, contact.v_y, 0.0, contact.omega - omega_2, v_x, spin_sum, 0.0, 0.0)
-    phase, side, order, broke = (
-        (SLIDE_FORWARD, 1.0, 0, False) if slip > 0.0 else (SLIDE_BACKWARD, -1.0, 0, False)
-    )
-    if ball.mu > 0.0 and (stuck or abs(slip) <= SLIP_ROUNDING * (abs(v_x) + radius * abs(omega_2))):
+    phase = SLIDE_BACKWARD
+    side = -1.0
+    if slip > 0.0:
+        phase = SLIDE_FORWARD
+        side = 1.0
+    order = 0
+    broke = False
+    no_slip = abs(slip) <= SLIP_ROUNDING * (abs(v_x) + radius * abs(omega_2))
+    if ball.mu > 0.0 and (stuck or no_slip):
         phase = UNDECIDED
     regime = 0
     count = 0
@@ -318,9 +334,8 @@ def follow(contact: Contact, until: float) -> tuple[int, State, int, int]:  # no
             p, q = swings_anew(piece, t)
         if t != t:
             break
-        careful = (
-            kind != LASTS and piece.terms == 0 and t < DOUBTFUL_SHARE * (contact.t_force - s.time)
-        )
+        early = t < DOUBTFUL_SHARE * (contact.t_force - s.time)
+        careful = kind != LASTS and piece.terms == 0 and early
         if careful and max(fastest(torsion), fastest(spring)) * t <= SERIES_FAR:
             continue
         careful = False
@@ -414,18 +429,9 @@ def rebound(ball: Ball, flags: Flags, v_x: float, v_y: float, omega: float, cor:
 
 @inlined
 def unsolved(status: int, regime: int) -> Outcome:
-    """The bounce of an impact that cannot be evaluated."""
-    return Outcome(
-        status,
-        math.nan,
-        math.nan,
-        math.nan,
-        math.nan,
-        math.nan,
-        math.nan,
-        math.nan,
-        regime,
-    )
+    """The outcome of an impact that has no answer: NaN, with its status and its regime so far."""
+    none = math.nan
+    return Outcome(status, none, none, none, none, none, none, none, regime)
 
 
 @kernel
@@ -437,7 +443,9 @@ def bounce(
     omega: float,
     cor: float,
 ) -> Outcome:
-    """Solve one impact of a parameter set `row` (COLUMNS) under the choices `flags`."""
+    """Solve one impact of a parameter set `row` (COLUMNS,) under the choices `flags`, SI; `cor`
+    replaces the law of restitution unless it is NaN.
+    """
     status, ball = ball_of(row, flags)
     if status != OK:
         return unsolved(status, 0)
@@ -470,13 +478,13 @@ def moment(
     cor: float,
     time: float,
 ) -> tuple[int, int, Moment]:
-    """Status, phase and the ball at `time` after landing, or at release; of no use where the status
-    is not OK.
+    """Status, phase and the ball at `time` [s] after landing, or at release if that is earlier;
+    without meaning where the status is not OK.
     """
     status, ball = ball_of(row, flags)
-    bad, contact = contact_of(ball, flags, v_x, v_y, omega, cor)
+    contact_status, contact = contact_of(ball, flags, v_x, v_y, omega, cor)
     if status == OK:
-        status = bad
+        status = contact_status
     s = State(0.0, 0.0, v_y, 0.0, 0.0, v_x, 0.0, 0.0, 0.0)
     phase = UNDECIDED
     if status == OK:
@@ -488,12 +496,13 @@ def moment(
     if phase == FREE:
         force = 0.0
     elif phase >= GRIP:
-        friction = ball.lever * (torque - (contact.eps * force if phase == GRIP else 0.0))
+        offset_torque = contact.eps * force if phase == GRIP else 0.0
+        friction = ball.lever * (torque - offset_torque)
+    elif phase == SLIDE_FORWARD:
+        friction = -ball.mu * force
     else:
-        friction = -ball.mu * force if phase == SLIDE_FORWARD else ball.mu * force
+        friction = ball.mu * force
     slip = s.v_x - ball.radius * shell
-    return (
-        status,
-        phase,
-        Moment(s.y, s.y_rate, s.v_x, shell + s.rate, shell, s.angle, slip, force, friction),
-    )
+    core = shell + s.rate
+    at = Moment(s.y, s.y_rate, s.v_x, core, shell, s.angle, slip, force, friction)
+    return status, phase, at
