@@ -1,6 +1,7 @@
-"""Its table and figure."""
+"""The page of `bench`: who is fastest at which error, and the figure."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -15,10 +16,11 @@ from fitball.report.quantities import records
 from fitball.report.style import MARKERS, MODEL, SERIES, legend_above, new_figure
 from fitball.speed import HARD, ONE, OURS
 
-# Errors at which the fastest rival is named; the scene of the summary; an error that is drawn for
-# none.
+# Errors at which the fastest rival is named: those of engineering up to near rounding.
 _ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
+# The scene of the summary.
 _MAIN = "Wang's 21"
+# Where an error of zero is drawn: a logarithmic axis has none.
 _NONE = 1e-17
 _CAPTION = "Lower left is better. Errors are relative to the incident speed of the ball's surface."
 
@@ -28,23 +30,23 @@ def report(result: Findings) -> Report:
     frame = result.frames["bench"]
     main = frame[frame["scene"] == _MAIN]
     hard = frame[frame["scene"] == HARD]
-    largest = frame[frame["solver"].isin([OURS, ONE]) & (frame["scene"] != HARD)][
-        "largest_error"
-    ].max()
+    usual = frame[frame["solver"].isin([OURS, ONE]) & (frame["scene"] != HARD)]
+    largest = usual["largest_error"].max()
     fastest = _fastest(main)
+    coarse = fastest.rows[0]
+    fine = fastest.rows[-1]
     lead = [
         f"fitball computes a bounce in {PLAIN.number(_ours(main))} µs of one core. Its largest "
-        f"error is {largest:.0e} "
-        f"of the ball's speed, {hard['largest_error'].max():.0e} on hard cases.",
-        f"The fastest rival takes {fastest.rows[0]['times fitball']} times as long within an "
-        "error of "
-        f"{fastest.rows[0]['error at most']}, {fastest.rows[-1]['times fitball']} times within "
-        f"{fastest.rows[-1]['error at most']}.",
+        f"error is {largest:.0e} of the ball's speed, {hard['largest_error'].max():.0e} on hard "
+        "cases.",
+        f"The fastest rival takes {coarse['times fitball']} times as long within an error of "
+        f"{coarse['error at most']}, {fine['times fitball']} times within "
+        f"{fine['error at most']}.",
     ]
-    sections = [
-        Section(str(name), [_table(rows)], True, f"{counted(len(rows), 'measurement')}.")
-        for name, rows in frame.groupby("scene", sort=False)
-    ]
+    sections = []
+    for name, rows in frame.groupby("scene", sort=False):
+        count = f"{counted(len(rows), 'measurement')}."
+        sections.append(Section(str(name), [_table(rows)], folded=True, answer=count))
     summary: list[Block] = [
         Text(lead, "lead"),
         fastest,
@@ -55,35 +57,36 @@ def report(result: Findings) -> Report:
 
 
 def _ours(rows: DataFrame) -> float:
+    """Microseconds a bounce of fitball on a large batch."""
     return float(rows["microseconds"][rows["solver"] == OURS].iloc[0])
 
 
 def _fastest(rows: DataFrame) -> Table:
-    """Of each rival the fastest setting within an error, over fitball."""
+    """The fastest rival and setting within each error, with its time over that of fitball."""
     ours = _ours(rows)
-    made = []
+    rivals = rows[~rows["solver"].isin([OURS, ONE])]
+    cells = []
     for error in _ERRORS:
-        good = rows[(rows["largest_error"] <= error) & ~rows["solver"].isin([OURS, ONE])]
-        if len(good):
-            best = records(good.sort_values("microseconds"))[0]
-            made.append(
-                {
-                    "error at most": f"{error:.0e}",
-                    "fastest rival": best["solver"],
-                    "setting": best["setting"],
-                    "µs": PLAIN.number(best["microseconds"]),
-                    "times fitball": f"{best['microseconds'] / ours:.1f}",
-                }
-            )
-    return Table(
-        f"The fastest rival within an error, {_MAIN} impacts",
-        made,
-        ("fastest rival", "setting"),
-    )
+        good = rivals[rivals["largest_error"] <= error]
+        if good.empty:
+            continue
+        best = records(good.sort_values("microseconds"))[0]
+        cells.append(
+            {
+                "error at most": f"{error:.0e}",
+                "fastest rival": best["solver"],
+                "setting": best["setting"],
+                "µs": PLAIN.number(best["microseconds"]),
+                "times fitball": f"{best['microseconds'] / ours:.1f}",
+            }
+        )
+    title = f"The fastest rival within an error, {_MAIN} impacts"
+    return Table(title, cells, left=("fastest rival", "setting"))
 
 
 def _table(rows: DataFrame) -> Table:
-    made = [
+    """All measurements of a scene."""
+    cells = [
         {
             "solver": row["solver"],
             "setting": row["setting"],
@@ -93,43 +96,36 @@ def _table(rows: DataFrame) -> Table:
         }
         for row in records(rows)
     ]
-    return Table("", made, ("solver", "setting"))
+    return Table("", cells, left=("solver", "setting"))
 
 
 def figures(result: Findings) -> Mapping[str, Callable[[], Figure]]:
-    """Time over error, a panel a scene."""
-    return {"bench": lambda: _drawn(result.frames["bench"])}
+    """The figure `bench`: time over error, a panel a scene."""
+    return {"bench": lambda: _draw(result.frames["bench"])}
 
 
-def _drawn(frame: DataFrame) -> Figure:
+def _draw(frame: DataFrame) -> Figure:
+    """Time over error of all solvers, a panel a scene but for the hard cases."""
     shown = frame[frame["scene"] != HARD]
     figure, axes = new_figure(2, 2, high=6.4, wide=8.4, sharex=True, sharey=True)
-    names = list(dict.fromkeys(shown["solver"]))
-    colours = {
-        name: MODEL if name in (OURS, ONE) else SERIES[k % len(SERIES)]
-        for k, name in enumerate(names)
-    }
-    markers = {name: MARKERS[k % len(MARKERS)] for k, name in enumerate(names)}
-    for axis, (scene, rows) in zip(axes.ravel(), shown.groupby("scene", sort=False), strict=False):
-        for name, mine in rows.groupby("solver", sort=False):
-            error = np.maximum(mine["largest_error"], _NONE)
-            axis.loglog(
-                error,
-                mine["microseconds"],
-                marker=markers[str(name)],
-                color=colours[str(name)],
-                linewidth=1.2,
-                markersize=5,
-            )
+    styles: dict[str, dict[str, Any]] = {}
+    handles = []
+    for k, name in enumerate(dict.fromkeys(shown["solver"])):
+        colour = MODEL if name in (OURS, ONE) else SERIES[k % len(SERIES)]
+        styles[name] = {"color": colour, "marker": MARKERS[k % len(MARKERS)]}
+        handles.append(Line2D([], [], label=name, **styles[name]))
+    by_scene = shown.groupby("scene", sort=False)
+    for axis, (scene, rows) in zip(axes.ravel(), by_scene, strict=False):
+        for name, of_solver in rows.groupby("solver", sort=False):
+            error = np.maximum(of_solver["largest_error"], _NONE)
+            time = of_solver["microseconds"]
+            axis.loglog(error, time, linewidth=1.2, markersize=5, **styles[str(name)])
         axis.set_title(str(scene))
     for axis in axes[-1]:
         axis.set_xlabel("largest error")
     for axis in axes[:, 0]:
         axis.set_ylabel("µs a bounce")
-    legend_above(
-        figure,
-        [Line2D([], [], color=colours[name], marker=markers[name], label=name) for name in names],
-    )
+    legend_above(figure, handles)
     return figure
 
 

@@ -13,13 +13,13 @@ from scipy.integrate import DOP853, solve_ivp
 
 from fitball.base.values import FloatArray
 from fitball.models.kernels.compiled import entry, inlined, kernel
+from fitball.models.kernels.contact import K_Y as STIFFNESS
 from fitball.models.kernels.contact import Flags, ball_of, contact_of, landed
 
 # y, v_y, v_x, omega_1, omega_2, twist.
 State: TypeAlias = tuple[float, float, float, float, float, float]
-# A contact as numbers: constants (reciprocals of masses and inertias, as one would who wants it
-# fast), then the state after landing and the first phase: 0 while gripping, else the direction of
-# slip.
+# Places in the numbers (SIZE,) of a contact. First constants, SI: reciprocals of masses and
+# inertias, because products are faster than quotients.
 (
     PER_RIDING,
     C_Y,
@@ -35,108 +35,117 @@ State: TypeAlias = tuple[float, float, float, float, float, float]
     END,
     HOLDING,
 ) = range(13)
+# Then the six numbers of the state after landing.
 STATE = 13
+# Then the first phase: 0 while gripping, else the direction of slip, 1 or -1.
 PHASE = 19
+# So many numbers in all.
 SIZE = 20
-# Ends of phases that are located in one contact, trials of a search for one, its precision as a
-# share of the contact.
+# Ends of phases that are located in one contact; more are not, so that a chattering one ends.
 MOST_EVENTS = 64
+# Trials of a search for the end of a phase; halving alone would reach rounding in them.
 MOST_TRIALS = 60
+# Precision of that search, as a share of the contact: about rounding.
 NEAR = 1e-15
-# Typical sizes of the state, for absolute tolerances; a short first step, as a share of what is
-# left of the contact.
+# Typical sizes of the state (y, v_y, v_x, omega_1, omega_2, twist), SI, for absolute tolerances.
 SCALE = np.array([1e-3, 10.0, 10.0, 300.0, 300.0, 0.1])
+# First step of an adaptive run with short steps, as a share of the remaining contact.
 FIRST = 1e-6
 
 
-def _entries(row: FloatArray) -> tuple[float, ...]:
-    return tuple(float(one) for one in row if one != 0.0)
+def _nonzero(row: FloatArray) -> tuple[float, ...]:
+    return tuple(float(entry) for entry in row if entry != 0.0)
 
 
-# Dormand and Prince, order 8 in twelve stages (Hairer, Norsett and Wanner 1993), as scipy has it:
-# what is not zero.
-A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12 = (_entries(row) for row in DOP853.A[1:12, :12])
-B = _entries(DOP853.B[:12])
+# Rows of the tableau of Dormand and Prince, order 8 in twelve stages (Hairer, Norsett and Wanner
+# 1993), as scipy has it, without zeros.
+A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12 = (_nonzero(row) for row in DOP853.A[1:12, :12])
+# Its weights, without zeros.
+B = _nonzero(DOP853.B[:12])
+# Weights of the classical method of order 4.
 RK4_B = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
 
 @entry
 def set_up(row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float) -> FloatArray:
-    """The numbers (SIZE,) of one contact."""
-    made = np.empty(SIZE)
+    """The numbers (SIZE,) of one contact, of a parameter set `row` of the two-mass ball at this
+    state, SI.
+    """
+    c = np.empty(SIZE)
     ball = ball_of(row, flags)[1]
     contact = contact_of(ball, flags, v_x, v_y, omega, np.nan)[1]
     v_x, spin, stuck = landed(contact)
-    made[PER_RIDING], made[C_Y] = 1.0 / ball.riding, 2.0 * contact.spring.decay * ball.riding
-    made[K_Y], made[K_THETA], made[C_THETA] = row[1], ball.stiffness, contact.damping
-    made[PER_CORE], made[PER_SHELL], made[PER_MASS] = (
-        1.0 / ball.core,
-        1.0 / ball.shell,
-        1.0 / ball.mass,
-    )
-    made[RADIUS], made[MU], made[EPS], made[END] = (
-        ball.radius,
-        ball.mu,
-        contact.eps,
-        contact.t_contact,
-    )
-    made[HOLDING] = ball.lever
-    made[STATE], made[STATE + 1], made[STATE + 2] = 0.0, v_y, v_x
-    made[STATE + 3], made[STATE + 4], made[STATE + 5] = omega, spin, 0.0
-    made[PHASE] = (
-        next_phase(made, first_state(made))
-        if stuck
-        else math.copysign(1.0, v_x - ball.radius * spin)
-    )
-    return made
+    c[PER_RIDING] = 1.0 / ball.riding
+    c[C_Y] = 2.0 * contact.spring.decay * ball.riding
+    c[K_Y] = row[STIFFNESS]
+    c[K_THETA] = ball.stiffness
+    c[C_THETA] = contact.damping
+    c[PER_CORE] = 1.0 / ball.core
+    c[PER_SHELL] = 1.0 / ball.shell
+    c[PER_MASS] = 1.0 / ball.mass
+    c[RADIUS] = ball.radius
+    c[MU] = ball.mu
+    c[EPS] = contact.eps
+    c[END] = contact.t_contact
+    c[HOLDING] = ball.lever
+    c[STATE] = 0.0
+    c[STATE + 1] = v_y
+    c[STATE + 2] = v_x
+    c[STATE + 3] = omega
+    c[STATE + 4] = spin
+    c[STATE + 5] = 0.0
+    if stuck:
+        c[PHASE] = next_phase(c, first_state(c))
+    else:
+        c[PHASE] = math.copysign(1.0, v_x - ball.radius * spin)
+    return c
 
 
 @kernel
 def first_state(c: FloatArray) -> State:
-    """The state after landing."""
+    """The state after landing, from the numbers `c` (SIZE,) of a contact."""
     return c[STATE], c[STATE + 1], c[STATE + 2], c[STATE + 3], c[STATE + 4], c[STATE + 5]
 
 
 @kernel
 def grip_friction(c: FloatArray, z: State) -> tuple[float, float]:
-    """Friction that a grip needs, and the normal force."""
-    force = c[K_Y] * z[0] + c[C_Y] * z[1]
-    torque = c[K_THETA] * z[5] + c[C_THETA] * (z[3] - z[4])
+    """Friction that a grip needs, and the normal force [N], in the state `z`."""
+    y, v_y, _, omega_1, omega_2, twist = z
+    force = c[K_Y] * y + c[C_Y] * v_y
+    torque = c[K_THETA] * twist + c[C_THETA] * (omega_1 - omega_2)
     return c[HOLDING] * (torque - c[EPS] * force), force
 
 
 @kernel
 def rates(c: FloatArray, phase: float, z: State) -> State:
-    """Time derivatives of the state."""
-    force = c[K_Y] * z[0] + c[C_Y] * z[1]
-    torque = c[K_THETA] * z[5] + c[C_THETA] * (z[3] - z[4])
+    """Time derivatives of the state `z` in a phase."""
+    y, v_y, _, omega_1, omega_2, twist = z
+    force = c[K_Y] * y + c[C_Y] * v_y
+    torque = c[K_THETA] * twist + c[C_THETA] * (omega_1 - omega_2)
     turning = torque - c[EPS] * force
     friction = c[HOLDING] * turning if phase == 0.0 else -phase * c[MU] * force
-    spin = (turning - c[RADIUS] * friction) * c[PER_SHELL]
-    return (
-        z[1],
-        -force * c[PER_RIDING],
-        friction * c[PER_MASS],
-        -torque * c[PER_CORE],
-        spin,
-        z[3] - z[4],
-    )
+    a_y = -force * c[PER_RIDING]
+    a_x = friction * c[PER_MASS]
+    spin_1 = -torque * c[PER_CORE]
+    spin_2 = (turning - c[RADIUS] * friction) * c[PER_SHELL]
+    return v_y, a_y, a_x, spin_1, spin_2, omega_1 - omega_2
 
 
 @kernel
 def margin(c: FloatArray, phase: float, z: State) -> float:
-    """Below zero where the phase has ended: what friction has left while gripping, slip along its
-    direction else.
+    """A number that is below zero where the phase has ended: while gripping the friction in reserve
+    [N], else the slip along its direction [m/s].
     """
     if phase == 0.0:
         needed, force = grip_friction(c, z)
         return float(c[MU] * force - abs(needed))
-    return float(phase * (z[2] - c[RADIUS] * z[4]))
+    _, _, v_x, _, omega_2, _ = z
+    return float(phase * (v_x - c[RADIUS] * omega_2))
 
 
 @kernel
 def next_phase(c: FloatArray, z: State) -> float:
-    """Grip or slip from zero slip, by the friction cone."""
+    """The phase that follows zero slip, grip (0) or slip in a direction, by the friction cone."""
     needed, force = grip_friction(c, z)
     if abs(needed) <= c[MU] * force:
         return 0.0
@@ -145,24 +154,28 @@ def next_phase(c: FloatArray, z: State) -> float:
 
 @kernel
 def after_event(c: FloatArray, phase: float, z: State) -> tuple[float, State]:
-    """The phase after one that ended in state `z`, and the state without what is left of slip."""
+    """The phase after one that ended in the state `z`, and that state without its residual slip."""
     if phase == 0.0:
-        return (-1.0 if grip_friction(c, z)[0] > 0.0 else 1.0), z
-    z = (z[0], z[1], c[RADIUS] * z[4], z[3], z[4], z[5])
+        needed, _ = grip_friction(c, z)
+        return (-1.0 if needed > 0.0 else 1.0), z
+    y, v_y, _, omega_1, omega_2, twist = z
+    z = (y, v_y, c[RADIUS] * omega_2, omega_1, omega_2, twist)
     return next_phase(c, z), z
 
 
 @kernel
 def outgoing(c: FloatArray, z: State) -> tuple[float, float]:
-    """`v_x2` and `omega_2`: the spin of core and shell together, when their joint has come to
-    rest.
+    """`v_x2` [m/s] and `omega_2` [rad/s] of the state `z` at release: the spin of core and shell
+    together, when their joint has come to rest.
     """
-    return z[2], (z[3] * c[PER_SHELL] + z[4] * c[PER_CORE]) / (c[PER_SHELL] + c[PER_CORE])
+    _, _, v_x, omega_1, omega_2, _ = z
+    weighted = omega_1 * c[PER_SHELL] + omega_2 * c[PER_CORE]
+    return v_x, weighted / (c[PER_SHELL] + c[PER_CORE])
 
 
 @inlined
 def moved(z: State, h: float, weights: tuple[float, ...], slopes: tuple[State, ...]) -> State:
-    """`z + h sum(weights slopes)`."""
+    """The state `z + h sum(weights slopes)`."""
     y, v_y, v_x, omega_1, omega_2, twist = z
     for r in range(len(weights)):
         a = h * weights[r]
@@ -178,7 +191,9 @@ def moved(z: State, h: float, weights: tuple[float, ...], slopes: tuple[State, .
 
 @kernel
 def step(order: int, c: FloatArray, phase: float, z: State, h: float) -> State:
-    """One step of `h` seconds, classical or of order 8."""
+    """The state one step of `h` seconds after `z`, by the classical method of order 4 or that of
+    order 8.
+    """
     k1 = rates(c, phase, z)
     if order == 4:
         k2 = rates(c, phase, moved(z, h, (0.5,), (k1,)))
@@ -242,8 +257,9 @@ def end_of_phase(
 
 @entry
 def fixed_steps(setups: FloatArray, order: int, steps: int) -> FloatArray:
-    """`v_x2` and `omega_2` (impacts, 2) of contacts (impacts, SIZE) by so many equal steps of order
-    4 or 8; a phase that ends within one is located, and the rest of the step goes on from there.
+    """`v_x2` and `omega_2` (impacts, 2), SI, of contacts (impacts, SIZE) by so many equal steps of
+    order 4 or 8; a phase that ends within one is located, and the rest of the step goes on from
+    there.
     """
     out = np.empty((setups.shape[0], 2))
     for i in range(setups.shape[0]):
@@ -252,16 +268,16 @@ def fixed_steps(setups: FloatArray, order: int, steps: int) -> FloatArray:
         phase = c[PHASE]
         events = 0
         for _ in range(steps):
-            left = c[END] / steps
-            while left > 0.0:
-                new = step(order, c, phase, z, left)
-                taken = left
+            remaining = c[END] / steps
+            while remaining > 0.0:
+                new = step(order, c, phase, z, remaining)
+                taken = remaining
                 ended = margin(c, phase, new) < 0.0
                 if ended and events < MOST_EVENTS:
-                    taken, new = end_of_phase(order, c, phase, z, left, new)
+                    taken, new = end_of_phase(order, c, phase, z, remaining, new)
                     events += 1
                 z = new
-                left -= taken
+                remaining -= taken
                 if ended:
                     phase, z = after_event(c, phase, z)
         out[i, 0], out[i, 1] = outgoing(c, z)
@@ -269,9 +285,9 @@ def fixed_steps(setups: FloatArray, order: int, steps: int) -> FloatArray:
 
 
 def adaptive(setups: FloatArray, method: Any, rtol: float, most: float = math.inf) -> FloatArray:
-    """The same by `solve_ivp`; no step is longer than the share `most` of the contact: events are
-    looked for at the ends of steps, and a grip that breaks and holds again within one is stepped
-    over.
+    """`v_x2` and `omega_2` (impacts, 2), SI, of contacts (impacts, SIZE) by a `method` of
+    `solve_ivp`; no step is longer than the share `most` of the contact: events are looked for at
+    the ends of steps, and a grip that breaks and holds again within one is stepped over.
     """
     return np.array([_integrated(c, method, rtol, most) for c in setups])
 

@@ -1,4 +1,4 @@
-"""Room: Jafri (2004) computed again."""
+"""Room: the results of Jafri's thesis (2004) computed again."""
 
 from collections.abc import Mapping
 
@@ -8,9 +8,10 @@ from fitball.base.progress import Progress
 
 
 def rederive(fix: Mapping[str, float], progress: Progress) -> Findings:
-    """Appendices C and D counted, seven sets ranked, three cases (and a set of one's own, `fix`) in
-    the posteriors of two-mass, thesis-exact and the thesis's own computation, Eq. 53, Figs 36-44,
-    slips, as frames. Raises ParameterError (`unknown-parameter`, `out-of-bounds`, `no-answer`).
+    """Findings of all results of the thesis: Appendices C and D counted, seven sets ranked, three
+    cases (and a set of one's own, `fix`, in SI) in the posteriors of two-mass, thesis-exact and the
+    thesis's own computation, Eq. 53, Figs 36-44, and slips. It has `failed` if a fit did not
+    converge. Raises ParameterError (`unknown-parameter`, `out-of-bounds`, `no-answer`).
     """
     from fitball.inference.effort import TARGET_R_HAT
     from fitball.thesis import appendices, posteriors, ranking
@@ -20,10 +21,11 @@ def rederive(fix: Mapping[str, float], progress: Progress) -> Findings:
     rows_c = appendices.judged_c()
     rows_d = appendices.judged_d()
     fits = {name: posteriors.fitted(name, progress) for name in posteriors.MODELS}
-    own = ", ".join(f"{name} = {value[-1]:.4g}" for name, value in values.items())
-    notes = [
-        Note("own-set", f"Your set, as case 1 of Table 9 but for what you give: {own} (SI).")
-    ] * bool(fix)
+    notes = []
+    if fix:
+        last = ", ".join(f"{name} = {column[-1]:.4g}" for name, column in values.items())
+        text = f"Your set, as case 1 of Table 9 but for what you give: {last} (SI)."
+        notes.append(Note("own-set", text))
     frames = {
         "counts": appendices.counts(rows_c, rows_d),
         "appendix_c": rows_c,
@@ -38,5 +40,5 @@ def rederive(fix: Mapping[str, float], progress: Progress) -> Findings:
         "slips": appendices.slips(),
         "draws": posteriors.draws_frame(fits),
     }
-    failed = not all(one.r_hat < TARGET_R_HAT for one in fits.values())
+    failed = not all(fit.r_hat < TARGET_R_HAT for fit in fits.values())
     return Findings(frames, tuple(notes), failed)

@@ -1,4 +1,4 @@
-"""What the thesis prints of Wang's impacts, and the same computed again."""
+"""What Jafri's thesis (2004) prints of Wang's impacts, and the same computed again."""
 
 import math
 from collections.abc import Mapping
@@ -26,23 +26,26 @@ from fitball.thesis.printed import (
 
 # Chapter V: mean restitution of each spin.
 MEAN_COR = {"zero": 0.765, "topspin": 0.778, "backspin": 0.732}
+# Deviations from print within which rows are counted [%].
 LIMITS = (0.1, 0.5, 1.0)
-# What is judged, with its unit; scales that weigh velocity against spin in one score: the noise of
-# such measurements.
+# Outputs that are judged, with their units.
 OUTPUTS = {"v_x2": "m/s", "theta_2": "deg", "omega_2": "rad/s"}
+# Scales that weigh velocity against spin in one score: the noise of such measurements, SI.
 SCALES = {"v_x2": 0.25, "omega_2": 10.0}
-# Per cent within which a cell of Appendix C needs no cause; of an angle, which has V_y2 with it,
-# and half of a last digit. Points that three printed digits on either side can make in Appendix D.
+# Deviation of a cell of Appendix C that needs no cause [%]: rounding of its printed inputs.
 ROUNDING = 0.1
+# Half of the last printed digit of a velocity or spin; of a small one that is more than ROUNDING.
 HALF_DIGIT = 5e-4
+# Per cent points by which three printed digits on either side can move an error of Appendix D.
 MATCHES = 0.1
+# Numbers of sets by output or parameter, each (sets, impacts) or (sets,).
 Outputs = Mapping[str, FloatArray]
 
 
 @cache
 def wang() -> DataFrame:
-    """Wang's 21 impacts as printed, zero spin, topspin, backspin; small spins are zero, as the
-    thesis takes them.
+    """Wang's 21 impacts as printed, zero spin, topspin, backspin; `incident` is the spin before the
+    bounce [rad/s], in which small spins are zero, as the thesis takes them.
     """
     table = pd.read_csv(folder() / "wang_all.csv")
     table["incident"] = table["omega_1 [rad/s]"].where(table["group"] != "zero", 0.0)
@@ -50,12 +53,12 @@ def wang() -> DataFrame:
 
 
 def headed(name: str) -> str:
-    """How tables head a column."""
+    """The head of an output's column in tables, `v_x2 [m/s]`."""
     return f"{name} [{OUTPUTS.get(name, 'm/s')}]"
 
 
 def column(name: str) -> FloatArray:
-    """A column of Wang's impacts, (21,)."""
+    """A column of Wang's impacts, (21,), in the unit of `headed`."""
     return wang()[headed(name)].to_numpy(np.float64)
 
 
@@ -65,15 +68,16 @@ def cor() -> FloatArray:
 
 
 def mean_cor() -> FloatArray:
-    """That of Chapter V, (21,)."""
+    """The mean restitution of Chapter V of each impact's spin, (21,)."""
     return np.asarray(wang()["group"].map(MEAN_COR), dtype=np.float64)
 
 
-def damping(left: Any, mass_ratio: Any, k_y: Any, mass: float = BALL_MASS_ROUNDED) -> Any:
-    """`c_y` [N s/m] with `exp(-pi zeta/sqrt(1 - zeta^2)) = left`. Chapter V takes COR for it,
-    Chapter III and Appendix C `(M1/M)/COR`, Eq. (8) `COR M/M1`, which exceeds one.
+def damping(speed_ratio: Any, mass_ratio: Any, k_y: Any, mass: float = BALL_MASS_ROUNDED) -> Any:
+    """`c_y` [N s/m] of a core whose speed falls by `exp(-pi zeta/sqrt(1 - zeta^2)) = speed_ratio`
+    in a contact; arguments in SI are broadcast. Chapter V takes COR for that ratio, Chapter III and
+    Appendix C `(M1/M)/COR`, Eq. (8) `COR M/M1`, which exceeds one.
     """
-    decrement = -np.log(left) / math.pi
+    decrement = -np.log(speed_ratio) / math.pi
     return 2.0 * decrement * np.sqrt(k_y * mass_ratio * mass / (1.0 + decrement**2))
 
 
@@ -82,14 +86,15 @@ def by_computation(
     restitution: FloatArray,
     c_y: FloatArray | None = None,
 ) -> dict[str, FloatArray]:
-    """Rebounds (sets, 21) of Wang's impacts by the thesis's computation; `c_y` (sets, 21) or that
-    of Chapter V.
+    """Outputs (sets, 21) of Wang's impacts by the thesis's computation, at parameters (sets,) and
+    the `restitution` (21,) of each impact, with `c_y` (sets, 21) [N s/m] or that of Chapter V.
     """
     sets = {name: value[:, np.newaxis] for name, value in values.items()}
-    c_y = damping(restitution, sets["mass_ratio"], sets["k_y"]) if c_y is None else c_y
-    here = states()
-    found = computed(sets, here.v_x1, here.v_y1, here.omega_1, restitution, c_y)
-    return _with_angle(found.v_x2, found.v_y2, found.omega_2)
+    if c_y is None:
+        c_y = damping(restitution, sets["mass_ratio"], sets["k_y"])
+    wangs = states()
+    rebound = computed(sets, wangs.v_x1, wangs.v_y1, wangs.omega_1, restitution, c_y)
+    return _with_angle(rebound.v_x2, rebound.v_y2, rebound.omega_2)
 
 
 def by_equations(
@@ -97,18 +102,17 @@ def by_equations(
     states: Impacts,
     restitution: FloatArray,
 ) -> dict[str, FloatArray]:
-    """The same (sets, impacts) by the thesis's equations, solved exactly; NaN where they have no
-    answer.
+    """Outputs (sets, impacts) by the thesis's equations, solved exactly, at parameters (sets,) and
+    the `restitution` (impacts,) of each impact; NaN where they have no answer.
     """
     choices = {**THESIS_EXACT, "inertia": "table"}
-    exact = model(
-        "+".join(["two-mass", *(f"{choice}={value}" for choice, value in choices.items())])
-    )
+    exact = model("+".join(["two-mass", *(f"{key}={choices[key]}" for key in choices)]))
     # The law of restitution, which each impact's own replaces.
     law = {"cor_10": np.full_like(values["mu"], 0.75), "cor_slope": np.zeros_like(values["mu"])}
     columns = {**values, **law}
-    found = exact.evaluate([*columns], np.stack([*columns.values()], axis=1), states, restitution)
-    return _with_angle(found.v_x2, found.v_y2, found.omega_2)
+    sets = np.stack([*columns.values()], axis=1)
+    rebound = exact.evaluate([*columns], sets, states, restitution)
+    return _with_angle(rebound.v_x2, rebound.v_y2, rebound.omega_2)
 
 
 def states() -> Impacts:
@@ -121,79 +125,89 @@ def _with_angle(v_x2: FloatArray, v_y2: FloatArray, omega_2: FloatArray) -> dict
 
 
 def as_printed(rows: DataFrame) -> dict[str, FloatArray]:
-    """Outputs of Appendix C, (7, 21), with the measured V_y2: two tables carry each other's."""
+    """Outputs of Appendix C as printed, (7, 21), with the measured V_y2, because two tables carry
+    each other's.
+    """
     sets = rows.sort_values("case", kind="stable")
-    v_x2, omega_2 = (sets[headed(name)].to_numpy(np.float64).reshape(7, 21) for name in SCALES)
+    v_x2 = sets[headed("v_x2")].to_numpy(np.float64).reshape(7, 21)
+    omega_2 = sets[headed("omega_2")].to_numpy(np.float64).reshape(7, 21)
     return _with_angle(v_x2, np.broadcast_to(column("v_y2"), v_x2.shape), omega_2)
 
 
 def causes(rows: DataFrame, name: str) -> list[str]:
-    """For each row of Appendix C the cause that the errata give of the deviation of a column."""
-    found = [""] * len(rows)
-    for one in printed("errata").to_dict("records"):
-        if one["kind"] != "input" and one["column"] == name and one["table"].startswith("C"):
-            for k in np.flatnonzero(selects(rows, one["table"], one["row"])):
-                found[k] = f"{one['kind']}: {one['evidence']}"
-    return found
+    """For each row of Appendix C the cause that the errata state for the deviation of the column
+    `name`, or an empty text.
+    """
+    texts = [""] * len(rows)
+    errata = printed("errata")
+    outputs = errata[(errata["kind"] != "input") & (errata["column"] == name)]
+    for erratum in outputs[outputs["table"].str.startswith("C")].to_dict("records"):
+        for k in np.flatnonzero(selects(rows, erratum["table"], erratum["row"])):
+            texts[k] = f"{erratum['kind']}: {erratum['evidence']}"
+    return texts
 
 
 def judged_c() -> DataFrame:
-    """Appendix C computed again, with the causes of deviations; `unlisted` is any without one."""
+    """Appendix C computed again, as `recomputed`, with a column `NAME_cause` of each velocity and
+    spin that deviates: what the errata say, or `unlisted`.
+    """
     rows = recomputed(appendix_c())
     for name in SCALES:
-        off = rows[f"{name}_error"].abs() > np.maximum(
-            ROUNDING,
-            100.0 * HALF_DIGIT / rows[headed(name)].abs(),
-        )
-        listed = np.array(causes(rows, name), dtype=object)
-        rows[f"{name}_cause"] = np.where(off, np.where(listed != "", listed, "unlisted"), "")
+        half_digit = 100.0 * HALF_DIGIT / rows[headed(name)].abs()
+        deviates = rows[f"{name}_error"].abs() > np.maximum(ROUNDING, half_digit)
+        texts = [text or "unlisted" for text in causes(rows, name)]
+        rows[f"{name}_cause"] = np.where(deviates, np.array(texts, dtype=object), "")
     return rows
 
 
 def judged_d() -> DataFrame:
     """The 63 rows of Appendix D: printed errors, `NAME` recomputed from Appendix C and Wang's
-    tables [%], angles with the mean restitution of Chapter V, and whether they match in size.
+    tables [%], angles with the mean restitution of Chapter V, and `NAME_matches`, whether the two
+    agree in size.
     """
     printed_c = printed("appendix_c")
     rows = printed("appendix_d")
-    parts = []
+    groups = []
     for (_table, spin, case), group in rows.groupby(["table", "spin", "case"], sort=False):
-        mine = printed_c[
-            (printed_c["spin"] == spin) & (printed_c["case"] == SET_OF_CASE[int(str(case))])
-        ]
-        here = (wang()["group"] == spin).to_numpy()
-        v_x2 = mine["v_x2 [m/s]"].to_numpy(np.float64)
-        theory = _with_angle(
-            v_x2,
-            (mean_cor() * column("v_y1"))[here],
-            mine["omega_2 [rad/s]"].to_numpy(np.float64),
+        of_case = printed_c["case"] == SET_OF_CASE[int(str(case))]
+        theory = printed_c[of_case & (printed_c["spin"] == spin)]
+        of_spin = (wang()["group"] == spin).to_numpy()
+        outputs = _with_angle(
+            theory["v_x2 [m/s]"].to_numpy(np.float64),
+            (mean_cor() * column("v_y1"))[of_spin],
+            theory["omega_2 [rad/s]"].to_numpy(np.float64),
         )
-        part = group.copy()
-        for name, value in theory.items():
-            part[name] = 100.0 * (value / column(name)[here] - 1.0)
-            part[f"{name}_matches"] = (
-                part[name].abs() - part[f"{name}_error [%]"].abs()
-            ).abs() <= MATCHES
-        parts.append(part)
-    return pd.concat(parts, ignore_index=True)
+        judged = group.copy()
+        for name, output in outputs.items():
+            judged[name] = 100.0 * (output / column(name)[of_spin] - 1.0)
+            apart = (judged[name].abs() - judged[f"{name}_error [%]"].abs()).abs()
+            judged[f"{name}_matches"] = apart <= MATCHES
+        groups.append(judged)
+    return pd.concat(groups, ignore_index=True)
 
 
 def counts(rows_c: DataFrame, rows_d: DataFrame) -> DataFrame:
-    """How many rows agree, by table and output; Appendix D within 0.1 points."""
-    made: list[dict[str, Any]] = []
+    """How many rows agree, by table and output, of `judged_c` and `judged_d`; those of Appendix D
+    within 0.1 per cent points.
+    """
+    counted: list[dict[str, Any]] = []
     for name in ("v_x2 and omega_2", "v_x2", "v_y2", "omega_2", "theta_2", "contact_time"):
-        errors = np.max([rows_c[f"{one}_error"].abs() for one in name.split(" and ")], axis=0)
-        found = {f"within {limit:g} %": int(np.sum(errors <= limit)) for limit in LIMITS}
-        made.append({"table": "Appendix C", "output": name, "rows": len(rows_c)} | found)
+        errors = [rows_c[f"{output}_error"].abs() for output in name.split(" and ")]
+        worst = np.max(errors, axis=0)
+        row: dict[str, Any] = {"table": "Appendix C", "output": name, "rows": len(rows_c)}
+        for limit in LIMITS:
+            row[f"within {limit:g} %"] = int(np.sum(worst <= limit))
+        counted.append(row)
     for name in OUTPUTS:
-        found = {f"within {MATCHES:g} points": int(rows_d[f"{name}_matches"].sum())}
-        made.append({"table": "Appendix D", "output": name, "rows": len(rows_d)} | found)
-    return pd.DataFrame(made)
+        row = {"table": "Appendix D", "output": name, "rows": len(rows_d)}
+        row[f"within {MATCHES:g} points"] = int(rows_d[f"{name}_matches"].sum())
+        counted.append(row)
+    return pd.DataFrame(counted)
 
 
-def misses(found: Outputs) -> dict[str, FloatArray]:
-    """Predicted less measured, (sets, 21)."""
-    return {name: found[name] - column(name) for name in OUTPUTS}
+def misses(predicted: Outputs) -> dict[str, FloatArray]:
+    """Predicted less measured outputs of Wang's impacts, each (sets, 21)."""
+    return {name: predicted[name] - column(name) for name in OUTPUTS}
 
 
 # Departures of the thesis from its own equations, in words, and where it has these.
@@ -239,54 +253,53 @@ def slips() -> DataFrame:
     values = set_values(rows)
     c_y = rows["c_y [lb s/in]"].to_numpy(np.float64) * DAMPING
     heads = ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "cor")
-    v_x1, v_y1, omega_1, own = (rows[head].to_numpy(np.float64) for head in heads)
+    v_x1, v_y1, omega_1, restitution = (rows[head].to_numpy(np.float64) for head in heads)
 
-    def found(*mended: str, c_y: FloatArray = c_y, **changes: FloatArray) -> dict[str, FloatArray]:
-        made = computed({**values, **changes}, v_x1, v_y1, omega_1, own, c_y, mended=mended)
+    def without(*slip: str, c_y: FloatArray = c_y, **changes: FloatArray) -> Outputs:
+        """Outputs by the computation without these slips, or with another value."""
+        changed = {**values, **changes}
+        rebound = computed(changed, v_x1, v_y1, omega_1, restitution, c_y, mended=slip)
         return {
-            "v_x2": made.v_x2,
-            "v_y2": made.v_y2,
-            "omega_2": made.omega_2,
-            "contact_time": made.contact_time,
+            "v_x2": rebound.v_x2,
+            "v_y2": rebound.v_y2,
+            "omega_2": rebound.omega_2,
+            "contact_time": rebound.contact_time,
         }
 
-    base = found()
+    base = without()
     printed_inputs = recomputed(printed("appendix_c"))
     ratio = values["mass_ratio"]
-    left = ratio * np.exp(-0.5 * c_y / (ratio * BALL_MASS) * base["contact_time"])
+    damped = ratio * np.exp(-0.5 * c_y / (ratio * BALL_MASS) * base["contact_time"])
     inertia = values["inertia_ratio"] * (1.3 / 1.25) ** 2
-    solved = by_equations(
-        values,
-        Impacts(*(one[:, np.newaxis] for one in (v_x1, v_y1, omega_1))),
-        own[:, np.newaxis],
-    )
-    outputs: Mapping[str, Mapping[str, Any]] = {
+    impacts = Impacts(v_x1[:, np.newaxis], v_y1[:, np.newaxis], omega_1[:, np.newaxis])
+    solved = by_equations(values, impacts, restitution[:, np.newaxis])
+    radius = values["ball_radius"] * (1.25 / 1.3)
+    outputs: dict[str, Outputs] = {
         "none": {},
-        "torque": found("torque"),
-        "sign": found("torque", "sign"),
-        "cosine": found("cosine"),
-        "restitution": {"v_y2": left * v_y1},
-        "damping": found(c_y=damping(own, ratio, values["k_y"])),
-        "radius": found(ball_radius=values["ball_radius"] * (1.25 / 1.3), inertia_ratio=inertia),
-        "inputs": {name: printed_inputs[name] for name in SCALES},
+        "torque": without("torque"),
+        "sign": without("torque", "sign"),
+        "cosine": without("cosine"),
+        "restitution": {"v_y2": damped * v_y1},
+        "damping": without(c_y=damping(restitution, ratio, values["k_y"])),
+        "radius": without(ball_radius=radius, inertia_ratio=inertia),
+        "inputs": {name: printed_inputs[name].to_numpy(np.float64) for name in SCALES},
         "all": {name: solved[name][:, 0] for name in SCALES},
     }
-    return pd.DataFrame(
-        [
-            {"slip": slip, "where": where, **_change(rows, base, outputs[key])}
-            for key, (slip, where) in _SLIPS.items()
-        ]
-    )
+    changes = []
+    for key, (slip, where) in _SLIPS.items():
+        changes.append({"slip": slip, "where": where, **_change(rows, base, outputs[key])})
+    return pd.DataFrame(changes)
 
 
-def _change(rows: DataFrame, base: Outputs, found: Mapping[str, Any]) -> dict[str, float]:
-    """Of outputs that differ from the base: rms changes, and rows that agree with print."""
-    new = {
-        name: np.asarray(found.get(name, base[name]), dtype=np.float64)
-        for name in ("v_x2", "v_y2", "omega_2")
-    }
-    moved = {name: math.sqrt(np.nanmean((value - base[name]) ** 2)) for name, value in new.items()}
-    errors = {f"{name}_error": 100.0 * (new[name] / rows[headed(name)] - 1.0) for name in SCALES}
-    return {headed(name): value for name, value in moved.items()} | {
-        "rows within 0.1 %": within(rows.assign(**errors), LIMITS[0])
-    }
+def _change(rows: DataFrame, base: Outputs, outputs: Outputs) -> dict[str, float]:
+    """Rms changes of outputs (147,) from the `base`, those that `outputs` lacks being as there, and
+    how many rows then agree with print.
+    """
+    mended = {**base, **outputs}
+    changes: dict[str, float] = {}
+    for name in ("v_x2", "v_y2", "omega_2"):
+        changes[headed(name)] = math.sqrt(np.nanmean((mended[name] - base[name]) ** 2))
+    errors = {}
+    for name in SCALES:
+        errors[f"{name}_error"] = 100.0 * (mended[name] / rows[headed(name)] - 1.0)
+    return {**changes, "rows within 0.1 %": within(rows.assign(**errors), LIMITS[0])}

@@ -1,4 +1,4 @@
-"""Free fits of three models to Wang's impacts; where the thesis's values lie in them."""
+"""Free fits of three models to Wang's impacts, and where the thesis's values lie in them."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -26,21 +26,25 @@ from fitball.thesis.appendices import SCALES, damping
 from fitball.thesis.printed import C1, C2, INCH, STIFFNESS, TORSION, computed
 from fitball.thesis.ranking import OWN, tied_split
 
+# The bundled table of Wang's 21 impacts.
 TABLE = "wang_all"
+# Models that are fitted; `thesis` is the thesis's own computation.
 MODELS = ("two-mass", "thesis-exact", "thesis")
+# Parameters of the model `brody`, whose law of restitution the computation shares.
 LAW = ("mu", "cor_10", "cor_slope")
-# What a case sets freely, and Eq. (53).
+_LAW = model("brody")
+# Parameters that the thesis sets freely in each of its cases.
 JOINT = ("mass_ratio", "k_y", "k_theta")
+# Parameters of Eq. (53), which its cases share.
 OFFSET = ("C1", "C2")
 # Steps of each ensemble for the computation, whose joint is rarely very stiff: some 500 effective
 # draws of that.
 RARE = 1_000
-# Draws behind a density, of which a level is known to a per cent or so; and draws that are kept for
-# figures.
+# Draws behind a density, with which a level is known to a per cent or so.
 DENSITY = 3_000
-KEPT = 500
-_LAW = model("brody")
-# Nominal errors of the tables, with which a model-free offset has one.
+# Draws of a fit in figures: more would hide each other.
+DRAWN = 500
+# Nominal errors of the tables (sd, SI), from which a model-free offset has its own.
 ERRORS = {**SCALES, "v_y2": 0.25}
 
 
@@ -51,31 +55,34 @@ def solve(
     impacts: Impacts,
     _cor: FloatArray | None = None,
 ) -> Rebound:
-    """Rebounds of the thesis's own computation as `Model.solve` has them: with the damping of
-    Chapter V, the law of restitution and the inertia of core and shell of the other models.
+    """Rebounds (draws, impacts) of the thesis's own computation at `values` (draws, names), as
+    `Model.solve` has them: with the damping of Chapter V, and the law of restitution and the
+    inertia of core and shell of the other models.
     """
-    given = {name: values[:, [k]] for k, name in enumerate(names)}
-    law = _LAW.evaluate(LAW, np.hstack([given[name] for name in LAW]), impacts)
+    columns = {name: values[:, [k]] for k, name in enumerate(names)}
+    law = _LAW.evaluate(LAW, np.hstack([columns[name] for name in LAW]), impacts)
     cor = law.v_y2 / impacts.v_y1
-    ratio = given["mass_ratio"]
-    given |= {"inertia_split": tied_split(ratio), "inertia_ratio": np.array(ball.inertia_ratio)}
-    given |= {"ball_mass": np.array(ball.mass), "ball_radius": np.array(ball.radius)}
-    c_y = damping(cor, ratio, given["k_y"], ball.mass)
-    found = computed(given, impacts.v_x1, impacts.v_y1, impacts.omega_1, cor, c_y, ball.mass)
-    status = np.where(np.isfinite(found.omega_2), Status.OK, Status.TORSION_TOO_SOFT)
+    ratio = columns["mass_ratio"]
+    columns["inertia_split"] = tied_split(ratio)
+    columns["inertia_ratio"] = np.array(ball.inertia_ratio)
+    columns["ball_mass"] = np.array(ball.mass)
+    columns["ball_radius"] = np.array(ball.radius)
+    c_y = damping(cor, ratio, columns["k_y"], ball.mass)
+    v_x1 = impacts.v_x1
+    rebound = computed(columns, v_x1, impacts.v_y1, impacts.omega_1, cor, c_y, ball.mass)
+    status = np.where(np.isfinite(rebound.omega_2), Status.OK, Status.TORSION_TOO_SOFT)
     status = np.where(law.status == Status.OK, status, law.status).astype(np.int64)
-    times = np.broadcast_to(found.contact_time, status.shape)
     none = np.full(status.shape, np.nan)
     return Rebound(
-        found.v_x2,
-        law.v_y2,
-        found.omega_2,
-        times,
-        none,
-        none,
-        none,
-        np.zeros_like(status),
-        status,
+        v_x2=rebound.v_x2,
+        v_y2=law.v_y2,
+        omega_2=rebound.omega_2,
+        contact_time=np.broadcast_to(rebound.contact_time, status.shape),
+        gap_time=none,
+        gap_path=none,
+        gap_turn=none,
+        regime=np.zeros_like(status),
+        status=status,
     )
 
 
@@ -85,8 +92,9 @@ def computation() -> Model:
 
 
 class Fitted(NamedTuple):
-    """A free fit: draws of its parameters with C1 and C2 in the thesis's units, rms residuals at
-    the best, and of all parameters the largest R-hat and the least number of effective draws.
+    """A free fit: draws (draws,) of its parameters in SI, with C1 and C2 in the thesis's units, rms
+    residuals at the best values by column, and of all parameters the largest R-hat and the least
+    number of effective draws.
     """
 
     draws: dict[str, FloatArray]
@@ -97,40 +105,45 @@ class Fitted(NamedTuple):
 
 def fitted(name: str, progress: Progress) -> Fitted:
     """Fit one of MODELS to Wang's impacts by the road of `calibrate`, without its judgements."""
-    own = computation() if name == "thesis" else None
-    effort = Effort() if own is None else Effort(max_steps=RARE)
-    progress(f"fitting {name}", 0.0)
-    # The computation is numpy, whose short calls no thread hastens.
-    with threads(1 if own else None):
-        problem = build_problem(*load_data(TABLE, None, False), Choices(name), own)
+    user_model = None
+    effort = Effort()
+    threads_used = None
+    if name == "thesis":
+        user_model = computation()
+        effort = Effort(max_steps=RARE)
+        # The computation is numpy, whose short calls no thread hastens.
+        threads_used = 1
+
+    def report_share(_stage: str, share: float) -> None:
+        progress(f"fitting {name}", share)
+
+    report_share("", 0.0)
+    with threads(threads_used):
+        problem = build_problem(*load_data(TABLE, None, False), Choices(name), user_model)
         point = best_fit(problem, effort.stream("search"))
         begin = [first_order(problem, point).proposal]
-        posterior, found = sample(
-            problem,
-            begin,
-            effort,
-            lambda _stage, share: progress(f"fitting {name}", share),
-        )
+        posterior, convergence = sample(problem, begin, effort, report_share)
         draws = dict(draws_of(problem, point, posterior, effort).values)
-    effective = min(*found.ess_bulk.values(), *found.ess_tail.values())
-    return Fitted(with_line(draws), point.rms, max((found.r_hat or {}).values()), effective)
+    effective = min(*convergence.ess_bulk.values(), *convergence.ess_tail.values())
+    r_hat = max((convergence.r_hat or {}).values())
+    return Fitted(with_line(draws), point.rms, r_hat, effective)
 
 
 def with_line(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Parameters, and C1 and C2 of their offset as in Eq. (53)."""
+    """Parameters in SI, and C1 [in/(m/s)] and C2 [in] of their offset as in Eq. (53)."""
     slope = values["eps_slope"] / INCH
     return {**values, "C1": slope, "C2": values["eps_10"] / INCH - 10.0 * slope}
 
 
 def fits_frame(fits: Mapping[str, Fitted]) -> DataFrame:
-    """How well each free fit does."""
-    return pd.DataFrame(
-        [
-            {"model": name, "r_hat": one.r_hat, "effective": one.effective}
-            | {f"rms {key}": value for key, value in one.rms.items()}
-            for name, one in fits.items()
-        ]
-    )
+    """A row a free fit: convergence, and rms residuals by column, SI."""
+    rows = []
+    for name, fit in fits.items():
+        row: dict[str, object] = {"model": name, "r_hat": fit.r_hat, "effective": fit.effective}
+        for column, rms in fit.rms.items():
+            row[f"rms {column}"] = rms
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def parameters_frame(
@@ -138,30 +151,33 @@ def parameters_frame(
     names: list[str],
     values: Mapping[str, FloatArray],
 ) -> DataFrame:
-    """Median and 95 % interval of each fit in the thesis's units, beside Table 9 and Eq. (53)."""
-    rows = []
-    values = with_line(values)
-    for name, unit, scale in (
+    """Median and 95 % interval of each fit in the thesis's units, beside the sets `names` (Table 9
+    and a reader's) with their `values` (sets,), SI.
+    """
+    units = (
         ("mass_ratio", "", 1.0),
         ("k_y", "lb/in", STIFFNESS),
         ("k_theta", "lb in/rad", TORSION),
         ("mu", "", 1.0),
         ("C1", "in/(m/s)", 1.0),
         ("C2", "in", 1.0),
-    ):
-        printed = dict(zip(names, values[name] / scale, strict=True))
-        for key, one in fits.items():
-            low, median, high = np.quantile(one.draws[name] / scale, (0.025, 0.5, 0.975))
+    )
+    rows = []
+    values = with_line(values)
+    for name, unit, scale in units:
+        in_sets = dict(zip(names, values[name] / scale, strict=True))
+        for fitted_model, fit in fits.items():
+            low, median, high = np.quantile(fit.draws[name] / scale, (0.025, 0.5, 0.975))
             rows.append(
                 {
                     "parameter": name,
                     "unit": unit,
-                    "model": key,
+                    "model": fitted_model,
                     "q025": low,
                     "median": median,
                     "q975": high,
+                    **in_sets,
                 }
-                | printed
             )
     return pd.DataFrame(rows)
 
@@ -171,28 +187,29 @@ def places_frame(
     names: list[str],
     values: Mapping[str, FloatArray],
 ) -> DataFrame:
-    """Where cases and Eq. (53) lie in each posterior: the `level` of the highest-density region on
-    whose edge the point is, and the shares of draws below it.
+    """Where the sets `names` with their `values` (sets,) and Eq. (53) lie in each posterior: the
+    `level` of the highest-density region on whose edge the point is, and the shares of draws below
+    it.
     """
-    rows = []
     values = with_line(values)
-    for key, one in fits.items():
+    # Points with their parameters and the set that has their values; the cases share Eq. (53).
+    points: list[tuple[str, tuple[str, ...], int]] = []
+    for k, name in enumerate(names):
+        points.append((name, JOINT, k))
+        if name == OWN:
+            points.append((name, OFFSET, k))
+    points.append(("Eq. (53)", OFFSET, 0))
+    rows = []
+    for fitted_model, fit in fits.items():
         rng = Effort().stream("density")
-        for k, point in enumerate([*names, "Eq. (53)"]):
-            # The three cases share Eq. (53).
-            for group in {OWN: (JOINT, OFFSET), "Eq. (53)": (OFFSET,)}.get(point, (JOINT,)):
-                at = {name: values[name][k % len(names)] for name in group}
-                level = credible_level(
-                    [one.draws[name] for name in group],
-                    [*at.values()],
-                    group == JOINT,
-                    rng,
-                )
-                below = {
-                    f"{name}_below": float(np.mean(one.draws[name] < value))
-                    for name, value in at.items()
-                }
-                rows.append({"model": key, "point": point, "level": level, **below})
+        for point, parameters, k in points:
+            draws = [fit.draws[name] for name in parameters]
+            at = [float(values[name][k]) for name in parameters]
+            level = credible_level(draws, at, parameters == JOINT, rng)
+            row: dict[str, object] = {"model": fitted_model, "point": point, "level": level}
+            for name, value in zip(parameters, at, strict=True):
+                row[f"{name}_below"] = float(np.mean(fit.draws[name] < value))
+            rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -202,17 +219,18 @@ def credible_level(
     log: bool,
     rng: np.random.Generator,
 ) -> float:
-    """Probability of the highest-density region of `draws` on whose edge `point` is; `log`:
-    positive quantities.
+    """Probability of the highest-density region of `draws`, (draws,) of each parameter, on whose
+    edge `point` is, a value of each; `log`: of their logarithms, as positive quantities need it.
     """
-    known = np.array(draws)
-    here = np.array(point)[:, np.newaxis]
+    cloud = np.array(draws)
+    edge = np.array(point)[:, np.newaxis]
     if log:
-        known = np.log(known)
-        here = np.log(here)
-    chosen = known[:, rng.choice(known.shape[1], min(DENSITY, known.shape[1]), replace=False)]
+        cloud = np.log(cloud)
+        edge = np.log(edge)
+    count = cloud.shape[1]
+    chosen = cloud[:, rng.choice(count, min(DENSITY, count), replace=False)]
     density = gaussian_kde(chosen)
-    return float(np.mean(density(chosen) > density(here)))
+    return float(np.mean(density(chosen) > density(edge)))
 
 
 def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
@@ -222,18 +240,18 @@ def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
     table, scene = load_data(TABLE, None, False)
     frame = balances(table, scene.ball_value(), ERRORS)
     v_y1 = table.impacts.v_y1
-    made = {"id": table.labels["id"], "spin": table.labels["group"], "v_y1 [m/s]": v_y1}
-    made |= {
+    columns = {
+        "id": table.labels["id"],
+        "spin": table.labels["group"],
+        "v_y1 [m/s]": v_y1,
         "offset [in]": frame["offset [m]"].to_numpy() / INCH,
         "sd [in]": frame["offset_sd [m]"].to_numpy() / INCH,
+        "Eq. (53) [in]": C1 * v_y1 + C2,
     }
-    lines = {"Eq. (53)": (C1, C2)} | {
-        key: (one.draws["C1"], one.draws["C2"]) for key, one in fits.items()
-    }
-    return pd.DataFrame(
-        made
-        | {f"{key} [in]": np.median(c1) * v_y1 + np.median(c2) for key, (c1, c2) in lines.items()}
-    )
+    for name, fit in fits.items():
+        slope = np.median(fit.draws["C1"])
+        columns[f"{name} [in]"] = slope * v_y1 + np.median(fit.draws["C2"])
+    return pd.DataFrame(columns)
 
 
 def slope_of(offsets: DataFrame) -> tuple[float, float]:
@@ -251,20 +269,21 @@ def slope_of(offsets: DataFrame) -> tuple[float, float]:
 
 
 def draws_frame(fits: Mapping[str, Fitted]) -> DataFrame:
-    """Some draws of each fit."""
-    scales = {
-        "mass_ratio": 1.0,
-        "k_y [lb/in]": STIFFNESS,
-        "k_theta [lb in/rad]": TORSION,
-        "C1": 1.0,
-        "C2": 1.0,
-    }
-    made = []
-    for key, one in fits.items():
-        step = len(one.draws["mu"]) // KEPT
-        some = {
-            head: one.draws[head.partition(" ")[0]][::step] / scale
-            for head, scale in scales.items()
-        }
-        made.append(pd.DataFrame({"model": key} | some))
-    return pd.concat(made, ignore_index=True)
+    """DRAWN draws of each fit, evenly spread, in the thesis's units."""
+    frames = []
+    for name, fit in fits.items():
+        step = len(fit.draws["mu"]) // DRAWN
+        draws = {parameter: values[::step] for parameter, values in fit.draws.items()}
+        frames.append(
+            pd.DataFrame(
+                {
+                    "model": name,
+                    "mass_ratio": draws["mass_ratio"],
+                    "k_y [lb/in]": draws["k_y"] / STIFFNESS,
+                    "k_theta [lb in/rad]": draws["k_theta"] / TORSION,
+                    "C1": draws["C1"],
+                    "C2": draws["C2"],
+                }
+            )
+        )
+    return pd.concat(frames, ignore_index=True)

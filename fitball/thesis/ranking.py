@@ -16,35 +16,38 @@ from fitball.thesis import appendices
 from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, Outputs
 from fitball.thesis.printed import DAMPING, SET_OF_CASE, appendix_c, set_values
 
-# Samples of the bootstrap; the name of a reader's own set.
+# Samples of the bootstrap: shares are then known to half a per cent.
 SAMPLES = 10_000
+# Name of a reader's own set.
 OWN = "yours"
 
 
-def squares(missed: Outputs) -> FloatArray:
-    """Mean of squared errors of velocity and spin over their scales, (sets, 21)."""
-    return np.asarray(
-        np.mean([(missed[name] / scale) ** 2 for name, scale in SCALES.items()], axis=0)
-    )
+def squares(misses: Outputs) -> FloatArray:
+    """Mean of the squared misses of velocity and spin over their scales, (sets, 21)."""
+    scaled = [(misses[name] / scale) ** 2 for name, scale in SCALES.items()]
+    return np.asarray(np.mean(scaled, axis=0))
 
 
-def _rms(missed: Outputs, k: int) -> dict[str, float]:
-    errors = {
-        f"{name} [{unit}]": float(np.sqrt(np.mean(missed[name][k] ** 2)))
-        for name, unit in OUTPUTS.items()
-    }
-    return errors | {"score": float(np.sqrt(np.mean(squares(missed)[k])))}
+def _rms(misses: Outputs, k: int) -> dict[str, float]:
+    """Root mean squares of the misses (sets, 21) of set `k`, by the head of each output, and their
+    score.
+    """
+    errors = {}
+    for name in OUTPUTS:
+        errors[appendices.headed(name)] = float(np.sqrt(np.mean(misses[name][k] ** 2)))
+    return {**errors, "score": float(np.sqrt(np.mean(squares(misses)[k])))}
 
 
 def ranking() -> DataFrame:
     """The seven sets of Appendix C as printed, as recomputed at Wang's own impacts (no erratum
-    enters), and by the equations solved exactly: rms errors, the score of both, and of bootstrap
-    samples of impacts within each spin the shares in which a set is first and `among_three`.
+    enters), and by the equations solved exactly: rms errors, the score of velocity and spin, and of
+    bootstrap samples of impacts within each spin the shares in which a set is first and
+    `among_three`.
     """
     rows = appendix_c()
     sets = rows.sort_values("case", kind="stable")
-    first = sets.iloc[::21]
-    values = set_values(first)
+    head_rows = sets.iloc[::21]
+    values = set_values(head_rows)
     c_y = sets["c_y [lb s/in]"].to_numpy(np.float64).reshape(7, 21) * DAMPING
     sources = {
         "printed": appendices.as_printed(rows),
@@ -52,35 +55,35 @@ def ranking() -> DataFrame:
         "exact": appendices.by_equations(values, appendices.states(), appendices.cor()),
     }
     rng = Effort().stream("bootstrap")
-    drawn = np.concatenate(
-        [rng.integers(0, 7, (SAMPLES, 7)) + 7 * k for k in range(len(MEAN_COR))],
-        axis=1,
-    )
+    spins = [rng.integers(0, 7, (SAMPLES, 7)) + 7 * k for k in range(len(MEAN_COR))]
+    sampled = np.concatenate(spins, axis=1)
     case_of = {number: str(case) for case, number in SET_OF_CASE.items()}
-    found: list[dict[str, Any]] = []
+    ranked: list[dict[str, Any]] = []
     for source, outputs in sources.items():
-        missed = appendices.misses(outputs)
-        order = np.argsort(np.argsort(squares(missed)[:, drawn].mean(axis=2), axis=0), axis=0)
-        found += [
-            {
-                "set": int(row["case"]),
-                "case": case_of.get(int(row["case"]), ""),
-                "mass_ratio": row["mass_ratio"],
-                "k_y [lb/in]": row["k_y [lb/in]"],
-                "source": source,
-                **_rms(missed, k),
-                "first": float(np.mean(order[k] == 0)),
-                "among_three": float(np.mean(order[k] < 3)),
-            }
-            for k, row in enumerate(first.to_dict("records"))
-        ]
-    return pd.DataFrame(found)
+        misses = appendices.misses(outputs)
+        scores = squares(misses)[:, sampled].mean(axis=2)
+        places = np.argsort(np.argsort(scores, axis=0), axis=0)
+        for k, row in enumerate(head_rows.to_dict("records")):
+            number = int(row["case"])
+            ranked.append(
+                {
+                    "set": number,
+                    "case": case_of.get(number, ""),
+                    "mass_ratio": row["mass_ratio"],
+                    "k_y [lb/in]": row["k_y [lb/in]"],
+                    "source": source,
+                    **_rms(misses, k),
+                    "first": float(np.mean(places[k] == 0)),
+                    "among_three": float(np.mean(places[k] < 3)),
+                }
+            )
+    return pd.DataFrame(ranked)
 
 
 def case_values(fix: Mapping[str, float]) -> tuple[list[str], dict[str, FloatArray]]:
-    """Names and values of Table 9's cases, and of a reader's set: case 1 but for `fix`; a core of
-    another mass has the inertia of a solid one in a thin shell. Raises ParameterError
-    (`unknown-parameter`, `out-of-bounds`).
+    """Names and parameters (sets,), SI, of Table 9's cases, and of a reader's set, which is case 1
+    but for `fix`; a core of another mass has the inertia of a solid one in a thin shell. Raises
+    ParameterError (`unknown-parameter`, `out-of-bounds`).
     """
     table = printed("table_9")
     names = [f"case {case}" for case in table["case"]]
@@ -93,24 +96,25 @@ def case_values(fix: Mapping[str, float]) -> tuple[list[str], dict[str, FloatArr
             )
         spec = SPECS[name]
         if not spec.lower <= value <= spec.upper:
-            ends = f"expected a value from {spec.lower:g} to {spec.upper:g}"
+            read = f"fix: read {name} = {value:g} {spec.unit}".rstrip()
             raise ParameterError(
-                f"fix: read {name} = {value:g} {spec.unit}".rstrip() + f"; {ends}",
+                f"{read}; expected a value from {spec.lower:g} to {spec.upper:g}",
                 "out-of-bounds",
             )
     if not fix:
         return names, values
-    own = dict(fix)
-    if "mass_ratio" in own:
-        own.setdefault("inertia_split", tied_split(own["mass_ratio"]))
-    return [*names, OWN], {
-        name: np.append(value, own.get(name, value[0])) for name, value in values.items()
-    }
+    chosen = dict(fix)
+    if "mass_ratio" in chosen:
+        chosen.setdefault("inertia_split", tied_split(chosen["mass_ratio"]))
+    extended = {}
+    for name, column in values.items():
+        extended[name] = np.append(column, chosen.get(name, column[0]))
+    return [*names, OWN], extended
 
 
 def tied_split(mass_ratio: Any) -> Any:
-    """Share of inertia of a solid core in a thin shell (Eqs 67 and 69 with their fractions in the
-    right order).
+    """Share of the moment of inertia that a solid core in a thin shell has (Eqs 67 and 69 with
+    their fractions in the right order), of the shape of `mass_ratio`.
     """
     solid = 0.4 * CORE_RADIUS_RATIO**2 * mass_ratio
     thin = 2.0 / 3.0 * (1.0 - mass_ratio)
@@ -118,38 +122,39 @@ def tied_split(mass_ratio: Any) -> Any:
 
 
 def cases(names: list[str], values: Outputs) -> tuple[DataFrame, DataFrame]:
-    """Errors of Table 9's cases by the computation, with the damping and mean restitution of
-    Chapter V, and by the equations solved exactly; and the points of Figs 36 to 44. Raises
-    ParameterError (`no-answer`).
+    """Errors of the sets `names` with parameters `values` (sets,) by the computation, with the
+    damping and mean restitution of Chapter V, and by the equations solved exactly; and the points
+    of Figs 36 to 44. Raises ParameterError (`no-answer`).
     """
-    found = {
-        "thesis": appendices.by_computation(values, appendices.mean_cor()),
-        "exact": appendices.by_equations(values, appendices.states(), appendices.cor()),
-    }
-    if names[-1] == OWN and not np.isfinite(found["thesis"]["omega_2"][-1]).all():
+    by_computation = appendices.by_computation(values, appendices.mean_cor())
+    by_equations = appendices.by_equations(values, appendices.states(), appendices.cor())
+    if names[-1] == OWN and not np.isfinite(by_computation["omega_2"][-1]).all():
         text = (
             "fix: the joint is too soft to swing as fast as the vertical motion: use a larger "
             "k_theta"
         )
         raise ParameterError(text, "no-answer")
-    errors = [
-        {"case": name, "by": by, **_rms(appendices.misses(outputs), k)}
-        for by, outputs in found.items()
-        for k, name in enumerate(names)
-    ]
-    shown = found["thesis"]
-    rows = printed("appendix_c").sort_values("case", kind="stable")
-    points: list[DataFrame] = []
-    for k, name in enumerate(names):
-        part = appendices.wang()[["group", "theta_1 [deg]"]].rename(columns={"group": "spin"})
-        part.insert(0, "case", name)
-        number = SET_OF_CASE.get(k + 1)
-        for output, unit in OUTPUTS.items():
-            part[f"{output} measured [{unit}]"] = appendices.column(output)
-            part[f"{output} recomputed [{unit}]"] = shown[output][k]
-            # Angles are printed negative.
-            sign = -1.0 if output == "theta_2" else 1.0
-            old = sign * rows[f"{output} [{unit}]"].to_numpy(np.float64).reshape(7, 21)
-            part[f"{output} printed [{unit}]"] = np.nan if number is None else old[number - 1]
-        points.append(part)
+    errors = []
+    for by, outputs in (("thesis", by_computation), ("exact", by_equations)):
+        misses = appendices.misses(outputs)
+        errors += [{"case": name, "by": by, **_rms(misses, k)} for k, name in enumerate(names)]
+    points = [_points(name, k, by_computation) for k, name in enumerate(names)]
     return pd.DataFrame(errors), pd.concat(points, ignore_index=True)
+
+
+def _points(name: str, k: int, recomputed: Outputs) -> DataFrame:
+    """The points (21 rows) of Figs 36 to 44 of set `k`, of which the first three are Table 9's
+    cases: outputs as measured, recomputed (sets, 21), and printed in Appendix C (NaN of others).
+    """
+    rows = printed("appendix_c")
+    rows = rows[rows["case"] == SET_OF_CASE.get(k + 1)]
+    points = appendices.wang()[["group", "theta_1 [deg]"]].rename(columns={"group": "spin"})
+    points.insert(0, "case", name)
+    for output, unit in OUTPUTS.items():
+        points[f"{output} measured [{unit}]"] = appendices.column(output)
+        points[f"{output} recomputed [{unit}]"] = recomputed[output][k]
+        # Angles are printed negative.
+        sign = -1.0 if output == "theta_2" else 1.0
+        in_print = sign * rows[appendices.headed(output)].to_numpy(np.float64)
+        points[f"{output} printed [{unit}]"] = in_print if len(rows) else np.nan
+    return points
