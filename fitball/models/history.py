@@ -1,4 +1,4 @@
-"""One impact through time: the forward kernel with the contact cut at `t`."""
+"""One impact through time: the forward kernel with the contact cut short."""
 
 from typing import NamedTuple
 
@@ -8,9 +8,9 @@ from fitball.models.kernels.contact import Flags
 
 
 class History(NamedTuple):
-    """At `time` (times,) after landing the `phase` and courses by name, SI: compression `y` and
-    rate `v_y`, `v_x`, spins `omega_core`, `omega_shell`, `twist`, `slip` of the contact point,
-    `normal_force`, `friction_force`.
+    """At `time` (times,) [s] after landing the `phase` (times,) and courses (times,) by name, SI:
+    compression `y` and its rate `v_y`, `v_x`, spins `omega_core`, `omega_shell`, `twist`, `slip`
+    of the contact point, `normal_force`, `friction_force`.
 
     With normal=momentum the shell stops at landing, with an impulse that takes no time: courses
     begin after it. Where a phase ends, they are those of the next. At release the core picks the
@@ -23,8 +23,8 @@ class History(NamedTuple):
 
 
 def followed(row: FloatArray, flags: Flags, impact: Impacts, times: FloatArray) -> History:
-    """Courses of one impact (1,) that has an answer, of a kernel `row`, at `times` (times,) within
-    the contact.
+    """Courses of one impact (1,) that has an answer, at the parameters of a kernel's `row`
+    (COLUMNS,) under the choices `flags`, at `times` (times,) within the contact [s].
     """
     v_x1 = impact.v_x1.item()
     v_y1 = impact.v_y1.item()

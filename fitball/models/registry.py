@@ -10,6 +10,7 @@ from fitball.models import grip_slip, two_mass
 from fitball.models.model import Model
 from fitball.models.own import model_from
 
+# The choices of `two-mass`: those of which the assumptions balance the ball's momentum.
 TWO_MASS = {
     "normal": "momentum",
     "offset": "contact",
@@ -18,6 +19,7 @@ TWO_MASS = {
     "spin": "mean",
     "release": "zero_force",
 }
+# The choices of Jafri's thesis (2004), whose equations are solved without its slips.
 THESIS_EXACT = {
     **TWO_MASS,
     "normal": "inner",
@@ -74,12 +76,13 @@ MODELS: Mapping[str, Entry] = {
         spinless=True,
     ),
 }
-# The model of a table where no other is named: with spins, without them beside motion along the
-# court, and of drops, where a mass ratio is no more than an upper end of COR.
+# The model of data with spins where no other is named.
 DEFAULT = "two-mass"
+# The model of data with motion along the court but without spins.
 DEFAULT_SPINLESS = "brody"
+# The model of drops, where a mass ratio is no more than an upper end of COR.
 DEFAULT_DROPS = "two-mass+normal=total"
-# What acts without motion along the court.
+# Choices that act without motion along the court.
 VERTICAL = ("normal", "release")
 
 
@@ -106,24 +109,24 @@ def model(
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}", "unknown-model")
     entry = MODELS[name]
-    given = [*(part.partition("=")[::2] for part in parts), *options.items()]
-    chosen = dict(given)
-    if len(chosen) < len(given):
+    pairs = [*(part.partition("=")[::2] for part in parts), *options.items()]
+    chosen = dict(pairs)
+    if len(chosen) < len(pairs):
         raise ModelError(f"model {text}: an option is named twice; name it once", "option-twice")
     for choice, value in chosen.items():
         if choice not in entry.choices:
-            known = suggestion(choice, entry.choices) if entry.choices else "it has none"
-            raise ModelError(f"model {name} has no option '{choice}': {known}", "unknown-option")
+            hint = suggestion(choice, entry.choices) if entry.choices else "it has none"
+            raise ModelError(f"model {name} has no option '{choice}': {hint}", "unknown-option")
         if value not in entry.choices[choice]:
-            known = suggestion(value, entry.choices[choice])
-            raise ModelError(f"unknown {choice}={value} of model {name}: {known}", "unknown-option")
+            hint = suggestion(value, entry.choices[choice])
+            raise ModelError(f"unknown {choice}={value} of model {name}: {hint}", "unknown-option")
     every = {**entry.options, **chosen}
     return entry.compose(name, _text(name, every), ball, tangential, every)
 
 
-def known_model(text: str, *, ball: Ball, tangential: bool) -> Model:
-    """The model that a scene or a saved fit names: these are data, and run no file. Raises as
-    `model`.
+def model_of_data(text: str, *, ball: Ball, tangential: bool) -> Model:
+    """The model that a scene or a saved fit names: these are data, and run no file. Raises
+    ModelError as `model`, and for a function of a file (`own-model`).
     """
     if ".py:" in text:
         words = (
@@ -137,34 +140,38 @@ def known_model(text: str, *, ball: Ball, tangential: bool) -> Model:
 def _text(name: str, options: Mapping[str, str]) -> str:
     """A model as `--model` takes it, with the options that are not its default."""
     default = MODELS[name].options
-    return "+".join(
-        [
-            name,
-            *(f"{choice}={value}" for choice, value in options.items() if value != default[choice]),
-        ]
-    )
+    parts = [name]
+    for choice, value in options.items():
+        if value != default[choice]:
+            parts.append(f"{choice}={value}")
+    return "+".join(parts)
 
 
 def variants(chosen: Model) -> tuple[str, ...]:
-    """Texts of all models that differ from it in one option, of those that act without motion along
-    the court if it has none.
+    """Texts of all models that differ from `chosen` in one option, of those options that act
+    without motion along the court if it has none; no text for a user's function.
     """
-    choices = MODELS[chosen.name].choices if chosen.name in MODELS else {}
-    return tuple(
-        _text(chosen.name, {**chosen.options, choice: value})
-        for choice, values in choices.items()
-        for value in values
-        if value != chosen.options[choice] and (chosen.tangential or choice in VERTICAL)
-    )
+    if chosen.name not in MODELS:
+        return ()
+    texts = []
+    for choice, values in MODELS[chosen.name].choices.items():
+        if not chosen.tangential and choice not in VERTICAL:
+            continue
+        others = [value for value in values if value != chosen.options[choice]]
+        texts += [_text(chosen.name, {**chosen.options, choice: value}) for value in others]
+    return tuple(texts)
 
 
 def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
-    """Texts of the models that can differ on such a table, the default there last."""
+    """Texts of the models that can differ on data with motion along the court (`tangential`) and
+    with `spin`, or without, the default there last; if `quick` none of the variants.
+    """
     if not tangential:
         return (DEFAULT_DROPS,)
     if not spin:
-        spinless = (name for name, entry in MODELS.items() if entry.spinless)
-        return (*(name for name in spinless if name != DEFAULT_SPINLESS), DEFAULT_SPINLESS)
+        spinless = [name for name, entry in MODELS.items() if entry.spinless]
+        spinless.remove(DEFAULT_SPINLESS)
+        return (*spinless, DEFAULT_SPINLESS)
     others = [name for name in MODELS if name != DEFAULT]
     if not quick:
         # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names

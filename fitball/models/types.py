@@ -1,4 +1,4 @@
-"""What a model returns."""
+"""What a model returns: rebounds with the status and the phases of each."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -39,14 +39,11 @@ REASONS: dict[Status, str] = {
     Status.OK: "",
     Status.COR_OUT_OF_RANGE: "COR must be above 0 and at most 1. Change cor_10",
     Status.COR_EXCEEDS_MASS_RATIO: "with normal=momentum COR cannot exceed mass_ratio. Use a "
-    "larger mass_ratio, or "
-    "normal=total",
+    "larger mass_ratio, or normal=total",
     Status.TORSION_TOO_SOFT: "with torsion=matched the torsional frequency cannot be below the "
-    "vertical one. Use a "
-    "larger k_theta, or torsion=free",
+    "vertical one. Use a larger k_theta, or torsion=free",
     Status.TOO_MANY_PHASES: "core and shell oscillate too fast to be followed. Use a mass_ratio "
-    "further from 1, or a "
-    "smaller k_theta",
+    "further from 1, or a smaller k_theta",
     Status.LEVEL_OUT_OF_BOUNDS: "a parameter is outside its bounds on a surface or ball. Use a "
     "narrower prior there",
     Status.NO_IMPACT: "the ball does not move towards the court. v_y1 must be positive; check it "
@@ -56,6 +53,7 @@ REASONS: dict[Status, str] = {
     Status.NO_INERTIA: "core or shell has no inertia. Use a mass_ratio below 1, or inertia=table",
     Status.REBOUND_FALLS: "v_y2 would fall with v_y1. cor_slope must be above -cor_10/(10 m/s)",
 }
+# Phases in words, of regimes in tables and figures.
 PHASE_NAMES = {
     Phase.SLIDE_FORWARD: "slide",
     Phase.SLIDE_BACKWARD: "slide back",
@@ -63,15 +61,15 @@ PHASE_NAMES = {
     Phase.HOLD: "hold",
     Phase.FREE: "free",
 }
-# A packed regime has the first phase in its lowest bits.
+# Bits of a phase in a packed regime, which has the first phase in its lowest bits.
 PHASE_BITS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Rebound:
-    """Rebounds (draws, impacts), SI, NaN where `status` is not OK: velocity, spin, `contact_time`;
-    time, path and turn between the flights (gaps; NaN without a time axis, as `contact_time`); the
-    packed `regime`.
+    """Rebounds, each array (draws, impacts), SI: velocity, spin, `contact_time`; time, path and
+    turn between the flights (gaps; NaN without a time axis, as `contact_time`); the packed
+    `regime`. Numbers are NaN where `status` is not OK.
     """
 
     v_x2: FloatArray
@@ -85,12 +83,12 @@ class Rebound:
     status: IntArray
 
     def column(self, name: str) -> FloatArray:
-        """A rebound column, an output or a function of the velocity, (draws, impacts)."""
+        """A rebound column (draws, impacts), SI: an output, or a function of the velocity."""
         formula = COLUMNS[name].formula
         if formula is not None:
             return formula(self.v_x2, self.v_y2)
-        found: FloatArray = getattr(self, name)
-        return found
+        output: FloatArray = getattr(self, name)
+        return output
 
     def answers(self, name: str) -> FloatArray:
         """A rebound column (draws, impacts), NaN where there is no answer."""
@@ -100,9 +98,10 @@ class Rebound:
 def regime_name(regime: int) -> str:
     """A packed regime in words: `slide, grip, slide back`. Raises ParameterError (`regime`)."""
     phases = []
+    mask = (1 << PHASE_BITS) - 1
     rest = int(regime)
     while rest > 0:
-        phases.append(rest & (1 << PHASE_BITS) - 1)
+        phases.append(rest & mask)
         rest >>= PHASE_BITS
     if rest < 0 or not all(phase in PHASE_NAMES for phase in phases):
         raise ParameterError(

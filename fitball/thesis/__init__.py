@@ -8,7 +8,7 @@ from fitball.base.progress import Progress
 
 
 def rederive(fix: Mapping[str, float], progress: Progress) -> Findings:
-    """Findings of all results of the thesis: Appendices C and D counted, seven sets ranked, three
+    """All results of the thesis: Appendices C and D counted, seven sets ranked, three
     cases (and a set of one's own, `fix`, in SI) in the posteriors of two-mass, thesis-exact and the
     thesis's own computation, Eq. 53, Figs 36-44, and slips. It has `failed` if a fit did not
     converge. Raises ParameterError (`unknown-parameter`, `out-of-bounds`, `no-answer`).

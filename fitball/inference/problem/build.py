@@ -32,7 +32,7 @@ from fitball.inference.problem.levels import (
 from fitball.inference.problem.problem import COMMON, Choices, Observable, Problem, Rows, base_of
 from fitball.inference.problem.row_errors import row_errors
 from fitball.models.model import Model
-from fitball.models.registry import candidates, known_model
+from fitball.models.registry import candidates, model_of_data
 from fitball.models.registry import model as model_of
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
@@ -198,7 +198,7 @@ def _model(table: ImpactTable, scene: Scene, choices: Choices, own: Model | None
     ball = scene.ball_value()
     text = choices.model or str(scene.model.get("name", ""))
     text = text or candidates(tangential=tangential, spin=table.has_spin)[-1]
-    chosen = known_model(text, ball=ball, tangential=tangential) if own is None else own
+    chosen = model_of_data(text, ball=ball, tangential=tangential) if own is None else own
     return replace(chosen, ball=ball, tangential=tangential)
 
 
