@@ -32,7 +32,6 @@ LONG_FUNCTIONS = {
     "scripts/hostile.py:main": "to be split",
     "scripts/validation/trust.py:main": "to be split",
     "fitball/models/kernels/crossings.py:first_fall": "compiled: its parts would hand on 15 values",
-    "fitball/models/kernels/phases.py:search": "compiled: its parts would hand on 12 values",
     "fitball/models/kernels/phases.py:follow": "compiled: the walk over phases has 16 values",
 }
 
