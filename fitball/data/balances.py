@@ -38,61 +38,85 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
     """
     import pandas as pd
 
-    impacts = table.impacts
     rebound = [name for name in (*counted(table.values, "2"), "omega_2") if name in table.values]
-    values = {name: getattr(impacts, name) for name in STATE} | {
-        name: table.values[name] for name in rebound
-    }
+    impacts = table.impacts
+    values = {name: getattr(impacts, name) for name in STATE}
+    values |= {name: table.values[name] for name in rebound}
+    is_drop = not table.has_tangential
+    has_spin = table.has_spin
+
+    def of_columns(columns: Columns) -> Columns:
+        return _balances(columns, ball, is_drop, has_spin)
+
+    results, slope = slopes(of_columns, values)
+    sds = _sds(table, values, rebound, slope, noise or {})
+    frame: dict[str, FloatArray] = {}
+    gaps = np.full(len(impacts), np.nan)
+    for name, unit in BALANCES.items():
+        column = gaps
+        sd = gaps
+        if name in results:
+            column = np.where(np.isfinite(results[name]), results[name], np.nan)
+            sd = sds[[*results].index(name)]
+        frame[column_head(name, unit)] = column
+        frame[column_head(f"{name}_sd", unit)] = sd
+    return pd.DataFrame(frame, index=pd.Index(table.labels["id"], name="id"))
+
+
+def _sds(
+    table: ImpactTable,
+    values: Columns,
+    rebound: list[str],
+    slope: FloatArray,
+    noise: Mapping[str, float],
+) -> FloatArray:
+    """Standard deviations (results, impacts) of results with a `slope` (impacts, results, columns)
+    by the columns `values`; NaN where a column that counts has no error.
+    """
     covariance = table.covariance(rebound)
     if covariance is None:
-        covariance = np.zeros((len(impacts), len(values), len(values)))
+        covariance = np.zeros((len(table), len(values), len(values)))
     unknown = []
     for k, name in enumerate(values):
         if name in rebound and name not in table.sd:
-            covariance[:, k, k] = (noise or {}).get(name, 0.0) ** 2
-            unknown += [] if name in (noise or {}) else [k]
-    drop = not table.has_tangential
-    spun = table.has_spin
-    results, slope = slopes(lambda known: _balances(known, ball, drop, spun), values)
+            covariance[:, k, k] = noise.get(name, 0.0) ** 2
+            if name not in noise:
+                unknown.append(k)
     with np.errstate(invalid="ignore"):
         sds = np.sqrt(np.einsum("kri,kij,krj->rk", slope, covariance, slope))
     # A slope is exactly zero where a result does not contain the column.
     sds[np.any(slope[:, :, unknown] != 0.0, axis=2).T] = np.nan
-    frame: dict[str, FloatArray] = {}
-    for name, unit in BALANCES.items():
-        column = np.full(len(impacts), np.nan)
-        sd = column
-        if name in results:
-            column = np.where(np.isfinite(results[name]), results[name], np.nan)
-            sd = sds[[*results].index(name)]
-        frame |= {column_head(name, unit): column, column_head(f"{name}_sd", unit): sd}
-    return pd.DataFrame(frame, index=pd.Index(table.labels["id"], name="id"))
+    return np.asarray(sds)
 
 
-def _balances(known: Columns, ball: Ball, drop: bool, spun: bool) -> Columns:
-    """Balances of the rebound columns in `known`; a `drop` has no motion along the court, spin if
-    `spun`.
+def _balances(columns: Columns, ball: Ball, is_drop: bool, has_spin: bool) -> Columns:
+    """Balances (impacts,) by name that incident states and rebound columns determine. A drop has no
+    motion along the court; its energy is that of v_y alone where no spin was measured.
     """
-    x_1, y_1, omega_1 = (known[name] for name in STATE)
-    after = velocity(known, "2")
-    omega_2 = known.get("omega_2")
-    x_2, y_2, speed = (after.get(name) for name in ("v_x2", "v_y2", "v_2"))
+    x_1, y_1, omega_1 = (columns[name] for name in STATE)
+    after = velocity(columns, "2")
+    x_2 = after.get("v_x2")
+    y_2 = after.get("v_y2")
+    omega_2 = columns.get("omega_2")
     inertia = ball.inertia_ratio * ball.mass * ball.radius**2
-    found = {}
+    results = {}
     if y_2 is not None:
-        found["cor"] = y_2 / y_1
-    if x_2 is not None and not drop:
+        results["cor"] = y_2 / y_1
+    if x_2 is not None and not is_drop:
         if y_2 is not None:
-            found["mu_bar"] = (x_1 - x_2) / (y_1 + y_2)
+            results["mu_bar"] = (x_1 - x_2) / (y_1 + y_2)
         if omega_2 is not None:
-            found["e_x"] = -(x_2 - ball.radius * omega_2) / (x_1 - ball.radius * omega_1)
+            results["e_x"] = -(x_2 - ball.radius * omega_2) / (x_1 - ball.radius * omega_1)
         if y_2 is not None and omega_2 is not None:
             turn = ball.mass * ball.radius * (x_1 - x_2) - inertia * (omega_2 - omega_1)
-            found["offset"] = turn / (ball.mass * (y_1 + y_2))
-    last = y_2 if drop else speed
-    if last is not None and (omega_2 is not None or (drop and not spun)):
-        first = y_1**2 if drop else x_1**2 + y_1**2
-        before = 0.5 * (ball.mass * first + inertia * omega_1**2)
-        left = 0.5 * (ball.mass * last**2 + (0.0 if omega_2 is None else inertia * omega_2**2))
-        found |= {"energy_lost": before - left, "energy_fraction": (before - left) / before}
-    return found
+            results["offset"] = turn / (ball.mass * (y_1 + y_2))
+    speed_2 = y_2 if is_drop else after.get("v_2")
+    spins_known = omega_2 is not None or (is_drop and not has_spin)
+    if speed_2 is not None and spins_known:
+        square_1 = y_1**2 if is_drop else x_1**2 + y_1**2
+        spin_2 = 0.0 if omega_2 is None else inertia * omega_2**2
+        before = 0.5 * (ball.mass * square_1 + inertia * omega_1**2)
+        rest = 0.5 * (ball.mass * speed_2**2 + spin_2)
+        results["energy_lost"] = before - rest
+        results["energy_fraction"] = (before - rest) / before
+    return results

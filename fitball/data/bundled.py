@@ -19,6 +19,7 @@ from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 
+# Begins a prior that is a published one.
 PUBLISHED = "literature:"
 
 
@@ -30,12 +31,12 @@ def folder() -> Path:
 
 
 def descriptions(kind: str = "") -> dict[str, str]:
-    """What the bundled tables (or, of kind "tracks", films) are, by name."""
-    found = {}
+    """Descriptions of the bundled tables (or, of kind "tracks", films), by name."""
+    by_name = {}
     for place in sorted((folder() / kind).glob("*.csv")):
         scene = tomllib.loads(place.with_suffix(".toml").read_text(encoding="utf-8"))
-        found[place.stem] = str(scene["source"]["description"])
-    return found
+        by_name[place.stem] = str(scene["source"]["description"])
+    return by_name
 
 
 def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
@@ -48,16 +49,19 @@ def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
     is_folder = os.path.isdir(text)  # noqa: PTH112
     if os.path.exists(text) and not is_folder:  # noqa: PTH110
         return path
-    known = descriptions(kind)
-    if text.removesuffix(".csv") in known:
-        return folder() / kind / f"{text.removesuffix('.csv')}.csv"
-    fault = "a folder, no file" if is_folder else "no such file"
-    fits = sorted(path.glob("*/fit.json")) if is_folder else []
-    hint = f"did you mean the fit {fits[0].parent}?" if fits else suggestion(path.stem, known)
-    raise FolderError(
-        f"{one_line(text)}: {fault}, and no bundled one of this name; {hint}",
-        "not-found",
-    )
+    bundled = descriptions(kind)
+    name = text.removesuffix(".csv")
+    if name in bundled:
+        return folder() / kind / f"{name}.csv"
+    fault = "no such file"
+    hint = suggestion(path.stem, bundled)
+    if is_folder:
+        fault = "a folder, no file"
+        fits = sorted(path.glob("*/fit.json"))
+        if fits:
+            hint = f"did you mean the fit {fits[0].parent}?"
+    words = f"{one_line(text)}: {fault}, and no bundled one of this name; {hint}"
+    raise FolderError(words, "not-found")
 
 
 def printed(name: str) -> DataFrame:
@@ -86,10 +90,13 @@ def published_prior(spec: ParameterSpec, key: str) -> Prior:
     wanted = key.strip().removeprefix(PUBLISHED).strip().casefold()
     rows = {row["key"]: row for row in published() if row["parameter"] == spec.name}
     if wanted not in rows:
-        names = dict.fromkeys(row["parameter"] for row in published())
-        known = suggestion(wanted, rows) if rows else f"it has priors of {', '.join(names)}"
+        if rows:
+            hint = suggestion(wanted, rows)
+        else:
+            parameters = dict.fromkeys(row["parameter"] for row in published())
+            hint = f"it has priors of {', '.join(parameters)}"
         read = f"prior of {spec.name}: the literature has no '{one_line(wanted)}' for it"
-        raise ParameterError(f"{read}; {known} (fitball check lists them)", "unknown-key")
+        raise ParameterError(f"{read}; {hint} (fitball check lists them)", "unknown-key")
     row = rows[wanted]
     prior = parse_prior(spec, f"{row['distribution']}({row['value']}, {row['sd']})")
     return replace(prior, source=f"{PUBLISHED}{wanted}: {row['source']} ({row['note']})")

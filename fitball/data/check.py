@@ -1,5 +1,7 @@
 """What `check` returns: a table as it is read, with all of its faults and doubts."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 
@@ -8,38 +10,58 @@ from fitball.base.findings import Findings
 from fitball.data.bundled import descriptions, published
 from fitball.data.read import Source, list_of_sources, load_data
 from fitball.data.scene import Scene
+from fitball.data.table import ImpactTable
+
+# Columns of the frame of faults, behind the source: fields of a fault.
+_FIELDS = ("code", "row", "line", "column", "message")
 
 
 def check(
     sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
 ) -> Findings:
     """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without
-    sources `bundled`, `priors`.
+    sources `bundled`, `priors`. Raises ParameterError and FolderError as `load_data` does.
     """
     import pandas as pd
 
-    if not (given := list_of_sources(sources)):
-        known = pd.DataFrame(descriptions().items(), columns=["table", "description"])
-        return Findings({"bundled": known, "priors": pd.DataFrame(published())})
-    errors = dict[str, InputError]()
-    whole = None
-    # Of several tables the faults of each, then those of all together.
-    for tried in (*([one] for one in given if len(given) > 1), given):
-        try:
-            whole = load_data(tried, scene, True, **reading)[0]
-        except InputError as error:
-            errors[error.source], whole = error, None
-    names = ("code", "row", "line", "column", "message")
-    faults = [
-        (e.source, *(getattr(one, n) for n in names)) for e in errors.values() for one in e.faults
-    ]
-    notes = () if whole is None else whole.notices
-    doubted = [hint for error in errors.values() for hint in error.hints]
-    doubted += [note.text for note in notes if note.code == "misread"]
+    listed_sources = list_of_sources(sources)
+    if not listed_sources:
+        bundled = pd.DataFrame(descriptions().items(), columns=["table", "description"])
+        return Findings({"bundled": bundled, "priors": pd.DataFrame(published())})
+    table, errors = _tried(listed_sources, scene, reading)
+    notes = () if table is None else table.notices
+    doubts = [hint for error in errors for hint in error.hints]
+    doubts += [note.text for note in notes if note.code == "misread"]
     notes = tuple(note for note in notes if note.code != "misread")
+    faults = [
+        (error.source, *(getattr(fault, field) for field in _FIELDS))
+        for error in errors
+        for fault in error.faults
+    ]
     frames = {
-        "table": pd.DataFrame() if whole is None else whole.to_frame(),
-        "faults": pd.DataFrame(faults, columns=["source", *names], dtype=object),
-        "doubts": pd.DataFrame({"reading": doubted}),
+        "table": pd.DataFrame() if table is None else table.to_frame(),
+        "faults": pd.DataFrame(faults, columns=["source", *_FIELDS], dtype=object),
+        "doubts": pd.DataFrame({"reading": doubts}),
     }
-    return Findings(frames, notes, bool(faults) or (bool(doubted) and not as_read))
+    failed = bool(faults) or (bool(doubts) and not as_read)
+    return Findings(frames, notes, failed)
+
+
+def _tried(
+    sources: list[Source],
+    scene: Scene | str | Path | None,
+    reading: dict[str, Any],
+) -> tuple[ImpactTable | None, list[InputError]]:
+    """All tables as one, None where they cannot be, and the errors: of several tables those of
+    each, then those of all together.
+    """
+    errors = dict[str, InputError]()
+    table = None
+    attempts = [[source] for source in sources] if len(sources) > 1 else []
+    for attempt in (*attempts, sources):
+        try:
+            table = load_data(attempt, scene, True, **reading)[0]
+        except InputError as error:
+            errors[error.source] = error
+            table = None
+    return table, [*errors.values()]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from math import nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fitball.base.columns import COLUMNS, HEIGHTS
 from fitball.base.errors import ParameterError, suggestion
@@ -23,51 +23,59 @@ from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_with
 if TYPE_CHECKING:
     from fitball.data.cells import Cells
 
+# Columns of text.
 LABELS = ("id", "surface", "ball", "location", "session", "table")
+# Columns of numbers, with those of their sds.
 NUMBERS = tuple(name + suffix for name in COLUMNS for suffix in ("", "_sd"))
 # A longer cell is no name of ours, and patterns take time with the square of the length.
 _LONGEST = 100
-# What a name that is probably meant counts for where a header is looked for, and how alike two
-# names are if one is a slip of the other: one wrong, missing or exchanged character in a name as
-# short as `v_y1`.
+# What a name that is probably meant counts for where a header is looked for.
 _GUESSED = 0.5
+# How alike two names are if one is a slip of the other: one wrong, missing or exchanged character
+# in a name as short as `v_y1`.
 _NEAR = 0.75
-# Words of names: quantity, direction, end of the bounce, deviation, nothing.
+# Letters of the longest word that a name is cut into.
+_LONGEST_WORD = 20
+# Columns of a table that a message names.
+_NAMED = 20
+# Words of names by what they mean: quantity, direction, end of the bounce, deviation, nothing.
 _LEXICON = {
-    (
-        "quantity",
-        "v",
-    ): "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse",
-    ("quantity", "theta"): "theta angle angles ang alpha winkel",
-    ("quantity", "omega"): "omega spin spins w rot rotation drall",
-    ("quantity", "contact_time"): "contacttime tcontact contactduration kontaktzeit tc",
-    ("quantity", "height"): "h height heights hoehe höhe",
-    ("direction", "x"): "x horizontal hor horiz tangential tan parallel",
-    ("direction", "y"): "y z vertical vert normal perpendicular perp",
-    (
-        "end",
-        "1",
-    ): "1 in inc incident incoming incidence inbound impact before pre prior initial init start "
-    "approach "
-    "i vor vorher avant drop dropped fall ein",
-    (
-        "end",
-        "2",
-    ): "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
-    "bounced nach "
-    "nachher aus après apres",
-    ("sd", "_sd"): "sd std stdev sigma",
-    ("filler", ""): "ball of the mean avg average measured launch",
+    "quantity": {
+        "v": "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse",
+        "theta": "theta angle angles ang alpha winkel",
+        "omega": "omega spin spins w rot rotation drall",
+        "contact_time": "contacttime tcontact contactduration kontaktzeit tc",
+        "height": "h height heights hoehe höhe",
+    },
+    "direction": {
+        "x": "x horizontal hor horiz tangential tan parallel",
+        "y": "y z vertical vert normal perpendicular perp",
+    },
+    "end": {
+        "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
+        "start approach i vor vorher avant drop dropped fall ein",
+        "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
+        "bounced nach nachher aus après apres",
+    },
+    "sd": {"_sd": "sd std stdev sigma"},
+    "filler": {"": "ball of the mean avg average measured launch"},
 }
-_WORDS = {word: meaning for meaning, words in _LEXICON.items() for word in words.split()}
+_WORDS = {
+    word: (kind, meaning)
+    for kind, meanings in _LEXICON.items()
+    for meaning, words in meanings.items()
+    for word in words.split()
+}
 # Words that alone, as the name of a column, mean a height.
 _OF_A_DROP = {"drop", "fall", "rebound", "bounce"}
 
-# `v_1 [m/s]`; `v_1 (m/s)`; and behind the name: `v_1 / m/s` (ISO 80000), `v_1 in m/s`, `v_1, m/s`,
-# `v_1_mph`.
+# `v_1 [m/s]`.
 _SQUARE = re.compile(r"(?P<name>[^\[\]]*?)\s*/?\s*\[(?P<unit>[^\[\]]*)\]")
+# `v_1 (m/s)`.
 _ROUND = re.compile(r"(?P<name>.*?)\s*/?\s*[({](?P<unit>[^(){}]*)[)}]")
+# Behind the name: `v_1 / m/s` (ISO 80000), `v_1 in m/s`, `v_1, m/s`, `v_1_mph`.
 _GAP = re.compile(r"\s*/\s*|\s+in\s+|\s*[,:;]\s*|[_\s]")
+# `corr(v_x1,gap_time)`.
 _CORR = re.compile(r"\s*corr\(\s*(\w+)\s*,\s*(\w+)\s*\)\s*", re.IGNORECASE)
 
 
@@ -78,19 +86,21 @@ def bare(name: str) -> str:
     return re.sub(r"[\s_.\-]+", "", name.translate(str.maketrans("₁₂ₓᵧ", "12xy")))
 
 
+# Our names by what is left of them without underscores.
 _BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
 _BY_BARE |= dict.fromkeys(("no", "nr", "#", "number", "impactid", "impactno"), "id")
 
 
-def known_as(name: str) -> str | None:
+def our_name(name: str) -> str | None:
     """Our name of what differs from it in case, blanks and underscores only; correlations in the
     order of COLUMNS.
     """
     if len(name) > _LONGEST:
         return None
-    if (pair := _CORR.fullmatch(name)) is None:
+    pair = _CORR.fullmatch(name)
+    if pair is None:
         return _BY_BARE.get(bare(name))
-    both = {known_as(part) for part in pair.groups()}
+    both = {our_name(part) for part in pair.groups()}
     ends = [column for column in COLUMNS if column in both]
     return f"corr({','.join(ends)})" if len(ends) == 2 else None
 
@@ -108,26 +118,23 @@ class Naming:
         self.units = dict[str, str]()
         for ours, text in self.columns.items():
             if ours not in NUMBERS and ours not in LABELS:
-                near = listed(guess_of(ours), "or")
-                hint = f"did you mean {near}?" if near else suggestion(ours, (*COLUMNS, *LABELS))
-                raise ParameterError(
-                    f"columns: '{ours}' is no column of fitball ({ours}={text}): {hint}",
-                    "columns",
-                )
+                guess = listed(guess_of(ours), "or")
+                hint = f"did you mean {guess}?" if guess else suggestion(ours, (*COLUMNS, *LABELS))
+                words = f"columns: '{ours}' is no column of fitball ({ours}={text}): {hint}"
+                raise ParameterError(words, "columns")
             square = _SQUARE.fullmatch(text)
             their = (square["name"] if square else text).casefold()
-            if not their or their in self.theirs.values():
-                words = (
-                    "is given for two columns"
-                    if their
-                    else "is empty; expected NAME or NAME [UNIT]"
-                )
-                raise ParameterError(f"columns: the name in '{ours}={text}' {words}", "columns")
+            words = f"columns: the name in '{ours}={text}'"
+            if not their:
+                words = f"{words} is empty; expected NAME or NAME [UNIT]"
+                raise ParameterError(words, "columns")
+            if their in self.theirs.values():
+                raise ParameterError(f"{words} is given for two columns", "columns")
             self.theirs[ours] = their
             if square:
                 self.units[ours] = square["unit"]
 
-    def said(self, *names: str) -> str | None:
+    def by_user(self, *names: str) -> str | None:
         """Our name of a column that the user calls by one of these."""
         wanted = {" ".join(name.split()).casefold() for name in names}
         return next((ours for ours, their in self.theirs.items() if their in wanted), None)
@@ -139,7 +146,7 @@ class Naming:
         if not cell or len(cell) > _LONGEST or cell[0] in "0123456789+-.,−":
             return 0.0
         name, _ = self.split(cell)
-        if self.said(cell, name) or known_as(name):
+        if self.by_user(cell, name) or our_name(name):
             return 1.0
         return _GUESSED if len(guess_of(name)) == 1 else 0.0
 
@@ -149,22 +156,25 @@ class Naming:
         unit must be one.
         """
         text = cell.strip()
-        if len(text) > _LONGEST or known_as(text):
+        if len(text) > _LONGEST or our_name(text):
             return text, None
         if square := _SQUARE.fullmatch(text):
             return square["name"], square["unit"]
-        found = _ROUND.fullmatch(text)
-        if found and (
-            self.said(found["name"]) or known_as(found["name"]) or symbol_of(found["unit"])
-        ):
-            return found["name"], found["unit"]
+        bracket = _ROUND.fullmatch(text)
+        if bracket and (self._is_name(bracket["name"]) or symbol_of(bracket["unit"])):
+            return bracket["name"], bracket["unit"]
         for gap in _GAP.finditer(text):
             front = text[: gap.start()]
             unit = text[gap.end() :]
-            if gap[0].strip(" _") or self.said(front) or known_as(front):
-                for spelling in filter(symbol_of, (unit, unit.replace("_", "/", 1))):
-                    return front, spelling
+            if gap[0].strip(" _") or self._is_name(front):
+                for spelling in (unit, unit.replace("_", "/", 1)):
+                    if symbol_of(spelling):
+                        return front, spelling
         return text, None
+
+    def _is_name(self, text: str) -> bool:
+        """Whether this is a name of ours or of the user's."""
+        return bool(self.by_user(text) or our_name(text))
 
 
 @dataclass(frozen=True)
@@ -182,6 +192,15 @@ class Header:
     guesses: Mapping[str, str]
 
 
+class _Title(NamedTuple):
+    """A header cell, its name and unit as written, and our name, None where it is none of ours."""
+
+    cell: str
+    name: str
+    unit: str | None
+    ours: str | None
+
+
 def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) -> Header:
     """What each column is, by its header and the user's names. With `optional` ones (ours), which
     need not be there, they are those of another table: so are names that are as we have them, and
@@ -189,88 +208,98 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
     `ambiguous-unit`, `other-quantity`, `two-units`, `brackets`, `column-twice`, `misspelt-column`,
     `no-column`.
     """
-    split = [naming.split(cell) for cell in cells.names]
-    ours = [
-        naming.said(cell, name) or known_as(name)
-        for cell, (name, _) in zip(cells.names, split, strict=True)
-    ]
-    # `No.` beside `id` is a column of the user's own.
-    twice = ours.count("id") > 1
-    ours = [
-        None if twice and n == "id" != bare(name) else n
-        for n, (name, _) in zip(ours, split, strict=True)
-    ]
+    titles = _titles(cells, naming)
+    ours = [title.ours for title in titles]
     numbers = dict[str, int]()
     labels = dict[str, int]()
     units = dict[str, str | None]()
-    for k, (cell, (name, unit), column) in enumerate(zip(cells.names, split, ours, strict=True)):
-        stated = naming.units.get(column or "")
+    for place, title in enumerate(titles):
+        column = title.ours
         if column is None:
-            _check_unknown(cells, cell, name, ours)
-            labels.setdefault(name, k)
+            _check_unknown(cells, title.cell, title.name, ours)
+            labels.setdefault(title.name, place)
         elif column in numbers or column in labels:
-            cells.fault(
-                "column-twice",
-                f"'{cell}' and another column are both '{column}'; keep one of them",
-                column,
-            )
+            words = f"'{title.cell}' and another column are both '{column}'; keep one of them"
+            cells.fault("column-twice", words, column)
         elif column in LABELS:
-            labels[column] = k
+            labels[column] = place
         else:
-            numbers[column], units[column] = k, unit or stated
-            if stated and unit and symbol_of(stated) != symbol_of(unit) and not optional:
-                words = (
-                    f"the unit is '[{unit}]' in the header and '[{stated}]' in columns; "
-                    "expected one unit"
-                )
-                cells.fault("two-units", words, column)
-    _check_named(cells, naming, [name for name, _ in split], ours, optional)
-    guesses = _guesses(cells.names, split, ours)
+            stated = naming.units.get(column)
+            numbers[column] = place
+            units[column] = title.unit or stated
+            if not optional:
+                _check_units(cells, column, title.unit, stated)
+    _check_user_names(cells, naming, titles, optional)
+    guesses = _guesses(titles)
     for column, their in guesses.items():
-        cells.note("not-read", f'a column is not read; did you mean --columns "{column}={their}"?')
-    factors, symbols = _units(cells, numbers, units)
+        words = f'a column is not read; did you mean --columns "{column}={their}"?'
+        cells.note("not-read", words)
+    factors, symbols = _factors(cells, numbers, units)
     return Header(numbers, factors, symbols, labels, guesses)
 
 
-def _check_named(
+def _titles(cells: Cells, naming: Naming) -> list[_Title]:
+    """The cells of a header, taken apart."""
+    titles = []
+    for cell in cells.names:
+        name, unit = naming.split(cell)
+        ours = naming.by_user(cell, name) or our_name(name)
+        titles.append(_Title(cell, name, unit, ours))
+    if sum(title.ours == "id" for title in titles) > 1:
+        # `No.` beside `id` is a column of the user's own.
+        for place, title in enumerate(titles):
+            if title.ours == "id" and bare(title.name) != "id":
+                titles[place] = title._replace(ours=None)
+    return titles
+
+
+def _check_units(cells: Cells, column: str, unit: str | None, stated: str | None) -> None:
+    """Add a fault where the header and the user state different units of a column."""
+    if unit and stated and symbol_of(stated) != symbol_of(unit):
+        words = (
+            f"the unit is '[{unit}]' in the header and '[{stated}]' in columns; expected one unit"
+        )
+        cells.fault("two-units", words, column)
+
+
+def _check_user_names(
     cells: Cells,
     naming: Naming,
-    names: Sequence[str],
-    ours: Sequence[str | None],
+    titles: Sequence[_Title],
     optional: Collection[str],
 ) -> None:
-    """A fault where a column that the user named is not there; a note where ours is, under its own
-    name.
+    """Add a fault of each column that the user names and that is not there; a note where one of our
+    name is there instead.
     """
-    called = {" ".join(text.split()).casefold() for text in (*cells.names, *names)}
+    ours = {title.ours for title in titles}
+    headers = set[str]()
+    for title in titles:
+        headers |= {" ".join(text.split()).casefold() for text in (title.cell, title.name)}
     for column, their in naming.theirs.items():
-        if column in {*ours, *optional} or (optional and their == column):
-            if column in ours and not optional and their not in called:
-                text = (
-                    f"no column is called '{naming.columns[column]}': {column} is read from "
-                    "the one of that name"
+        wanted = naming.columns[column]
+        if column in ours:
+            if not optional and their not in headers:
+                words = (
+                    f"no column is called '{wanted}': {column} is read from the one of that name"
                 )
-                cells.note("not-read", text)
-            continue
-        words = f"there is no column '{naming.columns[column]}' to read as {column}"
-        cells.fault(
-            "no-column",
-            f"{words}; columns of the table: {listed(cells.names, most=20)}",
-            column,
-        )
+                cells.note("not-read", words)
+        elif column not in optional and not (optional and their == column):
+            words = f"there is no column '{wanted}' to read as {column}"
+            columns = listed(cells.names, most=_NAMED)
+            cells.fault("no-column", f"{words}; columns of the table: {columns}", column)
 
 
-def _units(
+def _factors(
     cells: Cells,
     numbers: Mapping[str, int],
     units: Mapping[str, str | None],
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """Factors to SI and symbols of the units, stated or assumed, of columns; a fault where a unit
-    is none of its column's.
-    """
+    """Factors to SI and symbols of units by column. Faults of units go to the cells."""
     factors = dict.fromkeys(numbers, 1.0)
     symbols = dict[str, str]()
-    for column in [column for column in numbers if column in NUMBERS]:
+    for column in numbers:
+        if column not in NUMBERS:
+            continue
         # A standard deviation without a unit has that of its column.
         base = column.removesuffix("_sd")
         unit = units[column] or units.get(base)
@@ -285,61 +314,48 @@ def _units(
 
 
 def _check_unknown(cells: Cells, cell: str, name: str, taken: Collection[str | None]) -> None:
-    """A fault where an unknown name is a slip of one of ours that is not there, or its brackets do
-    not match.
+    """Add a fault where an unknown name is a slip of one of ours that is not there, or its brackets
+    do not match.
     """
-    if "[" in cell and known_as(cell.split("[")[0]):
-        cells.fault(
-            "brackets",
-            "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'",
-            cell,
-        )
+    if "[" in cell and our_name(cell.split("[")[0]):
+        words = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
+        cells.fault("brackets", words, cell)
     if _CORR.fullmatch(cell):
-        cells.fault(
-            "unknown-correlation",
-            f"expected corr(a,b) of two columns: {', '.join(COLUMNS)}",
-            cell,
-        )
-    free = [item for item in NUMBERS if item not in taken and end_of(name) in (None, end_of(item))]
-    near = (
-        []
-        if len(guess_of(name)) == 1
-        else get_close_matches(name[:_LONGEST].lower(), free, n=2, cutoff=_NEAR)
-    )
+        words = f"expected corr(a,b) of two columns: {', '.join(COLUMNS)}"
+        cells.fault("unknown-correlation", words, cell)
+    if len(guess_of(name)) == 1:
+        return
+    end = end_of(name)
+    free = [ours for ours in NUMBERS if ours not in taken and end in (None, end_of(ours))]
+    near = get_close_matches(name[:_LONGEST].lower(), free, n=2, cutoff=_NEAR)
     if near:
         words = f"unknown column; did you mean {listed(map(repr, near), 'or')}?"
-        cells.fault(
-            "misspelt-column",
-            f"{words} Rename it, or give a column of your own a less similar name",
-            name,
-        )
+        remedy = "Rename it, or give a column of your own a less similar name"
+        cells.fault("misspelt-column", f"{words} {remedy}", name)
 
 
-def _guesses(
-    names: Collection[str],
-    split: Collection[tuple[str, str | None]],
-    ours: Collection[str | None],
-) -> dict[str, str]:
+def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
     """Unknown columns by the name that each may mean: one column for one name that is not there.
     What leaves the end open means the one that no other column is.
     """
-    unknown = {
-        cell: guess_of(name)
-        for cell, (name, _), our in zip(names, split, ours, strict=True)
-        if our is None
-    }
-    gone = {*filter(None, ours), *(guess[0] for guess in unknown.values() if len(guess) == 1)}
-    found: dict[str, list[str]] = {}
+    unknown = {title.cell: guess_of(title.name) for title in titles if title.ours is None}
+    taken = {title.ours for title in titles}
+    taken_or_meant = {*taken, *(guess[0] for guess in unknown.values() if len(guess) == 1)}
+    cells_of: dict[str, list[str]] = {}
     for cell, guess in unknown.items():
-        left = [item for item in guess if item not in (ours if len(guess) == 1 else gone)]
-        if len(left) == 1:
-            within = (
-                next(filter(_is_unit, cell.split()), None)
-                if "[" not in cell and "(" not in cell
-                else None
-            )
-            found.setdefault(left[0], []).append(f"{cell} [{within}]" if within else cell)
-    return {column: texts[0] for column, texts in found.items() if len(texts) == 1}
+        others = taken if len(guess) == 1 else taken_or_meant
+        free = [ours for ours in guess if ours not in others]
+        if len(free) == 1:
+            cells_of.setdefault(free[0], []).append(_with_unit(cell))
+    return {column: texts[0] for column, texts in cells_of.items() if len(texts) == 1}
+
+
+def _with_unit(cell: str) -> str:
+    """A cell with the unit in brackets that stands among its words."""
+    if "[" in cell or "(" in cell:
+        return cell
+    unit = next(filter(_is_unit, cell.split()), None)
+    return f"{cell} [{unit}]" if unit else cell
 
 
 # ---- names by the lexicon
@@ -350,7 +366,8 @@ def end_of(name: str) -> str | None:
     neither, or both.
     """
     ends = {value for kind, value in _meanings(name) if kind == "end"}
-    ends = ends or set(re.findall(r"(?<![0-9])[12](?![0-9])", name))
+    if not ends:
+        ends = set(re.findall(r"(?<![0-9])[12](?![0-9])", name))
     return ends.pop() if len(ends) == 1 else None
 
 
@@ -358,23 +375,25 @@ def guess_of(name: str) -> tuple[str, ...]:
     """Names of ours that `name` may mean: one where it says which, both ends where it says the
     quantity only, none where it is no name of an impact's quantity.
     """
-    found = [meaning for meaning in _meanings(name) if meaning[0] != "filler"]
-    kinds = dict(found)
-    quantity = kinds.get("quantity", "height" if bare(name) in _OF_A_DROP else "")
-    if not quantity or len(kinds) < len(found) or ("direction" in kinds and quantity != "v"):
+    meanings = [meaning for meaning in _meanings(name) if meaning[0] != "filler"]
+    kinds = dict(meanings)
+    usual = "height" if bare(name) in _OF_A_DROP else ""
+    quantity = kinds.get("quantity", usual)
+    says_twice = len(kinds) < len(meanings)
+    if not quantity or says_twice or ("direction" in kinds and quantity != "v"):
         return ()
     sd = kinds.get("sd", "")
-    direction = kinds.get("direction", "")
     if quantity == "contact_time":
         return (quantity + sd,)
     ends = kinds.get("end", "12")
-    return tuple(
-        (HEIGHTS[int(k) - 1] if quantity == "height" else f"{quantity}_{direction}{k}") + sd
-        for k in ends
-    )
+    if quantity == "height":
+        return tuple(HEIGHTS[int(end) - 1] + sd for end in ends)
+    direction = kinds.get("direction", "")
+    return tuple(f"{quantity}_{direction}{end}{sd}" for end in ends)
 
 
 def _is_unit(word: str) -> bool:
+    """Whether a word of a name is a unit, and no word of ours."""
     return len(word) > 1 and bare(word) not in _WORDS and symbol_of(word) is not None
 
 
@@ -382,14 +401,19 @@ def _meanings(name: str) -> list[tuple[str, str]]:
     """The meanings of the words of a name, units left out; none if it has other words."""
     if len(name) > _LONGEST:
         return []
-    words = _cut(bare("".join(word for word in name.split() if not _is_unit(word))))
+    words = _words_of(bare("".join(word for word in name.split() if not _is_unit(word))))
     return [_WORDS[word] for word in words or []]
 
 
 @lru_cache(10_000)
-def _cut(text: str) -> list[str] | None:
+def _words_of(text: str) -> list[str] | None:
     """The text as words, the longest first; None where no way of cutting it leaves nothing over."""
-    for size in range(min(len(text), 20), 0, -1):
-        if text[:size] in _WORDS and (rest := _cut(text[size:])) is not None:
-            return [text[:size], *rest]
-    return None if text else []
+    if not text:
+        return []
+    for size in range(min(len(text), _LONGEST_WORD), 0, -1):
+        word = text[:size]
+        if word in _WORDS:
+            rest = _words_of(text[size:])
+            if rest is not None:
+                return [word, *rest]
+    return None

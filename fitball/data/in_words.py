@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from fitball.base.columns import COLUMNS, STATE
+from fitball.base.columns import COLUMNS, STATE, Column
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed, one_line
 from fitball.base.units import factor_of
@@ -17,6 +17,7 @@ from fitball.data.kinematics import propagate, state
 
 # A point before another belongs to a range: `10..40`. Blanks are single ones by then.
 _NUMBER = r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+# `17`, `10..40`, with `±0.5`, a unit and `:7`.
 _SPAN = re.compile(
     rf"(?P<low>{_NUMBER}) ?(?:\.\. ?(?P<high>{_NUMBER}) ?)?(?:(?:±|\+/?-) ?(?P<sd>{_NUMBER}) ?)?"
     r"(?P<unit>[^:]*?) ?(?:: ?(?P<count>[0-9]{1,9}))?",
@@ -30,8 +31,9 @@ _FORMS = {
     "count": "10..40 m/s:7",
     "error": "0.5 m/s",
 }
-# Columns that make an incident velocity; spin may be added. Points of a grid: some 100 MB.
+# Columns that make an incident velocity; spin may be added.
 _STATES = ({"v_1", "theta_1"}, {"v_x1", "v_y1"}, {"v_y1"})
+# Most points of a grid: some 100 MB.
 _MOST_POINTS = 1_000_000
 
 
@@ -46,82 +48,88 @@ class Span:
 
 
 def spans(text: str, takes: str) -> dict[str, Span]:
-    """By column; `takes` says which of value, sd, range, count may stand there, or `error`, an sd
-    of the column. The only parser of --impact, --speed, --angle, --spin, --sensor and --at; units
-    as in tables. Raises ParameterError (`impact`).
+    """The spans of a text by column; `takes` says which of value, sd, range, count may stand there,
+    or `error`, an sd of the column. The only parser of --impact, --speed, --angle, --spin, --sensor
+    and --at; units as in tables. Raises ParameterError (`impact`).
     """
-    found: dict[str, Span] = {}
+    by_column: dict[str, Span] = {}
     for item in text.split(","):
         name, _, written = (" ".join(part.split()) for part in item.partition("="))
-        si = COLUMNS[name].unit if name in COLUMNS and written else "m/s"
-        unit = "deg" if si == "rad" else si
-        forms = (
-            f"{name if written else 'v_1'}={_FORMS[part].replace('m/s', unit)}"
-            for part in takes.split()
-        )
-        form = listed(forms, last="or")
+        form = _form(name if written else "v_1", takes)
         if not name or not written:
             _fail(text, f"read '{one_line(item.strip())}'; expected {form}")
         if name not in COLUMNS:
             _fail(text, f"unknown column '{one_line(name)}'; {suggestion(name, COLUMNS)}")
-        if name in found:
+        if name in by_column:
             _fail(text, f"{name} is given twice; give it once")
         try:
-            found[name] = _span(name, written, takes, form)
+            by_column[name] = _span(name, written, takes, form)
         except ParameterError as error:
             _fail(text, f"{name}: {one_line(str(error), 400)}")
-    return found
+    return by_column
+
+
+def _usual_unit(column: Column) -> str:
+    """The unit of a column without one: degrees for angles, else SI."""
+    return "deg" if column.unit == "rad" else column.unit
+
+
+def _form(name: str, takes: str) -> str:
+    """What may stand for a column, by examples."""
+    unit = _usual_unit(COLUMNS[name]) if name in COLUMNS else "m/s"
+    examples = [f"{name}={_FORMS[part].replace('m/s', unit)}" for part in takes.split()]
+    return listed(examples, last="or")
 
 
 def _span(name: str, written: str, takes: str, form: str) -> Span:
-    """One value. Raises ParameterError."""
+    """The span that is written for a column. Raises ParameterError."""
     column = COLUMNS[name]
     matched = _SPAN.fullmatch(written)
     if matched is None:
-        raise ParameterError(f"read '{one_line(written)}'; expected {form}", "impact")
+        raise _refusal(written, form)
     parts = {part: text for part, text in matched.groupdict().items() if text}
-    error = takes == "error"
-    used = {"range" if "high" in parts else "error" if error else "value"} | (
-        {"sd", "count"} & parts.keys()
-    )
+    is_error = takes == "error"
+    used = {"sd", "count"} & parts.keys()
+    if "high" in parts:
+        used.add("range")
+    else:
+        used.add("error" if is_error else "value")
     if not used <= {*takes.split()} or {"value", "count"} <= used:
-        raise ParameterError(f"read '{one_line(written)}'; expected {form}", "impact")
+        raise _refusal(written, form)
     factor = factor_of(parts.get("unit"), column.unit)
-    count = int(parts.get("count", "1"))
     low = float(parts["low"]) * factor
-    high, sd = (float(parts[part]) * factor if part in parts else None for part in ("high", "sd"))
-    if error and not 0.0 < low < inf:
-        raise ParameterError(
-            f"read '{one_line(written)}'; expected a positive standard deviation",
-            "impact",
-        )
-    for end in () if error else (low, low if high is None else high):
-        if not column.limits[0] <= end <= column.limits[1]:
-            least, most = (f"{limit / factor:.6g}" for limit in column.limits)
-            unit = parts.get("unit", "deg" if column.unit == "rad" else column.unit)
-            raise ParameterError(
-                f"read '{one_line(written)}'; expected {least} to {most} {unit}",
-                "impact",
-            )
-    if (high is not None and high <= low) or ("count" in used and count < 2):
-        raise ParameterError(
-            f"read '{one_line(written)}'; expected a rising range of at least two points",
-            "impact",
-        )
-    if sd is not None and not 0.0 < sd < inf:
-        raise ParameterError(
-            f"read '{one_line(written)}'; expected a positive standard deviation",
-            "impact",
-        )
-    return Span(low, low if high is None else high, sd or 0.0, count)
+    high = float(parts["high"]) * factor if "high" in parts else low
+    if is_error:
+        if not 0.0 < low < inf:
+            raise _refusal(written, "a positive standard deviation")
+    else:
+        for end in (low, high):
+            if not column.limits[0] <= end <= column.limits[1]:
+                least, most = (f"{limit / factor:.6g}" for limit in column.limits)
+                unit = parts.get("unit", _usual_unit(column))
+                raise _refusal(written, f"{least} to {most} {unit}")
+    count = int(parts.get("count", "1"))
+    if ("high" in parts and high <= low) or ("count" in used and count < 2):
+        raise _refusal(written, "a rising range of at least two points")
+    sd = 0.0
+    if "sd" in parts:
+        sd = float(parts["sd"]) * factor
+        if not 0.0 < sd < inf:
+            raise _refusal(written, "a positive standard deviation")
+    return Span(low, high, sd, count)
 
 
-def impacts_of(found: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
-    """The grid (impacts,) that spans name, and the covariance (impacts, 3, 3) of its states, or
-    None. Raises ParameterError (`impact`).
+def _refusal(written: str, expected: str) -> ParameterError:
+    """The error of a text that is no span."""
+    return ParameterError(f"read '{one_line(written)}'; expected {expected}", "impact")
+
+
+def impacts_of(by_column: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
+    """The grid (impacts,) that spans name, and the covariance (impacts, 3, 3) of its states in SI,
+    or None. Raises ParameterError (`impact`).
     """
-    names = {*found} - {"omega_1"}
-    text = ", ".join(found)
+    names = {*by_column} - {"omega_1"}
+    text = ", ".join(by_column)
     if names not in _STATES:
         _fail(
             text,
@@ -129,19 +137,17 @@ def impacts_of(found: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
             "spins",
         )
     order = ("v_1", "theta_1", "omega_1") if "v_1" in names else STATE
-    axes = [found.get(name, Span(0.0, 0.0)) for name in order]
+    axes = [by_column.get(name, Span(0.0, 0.0)) for name in order]
     if any(axis.low < axis.high and axis.count < 2 for axis in axes):
         _fail(text, "a range has no number of points; expected LOW..HIGH UNIT:COUNT")
     points = prod(axis.count for axis in axes)
     if points > _MOST_POINTS:
         _fail(text, f"{points:,} impacts; expected at most {_MOST_POINTS:,}")
-    grid = np.meshgrid(
-        *(np.linspace(axis.low, axis.high, axis.count) for axis in axes),
-        indexing="ij",
-    )
-    known = dict(zip(order, (axis.ravel() for axis in grid), strict=True))
+    coordinates = [np.linspace(axis.low, axis.high, axis.count) for axis in axes]
+    grid = np.meshgrid(*coordinates, indexing="ij")
+    columns = dict(zip(order, (axis.ravel() for axis in grid), strict=True))
     stated = np.diag([axis.sd**2 for axis in axes])
-    states, covariance = propagate(lambda columns: state(columns, points), known, stated)
+    states, covariance = propagate(lambda moved: state(moved, points), columns, stated)
     if (states["v_x1"] < 0.0).any():
         # The offset of the normal force lies ahead in the direction of travel, towards positive
         # v_x.
@@ -153,4 +159,5 @@ def impacts_of(found: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
 
 
 def _fail(text: str, message: str) -> NoReturn:
+    """Refuse a text. Raises ParameterError (`impact`)."""
     raise ParameterError(f"'{one_line(text)}': {message}", "impact")

@@ -24,7 +24,7 @@ _STEP = 2.0**-100
 
 def counted(names: Iterable[str], end: str) -> tuple[str, ...]:
     """The velocity columns of one `end` ("1" or "2") that count: at most two, components before
-    polar, and these before what else follows from the velocity.
+    speed and angle, and these before what else follows from the velocity.
 
     With one component and both polar columns the polar pair counts: it always determines the
     velocity, while a component and the angle or the speed need not.
@@ -38,52 +38,68 @@ def counted(names: Iterable[str], end: str) -> tuple[str, ...]:
     return tuple(name for name in order if name in present)[:2]
 
 
-def velocity(known: Columns, end: str) -> dict[str, FloatArray]:
-    """Of `v_x, v_y, v_, theta_` of one `end` those that its columns determine, `known` first; v_y
-    is positive.
+def velocity(columns: Columns, end: str) -> dict[str, FloatArray]:
+    """Of `v_x, v_y, v_, theta_` of one `end` ("1" or "2") those that its columns determine, as
+    columns (impacts,) in m/s and rad; columns that are there stay as they are, v_y is positive.
 
     Analytic, so that complex steps pass. From v_y and the speed alone the sign of v_x stays open.
     What has no finite value is NaN or infinite, without a warning.
     """
-    x, y, speed, angle = (known.get(f"{name}{end}") for name in ("v_x", "v_y", "v_", "theta_"))
+    x = columns.get(f"v_x{end}")
+    y = columns.get(f"v_y{end}")
+    speed = columns.get(f"v_{end}")
+    angle = columns.get(f"theta_{end}")
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        if x is not None and y is None:
-            if angle is not None:
-                y = x * np.tan(angle)
-            elif speed is not None:
-                y = np.sqrt(speed**2 - x**2)
-        elif x is None and angle is not None:
-            if y is not None:
-                x = y / np.tan(angle)
-            elif speed is not None:
-                x = speed * np.cos(angle)
-                y = speed * np.sin(angle)
+        x, y = _components(x, y, speed, angle)
         if x is not None and y is not None:
-            speed = np.sqrt(x**2 + y**2) if speed is None else speed
-            angle = np.pi / 2 - np.arctan(x / y) if angle is None else angle
-    made = {f"v_x{end}": x, f"v_y{end}": y, f"v_{end}": speed, f"theta_{end}": angle}
-    return {name: column for name, column in made.items() if column is not None}
+            if speed is None:
+                speed = np.sqrt(x**2 + y**2)
+            if angle is None:
+                angle = np.pi / 2 - np.arctan(x / y)
+    results = {f"v_x{end}": x, f"v_y{end}": y, f"v_{end}": speed, f"theta_{end}": angle}
+    return {name: column for name, column in results.items() if column is not None}
 
 
-def state(known: Columns, count: int) -> dict[str, FloatArray]:
-    """v_x1, v_y1, omega_1 from the incident columns that count; zero where there is none."""
-    found = {**known, **velocity(known, "1")}
-    return {name: found.get(name, np.zeros(count)) for name in STATE}
+def _components(x: Any, y: Any, speed: Any, angle: Any) -> tuple[Any, Any]:
+    """Both components of a velocity [m/s] of which some of components, speed and angle [rad] are
+    there; None where these do not determine one.
+    """
+    if x is not None and y is None:
+        if angle is not None:
+            y = x * np.tan(angle)
+        elif speed is not None:
+            y = np.sqrt(speed**2 - x**2)
+    elif x is None and angle is not None:
+        if y is not None:
+            x = y / np.tan(angle)
+        elif speed is not None:
+            x = speed * np.cos(angle)
+            y = speed * np.sin(angle)
+    return x, y
+
+
+def state(columns: Columns, count: int) -> dict[str, FloatArray]:
+    """v_x1, v_y1 [m/s] and omega_1 [rad/s] (impacts,) from the incident columns that count; zero
+    where there is none. `count` is the number of impacts.
+    """
+    determined = {**columns, **velocity(columns, "1")}
+    return {name: determined.get(name, np.zeros(count)) for name in STATE}
 
 
 def slopes(function: Callable[[Columns], Columns], values: Columns) -> tuple[Columns, FloatArray]:
-    """An analytic `function` of columns (impacts,), and its derivatives (impacts, results,
-    columns), NaN where a result is not finite.
+    """Results of an analytic `function` of columns (impacts,), and their derivatives (impacts,
+    results, columns), NaN where a result is not finite.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         results = function(values)
         shape = next(iter(values.values())).shape
-        found = np.empty((*shape, len(results), len(values)))
+        derivatives = np.empty((*shape, len(results), len(values)))
         for k, name in enumerate(values):
             moved = function({**values, name: values[name] + 1j * _STEP})
             for j, (result, real) in enumerate(results.items()):
-                found[..., j, k] = np.where(np.isfinite(real), moved[result].imag / _STEP, np.nan)
-    return results, found
+                derivative = moved[result].imag / _STEP
+                derivatives[..., j, k] = np.where(np.isfinite(real), derivative, np.nan)
+    return results, derivatives
 
 
 def propagate(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+# What people call columns of labels, by what these name.
 _NAMES = {
     "surface": "surface surfaces surfacetype court courts courttype courtsurface playingsurface "
     "floor",
@@ -17,12 +18,13 @@ def role_of(column: str) -> str:
     """What the labels of a column name: surface, ball, place, session, table, or "" where only the
     user knows.
     """
-    return _ROLES.get("".join(letter for letter in column.casefold() if letter not in " _-"), "")
+    letters = [letter for letter in column.casefold() if letter not in " _-"]
+    return _ROLES.get("".join(letters), "")
 
 
 def spelled(label: str) -> str:
-    """What spellings of one label have in common: case and blanks. One rule for tables, new tables
-    and `--level`.
+    """A label without what spellings of it differ in: case and blanks. One rule for tables, new
+    tables and `--level`.
     """
     return " ".join(label.casefold().split())
 

@@ -11,16 +11,16 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from fitball.base.columns import COLUMNS, HEIGHTS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
 from fitball.base.itf import GRAVITY
-from fitball.base.priors import parse_prior
+from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
-from fitball.base.values import FloatArray, IntArray
+from fitball.base.values import Ball, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import place_of
 from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
@@ -34,7 +34,23 @@ from fitball.data.table import ImpactTable, joined
 # A table, a file, `book.xlsx#sheet`, the name of a bundled one, a data frame, or columns by name.
 Source: TypeAlias = Any
 Names: TypeAlias = str | Sequence[str]
-Known: TypeAlias = dict[str, FloatArray]
+# Columns (rows,) by name, NaN in gaps.
+Columns: TypeAlias = dict[str, FloatArray]
+
+# Columns of a table of impacts that need not be there in a table of incident states.
+_OF_ANOTHER_TABLE = (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS))
+# Fewest rows that determine the noise of a rebound; one row does not.
+_LEAST_ROWS = 2
+
+
+class _Numbers(NamedTuple):
+    """Numbers of a file on their way: `columns` (rows,) in SI; correlations by pair; the sign by
+    which errors of a column turn with it.
+    """
+
+    columns: Columns
+    corr: Columns
+    signs: Mapping[str, float]
 
 
 def load_table(
@@ -52,87 +68,141 @@ def load_table(
     others concerns another table. Raises InputError with every fault, FolderError (`not-found`),
     ParameterError (`unknown-column`, `not-a-table`).
     """
-    source, name = _found(source)
+    source, name = _place_and_name(source)
     scene = _scene(source) if scene is None else scene
-    columns = {**scene.columns, **(columns or {})}
+    naming = Naming({**scene.columns, **(columns or {})})
     flip = _names((*_names(flip), *_names(scene.measurement.get("flip", ()))))
     ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
-    naming = Naming(columns)
     cells = read_cells(source, naming.worth, name)
-    header = read_header(
-        cells,
-        naming,
-        () if rebound else (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS)),
-    )
+    header = read_header(cells, naming, () if rebound else _OF_ANOTHER_TABLE)
     if not rebound:
-        flip, ignore = (
-            tuple(name for name in names if name in (*header.numbers, "corr"))
-            for names in (flip, ignore)
-        )
-    units = header.units
+        present = (*header.numbers, "corr")
+        flip = tuple(column for column in flip if column in present)
+        ignore = tuple(column for column in ignore if column in present)
     if rebound and isinstance(source, Path) and "corr" not in ignore:
-        _check_beside(cells, source)
-    known = _known(cells, header, ignore)
-    corr = {item[5:-1]: known.pop(item) for item in [*known] if item.startswith("corr(")}
-    known, signs = _turned(cells, known, flip, units)
-    checks.deviations(cells, known)
-    all_of_it = known
-    known = _speeds(cells, checks.limits(cells, known, units))
-    measured = [item for item in known if item in COLUMNS]
-    checks.missing_columns(cells, measured, header.guesses, rebound)
-    if complete := counted(measured, "1") in checks.INCIDENCES:
-        checks.redundant(cells, known, units)
-        checks.energy(cells, known, units, scene.ball_value(), _noises(scene))
-    values = _fitted(known, measured)
-    rows = _rows(cells, values, rebound)
+        _refuse_covariance_file(cells, source)
+    numbers_read = _numbers_of(cells, header, flip, ignore)
+    checked = _speeds(cells, checks.limits(cells, numbers_read.columns, header.units))
+    _check_physics(cells, header, checked, scene, rebound)
+    values = _counting_values(checked)
+    rows = _usable_rows(cells, values, rebound)
     if cells.faults:
-        whole = {item: all_of_it.get(item, array) for item, array in values.items()}
-        readings = better_readings(whole if complete else {}, units, scene.ball_value())
-        cells.refuse([reading.text for reading in readings])
-    sds, stated = _stated(known, values, corr, signs, rows)
-    read = {"source": str(source) if isinstance(source, Path) else name, "sha256": cells.sha256}
-    read |= {"columns": _pairs(naming.columns), "flip": ",".join(flip), "ignore": ",".join(ignore)}
-    read |= {"units": _pairs({item: units[item] for item in values if item in units})}
-    values = {item: array[rows] for item, array in values.items()}
-    labels = _labels(cells, header, rows)
-    table = ImpactTable(name, values, sds, stated, labels, read=(read,))
+        _refuse_with_readings(cells, header, values, numbers_read.columns, scene.ball_value())
+    sds = _sds(values, checked, rows)
+    units = {column: header.units[column] for column in values if column in header.units}
+    table = ImpactTable(
+        name,
+        values={column: array[rows] for column, array in values.items()},
+        sd=sds,
+        corr=_correlations(numbers_read, sds, rows),
+        labels=_labels(cells, header, rows),
+        read=(
+            {
+                "source": str(source) if isinstance(source, Path) else name,
+                "sha256": cells.sha256,
+                "columns": _pairs(naming.columns),
+                "flip": ",".join(flip),
+                "ignore": ",".join(ignore),
+                "units": _pairs(units),
+            },
+        ),
+    )
     for row in rows[table.impossible()].tolist():
         cells.fault("impossible-correlations", "correlations that no errors can have", None, row)
     cells.refuse()
     return replace(table, notices=(*cells.notes, *repeated_rows(table)))
 
 
-def _fitted(known: Known, measured: Sequence[str]) -> Known:
-    """Incidence and rebound without what other columns say already."""
-    counts = {*counted(measured, "1"), *counted(measured, "2")}
+def _numbers_of(
+    cells: Cells,
+    header: Header,
+    flip: Sequence[str],
+    ignore: Sequence[str],
+) -> _Numbers:
+    """The numbers of a file in SI, counted as we count, without what is ignored. Raises
+    ParameterError (`unknown-column`).
+    """
+    columns = _in_si(cells, header, ignore)
+    corr = {}
+    for name in [name for name in columns if name.startswith("corr(")]:
+        pair = name.removeprefix("corr(").removesuffix(")")
+        corr[pair] = columns.pop(name)
+    turned, signs = _turned(cells, columns, flip, header.units)
+    checks.deviations(cells, turned)
+    return _Numbers(turned, corr, signs)
+
+
+def _check_physics(
+    cells: Cells,
+    header: Header,
+    columns: Columns,
+    scene: Scene,
+    rebound: bool,
+) -> None:
+    """Add faults of columns that are missing, contradict others, or say that energy is gained."""
+    measured = _measured(columns)
+    checks.missing_columns(cells, measured, header.guesses, rebound)
+    if counted(measured, "1") in checks.INCIDENCES:
+        checks.redundant(cells, columns, header.units)
+        noises = _noises(scene)
+        checks.energy(cells, columns, header.units, scene.ball_value(), noises)
+
+
+def _measured(columns: Columns) -> list[str]:
+    """The columns of quantities, without their sds."""
+    return [name for name in columns if name in COLUMNS]
+
+
+def _counting_values(columns: Columns) -> Columns:
+    """The columns that count, each information once, incident first."""
+    measured = _measured(columns)
+    velocities = {*counted(measured, "1"), *counted(measured, "2")}
     return {
-        item: known[item]
-        for item in (*INCIDENT, *REBOUND)
-        if item in measured and (item in counts or not COLUMNS[item].of_velocity)
+        name: columns[name]
+        for name in (*INCIDENT, *REBOUND)
+        if name in measured and (name in velocities or not COLUMNS[name].of_velocity)
     }
 
 
-def _stated(
-    known: Known,
-    values: Known,
-    corr: Known,
-    signs: Mapping[str, float],
-    rows: IntArray,
-) -> tuple[Known, Known]:
-    """Stated standard deviations of the `rows` that are used, by column, and correlations by pair,
-    which turn their sign with the columns.
+def _refuse_with_readings(
+    cells: Cells,
+    header: Header,
+    values: Columns,
+    with_outliers: Columns,
+    ball: Ball,
+) -> None:
+    """Refuse a table with faults, and say which other readings explain its columns far better,
+    numbers beyond their limits included.
     """
-    sds = {item: known[f"{item}_sd"] for item in values if f"{item}_sd" in known}
-    sds = {item: np.where(np.isnan(values[item]), np.nan, sd)[rows] for item, sd in sds.items()}
-    stated = {pair: array[rows] for pair, array in corr.items() if {*pair.split(",")} <= {*sds}}
-    for pair in stated:
-        stated[pair] *= np.prod([signs.get(item, 1.0) for item in pair.split(",")])
-    return sds, stated
+    columns = {}
+    if counted(values, "1") in checks.INCIDENCES:
+        columns = {name: with_outliers.get(name, array) for name, array in values.items()}
+    cells.refuse([reading.text for reading in better_readings(columns, header.units, ball)])
 
 
-def _check_beside(cells: Cells, place: Path) -> None:
-    """A fault where the second edition would have read correlations of the table: without them its
-    fit is another.
+def _sds(values: Columns, columns: Columns, rows: IntArray) -> Columns:
+    """Stated sds of the usable rows, NaN where nothing was measured."""
+    sds = {}
+    for name, array in values.items():
+        if f"{name}_sd" in columns:
+            sds[name] = np.where(np.isnan(array), np.nan, columns[f"{name}_sd"])[rows]
+    return sds
+
+
+def _correlations(numbers_read: _Numbers, sds: Columns, rows: IntArray) -> Columns:
+    """Stated correlations of the usable rows between columns with sds."""
+    corr = {}
+    for pair, array in numbers_read.corr.items():
+        names = pair.split(",")
+        if all(name in sds for name in names):
+            sign = np.prod([numbers_read.signs.get(name, 1.0) for name in names])
+            corr[pair] = array[rows] * sign
+    return corr
+
+
+def _refuse_covariance_file(cells: Cells, place: Path) -> None:
+    """Add a fault where the second edition would have read correlations of the table: without them
+    its fit is another.
     """
     beside = place.with_name(f"{place.stem}_covariance.csv")
     # Unlike that of Path, this answers for a name too long for the system.
@@ -152,10 +222,8 @@ def reading_of(table: ImpactTable) -> dict[str, Any]:
     fit, in its units where they have none.
     """
     first = table.read[0] if table.read else {}
-    units, columns = (
-        dict(pair.split("=", 1) for pair in re.split(r",(?=\w+=)", first.get(part, "")) if pair)
-        for part in ("units", "columns")
-    )
+    units = _from_pairs(first.get("units", ""))
+    columns = _from_pairs(first.get("columns", ""))
     for name, unit in units.items():
         their = columns.get(name, name)
         columns[name] = their if "[" in their else column_head(their, unit)
@@ -163,20 +231,28 @@ def reading_of(table: ImpactTable) -> dict[str, Any]:
 
 
 def _pairs(items: Mapping[str, str]) -> str:
-    return ",".join(f"{one}={other}" for one, other in items.items())
+    """A mapping as NAME=TEXT,NAME=TEXT."""
+    return ",".join(f"{name}={text}" for name, text in items.items())
 
 
-def _names(given: Any) -> tuple[str, ...]:
-    """Names of an option: A,B or a sequence."""
-    return tuple(
-        dict.fromkeys(
-            map(str.strip, given.split(",") if isinstance(given, str) and given else given)
-        )
-    )
+def _from_pairs(text: str) -> dict[str, str]:
+    """The mapping of a text NAME=TEXT,NAME=TEXT; a TEXT may have commas."""
+    pairs = re.split(r",(?=\w+=)", text)
+    return dict(pair.split("=", 1) for pair in pairs if pair)
 
 
-def _found(source: Source) -> tuple[Source, str]:
-    """The file of a source, with its sheet, or the source in memory; what its table is called."""
+def _names(option: Any) -> tuple[str, ...]:
+    """Names of an option, each once: A,B or a sequence."""
+    names = option
+    if isinstance(option, str) and option:
+        names = option.split(",")
+    return tuple(dict.fromkeys(map(str.strip, names)))
+
+
+def _place_and_name(source: Source) -> tuple[Source, str]:
+    """The file of a source, with its sheet, or the source in memory; what its table is called.
+    Raises ParameterError (`not-a-table`), FolderError (`not-found`).
+    """
     if isinstance(source, Mapping) or hasattr(source, "iloc"):
         return source, str(getattr(source, "attrs", {}).get("name", "table"))
     if not isinstance(source, str | Path):
@@ -187,29 +263,35 @@ def _found(source: Source) -> tuple[Source, str]:
         )
     file, sheet = file_and_sheet(str(source))
     place = place_of(file)
-    return (Path(f"{place}#{sheet}"), f"{place.stem}-{sheet}") if sheet else (place, place.stem)
+    if sheet:
+        return Path(f"{place}#{sheet}"), f"{place.stem}-{sheet}"
+    return place, place.stem
 
 
-def _scene(source: Source, given: str | Path | None = None) -> Scene:
-    """The scene that is given, or that beside a file."""
-    file = Path(file_and_sheet(str(source))[0]) if isinstance(source, Path) else None
-    return load_scene(file if file and file.is_file() else None, given or None)
+def _scene(source: Source, place: str | Path | None = None) -> Scene:
+    """The scene in the file at `place`, or that beside a file of impacts."""
+    file = None
+    if isinstance(source, Path):
+        file = Path(file_and_sheet(str(source))[0])
+        if not file.is_file():
+            file = None
+    return load_scene(file, place or None)
 
 
-def _known(cells: Cells, header: Header, ignore: Sequence[str]) -> Known:
+def _in_si(cells: Cells, header: Header, ignore: Sequence[str]) -> Columns:
     """Numbers (rows,) in SI without what is ignored or empty. Raises ParameterError
     (`unknown-column`).
     """
 
-    def used(name: str) -> bool:
-        parts = (
-            ["corr", *name[5:-1].split(",")]
-            if name.startswith("corr(")
-            else [name, name.removesuffix("_sd")]
-        )
-        return {*parts}.isdisjoint(ignore)
+    def is_used(name: str) -> bool:
+        parts = {name, name.removesuffix("_sd")}
+        if name.startswith("corr("):
+            pair = name.removeprefix("corr(").removesuffix(")")
+            parts = {"corr", *pair.split(",")}
+        return parts.isdisjoint(ignore)
 
-    written = numbers(cells, {name: place for name, place in header.numbers.items() if used(name)})
+    places = {name: place for name, place in header.numbers.items() if is_used(name)}
+    written = numbers(cells, places)
     for name in {*ignore} - {"corr", *header.numbers, *written}:
         hint = suggestion(name, header.numbers)
         raise ParameterError(
@@ -218,129 +300,152 @@ def _known(cells: Cells, header: Header, ignore: Sequence[str]) -> Known:
         )
     if ignore:
         cells.note("ignored", f"not used, as requested: {listed(ignore)}")
-    factors = {
-        name: header.factors.get(name) or header.factors[name.removesuffix("_sd")]
-        for name in written
-    }
-    known = {name: values * factors[name] for name, values in written.items() if used(name)}
-    spared = {fault.column for fault in cells.faults}
-    empty = [
-        name for name, values in known.items() if np.isnan(values).all() and name not in spared
-    ]
-    for name in empty if len(cells.rows) else []:
-        cells.note("empty-column", f"{name} has no numbers: read as if it were not there")
-        del known[name]
-    return known
+    columns = {}
+    # Sds behind ± come with their column.
+    for name, values in written.items():
+        factor = header.factors.get(name) or header.factors[name.removesuffix("_sd")]
+        if is_used(name):
+            columns[name] = values * factor
+    if len(cells.rows):
+        faulty = {fault.column for fault in cells.faults}
+        for name in [*columns]:
+            if np.isnan(columns[name]).all() and name not in faulty:
+                cells.note("empty-column", f"{name} has no numbers: read as if it were not there")
+                del columns[name]
+    return columns
 
 
 def _turned(
     cells: Cells,
-    known: Known,
+    columns: Columns,
     flip: Sequence[str],
     units: Mapping[str, str],
-) -> tuple[Known, dict[str, float]]:
+) -> tuple[Columns, dict[str, float]]:
     """Numbers counted as we count, and the sign by which errors of a column turn with it. Raises
     ParameterError (`unknown-column`).
     """
-    flipped = dict(known)
-    can = [name for name in known if name in COLUMNS and COLUMNS[name].opposite]
+    flipped = dict(columns)
+    signs = dict[str, float]()
+    can_flip = [name for name in columns if name in COLUMNS and COLUMNS[name].opposite]
     for name in flip:
-        if name not in can:
-            words = f"flip: {cells.source} has no column '{name}' to flip; {suggestion(name, can)}"
+        if name not in can_flip:
+            hint = suggestion(name, can_flip)
+            words = f"flip: {cells.source} has no column '{name}' to flip; {hint}"
             raise ParameterError(words, "unknown-column")
-        flipped[name] = (
-            -known[name] if COLUMNS[name].opposite == "negated" else np.pi / 2.0 - known[name]
-        )
-        cells.note("flipped", f"{name} is read {COLUMNS[name].opposite}, as requested")
+        opposite = COLUMNS[name].opposite
+        if opposite == "negated":
+            flipped[name] = -columns[name]
+        else:
+            flipped[name] = np.pi / 2.0 - columns[name]
+        signs[name] = -1.0
+        cells.note("flipped", f"{name} is read {opposite}, as requested")
     turned = checks.one_sign(cells, flipped, units)
-    signs = dict.fromkeys(flip, -1.0)
-    return turned, signs | {
-        name: -signs.get(name, 1.0) for name in known if turned[name] is not flipped[name]
-    }
+    for name in columns:
+        if turned[name] is not flipped[name]:
+            signs[name] = -signs.get(name, 1.0)
+    return turned, signs
 
 
-def _speeds(cells: Cells, known: Known) -> Known:
-    """Speeds of free fall, v = sqrt(2 g h), for heights; their sds to first order."""
-    made = dict(known)
+def _speeds(cells: Cells, columns: Columns) -> Columns:
+    """The columns with speeds of free fall, v = sqrt(2 g h), for heights; their sds to first
+    order.
+    """
+    with_speeds = dict(columns)
     for name, speed in zip(HEIGHTS, ("v_y1", "v_y2"), strict=True):
-        height = made.pop(name, None)
-        sd = made.pop(f"{name}_sd", None)
-        if height is not None and speed in known:
-            cells.fault(
-                "height-and-speed",
-                f"says the same as {speed}: leave one of them out (--ignore)",
-                name,
-            )
-        elif height is not None:
-            made[speed] = np.sqrt(2.0 * GRAVITY * np.abs(height))
-            made |= {} if sd is None else {f"{speed}_sd": GRAVITY * sd / made[speed]}
-            cells.note(
-                "heights",
-                f"{name}: {speed} = sqrt(2 g h), without air drag, h at the bottom of the ball",
-            )
-    return made
+        height = with_speeds.pop(name, None)
+        sd = with_speeds.pop(f"{name}_sd", None)
+        if height is None:
+            continue
+        if speed in columns:
+            words = f"says the same as {speed}: leave one of them out (--ignore)"
+            cells.fault("height-and-speed", words, name)
+            continue
+        with_speeds[speed] = np.sqrt(2.0 * GRAVITY * np.abs(height))
+        if sd is not None:
+            with_speeds[f"{speed}_sd"] = GRAVITY * sd / with_speeds[speed]
+        words = f"{name}: {speed} = sqrt(2 g h), without air drag, h at the bottom of the ball"
+        cells.note("heights", words)
+    return with_speeds
 
 
 def _noises(scene: Scene) -> dict[str, float]:
     """Noise of rebound columns [SI] that state no errors: what the scene says, else the median of
     its prior.
     """
-    found = {}
-    for name, spec in [(name, COLUMNS[name].noise) for name in REBOUND]:
-        if spec is not None:
-            names = [spec.name, *(["velocity_sd"] if spec.unit == "m/s" else [])]
-            said = [
-                scene.measurement.get(f"{prefix}{one}")
-                for one in names
-                for prefix in ("", "nominal_")
-            ]
-            stated = [one for one in said if isinstance(one, float | int)]
+    noises = {}
+    for name in REBOUND:
+        spec = COLUMNS[name].noise
+        if spec is None:
+            continue
+        stated = _stated_noise(scene, spec)
+        if stated is None:
             usual = parse_prior(spec)
-            found[name] = stated[0] if stated else float(usual.value(np.array(usual.location)))
-    return found
+            stated = float(usual.value(np.array(usual.location)))
+        noises[name] = stated
+    return noises
 
 
-def _rows(cells: Cells, values: Known, rebound: bool) -> IntArray:
+def _stated_noise(scene: Scene, spec: ParameterSpec) -> float | None:
+    """The sd that a scene states for a noise parameter, held or nominal, or for all velocities."""
+    names = [spec.name]
+    if spec.unit == "m/s":
+        names.append("velocity_sd")
+    for name in names:
+        for key in (name, f"nominal_{name}"):
+            stated = scene.measurement.get(key)
+            if isinstance(stated, float | int):
+                return stated
+    return None
+
+
+def _usable_rows(cells: Cells, values: Columns, rebound: bool) -> IntArray:
     """Places of the rows of which the incident state and, with `rebound`, something of the rebound
     is known; a note on the others, a fault (`few-rows`) where fewer than two are left: one does not
     determine its noise.
     """
     gaps = {name: np.isnan(array) for name, array in values.items()}
-    unusable = np.any([gaps[name] for name in gaps if name in INCIDENT] or [cells.rows < 0], axis=0)
-    if rebound and (after := [gaps[name] for name in gaps if name in REBOUND]):
+    before = [gaps[name] for name in gaps if name in INCIDENT]
+    after = [gaps[name] for name in gaps if name in REBOUND]
+    unusable = np.any(before or [cells.rows < 0], axis=0)
+    if rebound and after:
         unusable |= np.all(after, axis=0)
-    kept = np.flatnonzero(~unusable)
-    least = 1 + rebound
-    why = (
-        "rows without incident state or rebound: "
-        f"{listed(cells.rows[unusable].astype(str)) or 'none'}"
-    )
-    if len(kept) < least and not cells.faults:
-        cells.fault("few-rows", f"{len(kept)} rows can be used; expected at least {least} ({why})")
+    usable = np.flatnonzero(~unusable)
+    least = _LEAST_ROWS if rebound else 1
+    numbers_of = listed(cells.rows[unusable].astype(str)) or "none"
+    why = f"rows without incident state or rebound: {numbers_of}"
+    if len(usable) < least and not cells.faults:
+        words = f"{len(usable)} rows can be used; expected at least {least} ({why})"
+        cells.fault("few-rows", words)
     elif unusable.any():
         cells.note("rows-left-out", f"left out are {why}")
-    return kept
+    return usable
 
 
 def _labels(cells: Cells, header: Header, rows: IntArray) -> dict[str, tuple[str, ...]]:
-    """Texts by column, `id` first: unique, by default the number of the row; others in one
-    spelling.
+    """Texts of the usable rows by column, `id` first: unique, by default the number of the row;
+    others in one spelling.
     """
-    written = {name: cells.text(place) for name, place in header.labels.items()}
-    texts = {name: [column[row] for row in rows.tolist()] for name, column in written.items()}
+    places = rows.tolist()
+    texts = {}
+    for name, place in header.labels.items():
+        column = cells.text(place)
+        texts[name] = [column[row] for row in places]
     numbered = cells.rows[rows].astype(str).tolist()
     ids = texts.pop("id", numbered)
-    found = {"id": tuple(_unique(ids, numbered))}
-    if [*found["id"]] != ids:
+    unique = _unique(ids, numbered)
+    if unique != ids:
         cells.note("ids", "ids that are empty or repeated were made unique")
+    labels = {"id": tuple(unique)}
     for name, column in texts.items():
-        found[name] = first_spelled(column)
-        pairs = zip(column, found[name], strict=True)
-        if other := dict.fromkeys(
-            f"'{one.strip()}' as '{first}'" for one, first in pairs if one.strip() != first
-        ):
-            cells.note("spellings", f"{name}: {listed(other)}")
-    return found
+        labels[name] = first_spelled(column)
+        respelled = dict.fromkeys(
+            f"'{text.strip()}' as '{first}'"
+            for text, first in zip(column, labels[name], strict=True)
+            if text.strip() != first
+        )
+        if respelled:
+            cells.note("spellings", f"{name}: {listed(respelled)}")
+    return labels
 
 
 def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
@@ -348,52 +453,50 @@ def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
     is not enough.
     """
     count = Counter(ids)
-    pairs = zip(ids, numbered, strict=True)
-    made = [
-        one if one and count[one] == 1 else f"{one} ({number})".strip() for one, number in pairs
-    ]
-    return made if len({*made}) == len(made) else [*numbered]
+    unique = []
+    for text, number in zip(ids, numbered, strict=True):
+        is_unique = text and count[text] == 1
+        unique.append(text if is_unique else f"{text} ({number})".strip())
+    return unique if len({*unique}) == len(unique) else [*numbered]
 
 
 def load_data(
     sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
 ) -> tuple[ImpactTable, Scene]:
-    """What every fit begins with: one or several tables joined, the scene given or beside the
-    first, doubts refused (InputError `misread`) or, `as_read`, noted. Scenes of further tables must
-    name the same ball (`scenes-differ`). Raises ParameterError (`no-data`) without any.
+    """What every fit begins with: one or several tables joined, the scene that is passed or that
+    beside the first, doubts refused (InputError `misread`) or, `as_read`, noted. Scenes of further
+    tables must name the same ball (`scenes-differ`). Raises ParameterError (`no-data`) without any.
     """
-    read = [_read(source, scene, reading) for source in list_of_sources(sources)]
-    if not read:
+    pairs = [_table_and_scene(source, scene, reading) for source in list_of_sources(sources)]
+    if not pairs:
         raise ParameterError(
             "no table was given; expected files, data frames, or names of bundled ones",
             "no-data",
         )
-    known = read[0][1]
+    first_scene = pairs[0][1]
     notes = list[Note]()
-    for table, own in read:
-        if own.ball != known.ball:
+    for table, own_scene in pairs:
+        if own_scene.ball != first_scene.ball:
             words = (
                 "the scene beside this table names another ball than that of the first; "
-                "expected one ball"
+                "expected one ball, or one scene for all (--scene)"
             )
-            raise InputError(
-                table.name,
-                [Fault("scenes-differ", f"{words}, or one scene for all (--scene)")],
-            )
-        found = [one.text for one in doubts(table, known.ball_value())]
-        if found and not as_read:
+            raise InputError(table.name, [Fault("scenes-differ", words)])
+        readings = [doubt.text for doubt in doubts(table, first_scene.ball_value())]
+        if readings and not as_read:
             words = (
                 "another reading of the columns fits the data much better; if the table is "
                 "right, pass --as-read"
             )
-            raise InputError(table.name, [Fault("misread", words)], found)
-        notes += [Note("misread", f"{table.name}: {text}") for text in found]
+            raise InputError(table.name, [Fault("misread", words)], readings)
+        notes += [Note("misread", f"{table.name}: {text}") for text in readings]
+    tables = [table for table, _ in pairs]
     # Files of several folders may have one name.
-    names = _unique([table.name for table, _ in read], [str(k + 1) for k in range(len(read))])
-    whole = joined(
-        [replace(table, name=name) for (table, _), name in zip(read, names, strict=True)]
-    )
-    return replace(whole, notices=(*whole.notices, *notes)), known
+    numbered = [str(k + 1) for k in range(len(tables))]
+    names = _unique([table.name for table in tables], numbered)
+    named = [replace(table, name=name) for table, name in zip(tables, names, strict=True)]
+    table = joined(named)
+    return replace(table, notices=(*table.notices, *notes)), first_scene
 
 
 def list_of_sources(sources: Source) -> list[Source]:
@@ -403,22 +506,22 @@ def list_of_sources(sources: Source) -> list[Source]:
     return [*sources] if isinstance(sources, list | tuple) else [sources]
 
 
-def _read(
+def _table_and_scene(
     source: Source,
     scene: Scene | str | Path | None,
     reading: Mapping[str, Any],
 ) -> tuple[ImpactTable, Scene]:
-    """A table and its scene, that given or beside it. Raises ParameterError (`read-already`)."""
-    made = isinstance(source, ImpactTable)
-    if made and any(reading.values()):
-        words = f"{source.name} has been read already; pass {listed(reading, 'or')} to load_table"
-        raise ParameterError(words, "read-already")
-    place = (
-        Path(source.read[0]["source"])
-        if made and source.read
-        else source
-        if made
-        else _found(source)[0]
-    )
-    own = scene if isinstance(scene, Scene) else _scene(place, scene)
-    return source if made else load_table(source, scene=own, **reading), own
+    """A table and its scene, that which is passed or that beside it. Raises ParameterError
+    (`read-already`), and what `load_table` does.
+    """
+    if isinstance(source, ImpactTable):
+        if any(reading.values()):
+            options = listed(reading, "or")
+            words = f"{source.name} has been read already; pass {options} to load_table"
+            raise ParameterError(words, "read-already")
+        place = Path(source.read[0]["source"]) if source.read else source
+        return source, scene if isinstance(scene, Scene) else _scene(place, scene)
+    place, _ = _place_and_name(source)
+    if not isinstance(scene, Scene):
+        scene = _scene(place, scene)
+    return load_table(source, scene=scene, **reading), scene

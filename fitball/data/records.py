@@ -13,7 +13,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache, reduce
+from functools import cache
 from itertools import islice
 from math import isnan
 from typing import Any, TypeAlias
@@ -27,28 +27,50 @@ Known: TypeAlias = Callable[[str], float]
 # The line on which a record starts, and its cells.
 Record: TypeAlias = tuple[int, list[str]]
 
+# Endings of workbooks.
 WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+# Most bytes of a file.
 BYTES = 250_000_000
+# Most rows of a table.
 ROWS = 2_000_000
+# Most columns of a table.
 COLUMNS = 1_000
+# Most cells of a table.
 CELLS = 20_000_000
-# Of a workbook: bytes unpacked, what of these styles and texts may take besides 64 bytes a tag;
-# tags; cells as far as the last one, which readers lay out whole (32 bytes each).
+# Most bytes of a workbook, unpacked.
 _UNPACKED = 500_000_000
+# What styles and texts of these may take besides `_TAG_BYTES` a tag.
 _BESIDES = 64_000_000
+# Bytes that a tag takes with its text.
+_TAG_BYTES = 64
+# Most tags of a workbook.
 _TAGS = 50_000_000
+# Most cells of a workbook as far as the last one, which readers lay out whole (32 bytes each).
 _SHEET_CELLS = 12_000_000
-# Characters of a record, and of the sample by which a separator is found; bytes that are read at
-# once.
+# Most characters of a record.
 _LONGEST = 1_000_000
+# Characters of the sample by which a separator is found.
 _SAMPLE = 200_000
+# Lines of that sample.
+_SAMPLE_LINES = 200
+# Bytes that are read at once.
 _PIECE = 1 << 20
-# Records among which the header is looked for, and the least that one must be worth: elsewhere than
-# in a comment, in a comment, and of a sheet that is one of several.
+# Bytes of the piece before that are looked at again: a tag may be cut.
+_OVERLAP = 200
+# Records among which the header is looked for.
 REACH = 60
+# The least that a header must be worth: one name that may be meant.
 _LEAST = 0.5
+# The least that a header in a comment must be worth: two names, since a remark may have one.
 _COMMENTED = 2.0
+# The least that the header of a sheet that is one of several must be worth.
 _SHEET = 1.5
+# A share of zero bytes above this is UTF-16 without a mark.
+_ZEROS = 0.2
+# Larger whole numbers are written with an exponent.
+_WHOLE = 1e15
+# Sheets that are named in a message.
+_NAMED = 8
 # A spreadsheet's error is no comment, though it begins like one.
 ERROR = re.compile(
     r"#(?:N/?A|NV|VALUE!|WERT!|DIV/0!|REF!|BEZUG!|NAME\?|NUM!|ZAHL!|NULL!)(?![\w!?])",
@@ -89,86 +111,95 @@ def find_header(records: Sequence[Record], known: Known) -> tuple[int, float]:
     NumPy writes one, only where there is no other.
     """
     for comments, least in ((False, _LEAST), (True, _COMMENTED)):
-        worths = [
-            sum(known(c.lstrip("# ")) for c in cells) * (is_comment(cells) == comments)
-            for _, cells in records
-        ]
-        if max(worths, default=0.0) >= least:
-            return worths.index(max(worths)), max(worths)
-    return next((k for k, (_, cells) in enumerate(records) if not is_comment(cells)), 0), 0.0
+        worths = []
+        for _, cells in records:
+            worth = sum(known(cell.lstrip("# ")) for cell in cells)
+            worths.append(worth if is_comment(cells) == comments else 0.0)
+        best = max(worths, default=0.0)
+        if best >= least:
+            return worths.index(best), best
+    for place, (_, cells) in enumerate(records):
+        if not is_comment(cells):
+            return place, 0.0
+    return 0, 0.0
 
 
-def shown(value: Any) -> str:
+def cell_text(value: Any) -> str:
     """A cell as a person would write it: whole numbers without a point, NaN as nothing, half
     characters escaped.
     """
-    if isinstance(value, float):
-        return (
-            f"{value:.0f}"
-            if value.is_integer() and abs(value) < 1e15
-            else ""
-            if isnan(value)
-            else str(value)
-        )
-    return str(value).encode(errors="backslashreplace").decode().strip()
+    if not isinstance(value, float):
+        return str(value).encode(errors="backslashreplace").decode().strip()
+    if isnan(value):
+        return ""
+    if value.is_integer() and abs(value) < _WHOLE:
+        return f"{value:.0f}"
+    return str(value)
 
 
 # ---- text
 
-# Letters of Windows-1252 and its signs that stand in tables, and what is a letter of UTF-8.
+# Letters of Windows-1252 and its signs that stand in tables.
 _WESTERN = {*range(0xC0, 0x100), *"\u00a0§°±²³µ·¹\u2013—\u2018\u2019“”ŠšŽžŒœŸ".encode("cp1252")}
+# What is a letter of UTF-8.
 _UTF8_LETTER = re.compile(rb"[\xc3-\xf4][\x80-\xbf]|\xc2[\x80-\xbf]")
+# Separators of cells.
 _SIGNS = ",;\t| "
-# Between spaces a unit in brackets stays with its name, a deviation with its number. A run of
-# blanks is looked at once, from its start: a line may be all blanks.
+# Between spaces a unit in brackets stays with its name. A run of blanks is looked at once, from its
+# start: a line may be all blanks.
 _BRACKET = re.compile(r"(?<![ \t])[ \t]*+([\[({][^\[\](){}]*[\])}])")
+# A deviation stays with its number, too.
 _PLUS_MINUS = re.compile(r"(?<![ \t])[ \t]*+(±|\+/-|\+-)[ \t]*")
+# Stands for a blank within a cell where blanks separate: no text has it.
 _JOINED = "\ue000"
 
 
 def text_records(source: str, data: bytes, known: Known, notes: list[Note]) -> Iterator[Record]:
     """The records of a text, in its encoding and with the separator by which a header has most
-    names that are known and most rows have a cell for each.
+    names that are known and most rows have a cell for each. Raises InputError (`encoding`,
+    `too-large`; `quotes` as the records are read).
     """
     codec = _codec(source, data, notes)
     known = cache(known)
-    sample = list[str]()
-    lines = _lines(source, data, codec)
-    while len(sample) < 200 and sum(map(len, sample)) < _SAMPLE and (line := next(lines, "")):
-        sample.append(line)
+    sample = _sample(_lines(source, data, codec))
 
     def worth(sign: str) -> tuple[float, float, int]:
-        found = [*_records(source, sample, sign, strict=False)]
-        at, names = find_header(found[:REACH], known)
-        widths = [len(cells) for _, cells in found[at:]] or [0]
-        return names, widths.count(widths[0]) / len(widths), 0 if sign == " " else widths[0]
+        records = [*_records(source, sample, sign, strict=False)]
+        place, names = find_header(records[:REACH], known)
+        widths = [len(cells) for _, cells in records[place:]] or [0]
+        share = widths.count(widths[0]) / len(widths)
+        return names, share, 0 if sign == " " else widths[0]
 
     best = max(_SIGNS, key=worth)
     return _records(source, _lines(source, data, codec), best, strict=True)
 
 
+def _sample(lines: Iterator[str]) -> list[str]:
+    """The first lines, as many as show the separator."""
+    sample = list[str]()
+    size = 0
+    for line in lines:
+        sample.append(line)
+        size += len(line)
+        if len(sample) >= _SAMPLE_LINES or size >= _SAMPLE:
+            break
+    return sample
+
+
 def _codec(source: str, data: bytes, notes: list[Note]) -> str:
-    """The encoding in which all of a text can be read; one that was guessed is noted."""
-    even = data[:_PIECE:2].count(0)
-    odd = data[1:_PIECE:2].count(0)
-    many = 0.2 * min(len(data), _PIECE)
-    wide = "utf-16" if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else ""
-    wide = wide or (
-        "utf-16-le" if odd > many and not even else "utf-16-be" if even > many and not odd else ""
-    )
+    """The encoding in which all of a text can be read; one that was guessed is noted. Raises
+    InputError (`encoding`).
+    """
+    wide = _wide_codec(data)
     decoder = codecs.getincrementaldecoder(wide or "utf-8")()
     try:
-        for at in range(0, len(data), _PIECE):
-            decoder.decode(data[at : at + _PIECE], at + _PIECE >= len(data))
+        for start in range(0, len(data), _PIECE):
+            decoder.decode(data[start : start + _PIECE], start + _PIECE >= len(data))
     except UnicodeDecodeError as error:
-        line = 1 + data.count(b"\n", 0, at)
+        line = 1 + data.count(b"\n", 0, start) + error.object.count(b"\n", 0, error.start)
         byte = error.object[error.start]
-        line += error.object.count(b"\n", 0, error.start)
-        if (
-            wide
-            or not {*data.translate(None, bytes(range(128)))} <= _WESTERN
-            or _UTF8_LETTER.search(data)
-        ):
+        western = {*data.translate(None, bytes(range(128)))} <= _WESTERN
+        if wide or not western or _UTF8_LETTER.search(data):
             words = (
                 f"read byte 0x{byte:02x}, which is not {wide or 'UTF-8'}; expected text: save "
                 "it as 'CSV UTF-8'"
@@ -183,19 +214,31 @@ def _codec(source: str, data: bytes, notes: list[Note]) -> str:
     return wide or "utf-8-sig"
 
 
+def _wide_codec(data: bytes) -> str:
+    """UTF-16 by its mark, or by zeros in every other byte; empty if the text is none."""
+    if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return "utf-16"
+    even = data[:_PIECE:2].count(0)
+    odd = data[1:_PIECE:2].count(0)
+    many = _ZEROS * min(len(data), _PIECE)
+    if odd > many and not even:
+        return "utf-16-le"
+    if even > many and not odd:
+        return "utf-16-be"
+    return ""
+
+
 def _lines(source: str, data: bytes, codec: str) -> Iterator[str]:
-    """Lines with their ends: a quoted cell may go over several."""
+    """Lines with their ends: a quoted cell may go over several. Raises InputError (`encoding`,
+    `too-large`).
+    """
     file = io.TextIOWrapper(io.BytesIO(data), codec, newline="")
     number = 0
     while line := file.readline(_LONGEST):
         number += 1
         if "\0" in line:
-            raise refusal(
-                source,
-                "encoding",
-                "read a zero byte; expected text: save it as 'CSV UTF-8'",
-                number,
-            )
+            words = "read a zero byte; expected text: save it as 'CSV UTF-8'"
+            raise refusal(source, "encoding", words, number)
         if len(line) == _LONGEST or number > ROWS:
             most = f"{ROWS:,} lines of {_LONGEST:,} characters"
             raise too_large(source, "a longer line or more lines than a table has", most, number)
@@ -204,12 +247,13 @@ def _lines(source: str, data: bytes, codec: str) -> Iterator[str]:
 
 def _records(source: str, lines: Iterable[str], sign: str, strict: bool) -> Iterator[Record]:
     """Records without blank lines; of a comment the first cell begins with `#`, whatever stands
-    behind that.
+    behind that. Raises InputError (`quotes`) if `strict`.
     """
     start = 0
+    # Characters of the record that is read; less than zero between records.
     size = -1
 
-    def fed() -> Iterator[str]:
+    def lines_of_records() -> Iterator[str]:
         nonlocal start, size
         for number, line in enumerate(lines, 1):
             if size < 0:
@@ -223,22 +267,15 @@ def _records(source: str, lines: Iterable[str], sign: str, strict: bool) -> Iter
             size += len(line)
             if size > _LONGEST:
                 raise csv.Error(f"more than {_LONGEST:,} characters")
-            if sign == " ":
-                line = _PLUS_MINUS.sub(
-                    r"\1",
-                    _BRACKET.sub(lambda found: found[1].replace(" ", _JOINED), line),
-                )
-                line = " ".join(line.split())
-            yield line
+            yield _with_single_blanks(line) if sign == " " else line
 
+    rows = csv.reader(lines_of_records(), delimiter=sign, skipinitialspace=True, strict=strict)
     try:
-        for cells in csv.reader(fed(), delimiter=sign, skipinitialspace=True, strict=strict):
-            yield (
-                start,
-                [cell.strip() for cell in cells]
-                if sign != " "
-                else [c.replace(_JOINED, " ") for c in cells],
-            )
+        for cells in rows:
+            if sign == " ":
+                yield start, [cell.replace(_JOINED, " ") for cell in cells]
+            else:
+                yield start, [cell.strip() for cell in cells]
             size = -1
     except csv.Error as error:
         if not strict:
@@ -248,6 +285,13 @@ def _records(source: str, lines: Iterable[str], sign: str, strict: bool) -> Iter
             "around whole cells"
         )
         raise refusal(source, "quotes", words, start) from None
+
+
+def _with_single_blanks(line: str) -> str:
+    """A line of cells between single blanks; those within a cell are replaced by `_JOINED`."""
+    line = _BRACKET.sub(lambda bracket: bracket[1].replace(" ", _JOINED), line)
+    line = _PLUS_MINUS.sub(r"\1", line)
+    return " ".join(line.split())
 
 
 # ---- workbooks
@@ -262,10 +306,11 @@ _DAMAGED = (
     OverflowError,
     RuntimeError,
 )
-# Where a cell with a value stands (.xlsx), how far a sheet reaches (.xlsb: BrtWsDim), what is
-# repeated (.ods).
+# Where a cell with a value stands (.xlsx).
 _PLACE = re.compile(rb'<(?:\w+:)?c\b[^>]*?\br="([A-Z]{1,3})([0-9]{1,7})"[^>]*(?<!/)>')
+# How far a sheet reaches (.xlsb: BrtWsDim).
 _REACHES = re.compile(rb"\x94\x01\x10.{4}(.{4}).{4}(.{4})", re.DOTALL)
+# A cell that is repeated a thousand times (.ods).
 _REPEATED = re.compile(
     rb'repeated="[0-9]{4,}"[^>]*(?:><[^>]*)?value-type|value-type[^>]*repeated="[0-9]{4,}"'
 )
@@ -279,7 +324,9 @@ def workbook_records(
     known: Known,
     notes: list[Note],
 ) -> Iterator[Record]:
-    """The rows of the sheet that is named, or of the one that holds a table."""
+    """The rows of the sheet that is named `wanted`, or, if that is empty, of the one that holds a
+    table. Raises InputError (`not-a-workbook`, `no-sheet`, `several-sheets`, `too-large`).
+    """
     import python_calamine
 
     try:
@@ -288,9 +335,8 @@ def workbook_records(
             _check_archive(source, data)
         book = python_calamine.load_workbook(io.BytesIO(data))
         kind = python_calamine.SheetTypeEnum.WorkSheet
-        sheets = {
-            s.name: book.get_sheet_by_name(s.name) for s in book.sheets_metadata if s.typ == kind
-        }
+        names = [sheet.name for sheet in book.sheets_metadata if sheet.typ == kind]
+        sheets = {name: book.get_sheet_by_name(name) for name in names}
     except (python_calamine.CalamineError, *_DAMAGED) as error:
         words = (
             f"not a workbook ({one_line(str(error))}); expected {', '.join(WORKBOOKS)}, or "
@@ -298,36 +344,37 @@ def workbook_records(
         )
         raise refusal(source, "not-a-workbook", words) from None
     if wanted and wanted not in sheets:
-        raise refusal(
-            source,
-            "no-sheet",
-            f"there is no sheet '{wanted}'; sheets of this file: {', '.join(sheets)}",
-        )
+        words = f"there is no sheet '{wanted}'; sheets of this file: {', '.join(sheets)}"
+        raise refusal(source, "no-sheet", words)
 
     def records(name: str) -> Iterator[Record]:
-        return (
-            (line, [shown(cell) for cell in row])
-            for line, row in enumerate(sheets[name].iter_rows(), 1)
-            if row
-        )
+        for line, row in enumerate(sheets[name].iter_rows(), 1):
+            if row:
+                yield line, [cell_text(cell) for cell in row]
 
-    tables = [s for s in sheets if find_header([*islice(records(s), REACH)], known)[1] >= _SHEET]
+    def worth(name: str) -> float:
+        return find_header([*islice(records(name), REACH)], known)[1]
+
+    tables = [name for name in sheets if worth(name) >= _SHEET]
     if len(tables) > 1 and not wanted:
-        ways = ", ".join(f"'{source}#{name}'" for name in tables[:8])
-        raise refusal(
-            source,
-            "several-sheets",
-            f"{len(tables)} sheets have tables of impacts; choose one: {ways}",
-        )
-    name = wanted or next(iter(tables or sheets), "")
+        ways = ", ".join(f"'{source}#{name}'" for name in tables[:_NAMED])
+        words = f"{len(tables)} sheets have tables of impacts; choose one: {ways}"
+        raise refusal(source, "several-sheets", words)
+    if not sheets:
+        return iter(())
+    name = wanted or next(iter(tables or sheets))
     if len(sheets) > 1 and not wanted:
         notes.append(Note("sheet", f"sheet '{name}' of {len(sheets)} was read"))
-    return records(name) if sheets else iter(())
+    return records(name)
 
 
 def _check_archive(source: str, data: bytes) -> None:
-    """Refuse an archive that unpacks to too much, or whose sheets reach too far."""
-    unpacked = tags = cells = 0
+    """Refuse an archive that unpacks to too much, or whose sheets reach too far. Raises InputError
+    (`too-large`), and what a damaged archive raises.
+    """
+    unpacked = 0
+    tags = 0
+    cells = 0
     with zipfile.ZipFile(io.BytesIO(data)) as book:
         for member in book.infolist():
             # What is declared may be less than what comes out.
@@ -337,27 +384,18 @@ def _check_archive(source: str, data: bytes) -> None:
             piece = b""
             with book.open(member) as file:
                 while read := file.read(_PIECE):
-                    unpacked = unpacked + len(read)
-                    tags = tags + read.count(b"<")
-                    piece = piece[-200:] + read
-                    places = _PLACE.findall(piece)
-                    rows = max([rows, *(int(row) for _, row in places)])
-                    for letters in {letters for letters, _ in places}:
-                        columns = max(
-                            columns,
-                            reduce(lambda number, letter: 26 * number + letter - 64, letters, 0),
-                        )
-                    if member.filename.endswith(".bin") and (reach := _REACHES.search(piece)):
-                        rows, columns = (
-                            1 + int.from_bytes(number, "little") for number in reach.groups()
-                        )
-                    most = min(_UNPACKED, _BESIDES + 64 * tags)
+                    unpacked += len(read)
+                    tags += read.count(b"<")
+                    piece = piece[-_OVERLAP:] + read
+                    most = min(_UNPACKED, _BESIDES + _TAG_BYTES * tags)
                     if unpacked > most or tags > _TAGS or _REPEATED.search(piece):
                         words = (
                             "a sheet that unpacks to more than its cells take, or repeats one "
                             "a thousand times"
                         )
                         raise too_large(source, words, f"{_UNPACKED / 1e6:.0f} MB")
+                    is_binary = member.filename.endswith(".bin")
+                    rows, columns = _extent(piece, is_binary, rows, columns)
             cells += rows * columns
             if cells > _SHEET_CELLS:
                 words = (
@@ -365,3 +403,27 @@ def _check_archive(source: str, data: bytes) -> None:
                     "what is far away)"
                 )
                 raise too_large(source, words, f"{_SHEET_CELLS:,} cells")
+
+
+def _extent(piece: bytes, is_binary: bool, rows: int, columns: int) -> tuple[int, int]:
+    """Rows and columns as far as the last cell of a sheet, by a piece of it and what the pieces
+    before have shown; of a binary sheet what it declares.
+    """
+    places = _PLACE.findall(piece)
+    rows = max([rows, *(int(row) for _, row in places)])
+    columns = max(
+        [columns, *(_column_number(letters) for letters in {place[0] for place in places})]
+    )
+    if is_binary and (declared := _REACHES.search(piece)):
+        last_row, last_column = declared.groups()
+        rows = 1 + int.from_bytes(last_row, "little")
+        columns = 1 + int.from_bytes(last_column, "little")
+    return rows, columns
+
+
+def _column_number(letters: bytes) -> int:
+    """The number of a column by its letters: A is 1, AA is 27."""
+    number = 0
+    for letter in letters:
+        number = 26 * number + letter - 64
+    return number

@@ -32,8 +32,7 @@ class Quantity(Section, frozen=True):
 
 class BallSection(Section, frozen=True):
     """The ball: kg, m, I/(M R^2) or I [kg m^2] (`inertia`, not both), degrees Celsius, ITF type.
-    What is None is
-    assumed: `Scene.ball_value` and `Scene.ball_sd` have the numbers.
+    What is None is assumed: `Scene.ball_value` and `Scene.ball_sd` have the numbers.
     """
 
     mass: float | Quantity | None = None
@@ -92,56 +91,55 @@ class Scene(Section, frozen=True):
         _refuse(_faults_of(self.ball))
 
     def ball_value(self) -> Ball:
-        """The ball at its stated values."""
-        assumed = Ball()
+        """The ball at its stated values, those of a tennis ball where nothing is stated."""
+        usual = Ball()
         ball = self.ball
-        mass, radius = (
-            _number(getattr(ball, name), getattr(assumed, name)) for name in ("mass", "radius")
-        )
+        mass = _number(ball.mass, usual.mass)
+        radius = _number(ball.radius, usual.radius)
         if ball.inertia is not None:
             return Ball(mass, radius, _number(ball.inertia, 0.0) / (mass * radius**2))
-        return Ball(mass, radius, _number(ball.inertia_ratio, assumed.inertia_ratio))
+        return Ball(mass, radius, _number(ball.inertia_ratio, usual.inertia_ratio))
 
     def ball_sd(self) -> dict[str, float]:
         """Stated sds of mass [kg], radius [m] and inertia_ratio; that of an inertia at the stated
         mass and radius.
         """
-        stated = {name: getattr(self.ball, name) for name in ("mass", "radius", "inertia_ratio")}
-        found = {name: one.sd for name, one in stated.items() if isinstance(one, Quantity)}
+        sds = {}
+        for name in ("mass", "radius", "inertia_ratio"):
+            stated = getattr(self.ball, name)
+            if isinstance(stated, Quantity):
+                sds[name] = stated.sd
         if isinstance(self.ball.inertia, Quantity):
             ball = self.ball_value()
-            found["inertia_ratio"] = self.ball.inertia.sd / (ball.mass * ball.radius**2)
-        return found
+            sds["inertia_ratio"] = self.ball.inertia.sd / (ball.mass * ball.radius**2)
+        return sds
 
     def assumed(self) -> tuple[Note, ...]:
-        """What is assumed because nothing was stated."""
+        """Notes on what is assumed because nothing was stated."""
+        return tuple(Note(code, f"Assumed: {text}.") for code, text in self._unstated())
+
+    def _unstated(self) -> Iterator[tuple[str, str]]:
+        """Codes of what is not stated, and what is assumed for it."""
         ball = self.ball
-        fitted = "it is fitted with a default prior"
         parts = {
             "mass": ball.mass,
             "radius": ball.radius,
             "inertia": ball.inertia or ball.inertia_ratio,
         }
-        unstated = listed(name for name, one in parts.items() if one is None)
-        tennis = f"the {unstated} of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
+        unstated = [name for name, part in parts.items() if part is None]
+        if unstated:
+            tennis = "of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
+            yield "assumed-ball", f"the {listed(unstated)} {tennis}"
+        if "mu" not in self.surface:
+            yield "no-friction", "nothing of the friction: mu has a wide prior"
+        if self.contact_time is None:
+            yield "no-contact-time", "nothing of the contact time: k_y depends on its prior"
+        fitted = "it is fitted with a default prior"
         noise = {name.removeprefix("nominal_") for name in self.measurement}
-        velocities = noise & {"velocity_sd", "v_x_sd", "v_y_sd", "speed_sd"}
-        silent = (
-            ("assumed-ball", tennis, bool(unstated)),
-            (
-                "no-friction",
-                "nothing of the friction: mu has a wide prior",
-                "mu" not in self.surface,
-            ),
-            (
-                "no-contact-time",
-                "nothing of the contact time: k_y depends on its prior",
-                self.contact_time is None,
-            ),
-            ("no-velocity-noise", f"nothing of the noise of velocities: {fitted}", not velocities),
-            ("no-spin-noise", f"nothing of the noise of spins: {fitted}", "spin_sd" not in noise),
-        )
-        return tuple(Note(code, f"Assumed: {text}.") for code, text, is_so in silent if is_so)
+        if noise.isdisjoint(_VELOCITY_NOISES):
+            yield "no-velocity-noise", f"nothing of the noise of velocities: {fitted}"
+        if "spin_sd" not in noise:
+            yield "no-spin-noise", f"nothing of the noise of spins: {fitted}"
 
 
 class _Size(NamedTuple):
@@ -155,8 +153,13 @@ class _Size(NamedTuple):
 # Noise parameters; one sd may hold for both components of the velocity.
 _NOISES = {noise.name: noise for column in COLUMNS.values() if (noise := column.noise) is not None}
 _NOISES |= {"velocity_sd": _NOISES["v_x_sd"]}
+# Any of these says something of the noise of velocities.
+_VELOCITY_NOISES = ("velocity_sd", "v_x_sd", "v_y_sd", "speed_sd")
+# Temperatures at which people play and measure.
 _CELSIUS = _Size(-40.0, 80.0, "degrees Celsius")
+# True lengths or times over measured ones.
 _FACTOR = _Size(0.2, 5.0)
+# Any text.
 _TEXT = ()
 # What keys take: numbers, from a grain of shot to the largest ball that people throw, from the best
 # instruments to useless ones; texts to choose from, without any: all; lists of columns. A section
@@ -221,19 +224,22 @@ _MEANT = {
 _BYTES = 1_000_000
 # Two keys of one quantity, beside NAME and nominal_NAME.
 _SAME = {"inertia": "inertia_ratio"}
-# Density [kg/m^3]: no matter is denser than osmium, and what is lighter than air does not come
-# down.
+# Least density [kg/m^3]: what is lighter than air does not come down.
 _LIGHTEST = 1.2
+# Largest density [kg/m^3]: no matter is denser than osmium.
 _DENSEST = 22_600.0
+# Least inertia over M R^2: a ball with all of its mass at the centre has none.
+_LEAST_RATIO = 0.01
+# Least sd over its value: no instrument is better.
+_LEAST_SD = 1e-9
 
 
 def load_scene(table: str | Path | None, given: str | Path | None = None) -> Scene:
-    """The scene in `given`, else beside the table, or that file itself if it is a .toml, else all
-    defaults. Raises InputError (`scene`) with all faults.
+    """The scene in the file `given`, else beside the table, or that file itself if it is a .toml,
+    else all defaults. Raises InputError (`scene`) with all faults.
     """
-    given = given or (table if table and Path(table).suffix == ".toml" else None)
-    place = Path(given) if given else None if table is None else Path(table).with_suffix(".toml")
-    if place is None or not (given or os.path.lexists(place)):
+    place = _place_of(table, given)
+    if place is None:
         return Scene()
     try:
         # Dates become texts.
@@ -244,19 +250,30 @@ def load_scene(table: str | Path | None, given: str | Path | None = None) -> Sce
         faults = error.faults
     except msgspec.ValidationError as error:
         # What is left: a whole number, numbers that have no sd, and one that has.
-        what, _, where = (
-            str(error).replace("object", "{ value = ..., sd = ... }").partition(" - at `$.")
-        )
+        message = str(error).replace("object", "{ value = ..., sd = ... }")
+        what, _, where = message.partition(" - at `$.")
         faults = (_fault(where.rstrip("`"), what),)
     except (OSError, ValueError, RecursionError) as error:
         words = one_line(str(getattr(error, "strerror", "") or error))
-        faults = (
-            Fault("scene", f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"),
-        )
+        message = f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"
+        faults = (Fault("scene", message),)
     raise InputError(str(place), faults)
 
 
+def _place_of(table: str | Path | None, scene: str | Path | None) -> Path | None:
+    """The file of a scene; None where none was named and none is beside the table."""
+    if scene:
+        return Path(scene)
+    if table is None:
+        return None
+    if table and Path(table).suffix == ".toml":
+        return Path(table)
+    beside = Path(table).with_suffix(".toml")
+    return beside if os.path.lexists(beside) else None
+
+
 def _content(place: Path) -> bytes:
+    """The bytes of a file. Raises ValueError where they are too many."""
     with place.open("rb") as file:
         content = file.read(_BYTES + 1)
     if len(content) > _BYTES:
@@ -265,113 +282,115 @@ def _content(place: Path) -> bytes:
 
 
 def _fault(key: str, message: str) -> Fault:
+    """A fault of what a key holds."""
     return Fault("scene", message, column=key)
 
 
 def _refuse(faults: Iterable[Fault]) -> None:
-    if found := tuple(faults):
-        raise InputError("scene", found)
+    """Raise InputError (`scene`) if there are faults."""
+    every = tuple(faults)
+    if every:
+        raise InputError("scene", every)
 
 
-def _number(quantity: float | Quantity | None, assumed: float) -> float:
-    return (
-        quantity.value
-        if isinstance(quantity, Quantity)
-        else assumed
-        if quantity is None
-        else quantity
-    )
+def _number(quantity: float | Quantity | None, usual: float) -> float:
+    """The value of a quantity, with or without an sd, or the usual one where none is stated."""
+    if quantity is None:
+        return usual
+    return quantity.value if isinstance(quantity, Quantity) else quantity
 
 
 def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
     """Each key that does not exist, holds what it cannot, or says what another says."""
-    for section, part in tree.items():
-        named = {"": part} if section == "contact_time" else part
+    for section, content in tree.items():
+        values = {"": content} if section == "contact_time" else content
         if section not in Scene.__struct_fields__:
             yield _fault(section, f"unknown key; {suggestion(section, Scene.__struct_fields__)}")
-        elif not isinstance(named, dict):
-            yield _fault(section, f"read {one_line(repr(part))}; expected a section [{section}]")
-        else:
-            for name, given in named.items():
-                key = f"{section}.{name}".rstrip(".")
-                other = _SAME.get(name, f"nominal_{name}")
-                if words := _wrong(key, given):
-                    yield _fault(key, words)
-                elif other in named:
-                    yield _fault(
-                        key,
-                        f"given beside {other}, which says the same; keep one of them",
-                    )
+            continue
+        if not isinstance(values, dict):
+            read = one_line(repr(content))
+            yield _fault(section, f"read {read}; expected a section [{section}]")
+            continue
+        for name, value in values.items():
+            key = f"{section}.{name}".rstrip(".")
+            other = _SAME.get(name, f"nominal_{name}")
+            words = _wrong(key, value)
+            if words:
+                yield _fault(key, words)
+            elif other in values:
+                words = f"given beside {other}, which says the same; keep one of them"
+                yield _fault(key, words)
 
 
-def _wrong(key: str, given: object) -> str:
+def _wrong(key: str, value: object) -> str:
     """What is wrong with what a key holds, in words; empty if nothing."""
     section, _, name = key.partition(".")
     takes = _KEYS.get(key, _KEYS.get(f"{section}.*"))
-    read = one_line(repr(given))
+    read = f"read {one_line(repr(value))}"
     if takes is None:
-        known = [one.partition(".")[2] for one in _KEYS if one.startswith(f"{section}.")]
-        return f"unknown key; {suggestion(name, known)}"
+        names = [key.partition(".")[2] for key in _KEYS if key.startswith(f"{section}.")]
+        return f"unknown key; {suggestion(name, names)}"
     if isinstance(takes, _Size):
-        return _wrong_number(given, takes)
+        return _wrong_number(value, takes)
     if isinstance(takes, type):
-        good = isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)
-        return "" if good else f'read {read}; expected a list of columns, such as ["omega_2"]'
-    if not isinstance(given, str):
-        return f"read {read}; expected a text"
-    return f"read {read}; {suggestion(given, takes)}" if takes and given not in takes else ""
-
-
-def _wrong_number(given: Any, size: _Size) -> str:
-    """The same for a number, or a value and its sd: a positive one is known better than to 100
-    %.
-    """
-    pair = isinstance(given, dict) and given.keys() == {"value", "sd"}
-    value, sd = (given["value"], given["sd"]) if pair else (given, 1.0)
-    if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in (value, sd)):
-        return f"read {one_line(repr(given))}; expected a number, or {{ value = ..., sd = ... }}"
-    if not size.low <= value <= size.high:
-        wanted = f"{size.low:g} to {size.high:g} {size.unit}".rstrip()
-        return f"read {one_line(repr(value))}; expected {wanted}{_meant(value, size)}"
-    most = size.high if size.low < 0.0 else value
-    if pair and not (sd > 0.0 and 1e-9 * abs(value) <= sd <= most):
-        hint = _meant(sd, _Size(0.0, most, size.unit)) if sd > most else ""
-        return (
-            f"read sd = {sd:g}; expected above 0, at most {most:g}, in the unit of the value{hint}"
-        )
+        if isinstance(value, list | tuple) and all(isinstance(text, str) for text in value):
+            return ""
+        return f'{read}; expected a list of columns, such as ["omega_2"]'
+    if not isinstance(value, str):
+        return f"{read}; expected a text"
+    if takes and value not in takes:
+        return f"{read}; {suggestion(value, takes)}"
     return ""
 
 
+def _wrong_number(stated: Any, size: _Size) -> str:
+    """What is wrong with a number, or a value and its sd, in words; empty if nothing. A positive
+    one is known better than to 100 %.
+    """
+    has_sd = isinstance(stated, dict) and stated.keys() == {"value", "sd"}
+    value, sd = (stated["value"], stated["sd"]) if has_sd else (stated, 1.0)
+    if not _is_number(value) or not _is_number(sd):
+        return f"read {one_line(repr(stated))}; expected a number, or {{ value = ..., sd = ... }}"
+    if not size.low <= value <= size.high:
+        expected = f"{size.low:g} to {size.high:g} {size.unit}".rstrip()
+        return f"read {one_line(repr(value))}; expected {expected}{_meant(value, size)}"
+    most = size.high if size.low < 0.0 else value
+    if has_sd and not (sd > 0.0 and _LEAST_SD * abs(value) <= sd <= most):
+        hint = _meant(sd, _Size(0.0, most, size.unit)) if sd > most else ""
+        expected = f"above 0, at most {most:g}, in the unit of the value"
+        return f"read sd = {sd:g}; expected {expected}{hint}"
+    return ""
+
+
+def _is_number(value: object) -> bool:
+    """Whether this is a number, which true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _meant(value: float, size: _Size) -> str:
-    """A question, where another unit makes the value possible."""
-    units = [
-        unit
-        for unit, one in _MEANT.get(size.unit, {}).items()
-        if size.low / one <= value <= size.high / one
-    ]
-    return (
-        f"; did you mean {listed((f'{value:g} {unit}' for unit in units), 'or')}?" if units else ""
-    )
+    """A question, where another unit makes the value possible; else empty."""
+    possible = []
+    for unit, factor in _MEANT.get(size.unit, {}).items():
+        if size.low / factor <= value <= size.high / factor:
+            possible.append(f"{value:g} {unit}")
+    return f"; did you mean {listed(possible, 'or')}?" if possible else ""
 
 
 def _faults_of(ball: BallSection) -> Iterator[Fault]:
-    """Mass, size and inertia belong together: often one of them was left out, or is in another
-    unit.
+    """Faults of mass, size and inertia that do not belong together: often one of them was left out,
+    or is in another unit.
     """
-    mass, radius = (
-        _number(getattr(ball, name), getattr(Ball(), name)) for name in ("mass", "radius")
-    )
+    usual = Ball()
+    mass = _number(ball.mass, usual.mass)
+    radius = _number(ball.radius, usual.radius)
     volume = 4.0 / 3.0 * pi * radius**3
-    square = mass * radius**2
     if not _LIGHTEST <= mass / volume <= _DENSEST:
         than = "denser than any metal" if mass > _DENSEST * volume else "lighter than air"
         hint = _meant(mass, _Size(_LIGHTEST * volume, _DENSEST * volume, "kg"))
-        yield _fault(
-            "ball.mass",
-            f"read {mass:g} kg for a ball of radius {radius:g} m, {than}; state both{hint}",
-        )
-    if words := _wrong_number(
-        _number(ball.inertia, square),
-        _Size(0.01 * square, square, "kg m^2"),
-    ):
+        read = f"read {mass:g} kg for a ball of radius {radius:g} m"
+        yield _fault("ball.mass", f"{read}, {than}; state both{hint}")
+    square = mass * radius**2
+    size = _Size(_LEAST_RATIO * square, square, "kg m^2")
+    words = _wrong_number(_number(ball.inertia, square), size)
+    if words:
         yield _fault("ball.inertia", f"{words} (at most M R^2)")

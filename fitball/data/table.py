@@ -11,7 +11,7 @@ from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note
 from fitball.base.text import column_head, listed
 from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
-from fitball.data.kinematics import counted, propagate, state, velocity
+from fitball.data.kinematics import Columns, counted, propagate, state, velocity
 from fitball.data.labels import first_spelled
 
 # Correlations printed to six digits are possible still where an eigenvalue of their matrix is this
@@ -73,17 +73,19 @@ class ImpactTable:
         names = [*(name for name in INCIDENT if name in self.values), *columns]
         if not any(name in self.sd for name in names):
             return None
-        none = np.zeros(len(self))
+        zeros = np.zeros(len(self))
         # The slopes of a rebound column, one and zero, do not depend on its values: gaps may be any
         # number.
-        values = {name: np.nan_to_num(self.values.get(name, none)) for name in names}
-        sds = np.stack([np.nan_to_num(self.sd.get(name, none)) for name in names], axis=1)
+        values = {name: np.nan_to_num(self.values.get(name, zeros)) for name in names}
+        sds_of = [np.nan_to_num(self.sd.get(name, zeros)) for name in names]
+        sds = np.stack(sds_of, axis=1)
         stated = self._correlations(names) * sds[:, :, None] * sds[:, None, :]
-        return propagate(
-            lambda known: state(known, len(self)) | {name: known[name] for name in columns},
-            values,
-            stated,
-        )[1]
+
+        def state_and_rebound(columns_of: Columns) -> Columns:
+            rebound = {name: columns_of[name] for name in columns}
+            return state(columns_of, len(self)) | rebound
+
+        return propagate(state_and_rebound, values, stated)[1]
 
     def impossible(self) -> IntArray:
         """Rows whose stated correlations no errors can have: their matrix has an eigenvalue below
@@ -92,33 +94,38 @@ class ImpactTable:
         names = [*dict.fromkeys(name for pair in self.corr for name in pair.split(","))]
         if not names:
             return np.empty(0, dtype=np.int64)
-        return np.flatnonzero(np.linalg.eigvalsh(self._correlations(names))[:, 0] < -_ROUNDED)
+        least = np.linalg.eigvalsh(self._correlations(names))[:, 0]
+        return np.flatnonzero(least < -_ROUNDED)
 
     def _correlations(self, names: Sequence[str]) -> FloatArray:
         """Correlations (impacts, names, names), ones on the diagonal."""
         matrix = np.tile(np.eye(len(names)), (len(self), 1, 1))
         for pair, values in self.corr.items():
-            if {*pair.split(",")} <= {*names}:
-                i, j = map(names.index, pair.split(","))
+            first, second = pair.split(",")
+            if first in names and second in names:
+                i = names.index(first)
+                j = names.index(second)
                 matrix[:, i, j] = matrix[:, j, i] = np.nan_to_num(values)
         return matrix
 
     def take(self, rows: IntArray) -> ImpactTable:
-        """Some of the rows."""
-        arrays = (
-            {name: one[rows] for name, one in part.items()}
-            for part in (self.values, self.sd, self.corr)
-        )
+        """The table of these rows (places from 0) only."""
+        places = rows.tolist()
         labels = {
-            name: tuple(texts[row] for row in rows.tolist()) for name, texts in self.labels.items()
+            name: tuple(texts[place] for place in places) for name, texts in self.labels.items()
         }
-        values, sd, corr = arrays
-        return replace(self, values=values, sd=sd, corr=corr, labels=labels)
+        return replace(
+            self,
+            values={name: values[rows] for name, values in self.values.items()},
+            sd={name: sds[rows] for name, sds in self.sd.items()},
+            corr={pair: values[rows] for pair, values in self.corr.items()},
+            labels=labels,
+        )
 
     def to_frame(self) -> DataFrame:
-        """As a file has it, index `id`: `v_x1 [m/s]`, `v_x1_sd [m/s]`, `corr(v_x1,gap_time)`,
-        labels. `load_table` of it is this table to the last digit; `track` writes its impacts by
-        it.
+        """The table as a file has it, index `id`: `v_x1 [m/s]`, `v_x1_sd [m/s]`,
+        `corr(v_x1,gap_time)`, labels. `load_table` of it is this table to the last digit; `track`
+        writes its impacts by it.
         """
         import pandas as pd
 
@@ -133,9 +140,9 @@ class ImpactTable:
         return pd.DataFrame(columns, index=pd.Index(self.labels["id"], name="id"))
 
 
-def pair_of(one: str, other: str) -> str:
+def pair_of(first: str, second: str) -> str:
     """The key of two columns in `ImpactTable.corr`: in the order of the registry."""
-    return ",".join(sorted((one, other), key=[*COLUMNS].index))
+    return ",".join(sorted((first, second), key=[*COLUMNS].index))
 
 
 def stated(
@@ -148,11 +155,11 @@ def stated(
     variances = np.diagonal(covariance, axis1=1, axis2=2)
     sds = np.sqrt(np.where(variances > 0.0, variances, np.nan))
     corr = {}
-    for j, other in enumerate(columns):
-        for i, one in enumerate(columns[:j]):
+    for j, second in enumerate(columns):
+        for i, first in enumerate(columns[:j]):
             values = covariance[:, i, j] / (sds[:, i] * sds[:, j])
             if np.any(np.abs(values) > 0.0):
-                corr[pair_of(one, other)] = values
+                corr[pair_of(first, second)] = values
     return dict(zip(columns, sds.T.copy(), strict=True)), corr
 
 
@@ -170,40 +177,49 @@ def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
     if faults:
         raise InputError(" + ".join(names), faults)
     columns = [*(name for name in first.values if name in INCIDENT), *measured]
-    labels = {
-        name: first_spelled(
-            text for table in tables for text in table.labels.get(name, ("",) * len(table))
-        )
-        for name in dict.fromkeys(name for table in tables for name in table.labels)
-    }
-    labels["id"] = tuple(f"{table.name}:{text}" for table in tables for text in table.labels["id"])
-    labels["table"] = tuple(table.name for table in tables for _ in range(len(table)))
-    notes = [
-        Note(note.code, f"{table.name}: {note.text}") for table in tables for note in table.notices
-    ]
-    for name in measured:
-        if absent := [table.name for table in tables if name not in table.values]:
-            text = f"{name} was not measured in {listed(absent)}. Its other measurements are used."
-            notes.append(Note("column-in-some", text))
+    values = {}
+    sds = {}
+    for name in columns:
+        values[name] = _stacked([table.values.get(name) for table in tables], tables, np.nan)
+        if any(name in table.sd for table in tables):
+            sds[name] = _stacked([table.sd.get(name) for table in tables], tables, np.nan)
+    corr = {}
+    for pair in dict.fromkeys(pair for table in tables for pair in table.corr):
+        corr[pair] = _stacked([table.corr.get(pair) for table in tables], tables, 0.0)
     return ImpactTable(
         name="+".join(names),
-        values={
-            name: _stacked([table.values.get(name) for table in tables], tables, np.nan)
-            for name in columns
-        },
-        sd={
-            name: _stacked([table.sd.get(name) for table in tables], tables, np.nan)
-            for name in columns
-            if any(name in table.sd for table in tables)
-        },
-        corr={
-            pair: _stacked([table.corr.get(pair) for table in tables], tables, 0.0)
-            for pair in dict.fromkeys(pair for table in tables for pair in table.corr)
-        },
-        labels=labels,
-        notices=tuple(notes),
+        values=values,
+        sd=sds,
+        corr=corr,
+        labels=_joined_labels(tables),
+        notices=tuple(_joined_notices(tables, measured)),
         read=tuple(entry for table in tables for entry in table.read),
     )
+
+
+def _joined_labels(tables: Sequence[ImpactTable]) -> dict[str, tuple[str, ...]]:
+    """Labels of all rows by column: empty where a table has none, ids behind the table's name."""
+    labels = {}
+    for name in dict.fromkeys(name for table in tables for name in table.labels):
+        texts = list[str]()
+        for table in tables:
+            texts += table.labels.get(name, ("",) * len(table))
+        labels[name] = first_spelled(texts)
+    labels["id"] = tuple(f"{table.name}:{text}" for table in tables for text in table.labels["id"])
+    labels["table"] = tuple(table.name for table in tables for _ in range(len(table)))
+    return labels
+
+
+def _joined_notices(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Iterator[Note]:
+    """The notes of all tables by their names, and those on columns that a table lacks."""
+    for table in tables:
+        for note in table.notices:
+            yield Note(note.code, f"{table.name}: {note.text}")
+    for name in measured:
+        lacking = [table.name for table in tables if name not in table.values]
+        if lacking:
+            text = f"{name} was not measured in {listed(lacking)}. Its other measurements are used."
+            yield Note("column-in-some", text)
 
 
 def _stacked(
@@ -211,44 +227,37 @@ def _stacked(
     tables: Sequence[ImpactTable],
     gap: float,
 ) -> FloatArray:
-    """One column of all tables."""
-    pieces = zip(columns, tables, strict=True)
-    return np.concatenate(
-        [np.full(len(table), gap) if one is None else one for one, table in pieces]
-    )
+    """One column (rows of all tables,), the `gap` in rows of tables that have none."""
+    pieces = []
+    for column, table in zip(columns, tables, strict=True):
+        pieces.append(np.full(len(table), gap) if column is None else column)
+    return np.concatenate(pieces)
 
 
 def _differences(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Iterator[Fault]:
     """What keeps tables from being one: a table twice, incident columns, rebound velocities, sds in
     some.
     """
-    read = [entry for table in tables for entry in table.read if entry.get("sha256")]
-    # Sheets of one workbook are different tables.
-    digests = [(entry["sha256"], entry.get("source", "").partition("#")[2]) for entry in read]
     names = [table.name for table in tables]
-    if len({*names}) < len(names) or len({*digests}) < len(digests):
+    if _has_one_twice(tables):
         text = (
             f"read {', '.join(names)}, expected different tables with different names: give "
             "each table once"
         )
         yield Fault("same-table-twice", text)
-    sets = {table.name: [name for name in table.values if name in INCIDENT] for table in tables}
-    if any(columns != sets[names[0]] for columns in sets.values()):
-        found = "; ".join(f"{', '.join(columns)} in {name}" for name, columns in sets.items())
+    incident = {table.name: [name for name in table.values if name in INCIDENT] for table in tables}
+    if any(columns != incident[names[0]] for columns in incident.values()):
+        sets = "; ".join(f"{', '.join(columns)} in {name}" for name, columns in incident.items())
         text = (
-            f"incident columns differ: {found}. Tables that are fitted together need the same "
+            f"incident columns differ: {sets}. Tables that are fitted together need the same "
             "incident columns"
         )
         yield Fault("incident-columns-differ", text)
     velocities = [name for name in measured if COLUMNS[name].of_velocity]
     if {*counted(velocities, "2")} != {*velocities}:
-        found = "; ".join(
-            f"{', '.join(name for name in velocities if name in table.values) or 'none'} in "
-            f"{table.name}"
-            for table in tables
-        )
+        sets = "; ".join(f"{_listed_of(velocities, table)} in {table.name}" for table in tables)
         text = (
-            f"rebound velocities differ: {found}. Tables that are fitted together need "
+            f"rebound velocities differ: {sets}. Tables that are fitted together need "
             "components, or speed and angle"
         )
         yield Fault("rebound-columns-differ", text)
@@ -258,3 +267,17 @@ def _differences(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Iter
         if bare and len(bare) < len(having):
             text = f"{name} has no sd in {listed(bare)}; expected one in every table, or in none"
             yield Fault("stated-in-some", text, column=name)
+
+
+def _has_one_twice(tables: Sequence[ImpactTable]) -> bool:
+    """Whether two tables have one name, or the bytes of one file."""
+    names = {table.name for table in tables}
+    read = [entry for table in tables for entry in table.read if entry.get("sha256")]
+    # Sheets of one workbook are different tables.
+    files = {(entry["sha256"], entry.get("source", "").partition("#")[2]) for entry in read}
+    return len(names) < len(tables) or len(files) < len(read)
+
+
+def _listed_of(names: Sequence[str], table: ImpactTable) -> str:
+    """Those of the columns that a table has, in words."""
+    return ", ".join(name for name in names if name in table.values) or "none"

@@ -192,7 +192,8 @@ class Impact:
             v_y = self.p[VY2]
             radius = assumed.ball.radius
             self.prior[C2] += lift_of(v_x / radius, np.hypot(v_x, v_y), radius)
-        block = np.linalg.inv(sd**2 * np.array([[1.0, shared], [shared, 1.0]]))
+        correlation = np.array([[1.0, shared], [shared, 1.0]])
+        block = np.linalg.inv(sd**2 * correlation)
         self.precision[np.ix_([C1, C2], [C1, C2])] = block
 
     def lifts(self, radius: float) -> FloatArray:
@@ -200,10 +201,10 @@ class Impact:
         pair = self.sure_pair
         if pair is None:
             return np.zeros(2)
-        before, after = np.hypot(self.p[[VX1, VX2]], self.p[[VY1, VY2]]).tolist()
-        return np.array(
-            [lift_of(pair.omega_1, before, radius), lift_of(pair.omega_2, after, radius)]
-        )
+        p = self.p
+        before = lift_of(pair.omega_1, float(np.hypot(p[VX1], p[VY1])), radius)
+        after = lift_of(pair.omega_2, float(np.hypot(p[VX2], p[VY2])), radius)
+        return np.array([before, after])
 
 
 def start(impact: Impact, assumed: FilmAssumptions, height: float) -> None:
@@ -291,7 +292,8 @@ def fit(
         if impact.failed:
             return
     tail = np.einsum("pfa,fa->pf", linear.slopes[:-1] / sds, z)
-    lost = tail * (weight * np.minimum(1.0 - weight, 1.0 / np.maximum(square, 1e-12))) @ tail.T
+    uncertain = np.minimum(1.0 - weight, 1.0 / np.maximum(square, 1e-12))
+    lost = tail * (weight * uncertain) @ tail.T
     impact.covariance = _inverse(hessian - lost)
     if not np.all(np.diagonal(impact.covariance) > 0.0):
         impact.failed = _NO_FLIGHT

@@ -118,7 +118,8 @@ def _usual_times(impacts: Sequence[Impact], assumed: FilmAssumptions) -> str:
 def _height_off(impact: Impact, usual: float) -> float:
     """How much [m] too high the court is if the time between the flights is the usual one [s]."""
     p = impact.p
-    return float((p[T2] - p[T1] - usual) / (1.0 / p[VY2] - 1.0 / p[VY1]))
+    late = p[T2] - p[T1] - usual
+    return float(late / (1.0 / p[VY2] - 1.0 / p[VY1]))
 
 
 def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:

@@ -2,7 +2,7 @@
 
 | program | header | rows |
 |---|---|---|
-| any (long table) | `id`, `t` or `frame`, `x, y`, and others of `NAMES` | a frame of a ball |
+| any (long table) | `id`, `t` or `frame`, `x, y`, and others of `names.NAMES` | a frame of a ball |
 | Tracker | `t, x, y`, or `t, x, y, x, y` of several masses | a frame of all masses |
 | Kinovea | `Time`, and `NAME/0/X, NAME/0/Y` of each object | a frame of all objects |
 | DLTdv | `pt1_cam1_X, pt1_cam1_Y` of each point, in pixels | a frame, from 1 |
@@ -22,50 +22,23 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from fitball.base.display_units import MM
-from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
+from fitball.base.errors import Fault, InputError, Note, ParameterError
 from fitball.base.numbers import counted
 from fitball.base.text import listed, one_line
-from fitball.base.units import factor_of, symbol_of
+from fitball.base.units import factor_of
 from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.data.bundled import place_of
 from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
-from fitball.data.header import Naming, bare
 from fitball.data.labels import role_of
 from fitball.data.read import Source
 from fitball.data.scene import CameraSection, Quantity, Scene, load_scene
+from fitball.tracks.names import DLTDV, KINOVEA, NAMES, FilmNaming
 from fitball.tracks.types import Track
 
-# Columns of the long table with their units, and what else people and programs call them.
-NAMES: Mapping[str, tuple[str, str]] = {
-    "id": ("text", "track trackid object objectid shot trial impact particle clip name"),
-    "session": ("text", "camera cam"),
-    "t": ("s", "time times timestamp timestamps seconds zeit temps"),
-    "frame": ("", "frames frameno framenumber frameindex image bild"),
-    "x": ("m", "posx xpos positionx cx xc centerx centrex ballx"),
-    "y": ("m", "posy ypos positiony cy yc centery centrey bally"),
-    "z": ("m", "posz zpos positionz"),
-    "angle": ("rad", "phi theta orientation winkel markangle"),
-    "angle_fold": ("", "fold anglefold"),
-    "radius": ("m", "r ballradius"),
-    "diameter": ("m", "d diam balldiameter"),
-    "quality": ("", "likelihood confidence conf score"),
-}
-_OURS = {word: ours for ours, (_, words) in NAMES.items() for word in (bare(ours), *words.split())}
-# `x (px)`, `x_pixels`.
-_PIXELS = re.compile(
-    r"(?P<name>.*?\w)[\s_/,]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?",
-    re.IGNORECASE,
-)
-# `pt1_cam1_X`.
-_DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
-# `NAME/0/X`.
-_KINOVEA = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
 # Points of Tracker and DLTdv have numbers, no names.
 _NUMBERED = re.compile(r"\d+|pt\d.*")
 # `66mm`.
 _LENGTH = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
-# A longer cell is no name of ours, and patterns take time with the square of the length.
-_LONGEST = 100
 # Coordinates without a unit that reach further [m] are in pixels.
 _WIDEST = 30.0
 # Radii that make a scale.
@@ -183,7 +156,7 @@ def read_tracks(
     """
     if not sources:
         raise ParameterError("no film was given; expected tables of positions", "no-data")
-    naming = _Naming({**scene.columns, **columns})
+    naming = FilmNaming({**scene.columns, **columns})
     tracks = list[Track]()
     notes = dict[Note, None]()
     digests = set[tuple[str, str]]()
@@ -227,54 +200,13 @@ def _with_unique_ids(tracks: Sequence[Track]) -> Iterator[Track]:
             yield replace(track, id=f"{track.id} ({number[track.id]})")
 
 
-class _Naming:
-    """What header cells of positions mean, with the user's names. Raises ParameterError
-    (`columns`).
-    """
-
-    def __init__(self, columns: Mapping[str, str]) -> None:
-        for name in columns.keys() - NAMES.keys():
-            words = (
-                f"columns: '{one_line(name)}' is no column of positions; {suggestion(name, NAMES)}"
-            )
-            raise ParameterError(words, "columns")
-        self.plain = Naming({})
-        cells = {ours: self.split(their) for ours, their in columns.items()}
-        self.theirs = {name.casefold(): (ours, unit) for ours, (name, unit) in cells.items()}
-
-    def split(self, cell: str) -> tuple[str, str | None]:
-        """Name and unit of a header cell as written, `px` for pixels, None without a unit."""
-        pixels = _PIXELS.fullmatch(cell.strip())
-        if pixels:
-            return pixels["name"], "px"
-        name, unit = self.plain.split(cell)
-        front, _, last = cell.strip().replace(" ", "_").rpartition("_")
-        if unit is None and bare(front) in _OURS and symbol_of(last):
-            return front, last
-        return name, unit
-
-    def read(self, cell: str) -> tuple[str | None, str | None]:
-        """Our name of a cell (None: not used), and its unit as written."""
-        name, unit = self.split(cell[:_LONGEST])
-        by_user = self.theirs.get(cell.strip().casefold()) or self.theirs.get(name.casefold())
-        if by_user is None:
-            return _OURS.get(bare(name)), unit
-        ours, stated = by_user
-        return ours, unit or stated
-
-    def worth(self, cell: str) -> float:
-        """What a cell is worth as one of a header: 1 for a name that is known, else 0."""
-        point = _DLTDV.fullmatch(cell) or _KINOVEA.fullmatch(cell)
-        return float(bool(point or self.read(cell)[0]))
-
-
 @dataclass
 class _Reader:
     """A file on its way to tracks; faults go to its cells."""
 
     cells: Cells
     name: str
-    naming: _Naming
+    naming: FilmNaming
     scene: Scene
 
     @property
@@ -330,7 +262,7 @@ class _Reader:
         ours = [self.naming.read(name)[0] for name in names]
         places = _first_places(ours)
         clock = {name: place for name, place in places.items() if name in ("t", "frame")}
-        for pattern in (_DLTDV, _KINOVEA):
+        for pattern in (DLTDV, KINOVEA):
             points = _points(names, pattern, clock)
             if points:
                 return points
@@ -381,7 +313,9 @@ class _Reader:
                 written[name] = values[self._key(place)]
         x = written["x"]
         y = written["y"]
-        lost = np.any([np.isclose(x, code) & np.isclose(y, code) for code in _LOST], axis=0)
+        lost = np.zeros(x.size, dtype=np.bool_)
+        for code in _LOST:
+            lost |= np.isclose(x, code) & np.isclose(y, code)
         self._note_left_out(self.name, lost, "both coordinates are a code, such as -999")
         columns = dict[str, FloatArray]()
         pixels = set[str]()
@@ -420,8 +354,9 @@ class _Reader:
         could be metres.
         """
         finite = np.isfinite(place).all(axis=0)
-        wide = bool(finite.any() and np.ptp(place[:, finite], axis=1).max() > _WIDEST)
-        unit = "px" if wide else "m"
+        unit = "m"
+        if finite.any() and np.ptp(place[:, finite], axis=1).max() > _WIDEST:
+            unit = "px"
         words = f"{self.name}: coordinates without a unit were read as {unit}"
         self.cells.note("no-unit", words)
         return unit
@@ -447,7 +382,8 @@ class _Reader:
             return None
         self._check_times(name, rows, clock, order)
         place = np.column_stack([values["x"], values["y"]])[order]
-        repeated = np.concatenate([[False], ~np.any(np.diff(place, axis=0), axis=1)])
+        moved = np.any(np.diff(place, axis=0), axis=1)
+        repeated = np.concatenate([[False], ~moved])
         self._note_left_out(name, repeated, "they repeat the one before")
         clip = _Clip(name, rows, values, order[~repeated])
         order = clip.order
@@ -540,7 +476,8 @@ class _Reader:
         folds = clip.column("angle_fold", usual)
         stated = clip.order[np.isfinite(folds[clip.order])]
         first = float(folds[stated[0]]) if stated.size else usual
-        wrong = stated[(folds[stated] < 1.0) | (np.abs(folds[stated] - round(first)) > 0.0)]
+        other = np.abs(folds[stated] - round(first)) > 0.0
+        wrong = stated[other | (folds[stated] < 1.0)]
         if wrong.size:
             words = (
                 f"read {folds[wrong[0]]:g}; expected one whole number in a clip, 1 for a dot, "
@@ -593,5 +530,8 @@ def _frame_numbers(time: FloatArray) -> FloatArray:
     counted.
     """
     steps = np.diff(time)
-    usual = steps[steps < _ONE_STEP * np.median(steps)].mean() if steps.size else 1.0
-    return np.concatenate([[0.0], np.cumsum(np.maximum(np.round(steps / usual), 1.0))])
+    if not steps.size:
+        return np.zeros(1)
+    usual = steps[steps < _ONE_STEP * np.median(steps)].mean()
+    frames = np.maximum(np.round(steps / usual), 1.0)
+    return np.concatenate([[0.0], np.cumsum(frames)])

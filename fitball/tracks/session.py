@@ -159,7 +159,8 @@ def _renew_noise(session: Session) -> None:
     squares = np.array(
         [np.nansum(impact.weight[:, None] * impact.residual**2, axis=0) for impact in good]
     )
-    free = np.maximum(weight[:, None] - np.array([_spent(impact) for impact in good]), 0.0)
+    spent = np.array([_spent(impact) for impact in good])
+    free = np.maximum(weight[:, None] - spent, 0.0)
     mean = squares.sum(axis=0) / np.maximum(free.sum(axis=0), 1.0)
     pooled = np.maximum(mean, _LEAST_NOISE**2)
     for axis in (0, 1):

@@ -162,7 +162,8 @@ def _optima(
     waves = np.exp(1j * fold * (phi - np.multiply.outer(grid, time))).sum(axis=1)
     power = np.abs(waves)
     edge = np.concatenate([[-1.0], power, [-1.0]])
-    is_peak = (power >= edge[:-2]) & (power > edge[2:]) & (power > _LOW * power.max())
+    is_peak = (power >= edge[:-2]) & (power > edge[2:])
+    is_peak &= power > _LOW * power.max()
     peaks = np.flatnonzero(is_peak)
     peaks = peaks[np.argsort(-power[peaks], kind="stable")][:_MOST]
     return np.angle(waves[peaks]) / fold, grid[peaks]
@@ -219,7 +220,8 @@ def _log_plausibility(
     lost = p[VX1] - p[VX2]
     time = p[T2] - p[T1]
     offset = (radius * lost - ball.inertia_ratio * radius**2 * (omega_2 - omega_1)) / pressed
-    offset_sd = np.hypot(_OFFSET_SD, radius * np.hypot(*sds[[VX1, VX2]]) / pressed)
+    lost_sd = np.hypot(sds[VX1], sds[VX2])
+    offset_sd = np.hypot(_OFFSET_SD, radius * lost_sd / pressed)
     log = -0.5 * ((offset - _OFFSET) / offset_sd) ** 2
     slip_1 = p[VX1] - radius * omega_1
     slip_2 = p[VX2] - radius * omega_2
@@ -231,8 +233,10 @@ def _log_plausibility(
     push = -lost / pressed * np.sign(slip_1)
     log -= 0.5 * (max(0.0, push - _PUSH) / _PUSH) ** 2
     spin = omega_1 + _TURNED * (omega_2 - omega_1)
-    sd = np.sqrt(_TURN_SD**2 + turn_sd**2 + (np.hypot(*sds[[T1, T2]]) * spin) ** 2)
-    return float(log - 0.5 * ((turn - time * spin) / sd) ** 2 - np.log(sd / _TURN_SD))
+    time_sd = np.hypot(sds[T1], sds[T2])
+    sd = np.sqrt(_TURN_SD**2 + turn_sd**2 + (time_sd * spin) ** 2)
+    off = (turn - time * spin) / sd
+    return float(log - 0.5 * off**2 - np.log(sd / _TURN_SD))
 
 
 def pairs_of(
@@ -267,7 +271,8 @@ def pairs_of(
     if not candidates:
         return []
     logs = np.array([log for log, _, _ in candidates])
-    shares = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+    relative = np.exp(logs - logs.max())
+    shares = relative / relative.sum()
     order = np.argsort(-shares, kind="stable").tolist()
     readable_1 = _readable(before, use_1.sum(), fold, spin_sd)
     readable_2 = _readable(after, use_2.sum(), fold, spin_sd)
@@ -288,7 +293,8 @@ def _turns(line_1: Line, line_2: Line, time: float, fold: int) -> Iterator[SpinP
     """
     c_1 = line_1.covariance
     c_2 = line_2.covariance
-    covariance = np.diag([c_1[1, 1], c_2[1, 1], c_1[0, 0] + c_2[0, 0]])
+    turn_variance = c_1[0, 0] + c_2[0, 0]
+    covariance = np.diag([c_1[1, 1], c_2[1, 1], turn_variance])
     covariance[0, 2] = covariance[2, 0] = -c_1[0, 1]
     covariance[1, 2] = covariance[2, 1] = c_2[0, 1]
     between = time * (line_1.omega + _TURNED * (line_2.omega - line_1.omega))
