@@ -8,10 +8,10 @@ from typing import NoReturn
 
 import numpy as np
 
-from fitball.base.columns import COLUMNS, STATE, Column
+from fitball.base.columns import COLUMNS, STATE
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed, one_line
-from fitball.base.units import factor_of
+from fitball.base.units import assumed_symbol, factor_of
 from fitball.base.values import FloatArray, Impacts
 from fitball.data.kinematics import propagate, state
 
@@ -69,14 +69,9 @@ def spans(text: str, takes: str) -> dict[str, Span]:
     return by_column
 
 
-def _usual_unit(column: Column) -> str:
-    """The unit of a column without one: degrees for angles, else SI."""
-    return "deg" if column.unit == "rad" else column.unit
-
-
 def _form(name: str, takes: str) -> str:
     """What may stand for a column, by examples."""
-    unit = _usual_unit(COLUMNS[name]) if name in COLUMNS else "m/s"
+    unit = assumed_symbol(COLUMNS[name].unit) if name in COLUMNS else "m/s"
     examples = [f"{name}={_FORMS[part].replace('m/s', unit)}" for part in takes.split()]
     return listed(examples, last="or")
 
@@ -106,7 +101,7 @@ def _span(name: str, written: str, takes: str, form: str) -> Span:
         for end in (low, high):
             if not column.limits[0] <= end <= column.limits[1]:
                 least, most = (f"{limit / factor:.6g}" for limit in column.limits)
-                unit = parts.get("unit", _usual_unit(column))
+                unit = parts.get("unit", assumed_symbol(column.unit))
                 raise _refusal(written, f"{least} to {most} {unit}")
     count = int(parts.get("count", "1"))
     if ("high" in parts and high <= low) or ("count" in used and count < 2):
