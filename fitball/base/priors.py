@@ -25,8 +25,8 @@ _LEAST_MASS = 1e-6
 class ParameterSpec:
     """A parameter: SI `unit` (empty: dimensionless), closed bounds, default `prior` as text,
     `meaning` (a comma after its short name), `symbol` in mathtext; `typical` is the default of
-    simulations, `display_unit` the unit that people read, by default `unit`;
-    `logarithmic` its axes.
+    simulations, `display_unit` the unit that people read, by default `unit`; `logarithmic` its
+    axes.
     """
 
     name: str

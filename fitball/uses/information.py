@@ -42,8 +42,7 @@ class Look(NamedTuple):
 class Known:
     """Coordinates `at` (draws, unknowns) of a posterior, and `root` (unknowns, directions), whose
     square is their covariance. Unknowns are the free parameters, and `height`, of the court, where
-    gaps are measured for the first
-    time: of it the scene is known, or else its prior.
+    gaps are measured for the first time: of it the scene is known, or else its prior.
     """
 
     def __init__(self, fit: Fitted, gaps: bool) -> None:

@@ -36,8 +36,7 @@ _IMPACT = "impact="
 
 class Settings(NamedTuple):
     """Impacts (settings,) that a machine can be set to, their levels (settings, levels), the
-    options that were not
-    given: their ranges are those of the table.
+    options that were not given: their ranges are those of the table.
     """
 
     impacts: Impacts
