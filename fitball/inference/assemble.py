@@ -27,6 +27,8 @@ _SAID = (
     ("prior-dominated", "They do not determine {}: the value is that of the prior."),
     ("extrapolated", "Nothing was measured near {}."),
 )
+# The headline speaks of the physics: noise, ball and camera are means to it.
+_OF_INTEREST = ("model", "level", "derived")
 
 
 def estimates(
@@ -44,7 +46,7 @@ def estimates(
         prior: str = "",
         source: str = "",
     ) -> Estimate:
-        own = judged[spec.name]
+        judgement = judged[spec.name]
         return Estimate(
             **asdict(summarise(sampled, point)),
             name=spec.name,
@@ -53,19 +55,23 @@ def estimates(
             meaning=spec.meaning,
             prior=prior,
             prior_source=source,
-            contraction=own.contraction,
-            verdict=own.verdict,
-            rule=own.rule,
-            reason=own.reason,
-            given=own.given,
+            contraction=judgement.contraction,
+            verdict=judgement.verdict,
+            rule=judgement.rule,
+            reason=judgement.reason,
+            given=judgement.given,
         )
 
     parameters = dict[str, Estimate]()
     derived = dict[str, Estimate]()
     for item in problem.parameters:
         name = item.spec.name
-        prior = item.prior.text if item.fixed is None else f"fixed: {item.why}"
-        sampled = draws.values[name] if item.fixed is None else np.empty(0)
+        if item.fixed is None:
+            prior = item.prior.text
+            sampled = draws.values[name]
+        else:
+            prior = f"fixed: {item.why}"
+            sampled = np.empty(0)
         parameters[name] = estimate(
             item.spec,
             _kind(name),
@@ -74,9 +80,9 @@ def estimates(
             prior,
             item.prior.source,
         )
-    for one in problem.derived:
-        point = float(one.rule(draws.best)[0])
-        derived[one.spec.name] = estimate(one.spec, "derived", one.rule(draws.values), point)
+    for spec, rule, _ in problem.derived:
+        point = float(rule(draws.best)[0])
+        derived[spec.name] = estimate(spec, "derived", rule(draws.values), point)
     return parameters, derived
 
 
@@ -87,38 +93,41 @@ def _kind(name: str) -> str:
         return "ball"
     if base in CAMERA_SPECS:
         return "camera"
-    return "noise" if name in COMMON else "level" if "[" in name else "model"
+    if name in COMMON:
+        return "noise"
+    return "level" if "[" in name else "model"
 
 
-def outside(found: Sequence[Estimate]) -> list[Note]:
+def outside(reported: Sequence[Estimate]) -> list[Note]:
     """That best values lie outside of the intervals of the draws: a high peak of the posterior may
     hold little of it. At a bound of a value that is limited on one side, or not determined, that is
     usual.
     """
     names = [
-        f"{one.name} ({f'{one.point:.3g} {one.unit}'.strip()})"
-        for one in found
-        if one.verdict in ("identified", "given", "conditional")
-        and one.kind in ("model", "level", "derived")
-        and np.isfinite(one.q975 - one.q025)
-        and not one.q025 <= one.point <= one.q975
+        f"{estimate.name} ({f'{estimate.point:.3g} {estimate.unit}'.strip()})"
+        for estimate in reported
+        if estimate.verdict in ("identified", "given", "conditional")
+        and estimate.kind in _OF_INTEREST
+        and np.isfinite(estimate.q975 - estimate.q025)
+        and not estimate.q025 <= estimate.point <= estimate.q975
     ]
+    if not names:
+        return []
     text = (
         f"Best values outside of their 95 % intervals: {listed(names, most=8)}. The best fit is a "
-        "narrow peak that "
-        "holds little of the posterior: use medians and draws, not best values."
+        "narrow peak that holds little of the posterior: use medians and draws, not best values."
     )
-    return [Note("best-outside", text)] * bool(names)
+    return [Note("best-outside", text)]
 
 
-def headline(tested: Adequacy, found: Sequence[Estimate]) -> str:
+def headline(tested: Adequacy, reported: Sequence[Estimate]) -> str:
     """What adequacy says, and a sentence for each verdict that a value of interest has."""
     sentences = [tested.sentence]
     for verdict, words in _SAID:
         names = [
-            one.name
-            for one in found
-            if one.verdict == verdict and one.kind in ("model", "level", "derived")
+            estimate.name
+            for estimate in reported
+            if estimate.verdict == verdict and estimate.kind in _OF_INTEREST
         ]
         if names:
             sentences.append(words.format(listed(names, most=8)))

@@ -76,22 +76,22 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
     with stage("judging"):
         # Half a degree of tilt where nothing is known of it moves values of most tables: no verdict
         # rests on that.
-        known = {item.spec.name for item in problem.parameters}
-        sure = tuple(one for one in held if one.name != "tilt" or one.name in known)
+        names = {item.spec.name for item in problem.parameters}
+        sure = tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
         within = judge(problem, point, first, profiled, derived)
         judged = qualified(within, tested, given(tried, sure, fitted))
         squares = least_squares(problem, point)
         draws = draws_of(problem, point, posterior, effort)
         parameters, following = estimates(problem, draws, judged)
-        found = [*parameters.values(), *following.values()]
+        reported = [*parameters.values(), *following.values()]
         notes = [*problem.table.notices, *problem.notes]
         if why:
             notes.append(Note("no-profiles", why))
-        notes += outside(found)
+        notes += outside(reported)
     return Fitted(
         run=run_of(problem, effort),
         status=status,
-        headline=headline(tested, found),
+        headline=headline(tested, reported),
         notes=tuple(notes),
         parameters=parameters,
         derived=following,
@@ -120,7 +120,8 @@ def _beside(
     values = posterior.values.reshape(-1, len(posterior.names))
     prior = problem.prior
     q = prior.coordinate(values)
-    density = posterior.log_density.ravel() + (prior.smooth.log_density(q) - prior.log_density(q))
+    correction = prior.smooth.log_density(q) - prior.log_density(q)
+    density = posterior.log_density.ravel() + correction
     place = int(density.argmax())
     if density[place] <= point.log_posterior[0] + _ABOVE:
         return point

@@ -8,16 +8,22 @@ import numpy as np
 
 from fitball.base.errors import ParameterError
 
-# Rows above which draws are weighted and tests take evenly spread rows; profiles are left out;
-# alternatives take a part; fewer draws predict. Draws of predictions, of derivatives; targets of
-# sampling.
+# Rows above which chains would take minutes: draws of an approximation are weighted instead, and
+# tests take evenly spread rows.
 LONG = 3_000
+# Rows above which profiles are left out: standard errors are then as good as they are.
 PROFILED = 300
+# Rows of a longer table, evenly spread, with which alternatives are fitted: each is a whole fit.
 ALTERNATIVES = 1_000
+# Rows above which fewer than PREDICTING draws predict, so that memory and time stay as they are.
 PREDICTED = 20_000
+# Draws of predictions: 100 of them are beyond either end of a 95 % interval.
 PREDICTING = 4_000
+# Draws at which derivatives are taken: a mean over them has 8 % of their spread as its error.
 DIFFERENTIATED = 160
+# Independent draws that sampling wants of each parameter: a median is known to 4 % of an sd.
 TARGET_ESS = 1_000.0
+# The largest split R-hat of sampling, as Vehtari et al. 2021 recommend.
 TARGET_R_HAT = 1.01
 # Draws times states that are evaluated at once: some twenty arrays of as many numbers live at a
 # time (80 MB).

@@ -54,39 +54,61 @@ def run_of(problem: Problem, effort: Effort) -> Run:
     source = problem.forward.model.source
     # No number depends on the number of cores.
     same = msgspec.structs.replace(effort, cores=None)
-    said = [problem.scene, problem.choices, same, dict(problem.known), source, __version__]
-    digest = sha256(msgspec.json.encode([*said, dict(table.labels)], order="deterministic"))
-    for part in (table.values, table.sd, table.corr):
-        for name, column in part.items():
+    words = [
+        problem.scene,
+        problem.choices,
+        same,
+        dict(problem.known),
+        source,
+        __version__,
+        dict(table.labels),
+    ]
+    digest = sha256(msgspec.json.encode(words, order="deterministic"))
+    for columns in (table.values, table.sd, table.corr):
+        for name, column in columns.items():
             digest.update(name.encode() + np.ascontiguousarray(column).tobytes())
-    made = (__version__, digest.hexdigest(), packages())
-    return Run(table, problem.scene, problem.choices, effort, problem.known, source, *made)
+    return Run(
+        table=table,
+        scene=problem.scene,
+        choices=problem.choices,
+        effort=effort,
+        known=problem.known,
+        model_source=source,
+        version=__version__,
+        key=digest.hexdigest(),
+        packages=packages(),
+    )
 
 
 def draws_of(
     problem: Problem,
-    found: schema.PointFit,
+    fit: schema.PointFit,
     posterior: schema.Posterior | None,
     effort: Effort,
 ) -> Draws:
     """PREDICTING draws of every parameter, with `mu[new]` and `mu_spread` of levels; none of a
     point fit.
     """
-    point = found.optima[0]
+    point = fit.optima[0]
     best = {name: np.array([value]) for name, value in point.items()}
     # A level of which nothing was measured has no best value: the middle of what is known of it
     # stands for that.
     q = np.repeat(problem.coordinates(point)[np.newaxis], PREDICTING, axis=0)
     beyond = problem.prior.beyond(q, effort.stream("levels"))
-    best |= {name: np.asarray(np.median(draws, keepdims=True)) for name, draws in beyond.items()}
+    for name, draws in beyond.items():
+        best[name] = np.asarray(np.median(draws, keepdims=True))
     if posterior is None:
         return Draws(point, {name: np.empty(0) for name in best}, best)
     chains = posterior.values.reshape(-1, len(posterior.names))
     count = min(PREDICTING, len(chains))
-    values = dict(zip(posterior.names, chains[evenly_begun(len(chains), count)].T, strict=True))
-    values |= {name: np.full(count, value) for name, value in point.items() if name not in values}
-    q = problem.prior.coordinate(np.stack([values[name] for name in problem.free], axis=1))
-    return Draws(point, {**values, **problem.prior.beyond(q, effort.stream("levels"))}, best)
+    chosen = chains[evenly_begun(len(chains), count)]
+    values = dict(zip(posterior.names, chosen.T, strict=True))
+    for name, value in point.items():
+        if name not in values:
+            values[name] = np.full(count, value)
+    free = np.stack([values[name] for name in problem.free], axis=1)
+    beyond = problem.prior.beyond(problem.prior.coordinate(free), effort.stream("levels"))
+    return Draws(point, {**values, **beyond}, best)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,8 +196,8 @@ class Fitted:
     def correlation(self) -> DataFrame:
         """The same over the sds."""
         sd = np.sqrt(np.diagonal(self.covariance))
-        made: DataFrame = self.covariance / np.multiply.outer(sd, sd)
-        return made
+        correlation: DataFrame = self.covariance / np.multiply.outer(sd, sd)
+        return correlation
 
     def quantity(self, name: str) -> Quantity:
         """A parameter or derived quantity. Raises ParameterError (`unknown-quantity`)."""
@@ -190,9 +212,12 @@ class Fitted:
     def _quantities(self) -> Mapping[str, Quantity]:
         # Held constants of ball and camera, which may be tried, are no parameters of the problem.
         held = {name: SPECS[name] for name in BALL_PARAMETERS} | dict(CAMERA_SPECS)
-        known = {name: parameter(spec) for name, spec in held.items()}
-        known |= {item.spec.name: parameter(item.spec) for item in self.problem.parameters}
-        return known | {one.spec.name: one for one in self.problem.derived}
+        quantities = {name: parameter(spec) for name, spec in held.items()}
+        for item in self.problem.parameters:
+            quantities[item.spec.name] = parameter(item.spec)
+        for quantity in self.problem.derived:
+            quantities[quantity.spec.name] = quantity
+        return quantities
 
     def prior_draws(self, name: str, count: int) -> FloatArray:
         """Draws (count,) of a quantity under the priors alone."""
@@ -240,29 +265,30 @@ class Fitted:
         """Sds by which each median differs from another run's (shares of the point, where there are
         no draws); empty if all is equal to the last digit.
         """
-        mine, theirs = ({**fit.parameters, **fit.derived} for fit in (self, other))
-        stored = [
-            (fit.parameters, fit.derived, fit.point, fit.least_squares, fit.adequacy)
-            for fit in (self, other)
-        ]
-        if len({msgspec.json.encode(one, order="deterministic") for one in stored}) == 1 and _same(
-            self,
-            other,
-        ):
+        if self._judged() == other._judged() and self._same_draws(other):
             return {}
+        mine = {**self.parameters, **self.derived}
+        theirs = {**other.parameters, **other.derived}
         moved = {}
         for name in sorted(mine.keys() & theirs.keys()):
             here = mine[name]
             there = theirs[name]
-            sampled = min(here.sd, there.sd) > 0.0
-            away = abs(here.median - there.median) if sampled else abs(here.point - there.point)
-            size = max(here.sd, there.sd) if sampled else max(abs(here.point), abs(there.point))
+            if min(here.sd, there.sd) > 0.0:
+                away = abs(here.median - there.median)
+                size = max(here.sd, there.sd)
+            else:
+                away = abs(here.point - there.point)
+                size = max(abs(here.point), abs(there.point))
             moved[name] = away / size if away > 0.0 else 0.0
         return moved
 
+    def _judged(self) -> bytes:
+        """All numbers and judgements but draws, as they are stored."""
+        stored = (self.parameters, self.derived, self.point, self.least_squares, self.adequacy)
+        return msgspec.json.encode(stored, order="deterministic")
 
-def _same(one: Fitted, other: Fitted) -> bool:
-    """Whether two fits have the same draws."""
-    if one.posterior is None or other.posterior is None:
-        return one.posterior is other.posterior
-    return np.array_equal(one.posterior.values, other.posterior.values)
+    def _same_draws(self, other: Fitted) -> bool:
+        """Whether two fits have the same draws."""
+        if self.posterior is None or other.posterior is None:
+            return self.posterior is other.posterior
+        return np.array_equal(self.posterior.values, other.posterior.values)

@@ -48,7 +48,7 @@ _REGIMES = 400
 def summary(
     estimates: Sequence[Estimate],
     profiles: Mapping[str, Profile],
-    found: Diagnostics | None,
+    diagnostics: Diagnostics | None,
     tried: DataFrame,
 ) -> DataFrame:
     """A row a parameter and derived quantity."""
@@ -62,43 +62,60 @@ def summary(
         .max()
         .to_dict()
     )
-    for one in sorted(estimates, key=lambda one: _ORDER.index(one.kind)):
-        profile = profiles.get(one.name)
+    for estimate in sorted(estimates, key=lambda estimate: _ORDER.index(estimate.kind)):
+        name = estimate.name
+        profile = profiles.get(name)
         ends = (np.nan, np.nan) if profile is None else profile.interval_95
-        moved = {given: float(moves.get((given, one.name), np.nan)) for given in one.given}
-        order = sorted(
-            moved,
-            key=lambda given: -moved[given] if np.isfinite(moved[given]) else np.inf,
-        )
-        rows[one.name] = {
-            "kind": one.kind,
-            "unit": one.unit,
-            "meaning": one.meaning,
-            **{name: getattr(one, name) for name in Summary.__struct_fields__},
-            "prior": one.prior,
-            "contraction": one.contraction,
+        ess, r_hat = _mixing(diagnostics, name)
+        moved = {choice: float(moves.get((choice, name), np.nan)) for choice in estimate.given}
+        order = _farthest_first(moved)
+        rows[name] = {
+            "kind": estimate.kind,
+            "unit": estimate.unit,
+            "meaning": estimate.meaning,
+            **{field: getattr(estimate, field) for field in Summary.__struct_fields__},
+            "prior": estimate.prior,
+            "contraction": estimate.contraction,
             "profile_low": -np.inf if ends[0] is None else ends[0],
             "profile_high": np.inf if ends[1] is None else ends[1],
-            "ess": np.nan
-            if found is None
-            else min(_of(found.ess_bulk, one), _of(found.ess_tail, one)),
-            "r_hat": np.nan if found is None or found.r_hat is None else _of(found.r_hat, one),
-            "verdict": one.verdict,
-            "reason": one.reason,
+            "ess": ess,
+            "r_hat": r_hat,
+            "verdict": estimate.verdict,
+            "reason": estimate.reason,
             "given": "; ".join(order),
             "moved": moved[order[0]] if order else np.nan,
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("name")
 
 
-def _of(known: Mapping[str, float], one: Estimate) -> float:
-    return known.get(one.name, np.nan)
+def _mixing(diagnostics: Diagnostics | None, name: str) -> tuple[float, float]:
+    """Effective size, the smaller of bulk and tail, and R-hat of a parameter; NaN of what has
+    none.
+    """
+    if diagnostics is None:
+        return np.nan, np.nan
+    bulk = diagnostics.ess_bulk.get(name, np.nan)
+    tail = diagnostics.ess_tail.get(name, np.nan)
+    r_hat = np.nan
+    if diagnostics.r_hat is not None:
+        r_hat = diagnostics.r_hat.get(name, np.nan)
+    return min(bulk, tail), r_hat
+
+
+def _farthest_first(moved: Mapping[str, float]) -> list[str]:
+    """Choices by how far each moves a value, farthest first; those not tried (NaN) last."""
+
+    def nearness(choice: str) -> float:
+        return -moved[choice] if np.isfinite(moved[choice]) else np.inf
+
+    return sorted(moved, key=nearness)
 
 
 def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> DataFrame:
     """A row an impact and measured column."""
-    found = predict(problem.forward, draws, _asked(problem), rng)
-    return laid_out(found, problem.table.labels, problem.rows.states, series=series(problem)[1])
+    predicted = predict(problem.forward, draws, _asked(problem), rng)
+    _, nearest = series(problem)
+    return laid_out(predicted, problem.table.labels, problem.rows.states, series=nearest)
 
 
 def _asked(problem: Problem) -> Asked:
@@ -113,50 +130,49 @@ def regimes(problem: Problem, draws: Draws) -> DataFrame:
     answer (without draws of the best fit); of a long table PREDICTED impacts, evenly spread.
     """
     rows = evenly_spread(len(problem.table), PREDICTED)
-    some = {
-        name: column[:: max(1, len(column) // _REGIMES)] for name, column in draws.values.items()
-    }
-    found = predictive.regimes(
+    thinned = {}
+    for name, column in draws.values.items():
+        step = max(1, len(column) // _REGIMES)
+        thinned[name] = column[::step]
+    frame = predictive.regimes(
         problem.forward,
-        draws._replace(values=some),
+        draws._replace(values=thinned),
         _asked(problem).part(rows),
     )
-    found["row"] = rows[found["row"]]
-    found.insert(1, "id", np.asarray(problem.table.labels["id"])[found["row"]])
-    return found
+    frame["row"] = rows[frame["row"]]
+    frame.insert(1, "id", np.asarray(problem.table.labels["id"])[frame["row"]])
+    return frame
 
 
 def balances(problem: Problem, draws: Draws) -> DataFrame:
     """A row an impact: what conservation laws say of it without a model, with errors as stated or
     as fitted.
     """
-    noise = {
-        item.column.name: float(
-            np.ravel(problem.forward.column_sd(item.column.name, draws.best))[0]
-        )
-        for item in problem.observables
-    }
+    noise = {}
+    for item in problem.observables:
+        sd = problem.forward.column_sd(item.column.name, draws.best)
+        noise[item.column.name] = float(sd.ravel()[0])
     return balances_of(problem.table, problem.scene.ball_value(), noise)
 
 
 def laid_out(
-    found: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any
+    predicted: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any
 ) -> DataFrame:
-    """What `predict` found with id, labels, incident state and `more` of each impact (impacts,)
-    before it; a label does not replace a column.
+    """The frame `predicted` by `predict` with id, labels, incident state and `more` of each impact
+    (impacts,) before it; a label does not replace a column.
     """
     import pandas as pd
 
     speed, angle = states.polar()
     shared: dict[str, Any] = {"id": labels["id"], **labels, "v_1": speed, "theta_1": angle}
     shared |= {**{name: getattr(states, name) for name in STATE}, **more}
-    places = found.pop("row").to_numpy()
+    places = predicted.pop("row").to_numpy()
     lead = {
         name: np.asarray(column)[places]
         for name, column in shared.items()
-        if name not in ("row", *found.columns)
+        if name not in ("row", *predicted.columns)
     }
-    return pd.concat([pd.DataFrame({"row": places} | lead), found], axis=1)
+    return pd.concat([pd.DataFrame({"row": places} | lead), predicted], axis=1)
 
 
 def variants(
