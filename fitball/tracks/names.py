@@ -32,9 +32,11 @@ _PIXELS = re.compile(
     re.IGNORECASE,
 )
 # `pt1_cam1_X`.
-DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
+_DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
 # `NAME/0/X`.
-KINOVEA = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
+_KINOVEA = re.compile(r"(?P<name>.+?)(?:/0)?/(?P<axis>[xy])", re.IGNORECASE)
+# Of programs whose heads name point and coordinate, tried in this order.
+DIALECTS = (_DLTDV, _KINOVEA)
 # A longer cell is no name of ours, and patterns take time with the square of the length.
 _LONGEST = 100
 
@@ -77,5 +79,5 @@ class FilmNaming:
 
     def worth(self, cell: str) -> float:
         """What a cell is worth as one of a header: 1 for a name that is known, else 0."""
-        point = DLTDV.fullmatch(cell) or KINOVEA.fullmatch(cell)
-        return float(bool(point or self.read(cell)[0]))
+        point = any(dialect.fullmatch(cell) for dialect in DIALECTS)
+        return float(point or self.read(cell)[0] is not None)

@@ -32,7 +32,7 @@ from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
 from fitball.data.labels import role_of
 from fitball.data.read import Source
 from fitball.data.scene import CameraSection, Quantity, Scene, load_scene
-from fitball.tracks.names import DLTDV, KINOVEA, NAMES, FilmNaming
+from fitball.tracks.names import DIALECTS, NAMES, FilmNaming
 from fitball.tracks.types import Track
 
 # Points of Tracker and DLTdv have numbers, no names.
@@ -262,7 +262,7 @@ class _Reader:
         ours = [self.naming.read(name)[0] for name in names]
         places = _first_places(ours)
         clock = {name: place for name, place in places.items() if name in ("t", "frame")}
-        for pattern in (DLTDV, KINOVEA):
+        for pattern in DIALECTS:
             points = _points(names, pattern, clock)
             if points:
                 return points
