@@ -8,8 +8,8 @@ import numpy as np
 
 from fitball.base.errors import ParameterError
 
-# Rows above which chains would take minutes: draws of an approximation are weighted instead, and
-# tests take evenly spread rows.
+# Rows above which chains take too long: draws of an approximation are weighted instead, and tests
+# take evenly spread rows.
 LONG = 3_000
 # Rows above which profiles are left out: standard errors are then as good as they are.
 PROFILED = 300

@@ -36,15 +36,18 @@ from fitball.models.registry import candidates, model_of_data
 from fitball.models.registry import model as model_of
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
-# Sizes of noises that are expected where the scene expects none: Wang's tables. An angle has that
-# of a velocity across the flight. Degrees of freedom of the half-t prior of a scatter beyond stated
-# errors, which may be nothing.
+# Noise of a velocity [m/s] that is expected where the scene expects none: that of Wang's tables.
+# An angle has that of a velocity across the flight.
 VELOCITY_SD = 0.25
+# Noise of a spin [rad/s] that is expected where the scene expects none: that of Wang's tables.
 SPIN_SD = 10.0
+# Degrees of freedom of the half-t prior of a scatter beyond stated errors, which may be nothing.
 SCATTER_FREEDOM = 4
+# Noises that the scene states together, as that of a velocity.
 VELOCITY_NOISES = ("v_x_sd", "v_y_sd", "speed_sd")
-# What acts on the spin alone; the stiffness where only a contact time would show it.
+# What acts on the spin alone, and is held where none was measured.
 SPIN_ONLY = ("eps_10", "eps_slope", "offset")
+# The stiffness [N/m] that is held where only a contact time would show it.
 STIFFNESS = 2.0e4
 # Spreads of dropped balls and of places of a court, which no problem has: `uses.lab` asks for their
 # priors.
@@ -84,10 +87,20 @@ def choices_of(
     noise: str = "",
 ) -> tuple[Choices, Model | None]:
     """Choices by the options of `calibrate`, and the model if that is one of one's own."""
+    own: Model | None = None
     # A function of one's own is no text that a fit can be made of again.
-    own = model if isinstance(model, Model) else model_of(model) if ".py:" in model else None
-    text = own.text if own else str(model)
-    return Choices(text, dict(fix or {}), dict(prior or {}), dict(pool or {}), noise), own
+    if isinstance(model, Model):
+        own = model
+    elif ".py:" in model:
+        own = model_of(model)
+    choices = Choices(
+        model=own.text if own else str(model),
+        fix=dict(fix or {}),
+        prior=dict(prior or {}),
+        pool=dict(pool or {}),
+        noise=noise,
+    )
+    return choices, own
 
 
 def _number(name: str, value: Any) -> float:
@@ -150,6 +163,7 @@ def build_problem(
     forward = ForwardModel(model, noise, levels)
     rows = _rows(table, forward, observables, exact, notes)
     time = scene.contact_time if model.timed else None
+    free_bases = {base_of(item.spec.name) for item in free}
     return Problem(
         table=table,
         scene=scene,
@@ -162,7 +176,7 @@ def build_problem(
         rows=rows,
         camera=camera,
         contact_time=None if time is None else (time.value, time.sd),
-        notes=(*_assumed(scene, {base_of(item.spec.name) for item in free}, timed), *notes),
+        notes=(*_assumed(scene, free_bases, timed), *notes),
         known=texts,
     )
 
@@ -239,27 +253,35 @@ def _noises(
     """The noise of each column, with a prior about the size that the scene expects; beyond stated
     errors a scatter, which may be nothing.
     """
-    said = {
+    stated = {
         name: float(size)
         for name, size in scene.measurement.items()
         if isinstance(size, int | float)
     }
-    velocity = said.get("nominal_velocity_sd", said.get("velocity_sd", VELOCITY_SD))
-    angle = float(np.arctan2(velocity, np.median(table.impacts.polar()[0])))
-    spin = said.get("nominal_spin_sd", SPIN_SD)
+    velocity = stated.get("nominal_velocity_sd", stated.get("velocity_sd", VELOCITY_SD))
+    speed, _ = table.impacts.polar()
+    angle = float(np.arctan2(velocity, np.median(speed)))
+    spin = stated.get("nominal_spin_sd", SPIN_SD)
     expected = {"m/s": f"{velocity:.10g}", "rad": f"{angle:.2g}", "rad/s": f"{spin:.10g}"}
-    found = {}
+    noises = {}
     for item in observables:
         spec = item.column.noise
         assert spec is not None
-        size = expected.get(spec.unit, spec.prior.partition("(")[2].partition(",")[0])
-        size = f"{said[nominal]:.10g}" if (nominal := f"nominal_{item.noise}") in said else size
-        prior = f"half-t({size}, {SCATTER_FREEDOM})" if item.stated else f"lognormal({size}, 0.7)"
-        words = (
-            f"scatter of {item.column.name}, beyond stated errors" if item.stated else spec.meaning
-        )
-        found[item.noise] = replace(spec, prior=prior, meaning=words)
-    return found
+        nominal = f"nominal_{item.noise}"
+        if nominal in stated:
+            size = f"{stated[nominal]:.10g}"
+        elif spec.unit in expected:
+            size = expected[spec.unit]
+        else:
+            # The middle of its usual prior.
+            size = spec.prior.partition("(")[2].partition(",")[0]
+        prior = f"lognormal({size}, 0.7)"
+        meaning = spec.meaning
+        if item.stated:
+            prior = f"half-t({size}, {SCATTER_FREEDOM})"
+            meaning = f"scatter of {item.column.name}, beyond stated errors"
+        noises[item.noise] = replace(spec, prior=prior, meaning=meaning)
+    return noises
 
 
 def _given(
@@ -297,9 +319,10 @@ def _given(
             given[name] = f"normal({number.value:.10g}, {number.sd:.10g})"
         elif isinstance(number, int | float):
             given[name] = (float(number), "stated in the scene")
-    for said, why in ((scene, "fixed by the scene"), (choices, "fixed on request")):
-        given |= said.prior
-        given |= {name: (_number(name, value), why) for name, value in said.fix.items()}
+    for source, why in ((scene, "fixed by the scene"), (choices, "fixed on request")):
+        given |= source.prior
+        for name, value in source.fix.items():
+            given[name] = (_number(name, value), why)
     return given
 
 
@@ -316,15 +339,16 @@ def _levels(
     value.
     """
     names = {spec.name for spec in model.parameters}
-    fixed = {name for name, said in given.items() if isinstance(said, tuple)}
-    asked = {
-        name: column for name, column in scene.pool.items() if name in names or name == ALL
-    } | choices.pool
+    fixed = {name for name, text in given.items() if isinstance(text, tuple)}
+    wanted = {name: column for name, column in scene.pool.items() if name in {*names, ALL}}
+    wanted |= choices.pool
     pool = {
-        name: column for name, column in asked.items() if column != NOT_POOLED and name not in fixed
+        name: column
+        for name, column in wanted.items()
+        if column != NOT_POOLED and name not in fixed
     }
-    if asked.get(ALL) != NOT_POOLED:
-        more, remarks = default_pool(table, model, {*asked, *fixed}, timed)
+    if wanted.get(ALL) != NOT_POOLED:
+        more, remarks = default_pool(table, model, {*wanted, *fixed}, timed)
         pool |= more
         notes += remarks
     return asked_levels(table, pool, model)
@@ -335,7 +359,8 @@ def _refuse_unknown(choices: Choices, scene: Scene, specs: Specs, levels: Sequen
     several models.
     """
     spreads = [*(f"{level.parameter}_spread" for level in levels), *LAB_SPREADS]
-    others = {name for name in (*scene.prior, *scene.fix) if base_of(name) in {*SPECS, *COMMON}}
+    of_models = {*SPECS, *COMMON}
+    others = {name for name in (*scene.prior, *scene.fix) if base_of(name) in of_models}
 
     def refuse(names: Collection[str], known: Collection[str]) -> None:
         for name in names:
@@ -364,11 +389,18 @@ def _parameters(
     joint = list[LevelPrior]()
     texts = dict[str, str]()
     for name, spec in specs.items():
-        said = given.get(name, "")
-        text, value, why = (said, None, "") if isinstance(said, str) else ("", *said)
-        prior = (
-            published_prior(spec, text) if text.startswith(PUBLISHED) else parse_prior(spec, text)
-        )
+        text = ""
+        value: float | None = None
+        why = ""
+        stated = given.get(name, "")
+        if isinstance(stated, str):
+            text = stated
+        else:
+            value, why = stated
+        if text.startswith(PUBLISHED):
+            prior = published_prior(spec, text)
+        else:
+            prior = parse_prior(spec, text)
         if prior.source:
             notes.append(Note("published-prior", f"Prior of {name} from {prior.source}."))
         texts[name] = prior.text if value is None else repr(value)
@@ -389,9 +421,9 @@ def _parameters(
             texts[f"{name}_spread"] = level.text
             where = by_level[name]
             for label in where.labels:
-                parameters.append(
-                    Parameter(at_label(spec, where.name(label), label, f"on {where.column}"), prior)
-                )
+                on = f"on {where.column}"
+                at = at_label(spec, where.name(label), label, on)
+                parameters.append(Parameter(at, prior))
             continue
         # A half prior begins at zero whatever the bounds: a scatter beyond stated errors may be
         # held there.

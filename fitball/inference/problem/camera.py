@@ -90,11 +90,14 @@ class CameraModel(NamedTuple):
 
     def _settings(self, values: Values) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Scale, clock, tilt and height, broadcastable to (draws, impacts)."""
-        found = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
+        settings = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
         for key in self.keys:
-            own = np.stack([values[self.name(key, session)] for session in self.sessions], axis=1)
-            found[key] = own[:, self.session] if len(self.sessions) > 1 else own
-        return found["scale"], found["clock"], found["tilt"], found["court_height"]
+            by_session = [values[self.name(key, session)] for session in self.sessions]
+            setting = np.stack(by_session, axis=1)
+            if len(self.sessions) > 1:
+                setting = setting[:, self.session]
+            settings[key] = setting
+        return settings["scale"], settings["clock"], settings["tilt"], settings["court_height"]
 
     def true(self, values: Values, measured: Impacts) -> Impacts:
         """True states (draws, impacts)."""
@@ -174,7 +177,8 @@ def camera_of(
         for key in keys
         if key in idle
     ]
-    texts = next((cells for name, cells in table.labels.items() if role_of(name) == "session"), ())
+    columns = [cells for name, cells in table.labels.items() if role_of(name) == "session"]
+    texts = columns[0] if columns else ()
     places = {text: k for k, text in enumerate(dict.fromkeys(texts))}
     if len(places) < 2:
         places = {"": 0}

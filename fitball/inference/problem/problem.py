@@ -51,13 +51,13 @@ class Choices(msgspec.Struct, frozen=True):
         """The same for another model, without what concerns parameters that it lacks: so compare
         and assumptions keep priors and fixed values.
         """
-        known = {*parameters, *COMMON, ALL}
+        names = {*parameters, *COMMON, ALL}
 
-        def kept(given: Mapping[str, str]) -> dict[str, str]:
-            return {name: text for name, text in given.items() if base_of(name) in known}
+        def fitting(texts: Mapping[str, str]) -> dict[str, str]:
+            return {name: text for name, text in texts.items() if base_of(name) in names}
 
-        fix = {name: value for name, value in self.fix.items() if base_of(name) in known}
-        return Choices(model, fix, kept(self.prior), kept(self.pool), self.noise)
+        fix = {name: value for name, value in self.fix.items() if base_of(name) in names}
+        return Choices(model, fix, fitting(self.prior), fitting(self.pool), self.noise)
 
 
 def base_of(name: str) -> str:
@@ -90,8 +90,13 @@ class Rows:
 
     def take(self, rows: IntArray) -> Rows:
         """Some of the rows."""
-        errors = None if self.errors is None else self.errors.take(rows)
-        return Rows(self.states.take(rows), self.y[rows], self.sd[rows], errors, self.index[rows])
+        return Rows(
+            states=self.states.take(rows),
+            y=self.y[rows],
+            sd=self.sd[rows],
+            errors=None if self.errors is None else self.errors.take(rows),
+            index=self.index[rows],
+        )
 
 
 @dataclass(frozen=True)
@@ -137,16 +142,16 @@ class Problem:
 
     def values(self, q: FloatArray) -> Values:
         """Every parameter by name at coordinates (draws, free)."""
-        found = dict(zip(self.free, self.prior.value(q).T, strict=True))
+        values = dict(zip(self.free, self.prior.value(q).T, strict=True))
         for item in self.parameters:
             if item.fixed is not None:
-                found[item.spec.name] = np.full(len(q), item.fixed)
-        return found
+                values[item.spec.name] = np.full(len(q), item.fixed)
+        return values
 
     def coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Coordinates (free,) of named values."""
-        row = self.prior.coordinate(np.array([[values[name] for name in self.free]]))
-        return np.asarray(row[0])
+        free = np.array([[values[name] for name in self.free]])
+        return np.asarray(self.prior.coordinate(free)[0])
 
     def seen(
         self,
@@ -179,11 +184,14 @@ class Problem:
         camera = self.camera
         names = [name]
         if key in CAMERA_SPECS and (camera is None or key not in camera.keys):
-            camera = camera or CameraModel((), ("",), np.zeros(len(self.rows.y), dtype=np.int64))
+            if camera is None:
+                one_session = np.zeros(len(self.rows.y), dtype=np.int64)
+                camera = CameraModel((), ("",), one_session)
             camera = camera._replace(keys=(*camera.keys, key))
-            names = [camera.name(key, one) for one in camera.sessions]
+            names = [camera.name(key, session) for session in camera.sessions]
         spec = {**SPECS, **CAMERA_SPECS}[key]
-        held = [Parameter(replace(spec, name=one), parse_prior(spec), value) for one in names]
+        prior = parse_prior(spec)
+        held = [Parameter(replace(spec, name=name), prior, value) for name in names]
         others = tuple(item for item in self.parameters if item.spec.name not in names)
         return replace(self, parameters=(*others, *held), camera=camera)
 
@@ -195,5 +203,6 @@ class Problem:
 
     def only(self, columns: Collection[str]) -> Problem:
         """The measurements of other columns withheld."""
-        kept = [item.column.name in columns for item in self.observables]
-        return replace(self, rows=replace(self.rows, y=np.where(kept, self.rows.y, np.nan)))
+        counted = [item.column.name in columns for item in self.observables]
+        y = np.where(counted, self.rows.y, np.nan)
+        return replace(self, rows=replace(self.rows, y=y))

@@ -78,23 +78,23 @@ def _errors(table: ImpactTable, columns: Sequence[str], bare: Sequence[str]) -> 
     assert covariance is not None
     states = covariance[:, :3, :3]
     across = covariance[:, 3:, :3]
-    own = covariance[:, 3:, 3:]
+    rebound = covariance[:, 3:, 3:]
     unit = _units(states)
-    units = _units(own)
-    sizes, vectors = np.linalg.eigh(states / (unit[:, :, None] * unit[:, None, :]))
+    units = _units(rebound)
+    correlation = states / (unit[:, :, None] * unit[:, None, :])
+    sizes, vectors = np.linalg.eigh(correlation)
     # Of axes without an error nothing follows.
     some = sizes > NOTHING * sizes.max(axis=1, keepdims=True)
     inverse = np.where(some, 1.0 / np.where(some, sizes, 1.0), 0.0)
     towards = vectors / unit[:, :, None]
     follows = across @ (towards * inverse[:, None, :]) @ towards.swapaxes(1, 2)
-    left = own - follows @ across.swapaxes(1, 2)
-    rest = 0.5 * (left + left.swapaxes(1, 2))
-    _refuse_singular(table, columns, rest / (units[:, :, None] * units[:, None, :]), bare)
-    return RowErrors(
-        unit[:, :, None] * vectors * np.sqrt(np.maximum(sizes, 0.0))[:, None, :],
-        follows,
-        rest,
-    )
+    remaining = rebound - follows @ across.swapaxes(1, 2)
+    rest = 0.5 * (remaining + remaining.swapaxes(1, 2))
+    in_units = rest / (units[:, :, None] * units[:, None, :])
+    _refuse_singular(table, columns, in_units, bare)
+    lengths = np.sqrt(np.maximum(sizes, 0.0))
+    axes = unit[:, :, None] * vectors * lengths[:, None, :]
+    return RowErrors(axes, follows, rest)
 
 
 def _units(covariance: FloatArray) -> FloatArray:
@@ -116,19 +116,16 @@ def _refuse_singular(
     if not bare:
         return
     places = [columns.index(name) for name in bare]
-    used = np.isfinite(np.stack([table.values[name] for name in bare], axis=1))
-    own = np.where(
-        used[:, :, None] & used[:, None, :],
-        rest[:, places][:, :, places],
-        np.eye(len(bare)),
-    )
-    for row in np.flatnonzero(np.linalg.eigvalsh(own)[:, 0] < NOTHING)[:1]:
-        names = listed(name for name, one in zip(bare, used[row], strict=True) if one)
+    y = np.stack([table.values[name] for name in bare], axis=1)
+    used = np.isfinite(y)
+    both_used = used[:, :, None] & used[:, None, :]
+    of_bare = rest[:, places][:, :, places]
+    smallest = np.linalg.eigvalsh(np.where(both_used, of_bare, np.eye(len(bare))))[:, 0]
+    for row in np.flatnonzero(smallest < NOTHING)[:1]:
+        names = listed(name for name, counts in zip(bare, used[row], strict=True) if counts)
         raise FitError(
             f"{table.name}: impact {table.labels['id'][row]}: stated errors of {names} are exact "
-            "combinations of "
-            "each other or of incident errors. Without scatter no fit can weigh them: leave their "
-            "noise free, or "
-            "state other correlations",
+            "combinations of each other or of incident errors. Without scatter no fit can weigh "
+            "them: leave their noise free, or state other correlations",
             "singular-errors",
         )

@@ -17,29 +17,37 @@ from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
 from fitball.inference.sampling.convergence import arviz
 
-# Draws of a round; rounds at most, and how many times as many draws as are asked for they may make.
+# Draws of a round, after which the proposal is fitted again.
 ROUND = 500
+# Rounds at most, unless many draws are wanted.
 ROUNDS = 16
+# How many times as many draws as are wanted may be made: weights cost some of them.
 LAVISH = 5.0
 # Effective draws a parameter from which the next proposal is fitted; where there are fewer the
-# weights are flattened, in steps, to so flat at most.
+# weights are flattened.
 SPANNING = 5.0
+# By so much in the exponent at each step of that.
 FLATTER = 0.8
+# And to this exponent at most, where all draws count nearly alike.
 FLATTEST = 0.05
-# Degrees of freedom of a fitted proposal, and what it is wider than its draws, in squares;
-# condition of correlations from which they span no space.
+# Degrees of freedom of a fitted proposal: its tails are heavier than those of most posteriors.
 FREEDOM = 8.0
+# What a fitted proposal is wider than its draws, in squares: what is narrower has weights without
+# end.
 WIDENING = 1.1
+# Condition of correlations from which draws span no space but for rounding.
 CONDITION = 1e12
-# Parts of a proposal for chains, rounds that fit them, draws that these see; what keeps a part of
-# few draws regular, as a share of the variance of all.
+# Parts of a proposal for chains: enough for a bent posterior, few enough to have draws each.
 PARTS = 6
+# Rounds of the EM that fits the parts; a proposal need not be exact.
 FITTING = 20
+# Draws that the parts are fitted to: more cost time and move them little.
 SEEN = 6_000
+# What keeps a part of few draws regular, as a share of the variance of all.
 REGULAR = 1e-6
-# Pareto k up to which weights are reliable (Vehtari et al. 2024, JMLR 25, 72); fewest draws in a
-# tail.
+# Pareto k up to which weights are reliable (Vehtari et al. 2024, JMLR 25, 72).
 RELIABLE = 0.7
+# Fewest draws in a tail to which a Pareto distribution is fitted.
 LEAST_TAIL = 5
 
 
@@ -63,7 +71,8 @@ class Student:
         """Normalised, (draws,), at coordinates (draws, free)."""
         z = (x - self.centre) @ self.whitening
         power = 0.5 * (self.freedom + self.centre.size)
-        return np.asarray(self._at_centre - power * np.log1p(np.sum(z * z, axis=1) / self.freedom))
+        square = np.sum(z * z, axis=1)
+        return np.asarray(self._at_centre - power * np.log1p(square / self.freedom))
 
     @cached_property
     def whitening(self) -> FloatArray:
@@ -95,13 +104,13 @@ def fitted(x: FloatArray, log_weights: FloatArray | None = None) -> Student | No
         return None
     covariance = np.atleast_2d(np.cov(x, rowvar=False, aweights=weights))
     scale = np.sqrt(np.diagonal(covariance))
-    if not np.all(scale > 0.0) or np.linalg.cond(covariance / np.outer(scale, scale)) > CONDITION:
+    if not np.all(scale > 0.0):
         return None
-    return Student(
-        weights @ x,
-        np.asarray(np.linalg.cholesky(WIDENING * covariance), dtype=np.float64),
-        FREEDOM,
-    )
+    correlation = covariance / np.outer(scale, scale)
+    if np.linalg.cond(correlation) > CONDITION:
+        return None
+    factor = np.asarray(np.linalg.cholesky(WIDENING * covariance), dtype=np.float64)
+    return Student(weights @ x, factor, FREEDOM)
 
 
 def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student]]:
@@ -116,7 +125,8 @@ def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student
     # Of normal parts about the mean of all: units and scales of coordinates differ by powers of
     # ten.
     w = (x - whole.centre) @ whole.whitening
-    logs = -np.sum((w - w[rng.choice(len(w), PARTS, replace=False), None]) ** 2, axis=2)
+    middles = w[rng.choice(len(w), PARTS, replace=False), None]
+    logs = -np.sum((w - middles) ** 2, axis=2)
     parts = list[Student]()
     for _ in range(FITTING):
         belongs = np.exp(logs - np.logaddexp.reduce(logs))
@@ -124,15 +134,18 @@ def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student
         shares = belongs.mean(axis=1)
         parts = []
         normal = list[FloatArray]()
-        for share, own in zip(shares, belongs / belongs.sum(axis=1, keepdims=True), strict=True):
-            away = w - own @ w
-            factor = np.linalg.cholesky((own * away.T) @ away + REGULAR * np.eye(x.shape[1]))
+        weights = belongs / belongs.sum(axis=1, keepdims=True)
+        for share, weight in zip(shares, weights, strict=True):
+            middle = weight @ w
+            away = w - middle
+            covariance = (weight * away.T) @ away
+            factor = np.linalg.cholesky(covariance + REGULAR * np.eye(x.shape[1]))
             z = away @ np.linalg.inv(factor).T
-            normal.append(
-                np.log(share) - np.sum(np.log(np.diagonal(factor))) - 0.5 * np.sum(z * z, axis=1)
-            )
-            centre = whole.centre + whole.factor @ (own @ w)
-            parts.append(Student(centre, np.sqrt(WIDENING) * whole.factor @ factor, FREEDOM))
+            size = np.sum(np.log(np.diagonal(factor)))
+            normal.append(np.log(share) - size - 0.5 * np.sum(z * z, axis=1))
+            centre = whole.centre + whole.factor @ middle
+            wider = np.sqrt(WIDENING) * whole.factor @ factor
+            parts.append(Student(centre, wider, FREEDOM))
         logs = np.stack(normal)
     return list(zip((shares / shares.sum()).tolist(), parts, strict=True))
 
@@ -154,14 +167,13 @@ def importance(
     weights = score
     for _ in range(max(ROUNDS, round(LAVISH * enough / ROUND))):
         count = -(-ROUND // len(proposals))
-        new = np.concatenate([one.draw(rng, count) for one in proposals])
-        now = [(log(count), one) for one in proposals]
+        new = np.concatenate([student.draw(rng, count) for student in proposals])
+        now = [(log(count), student) for student in proposals]
         used += now
+        before = np.logaddexp(mixed, _mixture(now, x))
+        mixed = np.concatenate([before, _mixture(used, new)])
         x = np.concatenate([x, new])
         score = np.concatenate([score, log_density(new)])
-        mixed = np.concatenate(
-            [np.logaddexp(mixed, _mixture(now, x[: len(mixed)])), _mixture(used, new)]
-        )
         if not np.isfinite(score).any():
             continue
         weights = _normalised(score - mixed)
@@ -182,9 +194,8 @@ def effective(log_weights: FloatArray) -> float:
 
 def _mixture(proposals: Sequence[tuple[float, Student]], x: FloatArray) -> FloatArray:
     """Log density (draws,) of draws from all proposals, each with the logarithm of their number."""
-    return np.asarray(
-        np.logaddexp.reduce([count + one.log_density(x) for count, one in proposals], axis=0)
-    )
+    densities = [count + student.log_density(x) for count, student in proposals]
+    return np.asarray(np.logaddexp.reduce(densities, axis=0))
 
 
 def _normalised(log_ratios: FloatArray) -> FloatArray:
