@@ -24,11 +24,19 @@ REMEDIES = {
     "linked": "state errors of the incident state in columns such as `v_1_sd`",
     "camera": "state it in [camera] of the scene, with its sd, and it is fitted",
 }
-# Patterns and impacts that a sentence names; sds by which a misfit moves a parameter, for it to be
-# mentioned.
+# Patterns that a sentence names, the surest: `tests` of the fit has all of them.
 NAMED = 3
+# Impacts that a sentence names: with more of them it would no longer be read.
 IDS = 6
+# Sds by which a misfit moves a parameter, for it to be mentioned: no usual interval is as wide.
 FAR = 5.0
+# Settings of the camera that are ratios near 1: what they differ by begins at the third digit.
+RATIOS = ("scale", "clock")
+# Digits of such a ratio: thousandths of it matter.
+DIGITS_OF_RATIO = 4
+# Digits of any other number: residuals of some tens of impacts tell no more.
+DIGITS = 2
+# The answers, as sentences begin with them.
 _HEADS: Mapping[Answer, str] = {
     "describes": "The model describes the data",
     "describes except": "The model describes the data, with exceptions",
@@ -48,7 +56,8 @@ def described(
     """
     found = [f"residuals of {_noise(check)}" for check in noise if check.found]
     found += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED]]
-    found += [f"{len(tests) - NAMED} more"] * (len(tests) > NAMED)
+    if len(tests) > NAMED:
+        found.append(f"{len(tests) - NAMED} more")
     head = _HEADS[answer]
     text = "; ".join(found)
     if answer == "describes":
@@ -56,12 +65,10 @@ def described(
         text = f"{head}. {fine}" if tests else f"{head}: no residual test finds a pattern."
     else:
         text = f"{head}: {text}."
-    name = max(moved, key=lambda one: moved[one], default="")
+    name = max(moved, key=lambda name: moved[name], default="")
     if name and moved[name] >= FAR:
-        text += (
-            f" The misfit shifts {name} by {moved[name]:.0f} of its sds, which no interval "
-            "includes."
-        )
+        shift = f"{moved[name]:.0f} of its sds, which no interval includes"
+        text += f" The misfit shifts {name} by {shift}."
     return text
 
 
@@ -80,51 +87,55 @@ def too_few(
             f"All {counted(impacts, 'impact')} have the same incidence: residuals cannot test "
             "the model."
         )
-    some = len(blind) < len(counts)
     count = max(counts[name] for name in blind)
-    few = (
-        f"{counted(count, 'measurement')} of {listed(blind)}" if some else counted(count, "impact")
-    )
+    few = counted(count, "impact")
+    if len(blind) < len(counts):
+        few = f"{counted(count, 'measurement')} of {listed(blind)}"
+    verb = "is" if count == 1 else "are"
     least = min(blind.values())
-    limit = (
-        f"only a misfit of {percent(least).replace('>', 'more than')} of the residual "
-        "variance would be noticed"
-    )
-    limit = limit if least < 1.0 else "no misfit would be noticed"
+    limit = "no misfit would be noticed"
+    if least < 1.0:
+        size = percent(least).replace(">", "more than")
+        limit = f"only a misfit of {size} of the residual variance would be noticed"
     rest = listed(name for name in counts if name not in blind)
     more = f" In {rest}, no residual test finds a pattern." if rest else ""
-    return f"{few} {'is' if count == 1 else 'are'} too few to test the model: {limit}.{more}"
+    return f"{few} {verb} too few to test the model: {limit}.{more}"
 
 
 def noises(noise: Sequence[NoiseCheck]) -> str:
     """The residuals of each column beside what was stated or expected."""
-    return f"Residuals: {'; '.join(_noise(check) for check in noise)}." if noise else ""
+    if not noise:
+        return ""
+    texts = "; ".join(_noise(check) for check in noise)
+    return f"Residuals: {texts}."
 
 
 def _noise(check: NoiseCheck) -> str:
+    """The size of a column's residuals beside the noise that was stated or expected."""
     unit = COLUMNS[check.column].display_unit
-    size, reference = (unit.with_unit(unit.number(one, 2)) for one in (check.size, check.reference))
+    size = unit.with_unit(unit.number(check.size, DIGITS))
+    reference = unit.with_unit(unit.number(check.reference, DIGITS))
     kind = "stated" if check.stated else "expected"
-    ratio = PLAIN.number(check.size / check.reference, 2)
-    return (
-        f"{check.column} {size}{' beyond its stated errors' * check.beyond}, {ratio} × the "
-        f"{kind} {reference}"
-    )
+    ratio = PLAIN.number(check.size / check.reference, DIGITS)
+    beyond = " beyond its stated errors" if check.beyond else ""
+    return f"{check.column} {size}{beyond}, {ratio} × the {kind} {reference}"
 
 
 def _share(explained: float) -> str:
-    return f" ({percent(explained)} of the residual variance)" if explained > 0.0 else ""
+    """The share of the residual variance that a pattern explains, in brackets; if any."""
+    if explained <= 0.0:
+        return ""
+    return f" ({percent(explained)} of the residual variance)"
 
 
 def outliers(column: str, ids: Sequence[str]) -> str:
     """The impacts of a column that are far off."""
-    return f"{column}: impact{'s' * (len(ids) > 1)} {listed(ids, most=IDS)} far off"
+    noun = "impacts" if len(ids) > 1 else "impact"
+    return f"{column}: {noun} {listed(ids, most=IDS)} far off"
 
 
 def camera(key: str, value: float) -> str:
     """A setting of the camera that would explain residuals."""
     unit = CAMERA_SPECS[key].display_unit
-    return (
-        f"{key} of the camera as if "
-        f"{unit.with_unit(unit.number(value, 4 if key in ('scale', 'clock') else 2))}"
-    )
+    digits = DIGITS_OF_RATIO if key in RATIOS else DIGITS
+    return f"{key} of the camera as if {unit.with_unit(unit.number(value, digits))}"

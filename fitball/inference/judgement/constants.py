@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import radians
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +20,13 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import Constant
 from fitball.models.specs import BALL_PARAMETERS
 
-# Stated sds that are a range. Sd of I/(M R^2) of a tennis ball: the bifilar test (0.5625), a thick
-# shell (0.56) and other measurements (0.55) agree within it; the ratio of round bodies, from full
-# sphere to thin shell.
+# Stated sds to either side that are a range: 95 % of a normal distribution.
 STATED = 2.0
+# Sd of I/(M R^2) of a tennis ball: the bifilar test (0.5625), a thick shell (0.56) and other
+# measurements (0.55) agree within it.
 INERTIA_SD = 0.015
+# I/(M R^2) of round bodies, from full sphere to thin shell: the range of a ball of which no more is
+# known.
 ROUND = (0.4, 2.0 / 3.0)
 # By how much a camera may be off that was set: half a degree, a ruler read to 1 %, a clock to 0.1
 # %, a court whose height was clicked to 3 mm.
@@ -47,54 +50,84 @@ def constants(
     """Held constants of ball and camera that move anything: the shift of a refit; of derived
     quantities also what the constant does to them itself.
     """
-    kept, place = np.unique(first.rows, return_inverse=True)
-    part = problem.part(kept)
-    x = first.proposal.centre
+    rows, row_of_cell = np.unique(first.rows, return_inverse=True)
+    problem_of_rows = problem.part(rows)
     along = slopes_of_all(problem, first, derived)
-    spread = np.linalg.norm(along @ first.root, axis=1)
-    found = []
-    names = [*first.names, *(one.spec.name for one in derived)]
+    errors = np.linalg.norm(along @ first.root, axis=1)
+    names = [*first.names, *(quantity.spec.name for quantity in derived)]
+    moving = []
     for name, value, low, high in _ranges(problem):
-
-        def seen(at: FloatArray, name: str = name) -> FloatArray:
-            """Predictions and the mean contact time (constants, (impacts + 1) columns), then
-            derived quantities.
-            """
-            rows = []
-            for one in at[:, 0].tolist():
-                posed = part.holding(name, one)
-                made = cells(posed, x[None])
-                values = posed.values(x[None])
-                mean = np.where(made.possible, made.mean[0], np.nan)
-                rows.append([mean.ravel(), made.time, *(each.rule(values) for each in derived)])
-            return np.stack([np.concatenate(row) for row in rows])
-
-        step = np.array([STEP * (high - low)])
-        ends = np.array([np.inf])
-        rate = central(seen, np.array([[value]]), step, -ends, ends)[1][0, 0] * max(
-            high - value,
-            value - low,
-        )
-        mean, time, own = np.split(rate, [rate.size - len(derived) - 1, rate.size - len(derived)])
-        moves = first.moves(-np.sum(first.whitening * mean.reshape(len(kept), -1)[place], axis=1))
+        rates = _rates(problem_of_rows, first.proposal.centre, derived, name, value, high - low)
+        reach = max(high - value, value - low)
+        mean = (rates.mean * reach)[row_of_cell]
+        moves = first.moves(-np.sum(first.whitening * mean, axis=1))
         if problem.contact_time is not None:
             row = first.slopes[first.residual.size]
-            moves = moves - first.root @ (first.root.T @ row) * (time[0] / problem.contact_time[1])
-        further = along @ moves + np.concatenate([np.zeros(len(first.names)), own])
-        further = np.divide(further, spread, out=np.zeros(len(names)), where=spread > 0.0)
-        whole = {
-            name: by for name, by in zip(names, further.tolist(), strict=True) if np.isfinite(by)
-        }
-        if max(map(abs, whole.values())) > NOTHING:
-            found.append(Constant(name, low, high, whole))
-    return tuple(found)
+            in_sds = rates.time * reach / problem.contact_time[1]
+            moves = moves - first.root @ (first.root.T @ row) * in_sds
+        directly = np.concatenate([np.zeros(len(first.names)), rates.derived * reach])
+        shifts = along @ moves + directly
+        shifts = np.divide(shifts, errors, out=np.zeros(len(names)), where=errors > 0.0)
+        by_name = zip(names, shifts.tolist(), strict=True)
+        shift_of = {quantity: shift for quantity, shift in by_name if np.isfinite(shift)}
+        if max(map(abs, shift_of.values())) > NOTHING:
+            moving.append(Constant(name, low, high, shift_of))
+    return tuple(moving)
+
+
+class _Rates(NamedTuple):
+    """By a constant, all in its units: `mean` (impacts, columns) of the predictions, `time` of the
+    mean contact time, and of the `derived` quantities (quantities,).
+    """
+
+    mean: FloatArray
+    time: float
+    derived: FloatArray
+
+
+def _rates(
+    problem: Problem,
+    x: FloatArray,
+    derived: Sequence[Quantity],
+    name: str,
+    value: float,
+    extent: float,
+) -> _Rates:
+    """Derivatives by the held constant `name` at its value, of a range so long, with the parameters
+    at coordinates (free,).
+    """
+
+    def predicted(held: FloatArray) -> FloatArray:
+        """Of constants (constants, 1): predictions, the mean contact time, then derived quantities
+        (constants, impacts columns + 1 + quantities).
+        """
+        rows = []
+        for constant in held[:, 0].tolist():
+            posed = problem.holding(name, constant)
+            cell = cells(posed, x[None])
+            values = posed.values(x[None])
+            mean = np.where(cell.possible, cell.mean[0], np.nan)
+            following = [quantity.rule(values) for quantity in derived]
+            rows.append(np.concatenate([mean.ravel(), cell.time, *following]))
+        return np.stack(rows)
+
+    step = np.array([STEP * extent])
+    unlimited = np.array([np.inf])
+    at = np.array([[value]])
+    slopes = central(predicted, at, step, -unlimited, unlimited)[1][0, 0]
+    cell_count = slopes.size - len(derived) - 1
+    mean = slopes[:cell_count].reshape(len(problem.rows.y), -1)
+    return _Rates(mean, float(slopes[cell_count]), slopes[cell_count + 1 :])
 
 
 def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
     """Name, value and range: two stated sds, else the ITF's tolerance, or what shells allow; of a
     camera `CAMERA`. Of a ball of another kind nothing is known but what the scene states.
     """
-    held = {item.spec.name: item.fixed for item in problem.parameters if item.fixed is not None}
+    held = {}
+    for parameter in problem.parameters:
+        if parameter.fixed is not None:
+            held[parameter.spec.name] = parameter.fixed
     ball = problem.scene.ball_value()
     stated = problem.scene.ball_sd()
     tennis = itf.is_tennis_ball(ball)
@@ -105,14 +138,15 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
         sd = stated.get(key)
         if key == "inertia_ratio" and tennis and sd is None:
             sd = INERTIA_SD
-        low, high = tolerated.get(name, ROUND if key == "inertia_ratio" else (value, value))
+        untested = ROUND if key == "inertia_ratio" else (value, value)
+        low, high = tolerated.get(name, untested)
         if sd is not None:
             low = value - STATED * sd
             high = value + STATED * sd
         if name not in problem.free and low <= value <= high and low < high:
             yield name, value, low, high
-    known = {item.spec.name.partition("[")[0] for item in problem.parameters}
-    if problem.forward.model.tangential and "tilt" not in known:
+    bases = {parameter.spec.name.partition("[")[0] for parameter in problem.parameters}
+    if problem.forward.model.tangential and "tilt" not in bases:
         held["tilt"] = 0.0
     for name, value in held.items():
         reach = CAMERA.get(name.partition("[")[0])

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitball.base.numbers import counted
 from fitball.base.priors import parse_prior
 from fitball.base.values import FloatArray
 from fitball.inference.effort import PROFILED
@@ -26,28 +25,42 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import Interval, Profile
 from fitball.inference.search.objective import Objective, descend
 
-# Shares of intervals; in drops of the 95 % level where a path ends, what a step aims at, the
-# longest step.
+# Shares of the intervals: one sd of a normal distribution to either side, and 95 %.
 SHARES = (0.6826894921370859, 0.95)
+# Where a path ends, in drops of the 95 % level: a margin, so that the level is crossed between two
+# points of it.
 DEPTH = 1.3
+# What a step aims at, in drops of the 95 % level: some five points to either side.
 AIM = 0.3
+# The longest step, in drops of the 95 % level: what falls further at once may be a jump, and is
+# tried again in shorter steps.
 COARSE = 0.8
 # A drop is good to this, ten times less than a path could notice.
 PROMISED = 1e-3
 # Tries, every second with half the step, before what cannot be evaluated is the model's end, and
-# what is far lower a jump; the share of the way to which that is found; points of a path; a better
-# maximum, by its log likelihood; one of its own, by its distance in widths of priors; searches for
-# the highest maximum.
+# what is far lower a jump: after 8 halvings a step is 1/256 of what it was.
 TRIES = 16
+# The share of the way from the best value to which the model's end, or a jump, is found.
 FINE = 1e-3
+# Points of a path at most: where steps go as they aim it has five.
 MOST = 80
+# A maximum is higher from this gain of the log likelihood on: ten times what a drop is good to.
 HIGHER = 0.01
+# A maximum is one of its own from this distance in widths of priors on: nearer to each other lie
+# ends of searches that climbed the same one.
 SAME = 1e-2
+# Searches for the highest maximum, each from a higher one that a path met.
 RESTARTS = 8
-# A value whose logarithm has no end is zero to rounding so far below the best; a noise is at its
-# bound so near to it.
+# A value whose logarithm has no end is zero to rounding so far below the best.
 EMPTY = 30.0
+# A noise is at its bound from this share above it on.
 AT_BOUND = 1e-3
+# The shortest step after another, in lengths of that: one point may lie off the parabola.
+SHRINK = 0.25
+# The longest step after another, in lengths of that: a parabola is not trusted further out.
+GROW = 2.0
+# Share of the aim from which a drop tells of a parabola; a smaller one is flat to all purposes.
+FLAT = 0.05
 # A maximum that is nearer, in steps, is one that was just passed.
 ROUNDING = 1e-9
 
@@ -73,6 +86,7 @@ class _Path:
 
     @property
     def proposal(self) -> float:
+        """Where the parameter is held next: a step ahead, at most at the end."""
         ahead = self.at[-1] + self.step
         return min(ahead, self.end) if self.step > 0.0 else max(ahead, self.end)
 
@@ -84,46 +98,57 @@ class _Path:
             return np.asarray(self.reached[self.tries // 2 % len(self.reached)])
         if len(self.at) < 2:
             return self.x[0]
-        share = (self.proposal - self.at[-1]) / (self.at[-1] - self.at[-2])
-        return np.asarray(self.x[-1] + share * (self.x[-1] - self.x[-2]))
+        before, last = self.at[-2:]
+        x_before, x_last = self.x[-2:]
+        share = (self.proposal - last) / (last - before)
+        return np.asarray(x_last + share * (x_last - x_before))
 
     def take(self, x: FloatArray, cost: float) -> None:
         """Take a point, or go back half a step; stop where the drop is enough, at the bound, or at
         the model's end. What lies between two maxima is passed over.
         """
         at = float(x[self.column])
-        aim = AIM * self.level
-        far = self.cost[-1] - self.cost[0] > DEPTH * self.level
         step = at - self.at[-1]
-        fine = self.tries >= TRIES or 0.0 < abs(step) <= FINE * abs(self.at[-1] - self.at[0])
-        jump = (
-            cost - self.cost[-1] > COARSE * self.level and not far and not (fine and self.tries % 2)
-        )
-        if not math.isfinite(cost) or jump:
+        way = abs(self.at[-1] - self.at[0])
+        fine = self.tries >= TRIES or 0.0 < abs(step) <= FINE * way
+        far = self.cost[-1] - self.cost[0] > DEPTH * self.level
+        jump = cost - self.cost[-1] > COARSE * self.level
+        sure = fine and self.tries % 2 == 1
+        if not math.isfinite(cost) or (jump and not far and not sure):
             self.tries += 1
             # Along a wall there may be an answer from elsewhere.
-            self.step = step * (1.0 if self.tries % 2 else 0.5)
+            self.step = step if self.tries % 2 else 0.5 * step
             self.running = not (fine and self.tries % 2 == 0)
             return
-        last = at - self.at[-1]
-        drop = cost - self.cost[0]
-        away = abs(at - self.at[0])
         self.at.append(at)
         self.x.append(x)
         self.cost.append(cost)
         self.tries = 0
-        # The step that lowers a parabola from the top through this point by the aim.
-        aimed = away * (math.sqrt(1.0 + aim / drop) - 1.0) if drop > 0.05 * aim else math.inf
-        self.step = math.copysign(min(max(aimed, 0.25 * abs(last)), 2.0 * abs(last)), last)
-        if drop >= DEPTH * self.level:
-            ahead = (self.others - at) / last
-            self.running = bool(np.any(ahead > ROUNDING))
-            self.step = (
-                last * float(np.min(ahead, where=ahead > ROUNDING, initial=np.inf))
-                if self.running
-                else last
-            )
+        self.step = self._next_step(step)
+        if cost - self.cost[0] >= DEPTH * self.level:
+            self._go_to_next_maximum(step)
         self.running &= abs(self.end - at) > 0.0 and len(self.at) < MOST
+
+    def _next_step(self, step: float) -> float:
+        """The step after one of `step`: it lowers the parabola from the top through the last point
+        by the aim.
+        """
+        aim = AIM * self.level
+        drop = self.cost[-1] - self.cost[0]
+        aimed = math.inf
+        if drop > FLAT * aim:
+            away = abs(self.at[-1] - self.at[0])
+            aimed = away * (math.sqrt(1.0 + aim / drop) - 1.0)
+        length = max(aimed, SHRINK * abs(step))
+        length = min(length, GROW * abs(step))
+        return math.copysign(length, step)
+
+    def _go_to_next_maximum(self, step: float) -> None:
+        """After a drop that is enough, `step` the last: go on to the next maximum, or stop."""
+        steps_ahead = (self.others - self.at[-1]) / step
+        steps_ahead = steps_ahead[steps_ahead > ROUNDING]
+        self.running = steps_ahead.size > 0
+        self.step = step * float(steps_ahead.min()) if self.running else step
 
 
 def profiles(problem: Problem, optima: FloatArray) -> tuple[dict[str, Profile], str]:
@@ -131,11 +156,8 @@ def profiles(problem: Problem, optima: FloatArray) -> tuple[dict[str, Profile], 
     (more than PROFILED rows, or measurements that leave nothing of the noise).
     """
     if len(problem.rows.y) > PROFILED:
-        return (
-            {},
-            f"Above {PROFILED} impacts standard errors are as good as profiles, which are left "
-            "out.",
-        )
+        as_good = f"Above {PROFILED} impacts standard errors are as good as profiles"
+        return {}, f"{as_good}, which are left out."
     levels = drops(problem)
     if not levels:
         return {}, "There are no more measurements than parameters: nothing is left for the noise."
@@ -144,28 +166,28 @@ def profiles(problem: Problem, optima: FloatArray) -> tuple[dict[str, Profile], 
     for _ in range(RESTARTS):
         x, cost, converged = descend(Objective(problem, penalised=False), starts)
         order = np.argsort(cost, kind="stable")
-        top = x[order[0]]
-        lowest = float(cost[order[0]])
-        rivals = [x[order[0]]]
+        top = order[0]
+        lowest = float(cost[top])
+        maxima = [x[top]]
         for k in order[1:]:
-            apart = all(np.max(np.abs(x[k] - one) / problem.prior.width) > SAME for one in rivals)
-            if apart and converged[k] and cost[k] < lowest + DEPTH * levels[1]:
-                rivals.append(x[k])
-        if name := _vanishing(problem, top):
-            return (
-                {},
-                f"The model can reproduce the measurements exactly: {name} goes to its bound.",
-            )
-        paths = _walk(problem, lowest, np.array(rivals), levels[1], x[order])
+            high = cost[k] < lowest + DEPTH * levels[1]
+            if high and converged[k] and _is_apart(problem, x[k], maxima):
+                maxima.append(x[k])
+        if name := _vanishing(problem, x[top]):
+            exactly = "The model can reproduce the measurements exactly"
+            return {}, f"{exactly}: {name} goes to its bound."
+        paths = _walk(problem, lowest, np.array(maxima), levels[1], x[order])
         if isinstance(paths, list):
-            pairs = zip(problem.free, paths[::2], paths[1::2], strict=True)
-            return {name: _profile(problem, down, up, levels) for name, down, up in pairs}, ""
-        starts = np.concatenate([paths[None], rivals])
-    return (
-        {},
-        f"After {counted(RESTARTS, 'search')[:-1]}es, higher maxima of the likelihood still "
-        "appear.",
-    )
+            sides = zip(problem.free, paths[::2], paths[1::2], strict=True)
+            return {name: _profile(problem, down, up, levels) for name, down, up in sides}, ""
+        starts = np.concatenate([paths[None], maxima])
+    return {}, f"After {RESTARTS} searches, higher maxima of the likelihood still appear."
+
+
+def _is_apart(problem: Problem, x: FloatArray, maxima: Sequence[FloatArray]) -> bool:
+    """Whether coordinates (free,) are none of those of the maxima (free,)."""
+    distances = [np.max(np.abs(x - maximum) / problem.prior.width) for maximum in maxima]
+    return all(distance > SAME for distance in distances)
 
 
 def drops(problem: Problem) -> tuple[float, ...]:
@@ -174,7 +196,8 @@ def drops(problem: Problem) -> tuple[float, ...]:
 
     measured = np.isfinite(problem.rows.y).sum(axis=0)
     noises = [item.noise for item in problem.observables]
-    count = int(measured[[name in problem.free for name in noises]].sum())
+    unknown = [name in problem.free for name in noises]
+    count = int(measured[unknown].sum())
     fitted = [
         item
         for item in problem.prior.parameters
@@ -210,10 +233,10 @@ def _vanishing(problem: Problem, top: FloatArray) -> str:
     values = problem.values(top[None])
     alone = {item.noise for item in problem.observables if not item.stated}
     for item in problem.prior.parameters:
-        if item.spec.name in alone and values[item.spec.name][0] < item.spec.lower * (
-            1.0 + AT_BOUND
-        ):
-            return item.spec.name
+        name = item.spec.name
+        nearest = item.spec.lower * (1.0 + AT_BOUND)
+        if name in alone and values[name][0] < nearest:
+            return name
     return ""
 
 
@@ -228,36 +251,37 @@ def _walk(
     prior = problem.prior
     top = maxima[0]
     rivals = maxima[1:]
-    first = math.sqrt(2.0 * AIM * level) * _errors(problem, top)
+    step = math.sqrt(2.0 * AIM * level) * _errors(problem, top)
     low = np.where(np.isinf(prior.low), top - EMPTY, prior.low)
     high = np.where(np.isinf(prior.high), top + EMPTY, prior.high)
-    ends = np.stack([low, high])
     paths = [
         _Path(
             k,
-            ends[right, k],
-            (-1, 1)[right] * first[k],
+            end,
+            first_step,
             level,
             [top[k]],
             [top],
             [lowest],
             rivals[:, k],
             reached,
-            running=abs(ends[right, k] - top[k]) > 0.0,
+            running=abs(end - top[k]) > 0.0,
         )
         for k in range(top.size)
-        for right in (0, 1)
+        for end, first_step in ((low[k], -step[k]), (high[k], step[k]))
     ]
     while running := [path for path in paths if path.running]:
-        each = 1 + len(rivals)
+        searches = 1 + len(rivals)
         starts = np.concatenate([np.vstack([path.start(), rivals]) for path in running])
-        held = np.repeat([path.column for path in running], each)
-        starts[np.arange(len(held)), held] = np.repeat([path.proposal for path in running], each)
+        held = np.repeat([path.column for path in running], searches)
+        held_at = np.repeat([path.proposal for path in running], searches)
+        starts[np.arange(len(held)), held] = held_at
         x, cost, _ = descend(Objective(problem, penalised=False, held=held), starts, PROMISED)
         if cost.min() < lowest - HIGHER:
             return np.asarray(x[np.argmin(cost)])
+        best_searches = cost.reshape(-1, searches).argmin(axis=1)
         for k, path in enumerate(running):
-            row = k * each + int(np.argmin(cost[k * each : (k + 1) * each]))
+            row = k * searches + best_searches[k]
             path.take(x[row], float(cost[row]))
     return paths
 
@@ -267,27 +291,34 @@ def _errors(problem: Problem, top: FloatArray) -> FloatArray:
     width = problem.prior.width
     _, curvature = Objective(problem, penalised=False).linearised(top[None])
     scaled = curvature[0] * np.outer(width, width) + np.eye(top.size)
-    return np.asarray(width * np.sqrt(np.diag(np.linalg.inv(scaled))))
+    variance = np.diag(np.linalg.inv(scaled))
+    return np.asarray(width * np.sqrt(variance))
 
 
 def _profile(problem: Problem, down: _Path, up: _Path, levels: Sequence[float]) -> Profile:
+    """The profile of a parameter from its two paths, with an interval for each of the levels."""
     at, order = np.unique([*down.at[::-1], *up.at[1:]], return_index=True)
     drop = np.array([*down.cost[::-1], *up.cost[1:]])[order]
     drop = np.maximum(drop - drop.min(), 0.0)
     prior = problem.prior.parameters[down.column].prior
 
-    def crossing(level: float, left: bool) -> float | None:
-        """Where the drop passes a level for the last time, linear in its root (Bates and Watts
-        1988, section 6.1).
+    def crossing(level: float, at: FloatArray, drop: FloatArray) -> float | None:
+        """Where the drop passes a level for the last time on the way outwards, linear in its root
+        (Bates and Watts 1988, section 6.1).
         """
-        place, fall = (at[::-1], drop[::-1]) if left else (at, drop)
-        if fall[-1] < level:
+        if drop[-1] < level:
             return None
-        k = int(np.flatnonzero(fall < level)[-1])
-        a, b = np.sqrt(fall[k : k + 2])
-        end = place[k] + (math.sqrt(level) - a) / (b - a) * (place[k + 1] - place[k])
+        k = int(np.flatnonzero(drop < level)[-1])
+        below, above = np.sqrt(drop[k : k + 2])
+        inner, outer = at[k : k + 2]
+        share = (math.sqrt(level) - below) / (above - below)
+        end = inner + share * (outer - inner)
         # The exponential of the C library, whose last digit numpy's does not always share.
         return math.exp(end) if prior.log else float(prior.value(np.asarray(end)))
 
-    ends: list[Interval] = [(crossing(level, True), crossing(level, False)) for level in levels]
-    return Profile(prior.value(at), drop, *ends)
+    intervals = list[Interval]()
+    for level in levels:
+        low = crossing(level, at[::-1], drop[::-1])
+        high = crossing(level, at, drop)
+        intervals.append((low, high))
+    return Profile(prior.value(at), drop, *intervals)
