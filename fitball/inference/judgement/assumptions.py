@@ -28,29 +28,42 @@ from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.models.registry import variants
 
-# Impacts below which a score means nothing; sds, and size, from which a difference of scores is
-# sure (Sivula et al. 2020, who find the standard error too small on few observations).
+# Impacts below which a score means nothing: of five its standard error is known to a third only.
 FEW = 6
+# Standard errors from which a difference of scores is sure.
 SURE_ERRORS = 2.0
+# Size from which a difference of scores is sure: on few observations the standard error is too
+# small (Sivula et al. 2020).
 SURE_SIZE = 4.0
-# Sds by which a value moves that rests on a choice, or on a constant over half of its range: then a
-# 95 % interval misses the other value, or holds 92 %.
+# Sds by which a value moves that rests on a choice: then a 95 % interval misses the other value.
 MOVED = 2.0
+# Sds by which a value moves that rests on a constant over half of its range: then a 95 % interval
+# holds 92 %.
 MOVED_BY_CONSTANT = 1.0
-# Optima of the fit from which each alternative is searched, with these quantiles of the priors of
-# what is new in it.
+# Optima of the fit from which each alternative is searched: the best may be another there.
 FOLLOWED = 2
+# Quantiles of the priors of what is new in an alternative, from which it is searched: the median
+# and one sd to either side.
 QUANTILES = (0.16, 0.5, 0.84)
-# Gain promised by a step from which searches end: at first, and at last. Between them places about
-# what was found are looked at, and the best of them are searched from too.
+# Gain promised by a step from which first searches end: they show where to look further.
 ROUGH = 1e-2
+# Gain promised by a step from which last searches end: far below a difference of scores that
+# matters.
 FINE = 1e-4
+# Draws about the best of the first searches at which the density is looked at: some lie beyond the
+# kinks that stop a search.
 AROUND = 300
+# The highest of these draws, from which is searched again: if one of them leads no further,
+# another may.
 AGAIN = 3
-# Draws at which it is seen whether a choice acts at all; effective draws and draws of an
-# alternative, whose median is then known to 0.06 sds, and the ends of its interval to 0.15.
+# Draws at which it is seen whether a choice acts at all: one that acts at none of them acts nowhere
+# that matters.
 PROBES = 20
+# Effective draws of an alternative: its median is then known to 0.06 sds, and the ends of its
+# interval to 0.15.
 EFFECTIVE = 700.0
+# Draws of equal weight by which an alternative is summarised: more than are effective, so that
+# resampling adds little to the error.
 DRAWS = 1000
 # What all values rest on where a choice could not be tried.
 MODEL = "model"
@@ -79,42 +92,45 @@ def alternatives(
     (`no-answer`).
     """
     count = len(problem.rows.y)
-    now = problem.forward.model
+    model = problem.forward.model
     rows = evenly_spread(count, ALTERNATIVES)
     x = problem.coordinates(point.optima[0])
-    own = _fitted(problem.part(rows), x[None], rng)
+    base = _fitted(problem.part(rows), x[None], rng)
     wider = np.ones(x.size)
     if count > len(rows):
-        wider = np.linalg.norm(proposal(problem, x).factor, axis=1) / np.linalg.norm(
-            own.about.factor,
-            axis=1,
-        )
-    to_all = dict(zip(problem.free, np.stack([x - own.best, wider], axis=1), strict=True))
-    here = _compared("", "", own, own, to_all, rng)
-    probes = np.vstack([own.best, _draws(own.problem, own.about, rng, PROBES)])
-    found = []
-    for choice, instead_of, choices, model in _changes(problem):
+        sd_of_all = np.linalg.norm(proposal(problem, x).factor, axis=1)
+        wider = sd_of_all / np.linalg.norm(base.about.factor, axis=1)
+    moves = np.stack([x - base.best, wider], axis=1)
+    to_all = dict(zip(problem.free, moves, strict=True))
+    here = _compared("", "", base, base, to_all, rng)
+    probes = np.vstack([base.best, _draws(base.problem, base.about, rng, PROBES)])
+    density = log_posterior(base.problem, probes)
+    tried = []
+    for choice, instead_of, choices, changed in _changes(problem):
         try:
-            posed = build_problem(problem.table, problem.scene, choices, model, problem.known).part(
-                rows
+            posed = build_problem(
+                problem.table,
+                problem.scene,
+                choices,
+                changed,
+                problem.known,
             )
-            acts = posed.free != problem.free or not np.array_equal(
-                log_posterior(posed, probes),
-                log_posterior(own.problem, probes),
-            )
-            if acts:
-                there = _fitted(posed, _starts(posed, point), rng)
-                found.append(_compared(choice, instead_of, own, there, to_all, rng))
+            posed = posed.part(rows)
+            same_names = posed.free == problem.free
+            if same_names and np.array_equal(log_posterior(posed, probes), density):
+                continue
+            there = _fitted(posed, _starts(posed, point), rng)
+            tried.append(_compared(choice, instead_of, base, there, to_all, rng))
         except FitballError as error:
-            found.append(_untried(choice, instead_of, model, str(error)))
-    if not variants(now):
-        found.append(
-            _untried(MODEL, now.text, now, "the model has no choices that could be changed")
-        )
-    return tuple(found), dict(here.summaries)
+            tried.append(_untried(choice, instead_of, changed, str(error)))
+    if not variants(model):
+        reason = "the model has no choices that could be changed"
+        tried.append(_untried(MODEL, model.text, model, reason))
+    return tuple(tried), dict(here.summaries)
 
 
 def _untried(choice: str, instead_of: str, model: Model, reason: str) -> Alternative:
+    """An alternative without an answer, for the reason given."""
     return Alternative(
         choice,
         instead_of,
@@ -130,66 +146,68 @@ def _untried(choice: str, instead_of: str, model: Model, reason: str) -> Alterna
 
 def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
     """Name, what it replaces, choices and model of each single change."""
-    now = problem.forward.model
+    model = problem.forward.model
     noise = problem.forward.noise
-    own = problem.choices
-    for text in variants(now):
-        model = model_of(text, ball=now.ball, tangential=now.tangential)
-        choice = next(name for name, option in model.options.items() if option != now.options[name])
-        fitting = own.fitting(text, [spec.name for spec in model.parameters])
-        kept = Choices(text, fitting.fix, fitting.prior, fitting.pool, noise.name)
-        yield f"{choice}={model.options[choice]}", f"{choice}={now.options[choice]}", kept, model
+    choices = problem.choices
+    for text in variants(model):
+        variant = model_of(text, ball=model.ball, tangential=model.tangential)
+        name, option = next(
+            (name, option)
+            for name, option in variant.options.items()
+            if option != model.options[name]
+        )
+        fitting = choices.fitting(text, [spec.name for spec in variant.parameters])
+        changed = Choices(text, fitting.fix, fitting.prior, fitting.pool, noise.name)
+        yield f"{name}={option}", f"{name}={model.options[name]}", changed, variant
     gone = {spec.name for spec in noise.parameters}
-    fix = {name: value for name, value in own.fix.items() if name not in gone}
-    prior = {name: text for name, text in own.prior.items() if name not in gone}
+    fix = {name: value for name, value in choices.fix.items() if name not in gone}
+    prior = {name: text for name, text in choices.prior.items() if name not in gone}
     for kind in KINDS:
         if kind != noise.name:
-            yield (
-                f"noise={kind}",
-                f"noise={noise.name}",
-                Choices(own.model, fix, prior, own.pool, kind),
-                now,
-            )
+            changed = Choices(choices.model, fix, prior, choices.pool, kind)
+            yield f"noise={kind}", f"noise={noise.name}", changed, model
 
 
 def _starts(posed: Problem, point: PointFit) -> FloatArray:
     """Coordinates (starts, free): the fit's best optima, what is new at quantiles of its prior; and
     the same with friction so high that all grips.
     """
-    rows = [
-        [
-            values[name]
-            if name in values
-            else float(item.prior.value(item.prior.quantile(np.array([level])))[0])
-            for name, item in zip(posed.free, posed.prior.parameters, strict=True)
-        ]
-        for values in point.optima[:FOLLOWED]
-        for level in QUANTILES
-    ]
-    starts = posed.prior.coordinate(np.unique(np.array(rows), axis=0))
-    return np.unique(np.concatenate([starts, gripping(posed, starts)[0]]), axis=0)
+    levels = np.array(QUANTILES)
+    blocks = []
+    for values in point.optima[:FOLLOWED]:
+        block = np.empty((levels.size, len(posed.free)))
+        for k, item in enumerate(posed.prior.parameters):
+            name = posed.free[k]
+            if name in values:
+                block[:, k] = values[name]
+            else:
+                block[:, k] = item.prior.value(item.prior.quantile(levels))
+        blocks.append(block)
+    starts = posed.prior.coordinate(np.unique(np.concatenate(blocks), axis=0))
+    gripped = gripping(posed, starts)[0]
+    return np.unique(np.concatenate([starts, gripped]), axis=0)
 
 
 def _draws(problem: Problem, about: Student, rng: np.random.Generator, count: int) -> FloatArray:
     """Coordinates (count, free) about a maximum, within the bounds, at which a scatter may lie."""
-    return np.clip(about.draw(rng, count), problem.prior.low, problem.prior.high)
+    prior = problem.prior
+    return np.clip(about.draw(rng, count), prior.low, prior.high)
 
 
 def _fitted(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> _Fitted:
     """The best that searches from `starts` (starts, free) reach, and those from the best of many
     places about that: kinks of the density stop a search. Raises FitError (`no-answer`).
     """
-    found, cost, _ = descend(Objective(problem), starts, ROUGH)
+    x, cost, _ = descend(Objective(problem), starts, ROUGH)
     if not np.isfinite(cost.min()):
-        raise FitError(
-            f"no search of {problem.forward.model.text} found parameters with an answer",
-            "no-answer",
-        )
-    best = found[np.argmin(cost)]
+        text = f"no search of {problem.forward.model.text} found parameters with an answer"
+        raise FitError(text, "no-answer")
+    best = x[np.argmin(cost)]
     around = _draws(problem, proposal(problem, best), rng, AROUND)
-    highest = np.argsort(-log_posterior(problem, around), kind="stable")[:AGAIN]
-    found, cost, _ = descend(Objective(problem), np.vstack([best, around[highest]]), FINE)
-    best = found[np.argmin(cost)]
+    order = np.argsort(-log_posterior(problem, around), kind="stable")
+    again = np.vstack([best, around[order[:AGAIN]]])
+    x, cost, _ = descend(Objective(problem), again, FINE)
+    best = x[np.argmin(cost)]
     about = proposal(problem, best)
     return _Fitted(problem, best, about, left_out(problem, about))
 
@@ -206,63 +224,72 @@ def left_out(problem: Problem, about: Student) -> FloatArray:
     noise = problem.forward.noise
     measured = np.isfinite(problem.rows.y)
     values = problem.values(x)
-    made, rate = slopes(problem, x)
-    residual, turn = noise.residual(made.z, values)
-    centre, scale = (np.sqrt(one[0]) for one in noise.information(values))
-    gain, growth = (np.where(measured, one[0], 0.0) for one in (rate.z, rate.log_sd))
-    pull = about.factor.T @ -(gain * (residual * turn)[0] + growth).sum(axis=2)
+    cell, rate = slopes(problem, x)
+    residual, turn = noise.residual(cell.z, values)
+    of_centre, of_scale = noise.information(values)
+    rate_z = np.where(measured, rate.z[0], 0.0)
+    rate_scale = np.where(measured, rate.log_sd[0], 0.0)
+    gradient = -(rate_z * (residual * turn)[0] + rate_scale).sum(axis=2)
+    pull = about.factor.T @ gradient
     # What a growing scale does to residuals is in its own information.
-    known = np.concatenate([centre * (gain + growth * made.z[0]), scale * growth], axis=2)
-    known = np.tensordot(about.factor.T, known, 1)
-    leverage = np.einsum("fik,fil->ikl", known, known)
-    along = np.einsum("fik,fi->ik", known, pull)
+    centre = np.sqrt(of_centre[0]) * (rate_z + rate_scale * cell.z[0])
+    scale = np.sqrt(of_scale[0]) * rate_scale
+    weighted = np.concatenate([centre, scale], axis=2)
+    weighted = np.tensordot(about.factor.T, weighted, 1)
+    leverage = np.einsum("fik,fil->ikl", weighted, weighted)
+    along = np.einsum("fik,fi->ik", weighted, pull)
     without = np.eye(along.shape[1]) - leverage
     further = np.linalg.solve(without, along[..., None])[..., 0]
-    fall = 0.5 * (
-        (pull**2).sum(axis=0) + (along * further).sum(axis=1) - np.linalg.slogdet(without)[1]
-    )
-    return np.asarray(terms(problem, made, values)[0].sum(axis=1) - fall)
+    # g'Dg is g'Cg and what one impact less adds to it.
+    square = (pull**2).sum(axis=0) + (along * further).sum(axis=1)
+    fall = 0.5 * (square - np.linalg.slogdet(without)[1])
+    density = terms(problem, cell, values)[0].sum(axis=1)
+    return np.asarray(density - fall)
 
 
 def _compared(
     choice: str,
     instead_of: str,
-    own: _Fitted,
+    base: _Fitted,
     there: _Fitted,
     to_all: Mapping[str, FloatArray],
     rng: np.random.Generator,
 ) -> Alternative:
-    """An alternative beside the fit, both of the same rows. Raises FitError (`no-answer`,
+    """An alternative beside the fit `base`, both of the same rows; `to_all` has by parameter how
+    far all rows move it, and how much wider they have it. Raises FitError (`no-answer`,
     `unreliable`).
     """
     posed = there.problem
     prior = there.problem.prior
-    count = len(own.scores)
-    x, log_weights, k = importance(lambda q: log_posterior(posed, q), [there.about], rng, EFFECTIVE)
+    count = len(base.scores)
+    x, log_weights, k = importance(
+        lambda q: log_posterior(posed, q),
+        [there.about],
+        rng,
+        EFFECTIVE,
+    )
     if not len(x):
-        raise FitError(
-            f"{posed.forward.model.text} has no answer about its best values",
-            "no-answer",
-        )
+        text = f"{posed.forward.model.text} has no answer about its best values"
+        raise FitError(text, "no-answer")
     if choice and k > RELIABLE:
-        text = (
-            f"its weighted draws are not reliable: Pareto k is {fixed(k, 2)}, more than {RELIABLE}"
-        )
-        raise FitError(text, "unreliable")
-    x = x[systematic(np.exp(smoothed(log_weights, 1.0)[0]), DRAWS, rng.uniform())]
+        text = f"Pareto k is {fixed(k, 2)}, more than {RELIABLE}"
+        raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
+    weights = np.exp(smoothed(log_weights, 1.0)[0])
+    x = x[systematic(weights, DRAWS, rng.uniform())]
     # What is new is where it is, and as wide, on the part.
     move, wider = np.array([to_all.get(name, (0.0, 1.0)) for name in posed.free]).T
-    q = there.best + move + wider * (np.vstack([there.best, x]) - there.best)
+    deviation = np.vstack([there.best, x]) - there.best
+    q = there.best + move + wider * deviation
     q = np.clip(q, prior.low, prior.high)
-    gaps = there.scores - own.scores
+    gaps = there.scores - base.scores
     score = None
     error = 0.0
     if count >= FEW:
         score = float(gaps.sum())
         error = float(np.sqrt(count) * np.std(gaps, ddof=1))
     worse = score is not None and -score > max(SURE_ERRORS * error, SURE_SIZE)
-    values = {name: float(one[0]) for name, one in posed.values(q[:1]).items()}
-    alike = posed.forward.noise.name == own.problem.forward.noise.name
+    values = {name: float(value[0]) for name, value in posed.values(q[:1]).items()}
+    alike = posed.forward.noise.name == base.problem.forward.noise.name
     return Alternative(
         choice,
         instead_of,
@@ -281,9 +308,10 @@ def _summaries(problem: Problem, q: FloatArray, alike: bool) -> dict[str, Summar
     """
     values = problem.values(q)
     unlike = frozenset() if alike else problem.noises
-    found = {name: values[name] for name in problem.free if name not in unlike}
-    found |= {one.spec.name: one.rule(values) for one in problem.derived}
-    return {name: summarise(column[1:], float(column[0])) for name, column in found.items()}
+    columns = {name: values[name] for name in problem.free if name not in unlike}
+    for quantity in problem.derived:
+        columns[quantity.spec.name] = quantity.rule(values)
+    return {name: summarise(column[1:], float(column[0])) for name, column in columns.items()}
 
 
 def given(
@@ -297,25 +325,27 @@ def given(
     choice could not be tried.
     """
     moves = [
-        (abs(by), name, one.name)
-        for one in held
-        for name, by in one.moves.items()
-        if abs(by) > MOVED_BY_CONSTANT
+        (abs(shift), name, constant.name)
+        for constant in held
+        for name, shift in constant.moves.items()
+        if abs(shift) > MOVED_BY_CONSTANT
     ]
-    for one in found:
-        for name in fit.keys() & one.summaries.keys() if one.as_good else ():
+    for alternative in found:
+        if not alternative.as_good:
+            continue
+        for name in fit.keys() & alternative.summaries.keys():
             here = fit[name]
-            there = one.summaries[name]
-            by = max(
+            there = alternative.summaries[name]
+            shift = max(
                 abs(there.median - here.median),
                 here.q025 - there.q025,
                 there.q975 - here.q975,
             )
-            if by > MOVED * here.half:
-                moves.append((by / here.half, name, one.instead_of))
+            if shift > MOVED * here.half:
+                moves.append((shift / here.half, name, alternative.instead_of))
     rests: dict[str, dict[str, None]] = {name: {} for name in fit}
     for _, name, text in sorted(moves, reverse=True):
         if name in rests:
             rests[name][text] = None
-    untried = (MODEL,) if any(one.reason for one in found) else ()
+    untried = (MODEL,) if any(alternative.reason for alternative in found) else ()
     return {name: (*texts, *untried) for name, texts in rests.items() if texts or untried}

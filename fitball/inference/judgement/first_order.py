@@ -8,7 +8,7 @@ deviations e.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +25,10 @@ from fitball.inference.schema import PointFit
 from fitball.inference.search.objective import Objective
 
 # Share of the best-seen direction below which the measurements do not see one: differences are good
-# to 1e-9 of a slope; and the part of a unit vector in such directions from which a parameter is
-# among them.
+# to 1e-9 of a slope.
 UNSEEN = 1e-6
+# Length of a parameter's unit vector within unseen directions from which it is among them: a
+# hundredth of its square.
 PART = 0.1
 
 
@@ -61,13 +62,15 @@ class FirstOrder(NamedTuple):
     @property
     def basis(self) -> FloatArray:
         """U at the measurements (measurements, rank)."""
-        return np.asarray(self.slopes[: self.residual.size] @ (self.root * self.share**-0.5))
+        slopes = self.slopes[: self.residual.size]
+        return np.asarray(slopes @ (self.root * self.share**-0.5))
 
     def direction(self, column: str, shape: FloatArray) -> FloatArray:
         """A pattern (impacts,) in one measured column, in SI, as deviations (measurements,),
         whitened like them.
         """
-        return np.asarray(self.whitening[:, self.columns.index(column)] * shape[self.rows])
+        k = self.columns.index(column)
+        return np.asarray(self.whitening[:, k] * shape[self.rows])
 
     def after_refit(self, direction: FloatArray) -> FloatArray:
         """What a refit leaves of deviations (measurements, ...)."""
@@ -78,7 +81,8 @@ class FirstOrder(NamedTuple):
         """How coordinates in `sds` (parameters, ...) move as deviations (measurements, ...) come
         in.
         """
-        return np.asarray(self.root * self.share**-0.5 @ (self.basis.T @ direction))
+        root = self.root * self.share**-0.5
+        return np.asarray(root @ (self.basis.T @ direction))
 
     def shifts(self, direction: FloatArray, along: FloatArray | None = None) -> FloatArray:
         """By how many of their sds parameters, or what has slopes `along` (quantities, parameters),
@@ -88,7 +92,9 @@ class FirstOrder(NamedTuple):
         along = np.eye(len(self.names)) if along is None else along
         errors = np.linalg.norm(along @ self.root, axis=1)
         moved = (along @ self.moves(direction)).T
-        return np.asarray(np.divide(moved, errors, out=np.zeros_like(moved), where=errors > 0.0).T)
+        nothing = np.zeros_like(moved)
+        in_sds = np.divide(moved, errors, out=nothing, where=errors > 0.0)
+        return np.asarray(in_sds.T)
 
 
 class _Measured(NamedTuple):
@@ -108,46 +114,62 @@ def first_order(problem: Problem, point: PointFit) -> FirstOrder:
     """The linearisation at the best values, with the prior that searches have."""
     x = problem.coordinates(point.optima[0])[None]
     count = len(problem.rows.y)
-    kept = _kept(problem)
-    whole = len(kept) == count
-    share = len(kept) / count
-    seen = _measured(problem.part(kept), x)
+    rows = evenly_spread(count, LONG)
+    cells_of_rows = _measured(problem.part(rows), x)
     fitted = np.flatnonzero([name not in problem.noises for name in problem.free])
     names = tuple(problem.free[k] for k in fitted)
     sds = problem.prior.width[fitted]
-    known = np.linalg.cholesky(_known(problem, x)[np.ix_(fitted, fitted)]).T
-    others = known * sds
+    curvature = _prior_curvature(problem, x)[np.ix_(fitted, fitted)]
+    others = np.linalg.cholesky(curvature).T * sds
     time = np.zeros(len(problem.free))
     upper = _triangle(others)
-    for part in (problem,) if whole else parts(problem, 2 * len(problem.free) + 1):
-        mine = seen if whole else _measured(part, x)
-        upper = _triangle(upper, mine.slopes[:, fitted] * sds)
-        time += mine.time * (len(part.rows.y) / count)
+    for cells_of_part, part_count in _streamed(problem, x, rows, cells_of_rows):
+        upper = _triangle(upper, cells_of_part.slopes[:, fitted] * sds)
+        time += cells_of_part.time * (part_count / count)
     if problem.contact_time is not None:
-        others = np.concatenate([time[None, fitted] * sds / problem.contact_time[1], others])
-        upper = _triangle(upper, others[:1])
-    at_rows = seen.slopes[:, fitted] * sds
+        time_row = time[None, fitted] * sds / problem.contact_time[1]
+        others = np.concatenate([time_row, others])
+        upper = _triangle(upper, time_row)
+    at_rows = cells_of_rows.slopes[:, fitted] * sds
     first = FirstOrder(
         columns=tuple(item.column.name for item in problem.observables),
-        column=seen.column,
-        rows=kept[seen.row],
-        residual=seen.residual,
-        whitening=seen.whitening,
+        column=cells_of_rows.column,
+        rows=rows[cells_of_rows.row],
+        residual=cells_of_rows.residual,
+        whitening=cells_of_rows.whitening,
         names=names,
         sds=sds,
         slopes=np.concatenate([at_rows, others]),
         root=np.asarray(np.linalg.inv(upper)),
-        share=share,
+        share=len(rows) / count,
         freedom={},
         traded=_traded(problem, names, at_rows),
         proposal=proposal(problem, x[0]),
     )
     counts = np.isfinite(problem.rows.y).sum(axis=0)
-    taken = np.bincount(first.column, np.sum(first.basis**2, axis=1), len(counts))
-    freedom = dict.fromkeys((item.noise for item in problem.observables), 0.0)
-    for item, left in zip(problem.observables, counts - taken, strict=True):
-        freedom[item.noise] += float(left)
+    leverage = np.sum(first.basis**2, axis=1)
+    remaining = counts - np.bincount(first.column, leverage, len(counts))
+    freedom = dict.fromkeys((observable.noise for observable in problem.observables), 0.0)
+    for observable, column_freedom in zip(problem.observables, remaining, strict=True):
+        freedom[observable.noise] += float(column_freedom)
     return first._replace(freedom=freedom)
+
+
+def _streamed(
+    problem: Problem,
+    x: FloatArray,
+    rows: IntArray,
+    cells_of_rows: _Measured,
+) -> Iterator[tuple[_Measured, int]]:
+    """The cells of all impacts by parts, and how many impacts a part has; where `rows` are all of
+    them, their cells at once.
+    """
+    count = len(problem.rows.y)
+    if len(rows) == count:
+        yield cells_of_rows, count
+        return
+    for part in parts(problem, 2 * len(problem.free) + 1):
+        yield _measured(part, x), len(part.rows.y)
 
 
 def _triangle(*rows: FloatArray) -> FloatArray:
@@ -163,25 +185,30 @@ def proposal(problem: Problem, x: FloatArray) -> Student:
     width = problem.prior.width
     at = _off_zero(problem, x)[None]
     curvature = objective.linearised(at)[1][0] + np.diag(_flat(problem))
-    return Student(x, width[:, None] * factor_of_inverse(width[:, None] * curvature * width))
+    scaled = width[:, None] * curvature * width
+    return Student(x, width[:, None] * factor_of_inverse(scaled))
 
 
 def factor_of_inverse(matrix: FloatArray) -> FloatArray:
     """Lower Cholesky factor of the inverse. From a condition of 1e10 on the inverse itself often
     has none.
     """
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix[::-1, ::-1]))[::-1, ::-1].T)
+    backwards = np.linalg.inv(np.linalg.cholesky(matrix[::-1, ::-1]))
+    return np.asarray(backwards[::-1, ::-1].T)
 
 
-def gradients(problem: Problem, x: FloatArray, asked: Sequence[Quantity]) -> FloatArray:
+def gradients(problem: Problem, x: FloatArray, derived: Sequence[Quantity]) -> FloatArray:
     """Derivatives (quantities, free) of what follows from parameters at coordinates (free,)."""
 
-    def values(q: FloatArray) -> FloatArray:
-        known = problem.values(q)
-        return np.array([one.rule(known) for one in asked]).T.reshape(len(q), -1)
+    def following(q: FloatArray) -> FloatArray:
+        values = problem.values(q)
+        columns = np.array([quantity.rule(values) for quantity in derived])
+        return columns.T.reshape(len(q), -1)
 
     prior = problem.prior
-    return np.asarray(central(values, x[None], STEP * prior.width, prior.low, prior.high)[1][0].T)
+    step = STEP * prior.width
+    _, rates = central(following, x[None], step, prior.low, prior.high)
+    return np.asarray(rates[0].T)
 
 
 def slopes_of_all(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) -> FloatArray:
@@ -189,19 +216,21 @@ def slopes_of_all(problem: Problem, first: FirstOrder, derived: Sequence[Quantit
     sds of priors.
     """
     fitted = [problem.free.index(name) for name in first.names]
-    own = gradients(problem, first.proposal.centre, derived)[:, fitted] * first.sds
-    return np.concatenate([np.eye(len(fitted)), own])
+    of_derived = gradients(problem, first.proposal.centre, derived)[:, fitted] * first.sds
+    return np.concatenate([np.eye(len(fitted)), of_derived])
 
 
 def _measured(problem: Problem, x: FloatArray) -> _Measured:
-    made, rate = slopes(problem, x)
+    """The measured cells at coordinates (1, free)."""
+    cell, rate = slopes(problem, x)
     noise = problem.forward.noise
     values = problem.values(x)
-    score, turn = noise.residual(made.z[0], values)
+    score, turn = noise.residual(cell.z[0], values)
     scale = np.sqrt(noise.information(values)[0][0])
     mask = np.isfinite(problem.rows.y)
     inverse = np.linalg.inv(factors(problem, x)[0]) * scale
-    gain = np.einsum("icd,kid->kic", inverse, np.where(mask, rate.mean[0], 0.0))
+    mean = np.where(mask, rate.mean[0], 0.0)
+    gain = np.einsum("icd,kid->kic", inverse, mean)
     column, row = np.nonzero(mask.T)
     residual = (score * turn / scale)[row, column]
     return _Measured(
@@ -222,28 +251,28 @@ def _off_zero(problem: Problem, x: FloatArray) -> FloatArray:
     moved = x.copy()
     weight = np.zeros(len(problem.observables))
     for part, mask in measured(problem, 1):
-        weight += np.where(mask[0], np.exp(-4.0 * cells(part, x[None]).log_sd[0]), 0.0).sum(axis=0)
-    for item, own in zip(problem.observables, weight, strict=True):
-        k = problem.free.index(item.noise) if item.noise in problem.free else -1
+        inverse_fourth = np.exp(-4.0 * cells(part, x[None]).log_sd[0])
+        weight += np.where(mask[0], inverse_fourth, 0.0).sum(axis=0)
+    for observable, column_weight in zip(problem.observables, weight, strict=True):
+        if not observable.stated or observable.noise not in problem.free:
+            continue
+        k = problem.free.index(observable.noise)
         # Of a column all of whose measurements are withheld nothing is known.
-        if item.stated and k >= 0 and own > 0.0 and problem.prior.plain[k]:
-            moved[k] = max(moved[k], 0.5 * (2.0 / own) ** 0.25)
+        if column_weight > 0.0 and problem.prior.plain[k]:
+            moved[k] = max(moved[k], 0.5 * (2.0 / column_weight) ** 0.25)
     return moved
 
 
-def _kept(problem: Problem) -> IntArray:
-    """Evenly spread rows, at most LONG."""
-    return evenly_spread(len(problem.rows.y), LONG)
-
-
-def _known(problem: Problem, x: FloatArray) -> FloatArray:
+def _prior_curvature(problem: Problem, x: FloatArray) -> FloatArray:
     """Curvature (free, free) of minus the log prior; of a flat one, which has none, that of its sd:
     without it what the table does not see would have no end.
     """
-    return np.asarray(problem.prior.smooth.pull(x)[1][0] + np.diag(_flat(problem)))
+    curvature = problem.prior.smooth.pull(x)[1][0]
+    return np.asarray(curvature + np.diag(_flat(problem)))
 
 
 def _flat(problem: Problem) -> FloatArray:
+    """Curvature (free,) that flat priors are given, that of their sds; zero of others."""
     return np.where(problem.prior.flat, problem.prior.width**-2.0, 0.0)
 
 
@@ -256,19 +285,22 @@ def _traded(
     determine by themselves, each with those it moves with unnoticed.
     """
     stated = {item.spec.name for item in problem.parameters if item.measured}
-    slopes = np.concatenate([slopes, np.eye(len(names))[[name in stated for name in names]]])
+    rows_of_stated = np.eye(len(names))[[name in stated for name in names]]
+    slopes = np.concatenate([slopes, rows_of_stated])
     size = np.linalg.norm(slopes, axis=0)
     moving = np.flatnonzero(size > UNSEEN * size.max(initial=0.0))
     if not moving.size:
         return {}
     upper = np.linalg.qr(slopes[:, moving] / size[moving], mode="r")
     _, sizes, right = np.linalg.svd(upper, full_matrices=True)
-    blind = right[np.pad(sizes, (0, moving.size - sizes.size)) < UNSEEN * sizes[0]]
+    # Fewer rows than parameters see nothing of the directions beyond.
+    sizes = np.pad(sizes, (0, moving.size - sizes.size))
+    blind = right[sizes < UNSEEN * sizes[0]]
     together = np.abs(blind.T @ blind) > PART**2
     lost = np.diag(together)
-    moved = [names[k] for k in moving]
-    return {
-        one: tuple(moved[i] for i in np.flatnonzero(lost & together[k]) if i != k)
-        for k, one in enumerate(moved)
-        if lost[k]
-    }
+    moving_names = [names[k] for k in moving]
+    traded = {}
+    for k in np.flatnonzero(lost):
+        partners = np.flatnonzero(lost & together[k])
+        traded[moving_names[k]] = tuple(moving_names[i] for i in partners if i != k)
+    return traded
