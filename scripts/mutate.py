@@ -43,6 +43,7 @@ TESTS = {
     "inference/derived": "derived",
     "inference/judgement/assumptions": "assumptions",
     "inference/judgement/adequacy": "adequacy",
+    "inference/judgement/patterns": "adequacy",
     "inference/search": "search least_squares",
     "inference/sampling": "sampling importance",
     "inference/predictive": "predictive",
