@@ -51,9 +51,8 @@ class Known:
         self.problem = problem
         self.camera = problem.camera
         self.height = 0.0
-        q = problem.prior.coordinate(
-            np.stack([fit.draws.values[name] for name in problem.free], axis=1)
-        )
+        free = [fit.draws.values[name] for name in problem.free]
+        q = problem.prior.coordinate(np.stack(free, axis=1))
         prior = problem.prior
         spec = CAMERA_SPECS[HEIGHT]
         self.low = prior.low
@@ -61,14 +60,17 @@ class Known:
         self.step = STEP * prior.width
         size = np.maximum(q.std(axis=0), np.finfo(float).tiny)
         # In sds first: units and scales of coordinates differ by many powers of ten.
-        values, vectors = np.linalg.eigh(np.atleast_2d(np.cov(q / size, rowvar=False)))
+        covariance = np.atleast_2d(np.cov(q / size, rowvar=False))
+        values, vectors = np.linalg.eigh(covariance)
         wide = values > NARROW * values[-1]
         self.root: FloatArray = size[:, None] * vectors[:, wide] * np.sqrt(values[wide])
         seen = any(item.column.gap for item in problem.observables)
         if gaps and not seen and (problem.camera is None or HEIGHT not in problem.camera.keys):
             stated = None if problem.scene.camera is None else problem.scene.camera.court_height
-            usual = parse_prior(spec, spec.prior).width if stated is None else 0.0
-            self.height = stated.sd if isinstance(stated, Stated) else usual
+            if stated is None:
+                self.height = parse_prior(spec, spec.prior).width
+            elif isinstance(stated, Stated):
+                self.height = stated.sd
         if self.height:
             old = problem.camera or CameraModel((), ("",), np.zeros(1, np.int64))
             self.camera = old._replace(keys=(*old.keys, HEIGHT))
@@ -90,9 +92,8 @@ class Known:
         """All parameters by name."""
         values = dict(self.problem.values(q[:, : len(self.problem.free)]))
         if self.height and self.camera is not None:
-            values |= {
-                self.camera.name(HEIGHT, session): q[:, -1] for session in self.camera.sessions
-            }
+            for session in self.camera.sessions:
+                values[self.camera.name(HEIGHT, session)] = q[:, -1]
         return values
 
     def gradients(self, target: Sequence[Quantity]) -> FloatArray:
@@ -101,20 +102,18 @@ class Known:
         """
 
         def values(q: FloatArray) -> FloatArray:
-            known = self.values(q)
-            return np.stack([one.rule(known) for one in target], axis=1)
+            parameters = self.values(q)
+            return np.stack([quantity.rule(parameters) for quantity in target], axis=1)
 
-        made, rates = central(values, self.at, self.step, self.low, self.high)
-        solved = np.isfinite(made).all(axis=1)
-        for k, one in enumerate(target):
-            if 2 * np.isfinite(made[:, k]).sum() <= len(made):
-                text = (
-                    f"target {one.spec.name}: the model has no answer there for most posterior "
-                    "draws"
-                )
+        here, rates = central(values, self.at, self.step, self.low, self.high)
+        solved = np.isfinite(here).all(axis=1)
+        for k, quantity in enumerate(target):
+            name = quantity.spec.name
+            if 2 * np.isfinite(here[:, k]).sum() <= len(here):
+                text = f"target {name}: the model has no answer there for most posterior draws"
                 raise ParameterError(text, "no-answer")
             if not rates[solved][..., k].any():
-                text = f"target {one.spec.name}: it is fixed in this fit; name one that is not"
+                text = f"target {name}: it is fixed in this fit; name one that is not"
                 raise ParameterError(text, "fixed")
         self.at = self.at[solved]
         return np.asarray(rates[solved].swapaxes(1, 2))
@@ -130,23 +129,23 @@ class Known:
         was; `noisy`: information on the noises too.
         """
         columns = [item.column.name for item in self.problem.observables]
-        columns += dict.fromkeys(name for one in sensors for name in one.sds if name not in columns)
+        besides = [name for sensor in sensors for name in sensor.sds if name not in columns]
+        columns += dict.fromkeys(besides)
         draws, unknowns = self.at.shape
         # Two bounces for each unknown and each error of a state, and one.
         bounces = draws * (2 * unknowns + 7)
         pieces = -(-len(impacts) * bounces // AT_ONCE)
-        found: list[list[Look]] = [[] for _ in sensors]
+        by_sensor: list[list[Look]] = [[] for _ in sensors]
         for part in np.array_split(np.arange(len(impacts)), min(pieces, len(impacts))):
             measured = _Measured(self, impacts.take(part), index[part], columns)
-            for looks, sensor in zip(found, sensors, strict=True):
+            for looks, sensor in zip(by_sensor, sensors, strict=True):
                 looks.append(measured.by(sensor, noisy))
-        return [
-            Look(
-                np.concatenate([one.rows for one in looks], 1),
-                np.concatenate([one.solved for one in looks], 1),
-            )
-            for looks in found
-        ]
+        together = []
+        for looks in by_sensor:
+            rows = np.concatenate([look.rows for look in looks], 1)
+            solved = np.concatenate([look.solved for look in looks], 1)
+            together.append(Look(rows, solved))
+        return together
 
 
 class _Measured:
@@ -175,23 +174,27 @@ class _Measured:
         errors = self.errors
 
         def shown(rows: FloatArray) -> FloatArray:
+            unknowns = rows[:, : self.size]
             states = impacts
             if errors is not None:
-                states = impacts.moved(np.einsum("ikl,dl->dik", errors.axes, rows[:, self.size :]))
-            seen = asked.shown(problem.forward, known.values(rows[:, : self.size]), states)
-            return np.stack([seen.column(name) for name in columns], axis=2)
+                along = rows[:, self.size :]
+                states = impacts.moved(np.einsum("ikl,dl->dik", errors.axes, along))
+            rebound = asked.shown(problem.forward, known.values(unknowns), states)
+            return np.stack([rebound.column(name) for name in columns], axis=2)
 
         more = 0 if errors is None else 3
-        made, rates = central(
+        exact = np.zeros((len(known.at), more))
+        here, rates = central(
             shown,
-            np.column_stack([known.at, np.zeros((len(known.at), more))]),
+            np.column_stack([known.at, exact]),
             np.append(known.step, np.full(more, STEP)),
             np.append(known.low, np.full(more, -np.inf)),
             np.append(known.high, np.full(more, np.inf)),
         )
-        self.solved: BoolArray = np.asarray(np.isfinite(made).all(axis=2))
+        self.solved: BoolArray = np.asarray(np.isfinite(here).all(axis=2))
         rates = np.where(self.solved[:, None, :, None], rates, 0.0)
-        self.slopes = np.einsum("dnsc,nk->dsck", rates[:, : self.size], known.root, optimize=True)
+        of_unknowns = rates[:, : self.size]
+        self.slopes = np.einsum("dnsc,nk->dsck", of_unknowns, known.root, optimize=True)
         self.moves = rates[:, self.size :].transpose(0, 2, 3, 1)
 
     def by(self, sensor: Sensor, noisy: bool) -> Look:
@@ -209,49 +212,47 @@ class _Measured:
             and (sensor.drop is None or COLUMNS[name].vertical)
         ]
         places = [self.columns.index(name) for name in names]
-        own = list[FloatArray]()
+        sds = list[FloatArray]()
         shape = self.solved.shape
         seen = np.ones((len(self.like), len(names)), dtype=np.bool_)
         for k, name in enumerate(names):
             column = items.get(name)
             if name in sensor.sds:
                 # What balls scatter beyond stated errors they go on to scatter.
-                scatters = column is not None and column[1].stated
-                sd = (
-                    forward.column_sd(name, values, sensor.sds[name])
-                    if scatters
-                    else sensor.sds[name]
-                )
+                sd: FloatArray | float = sensor.sds[name]
+                if column is not None and column[1].stated:
+                    sd = forward.column_sd(name, values, sensor.sds[name])
             else:
                 assert column is not None
                 sd = forward.column_sd(name, values, rows.sd[self.like, column[0]])
                 seen[:, k] = np.isfinite(rows.y[self.like, column[0]])
-            own.append(np.broadcast_to(sd, shape))
-        worth, scale = (
-            np.broadcast_to(one, shape[:1]) for one in forward.noise.information(values)
-        )
+            sds.append(np.broadcast_to(sd, shape))
+        of_centre, of_scale = forward.noise.information(values)
+        centre_weight = np.broadcast_to(of_centre, shape[:1])[:, None, None, None]
+        scale_weight = np.broadcast_to(of_scale, shape[:1])[:, None, None, None]
         slopes = self.slopes[:, :, places] * seen[..., None]
-        variance = np.stack(own, axis=2) ** 2
+        variance = np.stack(sds, axis=2) ** 2
         if self.errors is None:
-            found = slopes / np.sqrt(variance)[..., None]
+            whitened = slopes / np.sqrt(variance)[..., None]
         else:
             before = [
                 items[name][0] if name in items and name not in sensor.sds else -1 for name in names
             ]
             # A column that a sensor reads has an error of its own alone.
-            kept = seen & (np.array(before) >= 0)
-            follows = self.errors.follows[:, before] * kept[..., None]
-            away = self.moves[:, :, places] * seen[..., None] - follows @ self.errors.axes
-            rest = self.errors.rest[:, before][:, :, before] * (kept[:, :, None] & kept[:, None, :])
-            whole = rest + away @ away.swapaxes(2, 3) + variance[..., None] * np.eye(len(names))
-            found = np.linalg.solve(np.linalg.cholesky(whole), slopes)
-            variance = np.diagonal(whole, axis1=2, axis2=3)
-        parts = [np.sqrt(worth)[:, None, None, None] * found]
+            as_before = seen & (np.array(before) >= 0)
+            both = as_before[:, :, None] & as_before[:, None, :]
+            follows = self.errors.follows[:, before] * as_before[..., None]
+            moves = self.moves[:, :, places] * seen[..., None]
+            away = moves - follows @ self.errors.axes
+            rest = self.errors.rest[:, before][:, :, before] * both
+            scatter = variance[..., None] * np.eye(len(names))
+            covariance = rest + away @ away.swapaxes(2, 3) + scatter
+            whitened = np.linalg.solve(np.linalg.cholesky(covariance), slopes)
+            variance = np.diagonal(covariance, axis1=2, axis2=3)
+        parts = [np.sqrt(centre_weight) * whitened]
         if noisy:
-            parts.append(
-                np.sqrt(scale)[:, None, None, None]
-                * self._growth(sensor, names, values, seen, variance)
-            )
+            growth = self._growth(sensor, names, values, seen, variance)
+            parts.append(np.sqrt(scale_weight) * growth)
         return Look(np.concatenate(parts, axis=2), self.solved)
 
     def _growth(
@@ -264,7 +265,7 @@ class _Measured:
     ) -> FloatArray:
         """Derivatives of the logarithm of the sd of each column, in directions."""
         problem = self.known.problem
-        found = np.zeros((*variance.shape, self.known.root.shape[1]))
+        growth = np.zeros((*variance.shape, self.known.root.shape[1]))
         noises = {item.column.name: item.noise for item in problem.observables}
         for k, name in enumerate(names):
             noise = noises.get(name, "")
@@ -272,10 +273,11 @@ class _Measured:
                 place = problem.free.index(noise)
                 size = values[noise][:, None]
                 # Of the logarithm of the noise with its coordinate.
-                growth = problem.prior.stretch(place, size) / size
-                rate = size**2 / variance[..., k] * growth
-                found[:, :, k] = (rate * seen[:, k])[..., None] * self.known.root[place]
-        return found
+                slope = problem.prior.stretch(place, size) / size
+                rate = size**2 / variance[..., k] * slope
+                rate = rate * seen[:, k]
+                growth[:, :, k] = rate[..., None] * self.known.root[place]
+        return growth
 
 
 def _nearest(fit: Fitted, impacts: Impacts) -> IntArray:
@@ -283,16 +285,16 @@ def _nearest(fit: Fitted, impacts: Impacts) -> IntArray:
     rows = fit.problem.rows
     radius = fit.problem.forward.model.ball.radius
     counts = np.isfinite(rows.y).sum(axis=1)
-    whole = np.flatnonzero(counts == counts.max())
+    complete = np.flatnonzero(counts == counts.max())
     if rows.errors is None and not rows.sd.any():
         # One is like another.
-        return np.full(len(impacts), whole[0])
+        return np.full(len(impacts), complete[0])
     # Of a long table evenly spread ones.
-    whole = whole[evenly_spread(len(whole), LONG, down=True)]
-    known = rows.states.take(whole)
+    complete = complete[evenly_spread(len(complete), LONG, down=True)]
+    measured = rows.states.take(complete)
     away = (
-        (impacts.v_x1[:, None] - known.v_x1) ** 2
-        + (impacts.v_y1[:, None] - known.v_y1) ** 2
-        + (radius * (impacts.omega_1[:, None] - known.omega_1)) ** 2
+        (impacts.v_x1[:, None] - measured.v_x1) ** 2
+        + (impacts.v_y1[:, None] - measured.v_y1) ** 2
+        + (radius * (impacts.omega_1[:, None] - measured.omega_1)) ** 2
     )
-    return np.asarray(whole[away.argmin(axis=1)])
+    return np.asarray(complete[away.argmin(axis=1)])

@@ -76,32 +76,35 @@ def settings_of(fit: Fitted, words: Mapping[str, str], level: Mapping[str, str])
         ("spin", "omega_1", states.omega_1 if spun else np.zeros(1), spun),
     ):
         span = Span(float(values.min()), float(values.max()))
-        given = words.get(option, "")
-        if given and not varies:
-            text = (
+        text = words.get(option, "")
+        if text and not varies:
+            raise ParameterError(
                 f"--{option}: the fit has no {COLUMNS[column].title}, since none was measured; "
-                "leave it out"
+                "leave it out",
+                "not-measured",
             )
-            raise ParameterError(text, "not-measured")
-        if given:
-            span = spans(f"{column}={given}", "value range count")[column]
+        if text:
+            span = spans(f"{column}={text}", "value range count")[column]
         elif varies:
             assumed.append(option)
-        steps = span.count if span.count > 1 else STEPS[column]
-        axes.append(np.linspace(span.low, span.high, steps if span.high > span.low else 1))
+        steps = 1
+        if span.high > span.low:
+            steps = span.count if span.count > 1 else STEPS[column]
+        axes.append(np.linspace(span.low, span.high, steps))
     keys = measured_levels(fit, level)
-    count = len(keys) * axes[0].size * axes[1].size * axes[2].size
+    count = len(keys)
+    for axis in axes:
+        count *= axis.size
     if count > MOST:
         raise ParameterError(
             f"{count:,} settings: expected at most {MOST:,}; use fewer steps",
             "too-many-settings",
         )
-    place, fast, steep, spin = (
-        one.ravel() for one in np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij")
-    )
+    grid = np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij")
+    place, fast, steep, spin = (coordinate.ravel() for coordinate in grid)
     along = fast * np.cos(steep) if model.tangential else np.zeros(fast.size)
-    found = Impacts(along, fast * np.sin(steep), spin)
-    return Settings(found, keys[place.astype(np.int64)], tuple(assumed))
+    impacts = Impacts(along, fast * np.sin(steep), spin)
+    return Settings(impacts, keys[place.astype(np.int64)], tuple(assumed))
 
 
 def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
@@ -111,16 +114,17 @@ def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
     forward = fit.problem.forward
     keys = np.unique(fit.problem.rows.index, axis=0)
     forward.check_columns(level)
-    asked = {spelled(column): label for column, label in level.items()}
-    for k, one in enumerate(forward.levels):
-        if (label := asked.get(spelled(one.column))) is not None:
-            place = one.place(label)
-            if place == NEW_LEVEL:
-                text = (
-                    f"level: a plan needs a {one.column} that was fitted: {', '.join(one.labels)}"
-                )
-                raise ParameterError(text, "unknown-label")
-            keys = keys[keys[:, k] == place]
+    labels = {spelled(column): label for column, label in level.items()}
+    for k, levels in enumerate(forward.levels):
+        label = labels.get(spelled(levels.column))
+        if label is None:
+            continue
+        place = levels.place(label)
+        if place == NEW_LEVEL:
+            known = ", ".join(levels.labels)
+            text = f"level: a plan needs a {levels.column} that was fitted: {known}"
+            raise ParameterError(text, "unknown-label")
+        keys = keys[keys[:, k] == place]
     if not len(keys):
         text = f"level: no impact of the table has {' and '.join(level.values())} together"
         raise ParameterError(text, "no-such-levels")
@@ -143,35 +147,38 @@ def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
             DROP: ("254 cm", model.tangential and vertical),
         }
         words = {name: text for name, (text, good) in usual.items() if good}
-    found = [Sensor(BEFORE, {})]
+    sensors = [Sensor(BEFORE, {})]
     for name, text in words.items():
         if name == DROP:
             height = spans(f"drop_height={text}", "value")["drop_height"].low
             fall = np.array([itf.fall_speed(height)])
-            found.append(Sensor(name, {}, Impacts(np.zeros(1), fall, np.zeros(1))))
+            drop = Impacts(np.zeros(1), fall, np.zeros(1))
+            sensors.append(Sensor(name, {}, drop))
         elif name == GAPS:
             share = _share(text)
-            _refuse(model, gaps or [one for one in REBOUND if COLUMNS[one].gap], measured)
-            found.append(Sensor(name, {gap: share * _usual(gap) for gap in gaps}))
+            every_gap = [column for column in REBOUND if COLUMNS[column].gap]
+            _refuse(model, gaps or every_gap, measured)
+            sensors.append(Sensor(name, {gap: share * _usual(gap) for gap in gaps}))
         elif name in REBOUND:
             _refuse(model, [name], measured)
-            found.append(Sensor(name, {name: spans(f"{name}={text}", "error")[name].low}))
+            sd = spans(f"{name}={text}", "error")[name].low
+            sensors.append(Sensor(name, {name: sd}))
         else:
             hint = suggestion(name, (*REBOUND, GAPS, DROP))
             raise ParameterError(
                 f"sensor {name}={text}: expected COLUMN=SD such as contact_time=0.2ms, gaps=SHARE "
-                "of their usual "
-                f"errors, or drop=HEIGHT; {hint}",
+                f"of their usual errors, or drop=HEIGHT; {hint}",
                 "sensor",
             )
-    return found
+    return sensors
 
 
 def _usual(gap: str) -> float:
     """The usual error of a column, the median of the prior of its noise."""
     noise = COLUMNS[gap].noise
     assert noise is not None
-    return float(parse_prior(noise, noise.prior).quantile(np.array([0.5]))[0])
+    prior = parse_prior(noise, noise.prior)
+    return float(prior.quantile(np.array([0.5]))[0])
 
 
 def _share(text: str) -> float:
@@ -193,17 +200,15 @@ def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None
     """
     for name in names:
         if not model.predicts(COLUMNS[name]):
-            why = (
-                "it has no time axis"
-                if COLUMNS[name].timed and not model.timed
-                else "it has vertical motion only"
-            )
+            why = "it has vertical motion only"
+            if COLUMNS[name].timed and not model.timed:
+                why = "it has no time axis"
             text = f"sensor {name}: {model.text} does not predict the {COLUMNS[name].title}: {why}"
             raise ParameterError(text, "sensor")
-        known = [one for one in measured if COLUMNS[one].of_velocity]
-        if COLUMNS[name].of_velocity and name not in measured and len(known) > 1:
+        velocities = [column for column in measured if COLUMNS[column].of_velocity]
+        if COLUMNS[name].of_velocity and name not in measured and len(velocities) > 1:
             raise ParameterError(
-                f"sensor {name}: it follows from {' and '.join(known)}; name these",
+                f"sensor {name}: it follows from {' and '.join(velocities)}; name these",
                 "sensor",
             )
 
@@ -217,9 +222,9 @@ def targets_of(fit: Fitted, asked: Sequence[str], keys: IntArray) -> list[Quanti
     summary = fit.summary
     levels = fit.problem.forward.levels
     left_out = {
-        one.name(label)
-        for k, one in enumerate(levels)
-        for place, label in enumerate(one.labels)
+        level.name(label)
+        for k, level in enumerate(levels)
+        for place, label in enumerate(level.labels)
         if place not in keys[:, k]
     }
     names = list[str]()
@@ -232,25 +237,29 @@ def targets_of(fit: Fitted, asked: Sequence[str], keys: IntArray) -> list[Quanti
             words[-1] += f", {item}"
         else:
             at_levels = [
-                one
-                for one in summary.index
-                if one.partition("[")[0] == item and one not in left_out
+                name
+                for name in summary.index
+                if name.partition("[")[0] == item and name not in left_out
             ]
-            names += [item] if item in summary.index or not at_levels else at_levels
+            if item in summary.index or not at_levels:
+                names.append(item)
+            else:
+                names += at_levels
     if not asked:
         main = summary.index[summary["kind"].isin(("model", "level"))]
         names = [name for name in main if name in fit.problem.free and name not in left_out]
         if not names:
             raise ParameterError("no parameter of the model is free: name a target", "nothing-free")
-    found = [fit.quantity(name) for name in dict.fromkeys(names)]
-    if held := [one.spec.name for one in found if one.spec.name not in summary.index]:
-        raise ParameterError(
-            f"target {held[0]}: it is held in this fit; name one that is not",
-            "fixed",
-        )
+    targets = [fit.quantity(name) for name in dict.fromkeys(names)]
+    for target in targets:
+        if target.spec.name not in summary.index:
+            raise ParameterError(
+                f"target {target.spec.name}: it is held in this fit; name one that is not",
+                "fixed",
+            )
     for number, text in enumerate(words, 1):
-        found += _rebounds(fit, text, keys, f" ({number})" if len(words) > 1 else "")
-    return found
+        targets += _rebounds(fit, text, keys, f" ({number})" if len(words) > 1 else "")
+    return targets
 
 
 def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quantity]:
@@ -264,15 +273,16 @@ def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quant
     def rebound(column: str, key: IntArray, values: Values) -> FloatArray:
         return forward.rebound(values, impact, key).column(column)[:, 0]
 
-    found = []
+    quantities = []
     for key in keys:
         label = labels_in_words(fit, key)
+        at = f"[{label}]" if label else ""
         for name in ("v_x2", "v_y2", "omega_2"):
             if not forward.model.predicts(COLUMNS[name]):
                 continue
             column = COLUMNS[name]
             spec = ParameterSpec(
-                f"{name}{number}{f'[{label}]' if label else ''}",
+                f"{name}{number}{at}",
                 column.unit,
                 -np.inf,
                 np.inf,
@@ -281,11 +291,12 @@ def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quant
                 column.symbol,
                 display_unit=column.display_unit,
             )
-            found.append(Quantity(spec, partial(rebound, name, key[None])))
-    return found
+            quantities.append(Quantity(spec, partial(rebound, name, key[None])))
+    return quantities
 
 
 def labels_in_words(fit: Fitted, key: IntArray) -> str:
     """Levels (levels,) as `clay, ball A`; "" where there are none."""
     pairs = zip(fit.problem.forward.levels, key.tolist(), strict=True)
-    return ", ".join({one.column: one.labels[place] for one, place in pairs}.values())
+    labels = {level.column: level.labels[place] for level, place in pairs}
+    return ", ".join(labels.values())
