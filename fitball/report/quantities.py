@@ -23,7 +23,7 @@ STATE = {"v_1": M_PER_S, "theta_1": DEG, "omega_1": RAD_PER_S}
 
 
 def unit_of(fit: Fitted, name: str) -> Unit:
-    """The unit in which people read a parameter or derived quantity."""
+    """The unit in which people read a parameter or derived quantity of a fit."""
     return fit.quantity(name).spec.display_unit
 
 
@@ -38,8 +38,8 @@ def plain(text: str, most: int = _LABEL) -> str:
 
 
 def symbol(fit: Fitted, name: str, most: int = _LABEL) -> str:
-    """Mathtext of a quantity, with at most so many letters of its level; the name of one that has
-    no symbol.
+    """Mathtext of a quantity, with at most so many letters of its level, or the name of one that
+    has no symbol.
     """
     base, bracket, level = name.partition("[")
     shown = fit.quantity(name).spec.symbol or plain(base.replace("_", " "))
@@ -47,7 +47,7 @@ def symbol(fit: Fitted, name: str, most: int = _LABEL) -> str:
 
 
 def middle(frame: DataFrame) -> FloatArray:
-    """The median of each row, and what the best fit says where there are no draws."""
+    """The median of each row (rows,), and what the best fit says where there are no draws."""
     point = frame["point"].to_numpy(np.float64)
     median = frame["median"].to_numpy(np.float64)
     return np.where(np.isfinite(median), median, point)
@@ -59,11 +59,9 @@ def chance(share: float) -> str:
 
 
 def records(frame: DataFrame) -> list[dict[str, Any]]:
-    """Rows as mappings, with the index where that has a name."""
-    return [
-        {str(name): cell for name, cell in row.items()}
-        for row in with_index(frame).to_dict("records")
-    ]
+    """The rows of a frame as mappings, with the index where that has a name."""
+    rows = with_index(frame).to_dict("records")
+    return [{str(name): cell for name, cell in row.items()} for row in rows]
 
 
 def first_rows(frame: DataFrame) -> DataFrame:

@@ -1,5 +1,6 @@
 """The figure of a plan: gains of one impact over what a machine can be set to."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from fitball.base.findings import Findings
 from fitball.base.numbers import fixed
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure, FloatArray
+from fitball.report.figures.shared import hide
 from fitball.report.style import (
     FAINT,
     MARKERS,
@@ -25,8 +27,9 @@ from fitball.report.style import (
 
 # White paper to the colour of what the model says, and darker still.
 _SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL, "#00304d"])
-# Panels of a row, and impacts that are named at one setting.
+# Panels of a row.
 _ACROSS = 3
+# Impacts that are named at one setting; a panel has no room for more.
 _NAMED = 6
 
 
@@ -35,25 +38,25 @@ def gains(result: Findings) -> Figure:
     of them does not. Of several surfaces the best. Numbers are the chosen impacts in their order.
     """
     # Speeds and angles went through components.
-    state = {"v_1": 9, "theta_1": 9}
-    frame, plan = (result.frames[name].round(state) for name in ("gains", "plan"))
+    decimals = {"v_1": 9, "theta_1": 9}
+    frame = result.frames["gains"].round(decimals)
+    plan = result.frames["plan"].round(decimals)
     sensor = str(plan["sensor"].iloc[0])
-    # A drop has one impact: what the others are worth as before.
+    # The best sensor may be a drop, which has one impact and no gains over settings: then those of
+    # the last sensor are drawn.
     shown = sensor if sensor in frame else str(frame.columns[-1])
-    best = (
-        frame.groupby(["omega_1", "v_1", "theta_1"], sort=True)[shown]
-        .max()
-        .reset_index(name="gain")
-    )
-    wide = best["theta_1"].nunique()
-    high = best["v_1"].nunique()
-    return _lines(best, plan) if wide == 1 or high == 1 else _maps(best, plan, sensor)
+    by_setting = frame.groupby(["omega_1", "v_1", "theta_1"], sort=True)[shown]
+    best = by_setting.max().reset_index(name="gain")
+    if best["theta_1"].nunique() == 1 or best["v_1"].nunique() == 1:
+        return _lines(best, plan)
+    return _maps(best, plan, sensor)
 
 
 def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
+    """A map of gains over angle and speed a spin, with the numbers of the chosen impacts."""
     spins = best["omega_1"].unique()
     across = min(_ACROSS, len(spins))
-    rows = -(-len(spins) // across)
+    rows = math.ceil(len(spins) / across)
     figure, axes = new_figure(
         rows,
         across,
@@ -64,33 +67,19 @@ def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
     )
     norm = Normalize(float(best["gain"].min()), float(best["gain"].max()))
     for axis, spin in zip(axes.ravel(), spins, strict=False):
-        mine = best[best["omega_1"] == spin].pivot_table(
-            index="v_1",
-            columns="theta_1",
-            values="gain",
-            dropna=False,
-        )
-        angles = np.degrees(mine.columns.to_numpy(np.float64))
-        speeds = mine.index.to_numpy(np.float64)
+        of_spin = best[best["omega_1"] == spin]
+        table = of_spin.pivot_table("gain", index="v_1", columns="theta_1", dropna=False)
+        angles = _edges(np.degrees(table.columns.to_numpy(np.float64)))
+        speeds = _edges(table.index.to_numpy(np.float64))
         axis.set_facecolor(FAINT)
-        axis.pcolormesh(
-            _edges(angles),
-            _edges(speeds),
-            np.ma.masked_invalid(mine),
-            cmap=_SHADES,
-            norm=norm,
-        )
+        axis.pcolormesh(angles, speeds, np.ma.masked_invalid(table), cmap=_SHADES, norm=norm)
         _draw_numbers(axis, plan[plan["omega_1"] == spin])
         axis.set_title(f"{fixed(spin, 0)} rad/s")
         axis.grid(visible=False)
-        axis.set_xlim(*_edges(angles)[[0, -1]])
-        axis.set_ylim(*_edges(speeds)[[0, -1]])
+        axis.set_xlim(*angles[[0, -1]])
+        axis.set_ylim(*speeds[[0, -1]])
         few_ticks(axis.xaxis, 3)
-    for axis in axes.ravel()[len(spins) :]:
-        axis.set_visible(False)
-    for axis in axes.ravel()[max(len(spins) - across, 0) : len(spins)]:
-        axis.set_xlabel("angle [deg]")
-        axis.xaxis.set_tick_params(labelbottom=True)
+    hide(axes, len(spins), "angle [deg]")
     for axis in axes[:, 0]:
         axis.set_ylabel("speed [m/s]")
     bar = figure.colorbar(ScalarMappable(norm, _SHADES), ax=axes, shrink=0.85, pad=0.02)
@@ -99,12 +88,13 @@ def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
 
 
 def _edges(values: FloatArray) -> FloatArray:
+    """Edges (values + 1,) of cells about rising values, two at least."""
     middle = 0.5 * (values[1:] + values[:-1])
     return np.concatenate([[2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]])
 
 
 def _draw_numbers(axis: Any, chosen: DataFrame) -> None:
-    """Places in the order of choice; those of one setting together."""
+    """Draw places in the order of choice; those of one setting together."""
     for _, rows in chosen.groupby(["v_1", "theta_1"]):
         words = _places(rows)
         speed, angle = rows[["v_1", "theta_1"]].to_numpy(np.float64)[0]
@@ -128,7 +118,7 @@ def _places(rows: DataFrame) -> str:
 
 
 def _lines(best: DataFrame, plan: DataFrame) -> Figure:
-    """A line a spin, over speed where there is one angle."""
+    """Lines of gains, one a spin, over speed where there is one angle, else over angle."""
     over = "v_1" if best["theta_1"].nunique() == 1 else "theta_1"
     factor = 1.0 if over == "v_1" else DEG.factor
     figure, axes = new_figure(high=3.4)
@@ -137,30 +127,19 @@ def _lines(best: DataFrame, plan: DataFrame) -> Figure:
     handles = list[Any]()
     for k, spin in enumerate(spins):
         colour = MODEL if len(spins) == 1 else SERIES[k % len(SERIES)]
-        mine = best[best["omega_1"] == spin]
-        axis.plot(
-            factor * mine[over],
-            mine["gain"],
-            color=colour,
-            marker=MARKERS[k % len(MARKERS)],
-            markersize=4,
-        )
-        handles.append(
-            Line2D(
-                [],
-                [],
-                color=colour,
-                marker=MARKERS[k % len(MARKERS)],
-                label=f"{fixed(spin, 0)} rad/s",
-            )
-        )
+        marker = MARKERS[k % len(MARKERS)]
+        of_spin = best[best["omega_1"] == spin]
+        place = factor * of_spin[over]
+        axis.plot(place, of_spin["gain"], color=colour, marker=marker, markersize=4)
+        text = f"{fixed(spin, 0)} rad/s"
+        handles.append(Line2D([], [], color=colour, marker=marker, label=text))
     for _, rows in plan.groupby(over):
-        place = float(rows[over].iloc[0])
+        chosen = factor * float(rows[over].iloc[0])
         words = _places(rows)
-        axis.axvline(factor * place, color=MOVED, linewidth=0.8)
+        axis.axvline(chosen, color=MOVED, linewidth=0.8)
         axis.annotate(
             words,
-            (factor * place, 1.0),
+            (chosen, 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(3, -9),
             fontsize=9,

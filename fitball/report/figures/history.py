@@ -20,8 +20,9 @@ _SHADES = {
     "hold": "#f3e6f5",
     "free": "#eeeeee",
 }
+# Surface speed of the core.
 _CORE = "#008060"
-# Slip [m/s] that the axis shows at least.
+# Slip [m/s] that the axis shows at least: of a ball that grips throughout rounding would fill it.
 _LEAST_SLIP = 0.1
 
 
@@ -29,10 +30,12 @@ def history(result: Findings) -> Figure:
     """Compression and forces, with motion along the court also velocities and slip, over the time
     of the contact, shaded by phase; bands are drawn at the same share of each draw's own contact.
     """
-    frame, phases, impact = (result.frames[name] for name in ("history", "phases", "impact"))
-    radius = float(impact["radius"].iloc[0])
+    frame = result.frames["history"]
+    phases = result.frames["phases"]
+    radius = float(result.frames["impact"]["radius"].iloc[0])
     sliding = len(phases) > 0
-    figure, axes = new_figure(1 + sliding, 2, high=2.5 + 2.1 * sliding, wide=7.5, sharex=True)
+    rows = 2 if sliding else 1
+    figure, axes = new_figure(rows, 2, high=2.5 + 2.1 * (rows - 1), wide=7.5, sharex=True)
     compression, force, *along = axes.ravel()
     _draw(compression, frame, "y", MODEL, MM.factor)
     compression.set_title("compression $y$ [mm]")
@@ -56,7 +59,6 @@ def history(result: Findings) -> Figure:
         _flights(speed, frame, result, radius)
         _draw(slip, frame, "slip", MODEL)
         slip.set_title(r"slip $v_x - R\,\omega$ [m/s]")
-        # Of a ball that grips throughout rounding would fill the panel.
         low, high = slip.get_ylim()
         slip.set_ylim(min(low, -_LEAST_SLIP), max(high, _LEAST_SLIP))
     for axis in axes.ravel():
@@ -79,17 +81,17 @@ def history(result: Findings) -> Figure:
 
 
 def _draw(axis: Any, frame: DataFrame, name: str, colour: str, factor: float = 1.0) -> None:
-    """A course with its bands."""
+    """Draw a course, times a factor, over time with its bands, if it has any."""
     time = MS.factor * frame["time"]
     for low, high, shade in (("q025", "q975", 0.15), ("q16", "q84", 0.25)):
         if f"{name}_{low}" in frame:
-            ends = (factor * frame[f"{name}_{end}"] for end in (low, high))
+            ends = (factor * frame[f"{name}_{low}"], factor * frame[f"{name}_{high}"])
             axis.fill_between(time, *ends, color=colour, alpha=shade, linewidth=0)
     axis.plot(time, factor * frame[name], color=colour, linewidth=1.5)
 
 
 def _flights(axis: Any, frame: DataFrame, result: Findings, radius: float) -> None:
-    """Velocity and surface speed in flight, where they jump at landing and release."""
+    """Draw velocity and surface speed in flight, where they jump at landing and release."""
     values = result.frames["outcome"].set_index("quantity")["value"]
     before = result.frames["impact"].iloc[0]
     ends = (
@@ -111,11 +113,12 @@ def _flights(axis: Any, frame: DataFrame, result: Findings, radius: float) -> No
 
 
 def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
-    found: list[Any] = [
-        Line2D([], [], color=MODEL, label="normal force, velocity" if len(phases) else "model")
-    ]
-    if len(phases):
-        found += [
+    """Handles of the legend, of what is drawn."""
+    sliding = len(phases) > 0
+    text = "normal force, velocity" if sliding else "model"
+    handles: list[Any] = [Line2D([], [], color=MODEL, label=text)]
+    if sliding:
+        handles += [
             Line2D([], [], color=PRIOR, label="friction, surface of shell"),
             Line2D([], [], color=_CORE, label="surface of core"),
             Line2D([], [], color=GUIDE, linestyle="--", label=r"$\pm\mu F$"),
@@ -129,7 +132,7 @@ def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
                 label="in flight",
             ),
         ]
-    found += [Patch(color=_SHADES[name], label=name) for name in dict.fromkeys(phases["phase"])]
+    handles += [Patch(color=_SHADES[name], label=name) for name in dict.fromkeys(phases["phase"])]
     if "y_q025" in frame and np.isfinite(frame["y_q025"]).any():
-        found.append(Patch(color=GUIDE, alpha=0.35, label="68 and 95 %"))
-    return found
+        handles.append(Patch(color=GUIDE, alpha=0.35, label="68 and 95 %"))
+    return handles

@@ -2,6 +2,7 @@
 regime_map.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from fitball.report.quantities import column_unit, middle, plain, records
 from fitball.report.style import (
     FAINT,
     GUIDE,
+    INK,
     MODEL,
     MOVED,
     few_ticks,
@@ -62,153 +64,140 @@ def curves(fit: Fitted) -> Figure:
     measured = fit.predictions
     columns = list(dict.fromkeys(lines["column"]))
     styles = looks(lines)
-    wide = 1 + (len(columns) > 3)
-    rows = -(-len(columns) // wide)
+    wide = 2 if len(columns) > 3 else 1
+    rows = math.ceil(len(columns) / wide)
     figure, axes = new_figure(rows, wide, high=0.75 + 1.6 * rows, sharex=True)
     drop = bool(lines["spin"].isna().all())
     place, along = ("v_y1", M_PER_S) if drop else ("theta_1", DEG)
     for axis, column in zip(axes.ravel(), columns, strict=False):
         unit = column_unit(column)
-        mine = measured[measured["column"] == column]
+        of_column = measured[measured["column"] == column]
         axis.set_title(f"{COLUMNS[column].title}  {label(COLUMNS[column].symbol, unit)}")
         for k, look in styles.items():
             line = lines[(lines["series"] == k) & (lines["column"] == column)]
             _draw_curve(axis, line, look.line, along.factor, unit.factor)
-            own = mine[mine["series"] == k]
-            at = own[place].to_numpy(np.float64)
-            shown = (
-                np.interp(at, line["along"], middle(line))
-                + own["observed"].to_numpy(np.float64)
-                - middle(own)
-            )
-            scattered(
-                axis,
-                along.factor * at,
-                unit.factor * shown,
-                look,
-                unit.factor * own["noise"].to_numpy(),
-            )
+            impacts = of_column[of_column["series"] == k]
+            at = impacts[place].to_numpy(np.float64)
+            observed = impacts["observed"].to_numpy(np.float64)
+            shown = np.interp(at, line["along"], middle(line)) + observed - middle(impacts)
+            noise = unit.factor * impacts["noise"].to_numpy()
+            scattered(axis, along.factor * at, unit.factor * shown, look, noise)
         few_ticks(axis.yaxis)
-    shared = ((lines["speed"].dropna().unique(), "m/s"), (lines["spin"].dropna().unique(), "rad/s"))
-    where = " and ".join(f"{found[0]:.3g} {unit}" for found, unit in shared if len(found) == 1)
-    at_words = f",{' ' if axes.shape[1] == 1 else chr(10)}at {where}" if where else ""
-    across = (
-        r"vertical speed $v_{y1}$ [m/s]"
-        if drop
-        else rf"angle of incidence $\theta_1$ [deg]{at_words}"
-    )
+    across = r"vertical speed $v_{y1}$ [m/s]"
+    if not drop:
+        # In narrow panels the rest of the label is on a line of its own.
+        between = ", " if wide == 1 else ",\n"
+        words = filter(None, (r"angle of incidence $\theta_1$ [deg]", _shared_state(lines)))
+        across = between.join(words)
     hide(axes, len(columns), across)
-    legend_above(
-        figure,
-        [
-            Line2D(
-                [],
-                [],
-                color=look.line,
-                linewidth=1.6,
-                marker=look.marker,
-                markerfacecolor=look.dots,
-                markeredgecolor="white",
-                markersize=6.5,
-                label=look.name,
-            )
-            for look in styles.values()
-        ],
-    )
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=look.line,
+            linewidth=1.6,
+            marker=look.marker,
+            markerfacecolor=look.dots,
+            markeredgecolor="white",
+            markersize=6.5,
+            label=look.name,
+        )
+        for look in styles.values()
+    ]
+    legend_above(figure, handles)
     return figure
 
 
+def _shared_state(lines: DataFrame) -> str:
+    """The speed and the spin that all lines have, `at 20 m/s and 0 rad/s`; empty if there is
+    neither.
+    """
+    words = []
+    for name, unit in (("speed", M_PER_S), ("spin", RAD_PER_S)):
+        values = lines[name].dropna().unique()
+        if len(values) == 1:
+            words.append(f"{values[0]:.3g} {unit.name}")
+    return f"at {' and '.join(words)}" if words else ""
+
+
 def _draw_curve(axis: Any, line: DataFrame, colour: str, across: float, up: float) -> None:
+    """Draw the median line of a series with its bands, dashed beyond the data; `across` and `up`
+    are factors of the units of the axes.
+    """
     place = across * line["along"].to_numpy()
     inside = line["within"].to_numpy(np.bool_)
+    median = up * middle(line)
     for low, high, shade in (("q025", "q975", 0.16), ("q16", "q84", 0.26)):
-        axis.fill_between(
-            place,
-            up * line[low],
-            up * line[high],
-            color=colour,
-            alpha=shade,
-            linewidth=0,
-        )
-    axis.plot(place, up * middle(line), color=colour, linewidth=1.0, linestyle=(0, (2, 2)))
-    axis.plot(place, np.where(inside, up * middle(line), np.nan), color=colour, linewidth=1.6)
+        ends = (up * line[low], up * line[high])
+        axis.fill_between(place, *ends, color=colour, alpha=shade, linewidth=0)
+    axis.plot(place, median, color=colour, linewidth=1.0, linestyle=(0, (2, 2)))
+    axis.plot(place, np.where(inside, median, np.nan), color=colour, linewidth=1.6)
 
 
 def predictive(fit: Fitted) -> Figure:
-    """Measured over predicted, with 95 % of what a new measurement would show."""
+    """Measured over predicted, a panel a column, with 95 % of what a new measurement would show."""
     frame = fit.predictions.dropna(subset=["observed"])
     styles = looks(fit.curves)
     columns = list(dict.fromkeys(frame["column"]))
     wide = min(3, len(columns))
-    rows = -(-len(columns) // wide)
+    rows = math.ceil(len(columns) / wide)
     figure, axes = new_figure(rows, wide, high=0.6 + 2.1 * rows)
-    drawn = bool(frame["new_q975"].notna().any())
+    has_intervals = bool(frame["new_q975"].notna().any())
     for axis, column in zip(axes.ravel(), columns, strict=False):
-        mine = frame[frame["column"] == column]
+        rows_shown = frame[frame["column"] == column]
+        count = len(rows_shown)
         unit = column_unit(column)
-        predicted = unit.factor * middle(mine)
-        seen = unit.factor * mine["observed"].to_numpy()
-        ends = unit.factor * mine[["new_q025", "new_q975"]].to_numpy(np.float64)
-        known = np.isfinite(predicted) & np.isfinite(ends).all(axis=1)
-        inside = int(((seen >= ends[:, 0]) & (seen <= ends[:, 1])).sum())
-        _draw_ends(axis, predicted[known], ends[known])
-        axis.axline((seen.mean(),) * 2, slope=1.0, color=MODEL, linewidth=1.2)
-        shown = split(mine, styles)
-        for look, own in shown:
-            scattered(axis, predicted[own], seen[own], look)
+        predicted = unit.factor * middle(rows_shown)
+        observed = unit.factor * rows_shown["observed"].to_numpy()
+        ends = unit.factor * rows_shown[["new_q025", "new_q975"]].to_numpy(np.float64)
+        finite = np.isfinite(predicted) & np.isfinite(ends).all(axis=1)
+        inside = int(((observed >= ends[:, 0]) & (observed <= ends[:, 1])).sum())
+        _draw_ends(axis, predicted[finite], ends[finite])
+        centre = observed.mean()
+        axis.axline((centre, centre), slope=1.0, color=MODEL, linewidth=1.2)
+        shown = split(rows_shown, styles)
+        for look, chosen in shown:
+            scattered(axis, predicted[chosen], observed[chosen], look)
         axis.set_title(label(COLUMNS[column].symbol, unit))
-        if drawn:
-            many = len(mine) > DOTS
-            share = percent(inside / len(mine)) if many else f"{inside} of {len(mine)}"
-            axis.text(
-                0.97, 0.04, f"{share} inside", transform=axis.transAxes, ha="right", color=GUIDE
-            )
+        if has_intervals:
+            share = percent(inside / count) if count > DOTS else f"{inside} of {count}"
+            text = f"{share} inside"
+            axis.text(0.97, 0.04, text, transform=axis.transAxes, ha="right", color=GUIDE)
         few_ticks(axis.xaxis, 3)
         few_ticks(axis.yaxis)
     hide(axes, len(columns), "predicted")
     for axis in axes[:, 0]:
         axis.set_ylabel("measured")
-    series_legend(
-        figure,
-        shown,
-        [Patch(color=MODEL, alpha=0.25, label="95 % of new measurements")] * drawn,
-    )
+    handles = []
+    if has_intervals:
+        handles.append(Patch(color=MODEL, alpha=0.25, label="95 % of new measurements"))
+    series_legend(figure, shown, handles)
     return figure
 
 
 def _draw_ends(axis: Any, place: FloatArray, ends: FloatArray) -> None:
-    """Intervals as bars, of many impacts as the band of their medians."""
-    if len(place) > DOTS:
+    """Draw intervals (rows, 2) as bars, of more than DOTS impacts as the band of their medians."""
+    count = len(place)
+    if count > DOTS:
         middles, (_, low, _) = binned(place, ends[:, 0])
-        axis.fill_between(
-            middles,
-            low,
-            binned(place, ends[:, 1])[1][1],
-            color=MODEL,
-            alpha=0.25,
-            linewidth=0,
-        )
-    else:
-        wide = 4.0 if len(place) < 60 else 2.0
-        axis.vlines(
-            place,
-            *ends.T,
-            color=MODEL,
-            linewidth=wide,
-            alpha=0.25 * opacity(len(place)) ** 0.5,
-        )
+        _, (_, high, _) = binned(place, ends[:, 1])
+        axis.fill_between(middles, low, high, color=MODEL, alpha=0.25, linewidth=0)
+        return
+    width = 4.0 if count < 60 else 2.0
+    shade = 0.25 * opacity(count) ** 0.5
+    axis.vlines(place, *ends.T, color=MODEL, linewidth=width, alpha=shade)
 
 
-# What residuals are drawn over, and how much of its size a quantity must vary to be one of them.
+# Quantities over which residuals are drawn, with label and unit.
 _OVER = {
     "theta_1": ("angle", DEG),
     "v_1": ("speed", M_PER_S),
     "omega_1": ("spin", RAD_PER_S),
     "row": ("row of the table", PLAIN),
 }
+# Share of its size that a quantity must vary to be one of them.
 _VARIES = 0.05
-# Where a residual test found something, trends are drawn that chance shows in one of so many
-# panels.
+# Where a residual test fails, trends are drawn that chance shows in this share of panels.
 _CHANCE = 0.01
 
 
@@ -219,11 +208,10 @@ def residuals(fit: Fitted) -> Figure:
     frame = fit.predictions.dropna(subset=["z"])
     styles = looks(fit.curves)
     columns = list(dict.fromkeys(frame["column"]))
-    over = [name for name in _OVER if np.ptp(frame[name]) > _VARIES * frame[name].abs().max()] or [
-        "row"
-    ]
-    tested = any(test.found for test in fit.adequacy.tests)
-    found = False
+    over = [name for name in _OVER if np.ptp(frame[name]) > _VARIES * frame[name].abs().max()]
+    over = over or ["row"]
+    with_trends = any(test.found for test in fit.adequacy.tests)
+    handles = []
     figure, axes = new_figure(
         len(columns),
         len(over),
@@ -232,18 +220,23 @@ def residuals(fit: Fitted) -> Figure:
         sharex="col",
     )
     for panels, column in zip(axes, columns, strict=True):
-        mine = frame[frame["column"] == column]
-        z = mine["z"].to_numpy(np.float64)
-        shown = split(mine, styles)
+        of_column = frame[frame["column"] == column]
+        z = of_column["z"].to_numpy(np.float64)
+        shown = split(of_column, styles)
         for axis, name in zip(panels, over, strict=True):
-            place = _OVER[name][1].factor * mine[name].to_numpy(np.float64) + (name == "row")
+            _, unit = _OVER[name]
+            place = unit.factor * of_column[name].to_numpy(np.float64)
+            if name == "row":
+                # People count rows from one.
+                place = place + 1.0
             axis.axhspan(-2.0, 2.0, color=FAINT, alpha=0.5, linewidth=0)
             axis.axhline(0.0, color="white", linewidth=1.2)
-            for look, own in shown:
-                scattered(axis, place[own], z[own], look)
-            if tested and (trend := _trend(place, z)) is not None:
+            for look, chosen in shown:
+                scattered(axis, place[chosen], z[chosen], look)
+            trend = _trend(place, z) if with_trends else None
+            if trend is not None:
                 axis.plot(*trend, color=MOVED, linewidth=1.8, zorder=4)
-                found = True
+                handles = [Line2D([], [], color=MOVED, label="trend")]
             axis.grid(visible=False)
         panels[0].set_ylabel(COLUMNS[column].symbol, fontsize=11)
     for axis, name in zip(axes[-1], over, strict=True):
@@ -252,28 +245,28 @@ def residuals(fit: Fitted) -> Figure:
     most = 3.2 if len(frame) > DOTS else max(3.2, 1.1 * float(frame["z"].abs().max()))
     axes[0, 0].set_ylim(-most, most)
     axes[0, 0].yaxis.set_major_locator(MaxNLocator(5, symmetric=True, integer=True))
-    series_legend(figure, shown, [Line2D([], [], color=MOVED, label="trend")] * found)
+    series_legend(figure, shown, handles)
     return figure
 
 
 def _trend(place: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """A parabola through residuals, if chance seldom leaves as little: the F test of two
-    coefficients, of which the probability is (left/whole)^(freedom/2).
+    """Places and values of a parabola through residuals `z` (rows,), None if chance makes as good a
+    one in more than _CHANCE of panels: the F test of two coefficients, of which the probability is
+    (residual/total)^(freedom/2) with sums of squares.
     """
     freedom = len(z) - 3
     if freedom < 1 or len(np.unique(place)) < 3:
         return None
     trend = np.polynomial.Polynomial.fit(place, z, 2)
-    left = float(((z - trend(place)) ** 2).sum())
-    whole = float(((z - z.mean()) ** 2).sum())
-    if left >= whole * _CHANCE ** (2.0 / freedom):
+    residual = float(((z - trend(place)) ** 2).sum())
+    total = float(((z - z.mean()) ** 2).sum())
+    if residual >= total * _CHANCE ** (2.0 / freedom):
         return None
     along = np.linspace(place.min(), place.max(), 40)
     return along, trend(along)
 
 
-# Sequences of slip and grip that most tables show, in the order of their colours; what shares one
-# is faint.
+# Sequences of slip and grip that most tables show, in the order of their colours.
 _USUAL = (
     "slide",
     "slide, grip, slide back",
@@ -282,99 +275,104 @@ _USUAL = (
     "slide, grip",
     "grip, slide back",
 )
+# Colours of sequences: those of _USUAL, or of others in their place.
 _COLOURS = ("#77aadd", "#ee8866", "#44bb99", "#ffaabb", "#eedd88", "#bbcc33")
+# Name of all sequences for which there is no colour.
 _OTHERS = "others"
+# Name of what has no sequence, because the model has no answer.
 _NONE = "no answer"
-# Bars of impacts; draws that give their shares; shares that are shown.
+# Bars of impacts that a figure has room for.
 _BARS = 40
+# Draws that give the probability of a sequence, to a few per cent.
 _DRAWS = 200
+# Probability below which a sequence has no colour.
 _RARE = 0.02
+# Share of the map below which a sequence has no colour.
+_RARE_ON_MAP = 0.002
 
 
 def _coloured(shares: dict[str, float], rare: float) -> dict[str, str]:
-    """A colour for each sequence that is not rare, the largest first; usual ones have theirs in
-    every figure.
+    """A colour for each sequence whose share is not below `rare`, the largest first; usual ones
+    have theirs in every figure.
     """
-    names = sorted(
-        (name for name, share in shares.items() if share >= rare and name != _NONE),
-        key=lambda n: -shares[n],
-    )
-    spare = [
-        colour for k, colour in enumerate(_COLOURS) if k >= len(_USUAL) or _USUAL[k] not in names
-    ]
-    found = {}
+    names = [name for name, share in shares.items() if share >= rare and name != _NONE]
+    names.sort(key=lambda name: -shares[name])
+    usual = dict(zip(_USUAL, _COLOURS, strict=True))
+    spare = [colour for name, colour in usual.items() if name not in names]
+    colours = {}
     for name in names[: len(_COLOURS)]:
-        found[name] = _COLOURS[_USUAL.index(name)] if name in _USUAL else spare.pop(0)
-    return (
-        found
-        | ({_OTHERS: FAINT} if {*shares} - {*found, _NONE} else {})
-        | ({_NONE: "white"} if _NONE in shares else {})
-    )
+        colours[name] = usual[name] if name in usual else spare.pop(0)
+    if {*shares} - {*colours, _NONE}:
+        colours[_OTHERS] = FAINT
+    if _NONE in shares:
+        colours[_NONE] = "white"
+    return colours
 
 
 def _words(codes: IntArray, solved: Any) -> np.ndarray[Any, np.dtype[Any]]:
-    """Sequences in words, of the shape of the codes."""
-    known, inverse = np.unique(np.where(solved, codes, -1), return_inverse=True)
-    names = np.array(
-        [_NONE if code < 0 else regime_name(int(code)) for code in known],
-        dtype=object,
-    )
-    return np.asarray(names[inverse].reshape(codes.shape))
+    """Packed regimes as sequences in words, of the same shape; those not `solved` are _NONE."""
+    distinct, inverse = np.unique(np.where(solved, codes, -1), return_inverse=True)
+    names = [_NONE if code < 0 else regime_name(int(code)) for code in distinct]
+    return np.asarray(np.array(names, dtype=object)[inverse].reshape(codes.shape))
 
 
 def regimes(fit: Fitted) -> Figure:
-    """A bar an impact: how probable which sequence of slip and grip is."""
+    """A bar an impact: the probability of each sequence of slip and grip."""
     frame = fit.predictions.drop_duplicates("row").sort_values(["series", "theta_1"])
     shown = frame.iloc[evenly_spread(len(frame), _BARS)]
-    draws = fit.draws.values if fit.posterior is not None else fit.draws.best
-    like = shown["row"].to_numpy(np.int64)
-    seen = fit.problem.seen(
-        {name: one[:_DRAWS] for name, one in draws.items()},
-        _states(shown),
-        like,
-    )
-    words = _words(seen.regime, seen.status == Status.OK)
+    count = len(shown)
+    draws = fit.draws.best
+    across = "sequence of the best fit"
+    if fit.posterior is not None:
+        draws = fit.draws.values
+        across = "probability of the sequence"
+    first_draws = {name: values[:_DRAWS] for name, values in draws.items()}
+    rebound = fit.problem.seen(first_draws, _states(shown), shown["row"].to_numpy(np.int64))
+    words = _words(rebound.regime, rebound.status == Status.OK)
     shares = {name: (words == name).mean(axis=0) for name in np.unique(words)}
     colours = _coloured({name: float(share.max()) for name, share in shares.items()}, _RARE)
-    figure, axes = new_figure(1, 1, high=1.0 + 0.16 * max(len(shown), 6))
+    figure, axes = new_figure(1, 1, high=1.0 + 0.16 * max(count, 6))
     axis = axes[0, 0]
-    left = np.zeros(len(shown))
-    places = np.arange(len(shown))
-    rest = np.ones(len(shown)) - sum(share for name, share in shares.items() if name in colours)
+    begin = np.zeros(count)
+    places = np.arange(count)
+    rest = np.ones(count) - sum(share for name, share in shares.items() if name in colours)
     for name, colour in colours.items():
         size = rest if name == _OTHERS else shares[name]
         edge = GUIDE if name == _NONE else colour
         axis.barh(
             places,
             size,
-            left=left,
+            left=begin,
             color=colour,
             edgecolor=edge,
             linewidth=0.4,
             height=0.8,
             label=name,
         )
-        left = left + size
-    ids = [f"{plain(str(row['id']))}  {np.degrees(row['theta_1']):.0f}°" for row in records(shown)]
+        begin = begin + size
+    ids = []
+    for row in records(shown):
+        angle = np.degrees(row["theta_1"])
+        ids.append(f"{plain(str(row['id']))}  {angle:.0f}°")
     axis.set_yticks(places, ids, fontsize=8.5)
-    axis.set_ylim(len(shown) - 0.4, -0.6)
+    axis.set_ylim(count - 0.4, -0.6)
     axis.set_xlim(0.0, 1.0)
     axis.grid(visible=False)
-    axis.set_xlabel(
-        "probability of the sequence" if fit.posterior is not None else "sequence of the best fit"
-    )
+    axis.set_xlabel(across)
     legend_above(figure, axis.get_legend_handles_labels()[0])
     return figure
 
 
 def _states(frame: DataFrame) -> Impacts:
+    """Impacts (rows,) of a frame with a row an impact."""
     return Impacts(*(frame[name].to_numpy(np.float64) for name in ("v_x1", "v_y1", "omega_1")))
 
 
-# Angles and spins of the map; how far it reaches beyond the impacts, over their range; impacts
-# whose speed differs by a smaller share belong to it.
+# Angles and spins of the map: a point is smaller than a dot.
 _GRID = (120, 90)
+# How far the map extends beyond the impacts on each side, over their range.
 _MARGIN = 0.25
+# Relative difference from the median speed below which an impact belongs to the map.
 _NEAR = 0.1
 
 
@@ -385,90 +383,51 @@ def regime_map(fit: Fitted) -> Figure:
     rows = fit.problem.rows
     forward = fit.problem.forward
     keys, which, counts = np.unique(rows.index, axis=0, return_inverse=True, return_counts=True)
-    mine = rows.states.take(np.flatnonzero(which.ravel() == counts.argmax()))
-    speed, angle = mine.polar()
-    middle_speed = float(np.median(speed))
+    usual = counts.argmax()
+    impacts = rows.states.take(np.flatnonzero(which.ravel() == usual))
+    speed, angle = impacts.polar()
+    median_speed = float(np.median(speed))
     low, high = _range(angle, np.radians(5.0))
     angles = np.linspace(max(low, np.radians(2.0)), min(high, np.radians(178.0)), _GRID[0])
-    spins = np.linspace(*_range(mine.omega_1, 50.0), _GRID[1])
+    spins = np.linspace(*_range(impacts.omega_1, 50.0), _GRID[1])
     across, up = np.meshgrid(angles, spins)
-    grid = Impacts(
-        middle_speed * np.cos(across).ravel(),
-        middle_speed * np.sin(across).ravel(),
-        up.ravel(),
-    )
-    made = forward.rebound(
-        fit.draws.best,
-        grid,
-        np.repeat(keys[[counts.argmax()]], len(grid), axis=0),
-    )
-    words = _words(made.regime[0], made.status[0] == Status.OK)
-    colours = _coloured({name: float(np.mean(words == name)) for name in np.unique(words)}, 0.002)
-    numbers = np.array(
-        [[*colours].index(name if name in colours else _OTHERS) for name in words]
-    ).reshape(across.shape)
+    v_x1 = median_speed * np.cos(across).ravel()
+    v_y1 = median_speed * np.sin(across).ravel()
+    grid = Impacts(v_x1, v_y1, up.ravel())
+    rebound = forward.rebound(fit.draws.best, grid, np.repeat(keys[[usual]], len(grid), axis=0))
     figure, axes = new_figure(1, 1, high=4.6)
     axis = axes[0, 0]
-    ends = np.degrees(angles[[0, -1]])
-    axis.imshow(
-        numbers,
-        cmap=ListedColormap([*colours.values()]),
-        vmin=-0.5,
-        vmax=len(colours) - 0.5,
-        origin="lower",
-        aspect="auto",
-        extent=(*ends, *spins[[0, -1]]),
-        interpolation="nearest",
-        alpha=0.75,
-    )
-    _contours(axis, angles, spins, np.degrees(made.column("theta_2")[0].reshape(across.shape)))
-    handles: list[Any] = [
-        Patch(color=colour, alpha=0.75, label=name) for name, colour in colours.items()
-    ]
-    near = np.abs(speed - middle_speed) < _NEAR * middle_speed
-    handles += _dots(axis, angle[near], mine.omega_1[near], "black", "impacts near this speed")
-    handles += _dots(axis, angle[~near], mine.omega_1[~near], "none", "other speeds")
-    axis.set_xlim(*ends)
-    axis.set_ylim(*spins[[0, -1]])
-    axis.set_xlabel(rf"angle $\theta_1$ [deg], at {middle_speed:.3g} m/s")
+    extent = (*np.degrees(angles[[0, -1]]), *spins[[0, -1]])
+    words = _words(rebound.regime[0], rebound.status[0] == Status.OK)
+    handles = _draw_areas(axis, words.reshape(across.shape), extent)
+    theta_2 = np.degrees(rebound.column("theta_2")[0].reshape(across.shape))
+    _draw_contours(axis, np.degrees(angles), spins, theta_2)
+    near = np.abs(speed - median_speed) < _NEAR * median_speed
+    omega_1 = impacts.omega_1
+    handles += _dots(axis, angle[near], omega_1[near], "black", "impacts near this speed")
+    handles += _dots(axis, angle[~near], omega_1[~near], "none", "other speeds")
+    axis.set_xlim(*extent[:2])
+    axis.set_ylim(*extent[2:])
+    axis.set_xlabel(rf"angle $\theta_1$ [deg], at {median_speed:.3g} m/s")
     axis.set_ylabel(r"spin $\omega_1$ [rad/s]")
     axis.grid(visible=False)
-    levels = zip(forward.levels, keys[counts.argmax()], strict=True)
-    labels = dict.fromkeys(level.labels[place] for level, place in levels)
-    title = ", ".join(["best fit", *map(plain, labels)])
+    labels = [level.labels[place] for level, place in zip(forward.levels, keys[usual], strict=True)]
+    title = ", ".join(["best fit", *map(plain, dict.fromkeys(labels))])
     axis.set_title(title + r"; lines: $\theta_2$ [deg]")
     legend_above(figure, handles)
     return figure
 
 
-def _contours(axis: Any, angles: FloatArray, spins: FloatArray, rebound: FloatArray) -> None:
-    """Lines of the rebound angle [deg], (spins, angles), over angles [rad] and spins."""
-    rebound = np.ma.masked_invalid(rebound)
-    if np.ma.count(rebound) and np.ptp(rebound.compressed()) > 0.0:
-        lines = axis.contour(
-            np.degrees(angles),
-            spins,
-            rebound,
-            levels=8,
-            colors="#22272e",
-            linewidths=0.8,
-        )
-        for number in axis.clabel(lines, fontsize=8, fmt="%g", zorder=4):
-            # Over the dots, and readable there.
-            number.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
-
-
 def _dots(axis: Any, angle: FloatArray, spin: FloatArray, face: str, name: str) -> list[Any]:
-    """A dot an impact; what the legend shows of them, nothing without impacts."""
+    """Draw a dot an impact; the handles of the legend, none without impacts."""
     if not angle.size:
         return []
-    shade = opacity(angle.size)
     drawn: list[Any] = axis.plot(
         np.degrees(angle),
         spin,
         "o",
         markersize=4.5,
-        alpha=shade,
+        alpha=opacity(angle.size),
         markerfacecolor=face,
         markeredgecolor="black",
         markeredgewidth=0.6,
@@ -477,7 +436,44 @@ def _dots(axis: Any, angle: FloatArray, spin: FloatArray, face: str, name: str) 
     return drawn
 
 
+def _draw_areas(axis: Any, words: np.ndarray[Any, Any], extent: tuple[float, ...]) -> list[Any]:
+    """Draw the sequences in `words` (spins, angles) as areas of an `extent`, left, right, lower and
+    upper end; the handles of the legend.
+    """
+    shares = {name: float(np.mean(words == name)) for name in np.unique(words)}
+    colours = _coloured(shares, _RARE_ON_MAP)
+    names = list(colours)
+    numbers = np.empty(words.shape)
+    for name in shares:
+        numbers[words == name] = names.index(name if name in colours else _OTHERS)
+    axis.imshow(
+        numbers,
+        cmap=ListedColormap([*colours.values()]),
+        vmin=-0.5,
+        vmax=len(colours) - 0.5,
+        origin="lower",
+        aspect="auto",
+        extent=extent,
+        interpolation="nearest",
+        alpha=0.75,
+    )
+    return [Patch(color=colours[name], alpha=0.75, label=name) for name in names]
+
+
+def _draw_contours(axis: Any, angles: FloatArray, spins: FloatArray, theta_2: FloatArray) -> None:
+    """Draw lines of equal rebound angle (spins, angles) [deg], where it is not the same
+    everywhere.
+    """
+    solved = np.ma.masked_invalid(theta_2)
+    if not np.ma.count(solved) or np.ptp(solved.compressed()) == 0.0:
+        return
+    lines = axis.contour(angles, spins, solved, levels=8, colors=INK, linewidths=0.8)
+    for number in axis.clabel(lines, fontsize=8, fmt="%g", zorder=4):
+        # Over the dots, and readable there.
+        number.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+
+
 def _range(values: FloatArray, least: float) -> tuple[float, float]:
-    """Ends of an axis a little wider than the values."""
+    """Ends of an axis a little wider than the values, and than a range of at least `least`."""
     wide = max(float(np.ptp(values)), least)
     return float(values.min()) - _MARGIN * wide, float(values.max()) + _MARGIN * wide

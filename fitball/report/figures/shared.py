@@ -10,10 +10,12 @@ from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray
 from fitball.report.quantities import plain, records
 from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
 
-# Impacts of a panel that are drawn one by one; of more, the medians of so many bins of equal
-# numbers.
+# Impacts of a panel that are drawn one by one; more would be a cloud.
 DOTS = 600
+# Bins of equal numbers of more impacts, of which medians are drawn.
 BINS = 24
+# Quantiles of a bin: the median, and the ends of the middle 68 %.
+_QUANTILES = (0.16, 0.5, 0.84)
 
 
 class Look(NamedTuple):
@@ -26,44 +28,47 @@ class Look(NamedTuple):
 
 
 def looks(curves: DataFrame) -> dict[int, Look]:
-    """By series; the speed is named where speeds differ."""
-    first = records(curves.groupby("series").first())
-    if len(first) == 1:
-        return {int(first[0]["series"]): Look(MEASURED, "o", MODEL, "measured and model")}
-    found = {}
+    """Looks by series; the speed is named where speeds differ."""
+    rows = records(curves.groupby("series").first())
+    if len(rows) == 1:
+        return {int(rows[0]["series"]): Look(MEASURED, "o", MODEL, "measured and model")}
+    by_series = {}
     several = curves["speed"].nunique() > 1
-    for k, row in enumerate(first):
-        spin = (
-            f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 ")
-            if np.isfinite(row["spin"])
-            else ""
-        )
-        speed = f"{row['speed']:.3g} m/s" if several else ""
-        words = ", ".join(filter(None, (plain(row["name"]), spin, speed)))
+    for k, row in enumerate(rows):
+        words = [plain(row["name"])]
+        if np.isfinite(row["spin"]):
+            # A zero without a sign.
+            words.append(f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
+        if several:
+            words.append(f"{row['speed']:.3g} m/s")
+        name = ", ".join(filter(None, words))
         colour = SERIES[k % len(SERIES)]
-        found[int(row["series"])] = Look(colour, MARKERS[k % len(MARKERS)], colour, words)
-    return found
+        marker = MARKERS[k % len(MARKERS)]
+        by_series[int(row["series"])] = Look(colour, marker, colour, name)
+    return by_series
 
 
 def split(frame: DataFrame, styles: Mapping[int, Look]) -> list[tuple[Look, BoolArray]]:
-    """Looks of a panel, and of which rows each is; many rows have one look."""
+    """Looks of a panel, and which rows (rows,) have each; more than DOTS rows have one look."""
     if len(frame) > DOTS:
         return [(Look(MEASURED, "o", MODEL, ""), np.ones(len(frame), dtype=np.bool_))]
     return [(look, (frame["series"] == k).to_numpy(np.bool_)) for k, look in styles.items()]
 
 
 def opacity(count: int) -> float:
-    """Of so many dots in a panel."""
-    return float(min(1.0, max(0.12, (150.0 / max(count, 1)) ** 0.7)))
+    """Opacity of each of so many dots in a panel: many may cover each other."""
+    shade = (150.0 / max(count, 1)) ** 0.7
+    return float(min(1.0, max(0.12, shade)))
 
 
 def binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), of bins of
-    equal numbers.
+    """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), in BINS bins of
+    equal numbers along `place`; both arguments are (rows,).
     """
-    parts = np.array_split(np.argsort(place, kind="stable"), BINS)
-    bands = np.stack([np.quantile(values[part], (0.16, 0.5, 0.84)) for part in parts], axis=1)
-    return np.array([np.median(place[part]) for part in parts]), bands
+    bins = np.array_split(np.argsort(place, kind="stable"), BINS)
+    middles = np.array([np.median(place[rows]) for rows in bins])
+    bands = np.stack([np.quantile(values[rows], _QUANTILES) for rows in bins], axis=1)
+    return middles, bands
 
 
 def scattered(
@@ -73,15 +78,17 @@ def scattered(
     look: Look,
     sd: FloatArray | None = None,
 ) -> None:
-    """Dots with bars of one `sd`, or medians of bins with the middle 68 % of their values; NaN are
-    left out.
+    """Draw dots (rows,) with bars of one `sd`, or of more than DOTS the medians of bins with the
+    middle 68 % of their values; NaN are not drawn.
     """
-    known = np.isfinite(place) & np.isfinite(values)
-    place = place[known]
-    values = values[known]
+    finite = np.isfinite(place) & np.isfinite(values)
+    place = place[finite]
+    values = values[finite]
     shade = opacity(len(place))
     size = 5.0
-    ends = None if sd is None else (values - sd[known], values + sd[known])
+    ends = None
+    if sd is not None:
+        ends = (values - sd[finite], values + sd[finite])
     if len(place) > DOTS:
         place, (low, values, high) = binned(place, values)
         shade = 1.0
@@ -107,24 +114,30 @@ def series_legend(
     shown: Sequence[tuple[Look, BoolArray]],
     more: Sequence[Any] = (),
 ) -> None:
-    """Dots of the series, where there are several, and what else is drawn."""
-    handles = [
-        Line2D([], [], color=look.dots, marker=look.marker, linestyle="", label=look.name)
-        for look, _ in shown
-        if len(shown) > 1
-    ]
-    if handles or more:
-        legend_above(figure, [*handles, *more])
+    """Draw a legend with the dots of the series, where there are several, and handles of what else
+    is drawn.
+    """
+    handles = list[Any]()
+    if len(shown) > 1:
+        for look, _ in shown:
+            handles.append(
+                Line2D([], [], color=look.dots, marker=look.marker, linestyle="", label=look.name)
+            )
+    handles += more
+    if handles:
+        legend_above(figure, handles)
 
 
 def hide(axes: Any, count: int, across: str = "") -> None:
-    """Hide the panels after the first `count`; what is `across` stands below the lowest of each
+    """Hide the panels after the first `count`; the label `across` is below the lowest of each
     column.
     """
     flat = axes.ravel()
     wide = axes.shape[1]
     for axis in flat[count:]:
         axis.set_visible(False)
-    for axis in flat[max(count - wide, 0) : count] if across else ():
+    if not across:
+        return
+    for axis in flat[max(count - wide, 0) : count]:
         axis.set_xlabel(across)
         axis.xaxis.set_tick_params(labelbottom=True)
