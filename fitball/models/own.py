@@ -239,9 +239,8 @@ def _try(model: Model, solver: OwnSolver) -> None:
         values = [f"{name} = {value:.4g}" for name, value in zip(names, draws[0], strict=True)]
         raise solver.fault(
             f"gives a number that is not finite for each of {TRIED} impacts at {TRIED} draws of "
-            f"its priors, such as v_x1 = {impacts.v_x1[0]:.4g} m/s, v_y1 = "
-            f"{impacts.v_y1[0]:.4g} m/s, omega_1 = {impacts.omega_1[0]:.4g} rad/s at "
-            f"{', '.join(values)}"
+            f"its priors, such as v_x1 = {impacts.v_x1[0]:.4g} m/s, v_y1 = {impacts.v_y1[0]:.4g} "
+            f"m/s, omega_1 = {impacts.omega_1[0]:.4g} rad/s at {', '.join(values)}"
         )
     # Each impact alone: a function that takes the largest speed is right about the fastest impact.
     for k in range(TRIED):

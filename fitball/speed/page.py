@@ -40,8 +40,7 @@ def report(result: Findings) -> Report:
         f"error is {largest:.0e} of the ball's speed, {hard['largest_error'].max():.0e} on hard "
         "cases.",
         f"The fastest rival takes {coarse['times fitball']} times as long within an error of "
-        f"{coarse['error at most']}, {fine['times fitball']} times within "
-        f"{fine['error at most']}.",
+        f"{coarse['error at most']}, {fine['times fitball']} times within {fine['error at most']}.",
     ]
     sections = []
     for name, rows in frame.groupby("scene", sort=False):
