@@ -16,6 +16,7 @@ from fitball.base.numbers import Unit
 from fitball.report.blocks import Picture, Report, Section, Table, Text
 from fitball.report.page import Page
 from fitball.report.style import label, new_figure, saved, styled
+from fitball.results.exported import Exported
 from fitball.results.result import Frames, Result
 
 
@@ -116,6 +117,16 @@ def test_frames_have_their_page_and_their_exit_code():
     assert result.exit_code == 1
     assert result.record == "report.html"
     assert "0.300" in result.report()
+
+
+def test_files_alone_have_no_frames_and_refuse_figures():
+    exported = Exported({"a.txt": "text\n"})
+    assert exported.frames == {}
+    assert exported.report() == "text"
+    assert exported.json()["files"] == {"a.txt": "text\n"}
+    with pytest.raises(ParameterError) as caught:
+        exported.plot("line")
+    assert caught.value.code == "unknown-figure"
 
 
 def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot():

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from fitball.base.errors import FolderError, Note, ParameterError
 from fitball.base.files import ResultFolder, result_folder
 from fitball.base.text import listed
+from fitball.base.values import DataFrame, Figure
 from fitball.results.result import Result
 
 
@@ -22,6 +23,15 @@ class Exported(Result):
     record: ClassVar[str] = ""
     contents: Mapping[str, str | bytes]
     notes: tuple[Note, ...] = ()
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """No frames: the numbers are in the files."""
+        return {}
+
+    def plot(self, name: str) -> Figure:
+        """No figure. Raises ParameterError (`unknown-figure`)."""
+        raise ParameterError(f"no figure '{name}': an export has none", "unknown-figure")
 
     def report(self, **_options: Any) -> str:
         """The text itself. Raises ParameterError (`no-text`) of a file that has none."""
