@@ -90,6 +90,8 @@ TESTS = {
     "exports/page": "exports_page",
     "exports": "exports",
     "speed": "bench",
+    "results": "verbs result",
+    "verbs": "verbs cli",
     "": "text_numbers priors files result render scheduling cli calibrate",
 }
 COMPARED = {
