@@ -28,7 +28,6 @@ UNFORMATTED = 20
 # Functions that may be longer, by module and name, with the reason.
 LONG_FUNCTIONS = {
     "tests/support/made_fit.py:made_fit": "to be split",
-    "tests/support/taylor.py:_bounce": "to be split",
     "scripts/hostile.py:main": "to be split",
     "scripts/validation/trust.py:main": "to be split",
     "fitball/models/kernels/crossings.py:first_fall": "compiled: its parts would hand on 15 values",

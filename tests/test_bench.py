@@ -9,7 +9,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support import answers, taylor
+from support import answers, taylor, taylor_series
 
 import fitball
 
@@ -31,7 +31,7 @@ def test_the_answers_are_those_of_the_oracle():
     for row in rows:
         values = {spec.name: float(row[spec.name]) for spec in fitball.model().parameters}
         impact = [float(row[name]) for name in answers.IMPACT]
-        answer = taylor.solve({}, values, impact, kind=taylor.FIFTY)
+        answer = taylor.solve({}, values, impact, kind=taylor_series.FIFTY)
         assert float(answer.v_x2) == row["v_x2"]
         assert float(answer.omega_2) == row["omega_2"]
         assert f"{answer.regime(1e-12):o}" == str(int(row["regime"]))

@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from support import answers, taylor
+from support import answers, taylor, taylor_series
 from support.answers import IMPACT, PARAMETERS
 from support.taylor import OUTPUTS
 
@@ -64,7 +64,7 @@ def test_the_answers_are_those_of_the_oracle():
         values = {key: float(row[key]) for key in PARAMETERS if row[key]}
         impact = [float(row[key]) for key in IMPACT]
         options = answers.options_of(row)
-        answer = taylor.solve(options, values, impact, kind=taylor.FIFTY)
+        answer = taylor.solve(options, values, impact, kind=taylor_series.FIFTY)
         for output in OUTPUTS:
             assert repr(float(getattr(answer, output))) == row[output]
 

@@ -3,7 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
-from support import answers, bounces, taylor
+from support import answers, bounces, taylor, taylor_series
 from support.taylor import OUTPUTS
 
 import fitball
@@ -24,12 +24,12 @@ def distance(one, other, impact, outputs=OUTPUTS):
 
 def test_digits_beyond_change_nothing_and_another_arithmetic_agrees():
     """Sixty digits against thirty, of decimal numbers and of mpmath's."""
-    few = taylor.FIFTY._replace(digits=30)
-    binary = taylor.Numbers(mpmath.mpf, mpmath.sqrt, mpmath.log, 30)
+    few = taylor_series.FIFTY._replace(digits=30)
+    binary = taylor_series.Numbers(mpmath.mpf, mpmath.sqrt, mpmath.log, 30)
     rng = np.random.default_rng(2)
     for options in (bounces.random_options(rng), bounces.random_options(rng)):
         values, impact = bounces.random_bounce(rng, options)
-        exact = taylor.solve(options, values, impact, kind=taylor.FIFTY)
+        exact = taylor.solve(options, values, impact, kind=taylor_series.FIFTY)
         assert exact.status == "OK"
         with mpmath.workdps(30):
             for kind in (few, binary):
@@ -81,7 +81,7 @@ def test_kernels_agree_with_the_oracle(wide):
         regime = found.regime[0, 0]
         agrees = distance(of_kernel, answer, impact) <= 1e-13
         if not agrees or not names_its_regime(answer, regime):
-            answer = taylor.solve(options, values, impact, kind=taylor.FIFTY)
+            answer = taylor.solve(options, values, impact, kind=taylor_series.FIFTY)
         assert distance(of_kernel, answer, impact) < 1e-13, case
         assert names_its_regime(answer, regime), case
         regimes.add(f"{answer.regime(1e-9):o}"[::-1])

@@ -10,7 +10,7 @@ import csv
 import sys
 from decimal import Decimal, localcontext
 
-from support import taylor
+from support import taylor, taylor_series
 from support.taylor import OUTPUTS
 
 from fitball.data.bundled import folder
@@ -30,7 +30,7 @@ PARAMETERS = (
     "inertia_split",
 )
 
-ENOUGH = taylor.FIFTY._replace(digits=36)
+ENOUGH = taylor_series.FIFTY._replace(digits=36)
 
 
 def options_of(row):
@@ -90,7 +90,7 @@ def rewrite(place):
         options = options_of(row)
         impact = [float(row[name]) for name in IMPACT]
         values = {name: float(row[name]) for name in PARAMETERS if row[name]}
-        answer = taylor.solve(options, values, impact, kind=taylor.FIFTY)
+        answer = taylor.solve(options, values, impact, kind=taylor_series.FIFTY)
         row |= {"status": answer.status}
         if answer.status == "OK":
             row |= {name: repr(float(getattr(answer, name))) for name in OUTPUTS}

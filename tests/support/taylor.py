@@ -20,10 +20,11 @@ shooting: that with which the core keeps the given share of its speed.
 
 import math
 from collections import namedtuple
-from collections.abc import Callable
-from decimal import Decimal, localcontext
+from decimal import localcontext
 from functools import lru_cache
 from typing import Any, NamedTuple
+
+from support.taylor_series import DOUBLE, FIRST, REACH, Piece, total
 
 SLIDE_FORWARD = 1
 SLIDE_BACKWARD = 2
@@ -31,10 +32,7 @@ GRIP = 3
 HOLD = 4
 FREE = 5
 Y, V, X, W1, W2, TWIST, PATH, TURN = range(8)
-# Fastest pole times the length of a piece; terms that decide what comes next; most phases of a
-# contact.
-REACH = 2
-FIRST = 5
+# Most phases of a contact: far more than any that ends.
 PHASES = 4000
 DEFAULT = {
     "normal": "momentum",
@@ -46,31 +44,6 @@ DEFAULT = {
 }
 BALL = (0.0576, 0.03302, 0.56)
 OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time", "gap_time", "gap_path", "gap_turn")
-
-
-class Numbers(NamedTuple):
-    """A kind of number: how one is made, roots, logarithms, and how many `digits` it has."""
-
-    make: Callable[[Any], Any]
-    sqrt: Callable[[Any], Any]
-    log: Callable[[Any], Any]
-    digits: int
-
-    @property
-    def rounding(self):
-        """Relative size below which a sum of a few terms is zero."""
-        return self.make(10) ** (3 - self.digits)
-
-    @property
-    def terms(self):
-        """Terms after which a series of reach REACH has converged."""
-        small = 10 ** (-self.digits - 2)
-        return next(n for n in range(999) if REACH**n < math.factorial(n) * small)
-
-
-DOUBLE = Numbers(float, math.sqrt, math.log, 16)
-# Fifty digits of each answer are good.
-FIFTY = Numbers(Decimal, Decimal.sqrt, Decimal.ln, 60)
 
 
 class Answer(
@@ -91,139 +64,6 @@ class Answer(
         least = shortest * float(self.contact_time)
         phases = [phase for phase, duration in self.phases if duration > least]
         return sum(phase << 3 * k for k, phase in enumerate(phases[:20]))
-
-
-def value(c, x):
-    """A polynomial and its slope."""
-    f = 0 * x
-    d = 0 * x
-    for coefficient in reversed(c):
-        d = d * x + f
-        f = f * x + coefficient
-    return f, d
-
-
-def first_fall(c, zero, least):
-    """First x in (0, 1] where a polynomial that is positive at first falls to zero, else None:
-    intervals are proved free of zeros, or monotonic, by a bound of the second derivative, or
-    halved.
-    """
-    bend = sum(k * (k - 1) * abs(coefficient) for k, coefficient in enumerate(c))
-    parts = [(zero, zero + 1)]
-    while parts:
-        low, high = parts.pop()
-        middle = (low + high) / 2
-        half = (high - low) / 2
-        f, d = value(c, middle)
-        free_of_zeros = abs(f) > abs(d) * half + bend * half * half / 2
-        monotonic = abs(d) > bend * half
-        if free_of_zeros:
-            if f < 0:
-                return low
-        elif monotonic or half < least:
-            if d < 0 and value(c, high)[0] <= 0:
-                return falling(c, low, high, least)
-            if value(c, low)[0] < 0:
-                return low
-        else:
-            parts += [(middle, high), (low, middle)]
-    return None
-
-
-def falling(c, low, high, least):
-    """The zero of a falling polynomial between two points, by Newton's steps that stay between
-    them.
-    """
-    x = (low + high) / 2
-    old = high
-    for _ in range(400):
-        if abs(x - old) <= least / 1000:
-            break
-        f, d = value(c, x)
-        if f > 0:
-            low = x
-        else:
-            high = x
-        old = x
-        x = (low + high) / 2
-        if d < 0:
-            x = min(max(old - f / d, low), high)
-    return x
-
-
-def total(*parts):
-    """A sum of multiples of weights, `(factor, weights)`; weights are mappings from places in the
-    state.
-    """
-    places = sorted({place for _, weights in parts for place in weights})
-    sums = {}
-    for place in places:
-        sums[place] = sum(factor * weights.get(place, 0) for factor, weights in parts)
-    return sums
-
-
-def weighted(weights, state):
-    """The weighted sum over a state."""
-    return sum([weight * state[place] for place, weight in weights.items()])
-
-
-def sizes_of(weights):
-    return {place: abs(weight) for place, weight in weights.items()}
-
-
-def series(rates, z, h, count):
-    """Terms in t/h of the motion z' = A z that begins at z; `rates` are the rows of A."""
-    terms = [z]
-    for k in range(1, count):
-        share = h / k
-        last = terms[-1]
-        terms.append([share * weighted(row, last) for row in rates])
-    return terms
-
-
-class Piece:
-    """A piece of a motion: its terms, and the size of what is added up in the first of them."""
-
-    def __init__(self, rates, z, h, kind, count=0):
-        self.terms = series(rates, z, h, count or kind.terms)
-        self.kind = kind
-        self.zero = 0 * z[0]
-        sizes = [sizes_of(row) for row in rates]
-        self.sizes = series(sizes, [abs(number) for number in z], h, FIRST)
-
-    def leading(self, weights):
-        """A weighted sum of the state as terms, and the place of the first that is not rounding
-        (None: all are).
-        """
-        c = [weighted(weights, z) for z in self.terms]
-        noise = self.kind.rounding
-        absolute = sizes_of(weights)
-        for k, z in enumerate(self.sizes):
-            if abs(c[k]) > noise * weighted(absolute, z):
-                return c, k
-        return c, None
-
-    def sign(self, weights):
-        """Whether a weighted sum is positive just after the start (1), negative (-1) or neither
-        (0).
-        """
-        c, k = self.leading(weights)
-        if k is None:
-            return 0
-        return 1 if c[k] > 0 else -1
-
-    def fall(self, weights):
-        """When a weighted sum falls to zero: None if not here, 0 if it is falling from there."""
-        c, k = self.leading(weights)
-        if k is None:
-            return None
-        if c[k] < 0:
-            return self.zero
-        return first_fall(c[k:], self.zero, self.kind.rounding)
-
-    def at(self, x):
-        """The state at x."""
-        return [value(column, x)[0] for column in zip(*self.terms, strict=True)]
 
 
 def fastest(decay, natural_squared, sqrt):
@@ -344,171 +184,293 @@ def landed(v_x, omega_2, impulse, mass, radius, shell, mu, eps, in_slide):
     return pushed(v_x, omega_2, friction, lever, impulse - spent)
 
 
-def solve(options, parameters, impact, *, ball=BALL, cor=None, until=None, kind=DOUBLE):
-    """The bounce of an impact (v_x1, v_y1, omega_1), SI; `cor` in place of the law, only up to the
-    time `until`.
+class NoBounce(Exception):
+    """An impact without a bounce; `status` says why."""
+
+    def __init__(self, status):
+        super().__init__(status)
+        self.status = status
+
+
+class Body(NamedTuple):
+    """The ball: its mass, its radius, and its moment of inertia, SI."""
+
+    mass: Any
+    radius: Any
+    inertia: Any
+
+
+class Normal(NamedTuple):
+    """The normal direction: the mass `riding` on spring k and damper c, its natural frequency omega
+    and damping ratio zeta, and when the force and the contact end, SI.
     """
-    with localcontext(prec=kind.digits):
-        return _bounce({**DEFAULT, **options}, parameters, impact, ball, cor, until, kind)
+
+    riding: Any
+    k: Any
+    c: Any
+    omega: Any
+    zeta: Any
+    t_force: Any
+    t_contact: Any
 
 
-def _bounce(options, parameters, impact, ball, cor, until, kind):
-    p = {name: kind.make(number) for name, number in parameters.items()}
-    v_x, v_y, omega = map(kind.make, impact)
-    mass, radius, ratio = map(kind.make, ball)
-    inertia = ratio * mass * radius * radius
-    one = kind.make(1)
-    zero = kind.make(0)
-    m = p.get("mass_ratio", one)
-    mu = p["mu"]
-    momentum = options["normal"] == "momentum"
-    cap = m if momentum else one
-    e = None if cor is None else kind.make(cor)
-    if cor is None:
-        e = law(p["cor_10"], p["cor_slope"], cap, v_y, kind.log)
+class Joint(NamedTuple):
+    """The moments of inertia of core and shell, and the spring k and damper c between them, SI."""
+
+    core: Any
+    shell: Any
+    k: Any
+    c: Any
+
+
+class Surface(NamedTuple):
+    """Coulomb's friction mu, the offset eps of the normal force [m], and whether the offset acts
+    while the contact point slides, too.
+    """
+
+    mu: Any
+    eps: Any
+    in_slide: bool
+
+
+def restitution(p, cor, cap, v_y, kind):
+    """The coefficient of restitution: `cor`, or that of the law where it is None. NoBounce is
+    raised where no damping can give it.
+    """
+    e = law(p["cor_10"], p["cor_slope"], cap, v_y, kind.log) if cor is None else kind.make(cor)
     if e is None:
-        return Answer("REBOUND_FALLS")
+        raise NoBounce("REBOUND_FALLS")
     if cap < e <= 1:
-        return Answer("COR_EXCEEDS_MASS_RATIO")
+        raise NoBounce("COR_EXCEEDS_MASS_RATIO")
     if not 0 < e <= cap:
-        return Answer("COR_OUT_OF_RANGE")
-    riding = mass if options["normal"] == "total" else m * mass
-    k_y = p["k_y"]
-    omega_y = kind.sqrt(p["k_y"] / riding)
-    zeta, t_force, t_contact = damping(e / cap, options["release"] == "zero_force", kind)
-    c_y = 2 * zeta * omega_y * riding
-    t_force = t_force / omega_y
-    t_contact = t_contact / omega_y
+        raise NoBounce("COR_OUT_OF_RANGE")
+    return e
 
+
+def normal_of(options, p, mass, m, kept, kind):
+    """The normal direction of a ball of this mass and mass ratio m, whose core keeps this share of
+    its speed.
+    """
+    riding = mass if options["normal"] == "total" else m * mass
+    omega = kind.sqrt(p["k_y"] / riding)
+    zeta, t_force, t_contact = damping(kept, options["release"] == "zero_force", kind)
+    return Normal(
+        riding,
+        p["k_y"],
+        2 * zeta * omega * riding,
+        omega,
+        zeta,
+        t_force / omega,
+        t_contact / omega,
+    )
+
+
+def joint_of(options, p, inertia, m, normal, kind):
+    """The joint of core and shell in a ball of this moment of inertia and mass ratio m. NoBounce is
+    raised where either has no inertia, or where no damping matches the joint to the spring.
+    """
+    one = kind.make(1)
     solid = one * 2 / 5 * 97 * 97 / 10000 * m
     thin = one * 2 / 3 * (1 - m)
     split = solid / (solid + thin) if options["inertia"] == "tied" else p["inertia_split"]
     core = split * inertia
     shell = (1 - split) * inertia
     if not (core > 0 and shell > 0):
-        return Answer("NO_INERTIA")
+        raise NoBounce("NO_INERTIA")
     k = p["k_theta"]
     compliance = 1 / core + 1 / shell
-    squared = 1 - (1 - zeta * zeta) * omega_y * omega_y / (k * compliance)
-    if options["torsion"] == "matched" and squared < 0:
-        return Answer("TORSION_TOO_SOFT")
-    matched = options["torsion"] == "matched"
-    zeta_theta = kind.sqrt(squared) if matched else p["zeta_theta"]
-    c = 2 * zeta_theta * kind.sqrt(k / compliance)
+    if options["torsion"] == "matched":
+        squared = 1 - (1 - normal.zeta * normal.zeta) * normal.omega * normal.omega / (
+            k * compliance
+        )
+        if squared < 0:
+            raise NoBounce("TORSION_TOO_SOFT")
+        zeta = kind.sqrt(squared)
+    else:
+        zeta = p["zeta_theta"]
+    return Joint(core, shell, k, 2 * zeta * kind.sqrt(k / compliance))
 
-    eps = p["eps_10"] + p["eps_slope"] * (v_y - 10)
-    in_slide = options["offset"] == "contact"
-    stopped = (1 - m) * mass * v_y if momentum else zero
-    v_x, omega_2 = landed(v_x, omega, stopped, mass, radius, shell, mu, eps, in_slide)
 
-    # Weights of forces over the state, and the equations of motion of each phase: friction, and
-    # offset.
-    force = {Y: k_y, V: c_y}
-    torque = {TWIST: k, W1: c, W2: -c}
-    slip = {X: one, W2: -radius}
-    gyration = shell + mass * radius * radius
-    acting = eps if in_slide else zero
+class Motion:
+    """The equations of motion of each phase of a contact, and what ends a phase: weights of forces
+    over the state, and rows of A.
+    """
 
-    def at_rest_by(lever):
+    def __init__(self, body, normal, joint, surface, kind):
+        self.body = body
+        self.normal = normal
+        self.joint = joint
+        self.surface = surface
+        self.kind = kind
+        one = kind.make(1)
+        zero = kind.make(0)
+        mu, eps, in_slide = surface
+        self.force = {Y: normal.k, V: normal.c}
+        self.torque = {TWIST: joint.k, W1: joint.c, W2: -joint.c}
+        self.slip = {X: one, W2: -body.radius}
+        self.gyration = joint.shell + body.mass * body.radius * body.radius
+        self.full = self.at_rest_by(eps)
+        self.bare = self.at_rest_by(zero)
+        acting = eps if in_slide else zero
+        self.rates = {
+            SLIDE_FORWARD: self.rates_of(total((-mu, self.force)), acting),
+            SLIDE_BACKWARD: self.rates_of(total((mu, self.force)), acting),
+            GRIP: self.rates_of(self.full, eps),
+            HOLD: self.rates_of(self.bare, zero),
+            FREE: self.rates_of({}, zero),
+        }
+
+    def at_rest_by(self, lever):
         """The friction that keeps the contact point at rest."""
-        share = mass * radius / gyration
-        return total((share, torque), (-share * lever, force))
+        share = self.body.mass * self.body.radius / self.gyration
+        return total((share, self.torque), (-share * lever, self.force))
 
-    def rates_of(friction, lever):
+    def rates_of(self, friction, lever):
         """Rows of A in a phase with this friction and this offset."""
+        one = self.kind.make(1)
+        mass, radius, inertia = self.body
+        core = self.joint.core
+        shell = self.joint.shell
+        turned = total(
+            (1 / shell, self.torque),
+            (-radius / shell, friction),
+            (-lever / shell, self.force),
+        )
         return [
             {V: one},
-            total((-1 / riding, force)),
+            total((-1 / self.normal.riding, self.force)),
             total((1 / mass, friction)),
-            total((-1 / core, torque)),
-            total((1 / shell, torque), (-radius / shell, friction), (-lever / shell, force)),
+            total((-1 / core, self.torque)),
+            turned,
             {W1: one, W2: -one},
             {X: one},
             {W1: core / inertia, W2: shell / inertia},
         ]
 
-    full = at_rest_by(eps)
-    bare = at_rest_by(zero)
-    rates = {
-        SLIDE_FORWARD: rates_of(total((-mu, force)), acting),
-        SLIDE_BACKWARD: rates_of(total((mu, force)), acting),
-        GRIP: rates_of(full, eps),
-        HOLD: rates_of(bare, zero),
-        FREE: rates_of({}, zero),
-    }
-
-    def beginning(phase, z):
+    def beginning(self, phase, z):
         """Whether a phase can begin at z, and what falls through zero where it ends."""
-        near = Piece(rates[phase], z, t_contact, kind, FIRST)
+        mu, eps, in_slide = self.surface
+        near = Piece(self.rates[phase], z, self.normal.t_contact, self.kind, FIRST)
         ends = []
         if phase in (GRIP, HOLD):
-            friction = full if phase == GRIP else bare
-            ends.append(total((mu, force), (-1, friction)))
-            ends.append(total((mu, force), (1, friction)))
+            friction = self.full if phase == GRIP else self.bare
+            ends.append(total((mu, self.force), (-1, friction)))
+            ends.append(total((mu, self.force), (1, friction)))
         elif mu > 0:
             side = 1 if phase == SLIDE_FORWARD else -1
-            ends.append(total((side, slip)))
+            ends.append(total((side, self.slip)))
         if phase == HOLD:
-            ends.append(total((near.sign(full), full), (-mu, force)))
+            ends.append(total((near.sign(self.full), self.full), (-mu, self.force)))
         can = all(near.sign(end) > 0 for end in ends)
         if phase == HOLD and (in_slide or eps == 0):
             can = False
         return can, ends
 
-    def at_rest(z):
+    def at_rest(self, z):
         """The phase that begins at zero slip, and what ends it; an error if every phase
         contradicts itself.
         """
         for phase in (GRIP, HOLD, SLIDE_FORWARD, SLIDE_BACKWARD):
-            can, ends = beginning(phase, z)
+            can, ends = self.beginning(phase, z)
             if can:
                 return phase, ends
         raise ArithmeticError("every phase contradicts itself")
 
-    z = [zero, v_y, v_x, omega, omega_2, zero, zero, zero]
-    now = zero
-    began = zero
-    phases = []
-    apart = v_x - radius * omega_2
-    size = abs(v_x) + radius * abs(omega_2)
-    if mu > 0 and abs(apart) <= kind.rounding * size:
-        phase, ends = at_rest(z)
-    else:
+    def first(self, z):
+        """The phase in which the contact begins, and what ends it."""
+        radius = self.body.radius
+        apart = z[X] - radius * z[W2]
+        size = abs(z[X]) + radius * abs(z[W2])
+        if self.surface.mu > 0 and abs(apart) <= self.kind.rounding * size:
+            return self.at_rest(z)
         phase = SLIDE_FORWARD if apart > 0 else SLIDE_BACKWARD
-        _, ends = beginning(phase, z)
+        return phase, self.beginning(phase, z)[1]
+
+    def reach(self, phase):
+        """The time of a piece in a phase: that in which its series converges."""
+        normal = self.normal
+        joint = self.joint
+        decay = normal.zeta * normal.omega
+        swinging = fastest(decay, normal.omega * normal.omega, self.kind.sqrt)
+        turning = self.gyration if phase in (GRIP, HOLD) else joint.shell
+        yields = 1 / joint.core + 1 / turning
+        twisting = fastest(joint.c * yields / 2, joint.k * yields, self.kind.sqrt)
+        return REACH / max(swinging, twisting)
+
+    def walk(self, z, stop):
+        """The phases from z at time zero to the time `stop`, each with its duration, and z there.
+        NoBounce is raised where there are more than PHASES.
+        """
+        zero = self.kind.make(0)
+        one = self.kind.make(1)
+        now = zero
+        began = zero
+        phases = []
+        phase, ends = self.first(z)
+        t_force = self.normal.t_force
+        nearly = self.kind.rounding * self.normal.t_contact
+        while len(phases) < PHASES:
+            limit = stop if phase == FREE else min(stop, t_force)
+            h = self.reach(phase)
+            left = limit - now
+            last = h >= left
+            h = left if last else h
+            piece = Piece(self.rates[phase], z, h, self.kind)
+            # At the end of force itself slip and cone are touched by all: no event.
+            falls = [x for x in map(piece.fall, ends) if x is not None]
+            hits = [x for x in falls if x * h < left - nearly]
+            x = min(hits, default=one)
+            z = piece.at(x)
+            now = now + x * h
+            if hits or last:
+                phases.append((phase, now - began))
+                began = now
+            if hits:
+                phase, ends = self.at_rest(z)
+            elif last and limit < stop and self.normal.t_contact - t_force > nearly:
+                phase = FREE
+                ends = []
+            elif last:
+                return phases, z
+        raise NoBounce("TOO_MANY_PHASES")
+
+
+def solve(options, parameters, impact, *, ball=BALL, cor=None, until=None, kind=DOUBLE):
+    """The bounce of an impact (v_x1, v_y1, omega_1), SI; `cor` in place of the law, only up to the
+    time `until`.
+    """
+    with localcontext(prec=kind.digits):
+        try:
+            return _bounce({**DEFAULT, **options}, parameters, impact, ball, cor, until, kind)
+        except NoBounce as why:
+            return Answer(why.status)
+
+
+def _bounce(options, parameters, impact, ball, cor, until, kind):
+    p = {name: kind.make(number) for name, number in parameters.items()}
+    v_x, v_y, omega = map(kind.make, impact)
+    mass, radius, ratio = map(kind.make, ball)
+    body = Body(mass, radius, ratio * mass * radius * radius)
+    zero = kind.make(0)
+    m = p.get("mass_ratio", kind.make(1))
+    momentum = options["normal"] == "momentum"
+    cap = m if momentum else kind.make(1)
+    e = restitution(p, cor, cap, v_y, kind)
+    normal = normal_of(options, p, mass, m, e / cap, kind)
+    joint = joint_of(options, p, body.inertia, m, normal, kind)
+    eps = p["eps_10"] + p["eps_slope"] * (v_y - 10)
+    surface = Surface(p["mu"], eps, options["offset"] == "contact")
+    stopped = (1 - m) * mass * v_y if momentum else zero
+    v_x, omega_2 = landed(v_x, omega, stopped, mass, radius, joint.shell, *surface)
+
+    motion = Motion(body, normal, joint, surface, kind)
+    t_contact = normal.t_contact
     stop = t_contact if until is None else min(kind.make(until), t_contact)
-    nearly = kind.rounding * t_contact
-    swinging = fastest(zeta * omega_y, omega_y * omega_y, kind.sqrt)
-    while len(phases) < PHASES:
-        limit = stop if phase == FREE else min(stop, t_force)
-        turning = gyration if phase in (GRIP, HOLD) else shell
-        yields = 1 / core + 1 / turning
-        twisting = fastest(c * yields / 2, k * yields, kind.sqrt)
-        h = REACH / max(swinging, twisting)
-        left = limit - now
-        last = h >= left
-        h = left if last else h
-        piece = Piece(rates[phase], z, h, kind)
-        # At the end of force itself slip and cone are touched by all: no event.
-        hits = [x for x in map(piece.fall, ends) if x is not None and x * h < left - nearly]
-        x = min(hits, default=one)
-        z = piece.at(x)
-        now = now + x * h
-        if hits or last:
-            phases.append((phase, now - began))
-            began = now
-        if hits:
-            phase, ends = at_rest(z)
-        elif last and limit < stop and t_contact - t_force > nearly:
-            phase = FREE
-            ends = []
-        elif last:
-            break
-    else:
-        return Answer("TOO_MANY_PHASES")
+    start = [zero, v_y, v_x, omega, omega_2, zero, zero, zero]
+    phases, z = motion.walk(start, stop)
     spin = z[W2]
     if options["spin"] != "shell":
-        spin = (core * z[W1] + shell * z[W2]) / inertia
+        spin = (joint.core * z[W1] + joint.shell * z[W2]) / body.inertia
     v_y2 = -z[V] * (m if momentum else 1)
     late = z[Y] / v_y2
     gaps = (t_contact + late, z[PATH] + z[X] * late, z[TURN] + spin * late)
