@@ -406,8 +406,8 @@ INSTEAD = {
 }
 
 
-def main() -> int:
-    """Run what is asked; 1 if the rule was broken, or with --control if a fault was not found."""
+def words_of_command() -> argparse.Namespace:
+    """What is asked on the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -416,59 +416,85 @@ def main() -> int:
     parser.add_argument("--share", type=float, default=1.0, help="of the cases of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--control", action="store_true")
-    asked = parser.parse_args()
-    root = Path(tempfile.mkdtemp(prefix="hostile-")).resolve()
+    return parser.parse_args()
+
+
+def missed_without(guard: str, instead: str, kind: str, wanted: str, seed: int, root: Path) -> str:
+    """Where the rule finds the fault that is `wanted` (a pattern) while a guard is removed: the
+    case and the fault, or an empty text.
+    """
+    for index in range(150):
+        with patch(guard, INSTEAD[instead]):
+            faults = case(kind, index, seed, root / f"{guard}-{index}")[2]
+        for fault in faults:
+            if re.search(wanted, fault):
+                return f"{kind}:{index}: {fault[:90]!a}"
+    return ""
+
+
+def run_controls(seed: int, root: Path) -> int:
+    """Remove each guard in turn, and print what is seen; the number of guards that are not
+    missed.
+    """
     bad = 0
-    # What takes all memory is stopped here: whoever runs this has other work.
-    resource.setrlimit(resource.RLIMIT_AS, (2**33, resource.RLIM_INFINITY))
-    prepare(root / "made")
-    for guard, instead, kind, wanted in DATA["guards"] if asked.control else ():
-        found = ""
-        for index in range(150):
-            with patch(guard, INSTEAD[instead]):
-                faults = case(kind, index, asked.seed, root / f"{guard}-{index}")[2]
-            if found := next((fault for fault in faults if re.search(wanted, fault)), ""):
-                break
-        print(
-            f"without {guard}: {f'{kind}:{index}: {found[:90]!a}' if found else 'NOTHING FOUND'}",
-            flush=True,
-        )
-        bad += not found
-    alone = [
-        (kind, int(index)) for kind, _, index in (one.partition(":") for one in asked.what) if index
-    ]
-    every = alone or [
-        (kind, k) for kind in asked.what or CASES for k in range(int(asked.share * CASES[kind]))
-    ]
+    for guard, instead, kind, wanted in DATA["guards"]:
+        seen = missed_without(guard, instead, kind, wanted, seed, root)
+        print(f"without {guard}: {seen or 'NOTHING FOUND'}", flush=True)
+        bad += not seen
+    return bad
+
+
+def single_cases(what: Words) -> list[tuple[str, int]]:
+    """The cases that are named as KIND:INDEX."""
+    pairs = [word.partition(":") for word in what]
+    return [(kind, int(index)) for kind, _, index in pairs if index]
+
+
+def run_cases(cases: list[tuple[str, int]], alone: bool, seed: int, root: Path) -> int:
+    """Run cases, print what the rule has against them, how they ended and the slowest; the number
+    that broke the rule. All of a case that runs alone is printed, and its folder stays.
+    """
+    bad = 0
     count = Counter[str]()
     slow = list[tuple[float, str]]()
-    for kind, index in () if asked.control else every:
-        line, end, faults = case(kind, index, asked.seed, root / f"{kind}-{index}")
+    for kind, index in cases:
+        line, end, faults = case(kind, index, seed, root / f"{kind}-{index}")
         slow.append((end.cpu, f"{end.cpu:6.1f} s of CPU: {kind}:{index} {line[:150]}"))
         count[f"{kind} {end.code}"] += 1
-        print(
-            "".join(f"{kind}:{index}: {fault[:300]!a}\n    {line}\n" for fault in faults[:4]),
-            end="",
-            flush=True,
-        )
+        for fault in faults[:4]:
+            print(f"{kind}:{index}: {fault[:300]!a}\n    {line}", flush=True)
         bad += bool(faults)
         if alone:
             print(line, end.out, end.err, end.trace, end.code, root, sep="\n")
         elif not faults:
             shutil.rmtree(root / f"{kind}-{index}")
-    print(
-        dict(sorted(count.items())),
-        *(line for _, line in sorted(slow, reverse=True)[:5]),
-        sep="\n",
-    )
+    slowest = [line for _, line in sorted(slow, reverse=True)[:5]]
+    print(dict(sorted(count.items())), *slowest, sep="\n")
+    return bad
+
+
+def main() -> int:
+    """Run what is asked; 1 if the rule was broken, or with --control if a fault was not found."""
+    asked = words_of_command()
+    root = Path(tempfile.mkdtemp(prefix="hostile-")).resolve()
+    # What takes all memory is stopped here: whoever runs this has other work.
+    resource.setrlimit(resource.RLIMIT_AS, (2**33, resource.RLIM_INFINITY))
+    prepare(root / "made")
+    alone = single_cases(asked.what)
+    if asked.control:
+        bad = run_controls(asked.seed, root)
+        verdict = f"{bad} guards not missed"
+    else:
+        cases = alone
+        if not alone:
+            kinds = asked.what or CASES
+            cases = [(kind, k) for kind in kinds for k in range(int(asked.share * CASES[kind]))]
+        bad = run_cases(cases, bool(alone), asked.seed, root)
+        verdict = f"{bad} of {len(cases)} cases broke the rule"
     os.chdir("/")
     if asked.control or not (bad or alone):
         shutil.rmtree(root)
-    print(
-        f"{bad} guards not missed"
-        if asked.control
-        else f"{bad} of {len(every)} cases broke the rule"
-    )
+    print(verdict)
     return int(bad > 0)
 
 

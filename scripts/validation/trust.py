@@ -209,6 +209,76 @@ def told(number: int) -> Record:
     return {"said": said, "answer": fit.adequacy.answer}
 
 
+class Verdicts:
+    """The rates, each printed beside whether it keeps its limit."""
+
+    def __init__(self) -> None:
+        self.held: list[bool] = []
+
+    def add(self, words: str, rate: Rate, holds: bool) -> None:
+        """Print a rate, and remember whether its limit holds."""
+        self.held.append(holds)
+        print(f"{'ok' if holds else 'NOT KEPT':9}{words}: {rate}", flush=True)
+
+
+def objected(records: list[Record]) -> Rate:
+    """How often a fit objected to its table."""
+    return Rate(sum(record.get("answer") in OBJECTIONS for record in records), len(records))
+
+
+def judge_clean(verdicts: Verdicts, model: str, count: int, folder: Path) -> None:
+    """At most 6 % of `count` clean tables may be objected to, by number of rows."""
+    records = replicates(f"clean-{model}", partial(clean, model), range(count), folder)
+    for rows in CLEAN_ROWS:
+        rate = objected([record for record in records if record.get("rows") == rows])
+        verdicts.add(f"clean, {rows} rows, {model} objects", rate, rate.interval[0] <= 0.06)
+
+
+def judge_faults(verdicts: Verdicts, model: str, count: int, folder: Path) -> None:
+    """Of `count` tables with a fault at least 17 in 20 must be objected to; at most four where the
+    fault has size zero.
+    """
+    for spoil in FAULTS:
+        name = spoil.__name__
+        case = partial(faulty, model, name, 1.0)
+        rate = objected(replicates(f"{name}-{model}", case, range(count), folder))
+        verdicts.add(f"{name}, {model} objects", rate, rate.hits >= 0.85 * count)
+        control = partial(faulty, model, name, 0.0)
+        rate = objected(replicates(f"{name}0-{model}", control, range(count), folder))
+        verdicts.add(
+            f"control: {name} of size zero, {model} objects",
+            rate,
+            rate.hits <= 4,
+        )
+
+
+def covered(tables: list[Record], share: float) -> dict[str, list[bool]]:
+    """By verdict, whether intervals, shortened about their middle to this share, have the truth."""
+    hits: dict[str, list[bool]] = {}
+    for table in tables:
+        for verdict, low, high, truth in table.values():
+            middle = 0.5 * (low + high)
+            arm = 0.5 * share * (high - low)
+            hits.setdefault(verdict, []).append(abs(truth - middle) <= arm)
+    return hits
+
+
+def judge_intervals(verdicts: Verdicts, count: int, folder: Path) -> None:
+    """Intervals of parameters called identified or given must hold in 92 to 98 % of cases, halved
+    ones must not.
+    """
+    records = replicates("told", told, range(count), folder)
+    tables = [record["said"] for record in records if "said" in record]
+    for words, share, wanted in (("whole", 1.0, True), ("halved, a control", 0.5, False)):
+        hits = covered(tables, share)
+        relied = [*hits.get("identified", []), *hits.get("given", [])]
+        rate = Rate(sum(relied), len(relied))
+        within = 0.92 <= rate.hits / max(rate.total, 1) <= 0.98
+        verdicts.add(f"identified or given, intervals {words}", rate, within == wanted)
+        for verdict, of_verdict in hits.items():
+            print(f"         {verdict}: {Rate(sum(of_verdict), len(of_verdict))}")
+
+
 def main() -> int:
     """Make all tables, print the rates beside their limits; 1 if one is not kept."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -216,71 +286,12 @@ def main() -> int:
     for name, count in (("tables", 400), ("faulty", 20), ("made", 200)):
         parser.add_argument(f"--{name}", type=int, default=count)
     asked = parser.parse_args()
-    kept = []
-
-    def say(words: str, rate: Rate, holds: bool) -> None:
-        kept.append(holds)
-        print(f"{'ok' if holds else 'NOT KEPT':9}{words}: {rate}", flush=True)
-
-    def objected(found: list[Record]) -> Rate:
-        return Rate(sum(one.get("answer") in OBJECTIONS for one in found), len(found))
-
+    verdicts = Verdicts()
     for model in MODELS:
-        made = replicates(
-            f"clean-{model}",
-            partial(clean, model),
-            range(asked.tables),
-            asked.folder,
-        )
-        for rows in CLEAN_ROWS:
-            rate = objected([one for one in made if one.get("rows") == rows])
-            say(f"clean, {rows} rows, {model} objects", rate, rate.interval[0] <= 0.06)
-        for spoil in FAULTS:
-            name = spoil.__name__
-            found = replicates(
-                f"{name}-{model}",
-                partial(faulty, model, name, 1.0),
-                range(asked.faulty),
-                asked.folder,
-            )
-            say(
-                f"{name}, {model} objects",
-                objected(found),
-                objected(found).hits >= 0.85 * asked.faulty,
-            )
-            found = replicates(
-                f"{name}0-{model}",
-                partial(faulty, model, name, 0.0),
-                range(asked.faulty),
-                asked.folder,
-            )
-            say(
-                f"control: {name} of size zero, {model} objects",
-                objected(found),
-                objected(found).hits <= 4,
-            )
-    made = [
-        one["said"]
-        for one in replicates("told", told, range(asked.made), asked.folder)
-        if "said" in one
-    ]
-    for half, wanted in ((1.0, True), (0.5, False)):
-        held: dict[str, list[bool]] = {}
-        for verdict, low, high, truth in (row for one in made for row in one.values()):
-            middle = 0.5 * (low + high)
-            arm = 0.5 * half * (high - low)
-            held.setdefault(verdict, []).append(abs(truth - middle) <= arm)
-        relied = [one for verdict in ("identified", "given") for one in held.get(verdict, [])]
-        rate = Rate(sum(relied), len(relied))
-        within = 0.92 <= rate.hits / max(rate.total, 1) <= 0.98
-        say(
-            f"identified or given, intervals {'whole' if wanted else 'halved, a control'}",
-            rate,
-            within == wanted,
-        )
-        for verdict, some in held.items():
-            print(f"         {verdict}: {Rate(sum(some), len(some))}")
-    return int(not all(kept))
+        judge_clean(verdicts, model, asked.tables, asked.folder)
+        judge_faults(verdicts, model, asked.faulty, asked.folder)
+    judge_intervals(verdicts, asked.made, asked.folder)
+    return int(not all(verdicts.held))
 
 
 if __name__ == "__main__":

@@ -345,12 +345,48 @@ def over_true_states(problem, values, k, used, stated):
     return mean, stated[3:, 3:] - follows @ across.T + spread
 
 
+def log_priors(problem, values):
+    """Log density of the free parameters that are at no level."""
+    levels = problem.forward.levels
+    at_levels = {level.name(label) for level in levels for label in level.labels}
+    total = 0.0
+    for parameter in problem.parameters:
+        name = parameter.spec.name
+        if parameter.fixed is None and name not in at_levels:
+            total += log_prior(parameter.spec, parameter.prior.text, values[name])
+    return total
+
+
+def log_likelihood_of(problem, values, used_values, k, without):
+    """Log density of the rebound of the k-th impact, and its contact time; None and None without an
+    answer. The ball and the camera have `used_values`, the noise `values`.
+    """
+    table = problem.table
+    state = np.array([getattr(table.impacts, name)[k] for name in INCIDENT])
+    seen = seen_by(problem, used_values, k, state)
+    if seen is None:
+        return None, None
+    columns = [observable.column.name for observable in problem.observables]
+    used = [name for name in columns if np.isfinite(table.values[name][k])]
+    stated = covariance_of(table, used, k, without)
+    mean = np.array([seen[name] for name in used])
+    covariance = stated[3:, 3:]
+    if stated[:3, :3].any() and "errors" not in without:
+        mean, covariance = over_true_states(problem, used_values, k, used, stated)
+    scatter = np.array([values[COLUMNS[name].noise.name] for name in used])
+    covariance = covariance + np.diag(scatter**2)
+    deviation = np.array([table.values[name][k] for name in used]) - mean
+    if problem.forward.noise.name == "normal":
+        density = log_normal(deviation, covariance)
+    else:
+        density = log_student(deviation, covariance, values["degrees_of_freedom"])
+    return density, seen["contact_time"]
+
+
 def log_posterior(problem, values, without=()):
     """At values by name; -inf without an answer. Parts are left `without`, to see that they matter:
     "priors", "levels", "camera", "errors", "correlations", "contact time".
     """
-    table = problem.table
-    levels = problem.forward.levels
     fixed = {}
     for parameter in problem.parameters:
         if parameter.fixed is not None:
@@ -358,38 +394,18 @@ def log_posterior(problem, values, without=()):
     values = {**fixed, **values}
     total = 0.0
     if "priors" not in without:
-        at_levels = {level.name(label) for level in levels for label in level.labels}
-        for parameter in problem.parameters:
-            name = parameter.spec.name
-            if parameter.fixed is None and name not in at_levels:
-                total += log_prior(parameter.spec, parameter.prior.text, values[name])
+        total += log_priors(problem, values)
     if "levels" not in without:
-        for level in levels:
+        for level in problem.forward.levels:
             total += log_prior_of_levels(problem, level, values)
-    used_values = values
-    if "camera" in without:
-        used_values = without_camera(values)
-    columns = [observable.column.name for observable in problem.observables]
+    used_values = without_camera(values) if "camera" in without else values
     times = []
-    for k in range(len(table)):
-        state = np.array([getattr(table.impacts, name)[k] for name in INCIDENT])
-        seen = seen_by(problem, used_values, k, state)
-        if seen is None:
+    for k in range(len(problem.table)):
+        density, contact_time = log_likelihood_of(problem, values, used_values, k, without)
+        if density is None:
             return -np.inf
-        times.append(seen["contact_time"])
-        used = [name for name in columns if np.isfinite(table.values[name][k])]
-        stated = covariance_of(table, used, k, without)
-        mean = np.array([seen[name] for name in used])
-        covariance = stated[3:, 3:]
-        if stated[:3, :3].any() and "errors" not in without:
-            mean, covariance = over_true_states(problem, used_values, k, used, stated)
-        scatter = np.array([values[COLUMNS[name].noise.name] for name in used])
-        covariance = covariance + np.diag(scatter**2)
-        deviation = np.array([table.values[name][k] for name in used]) - mean
-        if problem.forward.noise.name == "normal":
-            total += log_normal(deviation, covariance)
-        else:
-            total += log_student(deviation, covariance, values["degrees_of_freedom"])
+        total += density
+        times.append(contact_time)
     if problem.contact_time is not None and "contact time" not in without:
         total += stats.norm(*problem.contact_time).logpdf(np.mean(times))
     return total

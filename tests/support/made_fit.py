@@ -83,6 +83,110 @@ def table_of(count=24, surfaces=(), ids=None, drop=False, scatter=1.0):
     return pd.DataFrame(table | surface)
 
 
+def drawn_values(problem, sampled):
+    """Draws about a point by name, empty where nothing is sampled, and the point."""
+    rng = np.random.default_rng(1)
+    values = {}
+    point = {}
+    for k, parameter in enumerate(problem.parameters):
+        spec = parameter.spec
+        low, middle, high = parameter.prior.quantile(np.array([0.25, 0.5, 0.75]))
+        best = middle if spec.typical is None else spec.typical
+        if "[" in spec.name:
+            best = best * 0.995**k
+        draws = best + 0.03 * (high - low) * rng.standard_normal(SHAPE).ravel()
+        point[spec.name] = best
+        if parameter.fixed is not None:
+            point[spec.name] = parameter.fixed
+            draws = np.full(draws.size, parameter.fixed)
+        count = len(draws) if sampled else 0
+        values[spec.name] = np.clip(draws, spec.lower, spec.upper)[:count]
+    return values, point
+
+
+def estimates_of(problem, values, point):
+    """Estimates of parameters, with verdicts in turn."""
+    noises = {observable.noise for observable in problem.observables}
+    estimates = {}
+    for k, parameter in enumerate(problem.parameters):
+        spec = parameter.spec
+        kind = "level" if "[" in spec.name else "model"
+        if spec.name in noises:
+            kind = "noise"
+        verdict = VERDICTS[k % len(VERDICTS)] if parameter.fixed is None else "fixed"
+        rests = ("offset=contact", "ball_radius") if verdict == "given" else ()
+        summary = summarise(values[spec.name], point[spec.name])
+        estimates[spec.name] = _estimate(spec, summary, kind, parameter.prior.text, verdict, rests)
+    return estimates
+
+
+def derived_of(problem, values):
+    """The court pace of models with a tangential direction."""
+    if not problem.forward.model.tangential:
+        return {}
+    pace = summarise(44.0 + next(iter(values.values())), 44.0)
+    return {PACE.name: _estimate(PACE, pace, "derived", "", "extrapolated")}
+
+
+def least_squares_of(point, free):
+    """A search that ended at a bound."""
+    errors = {name: k * 0.1 or None for k, name in enumerate(free)}
+    return schema.LeastSquares(point, errors, {free[0]: "at a bound"}, 53.6, 67, 1.0, 2.0)
+
+
+def sampling_of(values, free):
+    """The posterior of the draws, and diagnostics without a fault."""
+    chains = np.stack([values[name] for name in free], axis=-1)
+    posterior = schema.Posterior(free, chains.reshape(*SHAPE, -1), np.zeros(SHAPE))
+    ess = dict.fromkeys(free, 900.0)
+    rhat = dict.fromkeys(free, 1.004)
+    return posterior, schema.Diagnostics(100, 25, (0.4,), ess, ess, rhat, None, True, ())
+
+
+def profile_of(estimate, sd):
+    """A parabola of this sd about the point; a one-sided one has no lower end."""
+    across = np.linspace(-2.5, 2.5, 11)
+    lower = None if estimate.verdict == "one-sided" else estimate.point - 2.0 * sd
+    return schema.Profile(
+        estimate.point + sd * across,
+        0.5 * across**2,
+        (None, None),
+        (lower, estimate.point + 2.0 * sd),
+    )
+
+
+def adequacy_of(answer, columns):
+    """The answer, with a residual test a column: the first sees something unless the model
+    describes the table.
+    """
+    doubted = answer != "describes"
+    tests = []
+    for k, name in enumerate(columns):
+        p = 0.4 - 0.39 * (k == 0)
+        words = f"{name}: trend"
+        tests.append(schema.ResidualTest("trend", name, words, p, 0.38, doubted and k == 0))
+    noise = [schema.NoiseCheck(name, 0.5, 0.25, False, False) for name in columns]
+    words = "Words of the answer."
+    return schema.Adequacy(answer, words, tuple(tests), tuple(noise), {}, {columns[0]: 0.49})
+
+
+def alternatives_of(main):
+    """Variants: another offset and noise, which move every value by 1.3 sd, the first by 2.6, and
+    one without an answer.
+    """
+    moved = {}
+    for k, estimate in enumerate(main):
+        moved[estimate.name] = _shifted(estimate, 2.6 if k == 0 else 1.3)
+    offset = ("offset=grip", "offset=contact", "toy")
+    noise = ("noise=student-t", "noise=normal", "toy")
+    spin = ("spin=shell", "spin=mean", "toy")
+    return (
+        schema.Alternative(*offset, {}, moved, 0.4, 0.2, True),
+        schema.Alternative(*noise, {}, moved, -9.0, 1.0, False),
+        schema.Alternative(*spin, {}, {}, None, np.nan, False, "no answer"),
+    )
+
+
 def made_fit(
     frame=None,
     *,
@@ -99,133 +203,37 @@ def made_fit(
     """
     table, scene = load_data([table_of() if frame is None else frame], scene or Scene(), True)
     problem = build_problem(replace(table, name=name), scene, Choices(model, **choices))
-    rng = np.random.default_rng(1)
-    values = {}
-    point = {}
-    for k, one in enumerate(problem.parameters):
-        low, best, high = one.prior.quantile(np.array([0.25, 0.5, 0.75]))
-        best = (best if one.spec.typical is None else one.spec.typical) * (
-            0.995**k if "[" in one.spec.name else 1.0
-        )
-        free = best + 0.03 * (high - low) * rng.standard_normal(SHAPE).ravel()
-        point[one.spec.name] = best if one.fixed is None else one.fixed
-        drawn = free if one.fixed is None else np.full(free.size, one.fixed)
-        values[one.spec.name] = np.clip(drawn, one.spec.lower, one.spec.upper)[
-            : len(free) * sampled
-        ]
-    estimates = {}
-    noises = {one.noise for one in problem.observables}
-    for k, one in enumerate(problem.parameters):
-        kind = "level" if "[" in one.spec.name else "model"
-        if one.spec.name in noises:
-            kind = "noise"
-        verdict = VERDICTS[k % len(VERDICTS)] if one.fixed is None else "fixed"
-        rests = ("offset=contact", "ball_radius") if verdict == "given" else ()
-        known = summarise(values[one.spec.name], point[one.spec.name])
-        estimates[one.spec.name] = _estimate(one.spec, known, kind, one.prior.text, verdict, rests)
-    pace = summarise(44.0 + next(iter(values.values())), 44.0)
-    derived = (
-        {PACE.name: _estimate(PACE, pace, "derived", "", "extrapolated")}
-        if problem.forward.model.tangential
-        else {}
-    )
+    values, point = drawn_values(problem, sampled)
+    estimates = estimates_of(problem, values, point)
     main = [one for one in estimates.values() if one.kind != "noise" and one.verdict != "fixed"]
-    moved = {one.name: _shifted(one, 2.6 if k == 0 else 1.3) for k, one in enumerate(main)}
-    found = answer != "describes"
-    free = problem.free
-    columns = [one.column.name for one in problem.observables]
-    ess = dict.fromkeys(free, 900.0)
-    across = np.linspace(-2.5, 2.5, 11)
-    chains = np.stack([values[name] for name in free], axis=-1)
-    wide = {one.name: one.sd if sampled else 0.05 * (abs(one.point) + 0.01) for one in main}
+    columns = [observable.column.name for observable in problem.observables]
+    posterior = None
+    diagnostics = None
+    if sampled:
+        posterior, diagnostics = sampling_of(values, problem.free)
+    profiles = {}
+    for estimate in main:
+        sd = estimate.sd if sampled else 0.05 * (abs(estimate.point) + 0.01)
+        profiles[estimate.name] = profile_of(estimate, sd)
+    effort = Effort(point_only=not sampled)
     fit = MadeFit(
-        Run(
-            problem.table,
-            scene,
-            problem.choices,
-            Effort(point_only=not sampled),
-            problem.known,
-            "",
-            "3.0",
-            "0",
-        ),
+        Run(problem.table, scene, problem.choices, effort, problem.known, "", "3.0", "0"),
         "converged" if sampled else "point only",
         name,
         (*problem.table.notices, *problem.notes),
         estimates,
-        derived,
+        derived_of(problem, values),
         schema.PointFit((point,), (-50.0,), -45.0, dict.fromkeys(columns, 0.3)),
-        schema.LeastSquares(
-            point,
-            {name: k * 0.1 or None for k, name in enumerate(free)},
-            {free[0]: "at a bound"},
-            53.6,
-            67,
-            1.0,
-            2.0,
-        ),
-        schema.Posterior(free, chains.reshape(*SHAPE, -1), np.zeros(SHAPE)) if sampled else None,
-        schema.Diagnostics(100, 25, (0.4,), ess, ess, dict.fromkeys(free, 1.004), None, True, ())
-        if sampled
-        else None,
-        {
-            one.name: schema.Profile(
-                one.point + wide[one.name] * across,
-                0.5 * across**2,
-                (None, None),
-                (
-                    None if one.verdict == "one-sided" else one.point - 2.0 * wide[one.name],
-                    one.point + 2.0 * wide[one.name],
-                ),
-            )
-            for one in main
-        },
-        schema.Adequacy(
-            answer,
-            "Words of the answer.",
-            tuple(
-                schema.ResidualTest(
-                    "trend",
-                    one,
-                    f"{one}: trend",
-                    0.4 - 0.39 * (k == 0),
-                    0.38,
-                    found and k == 0,
-                )
-                for k, one in enumerate(columns)
-            ),
-            tuple(schema.NoiseCheck(one, 0.5, 0.25, False, False) for one in columns),
-            {},
-            {columns[0]: 0.49},
-        ),
-        (
-            schema.Alternative("offset=grip", "offset=contact", "toy", {}, moved, 0.4, 0.2, True),
-            schema.Alternative(
-                "noise=student-t",
-                "noise=normal",
-                "toy",
-                {},
-                moved,
-                -9.0,
-                1.0,
-                False,
-            ),
-            schema.Alternative(
-                "spin=shell",
-                "spin=mean",
-                "toy",
-                {},
-                {},
-                None,
-                np.nan,
-                False,
-                "no answer",
-            ),
-        ),
+        least_squares_of(point, problem.free),
+        posterior,
+        diagnostics,
+        profiles,
+        adequacy_of(answer, columns),
+        alternatives_of(main),
         (schema.Constant("ball_radius", 0.0327, 0.0343, {one.name: 0.5 for one in main}),),
         {},
     )
-    best = {name: np.array([one]) for name, one in point.items()}
+    best = {name: np.array([number]) for name, number in point.items()}
     fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=Draws(point, values, best))
     return fit
 
