@@ -33,19 +33,24 @@ def rebounds(frame: DataFrame) -> Figure:
     down = -(-len(columns) // wide)
     named = len(first) <= _NAMED
     place, across = _along(first)
-    figure, axes = new_figure(down, wide, high=0.8 + 1.9 * down + 0.4 * named, sharex=True)
-    for axis, name in zip(axes.ravel(), columns, strict=False):
+    high = 0.8 + 1.9 * down + 0.4 * named
+    figure, axes = new_figure(down, wide, high=high, sharex=True)
+    panels = axes.ravel()
+    for axis, name in zip(panels, columns, strict=False):
         mine = frame[frame["column"] == name].iloc[shown]
         _draw(axis, mine, place[shown])
         axis.set_title(label(COLUMNS[name].symbol, column_unit(name)))
         few_ticks(axis.yaxis)
-    for axis in axes.ravel()[len(columns) :]:
+    for axis in panels[len(columns) :]:
         axis.set_visible(False)
-    for axis in axes.ravel()[max(len(columns) - wide, 0) : len(columns)]:
+    lowest = max(len(columns) - wide, 0)
+    for axis in panels[lowest : len(columns)]:
         axis.xaxis.set_tick_params(labelbottom=True)
         axis.set_xlabel(across)
         if named and not across:
-            names = [plain(str(name), _NAME) for name in first["id"]] if len(first) > 1 else [""]
+            names = [""]
+            if len(first) > 1:
+                names = [plain(str(name), _NAME) for name in first["id"]]
             rotation = 90 if max(map(len, names)) > _FLAT else 0
             axis.set_xticks(place, names, rotation=rotation)
     return figure
@@ -70,14 +75,15 @@ def _draw(axis: Any, mine: DataFrame, place: FloatArray) -> None:
     # Of the rebound itself where the error of a new measurement is not known.
     low = mine["new_q025"].fillna(mine["q025"]).to_numpy(np.float64)
     high = mine["new_q975"].fillna(mine["q975"]).to_numpy(np.float64)
-    axis.vlines(place, factor * low, factor * high, color=MODEL, linewidth=1.2 if few else 0.6)
+    thin, thick, dash, dot = (1.2, 5.0, 8, 4) if few else (0.6, 2.0, 4, 2)
+    axis.vlines(place, factor * low, factor * high, color=MODEL, linewidth=thin)
     axis.vlines(
         place,
         factor * mine["q16"],
         factor * mine["q84"],
         color=MODEL,
-        linewidth=5.0 if few else 2.0,
+        linewidth=thick,
         alpha=0.4,
     )
-    axis.plot(place, factor * middle(mine), "_", color=MODEL, markersize=8 if few else 4)
-    axis.plot(place, factor * mine["observed"], "o", color=MEASURED, markersize=4 if few else 2)
+    axis.plot(place, factor * middle(mine), "_", color=MODEL, markersize=dash)
+    axis.plot(place, factor * mine["observed"], "o", color=MEASURED, markersize=dot)

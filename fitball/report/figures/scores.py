@@ -17,20 +17,28 @@ def scores(models: DataFrame) -> Figure:
     rows = records(models)
     columns = scored_columns(models)
     panels = 1 + min(len(columns), 3)
-    figure, axes = new_figure(1, panels, high=0.9 + 0.36 * len(rows), wide=8.0, sharey=True)
+    high = 0.9 + 0.36 * len(rows)
+    figure, axes = new_figure(1, panels, high=high, wide=8.0, sharey=True)
     first = axes[0, 0]
     places = np.arange(len(rows))
     colours = [PALE if row["worse"] else MODEL for row in rows]
     first.axvline(0.0, color=GUIDE, linewidth=0.8)
     for place, row, colour in zip(places, rows, colours, strict=True):
-        error = row["error"]
-        first.errorbar(row["difference"], place, xerr=error, fmt="o", color=colour, markersize=5)
+        first.errorbar(
+            row["difference"],
+            place,
+            xerr=row["error"],
+            fmt="o",
+            color=colour,
+            markersize=5,
+        )
     first.set_title("score")
     for axis, name in zip(axes[0, 1:], columns, strict=False):
         unit = column_unit(name)
-        axis.scatter(unit.factor * models[f"rms_{name}"], places, c=colours, s=25, zorder=3)
+        errors = unit.factor * models[f"rms_{name}"]
+        axis.scatter(errors, places, c=colours, s=25, zorder=3)
         axis.set_title(f"rms {label(COLUMNS[name].symbol, unit)}")
-        axis.set_xlim(0.0, 1.1 * unit.factor * float(models[f"rms_{name}"].max()))
+        axis.set_xlim(0.0, 1.1 * float(errors.max()))
     for axis in axes[0]:
         few_ticks(axis.xaxis)
     names = [plain(row["model"], 34).replace("+", "\n+", 1) for row in rows]
