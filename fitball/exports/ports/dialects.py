@@ -34,8 +34,8 @@ _EVERYWHERE: Mapping[str, Callable[..., Any]] = {
 @dataclass(frozen=True)
 class Dialect:
     """A language of the C family: `math` are functions of Python's `math`, `values` its constants,
-    `operators` those that are written otherwise, `helpers` what `face` lends it; `types` are empty
-    where types are not written.
+    `operators` those that are written otherwise, `helpers` what `offered` lends it; `types` are
+    empty where types are not written.
     """
 
     math: Mapping[str, str]
