@@ -476,7 +476,7 @@ def test_a_camera_that_is_off_is_named_with_its_size():
     true = problem_of(table, scene_of(camera=True), "two-mass")
     values = true.values(near(true, 1, 0.0))
     values["tilt"] = np.array([0.03])
-    seen = true.seen(values)
+    seen = true.rebounds(values)
     rng = np.random.default_rng(2)
     sds = (0.21, 0.17, 6.0, 1.5e-4, 1e-4, 1e-3, 0.03)
     filmed = dict(table.values)

@@ -109,7 +109,7 @@ def test_a_score_is_that_of_real_refits():
     exact = np.empty(8)
     rng = np.random.default_rng(1)
     for k in range(8):
-        others = problem.without(np.array([k]))
+        others = problem.without_rows(np.array([k]))
         begin = [proposal(others, best(others, x))]
         q, weights, _ = importance(partial(log_posterior, others), begin, rng, 3000.0)
         densities = pointwise(problem, q, REBOUND)[:, k]

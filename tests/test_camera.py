@@ -73,8 +73,8 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
         gap_path=path,
         gap_turn=turn,
     )
-    seen = camera.seen(values, measured, rebound)
-    true = camera.true(values, measured)
+    seen = camera.measured_rebounds(values, measured, rebound)
+    true = camera.true_states(values, measured)
     assert_allclose(true.v_x1, [[v_x1]], rtol=1e-14)
     assert_allclose(true.v_y1, [[v_y1]], rtol=1e-14)
     assert_allclose(true.omega_1, [[omega_1]], rtol=1e-14)
@@ -92,7 +92,7 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
     angle = turn + late * omega_2 - landing * omega_1
     assert seen.gap_turn[0, 0] == pytest.approx(angle, rel=1e-12)
     # Without height and tilt it is another time.
-    level = camera.seen(camera_values(scale=scale), measured, rebound)
+    level = camera.measured_rebounds(camera_values(scale=scale), measured, rebound)
     assert abs(level.gap_time[0, 0] - seen.gap_time[0, 0]) > 1e-4
 
 
@@ -101,7 +101,7 @@ def test_what_does_not_reach_the_court_has_no_answer():
     draws = problem.prior.draw(np.random.default_rng(0), 2)
     values = dict(problem.values(draws))
     values["tilt"] = np.array([0.0, -0.6])
-    _, status_when_tilted = problem.seen(values).status
+    _, status_when_tilted = problem.rebounds(values).status
     _, angle = problem.rows.states.polar()
     steep = angle > 0.6 + 1e-9
     assert steep.any()
@@ -112,7 +112,7 @@ def test_what_does_not_reach_the_court_has_no_answer():
     values["tilt"] = np.array([0.0, 0.5])
     # Measured as moving away: even where the tilt turns it towards the court there is no time of
     # landing.
-    seen = problem.seen(values, away, np.array([0]))
+    seen = problem.rebounds(values, away, np.array([0]))
     assert seen.status.tolist() == [[Status.NO_IMPACT], [Status.NO_IMPACT]]
 
 

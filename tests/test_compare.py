@@ -55,7 +55,7 @@ def without(problem, rows):
     form.
     """
     others = np.setdiff1d(np.arange(len(problem.rows.y)), rows)
-    centre, covariance = line.exact(problem.part(others))
+    centre, covariance = line.exact(problem.on_rows(others))
     design = np.column_stack([problem.rows.states.v_x1[rows], np.ones(len(rows))])
     variance = np.einsum("ri,ij,rj->r", design, covariance, design)
     return design @ centre, np.sqrt(variance + line.SD**2)
@@ -196,7 +196,7 @@ def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table)
     without_reliable_weights(monkeypatch)
     monkeypatch.setattr(left_out, "sample", chains)
     begin = [left_out.proposal(problem, best[0])]
-    three = problem.without(np.arange(3, 12))
+    three = problem.without_rows(np.arange(3, 12))
     draws = left_out.drawn(three, begin, Effort(), 2000.0, "here")
     assert not efforts
     assert not draws.settled
@@ -218,7 +218,7 @@ def test_labels_left_out_are_predicted_by_the_maximum_without_them():
         mean, _ = without(problem, rows)
         assert_allclose(predicted[rows, 0], mean, atol=2e-3 * line.SD)
         others = np.setdiff1d(np.arange(12), rows)
-        centre, _ = line.exact(problem.part(others))
+        centre, _ = line.exact(problem.on_rows(others))
         values = problem.prior.value(maximum[None])[0]
         assert_allclose(values, centre, atol=2e-3)
 

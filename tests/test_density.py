@@ -22,7 +22,14 @@ from support.density import (
 )
 
 from fitball.inference import density
-from fitball.inference.density import cells, factors, log_likelihood, pointwise, slopes, terms
+from fitball.inference.density import (
+    cell_factors,
+    cell_log_density,
+    cell_slopes,
+    cells,
+    log_likelihood,
+    pointwise,
+)
 from fitball.inference.problem import row_errors
 
 FORMS = list(
@@ -163,7 +170,7 @@ def test_a_draw_without_an_answer_has_no_density():
     assert np.isfinite(problem.prior.log_density(q))[0]
     assert density.log_posterior(problem, q)[0] == -np.inf
     # Withheld measurements leave the impact, which must be possible still.
-    withheld = problem.without(np.arange(10))
+    withheld = problem.without_rows(np.arange(10))
     assert density.log_posterior(withheld, q)[0] == -np.inf
 
 
@@ -190,7 +197,7 @@ def test_some_columns_of_an_impact_whatever_the_others():
     columns = [0, 2]
     answers = cells(problem, q)
     points = pointwise(problem, q, ("v_x2", "omega_2"))
-    factor = factors(problem, q)[0]
+    factor = cell_factors(problem, q)[0]
     covariances = factor @ factor.swapaxes(1, 2)
     exact = []
     for k in range(10):
@@ -201,7 +208,7 @@ def test_some_columns_of_an_impact_whatever_the_others():
         exact.append(law.logpdf(measured))
     assert_allclose(points[0], exact, rtol=1e-10)
     # Given v_y2 it is another density.
-    each = terms(problem, answers, problem.values(q))[0]
+    each = cell_log_density(problem, answers, problem.values(q))[0]
     conditional = each[:, columns].sum(axis=1)
     assert np.abs(conditional - exact).max() > 1e-3
 
@@ -214,7 +221,7 @@ def test_withheld_and_chosen_impacts():
     chosen = problem.take(rows)
     assert_array_equal(pointwise(chosen, q, TIMED), points[:, rows])
     assert chosen.table.labels["id"] == ("4", "8")
-    withheld = problem.without(rows)
+    withheld = problem.without_rows(rows)
     points[:, rows] = 0.0
     assert_array_equal(pointwise(withheld, q, TIMED), points)
 
@@ -264,7 +271,7 @@ def test_sigma_points_against_the_integral_over_true_states():
 def test_slopes_are_those_of_the_density(errors):
     problem = all_at_once("normal", errors)
     q = problem.coordinates(truth_of(problem))
-    answers, rate = slopes(problem, q[None])
+    answers, rate = cell_slopes(problem, q[None])
     assert_allclose(answers.z, cells(problem, q[None]).z, rtol=1e-13)
     value, sd = problem.contact_time
     of_residuals = np.einsum("ic,kic->k", answers.z[0], rate.z[0])
@@ -286,7 +293,7 @@ def test_slopes_are_those_of_the_density(errors):
 def test_a_slope_at_a_bound_is_one_sided():
     problem = problem_of(table_of(REBOUND), scene_of())
     q = problem.coordinates(truth_of(problem) | {"e_x": 1.0})
-    answers, rate = slopes(problem, q[None])
+    answers, rate = cell_slopes(problem, q[None])
     k = problem.free.index("e_x")
     assert problem.prior.high[k] == q[k]
     step = 1e-5 * problem.prior.width[k]

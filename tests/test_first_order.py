@@ -234,7 +234,7 @@ def test_a_scatter_that_vanishes_has_room():
     assert 0.3 * exact < sd < 1.5 * exact
     # Where the column is withheld its half-t prior alone says how far: scale 0.25, four degrees of
     # freedom.
-    withheld = problem.only(("v_y2", "omega_2"))
+    withheld = problem.only_columns(("v_y2", "omega_2"))
     sd_of_prior = sd_in_proposal(withheld, x, "v_x_sd")
     assert sd_of_prior == pytest.approx(0.25 / np.sqrt(1.25), rel=1e-3)
 

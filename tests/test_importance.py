@@ -10,11 +10,11 @@ from scipy import stats
 from fitball.inference.sampling.importance import (
     RELIABLE,
     Student,
-    effective,
-    fitted,
+    effective_size,
+    fit_mixture,
+    fit_student,
     importance,
-    parted,
-    smoothed,
+    pareto_smoothed,
 )
 
 NEAR = np.array([0.0, 1.0])
@@ -50,7 +50,7 @@ def test_moments_of_a_mixture():
     x, log_weights, k = importance(mixture, proposals(), rng, 4000.0)
     weights = np.exp(log_weights)
     assert weights.sum() == pytest.approx(1.0)
-    assert effective(log_weights) >= 4000.0
+    assert effective_size(log_weights) >= 4000.0
     assert k < RELIABLE
     mean = 0.3 * NEAR + 0.7 * FAR
     square_near = SPREAD_NEAR + np.outer(NEAR, NEAR)
@@ -89,7 +89,7 @@ def pareto_k_of_proposal(width):
     x = width * z
     log_density = -0.5 * np.sum(x**2, axis=1)
     log_proposal = -0.5 * np.sum(z**2, axis=1)
-    _, k = smoothed(log_density - log_proposal, 1.0)
+    _, k = pareto_smoothed(log_density - log_proposal, 1.0)
     return k
 
 
@@ -105,12 +105,12 @@ def test_parts_follow_a_bent_distribution():
     x = rng.standard_normal((8000, 2)) * [1.0, 0.2]
     x[:, 1] += x[:, 0] ** 2
     x *= 1e3
-    shares, parts = zip(*parted(x, rng), strict=True)
+    shares, parts = zip(*fit_mixture(x, rng), strict=True)
     first, second = x.T
     log_first = stats.norm.logpdf(first, scale=1e3)
     log_second = stats.norm.logpdf(second, first**2 / 1e3, 200.0)
     truth = log_first + log_second
-    by_single = fitted(x).log_density(x)
+    by_single = fit_student(x).log_density(x)
     densities = [np.exp(part.log_density(x)) for part in parts]
     by_parts = np.log(np.array(shares) @ np.array(densities))
     loss_of_parts = np.mean(truth - by_parts)
@@ -118,7 +118,7 @@ def test_parts_follow_a_bent_distribution():
     assert sum(shares) == pytest.approx(1.0)
     assert 0.0 < loss_of_parts < 0.3 * loss_of_single
     three_on_line = x[:3] * [1.0, 0.0]
-    assert parted(three_on_line, rng) == []
+    assert fit_mixture(three_on_line, rng) == []
 
 
 def test_a_density_that_no_proposal_meets():
@@ -137,7 +137,7 @@ def test_smoothing():
     rng = np.random.default_rng(5)
     # Ratios with a Pareto tail of shape 0.5 have k 0.5 but for chance.
     heavy = -0.5 * np.log(rng.uniform(size=20_000))
-    weights, k = smoothed(heavy, 1.0)
+    weights, k = pareto_smoothed(heavy, 1.0)
     assert k == pytest.approx(0.5, abs=0.15)
     assert np.exp(weights).sum() == pytest.approx(1.0)
     raw_weights = heavy - np.logaddexp.reduce(heavy)
@@ -146,13 +146,13 @@ def test_smoothing():
     body = np.argsort(heavy)[:15_000]
     steps = np.diff(heavy[body])
     assert_allclose(np.diff(weights[body]), steps, atol=1e-9)
-    weights, k = smoothed(np.full(50, 3.0), 1.0)
+    weights, k = pareto_smoothed(np.full(50, 3.0), 1.0)
     assert k == -np.inf
     assert np.allclose(weights, -np.log(50.0))
-    _, k_of_three = smoothed(np.array([0.0, 1.0, 2.0]), 1.0)
+    _, k_of_three = pareto_smoothed(np.array([0.0, 1.0, 2.0]), 1.0)
     assert k_of_three == np.inf
     # Walkers that sat there: the largest is outside by chance.
-    _, k_of_two_values = smoothed(np.repeat([0.0, 1.0], 500), 1.0)
+    _, k_of_two_values = pareto_smoothed(np.repeat([0.0, 1.0], 500), 1.0)
     assert k_of_two_values == np.inf
 
 
@@ -165,15 +165,15 @@ def test_a_student_distribution():
     assert_allclose(ours.log_density(few), scipys.logpdf(few), rtol=1e-10)
     covariance = SPREAD_NEAR * 6.0 / 4.0
     assert_allclose(np.cov(x.T), covariance, rtol=0.08)
-    refitted = fitted(x)
+    refitted = fit_student(x)
     assert_allclose(refitted.centre, NEAR, atol=0.05)
     scale = refitted.factor @ refitted.factor.T
     assert_allclose(scale, 1.1 * covariance, rtol=0.08)
     # Weights that rest on one draw are flattened until there are enough.
     on_first = -50.0 - np.arange(len(x)) * 1e-3
     on_first[0] = 0.0
-    assert fitted(x, on_first) is not None
+    assert fit_student(x, on_first) is not None
     # Draws on a line span nothing.
     first = x[:, 0]
     on_line = np.column_stack([first, 2.0 * first])
-    assert fitted(on_line) is None
+    assert fit_student(on_line) is None

@@ -18,7 +18,7 @@ from fitball.inference.forward import (
     NEW_LEVEL,
     CalibratedRange,
     ForwardModel,
-    Levels,
+    LeveledParameter,
     hull_distances,
 )
 from fitball.inference.noise import noise_kind
@@ -31,7 +31,7 @@ CENTRE = -0.5
 WIDTH = 0.4
 SPREADS = HALF.ppf(0.5 + 0.5 * (np.arange(64) + 0.5) / 64)
 PRIOR = LevelPrior(
-    Levels("mu", "surface", ("a", "b", "c")),
+    LeveledParameter("mu", "surface", ("a", "b", "c")),
     slice(0, 3),
     CENTRE,
     WIDTH,
@@ -115,7 +115,7 @@ def test_a_level_that_was_not_measured():
 
     def beyond(q, count, high):
         rng = np.random.default_rng(2)
-        return PRIOR.beyond(np.tile(q, (count, 1)), rng, -np.inf, high)
+        return PRIOR.draw_new_level(np.tile(q, (count, 1)), rng, -np.inf, high)
 
     spread, new = beyond(q, 40_000, np.log(5.0))
     mass = over_spreads(q)
@@ -237,7 +237,7 @@ def test_draws_of_a_problem_lie_within_the_bounds_and_have_new_levels():
     assert np.all(q >= problem.prior.low)
     assert np.all(q <= problem.prior.high)
     assert np.isfinite(problem.prior.log_density(q)).all()
-    more = problem.prior.beyond(q, np.random.default_rng(1))
+    more = problem.prior.draw_new_levels(q, np.random.default_rng(1))
     assert set(more) == {"mu_spread", "mu[new]", "cor_10_spread", "cor_10[new]"}
     assert more["cor_10[new]"].min() > 0.0
     assert more["cor_10[new]"].max() <= 1.0
@@ -256,7 +256,7 @@ def test_labels_by_any_spelling_and_what_is_refused():
     forward = ForwardModel(
         model("grip-slip"),
         noise_kind("normal"),
-        (Levels("mu", "surface", ("clay", "Hard")),),
+        (LeveledParameter("mu", "surface", ("clay", "Hard")),),
     )
     index = forward.levels_of({"Surface": ("CLAY", "hard ", "new")}, 3)
     assert index.tolist() == [[0], [1], [NEW_LEVEL]]
@@ -307,15 +307,15 @@ def test_what_lies_outside_of_the_calibrated_impacts():
         np.array([0.0, 0.0, 300.0, 0.0, 0.0]),
     )
     surfaces = np.array([[0], [1], [0], [0], [NEW_LEVEL]])
-    flags, distance = calibrated.outside(new, surfaces)
+    flags, distance = calibrated.extrapolation(new, surfaces)
     assert flags.tolist() == [False, True, True, True, False]
     assert distance[[0, 4]].max() < 1e-9
     assert distance[1] > 1.0
     beyond = np.hypot(22.0, 12.0) - 20.0
     assert distance[3] == pytest.approx(beyond, abs=0.3)
     first = new.take(np.array([0]))
-    _, distance = calibrated.outside(first, np.array([[7]]))
+    _, distance = calibrated.extrapolation(first, np.array([[7]]))
     assert distance[0] == np.inf
     without_levels = CalibratedRange(measured, np.empty((count, 0), np.int64), 0.033)
-    flags, _ = without_levels.outside(new, np.empty((5, 0), np.int64))
+    flags, _ = without_levels.extrapolation(new, np.empty((5, 0), np.int64))
     assert flags.tolist() == [False, False, True, True, False]

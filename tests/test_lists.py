@@ -15,7 +15,7 @@ import fitball
 from fitball import cli
 from fitball.data.scene import _KEYS
 from fitball.exports import FORMATS
-from fitball.inference.noise import KINDS
+from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.schema import Verdict
 from fitball.models.registry import DEFAULT, DEFAULT_DROPS, DEFAULT_SPINLESS, MODELS
 from fitball.report import cite, fit_words, style
@@ -37,7 +37,7 @@ def listed(verb, option):
     ("verb", "option", "names"),
     [
         ("calibrate", "model", MODELS),
-        ("calibrate", "noise", KINDS),
+        ("calibrate", "noise", NOISE_KINDS),
         ("plot", "figures", FIGURES),
         ("plot", "format", style.FORMATS),
         ("simulate", "model", TIMED),
@@ -67,7 +67,7 @@ def test_help_of_a_model_names_models_and_their_options():
 
 
 def test_scenes_take_the_same_kinds_of_noise():
-    assert _KEYS["measurement.noise"] == tuple(KINDS)
+    assert _KEYS["measurement.noise"] == tuple(NOISE_KINDS)
 
 
 def test_every_verdict_has_words_and_a_tone():

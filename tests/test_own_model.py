@@ -16,7 +16,7 @@ import fitball
 from fitball.base.errors import FitballError, ModelError, ParameterError
 from fitball.base.values import Ball, Impacts
 from fitball.data.scene import Scene
-from fitball.inference.noise import KINDS
+from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.models.specs import SPECS
 from fitball.models.types import Status
@@ -194,7 +194,7 @@ COMMON = ["k_y", "ball_mass", "mu_spread", "spin_sd", "court_pace", *CAMERA_SPEC
 
 @pytest.mark.parametrize(
     "name",
-    [*COMMON, *(spec.name for kind in KINDS.values() for spec in kind.parameters)],
+    [*COMMON, *(spec.name for kind in NOISE_KINDS.values() for spec in kind.parameters)],
 )
 def test_no_parameter_has_a_name_that_means_something_else(tmp_path, name):
     with pytest.raises(ModelError) as caught:

@@ -49,7 +49,7 @@ def surfaces():
     prior = fit.problem.prior
     rng = np.random.default_rng(6)
     free = np.stack([draws.values[name] for name in fit.problem.free], axis=1)
-    beyond = prior.beyond(prior.coordinate(free), rng)
+    beyond = prior.draw_new_levels(prior.coordinate(free), rng)
     values = {**draws.values, **beyond}
     best = dict(draws.best)
     for name, column in beyond.items():

@@ -12,7 +12,7 @@ from scipy import stats
 import fitball
 from fitball.inference import predictive
 from fitball.inference.forward import Draws, ForwardModel
-from fitball.inference.noise import KINDS
+from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.predictive import Asked, predict, regimes
 from fitball.inference.problem.row_errors import row_errors
 from fitball.models.own import model_from
@@ -61,7 +61,7 @@ def draws(sampled=True):
 
 def predicted(columns, values=None, **choices):
     """Predictions of the toy at AT: a frame for each column."""
-    forward = ForwardModel(model_from(toy), KINDS["normal"])
+    forward = ForwardModel(model_from(toy), NOISE_KINDS["normal"])
     rng = np.random.default_rng(1)
     found = predict(forward, values or draws(), Asked(AT, None, columns, **choices), rng)
     assert found["column"].tolist() == np.repeat(columns, len(AT)).tolist()
@@ -208,7 +208,7 @@ def test_shares_of_regimes_and_of_answers():
         "cor_slope": np.zeros(4001),
     }
     best = {name: draws[1000:1001] for name, draws in values.items()}
-    forward = ForwardModel(fitball.model("brody"), KINDS["normal"])
+    forward = ForwardModel(fitball.model("brody"), NOISE_KINDS["normal"])
 
     def first_row(values, column):
         rng = np.random.default_rng(1)

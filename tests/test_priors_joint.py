@@ -107,7 +107,7 @@ def test_at_levels_a_prior_in_the_logit_gives_way_to_a_normal_one_of_values():
     pool = {"cor_10": "surface", "mu": "surface"}
     problem = problem_of(table, prior=prior, pool=pool)
     assert [note.code for note in problem.notes].count("normal-common-value") == 2
-    assert problem.known["cor_10"] == "beta(30, 10)"
+    assert problem.prior_texts["cor_10"] == "beta(30, 10)"
     ours = {level.levels.parameter: level for level in problem.prior.levels}
     law = stats.beta(30, 10)
     assert not ours["cor_10"].log
@@ -121,7 +121,7 @@ def test_at_levels_a_prior_in_the_logit_gives_way_to_a_normal_one_of_values():
     drawn = values[:, problem.free.index("cor_10[a]")]
     assert np.all((drawn >= 0.0) & (drawn <= 1.0))
     assert drawn.mean() == pytest.approx(law.mean(), abs=0.02)
-    again = problem_of(table, prior=problem.known, pool=pool)
+    again = problem_of(table, prior=problem.prior_texts, pool=pool)
     q = problem.prior.draw(np.random.default_rng(2), 5)
     assert_array_equal(again.prior.log_density(q), problem.prior.log_density(q))
 
@@ -226,7 +226,7 @@ def test_priors_that_nobody_chose():
     )
     problem = build_problem(replace(table, sd={}), scene, Choices("grip-slip"))
     square = 0.0577 * 0.03302**2
-    assert problem.known == {
+    assert problem.prior_texts == {
         "mu": "normal(0.55, 0.05)",
         "e_x": "normal(0, 0.5)",
         "offset": "normal(0, 0.005)",
@@ -293,20 +293,20 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     known = {"e_x": "normal(0.1, 0.1)", "k_theta": "lognormal(20, 1)"}
     scene = Scene(prior=known, fix={"offset": 0.001}, pool={"mu": "none"})
     problem = problem_of(table, scene, prior={"offset": "normal(0, 0.001)"}, fix={"e_x": 0.05})
-    assert problem.known["offset"] == "normal(0, 0.001)"
-    assert problem.known["e_x"] == "0.05"
-    assert problem.known["mu"] == "lognormal(0.6, 0.4)"
+    assert problem.prior_texts["offset"] == "normal(0, 0.001)"
+    assert problem.prior_texts["e_x"] == "0.05"
+    assert problem.prior_texts["mu"] == "lognormal(0.6, 0.4)"
     assert "mu" in problem.free
-    stored = problem.known | {
+    stored = problem.prior_texts | {
         "cor_slope": "normal(0, 0.5)",
         "cor_10_spread": "half-t(0.01, 3)",
         "v_x_sd": "0.3",
     }
-    again = build_problem(table, scene, problem.choices, known=stored)
+    again = build_problem(table, scene, problem.choices, prior_texts=stored)
     assert again.known == stored
     assert again.free == tuple(n for n in problem.free if n != "v_x_sd")
     q = near(problem, 3)
-    same = build_problem(table, scene, problem.choices, known=problem.known)
+    same = build_problem(table, scene, problem.choices, prior_texts=problem.prior_texts)
     assert same.parameters == problem.parameters
     assert same.notes == problem.notes
     assert_array_equal(same.prior.log_density(q), problem.prior.log_density(q))
@@ -379,7 +379,7 @@ def test_choices_for_another_model():
         prior | {"eps_10": "normal(0, 1)"},
         pool | {"k_y": "ball"},
     )
-    kept = given.fitting("brody", [spec.name for spec in model("brody").parameters])
+    kept = given.for_model("brody", [spec.name for spec in model("brody").parameters])
     assert kept == Choices("brody", fix, prior, pool)
 
 

@@ -164,7 +164,7 @@ def two_mass(count=21, seed=0, scene=None, sizes=(0.1, 0.1, 4.0), **values):
     problem = problem_of(table, scene, "two-mass")
     truth = {**truth_of(problem), **values}
     values = problem.values(problem.coordinates(truth)[None])
-    rebound = problem.seen(values)
+    rebound = problem.rebounds(values)
     rng = np.random.default_rng(seed)
     columns = dict(table.values)
     for name, sd in zip(REBOUND, sizes, strict=True):

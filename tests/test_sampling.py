@@ -131,7 +131,7 @@ def test_a_long_chain_is_thinned_evenly(lessons, stored, monkeypatch):
     monkeypatch.setattr(chains, "TARGET_ESS", 1e9)
     monkeypatch.setattr(chains, "LESSONS", lessons)
     rng = np.random.default_rng(0)
-    mixed, scores, rates, warm_up, steps = chains.run(
+    mixed, scores, rates, warm_up, steps = chains.run_chains(
         problem,
         begun(problem),
         rng,

@@ -121,7 +121,7 @@ def test_impacts_that_do_not_count(monkeypatch):
     x, cost, _ = descend(objective, start)
     near_zero = 1e-9 * problem.prior.width.max()
     for k, rows in enumerate(([3], [5, 6, 7])):
-        shorter = Objective(problem.without(np.array(rows)))
+        shorter = Objective(problem.without_rows(np.array(rows)))
         x_alone, cost_alone, _ = descend(shorter, start[k : k + 1])
         assert_allclose(x[k], x_alone[0], atol=near_zero)
         assert cost[k] == pytest.approx(cost_alone[0], rel=1e-12)

@@ -32,7 +32,7 @@ from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import run_of
 from fitball.inference.noise import noise_kind
-from fitball.inference.problem.build import pose
+from fitball.inference.problem.build import problem_from_sources
 from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.results.fit import Fit
@@ -128,7 +128,7 @@ def _record(task: Task, named_source: tuple[str, Any]) -> TableRecord:
 
 def _fitted(task: Task, name: str, source: Any) -> Fit:
     """The fit of a table, from its folder if that has the same one."""
-    problem, user_model = pose([source], **task.options)
+    problem, user_model = problem_from_sources([source], **task.options)
     place = task.folder.path / name
     key = files_of_fit.key_of(place)
     fit = None

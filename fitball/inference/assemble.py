@@ -13,7 +13,7 @@ from fitball.base.text import listed
 from fitball.base.values import FloatArray
 from fitball.inference.forward import Draws
 from fitball.inference.problem.camera import CAMERA_SPECS
-from fitball.inference.problem.problem import COMMON, Problem
+from fitball.inference.problem.problem import COMMON_PARAMETERS, Problem
 from fitball.inference.schema import Adequacy, Estimate, Judgement
 from fitball.inference.summary import summarise
 from fitball.models.specs import BALL_PARAMETERS
@@ -93,7 +93,7 @@ def _kind(name: str) -> str:
         return "ball"
     if base in CAMERA_SPECS:
         return "camera"
-    if name in COMMON:
+    if name in COMMON_PARAMETERS:
         return "noise"
     return "level" if "[" in name else "model"
 

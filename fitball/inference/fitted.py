@@ -58,7 +58,7 @@ def run_of(problem: Problem, effort: Effort) -> Run:
         problem.scene,
         problem.choices,
         same,
-        dict(problem.known),
+        dict(problem.prior_texts),
         source,
         __version__,
         dict(table.labels),
@@ -72,7 +72,7 @@ def run_of(problem: Problem, effort: Effort) -> Run:
         scene=problem.scene,
         choices=problem.choices,
         effort=effort,
-        known=problem.known,
+        known=problem.prior_texts,
         model_source=source,
         version=__version__,
         key=digest.hexdigest(),
@@ -94,7 +94,7 @@ def draws_of(
     # A level of which nothing was measured has no best value: the middle of what is known of it
     # stands for that.
     q = np.repeat(problem.coordinates(point)[np.newaxis], PREDICTING, axis=0)
-    beyond = problem.prior.beyond(q, effort.stream("levels"))
+    beyond = problem.prior.draw_new_levels(q, effort.stream("levels"))
     for name, draws in beyond.items():
         best[name] = np.asarray(np.median(draws, keepdims=True))
     if posterior is None:
@@ -107,7 +107,7 @@ def draws_of(
         if name not in values:
             values[name] = np.full(count, value)
     free = np.stack([values[name] for name in problem.free], axis=1)
-    beyond = problem.prior.beyond(problem.prior.coordinate(free), effort.stream("levels"))
+    beyond = problem.prior.draw_new_levels(problem.prior.coordinate(free), effort.stream("levels"))
     return Draws(point, {**values, **beyond}, best)
 
 

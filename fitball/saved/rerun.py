@@ -69,7 +69,7 @@ def _varied(stored: Fitted, changed: Choices, own: Model | None) -> Problem:
     was = stored.run.choices
     if changed.model:
         model = own or model_of(changed.model)
-        was = was.fitting(changed.model, [spec.name for spec in model.parameters])
+        was = was.for_model(changed.model, [spec.name for spec in model.parameters])
     elif run.model_source:
         own = stored.problem.forward.model
     new = {*changed.fix, *changed.prior}

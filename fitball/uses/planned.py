@@ -119,7 +119,7 @@ def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
         label = labels.get(spelled(levels.column))
         if label is None:
             continue
-        place = levels.place(label)
+        place = levels.index_of(label)
         if place == NEW_LEVEL:
             known = ", ".join(levels.labels)
             text = f"level: a plan needs a {levels.column} that was fitted: {known}"

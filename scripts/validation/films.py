@@ -30,7 +30,7 @@ from fitball.data.scene import CameraSection, Scene
 from fitball.inference.density import log_posterior
 from fitball.inference.effort import Effort
 from fitball.inference.judgement.first_order import first_order
-from fitball.inference.problem.build import pose
+from fitball.inference.problem.build import problem_from_sources
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.importance import RELIABLE, importance
 from fitball.inference.search.best_fit import best_fit
@@ -191,7 +191,9 @@ def road(fps: float, seed: int) -> list[bool] | str:
             scene=Scene(camera=CameraSection(fps=fps, court=0.0)),
             progress=False,
         )
-        problem, _ = pose([film.table], scene=film.scene, as_read=True, prior=PRIORS)
+        problem, _ = problem_from_sources(
+            [film.table], scene=film.scene, as_read=True, prior=PRIORS
+        )
         return [
             bool(a <= own[name] <= b)
             for name, (a, b) in zip(JUDGED, intervals(problem), strict=True)

@@ -136,7 +136,7 @@ def simulated(problem: Problem, q: FloatArray, rng: np.random.Generator) -> Prob
             rows.errors.follows,
             moves,
         )
-    rebound = problem.seen(values, states, np.arange(count))
+    rebound = problem.rebounds(values, states, np.arange(count))
     if np.any(rebound.status != Status.OK):
         return None
     names = [item.column.name for item in problem.observables]

@@ -195,10 +195,10 @@ def log_prior_of_levels(problem, level, values):
     """
     parameters = problem.forward.model.parameters
     spec = next(spec for spec in parameters if spec.name == level.parameter)
-    prior = problem.known[level.parameter]
+    prior = problem.prior_texts[level.parameter]
     family, *numbers = re.fullmatch(r"(\w+)\((.*), (.*)\)", prior).groups()
     location, width = map(float, numbers)
-    prior_of_spread = problem.known[f"{level.parameter}_spread"]
+    prior_of_spread = problem.prior_texts[f"{level.parameter}_spread"]
     scale, freedom = map(float, re.findall(r"\((.*), (.*)\)", prior_of_spread)[0])
     q = np.array([values[level.name(label)] for label in level.labels])
     if family == "lognormal":

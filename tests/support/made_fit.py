@@ -217,7 +217,7 @@ def made_fit(
         profiles[estimate.name] = profile_of(estimate, sd)
     effort = Effort(point_only=not sampled)
     fit = MadeFit(
-        Run(problem.table, scene, problem.choices, effort, problem.known, "", "3.0", "0"),
+        Run(problem.table, scene, problem.choices, effort, problem.prior_texts, "", "3.0", "0"),
         "converged" if sampled else "point only",
         name,
         (*problem.table.notices, *problem.notes),

@@ -340,8 +340,8 @@ def _camera(fit: _Residuals) -> Iterator[_Look]:
         if key in keys or (key == "tilt" and not problem.forward.model.tangential):
             continue
         step = parse_prior(spec).width
-        low = cells(problem.holding(key, LEVEL[key] - step), x)
-        high = cells(problem.holding(key, LEVEL[key] + step), x)
+        low = cells(problem.with_constant(key, LEVEL[key] - step), x)
+        high = cells(problem.with_constant(key, LEVEL[key] + step), x)
         if not (low.possible.all() and high.possible.all()):
             continue
         direction = 0.5 * fit.of_measurements(low.z[0] - high.z[0])

@@ -13,13 +13,13 @@ from fitball.base.errors import FitballError, FitError
 from fitball.base.numbers import fixed
 from fitball.base.selection import evenly_spread, systematic
 from fitball.base.values import FloatArray
-from fitball.inference.density import log_posterior, slopes, terms
+from fitball.inference.density import cell_log_density, cell_slopes, log_posterior
 from fitball.inference.effort import ALTERNATIVES
 from fitball.inference.judgement.first_order import proposal
-from fitball.inference.noise import KINDS
+from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem
-from fitball.inference.sampling.importance import RELIABLE, Student, importance, smoothed
+from fitball.inference.sampling.importance import RELIABLE, Student, importance, pareto_smoothed
 from fitball.inference.schema import Alternative, Constant, PointFit, Summary
 from fitball.inference.search.best_fit import gripping
 from fitball.inference.search.objective import Objective, descend
@@ -95,7 +95,7 @@ def alternatives(
     model = problem.forward.model
     rows = evenly_spread(count, ALTERNATIVES)
     x = problem.coordinates(point.optima[0])
-    base = _fitted(problem.part(rows), x[None], rng)
+    base = _fitted(problem.on_rows(rows), x[None], rng)
     wider = np.ones(x.size)
     if count > len(rows):
         sd_of_all = np.linalg.norm(proposal(problem, x).factor, axis=1)
@@ -113,9 +113,9 @@ def alternatives(
                 problem.scene,
                 choices,
                 changed,
-                problem.known,
+                problem.prior_texts,
             )
-            posed = posed.part(rows)
+            posed = posed.on_rows(rows)
             same_names = posed.free == problem.free
             if same_names and np.array_equal(log_posterior(posed, probes), density):
                 continue
@@ -156,13 +156,13 @@ def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
             for name, option in variant.options.items()
             if option != model.options[name]
         )
-        fitting = choices.fitting(text, [spec.name for spec in variant.parameters])
+        fitting = choices.for_model(text, [spec.name for spec in variant.parameters])
         changed = Choices(text, fitting.fix, fitting.prior, fitting.pool, noise.name)
         yield f"{name}={option}", f"{name}={model.options[name]}", changed, variant
     gone = {spec.name for spec in noise.parameters}
     fix = {name: value for name, value in choices.fix.items() if name not in gone}
     prior = {name: text for name, text in choices.prior.items() if name not in gone}
-    for kind in KINDS:
+    for kind in NOISE_KINDS:
         if kind != noise.name:
             changed = Choices(choices.model, fix, prior, choices.pool, kind)
             yield f"noise={kind}", f"noise={noise.name}", changed, model
@@ -224,7 +224,7 @@ def left_out(problem: Problem, about: Student) -> FloatArray:
     noise = problem.forward.noise
     measured = np.isfinite(problem.rows.y)
     values = problem.values(x)
-    cell, rate = slopes(problem, x)
+    cell, rate = cell_slopes(problem, x)
     residual, turn = noise.residual(cell.z, values)
     of_centre, of_scale = noise.information(values)
     rate_z = np.where(measured, rate.z[0], 0.0)
@@ -243,7 +243,7 @@ def left_out(problem: Problem, about: Student) -> FloatArray:
     # g'Dg is g'Cg and what one impact less adds to it.
     square = (pull**2).sum(axis=0) + (along * further).sum(axis=1)
     fall = 0.5 * (square - np.linalg.slogdet(without)[1])
-    density = terms(problem, cell, values)[0].sum(axis=1)
+    density = cell_log_density(problem, cell, values)[0].sum(axis=1)
     return np.asarray(density - fall)
 
 
@@ -274,7 +274,7 @@ def _compared(
     if choice and k > RELIABLE:
         text = f"Pareto k is {fixed(k, 2)}, more than {RELIABLE}"
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
-    weights = np.exp(smoothed(log_weights, 1.0)[0])
+    weights = np.exp(pareto_smoothed(log_weights, 1.0)[0])
     x = x[systematic(weights, DRAWS, rng.uniform())]
     # What is new is where it is, and as wide, on the part.
     move, wider = np.array([to_all.get(name, (0.0, 1.0)) for name in posed.free]).T

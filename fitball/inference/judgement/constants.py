@@ -51,7 +51,7 @@ def constants(
     quantities also what the constant does to them itself.
     """
     rows, row_of_cell = np.unique(first.rows, return_inverse=True)
-    problem_of_rows = problem.part(rows)
+    problem_of_rows = problem.on_rows(rows)
     along = slopes_of_all(problem, first, derived)
     errors = np.linalg.norm(along @ first.root, axis=1)
     names = [*first.names, *(quantity.spec.name for quantity in derived)]
@@ -103,7 +103,7 @@ def _rates(
         """
         rows = []
         for constant in held[:, 0].tolist():
-            posed = problem.holding(name, constant)
+            posed = problem.with_constant(name, constant)
             cell = cells(posed, x[None])
             values = posed.values(x[None])
             mean = np.where(cell.possible, cell.mean[0], np.nan)

@@ -15,7 +15,14 @@ import numpy as np
 
 from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray, IntArray
-from fitball.inference.density import STEP, cells, factors, measured, parts, slopes
+from fitball.inference.density import (
+    SLOPE_STEP,
+    cell_factors,
+    cell_slopes,
+    cells,
+    measured_blocks,
+    row_blocks,
+)
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
 from fitball.inference.effort import LONG
@@ -115,7 +122,7 @@ def first_order(problem: Problem, point: PointFit) -> FirstOrder:
     x = problem.coordinates(point.optima[0])[None]
     count = len(problem.rows.y)
     rows = evenly_spread(count, LONG)
-    cells_of_rows = _measured(problem.part(rows), x)
+    cells_of_rows = _measured(problem.on_rows(rows), x)
     fitted = np.flatnonzero([name not in problem.noises for name in problem.free])
     names = tuple(problem.free[k] for k in fitted)
     sds = problem.prior.width[fitted]
@@ -168,7 +175,7 @@ def _streamed(
     if len(rows) == count:
         yield cells_of_rows, count
         return
-    for part in parts(problem, 2 * len(problem.free) + 1):
+    for part in row_blocks(problem, 2 * len(problem.free) + 1):
         yield _measured(part, x), len(part.rows.y)
 
 
@@ -206,7 +213,7 @@ def gradients(problem: Problem, x: FloatArray, derived: Sequence[Quantity]) -> F
         return columns.T.reshape(len(q), -1)
 
     prior = problem.prior
-    step = STEP * prior.width
+    step = SLOPE_STEP * prior.width
     _, rates = central(following, x[None], step, prior.low, prior.high)
     return np.asarray(rates[0].T)
 
@@ -222,13 +229,13 @@ def slopes_of_all(problem: Problem, first: FirstOrder, derived: Sequence[Quantit
 
 def _measured(problem: Problem, x: FloatArray) -> _Measured:
     """The measured cells at coordinates (1, free)."""
-    cell, rate = slopes(problem, x)
+    cell, rate = cell_slopes(problem, x)
     noise = problem.forward.noise
     values = problem.values(x)
     score, turn = noise.residual(cell.z[0], values)
     scale = np.sqrt(noise.information(values)[0][0])
     mask = np.isfinite(problem.rows.y)
-    inverse = np.linalg.inv(factors(problem, x)[0]) * scale
+    inverse = np.linalg.inv(cell_factors(problem, x)[0]) * scale
     mean = np.where(mask, rate.mean[0], 0.0)
     gain = np.einsum("icd,kid->kic", inverse, mean)
     column, row = np.nonzero(mask.T)
@@ -250,7 +257,7 @@ def _off_zero(problem: Problem, x: FloatArray) -> FloatArray:
     """
     moved = x.copy()
     weight = np.zeros(len(problem.observables))
-    for part, mask in measured(problem, 1):
+    for part, mask in measured_blocks(problem, 1):
         inverse_fourth = np.exp(-4.0 * cells(part, x[None]).log_sd[0])
         weight += np.where(mask[0], inverse_fourth, 0.0).sum(axis=0)
     for observable, column_weight in zip(problem.observables, weight, strict=True):

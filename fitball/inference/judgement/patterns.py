@@ -64,7 +64,7 @@ def groups_of(problem: Problem, x: FloatArray) -> Iterator[tuple[str, str, Float
         if name != "id":
             labels[name] = np.array(texts)
     if problem.forward.model.tangential:
-        regimes = problem.seen(problem.values(x[None])).regime[0]
+        regimes = problem.rebounds(problem.values(x[None])).regime[0]
         codes, which = np.unique(regimes, return_inverse=True)
         labels["regime"] = np.array([regime_name(int(code)) for code in codes])[which]
     for column, cell_texts in labels.items():

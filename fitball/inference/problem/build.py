@@ -17,7 +17,7 @@ from fitball.data.bundled import PUBLISHED, published_prior
 from fitball.data.read import load_data
 from fitball.data.scene import Quantity, Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.forward import ForwardModel, Levels, at_label
+from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.camera import CAMERA_SPECS, camera_of
 from fitball.inference.problem.joint_prior import Parameter, joint_prior
@@ -25,11 +25,18 @@ from fitball.inference.problem.levels import (
     ALL,
     NOT_POOLED,
     LevelPrior,
-    asked_levels,
     default_pool,
     level_prior,
+    levels_of_pool,
 )
-from fitball.inference.problem.problem import COMMON, Choices, Observable, Problem, Rows, base_of
+from fitball.inference.problem.problem import (
+    COMMON_PARAMETERS,
+    Choices,
+    Observable,
+    Problem,
+    Rows,
+    base_of,
+)
 from fitball.inference.problem.row_errors import row_errors
 from fitball.models.model import Model
 from fitball.models.registry import candidates, model_of_data
@@ -58,7 +65,7 @@ Specs: TypeAlias = Mapping[str, ParameterSpec]
 Given: TypeAlias = dict[str, str | tuple[float, str]]
 
 
-def pose(
+def problem_from_sources(
     sources: Sequence[Any],
     *,
     scene: Any = "",
@@ -119,11 +126,11 @@ def build_problem(
     scene: Scene,
     choices: Choices,
     own: Model | None = None,
-    known: Mapping[str, str] = MappingProxyType({}),
+    prior_texts: Mapping[str, str] = MappingProxyType({}),
 ) -> Problem:
     """The problem, with a note on all that was assumed or is idle; each column has a noise of its
-    own. `known` are prior or fixed value of all parameters, as a saved fit has them, instead of
-    this version's defaults. Raises ParameterError, ModelError, FitError (`too-few-impacts`,
+    own. `prior_texts` are prior or fixed value of all parameters, as a saved fit has them, instead
+    of this version's defaults. Raises ParameterError, ModelError, FitError (`too-few-impacts`,
     `nothing-to-fit`).
     """
     if len(table) < 2:
@@ -148,12 +155,12 @@ def build_problem(
     specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | of_camera
     specs |= _noises(table, scene, observables) | {name: SPECS[name] for name in uncertain}
     timed = scene.contact_time is not None or any(item.column.timed for item in observables)
-    given = _given(specs, table, scene, choices, known, timed)
+    given = _given(specs, table, scene, choices, prior_texts, timed)
     levels = _levels(table, scene, choices, model, given, timed, notes)
     _refuse_unknown(choices, scene, specs, levels)
     parameters, priors, texts = _parameters(specs, given, levels, scene, notes)
     free = [item for item in parameters if item.fixed is None]
-    if all(item.spec.name in COMMON for item in free):
+    if all(item.spec.name in COMMON_PARAMETERS for item in free):
         names = listed(spec.name for spec in model.parameters)
         text = (
             f"{table.name}: every parameter of {model.text} is fixed: free at least one of {names}"
@@ -177,7 +184,7 @@ def build_problem(
         camera=camera,
         contact_time=None if time is None else (time.value, time.sd),
         notes=(*_assumed(scene, free_bases, timed), *notes),
-        known=texts,
+        prior_texts=texts,
     )
 
 
@@ -334,7 +341,7 @@ def _levels(
     given: Given,
     timed: bool,
     notes: list[Note],
-) -> tuple[Levels, ...]:
+) -> tuple[LeveledParameter, ...]:
     """The parameters that differ between labels: as asked, else by default; none that has a
     value.
     """
@@ -351,15 +358,17 @@ def _levels(
         more, remarks = default_pool(table, model, {*wanted, *fixed}, timed)
         pool |= more
         notes += remarks
-    return asked_levels(table, pool, model)
+    return levels_of_pool(table, pool, model)
 
 
-def _refuse_unknown(choices: Choices, scene: Scene, specs: Specs, levels: Sequence[Levels]) -> None:
+def _refuse_unknown(
+    choices: Choices, scene: Scene, specs: Specs, levels: Sequence[LeveledParameter]
+) -> None:
     """Raises ParameterError (`unknown-parameter`) for a name that nothing has; a scene may serve
     several models.
     """
     spreads = [*(f"{level.parameter}_spread" for level in levels), *LAB_SPREADS]
-    of_models = {*SPECS, *COMMON}
+    of_models = {*SPECS, *COMMON_PARAMETERS}
     others = {name for name in (*scene.prior, *scene.fix) if base_of(name) in of_models}
 
     def refuse(names: Collection[str], known: Collection[str]) -> None:
@@ -377,7 +386,7 @@ def _refuse_unknown(choices: Choices, scene: Scene, specs: Specs, levels: Sequen
 def _parameters(
     specs: Specs,
     given: Given,
-    levels: Sequence[Levels],
+    levels: Sequence[LeveledParameter],
     scene: Scene,
     notes: list[Note],
 ) -> tuple[list[Parameter], list[LevelPrior], dict[str, str]]:
@@ -422,7 +431,7 @@ def _parameters(
             where = by_level[name]
             for label in where.labels:
                 on = f"on {where.column}"
-                at = at_label(spec, where.name(label), label, on)
+                at = spec_at_label(spec, where.name(label), label, on)
                 parameters.append(Parameter(at, prior))
             continue
         # A half prior begins at zero whatever the bounds: a scatter beyond stated errors may be

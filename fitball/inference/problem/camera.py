@@ -22,7 +22,7 @@ from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.labels import role_of
 from fitball.data.scene import CameraSection
 from fitball.data.table import ImpactTable
-from fitball.inference.forward import ForwardModel, Values, at_label
+from fitball.inference.forward import ForwardModel, Values, spec_at_label
 from fitball.models.types import Rebound, Status
 
 _ALL = (
@@ -99,7 +99,7 @@ class CameraModel(NamedTuple):
             settings[key] = setting
         return settings["scale"], settings["clock"], settings["tilt"], settings["court_height"]
 
-    def true(self, values: Values, measured: Impacts) -> Impacts:
+    def true_states(self, values: Values, measured: Impacts) -> Impacts:
         """True states (draws, impacts)."""
         scale, clock, tilt, _ = self._settings(values)
         fast = scale / clock
@@ -109,7 +109,7 @@ class CameraModel(NamedTuple):
         down = fast * (measured.v_x1 * sine + measured.v_y1 * cosine)
         return Impacts(*np.broadcast_arrays(along, down, measured.omega_1 / clock))
 
-    def seen(self, values: Values, measured: Impacts, rebound: Rebound) -> Rebound:
+    def measured_rebounds(self, values: Values, measured: Impacts, rebound: Rebound) -> Rebound:
         """What the camera shows of true rebounds."""
         scale, clock, tilt, landing = self._settings(values)
         slow = clock / scale
@@ -138,7 +138,7 @@ class CameraModel(NamedTuple):
         return Rebound(v_x2, v_y2, omega_2, rebound.contact_time, *gaps, rebound.regime, status)
 
 
-def filmed(
+def filmed_rebounds(
     camera: CameraModel | None,
     forward: ForwardModel,
     values: Values,
@@ -150,10 +150,10 @@ def filmed(
     """
     if camera is None:
         return forward.rebound(values, measured, index)
-    return camera.seen(
+    return camera.measured_rebounds(
         values,
         measured,
-        forward.rebound(values, camera.true(values, measured), index),
+        forward.rebound(values, camera.true_states(values, measured), index),
     )
 
 
@@ -186,7 +186,7 @@ def camera_of(
     session = np.array([places[text] for text in texts], dtype=np.int64)
     camera = CameraModel(tuple(key for key in keys if key not in idle), tuple(places), session)
     specs = {
-        camera.name(key, session): at_label(
+        camera.name(key, session): spec_at_label(
             CAMERA_SPECS[key],
             camera.name(key, session),
             session,

@@ -17,8 +17,8 @@ from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference.derived import Quantity, quantities
 from fitball.inference.forward import CalibratedRange, ForwardModel, Values
-from fitball.inference.noise import KINDS
-from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel, filmed
+from fitball.inference.noise import NOISE_KINDS
+from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel, filmed_rebounds
 from fitball.inference.problem.joint_prior import JointPrior, Parameter
 from fitball.inference.problem.levels import ALL
 from fitball.inference.problem.row_errors import RowErrors
@@ -26,10 +26,10 @@ from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.models.types import Rebound
 
 # Parameters that belong to no model.
-COMMON = frozenset(
+COMMON_PARAMETERS = frozenset(
     {
         *(column.noise.name for column in COLUMNS.values() if column.noise is not None),
-        *(spec.name for kind in KINDS.values() for spec in kind.parameters),
+        *(spec.name for kind in NOISE_KINDS.values() for spec in kind.parameters),
         *BALL_PARAMETERS,
         *CAMERA_SPECS,
     }
@@ -47,11 +47,11 @@ class Choices(msgspec.Struct, frozen=True):
     pool: dict[str, str] = {}
     noise: str = ""
 
-    def fitting(self, model: str, parameters: Collection[str]) -> Choices:
+    def for_model(self, model: str, parameters: Collection[str]) -> Choices:
         """The same for another model, without what concerns parameters that it lacks: so compare
         and assumptions keep priors and fixed values.
         """
-        names = {*parameters, *COMMON, ALL}
+        names = {*parameters, *COMMON_PARAMETERS, ALL}
 
         def fitting(texts: Mapping[str, str]) -> dict[str, str]:
             return {name: text for name, text in texts.items() if base_of(name) in names}
@@ -102,7 +102,7 @@ class Rows:
 @dataclass(frozen=True)
 class Problem:
     """A table under a forward model with priors; `contact_time` is the scene's mean of the table,
-    (value, sd) [s]; `free` names free parameters in the order of coordinates; `known` has the
+    (value, sd) [s]; `free` names free parameters in the order of coordinates; `prior_texts` has the
     prior, or fixed value, of every parameter as text, with which `build_problem` makes the same
     problem whatever its defaults.
     """
@@ -119,7 +119,7 @@ class Problem:
     camera: CameraModel | None
     contact_time: tuple[float, float] | None
     notes: tuple[Note, ...]
-    known: Mapping[str, str]
+    prior_texts: Mapping[str, str]
 
     @property
     def calibrated(self) -> CalibratedRange:
@@ -153,7 +153,7 @@ class Problem:
         free = np.array([[values[name] for name in self.free]])
         return np.asarray(self.prior.coordinate(free)[0])
 
-    def seen(
+    def rebounds(
         self,
         values: Values,
         states: Impacts | None = None,
@@ -165,18 +165,18 @@ class Problem:
         measured = self.rows.states if states is None else states
         index = self.rows.index if like is None else self.rows.index[like]
         camera = self.camera if self.camera is None or like is None else self.camera.take(like)
-        return filmed(camera, self.forward, values, measured, index)
+        return filmed_rebounds(camera, self.forward, values, measured, index)
 
-    def part(self, rows: IntArray) -> Problem:
+    def on_rows(self, rows: IntArray) -> Problem:
         """The problem of some rows, for sums over them: the table is still the whole one."""
         camera = None if self.camera is None else self.camera.take(rows)
         return replace(self, rows=self.rows.take(rows), camera=camera)
 
     def take(self, rows: IntArray) -> Problem:
         """The problem of some rows."""
-        return replace(self.part(rows), table=self.table.take(rows))
+        return replace(self.on_rows(rows), table=self.table.take(rows))
 
-    def holding(self, name: str, value: float) -> Problem:
+    def with_constant(self, name: str, value: float) -> Problem:
         """Another value of a constant of ball or camera; of a camera that nobody stated, of all
         sessions.
         """
@@ -195,13 +195,13 @@ class Problem:
         others = tuple(item for item in self.parameters if item.spec.name not in names)
         return replace(self, parameters=(*others, *held), camera=camera)
 
-    def without(self, rows: IntArray) -> Problem:
+    def without_rows(self, rows: IntArray) -> Problem:
         """The measurements of some rows withheld; these impacts must still be possible."""
         y = self.rows.y.copy()
         y[rows] = np.nan
         return replace(self, rows=replace(self.rows, y=y))
 
-    def only(self, columns: Collection[str]) -> Problem:
+    def only_columns(self, columns: Collection[str]) -> Problem:
         """The measurements of other columns withheld."""
         counted = [item.column.name in columns for item in self.observables]
         y = np.where(counted, self.rows.y, np.nan)

@@ -87,7 +87,7 @@ class Student:
         return float(constant - np.sum(np.log(np.diagonal(self.factor))))
 
 
-def fitted(x: FloatArray, log_weights: FloatArray | None = None) -> Student | None:
+def fit_student(x: FloatArray, log_weights: FloatArray | None = None) -> Student | None:
     """The Student distribution of draws (draws, free), equal or weighted; None where they do not
     span the space.
     """
@@ -113,13 +113,13 @@ def fitted(x: FloatArray, log_weights: FloatArray | None = None) -> Student | No
     return Student(weights @ x, factor, FREEDOM)
 
 
-def parted(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student]]:
+def fit_mixture(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student]]:
     """Student distributions of parts of draws (draws, free) with their shares, by EM of normal ones
     (Dempster, Laird and Rubin 1977): together they follow a bent posterior, or one at a wall,
     closer than one does. Empty where the draws do not span the space.
     """
     x = x[evenly_spread(len(x), SEEN, down=True)]
-    whole = fitted(x)
+    whole = fit_student(x)
     if whole is None:
         return []
     # Of normal parts about the mean of all: units and scales of coordinates differ by powers of
@@ -177,17 +177,17 @@ def importance(
         if not np.isfinite(score).any():
             continue
         weights = _normalised(score - mixed)
-        if effective(weights) >= enough:
+        if effective_size(weights) >= enough:
             break
-        following = fitted(x, weights)
+        following = fit_student(x, weights)
         proposals = proposals if following is None else [following]
     possible = np.isfinite(score)
     if not possible.any():
         return x[possible], score[possible], np.inf
-    return x[possible], weights[possible], smoothed(weights[possible], 1.0)[1]
+    return x[possible], weights[possible], pareto_smoothed(weights[possible], 1.0)[1]
 
 
-def effective(log_weights: FloatArray) -> float:
+def effective_size(log_weights: FloatArray) -> float:
     """Effective size of draws whose log weights add up to one (Kish)."""
     return float(1.0 / np.sum(np.exp(2.0 * log_weights)))
 
@@ -202,7 +202,7 @@ def _normalised(log_ratios: FloatArray) -> FloatArray:
     return np.asarray(log_ratios - np.logaddexp.reduce(log_ratios))
 
 
-def smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, float]:
+def pareto_smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, float]:
     """Pareto-smoothed log weights (draws,) that add up to one, and k (Vehtari et al. 2024), of
     draws whose effective size over their number is `efficiency`. k is infinite where too few differ
     for a tail, -infinite where all ratios are equal.

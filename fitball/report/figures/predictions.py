@@ -327,7 +327,7 @@ def regimes(fit: Fitted) -> Figure:
         draws = fit.draws.values
         across = "probability of the sequence"
     first_draws = {name: values[:_DRAWS] for name, values in draws.items()}
-    rebound = fit.problem.seen(first_draws, _states(shown), shown["row"].to_numpy(np.int64))
+    rebound = fit.problem.rebounds(first_draws, _states(shown), shown["row"].to_numpy(np.int64))
     words = _words(rebound.regime, rebound.status == Status.OK)
     shares = {name: (words == name).mean(axis=0) for name in np.unique(words)}
     colours = _coloured({name: float(share.max()) for name, share in shares.items()}, _RARE)
