@@ -1,0 +1,184 @@
+"""Examples in the docstrings of public names run, as a reader would type them."""
+
+import doctest
+import inspect
+from functools import cached_property
+
+import pytest
+
+import fitball
+from fitball import cli
+
+# Public names whose docstring has no example yet. Names leave this list, none comes in.
+WITHOUT = {
+    "Ball",
+    "Batch",
+    "Batch.exit_code",
+    "Batch.failed",
+    "Batch.frames",
+    "Result.json",
+    "Batch.of",
+    "Result.plot",
+    "Batch.population",
+    "Result.report",
+    "Result.save",
+    "Drawn",
+    "Result.exit_code",
+    "Drawn.frames",
+    "Drawn.names",
+    "Drawn.notes",
+    "Drawn.save",
+    "Exported",
+    "Exported.frames",
+    "Exported.json",
+    "Exported.plot",
+    "Exported.report",
+    "Exported.save",
+    "Film",
+    "Film.frames",
+    "Film.of",
+    "Film.table",
+    "Fit",
+    "Fit.balances",
+    "Fit.compare",
+    "Fit.correlation",
+    "Fit.covariance",
+    "Fit.curves",
+    "Fit.draws",
+    "Fit.exit_code",
+    "Fit.export",
+    "Fit.frames",
+    "Fit.moved_from",
+    "Fit.of",
+    "Fit.plan",
+    "Fit.predict",
+    "Fit.predictions",
+    "Fit.prior_draws",
+    "Fit.problem",
+    "Fit.quantity",
+    "Fit.regimes",
+    "Fit.reported",
+    "Fit.simulate",
+    "Fit.summary",
+    "Fit.to_datatree",
+    "Fit.variants",
+    "FitballError",
+    "Frames",
+    "Frames.exit_code",
+    "Frames.frames",
+    "Frames.notes",
+    "ImpactTable",
+    "ImpactTable.covariance",
+    "ImpactTable.has_spin",
+    "ImpactTable.has_tangential",
+    "ImpactTable.impacts",
+    "ImpactTable.impossible",
+    "ImpactTable.take",
+    "ImpactTable.to_frame",
+    "Impacts",
+    "Impacts.moved",
+    "Impacts.polar",
+    "Impacts.take",
+    "Model",
+    "Model.evaluate",
+    "Model.history",
+    "Model.kernel_call",
+    "Model.predicts",
+    "Model.rebound",
+    "Model.specs",
+    "Rebound",
+    "Rebound.answers",
+    "Rebound.column",
+    "Result",
+    "Result.frames",
+    "Scene",
+    "Scene.assumed",
+    "Scene.ball_sd",
+    "Scene.ball_value",
+    "batch",
+    "bench",
+    "calibrate",
+    "compare",
+    "contact_time",
+    "export",
+    "impacts",
+    "load_batch",
+    "load_fit",
+    "load_scene",
+    "load_table",
+    "model",
+    "model_from",
+    "plan",
+    "plot",
+    "predict",
+    "rederive",
+    "regime_name",
+    "simulate",
+    "track",
+}
+
+
+def members(cls):
+    """Names and documented members of a class that fitball defines, inherited ones included."""
+    for name in dir(cls):
+        member = inspect.getattr_static(cls, name)
+        member = getattr(member, "__func__", member)
+        ours = cls.__module__.startswith("fitball.") and not name.startswith("_")
+        if ours and (inspect.isfunction(member) or isinstance(member, property | cached_property)):
+            yield name, member
+
+
+def documented():
+    """Docstrings of public functions and classes, of their methods and properties, by name: a
+    member under the class that defines it, if that is public.
+    """
+    docstrings = {}
+    for name in fitball.__all__:
+        thing = getattr(fitball, name)
+        if inspect.isfunction(thing) or inspect.isclass(thing):
+            docstrings[name] = inspect.getdoc(thing) or ""
+        for member_name, member in members(thing) if inspect.isclass(thing) else ():
+            home = next(cls for cls in thing.__mro__ if member_name in vars(cls)).__name__
+            owner = home if home in fitball.__all__ else name
+            docstrings[f"{owner}.{member_name}"] = inspect.cleandoc(member.__doc__ or "")
+    return docstrings
+
+
+DOCSTRINGS = documented()
+WITH = sorted(name for name, docstring in DOCSTRINGS.items() if ">>>" in docstring)
+
+
+def failures(docstring):
+    """What a run of the examples of a docstring prints against what it says; empty if they agree.
+    No name is defined at their begin, as where a reader copies them to.
+    """
+    options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    example = doctest.DocTestParser().get_doctest(docstring, {}, "example", None, None)
+    printed = []
+    doctest.DocTestRunner(optionflags=options, verbose=False).run(example, out=printed.append)
+    return "".join(printed)
+
+
+@pytest.mark.parametrize("name", WITH)
+def test_an_example_prints_what_it_says(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    docstring = DOCSTRINGS[name]
+    assert "Example:\n    >>> " in docstring, "examples are in a section `Example:`"
+    assert failures(docstring) == ""
+
+
+def test_every_public_name_has_an_example():
+    without = {name for name in DOCSTRINGS if name not in WITH}
+    assert without <= WITHOUT, sorted(without - WITHOUT)
+
+
+def test_a_wrong_example_is_seen():
+    assert failures("Example:\n    >>> 1 + 1\n    2\n") == ""
+    assert "Got:\n    2" in failures("Example:\n    >>> 1 + 1\n    3\n")
+
+
+def test_examples_of_python_are_not_in_the_help_of_the_command_line():
+    for verb in cli.VERBS.values():
+        words = cli.help_of(verb)
+        assert ">>>" not in "".join([words.summary, words.text, words.examples])
+        assert not any(">>>" in text for _, text in words.arguments.values())
