@@ -29,7 +29,7 @@ from fitball.base import units as spellings
 from fitball.base.columns import COLUMNS
 from fitball.base.prior_families import FAMILIES
 from fitball.data import scene as scenes
-from fitball.data.bundled import published
+from fitball.data.bundled import published_priors
 from fitball.models.registry import MODELS, model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
@@ -153,7 +153,7 @@ def families() -> str:
 def priors() -> str:
     """Published priors."""
     rows = []
-    for row in published():
+    for row in published_priors():
         prior = f"`{row['distribution']}({row['value']}, {row['sd']})`"
         rows.append(
             (

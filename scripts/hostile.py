@@ -41,7 +41,7 @@ from numpy.random import default_rng
 
 from fitball import cli
 from fitball.base import files
-from fitball.data.bundled import folder as bundled
+from fitball.data.bundled import datasets_folder
 
 CPU = 60.0
 MEMORY = 1_000_000
@@ -386,7 +386,7 @@ def prepare(made: Path) -> None:
     os.chdir(made)
     for name, text in DATA["files"].items():
         Path(name).write_text(text)
-    film = (bundled() / "tracks" / "table_tennis_topspin.csv").read_text()[:2000]
+    film = (datasets_folder() / "tracks" / "table_tennis_topspin.csv").read_text()[:2000]
     Path("p.csv").write_text(film.rpartition("\n")[0] + "\n")
     with redirect_stdout(io.StringIO()):
         cli.main(DATA["prepare"][0].split())

@@ -7,7 +7,7 @@ import csv
 import numpy as np
 
 from fitball.base.columns import COLUMNS
-from fitball.data.bundled import place_of
+from fitball.data.bundled import path_of_source
 from fitball.data.table import ImpactTable, pair_of
 
 _SI = {
@@ -55,7 +55,7 @@ def written(folder, text, name="t.csv"):
 
 def bundled(name, columns):
     """Some columns of a bundled table as a table, with its stated errors and correlations."""
-    with place_of(name).open(encoding="utf-8", newline="") as file:
+    with path_of_source(name).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
 
     def numbers(head, factor):

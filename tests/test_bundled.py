@@ -7,20 +7,20 @@ import pytest
 
 from fitball.base.errors import FolderError, ParameterError
 from fitball.base.priors import ParameterSpec
-from fitball.data.bundled import descriptions, place_of, published, published_prior
+from fitball.data.bundled import descriptions, path_of_source, published_prior, published_priors
 
 
 def test_a_file_that_exists_wins_over_a_bundled_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    inside = place_of("wang_all.csv")
-    assert inside == place_of("wang_all")
+    inside = path_of_source("wang_all.csv")
+    assert inside == path_of_source("wang_all")
     assert inside.is_absolute()
     (tmp_path / "wang_all.csv").write_text("own")
-    assert place_of("wang_all.csv").read_text() == "own"
-    assert place_of("wang_all") == inside
+    assert path_of_source("wang_all.csv").read_text() == "own"
+    assert path_of_source("wang_all") == inside
     if hasattr(os, "mkfifo"):
         os.mkfifo("pipe")
-        assert place_of("pipe").name == "pipe"
+        assert path_of_source("pipe").name == "pipe"
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_what_is_nowhere(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     with pytest.raises(FolderError) as caught:
-        place_of(source)
+        path_of_source(source)
     assert caught.value.code == "not-found"
     assert len(str(caught.value)) < 600
 
@@ -42,7 +42,7 @@ def test_every_table_has_a_scene_that_describes_it():
     assert all(by_name.values())
     assert [*descriptions("tracks")] == ["table_tennis_topspin"]
     # Of others, by its licence.
-    place = place_of("table_tennis_topspin", "tracks")
+    place = path_of_source("table_tennis_topspin", "tracks")
     assert place.with_suffix(".LICENSE").is_file()
 
 
@@ -57,7 +57,7 @@ def test_priors_of_the_literature():
     spread = ParameterSpec("mu_spread", "", 0.0, 2.0, "half-t(0.2, 4)", "spread", "")
     assert published_prior(spread, "surface").width == 0.2
     assert published_prior(spread, "place").numbers[1] == 4.0
-    for row in published():
+    for row in published_priors():
         assert row["source"]
         assert row["note"]
     for name, key in (
@@ -72,7 +72,7 @@ def test_priors_of_the_literature():
 
 
 def test_every_published_prior_can_be_used():
-    for row in published():
+    for row in published_priors():
         spec = ParameterSpec(row["parameter"], "", 1e-6, 1e6, "uniform(0, 1)", "", "")
         prior = published_prior(spec, f"literature:{row['key']}")
         middle = prior.quantile(np.array([0.5])).item()

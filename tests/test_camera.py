@@ -11,7 +11,7 @@ from support.density import REBOUND, TIMED, problem_of, scene_of, table_of, trut
 from support.density import log_posterior as written_out
 
 from fitball.base.values import Impacts
-from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.inference.density import log_posterior
 from fitball.inference.problem.camera import CameraModel
 from fitball.models.types import Rebound, Status
@@ -118,7 +118,7 @@ def test_what_does_not_reach_the_court_has_no_answer():
 
 @pytest.mark.parametrize("key", KEYS)
 def test_of_a_camera_of_which_one_thing_is_stated_all_else_is_right(key):
-    section = CameraSection(**{key: Quantity(IDEAL[key], 0.003)})
+    section = CameraSection(**{key: ValueWithSd(IDEAL[key], 0.003)})
     problem = problem_of(table_of(TIMED, "sd"), Scene(camera=section), "two-mass")
     values = truth_of(problem)
     assert {*KEYS} & {*values} == {key}
@@ -131,9 +131,9 @@ def test_of_a_camera_of_which_one_thing_is_stated_all_else_is_right(key):
 
 def test_what_is_stated_asked_for_and_idle():
     section = CameraSection(
-        scale=Quantity(1.01, 0.02),
+        scale=ValueWithSd(1.01, 0.02),
         clock=1.0005,
-        court_height=Quantity(0.0, 0.003),
+        court_height=ValueWithSd(0.0, 0.003),
     )
     scene = Scene(camera=section)
     problem = problem_of(table_of(REBOUND), scene, prior={"tilt": "normal(0, 0.01)"})

@@ -15,7 +15,7 @@ import xarray
 from support.made_fit import made_fit, table_of
 
 import fitball
-from fitball.data.scene import Quantity, Scene
+from fitball.data.scene import Scene, ValueWithSd
 from fitball.exports import parameter_set
 from fitball.inference.density import log_posterior
 from fitball.inference.sampling.convergence import Mixing
@@ -177,7 +177,7 @@ def likelihood_and_prior(tree, draw):
 def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
     # Five parts of rows.
     monkeypatch.setattr("fitball.inference.density.AT_ONCE", 2000)
-    timed = made_fit(scene=Scene(contact_time=Quantity(4.5e-3, 2e-4)), model="two-mass")
+    timed = made_fit(scene=Scene(contact_time=ValueWithSd(4.5e-3, 2e-4)), model="two-mass")
     tree = timed.to_datatree()
     draw = (2, 4)
     row = timed.posterior.values[0, 4, 2]

@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose
 from support import misread
 
 from fitball.base.values import Ball
-from fitball.data.balances import BALANCES, balances
-from fitball.data.bundled import printed
-from fitball.data.kinematics import slopes, velocity
+from fitball.data.balances import BALANCES, impact_balances
+from fitball.data.bundled import printed_table
+from fitball.data.kinematics import results_and_slopes, velocity
 
 FULL = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2")
 
@@ -50,7 +50,9 @@ def test_any_two_columns_give_the_velocity():
 def test_slopes_through_angle_and_speed_are_exact():
     x = np.array([-5.0, 0.7, 40.0])
     y = np.array([3.0, 9.0, 0.2])
-    results, rates = slopes(lambda columns: velocity(columns, "2"), {"v_x2": x, "v_y2": y})
+    results, rates = results_and_slopes(
+        lambda columns: velocity(columns, "2"), {"v_x2": x, "v_y2": y}
+    )
     by_name = {name: rates[:, k] for k, name in enumerate(results)}
     square = x**2 + y**2
     of_angle = np.column_stack([-y / square, x / square])
@@ -64,10 +66,10 @@ def test_mean_friction_is_that_of_the_printed_table():
     """Jafri (2004), Table 7, to its digits; five entries are cut off after three decimals, not
     rounded.
     """
-    table = printed("table_7")
+    table = printed_table("table_7")
     for spin in ("zero", "topspin", "backspin"):
         name = "wang_zero_spin" if spin == "zero" else f"wang_{spin}"
-        result = balances(bundled(name, FULL), Ball())
+        result = impact_balances(bundled(name, FULL), Ball())
         # In units of the last printed digit.
         friction = 1000.0 * result["mu_bar"].to_numpy()
         entries = 1000.0 * table[spin].to_numpy(dtype=float)
@@ -80,10 +82,10 @@ def test_energy_lost_is_that_of_the_printed_table():
     """Table 2 prints energies in lb in, with an inertia of about 0.00034 lb s^2 in; v_1 of row 1 is
     wrong by 1 %.
     """
-    table = printed("table_2")
+    table = printed_table("table_2")
     unit = 4.4482216152605 * 0.0254
     ball = Ball(inertia_ratio=0.00034 * unit / (0.0576 * 0.03302**2))
-    lost = balances(bundled("wang_zero_spin", FULL), ball)["energy_lost [J]"]
+    lost = impact_balances(bundled("wang_zero_spin", FULL), ball)["energy_lost [J]"]
     before = table["energy_1 [lb in]"].to_numpy() * unit
     after = table["energy_2 [lb in]"].to_numpy() * unit
     entries = before - after
@@ -105,7 +107,7 @@ def test_balances_recover_the_impulses_that_made_a_bounce():
     body = (ball.mass, ball.radius, ball.inertia_ratio)
     after = misread.bounce(*before, body, (99.0, e_x, eps, cor, 0.0))
     columns = dict(zip(FULL, (*before, *after), strict=True))
-    result = balances(made(columns), ball)
+    result = impact_balances(made(columns), ball)
     assert_allclose(result["cor"], cor, rtol=1e-13)
     assert_allclose(result["e_x"], e_x, atol=1e-12)
     assert_allclose(result["offset [m]"], eps, atol=1e-14)
@@ -152,9 +154,9 @@ def test_sds_are_those_of_random_draws_of_the_whole_row():
     sds = np.array([SMALL[name] for name in names])
     covariance = corr * np.outer(sds, sds)
     draws = rng.multivariate_normal([*POLAR.values()], covariance, 200_000)
-    sample = balances(made(dict(zip(names, draws.T, strict=True))), Ball())
-    correlated = balances(made(POLAR, SMALL, pairs), Ball())
-    uncorrelated = balances(made(POLAR, SMALL, {}), Ball())
+    sample = impact_balances(made(dict(zip(names, draws.T, strict=True))), Ball())
+    correlated = impact_balances(made(POLAR, SMALL, pairs), Ball())
+    uncorrelated = impact_balances(made(POLAR, SMALL, {}), Ball())
     apart = 0
     for name in BALANCES:
         sd = sample[heading(name)].std()
@@ -177,7 +179,7 @@ IMPACT = {
 
 def test_noise_is_that_of_columns_that_state_none():
     table = made(IMPACT, {"v_y2": 0.5})
-    result = balances(table, Ball(), {"v_x2": 0.1, "v_y2": 9.0})
+    result = impact_balances(table, Ball(), {"v_x2": 0.1, "v_y2": 9.0})
     # mu_bar = 3/9 here: by v_x2 it changes with 1/9, by v_y2 with 3/81.
     sd_of_friction = np.hypot(0.1 / 9.0, 3.0 * 0.5 / 81.0)
     assert result["mu_bar_sd"].iloc[0] == pytest.approx(sd_of_friction, rel=1e-13)
@@ -202,14 +204,14 @@ def test_noise_is_that_of_columns_that_state_none():
 def test_what_the_columns_do_not_determine_is_absent(columns, determined):
     values = {**IMPACT, "v_2": 9.85, "contact_time": 5e-3}
     table = made({name: values[name] for name in columns.split()})
-    result = balances(table, Ball())
+    result = impact_balances(table, Ball())
     numbers = [name for name in BALANCES if result[heading(name)].notna().all()]
     assert numbers == determined.split()
 
 
 def test_a_gap_and_a_ball_without_slip_leave_the_rest():
     values = {**IMPACT, "v_x1": [12.0, 0.0], "omega_2": [np.nan, 200.0]}
-    result = balances(made(values, dict.fromkeys(values, 0.1)), Ball())
+    result = impact_balances(made(values, dict.fromkeys(values, 0.1)), Ball())
     assert result["cor"].notna().all()
     assert result["cor_sd"].notna().all()
     assert result["offset [m]"].isna().tolist() == [True, False]

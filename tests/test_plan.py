@@ -15,7 +15,7 @@ import fitball
 from fitball.base.errors import ParameterError
 from fitball.base.options import names_of
 from fitball.data.read import load_data
-from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.report import plan as page
@@ -332,7 +332,7 @@ def test_gaps_depend_on_the_height_of_the_court(elastic):
     def gain(share, height=None):
         scene = Scene()
         if height is not None:
-            camera = CameraSection(court_height=Quantity(0.0, height))
+            camera = CameraSection(court_height=ValueWithSd(0.0, height))
             scene = Scene(camera=camera)
         fit = made_fit(model="two-mass", fix=NOISE, scene=scene)
         drawn(fit, (0.3,), ("k_y",), logs=True)
@@ -362,7 +362,7 @@ def test_draws_that_do_not_give_the_target_are_left_out():
 def test_planned_impacts_are_filmed_as_the_last_were():
     frame = table_of()
     frame["session"] = ["monday"] * 12 + ["tuesday"] * 12
-    camera = CameraSection(tilt=Quantity(0.0, 0.02))
+    camera = CameraSection(tilt=ValueWithSd(0.0, 0.02))
     fit = made_fit(frame, fix=NOISE, scene=Scene(camera=camera))
     drawn(fit, (0.02, 0.02), ("tilt[monday]", "tilt[tuesday]"))
     of_first = first_gain(fit, target="tilt[monday]", sensor={})

@@ -12,7 +12,7 @@ from scipy import integrate, stats
 from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of
 
 from fitball.base.errors import FitError, ModelError, ParameterError
-from fitball.data.scene import BallSection, Quantity, Scene
+from fitball.data.scene import BallSection, Scene, ValueWithSd
 from fitball.inference.effort import Effort
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.build import build_problem
@@ -215,8 +215,8 @@ def test_priors_that_nobody_chose():
         "gap_turn_sd": f"half-t({angle}, 4)",
     }
     scene = Scene(
-        ball=BallSection(mass=Quantity(0.0577, 1e-4), inertia=Quantity(3.5e-5, 7e-7)),
-        surface={"mu": Quantity(0.55, 0.05)},
+        ball=BallSection(mass=ValueWithSd(0.0577, 1e-4), inertia=ValueWithSd(3.5e-5, 7e-7)),
+        surface={"mu": ValueWithSd(0.55, 0.05)},
         measurement={
             "nominal_velocity_sd": 0.4,
             "spin_sd": 7.0,
@@ -285,7 +285,7 @@ def test_what_the_table_does_not_show_is_held():
     assert not fallen.forward.model.tangential
     assert fallen.free == ("cor_10", "cor_slope", "v_y_sd")
     assert {item.spec.name: item.fixed for item in fallen.parameters}["k_y"] == 2e4
-    assert "k_y" in problem_of(drop, Scene(contact_time=Quantity(5e-3, 5e-4)), text="").free
+    assert "k_y" in problem_of(drop, Scene(contact_time=ValueWithSd(5e-3, 5e-4)), text="").free
 
 
 def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():

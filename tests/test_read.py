@@ -10,7 +10,7 @@ from support.impact_rows import HEAD, ROWS, codes, written
 import fitball
 from fitball.base.errors import InputError, ParameterError
 from fitball.base.values import Ball
-from fitball.data.bundled import printed
+from fitball.data.bundled import printed_table
 from fitball.data.check import check
 from fitball.data.read import load_data, reading_of
 
@@ -124,7 +124,7 @@ def test_exactly_the_columns_of_wang_that_contradict_themselves_are_noted():
 def test_measured_restitution_is_that_of_tables_2_4_and_6():
     for spin, number in (("zero_spin", 2), ("topspin", 4), ("backspin", 6)):
         table = fitball.load_table(f"wang_{spin}")
-        wanted = printed(f"table_{number}")["cor"]
+        wanted = printed_table(f"table_{number}")["cor"]
         assert_allclose(
             table.values["v_y2"] / table.impacts.v_y1,
             wanted,
@@ -333,9 +333,9 @@ def test_a_check_shows_the_table_as_read_or_lists_the_bundled_ones(tmp_path):
     assert [note.code for note in shown.notes] == 3 * ["disagreement"]
     offered = check(None, None, False)
     assert {"wang_all", "synthetic_gaps"} <= {*offered.frames["bundled"]["table"]}
-    printed = fitball.check().report()
+    text = fitball.check().report()
     for key in ("mu=literature:clay", *offered.frames["priors"]["key"]):
-        assert key in printed
+        assert key in text
     # Of a long table what is printed and what not are all of it.
     drops = {"v_y1": np.linspace(4, 6, 500), "v_y2": np.linspace(3, 4.5, 500)}
     long = fitball.check(drops, as_read=True)

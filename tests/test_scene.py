@@ -14,9 +14,9 @@ from numpy.testing import assert_array_equal
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import InputError
 from fitball.base.values import Ball
-from fitball.data.bundled import descriptions, place_of
+from fitball.data.bundled import descriptions, path_of_source
 from fitball.data.read import load_table
-from fitball.data.scene import BallSection, CameraSection, Quantity, Scene, load_scene
+from fitball.data.scene import BallSection, CameraSection, Scene, ValueWithSd, load_scene
 
 FULL = """
 contact_time = { value = 5e-3, sd = 5e-4 }
@@ -81,25 +81,25 @@ def test_every_key_is_read_and_written_without_loss(tmp_path):
     for form in (msgspec.toml, msgspec.json):
         assert form.decode(form.encode(scene), type=Scene) == scene
     assert pickle.loads(pickle.dumps(scene)) == scene == scene_of(tmp_path, "\ufeff" + FULL)
-    assert scene.camera.scale == Quantity(1.0, 0.01)
+    assert scene.camera.scale == ValueWithSd(1.0, 0.01)
     assert scene.assumed() == ()
 
 
 def test_bundled_scenes_are_read():
     for kind in ("", "tracks"):
         for name, description in descriptions(kind).items():
-            scene = load_scene(place_of(name, kind))
-            place = place_of(name, kind).with_suffix(".toml")
+            scene = load_scene(path_of_source(name, kind))
+            place = path_of_source(name, kind).with_suffix(".toml")
             assert scene.source["description"] == description
             assert msgspec.to_builtins(scene) == tomllib.loads(place.read_text(encoding="utf-8"))
-    wang = load_scene(place_of("wang_all"))
+    wang = load_scene(path_of_source("wang_all"))
     assert wang.ball_value() == Ball(0.0576, 0.03302, 0.56)
     assert wang.ball_sd() == {}
     assert wang.assumed() == ()
-    assert wang.surface["mu"] == Quantity(0.55, 0.05)
-    assert wang.contact_time == Quantity(5e-3, 5e-4)
+    assert wang.surface["mu"] == ValueWithSd(0.55, 0.05)
+    assert wang.contact_time == ValueWithSd(5e-3, 5e-4)
     assert wang.measurement == {"nominal_velocity_sd": 0.25, "nominal_spin_sd": 10.0}
-    assert load_scene(place_of("synthetic_gaps")).ball_sd() == {
+    assert load_scene(path_of_source("synthetic_gaps")).ball_sd() == {
         "mass": 1e-4,
         "radius": 1e-4,
         "inertia_ratio": 3e-3,
@@ -147,7 +147,7 @@ def test_columns_that_a_scene_flips_or_ignores():
 
 
 def test_an_inertia_is_one_of_the_ratio():
-    ball = Scene(ball=BallSection(0.05, 0.03, inertia=Quantity(2.25e-5, 4.5e-7)))
+    ball = Scene(ball=BallSection(0.05, 0.03, inertia=ValueWithSd(2.25e-5, 4.5e-7)))
     assert ball.ball_value().inertia_ratio == pytest.approx(0.5, rel=1e-15)
     assert ball.ball_sd() == {"inertia_ratio": pytest.approx(0.01, rel=1e-14)}
 
@@ -227,7 +227,7 @@ def test_every_fault_is_named_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("parts", "key"),
     [
-        ({"ball": BallSection(mass=Quantity(0.0577, -0.1))}, "ball.mass"),
+        ({"ball": BallSection(mass=ValueWithSd(0.0577, -0.1))}, "ball.mass"),
         ({"measurement": {"velocty_sd": 1.0}}, "measurement.velocty_sd"),
         ({"camera": CameraSection(scale=50.0)}, "camera.scale"),
     ],

@@ -9,7 +9,7 @@ from fitball.base.columns import COLUMNS
 from fitball.base.errors import InputError
 from fitball.data.labels import role_of
 from fitball.data.read import load_table
-from fitball.data.table import joined, pair_of, stated
+from fitball.data.table import join_tables, pair_of, stated_errors
 
 GAPS = ("v_x1", "v_y1", "omega_1", "v_x2", "v_y2", "omega_2", "gap_time", "gap_path", "gap_turn")
 POLAR = {
@@ -22,7 +22,7 @@ POLAR = {
 
 def codes(tables):
     with pytest.raises(InputError) as caught:
-        joined(tables)
+        join_tables(tables)
     return {fault.code: fault.column for fault in caught.value.faults}
 
 
@@ -90,7 +90,7 @@ def test_stated_errors_of_a_covariance_make_it_again():
     factor = rng.standard_normal((3, 4, 6))
     covariance = factor @ factor.transpose(0, 2, 1)
     columns = ("v_x2", "omega_1", "v_y1", "v_x1")
-    sd, corr = stated(columns, covariance)
+    sd, corr = stated_errors(columns, covariance)
     table = made(
         {
             "v_x1": [9.0, 8.0, 7.0],
@@ -109,7 +109,7 @@ def test_stated_errors_of_a_covariance_make_it_again():
     assert "v_x1,v_x2" in corr
     assert pair_of("gap_time", "v_x1") == "v_x1,gap_time"
     covariance[:, 2] = covariance[:, :, 2] = 0.0
-    sd, corr = stated(columns, covariance)
+    sd, corr = stated_errors(columns, covariance)
     assert np.isnan(sd["v_y1"]).all()
     assert not any("v_y1" in pair for pair in corr)
 
@@ -174,7 +174,7 @@ def test_tables_together():
         labels={"surface": ("hard  Court",)},
         read=({"n": "2"},),
     )
-    both = joined([one, other])
+    both = join_tables([one, other])
     assert both.labels["id"] == ("one:1", "one:2", "other:1")
     assert both.labels["table"] == (
         "one",
@@ -190,7 +190,7 @@ def test_tables_together():
     # Correlations that one table lacks are none.
     assert both.corr["v_1,v_x2"].tolist() == [0.5, 0.5, 0.0]
     assert [note.code for note in both.notices] == ["column-in-some"] * 3
-    assert joined([one]) is one
+    assert join_tables([one]) is one
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_tables_that_do_not_belong_together(other, code, column):
     sheets = [
         made(POLAR, name=n, read=({"sha256": "0f", "source": f"book.xlsx#{n}"},)) for n in "ab"
     ]
-    assert len(joined(sheets)) == 4
+    assert len(join_tables(sheets)) == 4
 
 
 def test_roles_of_labels():

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
-from fitball.data.bundled import printed
+from fitball.data.bundled import printed_table
 from fitball.thesis.computation import thesis_rebound
 from fitball.thesis.printed import INERTIA_OF, appendix_c, recomputed, selects, set_values, within
 
@@ -34,7 +34,9 @@ def test_rows_of_appendix_c_that_are_reproduced(rows):
 
 
 def test_each_row_agrees_or_is_listed_among_the_errata(rows):
-    errata = [item for item in printed("errata").to_dict("records") if item["kind"] != "input"]
+    errata = [
+        item for item in printed_table("errata").to_dict("records") if item["kind"] != "input"
+    ]
     for name, half in (("v_x2", 5e-4), ("omega_2", 5e-4), ("contact_time", 5e-4)):
         listed = np.zeros(len(rows), dtype=bool)
         for item in errata:
@@ -76,7 +78,7 @@ def test_without_the_slips_of_sliding_the_spin_keeps_the_balance():
 
 
 def test_misprinted_inputs_and_the_radius_of_appendix_b_give_fewer(monkeypatch):
-    assert counts(recomputed(printed("appendix_c"))) == [67, 100, 107]
+    assert counts(recomputed(printed_table("appendix_c"))) == [67, 100, 107]
     monkeypatch.setattr("fitball.thesis.printed.BALL_RADIUS", 1.25 / 39.37)
     assert counts(recomputed(appendix_c()))[0] < 20
 
@@ -222,7 +224,7 @@ def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
 
 def test_table_8_is_eq_79():
     """The bifilar test, I/(M R_s^2) = g/(L omega_n^2)."""
-    runs = printed("table_8")
+    runs = printed_table("table_8")
     period = (runs["time [s]"] / runs["cycles"]).mean()
     ratio = 386.4 / (1.016 * 39.37) * (period / (2.0 * np.pi)) ** 2
     assert period == pytest.approx(1.516, abs=5e-4)

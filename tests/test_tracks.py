@@ -12,7 +12,7 @@ from support.films import NINE, Camera, bounces, filmed, scores
 
 import fitball
 from fitball.base.errors import InputError
-from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.tracks import flight
 from fitball.tracks.spins import lines
 
@@ -205,8 +205,8 @@ def test_flights_without_drag_and_lift_do_not_hold():
     camera = Camera(240)
     table, truth = film_of(camera, 16)
     wrong = {
-        "drag": Quantity(0.02, 1e-3),
-        "lift": Quantity(-0.3, 1e-3),
+        "drag": ValueWithSd(0.02, 1e-3),
+        "lift": ValueWithSd(-0.3, 1e-3),
     }
     film = tracked(table, camera, as_read=True, coefficients=wrong)
     assert share_within(z_of(film, truth)[:, SPEEDS], 0.9945) < 0.4

@@ -10,7 +10,7 @@ from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 from support.fits import at, bounded, drops_of, line
 
 import fitball
-from fitball.data.scene import BallSection, Quantity, Scene
+from fitball.data.scene import BallSection, Scene, ValueWithSd
 from fitball.inference import derived
 from fitball.inference.judgement import verdict as module
 from fitball.inference.judgement.first_order import first_order
@@ -174,8 +174,8 @@ def test_what_moves_with_a_stated_constant_is_given_its_prior():
     def of_ball(ball):
         return problem_of(table_of(REBOUND, count=21), Scene(ball=ball), "grip-slip")
 
-    problem = of_ball(BallSection(inertia_ratio=Quantity(0.56, 0.015)))
-    moved = of_ball(BallSection(inertia_ratio=Quantity(0.59, 0.015)))
+    problem = of_ball(BallSection(inertia_ratio=ValueWithSd(0.56, 0.015)))
+    moved = of_ball(BallSection(inertia_ratio=ValueWithSd(0.59, 0.015)))
     fixed = of_ball(BallSection())
     point, x = fitted(problem, **truth_of(problem))
     _, x_moved = fitted(moved, **point.optima[0])

@@ -9,7 +9,7 @@ import numpy as np
 from fitball.base.columns import STATE
 from fitball.base.text import column_head
 from fitball.base.values import Ball, DataFrame, FloatArray
-from fitball.data.kinematics import Columns, counted, slopes, velocity
+from fitball.data.kinematics import Columns, counting_columns, results_and_slopes, velocity
 from fitball.data.table import ImpactTable
 
 # Balances and their units.
@@ -23,7 +23,9 @@ BALANCES: Mapping[str, str] = {
 }
 
 
-def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None = None) -> DataFrame:
+def impact_balances(
+    table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None = None
+) -> DataFrame:
     """What each impact says by conservation laws alone (index `id`), NaN where the columns do not
     determine it.
 
@@ -38,7 +40,9 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
     """
     import pandas as pd
 
-    rebound = [name for name in (*counted(table.values, "2"), "omega_2") if name in table.values]
+    rebound = [
+        name for name in (*counting_columns(table.values, "2"), "omega_2") if name in table.values
+    ]
     impacts = table.impacts
     values = {name: getattr(impacts, name) for name in STATE}
     values |= {name: table.values[name] for name in rebound}
@@ -48,7 +52,7 @@ def balances(table: ImpactTable, ball: Ball, noise: Mapping[str, float] | None =
     def of_columns(columns: Columns) -> Columns:
         return _balances(columns, ball, is_drop, has_spin)
 
-    results, slope = slopes(of_columns, values)
+    results, slope = results_and_slopes(of_columns, values)
     sds = _sds(table, values, rebound, slope, noise or {})
     frame: dict[str, FloatArray] = {}
     gaps = np.full(len(impacts), np.nan)

@@ -23,7 +23,7 @@ from fitball.base.values import DataFrame
 PUBLISHED = "literature:"
 
 
-def folder() -> Path:
+def datasets_folder() -> Path:
     """Where the files are: in the installed package, or beside it in a checkout."""
     package = Path(str(files("fitball")))
     installed = package / "_datasets"
@@ -33,13 +33,13 @@ def folder() -> Path:
 def descriptions(kind: str = "") -> dict[str, str]:
     """Descriptions of the bundled tables (or, of kind "tracks", films), by name."""
     by_name = {}
-    for place in sorted((folder() / kind).glob("*.csv")):
+    for place in sorted((datasets_folder() / kind).glob("*.csv")):
         scene = tomllib.loads(place.with_suffix(".toml").read_text(encoding="utf-8"))
         by_name[place.stem] = str(scene["source"]["description"])
     return by_name
 
 
-def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
+def path_of_source(source: str | os.PathLike[str], kind: str = "") -> Path:
     """The file that a path, or the name of a bundled table (of kind "tracks": film), means; a path
     that exists wins. Raises FolderError (`not-found`).
     """
@@ -52,7 +52,7 @@ def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
     bundled = descriptions(kind)
     name = text.removesuffix(".csv")
     if name in bundled:
-        return folder() / kind / f"{name}.csv"
+        return datasets_folder() / kind / f"{name}.csv"
     fault = "no such file"
     hint = suggestion(path.stem, bundled)
     if is_folder:
@@ -64,22 +64,24 @@ def place_of(source: str | os.PathLike[str], kind: str = "") -> Path:
     raise FolderError(words, "not-found")
 
 
-def printed(name: str) -> DataFrame:
+def printed_table(name: str) -> DataFrame:
     """A printed table of Jafri (2004) such as `appendix_c`; a column with any text, such as 2/3, is
     one of texts.
     """
     import pandas as pd
 
-    return pd.read_csv(folder() / "thesis" / f"{name}.csv", na_filter=False)
+    return pd.read_csv(datasets_folder() / "thesis" / f"{name}.csv", na_filter=False)
 
 
 @cache
-def published() -> tuple[Mapping[str, str], ...]:
+def published_priors() -> tuple[Mapping[str, str], ...]:
     """Published priors: parameter, key, distribution, value [SI] and sd (of a lognormal the median
     and the sd of the logarithm, of a half-t scale and freedom), source, and a note on what the
     value and its width are.
     """
-    with (folder() / "literature" / "priors.csv").open(encoding="utf-8", newline="") as file:
+    with (datasets_folder() / "literature" / "priors.csv").open(
+        encoding="utf-8", newline=""
+    ) as file:
         return tuple(csv.DictReader(file))
 
 
@@ -88,12 +90,12 @@ def published_prior(spec: ParameterSpec, key: str) -> Prior:
     (`unknown-key`).
     """
     wanted = key.strip().removeprefix(PUBLISHED).strip().casefold()
-    rows = {row["key"]: row for row in published() if row["parameter"] == spec.name}
+    rows = {row["key"]: row for row in published_priors() if row["parameter"] == spec.name}
     if wanted not in rows:
         if rows:
             hint = suggestion(wanted, rows)
         else:
-            parameters = dict.fromkeys(row["parameter"] for row in published())
+            parameters = dict.fromkeys(row["parameter"] for row in published_priors())
             hint = f"it has priors of {', '.join(parameters)}"
         read = f"prior of {spec.name}: the literature has no '{one_line(wanted)}' for it"
         raise ParameterError(f"{read}; {hint} (fitball check lists them)", "unknown-key")

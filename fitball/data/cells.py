@@ -25,7 +25,7 @@ from fitball.base.text import listed, one_line
 from fitball.base.units import symbol_of
 from fitball.base.values import FloatArray, IntArray
 from fitball.data import records
-from fitball.data.records import Known, Record, cell_text, refusal
+from fitball.data.records import NameWorth, Record, cell_text, refusal
 
 # Endings of Parquet files.
 PARQUET = (".parquet", ".pq")
@@ -40,7 +40,7 @@ _TITLES = 3
 
 
 @dataclass
-class Cells:
+class TableCells:
     """A table as it is written. `names` are the cells of the header, none empty, with the units of
     a row below it in brackets; `columns`, in that order, are arrays (rows,) of text, or of numbers
     where the source has numbers. `rows` are numbers of the rows of data from 1, `lines` those of
@@ -116,7 +116,7 @@ def file_and_sheet(source: str) -> tuple[str, str]:
     return file, sheet
 
 
-def read_cells(source: Any, known: Known, name: str = "") -> Cells:
+def read_cells(source: Any, known: NameWorth, name: str = "") -> TableCells:
     """The cells of a file (text with any separator in UTF-8, UTF-16 or Windows-1252; a workbook, of
     which `book.xlsx#sheet` chooses a sheet; Parquet), of a DataFrame, whose index counts if it has
     a name, or of a mapping of columns; `name` is what faults call these two. `known` says what a
@@ -167,7 +167,7 @@ def _content(source: str, place: str) -> bytes:
 # ---- memory, Parquet
 
 
-def _framed(source: str, table: Any, sha256: str = "") -> Cells:
+def _framed(source: str, table: Any, sha256: str = "") -> TableCells:
     """The columns of a DataFrame, or of what makes one; numbers stay numbers. Raises InputError
     (`not-a-table`, `too-large`).
     """
@@ -184,7 +184,7 @@ def _framed(source: str, table: Any, sha256: str = "") -> Cells:
     names = [cell_text(name) for name in list[Any](frame.columns)]
     columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
     digest = sha256 or _digest(names, columns)
-    return _named(Cells(source, digest, names, columns, np.arange(len(frame)) + 1))
+    return _named(TableCells(source, digest, names, columns, np.arange(len(frame)) + 1))
 
 
 def _digest(names: Sequence[str], columns: Sequence[NDArray[Any]]) -> str:
@@ -260,7 +260,7 @@ def _texts(cells: Sequence[str]) -> NDArray[Any]:
     return np.array(cells, dtype=np.dtypes.StringDType())
 
 
-def _named(cells: Cells) -> Cells:
+def _named(cells: TableCells) -> TableCells:
     """The cells without the columns that have no name."""
     places = [k for k, name in enumerate(cells.names) if name]
     cells.columns = [cells.columns[k] for k in places]
@@ -268,7 +268,7 @@ def _named(cells: Cells) -> Cells:
     return cells
 
 
-def _units(cells: Sequence[str], names: Sequence[str], known: Known) -> list[str] | None:
+def _units(cells: Sequence[str], names: Sequence[str], known: NameWorth) -> list[str] | None:
     """The names with the units of the row below them; None where it is no row of units: no number,
     units for at least half of what is filled in, one under a name that is known.
     """
@@ -293,9 +293,9 @@ def _laid_out(
     source: str,
     sha256: str,
     rows: Iterator[Record],
-    known: Known,
+    known: NameWorth,
     notes: list[Note],
-) -> Cells:
+) -> TableCells:
     """Header and columns; rows of another length, and those that sum up a table, are faults. Raises
     InputError (`empty`, `above-header`, `too-large`).
     """
@@ -321,7 +321,7 @@ def _laid_out(
         notes.append(Note("units-row", "the units were read from the row below the header"))
     width = max(k + 1 for k, name in enumerate(names) if name)
     no_rows = np.empty(0, np.int64)
-    cells = Cells(source, sha256, names[:width], [], no_rows, None, line, notes)
+    cells = TableCells(source, sha256, names[:width], [], no_rows, None, line, notes)
     _fill(cells, _good(cells, chain(first, rest), header))
     return _named(cells)
 
@@ -345,7 +345,7 @@ def _note_above(source: str, above: Sequence[Record], notes: list[Note]) -> None
         notes.append(Note("above-header", words))
 
 
-def _fill(cells: Cells, good: Iterator[tuple[int, int, list[str]]]) -> None:
+def _fill(cells: TableCells, good: Iterator[tuple[int, int, list[str]]]) -> None:
     """Put rows into arrays, some at a time. Raises InputError (`too-large`)."""
     width = len(cells.names)
     places = [np.empty((2, 0), np.int64)]
@@ -363,7 +363,7 @@ def _fill(cells: Cells, good: Iterator[tuple[int, int, list[str]]]) -> None:
 
 
 def _good(
-    cells: Cells,
+    cells: TableCells,
     rest: Iterator[Record],
     header: list[str],
 ) -> Iterator[tuple[int, int, list[str]]]:
@@ -410,7 +410,7 @@ _SIGNS = re.compile("[,±+\u2212\u2013]")
 _SHOWN = 60
 
 
-def numbers(cells: Cells, wanted: Mapping[str, int]) -> dict[str, FloatArray]:
+def numbers(cells: TableCells, wanted: Mapping[str, int]) -> dict[str, FloatArray]:
     """Columns (rows,) of numbers by name, at places of `cells.columns`, as they are written: no
     unit is applied. NaN where a cell says that nothing was measured, and where it has a fault:
     `not-a-number`, `not-finite`, `ambiguous-number`. Numbers behind ± are in NAME_sd (fault
@@ -466,7 +466,7 @@ def _has_signs(texts: Sequence[str], values: FloatArray) -> bool:
     return any(_SIGNS.search(texts[k]) for k in _gaps(values))
 
 
-def _plain(cells: Cells, texts: Mapping[str, list[str]]) -> dict[str, list[str]]:
+def _plain(cells: TableCells, texts: Mapping[str, list[str]]) -> dict[str, list[str]]:
     """Texts with decimal points and hyphens, deviations in columns of their own."""
     plain = dict[str, list[str]]()
     for name, column in texts.items():

@@ -7,8 +7,8 @@ from typing import Any
 
 from fitball.base.errors import InputError
 from fitball.base.findings import Findings
-from fitball.data.bundled import descriptions, published
-from fitball.data.read import Source, list_of_sources, load_data
+from fitball.data.bundled import descriptions, published_priors
+from fitball.data.read import TableSource, list_of_sources, load_data
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 
@@ -17,7 +17,7 @@ _FIELDS = ("code", "row", "line", "column", "message")
 
 
 def check(
-    sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
+    sources: TableSource, scene: Scene | str | Path | None, as_read: bool, **reading: Any
 ) -> Findings:
     """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without
     sources `bundled`, `priors`. Raises ParameterError and FolderError as `load_data` does.
@@ -27,7 +27,7 @@ def check(
     listed_sources = list_of_sources(sources)
     if not listed_sources:
         bundled = pd.DataFrame(descriptions().items(), columns=["table", "description"])
-        return Findings({"bundled": bundled, "priors": pd.DataFrame(published())})
+        return Findings({"bundled": bundled, "priors": pd.DataFrame(published_priors())})
     table, errors = _tried(listed_sources, scene, reading)
     notes = () if table is None else table.notices
     doubts = [hint for error in errors for hint in error.hints]
@@ -48,7 +48,7 @@ def check(
 
 
 def _tried(
-    sources: list[Source],
+    sources: list[TableSource],
     scene: Scene | str | Path | None,
     reading: dict[str, Any],
 ) -> tuple[ImpactTable | None, list[InputError]]:

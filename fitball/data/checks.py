@@ -16,8 +16,8 @@ from fitball.base.display_units import PLAIN
 from fitball.base.text import listed
 from fitball.base.units import factor_of
 from fitball.base.values import Ball, FloatArray
-from fitball.data.cells import Cells
-from fitball.data.kinematics import Columns, counted, slopes, velocity
+from fitball.data.cells import TableCells
+from fitball.data.kinematics import Columns, counting_columns, results_and_slopes, velocity
 
 Numbers = Mapping[str, FloatArray]
 Units = Mapping[str, str]
@@ -49,7 +49,7 @@ def in_unit_of_file(name: str, value: float, units: Units) -> str:
 
 
 def missing_columns(
-    cells: Cells,
+    cells: TableCells,
     present: Collection[str],
     guesses: Mapping[str, str],
     rebound: bool,
@@ -57,7 +57,7 @@ def missing_columns(
     """Add faults of columns that are needed and not `present`; `guesses` are those of other names
     that may be meant. Without `rebound` incident columns suffice.
     """
-    incident = counted(present, "1")
+    incident = counting_columns(present, "1")
     meant = f" (columns: {listed(cells.names, most=_NAMED)})"
     if guesses:
         option = ",".join(f"{ours}={theirs}" for ours, theirs in guesses.items())
@@ -82,7 +82,7 @@ def missing_columns(
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
 
 
-def one_sign(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
+def one_sign(cells: TableCells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
     """The numbers with v_y2 and angles counted positive: turned where they are negative throughout;
     faults of the rows whose sign is that of fewer.
     """
@@ -108,7 +108,7 @@ def one_sign(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArr
     return turned
 
 
-def limits(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
+def limits(cells: TableCells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
     """The numbers, NaN in place of those that no ball and no instrument has, which are faults."""
     within = {}
     for name, values in numbers.items():
@@ -131,7 +131,7 @@ def limits(cells: Cells, numbers: Numbers, units: Units) -> dict[str, FloatArray
     return within
 
 
-def deviations(cells: Cells, numbers: Numbers) -> None:
+def deviations(cells: TableCells, numbers: Numbers) -> None:
     """Add faults of deviations without their column, and of measured cells without one in a column
     that states them.
     """
@@ -164,10 +164,10 @@ def _further(velocities: Numbers, end: str) -> dict[str, FloatArray]:
     return further
 
 
-def redundant(cells: Cells, numbers: Numbers, units: Units) -> None:
+def redundant(cells: TableCells, numbers: Numbers, units: Units) -> None:
     """Add faults and notes of velocity columns that contradict those which count, row by row."""
     for end in "12":
-        names = counted(numbers, end)
+        names = counting_columns(numbers, end)
         determined = velocity({name: numbers[name] for name in names}, end)
         further = _further(determined, end)
         determined |= further
@@ -194,7 +194,7 @@ def redundant(cells: Cells, numbers: Numbers, units: Units) -> None:
                 cells.note("sd-not-used", f"{name}_sd is not used: {basis} are")
 
 
-def _note_disagreement(cells: Cells, name: str, basis: str, share: FloatArray) -> None:
+def _note_disagreement(cells: TableCells, name: str, basis: str, share: FloatArray) -> None:
     """Note rows in which a column differs from those that count by a `share` (rows,) that errors
     may have.
     """
@@ -208,7 +208,7 @@ def _note_disagreement(cells: Cells, name: str, basis: str, share: FloatArray) -
 
 
 def energy(
-    cells: Cells,
+    cells: TableCells,
     numbers: Numbers,
     units: Units,
     ball: Ball,
@@ -217,13 +217,13 @@ def energy(
     """Add faults of rows that rebound faster, or with more energy, than they came, by 5 sd of the
     stated or expected `noise` [SI, by column]. What was not measured of the rebound counts as zero.
     """
-    names = [*counted(numbers, "1"), *counted(numbers, "2"), "omega_1", "omega_2"]
+    names = [*counting_columns(numbers, "1"), *counting_columns(numbers, "2"), "omega_1", "omega_2"]
     values = {}
     for name in names:
         if name in numbers:
             array = numbers[name]
             values[name] = np.nan_to_num(array) if name.endswith("2") else array
-    results, slope = slopes(lambda columns: _gains(columns, ball), values)
+    results, slope = results_and_slopes(lambda columns: _gains(columns, ball), values)
     variance = np.zeros(slope.shape[:2])
     for k, name in enumerate(values):
         sd = np.nan_to_num(np.asarray(numbers.get(f"{name}_sd", noise.get(name, 0.0))))

@@ -21,7 +21,7 @@ from fitball.base.text import listed
 from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
 
 if TYPE_CHECKING:
-    from fitball.data.cells import Cells
+    from fitball.data.cells import TableCells
 
 # Columns of text.
 LABELS = ("id", "surface", "ball", "location", "session", "table")
@@ -201,7 +201,7 @@ class _Title(NamedTuple):
     ours: str | None
 
 
-def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) -> Header:
+def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = ()) -> Header:
     """What each column is, by its header and the user's names. With `optional` ones (ours), which
     need not be there, they are those of another table: so are names that are as we have them, and
     units are of columns without one. Notes and faults go to `cells`: `unknown-unit`,
@@ -238,7 +238,7 @@ def read_header(cells: Cells, naming: Naming, optional: Collection[str] = ()) ->
     return Header(numbers, factors, symbols, labels, guesses)
 
 
-def _titles(cells: Cells, naming: Naming) -> list[_Title]:
+def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
     """The cells of a header, taken apart."""
     titles = []
     for cell in cells.names:
@@ -253,7 +253,7 @@ def _titles(cells: Cells, naming: Naming) -> list[_Title]:
     return titles
 
 
-def _check_units(cells: Cells, column: str, unit: str | None, stated: str | None) -> None:
+def _check_units(cells: TableCells, column: str, unit: str | None, stated: str | None) -> None:
     """Add a fault where the header and the user state different units of a column."""
     if unit and stated and symbol_of(stated) != symbol_of(unit):
         words = (
@@ -263,7 +263,7 @@ def _check_units(cells: Cells, column: str, unit: str | None, stated: str | None
 
 
 def _check_user_names(
-    cells: Cells,
+    cells: TableCells,
     naming: Naming,
     titles: Sequence[_Title],
     optional: Collection[str],
@@ -290,7 +290,7 @@ def _check_user_names(
 
 
 def _factors(
-    cells: Cells,
+    cells: TableCells,
     numbers: Mapping[str, int],
     units: Mapping[str, str | None],
 ) -> tuple[dict[str, float], dict[str, str]]:
@@ -313,7 +313,7 @@ def _factors(
     return factors, symbols
 
 
-def _check_unknown(cells: Cells, cell: str, name: str, taken: Collection[str | None]) -> None:
+def _check_unknown(cells: TableCells, cell: str, name: str, taken: Collection[str | None]) -> None:
     """Add a fault where an unknown name is a slip of one of ours that is not there, or its brackets
     do not match.
     """

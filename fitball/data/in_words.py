@@ -119,7 +119,7 @@ def _refusal(written: str, expected: str) -> ParameterError:
     return ParameterError(f"read '{one_line(written)}'; expected {expected}", "impact")
 
 
-def impacts_of(by_column: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
+def impact_grid(by_column: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
     """The grid (impacts,) that spans name, and the covariance (impacts, 3, 3) of its states in SI,
     or None. Raises ParameterError (`impact`).
     """

@@ -22,7 +22,7 @@ Columns: TypeAlias = Mapping[str, Any]
 _STEP = 2.0**-100
 
 
-def counted(names: Iterable[str], end: str) -> tuple[str, ...]:
+def counting_columns(names: Iterable[str], end: str) -> tuple[str, ...]:
     """The velocity columns of one `end` ("1" or "2") that count: at most two, components before
     speed and angle, and these before what else follows from the velocity.
 
@@ -86,7 +86,9 @@ def state(columns: Columns, count: int) -> dict[str, FloatArray]:
     return {name: determined.get(name, np.zeros(count)) for name in STATE}
 
 
-def slopes(function: Callable[[Columns], Columns], values: Columns) -> tuple[Columns, FloatArray]:
+def results_and_slopes(
+    function: Callable[[Columns], Columns], values: Columns
+) -> tuple[Columns, FloatArray]:
     """Results of an analytic `function` of columns (impacts,), and their derivatives (impacts,
     results, columns), NaN where a result is not finite.
     """
@@ -110,5 +112,5 @@ def propagate(
     """Results of an analytic function of columns, and their covariance (impacts, results, results)
     to first order from that of the columns (impacts, columns, columns): JCGM 100:2008, Eq. 13.
     """
-    results, slope = slopes(function, values)
+    results, slope = results_and_slopes(function, values)
     return results, slope @ covariance @ slope.swapaxes(-1, -2)

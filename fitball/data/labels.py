@@ -22,7 +22,7 @@ def role_of(column: str) -> str:
     return _ROLES.get("".join(letters), "")
 
 
-def spelled(label: str) -> str:
+def spelling_key(label: str) -> str:
     """A label without what spellings of it differ in: case and blanks. One rule for tables, new
     tables and `--level`.
     """
@@ -32,4 +32,4 @@ def spelled(label: str) -> str:
 def first_spelled(labels: Iterable[str]) -> tuple[str, ...]:
     """The labels, each spelled as at its first use."""
     first: dict[str, str] = {}
-    return tuple(first.setdefault(spelled(label), label.strip()) for label in labels)
+    return tuple(first.setdefault(spelling_key(label), label.strip()) for label in labels)

@@ -22,17 +22,17 @@ from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, FloatArray, IntArray
 from fitball.data import checks
-from fitball.data.bundled import place_of
-from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
+from fitball.data.bundled import path_of_source
+from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
 from fitball.data.header import LABELS, Header, Naming, read_header
-from fitball.data.kinematics import counted
+from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
 from fitball.data.scene import Scene, load_scene
-from fitball.data.table import ImpactTable, joined
+from fitball.data.table import ImpactTable, join_tables
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled one, a data frame, or columns by name.
-Source: TypeAlias = Any
+TableSource: TypeAlias = Any
 Names: TypeAlias = str | Sequence[str]
 # Columns (rows,) by name, NaN in gaps.
 Columns: TypeAlias = dict[str, FloatArray]
@@ -54,7 +54,7 @@ class _Numbers(NamedTuple):
 
 
 def load_table(
-    source: Source,
+    source: TableSource,
     *,
     scene: Scene | None = None,
     columns: Mapping[str, str] | None = None,
@@ -114,7 +114,7 @@ def load_table(
 
 
 def _numbers_of(
-    cells: Cells,
+    cells: TableCells,
     header: Header,
     flip: Sequence[str],
     ignore: Sequence[str],
@@ -133,7 +133,7 @@ def _numbers_of(
 
 
 def _check_physics(
-    cells: Cells,
+    cells: TableCells,
     header: Header,
     columns: Columns,
     scene: Scene,
@@ -142,7 +142,7 @@ def _check_physics(
     """Add faults of columns that are missing, contradict others, or say that energy is gained."""
     measured = _measured(columns)
     checks.missing_columns(cells, measured, header.guesses, rebound)
-    if counted(measured, "1") in checks.INCIDENCES:
+    if counting_columns(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, columns, header.units)
         noises = _noises(scene)
         checks.energy(cells, columns, header.units, scene.ball_value(), noises)
@@ -156,7 +156,7 @@ def _measured(columns: Columns) -> list[str]:
 def _counting_values(columns: Columns) -> Columns:
     """The columns that count, each information once, incident first."""
     measured = _measured(columns)
-    velocities = {*counted(measured, "1"), *counted(measured, "2")}
+    velocities = {*counting_columns(measured, "1"), *counting_columns(measured, "2")}
     return {
         name: columns[name]
         for name in (*INCIDENT, *REBOUND)
@@ -165,7 +165,7 @@ def _counting_values(columns: Columns) -> Columns:
 
 
 def _refuse_with_readings(
-    cells: Cells,
+    cells: TableCells,
     header: Header,
     values: Columns,
     with_outliers: Columns,
@@ -175,7 +175,7 @@ def _refuse_with_readings(
     numbers beyond their limits included.
     """
     columns = {}
-    if counted(values, "1") in checks.INCIDENCES:
+    if counting_columns(values, "1") in checks.INCIDENCES:
         columns = {name: with_outliers.get(name, array) for name, array in values.items()}
     cells.refuse([reading.text for reading in better_readings(columns, header.units, ball)])
 
@@ -200,7 +200,7 @@ def _correlations(numbers_read: _Numbers, sds: Columns, rows: IntArray) -> Colum
     return corr
 
 
-def _refuse_covariance_file(cells: Cells, place: Path) -> None:
+def _refuse_covariance_file(cells: TableCells, place: Path) -> None:
     """Add a fault where the second edition would have read correlations of the table: without them
     its fit is another.
     """
@@ -249,7 +249,7 @@ def _names(option: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(str.strip, names)))
 
 
-def _place_and_name(source: Source) -> tuple[Source, str]:
+def _place_and_name(source: TableSource) -> tuple[TableSource, str]:
     """The file of a source, with its sheet, or the source in memory; what its table is called.
     Raises ParameterError (`not-a-table`), FolderError (`not-found`).
     """
@@ -262,13 +262,13 @@ def _place_and_name(source: Source) -> tuple[Source, str]:
             "not-a-table",
         )
     file, sheet = file_and_sheet(str(source))
-    place = place_of(file)
+    place = path_of_source(file)
     if sheet:
         return Path(f"{place}#{sheet}"), f"{place.stem}-{sheet}"
     return place, place.stem
 
 
-def _scene(source: Source, place: str | Path | None = None) -> Scene:
+def _scene(source: TableSource, place: str | Path | None = None) -> Scene:
     """The scene in the file at `place`, or that beside a file of impacts."""
     file = None
     if isinstance(source, Path):
@@ -278,7 +278,7 @@ def _scene(source: Source, place: str | Path | None = None) -> Scene:
     return load_scene(file, place or None)
 
 
-def _in_si(cells: Cells, header: Header, ignore: Sequence[str]) -> Columns:
+def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> Columns:
     """Numbers (rows,) in SI without what is ignored or empty. Raises ParameterError
     (`unknown-column`).
     """
@@ -316,7 +316,7 @@ def _in_si(cells: Cells, header: Header, ignore: Sequence[str]) -> Columns:
 
 
 def _turned(
-    cells: Cells,
+    cells: TableCells,
     columns: Columns,
     flip: Sequence[str],
     units: Mapping[str, str],
@@ -346,7 +346,7 @@ def _turned(
     return turned, signs
 
 
-def _speeds(cells: Cells, columns: Columns) -> Columns:
+def _speeds(cells: TableCells, columns: Columns) -> Columns:
     """The columns with speeds of free fall, v = sqrt(2 g h), for heights; their sds to first
     order.
     """
@@ -398,7 +398,7 @@ def _stated_noise(scene: Scene, spec: ParameterSpec) -> float | None:
     return None
 
 
-def _usable_rows(cells: Cells, values: Columns, rebound: bool) -> IntArray:
+def _usable_rows(cells: TableCells, values: Columns, rebound: bool) -> IntArray:
     """Places of the rows of which the incident state and, with `rebound`, something of the rebound
     is known; a note on the others, a fault (`few-rows`) where fewer than two are left: one does not
     determine its noise.
@@ -421,7 +421,7 @@ def _usable_rows(cells: Cells, values: Columns, rebound: bool) -> IntArray:
     return usable
 
 
-def _labels(cells: Cells, header: Header, rows: IntArray) -> dict[str, tuple[str, ...]]:
+def _labels(cells: TableCells, header: Header, rows: IntArray) -> dict[str, tuple[str, ...]]:
     """Texts of the usable rows by column, `id` first: unique, by default the number of the row;
     others in one spelling.
     """
@@ -461,7 +461,7 @@ def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
 
 
 def load_data(
-    sources: Source, scene: Scene | str | Path | None, as_read: bool, **reading: Any
+    sources: TableSource, scene: Scene | str | Path | None, as_read: bool, **reading: Any
 ) -> tuple[ImpactTable, Scene]:
     """What every fit begins with: one or several tables joined, the scene that is passed or that
     beside the first, doubts refused (InputError `misread`) or, `as_read`, noted. Scenes of further
@@ -495,11 +495,11 @@ def load_data(
     numbered = [str(k + 1) for k in range(len(tables))]
     names = _unique([table.name for table in tables], numbered)
     named = [replace(table, name=name) for table, name in zip(tables, names, strict=True)]
-    table = joined(named)
+    table = join_tables(named)
     return replace(table, notices=(*table.notices, *notes)), first_scene
 
 
-def list_of_sources(sources: Source) -> list[Source]:
+def list_of_sources(sources: TableSource) -> list[TableSource]:
     """The sources of one argument: those of a list, one, or none (None)."""
     if sources is None:
         return []
@@ -507,7 +507,7 @@ def list_of_sources(sources: Source) -> list[Source]:
 
 
 def _table_and_scene(
-    source: Source,
+    source: TableSource,
     scene: Scene | str | Path | None,
     reading: Mapping[str, Any],
 ) -> tuple[ImpactTable, Scene]:

@@ -23,7 +23,7 @@ from fitball.base.text import one_line
 
 # What a header cell is worth: 1 for a name that is known, less for one that may be meant, 0 for any
 # other text.
-Known: TypeAlias = Callable[[str], float]
+NameWorth: TypeAlias = Callable[[str], float]
 # The line on which a record starts, and its cells.
 Record: TypeAlias = tuple[int, list[str]]
 
@@ -106,7 +106,7 @@ def is_comment(cells: Sequence[str]) -> bool:
     return cells[0].startswith("#") and len(cells[0]) > 1 and not ERROR.match(cells[0])
 
 
-def find_header(records: Sequence[Record], known: Known) -> tuple[int, float]:
+def find_header(records: Sequence[Record], known: NameWorth) -> tuple[int, float]:
     """The place of the record whose names are worth most, and what they are worth; a comment, as
     NumPy writes one, only where there is no other.
     """
@@ -154,7 +154,7 @@ _PLUS_MINUS = re.compile(r"(?<![ \t])[ \t]*+(±|\+/-|\+-)[ \t]*")
 _JOINED = "\ue000"
 
 
-def text_records(source: str, data: bytes, known: Known, notes: list[Note]) -> Iterator[Record]:
+def text_records(source: str, data: bytes, known: NameWorth, notes: list[Note]) -> Iterator[Record]:
     """The records of a text, in its encoding and with the separator by which a header has most
     names that are known and most rows have a cell for each. Raises InputError (`encoding`,
     `too-large`; `quotes` as the records are read).
@@ -321,7 +321,7 @@ def workbook_records(
     data: bytes,
     suffix: str,
     wanted: str,
-    known: Known,
+    known: NameWorth,
     notes: list[Note],
 ) -> Iterator[Record]:
     """The rows of the sheet that is named `wanted`, or, if that is empty, of the one that holds a

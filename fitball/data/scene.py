@@ -19,51 +19,51 @@ from fitball.base.text import listed, one_line
 from fitball.base.values import Ball
 
 
-class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class SceneSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """A section; an unknown key is a fault."""
 
 
-class Quantity(Section, frozen=True):
+class ValueWithSd(SceneSection, frozen=True):
     """A number with its sd, which is fitted; a plain number is held."""
 
     value: float
     sd: float
 
 
-class BallSection(Section, frozen=True):
+class BallSection(SceneSection, frozen=True):
     """The ball: kg, m, I/(M R^2) or I [kg m^2] (`inertia`, not both), degrees Celsius, ITF type.
     What is None is assumed: `Scene.ball_value` and `Scene.ball_sd` have the numbers.
     """
 
-    mass: float | Quantity | None = None
-    radius: float | Quantity | None = None
-    inertia_ratio: float | Quantity | None = None
-    inertia: float | Quantity | None = None
+    mass: float | ValueWithSd | None = None
+    radius: float | ValueWithSd | None = None
+    inertia_ratio: float | ValueWithSd | None = None
+    inertia: float | ValueWithSd | None = None
     temperature: float | None = None
     type: str = "type-2"
 
 
-class CameraSection(Section, frozen=True):
+class CameraSection(SceneSection, frozen=True):
     """What the impacts of a camera share. Of fits: `scale`, `clock` (true over measured), `tilt`
     [rad], `court_height` [m]. Of films: rate, scale, directions, `court` [m], `fold` of marks, and
     `lasting` [m], errors that last over frames, `row_time` [s/px] of a rolling shutter.
     """
 
-    scale: float | Quantity | None = None
-    clock: float | Quantity | None = None
-    tilt: float | Quantity | None = None
-    court_height: float | Quantity | None = None
+    scale: float | ValueWithSd | None = None
+    clock: float | ValueWithSd | None = None
+    tilt: float | ValueWithSd | None = None
+    court_height: float | ValueWithSd | None = None
     fps: float | None = None
     mm_per_px: float | None = None
     y: Literal["up", "down"] = "up"
     angles: Literal["counterclockwise", "clockwise"] = "counterclockwise"
-    court: float | Quantity | None = None
+    court: float | ValueWithSd | None = None
     fold: int = 1
     lasting: float = 0.0
     row_time: float | None = None
 
 
-class Scene(Section, frozen=True):
+class Scene(SceneSection, frozen=True):
     """What is known; SI, every section may be left out. `surface` has name, court, mu;
     `measurement` for each noise parameter NAME (held) or nominal_NAME (median of its prior),
     `noise`, `ignore`, `flip`; `flight` drag, lift, spin_sd and `air` of a film; `model` a name as
@@ -72,11 +72,11 @@ class Scene(Section, frozen=True):
     """
 
     ball: BallSection = BallSection()
-    surface: dict[str, str | float | Quantity] = {}
-    contact_time: Quantity | None = None
+    surface: dict[str, str | float | ValueWithSd] = {}
+    contact_time: ValueWithSd | None = None
     measurement: dict[str, float | str | tuple[str, ...]] = {}
     camera: CameraSection | None = None
-    flight: dict[str, float | Quantity] = {}
+    flight: dict[str, float | ValueWithSd] = {}
     air: dict[str, float] = {}
     model: dict[str, str] = {}
     prior: dict[str, str] = {}
@@ -107,9 +107,9 @@ class Scene(Section, frozen=True):
         sds = {}
         for name in ("mass", "radius", "inertia_ratio"):
             stated = getattr(self.ball, name)
-            if isinstance(stated, Quantity):
+            if isinstance(stated, ValueWithSd):
                 sds[name] = stated.sd
-        if isinstance(self.ball.inertia, Quantity):
+        if isinstance(self.ball.inertia, ValueWithSd):
             ball = self.ball_value()
             sds["inertia_ratio"] = self.ball.inertia.sd / (ball.mass * ball.radius**2)
         return sds
@@ -293,11 +293,11 @@ def _refuse(faults: Iterable[Fault]) -> None:
         raise InputError("scene", every)
 
 
-def _number(quantity: float | Quantity | None, usual: float) -> float:
+def _number(quantity: float | ValueWithSd | None, usual: float) -> float:
     """The value of a quantity, with or without an sd, or the usual one where none is stated."""
     if quantity is None:
         return usual
-    return quantity.value if isinstance(quantity, Quantity) else quantity
+    return quantity.value if isinstance(quantity, ValueWithSd) else quantity
 
 
 def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:

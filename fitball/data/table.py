@@ -11,7 +11,7 @@ from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note
 from fitball.base.text import column_head, listed
 from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
-from fitball.data.kinematics import Columns, counted, propagate, state, velocity
+from fitball.data.kinematics import Columns, counting_columns, propagate, state, velocity
 from fitball.data.labels import first_spelled
 
 # Correlations printed to six digits are possible still where an eigenvalue of their matrix is this
@@ -79,13 +79,13 @@ class ImpactTable:
         values = {name: np.nan_to_num(self.values.get(name, zeros)) for name in names}
         sds_of = [np.nan_to_num(self.sd.get(name, zeros)) for name in names]
         sds = np.stack(sds_of, axis=1)
-        stated = self._correlations(names) * sds[:, :, None] * sds[:, None, :]
+        stated_covariance = self._correlations(names) * sds[:, :, None] * sds[:, None, :]
 
         def state_and_rebound(columns_of: Columns) -> Columns:
             rebound = {name: columns_of[name] for name in columns}
             return state(columns_of, len(self)) | rebound
 
-        return propagate(state_and_rebound, values, stated)[1]
+        return propagate(state_and_rebound, values, stated_covariance)[1]
 
     def impossible(self) -> IntArray:
         """Rows whose stated correlations no errors can have: their matrix has an eigenvalue below
@@ -145,7 +145,7 @@ def pair_of(first: str, second: str) -> str:
     return ",".join(sorted((first, second), key=[*COLUMNS].index))
 
 
-def stated(
+def stated_errors(
     columns: Sequence[str],
     covariance: FloatArray,
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
@@ -163,7 +163,7 @@ def stated(
     return dict(zip(columns, sds.T.copy(), strict=True)), corr
 
 
-def joined(tables: Sequence[ImpactTable]) -> ImpactTable:
+def join_tables(tables: Sequence[ImpactTable]) -> ImpactTable:
     """Tables together, with a label `table` if there are several; columns that one lacks are gaps.
     Raises InputError (`incident-columns-differ`, `rebound-columns-differ`, `stated-in-some`,
     `same-table-twice`).
@@ -254,7 +254,7 @@ def _differences(tables: Sequence[ImpactTable], measured: Sequence[str]) -> Iter
         )
         yield Fault("incident-columns-differ", text)
     velocities = [name for name in measured if COLUMNS[name].of_velocity]
-    if {*counted(velocities, "2")} != {*velocities}:
+    if {*counting_columns(velocities, "2")} != {*velocities}:
         sets = "; ".join(f"{_listed_of(velocities, table)} in {table.name}" for table in tables)
         text = (
             f"rebound velocities differ: {sets}. Tables that are fitted together need "

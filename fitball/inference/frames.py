@@ -12,7 +12,7 @@ import numpy as np
 from fitball.base.columns import STATE
 from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, Impacts
-from fitball.data.balances import balances as balances_of
+from fitball.data.balances import impact_balances
 from fitball.inference import predictive
 from fitball.inference.curves import series
 from fitball.inference.effort import PREDICTED
@@ -152,7 +152,7 @@ def balances(problem: Problem, draws: Draws) -> DataFrame:
     for item in problem.observables:
         sd = problem.forward.column_sd(item.column.name, draws.best)
         noise[item.column.name] = float(sd.ravel()[0])
-    return balances_of(problem.table, problem.scene.ball_value(), noise)
+    return impact_balances(problem.table, problem.scene.ball_value(), noise)
 
 
 def laid_out(

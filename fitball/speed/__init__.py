@@ -88,10 +88,10 @@ def scenes() -> dict[str, Scene]:
     """
     import pandas as pd
 
-    from fitball.data.bundled import folder
+    from fitball.data.bundled import datasets_folder
 
-    usual = pd.read_csv(folder() / "bench" / "scenes.csv")
-    hard = pd.read_csv(folder() / "bench" / "hard_cases.csv")
+    usual = pd.read_csv(datasets_folder() / "bench" / "scenes.csv")
+    hard = pd.read_csv(datasets_folder() / "bench" / "hard_cases.csv")
     hard["scene"] = HARD
     table = pd.concat([usual, hard]).fillna({"options": ""})
     by_name = {}

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from fitball.base.values import DataFrame, FloatArray, Impacts
-from fitball.data.bundled import folder, printed
+from fitball.data.bundled import datasets_folder, printed_table
 from fitball.models.registry import THESIS_EXACT, model
 from fitball.thesis.printed import (
     BALL_MASS,
@@ -47,7 +47,7 @@ def wang() -> DataFrame:
     """Wang's 21 impacts as printed, zero spin, topspin, backspin; `incident` is the spin before the
     bounce [rad/s], in which small spins are zero, as the thesis takes them.
     """
-    table = pd.read_csv(folder() / "wang_all.csv")
+    table = pd.read_csv(datasets_folder() / "wang_all.csv")
     table["incident"] = table["omega_1 [rad/s]"].where(table["group"] != "zero", 0.0)
     return table
 
@@ -139,7 +139,7 @@ def causes(rows: DataFrame, name: str) -> list[str]:
     `name`, or an empty text.
     """
     texts = [""] * len(rows)
-    errata = printed("errata")
+    errata = printed_table("errata")
     outputs = errata[(errata["kind"] != "input") & (errata["column"] == name)]
     for erratum in outputs[outputs["table"].str.startswith("C")].to_dict("records"):
         for k in np.flatnonzero(selects(rows, erratum["table"], erratum["row"])):
@@ -165,8 +165,8 @@ def judged_d() -> DataFrame:
     tables [%], angles with the mean restitution of Chapter V, and `NAME_matches`, whether the two
     agree in size.
     """
-    printed_c = printed("appendix_c")
-    rows = printed("appendix_d")
+    printed_c = printed_table("appendix_c")
+    rows = printed_table("appendix_d")
     groups = []
     for (_table, spin, case), group in rows.groupby(["table", "spin", "case"], sort=False):
         of_case = printed_c["case"] == SET_OF_CASE[int(str(case))]
@@ -267,7 +267,7 @@ def slips() -> DataFrame:
         }
 
     base = without()
-    printed_inputs = recomputed(printed("appendix_c"))
+    printed_inputs = recomputed(printed_table("appendix_c"))
     ratio = values["mass_ratio"]
     damped = ratio * np.exp(-0.5 * c_y / (ratio * BALL_MASS) * base["contact_time"])
     inertia = values["inertia_ratio"] * (1.3 / 1.25) ** 2

@@ -13,7 +13,7 @@ from fitball.base.findings import Findings
 from fitball.base.numbers import fixed, percent
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure
-from fitball.data.bundled import printed
+from fitball.data.bundled import printed_table
 from fitball.models.specs import SPECS
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
 from fitball.report.page import Page
@@ -303,7 +303,7 @@ def _slips(frame: DataFrame) -> Table:
 
 def _errata() -> list[str]:
     """Sentences on slips of the thesis's text, which no row of Appendices C and D shows."""
-    errata = printed("errata").to_dict("records")
+    errata = printed_table("errata").to_dict("records")
     of_text = [erratum for erratum in errata if erratum["table"][0] not in "CD"]
     return [f"{row['table']}, {row['column']}: {row['evidence']}." for row in of_text]
 

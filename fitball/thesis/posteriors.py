@@ -10,7 +10,7 @@ from scipy.stats import gaussian_kde
 from fitball.base.environment import threads
 from fitball.base.progress import Progress
 from fitball.base.values import Ball, DataFrame, FloatArray, Impacts
-from fitball.data.balances import balances
+from fitball.data.balances import impact_balances
 from fitball.data.read import load_data
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import draws_of
@@ -238,7 +238,7 @@ def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
     Eq. (53), and the line of each fit.
     """
     table, scene = load_data(TABLE, None, False)
-    frame = balances(table, scene.ball_value(), ERRORS)
+    frame = impact_balances(table, scene.ball_value(), ERRORS)
     v_y1 = table.impacts.v_y1
     columns = {
         "id": table.labels["id"],

@@ -8,7 +8,7 @@ import pandas as pd
 
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.values import DataFrame, FloatArray
-from fitball.data.bundled import printed
+from fitball.data.bundled import printed_table
 from fitball.inference.effort import Effort
 from fitball.models.kernels.contact import CORE_RADIUS_RATIO
 from fitball.models.specs import SPECS
@@ -85,7 +85,7 @@ def case_values(fix: Mapping[str, float]) -> tuple[list[str], dict[str, FloatArr
     but for `fix`; a core of another mass has the inertia of a solid one in a thin shell. Raises
     ParameterError (`unknown-parameter`, `out-of-bounds`).
     """
-    table = printed("table_9")
+    table = printed_table("table_9")
     names = [f"case {case}" for case in table["case"]]
     values = set_values(table)
     for name, value in fix.items():
@@ -146,7 +146,7 @@ def _points(name: str, k: int, recomputed: Outputs) -> DataFrame:
     """The points (21 rows) of Figs 36 to 44 of set `k`, of which the first three are Table 9's
     cases: outputs as measured, recomputed (sets, 21), and printed in Appendix C (NaN of others).
     """
-    rows = printed("appendix_c")
+    rows = printed_table("appendix_c")
     rows = rows[rows["case"] == SET_OF_CASE.get(k + 1)]
     points = appendices.wang()[["group", "theta_1 [deg]"]].rename(columns={"group": "spin"})
     points.insert(0, "case", name)

@@ -27,11 +27,11 @@ from fitball.base.numbers import counted
 from fitball.base.text import listed, one_line
 from fitball.base.units import factor_of
 from fitball.base.values import BoolArray, FloatArray, IntArray
-from fitball.data.bundled import place_of
-from fitball.data.cells import Cells, file_and_sheet, numbers, read_cells
+from fitball.data.bundled import path_of_source
+from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
 from fitball.data.labels import role_of
-from fitball.data.read import Source
-from fitball.data.scene import CameraSection, Quantity, Scene, load_scene
+from fitball.data.read import TableSource
+from fitball.data.scene import CameraSection, Scene, ValueWithSd, load_scene
 from fitball.tracks.names import DIALECTS, NAMES, FilmNaming
 from fitball.tracks.types import Track
 
@@ -112,7 +112,7 @@ class _Clip(NamedTuple):
 
 
 def scene_of(
-    sources: Sequence[Source],
+    sources: Sequence[TableSource],
     scene: Scene | str | Path,
     fps: float,
     mm_per_px: float,
@@ -125,7 +125,7 @@ def scene_of(
     beside = None
     if sources and isinstance(sources[0], str | Path):
         file, _ = file_and_sheet(str(sources[0]))
-        beside = place_of(file, "tracks")
+        beside = path_of_source(file, "tracks")
     if not isinstance(scene, Scene):
         scene = load_scene(beside, scene or None)
     camera = scene.camera or CameraSection()
@@ -145,7 +145,7 @@ def scene_of(
 
 
 def read_tracks(
-    sources: Sequence[Source],
+    sources: Sequence[TableSource],
     scene: Scene,
     columns: Mapping[str, str],
 ) -> tuple[list[Track], list[Note]]:
@@ -174,14 +174,14 @@ def read_tracks(
     return [*_with_unique_ids(tracks)], [*notes]
 
 
-def _place_and_name(source: Source) -> tuple[Source, str, str]:
+def _place_and_name(source: TableSource) -> tuple[TableSource, str, str]:
     """The file of a film with its sheet, or a table in memory; the sheet alone; the film's name.
     Raises InputError (`film`), FolderError (`not-found`).
     """
     if not isinstance(source, str | Path):
         return source, "", str(getattr(source, "attrs", {}).get("name", "positions"))
     file, sheet = file_and_sheet(str(source))
-    path = place_of(file, "tracks")
+    path = path_of_source(file, "tracks")
     if path.suffix.lower()[1:] in _FILMS:
         words = "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
         raise InputError(str(path), [Fault("film", words)])
@@ -204,7 +204,7 @@ def _with_unique_ids(tracks: Sequence[Track]) -> Iterator[Track]:
 class _Reader:
     """A file on its way to tracks; faults go to its cells."""
 
-    cells: Cells
+    cells: TableCells
     name: str
     naming: FilmNaming
     scene: Scene
@@ -457,7 +457,7 @@ class _Reader:
         it; else 0.
         """
         radius = self.scene.ball.radius
-        if isinstance(radius, Quantity):
+        if isinstance(radius, ValueWithSd):
             radius = radius.value
         scale = 0.0
         if radius is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fitball.base.values import FloatArray
-from fitball.data.scene import CameraSection, Quantity
+from fitball.data.scene import CameraSection, ValueWithSd
 from fitball.tracks.flight import DRAG, T1, T2, VY1, VY2, Impact, fit, start
 from fitball.tracks.spins import pairs_of, weights
 from fitball.tracks.types import FilmAssumptions
@@ -90,7 +90,7 @@ def session_of(
     """
     session = Session(impacts, assumed, assumed.ball.radius)
     if camera.court is not None:
-        court = camera.court.value if isinstance(camera.court, Quantity) else camera.court
+        court = camera.court.value if isinstance(camera.court, ValueWithSd) else camera.court
         session.height += -court if camera.y == "down" else court
         return session
     # The second lowest frame: the lowest may be an outlier.

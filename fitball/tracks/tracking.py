@@ -12,8 +12,8 @@ from fitball.base.errors import Fault, InputError, Note
 from fitball.base.numbers import counted
 from fitball.base.progress import Progress
 from fitball.base.text import listed, one_line
-from fitball.data.read import Source
-from fitball.data.scene import CameraSection, Quantity, Scene
+from fitball.data.read import TableSource
+from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.tracks.film import Filmed, film_of
 from fitball.tracks.find import gravity_of, impacts_of
 from fitball.tracks.flight import Impact
@@ -31,15 +31,15 @@ from fitball.tracks.types import FilmAssumptions
 # Values and sds of the camera's errors where a film states none: the scale to 1 %, the clock to
 # 0.1 %, the tilt to 0.3 degrees [rad], the height of the court to 3 mm [m].
 _CAMERA = {
-    "scale": Quantity(1.0, 0.01),
-    "clock": Quantity(1.0, 1e-3),
-    "tilt": Quantity(0.0, 0.005236),
-    "court_height": Quantity(0.0, 3e-3),
+    "scale": ValueWithSd(1.0, 0.01),
+    "clock": ValueWithSd(1.0, 1e-3),
+    "tilt": ValueWithSd(0.0, 0.005236),
+    "court_height": ValueWithSd(0.0, 3e-3),
 }
 
 
 def track(
-    sources: Sequence[Source],
+    sources: Sequence[TableSource],
     scene: Scene,
     columns: Mapping[str, str],
     as_read: bool,
@@ -94,7 +94,7 @@ def track(
     return replace(film, notes=tuple(notes))
 
 
-def _names_of(sources: Sequence[Source]) -> Iterator[str]:
+def _names_of(sources: Sequence[TableSource]) -> Iterator[str]:
     """What films are called in messages."""
     for source in sources:
         yield str(source) if isinstance(source, str | Path) else "a table"
@@ -103,8 +103,8 @@ def _names_of(sources: Sequence[Source]) -> Iterator[str]:
 def _with_usual_errors(camera: CameraSection) -> CameraSection:
     """A camera as stated, with the usual sds of what it does not state."""
     usual = {name: error for name, error in _CAMERA.items() if getattr(camera, name) is None}
-    if isinstance(camera.court, Quantity) and "court_height" in usual:
-        usual["court_height"] = Quantity(0.0, camera.court.sd)
+    if isinstance(camera.court, ValueWithSd) and "court_height" in usual:
+        usual["court_height"] = ValueWithSd(0.0, camera.court.sd)
     return changed(camera, **usual)
 
 
@@ -121,6 +121,6 @@ def _with_height_sd(camera: CameraSection, sd: float) -> CameraSection:
     one.
     """
     height = camera.court_height
-    if sd > (height.sd if isinstance(height, Quantity) else 0.0):
-        return changed(camera, court_height=Quantity(0.0, sd))
+    if sd > (height.sd if isinstance(height, ValueWithSd) else 0.0):
+        return changed(camera, court_height=ValueWithSd(0.0, sd))
     return camera

@@ -12,7 +12,7 @@ from fitball.base.errors import ParameterError
 from fitball.base.priors import parse_prior
 from fitball.base.selection import evenly_spread
 from fitball.base.values import BoolArray, FloatArray, Impacts, IntArray
-from fitball.data.scene import Quantity as Stated
+from fitball.data.scene import ValueWithSd
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
 from fitball.inference.effort import AT_ONCE, LONG
@@ -69,7 +69,7 @@ class Known:
             stated = None if problem.scene.camera is None else problem.scene.camera.court_height
             if stated is None:
                 self.height = parse_prior(spec, spec.prior).width
-            elif isinstance(stated, Stated):
+            elif isinstance(stated, ValueWithSd):
                 self.height = stated.sd
         if self.height:
             old = problem.camera or CameraModel((), ("",), np.zeros(1, np.int64))

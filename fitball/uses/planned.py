@@ -13,8 +13,8 @@ from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.values import FloatArray, Impacts, IntArray
-from fitball.data.in_words import Span, impacts_of, spans
-from fitball.data.labels import spelled
+from fitball.data.in_words import Span, impact_grid, spans
+from fitball.data.labels import spelling_key
 from fitball.inference.derived import Quantity
 from fitball.inference.fitted import Fitted
 from fitball.inference.forward import NEW_LEVEL, Values
@@ -114,9 +114,9 @@ def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
     forward = fit.problem.forward
     keys = np.unique(fit.problem.rows.index, axis=0)
     forward.check_columns(level)
-    labels = {spelled(column): label for column, label in level.items()}
+    labels = {spelling_key(column): label for column, label in level.items()}
     for k, levels in enumerate(forward.levels):
-        label = labels.get(spelled(levels.column))
+        label = labels.get(spelling_key(levels.column))
         if label is None:
             continue
         place = levels.index_of(label)
@@ -265,7 +265,7 @@ def targets_of(fit: Fitted, asked: Sequence[str], keys: IntArray) -> list[Quanti
 def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quantity]:
     """Velocities and spin after one impact, on each surface."""
     forward = fit.problem.forward
-    impact, _ = impacts_of(spans(text, "value"))
+    impact, _ = impact_grid(spans(text, "value"))
     if not forward.model.tangential and (impact.v_x1[0] or impact.omega_1[0]):
         text = f"impact '{text}': the fit has vertical motion only; name v_y1 alone"
         raise ParameterError(text, "not-measured")

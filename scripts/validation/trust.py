@@ -22,7 +22,7 @@ from study import Rate, Record, replicates
 import fitball
 from fitball.base.values import FloatArray
 from fitball.data.read import load_table
-from fitball.data.scene import Quantity, Scene
+from fitball.data.scene import Scene, ValueWithSd
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
 from fitball.inference.judgement.adequacy import adequacy
@@ -197,7 +197,7 @@ def told(number: int) -> Record:
     time = float(made.contact_time.mean() + sd * rng.standard_normal())
     problem = build_problem(
         load_table(pd.DataFrame(columns)),
-        Scene(contact_time=Quantity(time, sd)),
+        Scene(contact_time=ValueWithSd(time, sd)),
         Choices(),
     )
     fit = calibrate(problem, Effort(number), lambda _stage, _share: None)

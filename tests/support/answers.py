@@ -13,9 +13,9 @@ from decimal import Decimal, localcontext
 from support import taylor, taylor_series
 from support.taylor import OUTPUTS
 
-from fitball.data.bundled import folder
+from fitball.data.bundled import datasets_folder
 
-PLACE, SCENES = (folder() / "bench" / f"{name}.csv" for name in ("hard_cases", "scenes"))
+PLACE, SCENES = (datasets_folder() / "bench" / f"{name}.csv" for name in ("hard_cases", "scenes"))
 IMPACT = ("v_x1", "v_y1", "omega_1")
 PARAMETERS = (
     "mass_ratio",

@@ -9,7 +9,7 @@ from scipy import stats
 
 from fitball.base.columns import COLUMNS
 from fitball.base.values import Impacts
-from fitball.data.scene import BallSection, CameraSection, Quantity, Scene
+from fitball.data.scene import BallSection, CameraSection, Scene, ValueWithSd
 from fitball.data.table import ImpactTable
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
@@ -111,20 +111,20 @@ def scene_of(camera=False, time=False, ball=False):
     camera_section = None
     if camera:
         camera_section = CameraSection(
-            scale=Quantity(1.0, 0.01),
-            clock=Quantity(1.0, 0.001),
-            tilt=Quantity(0.0, 0.005),
-            court_height=Quantity(0.0, 0.003),
+            scale=ValueWithSd(1.0, 0.01),
+            clock=ValueWithSd(1.0, 0.001),
+            tilt=ValueWithSd(0.0, 0.005),
+            court_height=ValueWithSd(0.0, 0.003),
         )
     ball_section = BallSection()
     if ball:
         ball_section = BallSection(
-            mass=Quantity(0.0577, 2e-4),
-            inertia_ratio=Quantity(0.56, 0.01),
+            mass=ValueWithSd(0.0577, 2e-4),
+            inertia_ratio=ValueWithSd(0.56, 0.01),
         )
     return Scene(
         camera=camera_section,
-        contact_time=Quantity(5e-3, 5e-4) if time else None,
+        contact_time=ValueWithSd(5e-3, 5e-4) if time else None,
         ball=ball_section,
     )
 

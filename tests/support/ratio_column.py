@@ -28,7 +28,7 @@ columns.COLUMNS = {**columns.COLUMNS, RATIO.name: RATIO}
 columns.REBOUND = (*columns.REBOUND, RATIO.name)
 
 import fitball  # noqa: E402
-from fitball.data.table import joined  # noqa: E402
+from fitball.data.table import join_tables  # noqa: E402
 
 
 def frame(*names: str, **more: object) -> dict[str, object]:
@@ -70,7 +70,7 @@ def main() -> None:
         "beside polar": [*fitball.load_table(frame("v_2", "theta_2", "ratio_2")).values],
         "beside one of each": [*fitball.load_table(frame("v_x2", "v_2", "ratio_2")).values],
         "contradiction": code_of(lambda: fitball.load_table({**both, "ratio_2": 3.0 * ratio})),
-        "joined": code_of(lambda: joined([polar, cartesian])),
+        "joined": code_of(lambda: join_tables([polar, cartesian])),
         "sensor": code_of(lambda: full.plan(sensor={"ratio_2": "0.01"})),
         "same": bool(np.array_equal(again.values["ratio_2"], polar.values["ratio_2"])),
         "length": code_of(lambda: fitball.load_table(frame("v_2", **{"ratio_2 [m]": ratio}))),

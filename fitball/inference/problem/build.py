@@ -15,7 +15,7 @@ from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import listed
 from fitball.data.bundled import PUBLISHED, published_prior
 from fitball.data.read import load_data
-from fitball.data.scene import Quantity, Scene
+from fitball.data.scene import Scene, ValueWithSd
 from fitball.data.table import ImpactTable
 from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
 from fitball.inference.noise import noise_kind
@@ -317,12 +317,14 @@ def _given(
     numbers |= dict.fromkeys(VELOCITY_NOISES, noise.get("velocity_sd"))
     numbers |= {name: noise[name] for name in specs if name in noise}
     for key, sd in scene.ball_sd().items():
-        numbers[key if key in BALL_PARAMETERS else f"ball_{key}"] = Quantity(getattr(ball, key), sd)
+        numbers[key if key in BALL_PARAMETERS else f"ball_{key}"] = ValueWithSd(
+            getattr(ball, key), sd
+        )
     for name in specs:
         if (key := name.partition("[")[0]) in CAMERA_SPECS and scene.camera is not None:
             numbers[name] = getattr(scene.camera, key)
     for name, number in numbers.items():
-        if isinstance(number, Quantity):
+        if isinstance(number, ValueWithSd):
             given[name] = f"normal({number.value:.10g}, {number.sd:.10g})"
         elif isinstance(number, int | float):
             given[name] = (float(number), "stated in the scene")
