@@ -9,13 +9,13 @@ from support.made_fit import made_fit, table_of
 
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.uses.hierarchy import (
-    EACH,
+    DRAWS_OF_EACH,
     Group,
     drawn_group,
     group_of,
     hierarchy,
     is_log,
-    measured,
+    measured_group,
     spread_prior,
 )
 
@@ -78,7 +78,7 @@ def test_centre_spread_and_groups_are_those_of_an_integral():
         return variance + mean**2
 
     rng = np.random.default_rng(1)
-    schools = list(map(measured, EFFECTS, ERRORS))
+    schools = list(map(measured_group, EFFECTS, ERRORS))
     result = hierarchy(schools, half_t(10.0), rng)
     tau = mean_of(lambda tau: tau)
     tau_square = mean_of(np.square)
@@ -93,14 +93,14 @@ def test_centre_spread_and_groups_are_those_of_an_integral():
     assert result.centre.std() == pytest.approx(centre_sd, rel=0.07)
     assert result.new.var() == pytest.approx(centre_variance + tau_square, rel=0.15)
     # A group given the others lies between its own value and the centre.
-    spread = result.spread[:EACH]
-    centres = result.centre[:EACH]
+    spread = result.spread[:DRAWS_OF_EACH]
+    centres = result.centre[:DRAWS_OF_EACH]
     variances = ERRORS[:, None] ** 2
     share = spread**2 / (spread**2 + variances)
     exact = centres + share * (EFFECTS[:, None] - centres)
     means = result.each.mean(axis=1)
     assert means == pytest.approx(exact.mean(axis=1), abs=1.2)
-    assert result.each.shape == (8, EACH)
+    assert result.each.shape == (8, DRAWS_OF_EACH)
     assert np.all(result.pareto_k == -np.inf)
 
 
@@ -114,7 +114,7 @@ def test_centre_spread_and_groups_are_those_of_an_integral():
 def test_spreads_far_from_the_errors_are_found(spread, errors):
     rng = np.random.default_rng(2)
     values = spread * normal_quantiles(40)
-    groups = [measured(value, errors) for value in values]
+    groups = [measured_group(value, errors) for value in values]
     result = hierarchy(groups, half_t(1.0), rng)
     low, middle, high = np.quantile(result.spread, (0.025, 0.5, 0.975))
     if spread > errors:
@@ -145,7 +145,7 @@ def test_an_interim_prior_is_divided_out():
         assert group_sd == pytest.approx(draws[::10].std(), rel=1e-9)
         groups.append(group)
         with_prior.append(group._replace(interim=np.zeros_like(group.interim)))
-    measurements = [measured(value, error) for value in values]
+    measurements = [measured_group(value, error) for value in values]
     exact = hierarchy(measurements, half_t(0.2), rng)
     divided = hierarchy(groups, half_t(0.2), rng)
     control = hierarchy(with_prior, half_t(0.2), rng)

@@ -82,16 +82,16 @@ def interval_of_mean(values, error=None):
 def test_a_court_has_the_rating_and_interval_of_its_impacts(polar):
     ratings = np.array([36.0, 38.5, 37.0, 35.5, 39.5])
     table = paced(ratings, polar=polar)
-    found = row(pace_of(table), surface="", place="")
-    assert found["impacts"] == 5
-    assert found["rating"] == pytest.approx(37.3, rel=1e-9)
+    rated = row(pace_of(table), surface="", place="")
+    assert rated["impacts"] == 5
+    assert rated["rating"] == pytest.approx(37.3, rel=1e-9)
     low, high = interval_of_mean(ratings)
-    assert found["q025"] == pytest.approx(low, abs=0.01)
-    assert found["q975"] == pytest.approx(high, abs=0.01)
+    assert rated["q025"] == pytest.approx(low, abs=0.01)
+    assert rated["q975"] == pytest.approx(high, abs=0.01)
     error = ratings.std(ddof=1) / np.sqrt(5)
     below, above = t.cdf([34.5, 39.5], 4, ratings.mean(), error)
-    assert found["medium"] == pytest.approx(above - below, abs=0.001)
-    shares = [found[name] for name in itf.PACE_CATEGORIES]
+    assert rated["medium"] == pytest.approx(above - below, abs=0.001)
+    shares = [rated[name] for name in itf.PACE_CATEGORIES]
     assert sum(shares) == pytest.approx(1.0)
     # Ten kelvins colder are 4.5 points.
     cold_ball = BallSection(temperature=13.0)
@@ -116,19 +116,19 @@ def test_only_impacts_within_tolerances_of_a_tennis_ball_count():
     assert pace_of(drops).empty
 
 
-def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_others_theirs():
+def test_each_place_is_rated_and_a_surface_that_cannot_be_leaves_the_others_theirs():
     ratings = np.array([44.0, 44.4, 45.0, 40.1, 40.5, 40.9, 36.2, 36.6, 37.0, 20.0, 21.0])
     surfaces = ("hard",) * 9 + ("clay",) * 2
     places = tuple("AAABBBCCCDD")
     table = paced(ratings, surface=surfaces, location=places)
-    found = pace_of(table)
-    assert found["surface"].tolist() == ["hard"] * 4
-    assert found["place"].tolist() == ["", "A", "B", "C"]
-    assert found["impacts"].tolist() == [9, 3, 3, 3]
+    rated = pace_of(table)
+    assert rated["surface"].tolist() == ["hard"] * 4
+    assert rated["place"].tolist() == ["", "A", "B", "C"]
+    assert rated["impacts"].tolist() == [9, 3, 3, 3]
     # Between places 4 points, within 0.5: each is as measured, the court no better known than by
     # three places.
-    assert found["rating"].tolist() == pytest.approx([40.53, 44.43, 40.5, 36.63], abs=0.5)
-    width = found["q975"] - found["q025"]
+    assert rated["rating"].tolist() == pytest.approx([40.53, 44.43, 40.5, 36.63], abs=0.5)
+    width = rated["q975"] - rated["q025"]
     of_three_places = np.ptp(t.interval(0.95, 2, 0.0, 3.9 / np.sqrt(3)))
     assert 5.0 < width[0] < of_three_places
     # A pooled sd of six degrees of freedom.
@@ -137,17 +137,17 @@ def test_places_are_rated_one_by_one_and_a_surface_that_cannot_be_leaves_the_oth
     # Who knows that places are alike says so.
     prior = {"rating_spread": "half-normal(0.05)"}
     alike = measured_pace(table, Scene(), prior)
-    assert np.ptp(alike["rating"]) < 0.5 * np.ptp(found["rating"])
+    assert np.ptp(alike["rating"]) < 0.5 * np.ptp(rated["rating"])
     assert alike.equals(measured_pace(table, Scene(prior=prior)))
-    assert not alike.equals(found)
+    assert not alike.equals(rated)
 
 
-def test_a_drop_test_of_one_ball_is_students():
+def test_drops_of_a_single_ball_are_students():
     heights = np.array([1.402, 1.395, 1.413, 1.408])
     cor = np.sqrt(heights / 2.54)
-    found = drop_test_of(heights)
-    assert found["kind"].tolist() == ["mean"]
-    mean = found.iloc[0]
+    frame = drop_test_of(heights)
+    assert frame["kind"].tolist() == ["mean"]
+    mean = frame.iloc[0]
     assert mean["cor"] == pytest.approx(cor.mean(), rel=1e-9)
     assert mean["speed"] == pytest.approx(FALL, rel=1e-9)
     assert mean["drops"] == 4
@@ -167,7 +167,7 @@ def test_a_drop_test_of_one_ball_is_students():
     assert same["rebound"] == pytest.approx(1.4, rel=1e-9)
 
 
-def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
+def test_balls_of_a_make_differ_and_another_is_less_sure_than_their_mean():
     """Six balls dropped three times; intervals of the second edition's mixed model, with the noise
     as a parameter.
     """
@@ -183,9 +183,9 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     )
     heights = by_ball.ravel() / 100.0
     table = dropped(heights, ball=tuple("AAABBBCCCDDDEEEFFF"))
-    found = drop_test(table, Scene())
-    mean = row(found, kind="mean")
-    another = row(found, kind="another")
+    frame = drop_test(table, Scene())
+    mean = row(frame, kind="mean")
+    another = row(frame, kind="another")
     assert mean["cor"] == pytest.approx(0.74486, abs=4e-4)
     assert mean["cor_q025"] == pytest.approx(0.7419, abs=4e-4)
     assert mean["cor_q975"] == pytest.approx(0.74795, abs=4e-4)
@@ -193,7 +193,7 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
     width_of_mean = mean["cor_q975"] - mean["cor_q025"]
     width_of_another = another["cor_q975"] - another["cor_q025"]
     assert width_of_another > 2.0 * width_of_mean
-    balls = found[found["kind"] == "ball"]
+    balls = frame[frame["kind"] == "ball"]
     assert balls["label"].tolist() == list("ABCDEF")
     assert (balls["drops"] == 3).all()
     measured = np.sqrt(heights / 2.54).reshape(6, 3).mean(axis=1)
@@ -208,10 +208,10 @@ def test_balls_of_one_make_differ_and_another_is_less_sure_than_their_mean():
 
 def test_balls_dropped_once_are_students_and_another_lies_among_them():
     cor = np.array([0.741, 0.747, 0.738, 0.744, 0.749])
-    found = drop_test_of(2.54 * cor**2, ball=tuple("ABCDE"))
-    assert found["kind"].tolist() == ["mean", "another"]
+    frame = drop_test_of(2.54 * cor**2, ball=tuple("ABCDE"))
+    assert frame["kind"].tolist() == ["mean", "another"]
     for kind, error in (("mean", np.sqrt(0.2)), ("another", np.sqrt(1.2))):
-        answer = row(found, kind=kind)
+        answer = row(frame, kind=kind)
         low, high = interval_of_mean(cor, error)
         assert answer["cor_q025"] == pytest.approx(low, abs=5e-5), kind
         assert answer["cor_q975"] == pytest.approx(high, abs=5e-5), kind
@@ -244,9 +244,9 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     noise = 0.003 * rng.standard_normal(12)
     cor = 0.82 - 0.011 * speeds + noise
     table = made({"v_y1": speeds, "v_y2": cor * speeds})
-    found = drop_test(table, Scene())
+    frame = drop_test(table, Scene())
     line = linregress(speeds, cor)
-    mean = row(found, kind="mean")
+    mean = row(frame, kind="mean")
     assert mean["cor"] == pytest.approx(line.intercept + line.slope * FALL, rel=1e-9)
     # The error of a regression at the speed of the test.
     residuals = cor - line.intercept - line.slope * speeds
@@ -255,7 +255,7 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     leverage = 1 / 12 + (FALL - speeds.mean()) ** 2 / np.sum(centred**2)
     width = 2 * t.ppf(0.975, 10) * scatter * np.sqrt(leverage)
     assert mean["cor_q975"] - mean["cor_q025"] == pytest.approx(width, rel=0.003)
-    by_speed = found[found["kind"] == "speed"]
+    by_speed = frame[frame["kind"] == "speed"]
     assert by_speed["speed"].to_numpy() == pytest.approx(speeds[::3])
     assert (by_speed["drops"] == 3).all()
     means_by_speed = cor.reshape(4, 3).mean(axis=1)
@@ -265,9 +265,9 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
         {"v_y1": speeds, "v_y2": of_balls * speeds},
         labels={"ball": tuple("ABC" * 4)},
     )
-    found = drop_test(table, Scene())
-    assert row(found, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
-    balls = found[found["kind"] == "ball"]
+    frame = drop_test(table, Scene())
+    assert row(frame, kind="mean")["cor"] == pytest.approx(mean["cor"] + 0.01, abs=1e-3)
+    balls = frame[frame["kind"] == "ball"]
     assert np.diff(balls["cor"]) == pytest.approx([0.01, 0.01], abs=4e-3)
     low = drop_test_of([0.57, 0.58, 0.575], fall=1.0).iloc[0]
     assert low["speed"] == pytest.approx(np.sqrt(TWICE_G))
@@ -278,9 +278,9 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
 def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     heights = np.array([1.40, 1.41, 1.405, 1.20, 1.22, 1.21])
     surfaces = ("Smooth concrete",) * 3 + ("clay",) * 3
-    found = drop_test_of(heights, surface=surfaces)
-    base = row(found, surface="Smooth concrete")
-    clay = row(found, surface="clay")
+    frame = drop_test_of(heights, surface=surfaces)
+    base = row(frame, surface="Smooth concrete")
+    clay = row(frame, surface="clay")
     cor = np.sqrt(heights / 2.54)
     assert base["passes"] > 0.99
     assert np.isnan(clay["passes"])
@@ -290,8 +290,8 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     assert clay["ratio"] == pytest.approx(on_clay / on_concrete, rel=1e-9)
     assert clay["ratio_q025"] < clay["ratio"] < clay["ratio_q975"] < 1.0
     not_rigid = ("hard",) * 3 + ("clay",) * 3
-    found = drop_test_of(heights, surface=not_rigid)
-    assert np.isnan(found["ratio"]).all()
+    frame = drop_test_of(heights, surface=not_rigid)
+    assert np.isnan(frame["ratio"]).all()
     # On clay alone no ball passes or fails.
     alone = drop_test_of(heights[:3], surface=("clay",) * 3)
     assert np.isnan(alone["passes"][0])

@@ -19,13 +19,13 @@ from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted
 from fitball.inference.problem.levels import FREEDOM, usual_spread
 from fitball.uses.hierarchy import (
-    LEAST,
+    LEAST_GROUPS,
     Group,
     Hierarchy,
     group_of,
     hierarchy,
     is_log,
-    measured,
+    measured_group,
     spread_prior,
 )
 from fitball.uses.lab import drop_test, measured_pace
@@ -139,7 +139,8 @@ def record_of(name: str, fit: Fitted) -> TableRecord:
 
 def _measured_quantity(tested: _Tested, unit: str) -> Quantity:
     """A laboratory test as a quantity that is compared over tables."""
-    group = measured(tested.value, (tested.high - tested.low) / _SDS_IN_INTERVAL)
+    error = (tested.high - tested.low) / _SDS_IN_INTERVAL
+    group = measured_group(tested.value, error)
     size = usual_spread(tested.value, 0.0, log=False)
     prior = f"half-t({size:.6g}, {FREEDOM})"
     spread = parse_prior(ParameterSpec(tested.name, "", 0.0, np.inf, prior, "", ""))
@@ -191,9 +192,9 @@ def over_tables(name: str, quantities: Sequence[Quantity]) -> Hierarchy:
     """Centre, spread and a new table of a quantity that three tables determine: in SI, but the
     spread of a logarithm, which is relative. Raises ParameterError (`too-few-tables`).
     """
-    if len(quantities) < LEAST:
+    if len(quantities) < LEAST_GROUPS:
         count = len(quantities)
-        text = f"{name}: the data of {count} tables determine it; expected at least {LEAST}"
+        text = f"{name}: the data of {count} tables determine it; expected at least {LEAST_GROUPS}"
         raise ParameterError(text, "too-few-tables")
     groups = [quantity.group for quantity in quantities]
     stream = Effort().stream(f"population of {name}")
@@ -216,7 +217,7 @@ def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
 
     rows = {}
     for name, of_tables in quantities.items():
-        if len(of_tables) < LEAST:
+        if len(of_tables) < LEAST_GROUPS:
             continue
         population = over_tables(name, of_tables)
         first = of_tables[0]
