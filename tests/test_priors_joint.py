@@ -267,6 +267,13 @@ def test_assumptions_are_named_where_they_concern_a_free_parameter():
     assert named(timed, text="two-mass") == {"no-friction", "no-velocity-noise", "no-spin-noise"}
     assert named(table, fix={"mu": 0.5, "spin_sd": 5.0, "v_x_sd": 0.1}) == {"no-velocity-noise"}
     assert "no-friction" in named(table_of(REBOUND, labels=("surface",)))
+    # Who states a prior, here or in the scene, leaves nothing open; of a spread it says nothing.
+    by_scene = Scene(prior={"mu": "beta(6, 4)", "v_x_sd": "half-normal(0.2)"})
+    assert named(table, by_scene) == {"no-velocity-noise", "no-spin-noise"}
+    priors = {"spin_sd": "half-normal(9)", "k_y": "lognormal(2e4, 0.5)"}
+    assert named(table, prior=priors, text="two-mass") == {"no-friction", "no-velocity-noise"}
+    several = table_of(REBOUND, labels=("surface",))
+    assert "no-friction" in named(several, prior={"mu_spread": "half-normal(0.1)"})
 
 
 def test_what_the_table_does_not_show_is_held():

@@ -183,7 +183,7 @@ def build_problem(
         rows=rows,
         camera=camera,
         contact_time=None if time is None else (time.value, time.sd),
-        notes=(*_assumed(scene, free_bases, timed), *notes),
+        notes=(*_assumed(scene, choices, free_bases, timed), *notes),
         prior_texts=texts,
     )
 
@@ -448,12 +448,21 @@ def _parameters(
     return parameters, joint, texts
 
 
-def _assumed(scene: Scene, free: Collection[str], timed: bool) -> Iterable[Note]:
-    """What the scene left open, where that concerns a free parameter."""
+def _assumed(
+    scene: Scene,
+    choices: Choices,
+    free: Collection[str],
+    timed: bool,
+) -> Iterable[Note]:
+    """What the scene left open, where that concerns a free parameter for which no prior was
+    stated.
+    """
+    stated = {name.partition("[")[0] for name in (*scene.prior, *choices.prior)}
+    default = {*free} - stated
     about = {
-        "no-friction": "mu" in free,
-        "no-contact-time": "k_y" in free and not timed,
-        "no-velocity-noise": not {*VELOCITY_NOISES}.isdisjoint(free),
-        "no-spin-noise": "spin_sd" in free,
+        "no-friction": "mu" in default,
+        "no-contact-time": "k_y" in default and not timed,
+        "no-velocity-noise": not {*VELOCITY_NOISES}.isdisjoint(default),
+        "no-spin-noise": "spin_sd" in default,
     }
     return (note for note in scene.assumed() if about.get(note.code, True))
