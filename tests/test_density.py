@@ -125,7 +125,7 @@ def test_stated_errors_alone_where_scatter_is_held_at_nothing(errors):
 def test_errors_of_a_long_table_are_made_in_parts(monkeypatch):
     table = table_of(TIMED, "corr", gaps=True)
     at_once = row_errors.row_errors(table, TIMED)
-    monkeypatch.setattr(row_errors, "PART", 3)
+    monkeypatch.setattr(row_errors, "ROWS_AT_ONCE", 3)
     in_parts = row_errors.row_errors(table, TIMED)
     for array, other in zip(at_once, in_parts, strict=True):
         assert_array_equal(array, other)

@@ -1,8 +1,8 @@
-"""What a session shares because one camera saw it.
+"""The camera of a session: scale, clock, tilt and court height that its impacts share.
 
 With scale s and clock c (true over measured), tilt tau, court height h, R = [[cos tau, -sin tau],
 [sin tau, cos tau]], v_1 = (v_x1, v_y1) with v_y1 downwards, v_2 = (v_x2, v_y2) upwards; ' is
-measured, T, P, Q are time, path and turn:
+measured, T, P, Q are time, path and turn between the flights:
     v_1 = (s/c) R v_1',  omega_1 = omega_1'/c,  v_2' = (c/s) R v_2,  omega_2' = c omega_2,
     T' = T/c - h/v_y1' - r/v_y2',  P' = (P/s) cos(tau) - h v_x1'/v_y1' - r v_x2'/v_y2',
     Q' = Q - h omega_1'/v_y1' - r omega_2'/v_y2',  r = h + (P/s) sin(tau).
@@ -11,7 +11,7 @@ and r at release.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from fitball.data.table import ImpactTable
 from fitball.inference.forward import ForwardModel, Values, spec_at_label
 from fitball.models.types import Rebound, Status
 
-_ALL = (
+_SPECS = (
     ParameterSpec(
         "scale",
         "",
@@ -65,31 +65,33 @@ _ALL = (
         display_unit=MM,
     ),
 )
-CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
-# What nobody states.
+CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _SPECS}
+# The values of a camera without errors, which parameters that are not fitted have.
 LEVEL = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
 
 
 class CameraModel(NamedTuple):
-    """Which of scale, clock, tilt, court_height are parameters, of each of the `sessions`
-    (`tilt[monday]`, or `tilt`); `session` (impacts,) of each impact. States that do not reach the
-    court have status NO_IMPACT.
+    """A camera whose `keys` (of scale, clock, tilt, court_height) are parameters, each with a value
+    for each of the `sessions`; `session` is the index of each impact's session. States that do not
+    reach the court have status NO_IMPACT.
     """
 
     keys: tuple[str, ...]
     sessions: tuple[str, ...]
-    session: IntArray
+    session: Annotated[IntArray, "impacts"]
 
     def name(self, key: str, session: str) -> str:
-        """The parameter of a session; "" where there is but one."""
+        """The name of a session's parameter: `tilt[monday]`, or `tilt` where the only session has
+        the name "".
+        """
         return f"{key}[{session}]" if session else key
 
-    def take(self, rows: IntArray) -> "CameraModel":
-        """That of some of the impacts."""
+    def take(self, rows: Annotated[IntArray, "rows"]) -> "CameraModel":
+        """The camera of the impacts with these row numbers."""
         return self._replace(session=self.session[rows])
 
     def _settings(self, values: Values) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Scale, clock, tilt and height, broadcastable to (draws, impacts)."""
+        """Scale, clock, tilt [rad] and court height [m], which broadcast to (draws, impacts)."""
         settings = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
         for key in self.keys:
             by_session = [values[self.name(key, session)] for session in self.sessions]
@@ -100,7 +102,7 @@ class CameraModel(NamedTuple):
         return settings["scale"], settings["clock"], settings["tilt"], settings["court_height"]
 
     def true_states(self, values: Values, measured: Impacts) -> Impacts:
-        """True states (draws, impacts)."""
+        """True incident states (draws, impacts) of measured ones."""
         scale, clock, tilt, _ = self._settings(values)
         fast = scale / clock
         cosine = np.cos(tilt)
@@ -110,7 +112,9 @@ class CameraModel(NamedTuple):
         return Impacts(*np.broadcast_arrays(along, down, measured.omega_1 / clock))
 
     def measured_rebounds(self, values: Values, measured: Impacts, rebound: Rebound) -> Rebound:
-        """What the camera shows of true rebounds."""
+        """Rebounds (draws, impacts) as the camera shows them, of true ones; `measured` are the
+        incident states as the camera shows them.
+        """
         scale, clock, tilt, landing = self._settings(values)
         slow = clock / scale
         cosine = np.cos(tilt)
@@ -143,10 +147,10 @@ def filmed_rebounds(
     forward: ForwardModel,
     values: Values,
     measured: Impacts,
-    index: IntArray | None,
+    index: Annotated[IntArray, "impacts levels"] | None,
 ) -> Rebound:
-    """Rebounds (draws, impacts) of measured states as the camera shows them, true ones where there
-    is none.
+    """Rebounds (draws, impacts) of measured states as the camera shows them, or true rebounds
+    without a camera. `index` says which level each impact has.
     """
     if camera is None:
         return forward.rebound(values, measured, index)
@@ -164,11 +168,15 @@ def camera_of(
     gaps: Collection[bool],
     notes: list[Note],
 ) -> tuple[CameraModel | None, dict[str, ParameterSpec]]:
-    """The camera of a table of which the scene has `stated` something, or a parameter is `named`,
-    and what its parameters are, by name. `gaps` says whether any column lies between the flights.
+    """The camera of a table and the specs of its parameters by name; None and no specs without one.
+    A quantity of the camera is a parameter where the scene `stated` it, or its name is among those
+    `named` in priors and fixed values. `gaps` says of each measured column whether it lies between
+    the flights; `notes` gets a note on each quantity that has no effect.
     """
-    asked = {name.partition("[")[0] for name in named}
-    keys = [key for key in CAMERA_SPECS if key in asked or getattr(stated, key, None) is not None]
+    keys_named = {name.partition("[")[0] for name in named}
+    keys = [
+        key for key in CAMERA_SPECS if key in keys_named or getattr(stated, key, None) is not None
+    ]
     idle = {} if True in gaps else {"court_height": "no column shows what is between the flights"}
     if not table.has_tangential:
         idle["tilt"] = "no motion along the court was measured"
@@ -179,12 +187,12 @@ def camera_of(
     ]
     columns = [cells for name, cells in table.labels.items() if role_of(name) == "session"]
     texts = columns[0] if columns else ()
-    places = {text: k for k, text in enumerate(dict.fromkeys(texts))}
-    if len(places) < 2:
-        places = {"": 0}
+    index_of = {text: k for k, text in enumerate(dict.fromkeys(texts))}
+    if len(index_of) < 2:
+        index_of = {"": 0}
         texts = ("",) * len(table)
-    session = np.array([places[text] for text in texts], dtype=np.int64)
-    camera = CameraModel(tuple(key for key in keys if key not in idle), tuple(places), session)
+    session = np.array([index_of[text] for text in texts], dtype=np.int64)
+    camera = CameraModel(tuple(key for key in keys if key not in idle), tuple(index_of), session)
     specs = {
         camera.name(key, session): spec_at_label(
             CAMERA_SPECS[key],

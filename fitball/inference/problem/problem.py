@@ -1,10 +1,10 @@
-"""`Problem`: all that defines a posterior."""
+"""`Problem`: all that defines a posterior. `build` makes it of a table, a scene and choices."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
@@ -25,7 +25,7 @@ from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.models.types import Rebound
 
-# Parameters that belong to no model.
+# Parameters that belong to no model: noises, constants of ball and camera.
 COMMON_PARAMETERS = frozenset(
     {
         *(column.noise.name for column in COLUMNS.values() if column.noise is not None),
@@ -37,8 +37,8 @@ COMMON_PARAMETERS = frozenset(
 
 
 class Choices(msgspec.Struct, frozen=True):
-    """The user's choices, which override the scene's sections of the same names; empty: the
-    default.
+    """The user's choices, which override the scene's sections of the same names. Empty fields mean
+    the default.
     """
 
     model: str = ""
@@ -48,26 +48,27 @@ class Choices(msgspec.Struct, frozen=True):
     noise: str = ""
 
     def for_model(self, model: str, parameters: Collection[str]) -> Choices:
-        """The same for another model, without what concerns parameters that it lacks: so compare
-        and assumptions keep priors and fixed values.
+        """These choices for another model, which has such `parameters`: those that concern a
+        parameter that it lacks are left out. So compare and assumptions keep priors and fixed
+        values.
         """
         names = {*parameters, *COMMON_PARAMETERS, ALL}
 
-        def fitting(texts: Mapping[str, str]) -> dict[str, str]:
+        def applicable(texts: Mapping[str, str]) -> dict[str, str]:
             return {name: text for name, text in texts.items() if base_of(name) in names}
 
         fix = {name: value for name, value in self.fix.items() if base_of(name) in names}
-        return Choices(model, fix, fitting(self.prior), fitting(self.pool), self.noise)
+        return Choices(model, fix, applicable(self.prior), applicable(self.pool), self.noise)
 
 
 def base_of(name: str) -> str:
-    """The parameter that a name is about: `mu` of `mu[clay]` and of `mu_spread`."""
+    """The name of the parameter that a name is about: `mu` for `mu[clay]` and for `mu_spread`."""
     return name.partition("[")[0].removesuffix("_spread")
 
 
 class Observable(NamedTuple):
-    """A measured column of a problem, its `noise` parameter, and whether rows state errors beside
-    that.
+    """A measured `column` of a problem, the name of its `noise` parameter, and whether rows have
+    `stated` errors beside that.
     """
 
     column: Column
@@ -77,19 +78,19 @@ class Observable(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """What has one entry an impact: measured `states`, `y` (impacts, columns), NaN where not
-    measured or withheld (the one mask), `sd` (impacts, columns) of independent stated errors, zero
-    where none, `index` (impacts, levels).
+    """The measurements of a problem, in SI: incident `states`, and rebounds `y`, NaN where not
+    measured or withheld (there is no other mask). `sd` are independent stated errors, zero where
+    there are none or where `errors` say all; `index` says which level each impact has.
     """
 
     states: Impacts
-    y: FloatArray
-    sd: FloatArray
+    y: Annotated[FloatArray, "impacts columns"]
+    sd: Annotated[FloatArray, "impacts columns"]
     errors: RowErrors | None
-    index: IntArray
+    index: Annotated[IntArray, "impacts levels"]
 
-    def take(self, rows: IntArray) -> Rows:
-        """Some of the rows."""
+    def take(self, rows: Annotated[IntArray, "rows"]) -> Rows:
+        """The rows with these numbers."""
         return Rows(
             states=self.states.take(rows),
             y=self.y[rows],
@@ -101,10 +102,12 @@ class Rows:
 
 @dataclass(frozen=True)
 class Problem:
-    """A table under a forward model with priors; `contact_time` is the scene's mean of the table,
-    (value, sd) [s]; `free` names free parameters in the order of coordinates; `prior_texts` has the
-    prior, or fixed value, of every parameter as text, with which `build_problem` makes the same
-    problem whatever its defaults.
+    """A table under a forward model with priors.
+
+    `free` names the free parameters in the order of coordinates; `contact_time` is the mean of the
+    table as the scene states it, (value, sd) [s]. `prior_texts` has the prior, or the fixed value,
+    of every parameter as text: with these `build_problem` makes the same problem whatever its
+    defaults are.
     """
 
     table: ImpactTable
@@ -123,33 +126,32 @@ class Problem:
 
     @property
     def calibrated(self) -> CalibratedRange:
-        """The impacts of the table."""
+        """The range of the table's impacts, beyond which a prediction is extrapolated."""
         index = self.forward.levels_of(self.table.labels, len(self.table))
         return CalibratedRange(self.table.impacts, index, self.forward.model.ball.radius)
 
     @property
     def noises(self) -> frozenset[str]:
-        """The parameters of noise, which move no prediction."""
-        kind = self.forward.noise.parameters
-        return frozenset(
-            [*(item.noise for item in self.observables), *(spec.name for spec in kind)]
-        )
+        """The names of the parameters of noise, which move no prediction."""
+        of_columns = [observable.noise for observable in self.observables]
+        of_kind = [spec.name for spec in self.forward.noise.parameters]
+        return frozenset([*of_columns, *of_kind])
 
     @property
     def derived(self) -> tuple[Quantity, ...]:
-        """What follows from parameters."""
+        """The quantities that follow from parameters, such as the pace of the court."""
         return quantities(self.forward, self.calibrated, self.scene)
 
-    def values(self, q: FloatArray) -> Values:
-        """Every parameter by name at coordinates (draws, free)."""
+    def values(self, q: Annotated[FloatArray, "draws coordinates"]) -> Values:
+        """The values in SI of all parameters, free and fixed, by name, at coordinates."""
         values = dict(zip(self.free, self.prior.value(q).T, strict=True))
-        for item in self.parameters:
-            if item.fixed is not None:
-                values[item.spec.name] = np.full(len(q), item.fixed)
+        for parameter in self.parameters:
+            if parameter.fixed is not None:
+                values[parameter.spec.name] = np.full(len(q), parameter.fixed)
         return values
 
-    def coordinates(self, values: Mapping[str, float]) -> FloatArray:
-        """Coordinates (free,) of named values."""
+    def coordinates(self, values: Mapping[str, float]) -> Annotated[FloatArray, "coordinates"]:
+        """The coordinates of the free parameters at values in SI by name."""
         free = np.array([[values[name] for name in self.free]])
         return np.asarray(self.prior.coordinate(free)[0])
 
@@ -157,52 +159,62 @@ class Problem:
         self,
         values: Values,
         states: Impacts | None = None,
-        like: IntArray | None = None,
+        of_rows: Annotated[IntArray, "impacts"] | None = None,
     ) -> Rebound:
-        """Rebounds (draws, impacts) of its rows, at measured `states` (default: theirs), as the
-        camera shows them; states of another number are those of the rows `like`.
+        """Rebounds (draws, impacts) as the camera shows them, at measured incident `states`, by
+        default those of the rows. `of_rows` has the row number of each state, whose level and
+        session it has; by default there is a state for each row.
         """
         measured = self.rows.states if states is None else states
-        index = self.rows.index if like is None else self.rows.index[like]
-        camera = self.camera if self.camera is None or like is None else self.camera.take(like)
+        index = self.rows.index
+        camera = self.camera
+        if of_rows is not None:
+            index = index[of_rows]
+            camera = None if camera is None else camera.take(of_rows)
         return filmed_rebounds(camera, self.forward, values, measured, index)
 
-    def on_rows(self, rows: IntArray) -> Problem:
-        """The problem of some rows, for sums over them: the table is still the whole one."""
+    def on_rows(self, rows: Annotated[IntArray, "rows"]) -> Problem:
+        """The problem with the measurements of these row numbers alone, for sums over rows. Its
+        `table`, and what depends on that, is still that of all rows.
+        """
         camera = None if self.camera is None else self.camera.take(rows)
         return replace(self, rows=self.rows.take(rows), camera=camera)
 
-    def take(self, rows: IntArray) -> Problem:
-        """The problem of some rows."""
+    def take(self, rows: Annotated[IntArray, "rows"]) -> Problem:
+        """The problem with the rows of these numbers alone, `table` included."""
         return replace(self.on_rows(rows), table=self.table.take(rows))
 
     def with_constant(self, name: str, value: float) -> Problem:
-        """Another value of a constant of ball or camera; of a camera that nobody stated, of all
-        sessions.
+        """The problem with a constant of ball or camera held at `value`, in SI. The name of a
+        camera's constant that is no parameter of the problem stands for all sessions.
         """
         key = name.partition("[")[0]
         camera = self.camera
         names = [name]
         if key in CAMERA_SPECS and (camera is None or key not in camera.keys):
             if camera is None:
-                one_session = np.zeros(len(self.rows.y), dtype=np.int64)
-                camera = CameraModel((), ("",), one_session)
+                only_session = np.zeros(len(self.rows.y), dtype=np.int64)
+                camera = CameraModel((), ("",), only_session)
             camera = camera._replace(keys=(*camera.keys, key))
             names = [camera.name(key, session) for session in camera.sessions]
         spec = {**SPECS, **CAMERA_SPECS}[key]
         prior = parse_prior(spec)
         held = [Parameter(replace(spec, name=name), prior, value) for name in names]
-        others = tuple(item for item in self.parameters if item.spec.name not in names)
+        others = tuple(
+            parameter for parameter in self.parameters if parameter.spec.name not in names
+        )
         return replace(self, parameters=(*others, *held), camera=camera)
 
-    def without_rows(self, rows: IntArray) -> Problem:
-        """The measurements of some rows withheld; these impacts must still be possible."""
+    def without_rows(self, rows: Annotated[IntArray, "rows"]) -> Problem:
+        """The problem with the measured rebounds of these row numbers withheld. The model must
+        still have a rebound for these impacts.
+        """
         y = self.rows.y.copy()
         y[rows] = np.nan
         return replace(self, rows=replace(self.rows, y=y))
 
     def only_columns(self, columns: Collection[str]) -> Problem:
-        """The measurements of other columns withheld."""
-        counted = [item.column.name in columns for item in self.observables]
-        y = np.where(counted, self.rows.y, np.nan)
+        """The problem with the measurements of all other columns withheld."""
+        stays = [observable.column.name in columns for observable in self.observables]
+        y = np.where(stays, self.rows.y, np.nan)
         return replace(self, rows=replace(self.rows, y=y))
