@@ -20,7 +20,7 @@ from fitball.batches.batch import Batch
 from fitball.batches.tables import named, safe
 from fitball.cli import main
 from fitball.report.render import to_text
-from fitball.report.style import MODEL
+from fitball.report.style import MODEL_COLOUR
 
 # Workers cannot import this file: what it defines travels whole.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -381,7 +381,7 @@ def test_the_page_has_every_table_and_its_figure_every_interval(made):
     # Tables that know it are strong, and nothing of them is cut off.
     strong = []
     for line in lines:
-        if to_rgba(line.get_color()) == to_rgba(MODEL):
+        if to_rgba(line.get_color()) == to_rgba(MODEL_COLOUR):
             strong.extend(line.get_xdata())
     determined = np.array([first in made.quantities[table] for table in tables.index])
     assert sorted(strong) == np.flatnonzero(determined & values.notna()).tolist()

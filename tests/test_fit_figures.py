@@ -13,8 +13,8 @@ from support.made_fit import made_fit, table_of
 import fitball
 from fitball.models.types import regime_name
 from fitball.report.figures import FIGURES, drawable, parameters, predictions, shared
-from fitball.report.quantities import symbol
-from fitball.report.style import MODEL, MOVED, PRIOR, saved, styled
+from fitball.report.quantities import symbol_of
+from fitball.report.style import MODEL_COLOUR, MOVED_COLOUR, PRIOR_COLOUR, draw_styled, image_bytes
 
 LONG = "a very long label of a surface that nobody would call short"
 HOSTILE = "\U0001f3be<b>$\\frac{\n\u202e^"
@@ -62,7 +62,7 @@ def pooled():
 
 
 def figure(name, fit):
-    return styled(FIGURES[name].draw, fit)
+    return draw_styled(FIGURES[name].draw, fit)
 
 
 def display_factor(fit, name):
@@ -79,9 +79,9 @@ def test_every_figure_is_drawn_of_every_table(case):
         warnings.simplefilter("error")
         for name in names:
             drawn = figure(name, fit)
-            assert saved(drawn).startswith(b"\x89PNG"), name
+            assert image_bytes(drawn).startswith(b"\x89PNG"), name
             # 16 parameters and 60 impacts are too many for one picture.
-            assert name != "corner" or len(drawn.axes) <= parameters.CORNER**2
+            assert name != "corner" or len(drawn.axes) <= parameters.MOST_CORNERED**2
 
 
 def test_dots_of_curves_are_residuals_added_to_their_line(pooled):
@@ -89,7 +89,7 @@ def test_dots_of_curves_are_residuals_added_to_their_line(pooled):
     frame = pooled.predictions
     lines = pooled.curves
     for axis, column in zip(axes, dict.fromkeys(frame["column"]), strict=True):
-        for k, look in shared.looks(lines).items():
+        for k, look in shared.series_styles(lines).items():
             impacts = rows_of(frame, column=column, series=k)
             line = rows_of(lines, column=column, series=k)
             angle = np.degrees(impacts["theta_1"])
@@ -123,7 +123,7 @@ def test_dots_and_bars_of_predictions_are_those_of_the_frame(fit):
 def trends(fit):
     """How many trends the figure of residuals shows."""
     drawn = figure("residuals", fit)
-    return sum(line.get_color() == MOVED for axis in drawn.axes for line in axis.lines)
+    return sum(line.get_color() == MOVED_COLOUR for axis in drawn.axes for line in axis.lines)
 
 
 def with_bent_residuals(answer):
@@ -201,7 +201,7 @@ def stiff():
 
 def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate(stiff):
     drawn = figure("corner", stiff)
-    names = parameters.cornered(stiff)
+    names = parameters.corner_names(stiff)
     assert "k_theta" not in names
     assert "k_y" in names
     # Panels are on and below the diagonal.
@@ -216,7 +216,7 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate(stiff):
         assert_allclose(grid[-1, k].get_xticks(), expected, rtol=1e-12)
     # All of the narrow prior lies within the axis, whose unit and logarithm change the density.
     k = names.index("k_y")
-    curve = next(line for line in grid[k, k].lines if line.get_color() == PRIOR)
+    curve = next(line for line in grid[k, k].lines if line.get_color() == PRIOR_COLOUR)
     x, y = curve.get_xydata().T
     dense = np.linspace(x[0], x[-1], 20_001)
     area = np.trapezoid(np.interp(dense, x, y), dense)
@@ -234,7 +234,7 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate(stiff):
 
 def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
     axes = {axis.get_title(loc="left"): axis for axis in figure("forest", fit).axes}
-    axis = axes[symbol(fit, "mu")]
+    axis = axes[symbol_of(fit, "mu")]
     summary = fit.summary.loc["mu"]
     moved = fit.variants.query("quantity == 'mu' and choice == 'offset=grip'").iloc[0]
     colours = {}
@@ -242,8 +242,8 @@ def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
         place, *others = line.get_xdata()
         if not others:
             colours[place] = to_rgba(line.get_color())
-    assert colours[summary["median"]] == to_rgba(MODEL)
-    assert colours[moved["median"]] == to_rgba(MOVED)
+    assert colours[summary["median"]] == to_rgba(MODEL_COLOUR)
+    assert colours[moved["median"]] == to_rgba(MOVED_COLOUR)
     to_data = axis.transData.inverted()
     shade = axis.patches[0].get_extents().transformed(to_data)
     interval = summary[["q025", "q975"]].astype(float)
@@ -328,9 +328,9 @@ def test_a_legend_of_curves_names_the_speed_where_speeds_differ(pooled):
     first = lines["series"].min()
     for speed_of_first, named in ((20.0, False), (10.0, True)):
         speed = np.where(lines["series"] == first, speed_of_first, 20.0)
-        looks = shared.looks(lines.assign(speed=speed))
-        assert len(looks) > 1
-        for look in looks.values():
+        styles = shared.series_styles(lines.assign(speed=speed))
+        assert len(styles) > 1
+        for look in styles.values():
             assert ("m/s" in look.name) == named
 
 

@@ -14,7 +14,7 @@ from fitball.base import itf
 from fitball.base.numbers import percent
 from fitball.data.scene import Scene
 from fitball.report import cite, fit_page, fit_tables, fit_words, lab, style
-from fitball.report.quantities import MAIN, unit_of
+from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_text
 
 SURFACES = ("clay", "grass", "hard", "carpet", "wood")
@@ -61,7 +61,7 @@ def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
     summary = fit.summary
     rows = fit_tables.main_table(fit, 30).rows
     names = [row["parameter"] for row in rows]
-    assert names == [*summary.index[summary["kind"].isin(MAIN)]]
+    assert names == [*summary.index[summary["kind"].isin(MAIN_KINDS)]]
     for name, row in zip(names, rows, strict=True):
         expected = summary.loc[name]
         unit = unit_of(fit, name)
@@ -169,7 +169,7 @@ def test_a_point_fit_has_best_values_and_profiles(point):
     text = to_text(fit_page.report(point))
     assert not re.search(r"\bnan\b|\binf\b|None\b(?! of)", text)
     assert "R-hat" not in text
-    assert "probability" not in "".join(lab.lines(point))
+    assert "probability" not in "".join(lab.sentences(point))
     # An open profile is not the same as none.
     for low, high, value, interval in (
         (-np.inf, np.inf, "20.70", "open"),
@@ -194,7 +194,7 @@ def test_shares_that_are_not_all_are_never_all(fit):
     # All draws are fast, which is no certainty.
     ratings = fit.quantity("court_pace").rule(fit.draws.values)
     assert itf.pace_categories(ratings)["fast"] == 1.0
-    assert "> 99 %" in "".join(lab.lines(fit))
+    assert "> 99 %" in "".join(lab.sentences(fit))
     assert "100 %" not in to_text(fit_page.report(fit))
 
 
@@ -226,7 +226,7 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     }
     place = {**paced, "place": "net", "rating": 27.1}
     monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame([paced, place]))
-    lines = lab.lines(fit)
+    lines = lab.sentences(fit)
     # What was measured stands for what the model says.
     assert len(lines) == 1
     assert "slow" in lines[0]
@@ -256,8 +256,8 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
     fallen = made_fit(table_of(12, drop=True))
-    assert "141.0" in lab.lines(fallen)[0]
-    assert "> 99 %" in lab.lines(fallen)[0]
+    assert "141.0" in lab.sentences(fallen)[0]
+    assert "> 99 %" in lab.sentences(fallen)[0]
     assert lab.section(fallen).title == "Drop test"
     table = lab.section(fallen).blocks[1].rows
     assert len(table) == 4
@@ -265,8 +265,8 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
 
 
 def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
-    monkeypatch.setattr(style, "styled", lambda draw: draw)
-    monkeypatch.setattr(style, "saved", lambda _: b"png")
+    monkeypatch.setattr(style, "draw_styled", lambda draw: draw)
+    monkeypatch.setattr(style, "image_bytes", lambda _: b"png")
     monkeypatch.setattr(fit_page.files_of_fit, "files", lambda _: {"fit.json": lambda: b"{}"})
     fit.save(tmp_path / "usual")
     usual = {place.stem for place in (tmp_path / "usual").glob("*.png")}

@@ -39,7 +39,7 @@ def listed(verb, option):
         ("calibrate", "model", MODELS),
         ("calibrate", "noise", NOISE_KINDS),
         ("plot", "figures", FIGURES),
-        ("plot", "format", style.FORMATS),
+        ("plot", "format", style.FIGURE_FORMATS),
         ("simulate", "model", TIMED),
         ("export", "to", FORMATS),
     ],
@@ -71,7 +71,7 @@ def test_scenes_take_the_same_kinds_of_noise():
 
 
 def test_every_verdict_has_words_and_a_tone():
-    assert {*fit_words.TONES} == {*fit_words._SAID} == {*get_args(Verdict)}
+    assert {*fit_words.VERDICT_TONES} == {*fit_words._SAID} == {*get_args(Verdict)}
 
 
 def test_a_verb_of_the_recipe_is_reachable(tmp_path):

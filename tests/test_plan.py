@@ -19,7 +19,7 @@ from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.report import plan as page
-from fitball.report.style import saved, styled
+from fitball.report.style import draw_styled, image_bytes
 from fitball.results.result import Result
 
 NOISE = {"v_x_sd": 0.3, "v_y_sd": 0.2, "spin_sd": 6.0}
@@ -390,7 +390,7 @@ def test_the_range_of_the_table_is_where_plans_are_unless_asked(straight):
 
 def shown_gains(plan):
     """Gains that the two maps show, sorted."""
-    axes = styled(page.figures(plan)["gains"]).axes
+    axes = draw_styled(page.figures(plan)["gains"]).axes
     maps = [axis.collections[0].get_array() for axis in axes[:2]]
     return np.sort(np.concatenate([np.ravel(gains) for gains in maps]))
 
@@ -468,7 +468,7 @@ def test_the_map_shows_gains_and_places(straight):
     found: Result = fitball.plan(straight, sensor={}, count=2, **GRID)
     grid = found.frames["gains"]
     assert_allclose(shown_gains(found), np.sort(grid["as before"]), rtol=1e-12)
-    figure = styled(page.figures(found)["gains"])
+    figure = draw_styled(page.figures(found)["gains"])
     places = {}
     for axis in figure.axes[:2]:
         for mark in axis.texts:
@@ -484,7 +484,7 @@ def test_the_map_shows_gains_and_places(straight):
         angle="30",
         spin="0..100:2",
     )
-    assert saved(styled(page.figures(line)["gains"])).startswith(b"\x89PNG")
+    assert image_bytes(draw_styled(page.figures(line)["gains"])).startswith(b"\x89PNG")
 
 
 def test_a_drop_test_is_planned_over_its_speed():
@@ -492,4 +492,4 @@ def test_a_drop_test_is_planned_over_its_speed():
     assert (found.frames["plan"]["theta_1"] == np.pi / 2).all()
     assert found.frames["gains"]["v_1"].nunique() == 6
     assert [*page.to_fill_in(found)] == ["id", "v_y1 [m/s]", "v_y2 [m/s]", "sensor"]
-    assert saved(styled(page.figures(found)["gains"])).startswith(b"\x89PNG")
+    assert image_bytes(draw_styled(page.figures(found)["gains"])).startswith(b"\x89PNG")

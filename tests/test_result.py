@@ -15,7 +15,7 @@ from fitball.base.findings import Findings
 from fitball.base.numbers import Unit
 from fitball.report.blocks import Picture, Report, Section, Table, Text
 from fitball.report.page import Page
-from fitball.report.style import label, new_figure, saved, styled
+from fitball.report.style import axis_label, draw_styled, image_bytes, new_figure
 from fitball.results.exported import Exported
 from fitball.results.result import Frames, Result
 
@@ -23,7 +23,7 @@ from fitball.results.result import Frames, Result
 def draw():
     figure, axes = new_figure(1, 2, high=2.0, sharey=True)
     axes[0, 0].plot([0.0, 1.0], [0.0, -1.0])
-    axes[0, 1].set_xlabel(label("$v_1$", Unit("m/s")))
+    axes[0, 1].set_xlabel(axis_label("$v_1$", Unit("m/s")))
     return figure
 
 
@@ -133,8 +133,8 @@ def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot()
     import matplotlib.pyplot as plt
 
     with plt.rc_context({"axes.facecolor": "red", "font.size": 30}):
-        first = {form: saved(Toy().plot("line"), form) for form in ("png", "svg", "pdf")}
-    assert first == {form: saved(styled(draw), form) for form in first}
+        first = {form: image_bytes(Toy().plot("line"), form) for form in ("png", "svg", "pdf")}
+    assert first == {form: image_bytes(draw_styled(draw), form) for form in first}
     assert not plt.get_fignums()
     assert first["png"].startswith(b"\x89PNG")
     assert not re.search(

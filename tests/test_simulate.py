@@ -9,7 +9,7 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball.models.types import regime_name
-from fitball.report.style import saved, styled
+from fitball.report.style import draw_styled, image_bytes
 from fitball.uses.simulate import DRAWS
 
 IMPACT = "v_1=20, theta_1=35 deg, omega_1=-1000 rpm"
@@ -131,8 +131,8 @@ def test_the_figure_shows_the_courses(case):
             impact = "v_y1=7"
         fit = made_fit(frame, model=kind, sampled=case != "point")
         found = fitball.simulate(fit, impact=impact)
-    figure = styled(found._layout.figures()["history"])
-    assert saved(figure).startswith(b"\x89PNG")
+    figure = draw_styled(found._layout.figures()["history"])
+    assert image_bytes(figure).startswith(b"\x89PNG")
     height = figure.axes[0]
     course = found.frames["history"][["time", "y"]]
     assert_allclose(height.lines[0].get_xydata(), 1e3 * course.to_numpy())

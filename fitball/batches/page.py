@@ -20,7 +20,7 @@ from fitball.inference.sampling.importance import RELIABLE
 from fitball.report import style
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
 from fitball.report.page import Page
-from fitball.report.quantities import chance, plain
+from fitball.report.quantities import chance, figure_text
 
 if TYPE_CHECKING:
     from pandas import Series
@@ -196,7 +196,7 @@ def _figure(batch: Batched) -> Figure:
     for panel, (name, population) in zip(axes[:, 0], populations.iterrows(), strict=True):
         _panel(panel, batch, str(name), population)
     step = -(-len(tables) // _NAMED)
-    names = [plain(str(name), 20) for name in tables.index[::step]]
+    names = [figure_text(str(name), 20) for name in tables.index[::step]]
     rotation = 90 if len("".join(names)) > _ROOM else 0
     last = axes[-1, 0]
     last.set_xticks(np.arange(len(tables))[::step], names, rotation=rotation)
@@ -215,7 +215,7 @@ def _panel(panel: Any, batch: Batched, name: str, population: Series) -> None:
     middle, low, high = (factor * tables[head].to_numpy(np.float64) for head in heads)
     determined = np.array([name in batch.quantities[table] for table in tables.index])
     width, size = (1.6, 4.0) if len(tables) <= _CROWDED else (0.6, 1.5)
-    for group, colour in ((~determined, style.PALE), (determined, style.MODEL)):
+    for group, colour in ((~determined, style.PALE), (determined, style.MODEL_COLOUR)):
         rows = np.flatnonzero(group & np.isfinite(middle))
         panel.vlines(rows, low[rows], high[rows], color=colour, linewidth=width)
         panel.plot(rows, middle[rows], "o", color=colour, markersize=size)
@@ -223,13 +223,13 @@ def _panel(panel: Any, batch: Batched, name: str, population: Series) -> None:
     new = [factor * population[f"new{end}"] for end in ENDS[1:]]
     panel.axhspan(*mean, color=style.FAINT, zorder=0)
     for end in new:
-        panel.axhline(end, color=style.GUIDE, linewidth=0.8, linestyle="--", zorder=0)
+        panel.axhline(end, color=style.GUIDE_COLOUR, linewidth=0.8, linestyle="--", zorder=0)
     # Priors of what is not determined may reach far.
     ends = np.array([*low[determined], *high[determined], *middle[np.isfinite(middle)], *new])
     ends = ends[np.isfinite(ends)]
     margin = 0.06 * np.ptp(ends)
     panel.set_ylim(ends.min() - margin, ends.max() + margin)
-    panel.set_title(style.label(plain(name, 30), first.display_unit))
+    panel.set_title(style.axis_label(figure_text(name, 30), first.display_unit))
     panel.grid(axis="x", visible=False)
     style.few_ticks(panel.yaxis)
 

@@ -19,7 +19,7 @@ from fitball.inference.fitted import Fitted
 from fitball.inference.schema import Estimate
 from fitball.report.blocks import Report, Table, Text
 from fitball.report.cite import escaped
-from fitball.report.quantities import MAIN, records, unit_of
+from fitball.report.quantities import MAIN_KINDS, records, unit_of
 from fitball.report.render import to_markdown
 from fitball.version import __version__
 
@@ -138,7 +138,7 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
     noise.
     """
     for row in records(fit.summary):
-        if row["kind"] not in (*MAIN, "noise"):
+        if row["kind"] not in (*MAIN_KINDS, "noise"):
             continue
         unit = unit_of(fit, row["name"])
         name = row["name"]

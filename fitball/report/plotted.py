@@ -13,7 +13,7 @@ from fitball.inference.fitted import Fitted
 from fitball.report.blocks import Report, Text
 from fitball.report.figures import FIGURES, drawable
 from fitball.report.page import Page
-from fitball.report.style import FORMATS
+from fitball.report.style import FIGURE_FORMATS
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,9 @@ def plotted(fit: Fitted, names: Sequence[str], form: str) -> Plotted:
     """The figures `names`, or all that a fit has data for. Raises ParameterError (`format`,
     `unknown-figure`, `no-such-data`).
     """
-    if form not in FORMATS:
+    if form not in FIGURE_FORMATS:
         raise ParameterError(
-            f"format: read '{form}', expected {listed(FORMATS, last='or')}",
+            f"format: read '{form}', expected {listed(FIGURE_FORMATS, last='or')}",
             "format",
         )
     known = drawable(fit)

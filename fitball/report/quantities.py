@@ -13,13 +13,13 @@ from fitball.base.values import DataFrame, FloatArray
 from fitball.inference.fitted import Fitted
 
 # Kinds of quantities that a reader asks for; noise, ball and camera come after them.
-MAIN = ("model", "level", "derived")
+MAIN_KINDS = ("model", "level", "derived")
 # Letters of a label in a figure.
 _LABEL = 18
 # Impacts of the figure of predictions, evenly spread over more.
-DRAWN = 400
+MOST_REBOUNDS = 400
 # What is said of the state of an incident ball, and the unit.
-STATE = {"v_1": M_PER_S, "theta_1": DEG, "omega_1": RAD_PER_S}
+INCIDENT_UNITS = {"v_1": M_PER_S, "theta_1": DEG, "omega_1": RAD_PER_S}
 
 
 def unit_of(fit: Fitted, name: str) -> Unit:
@@ -32,21 +32,21 @@ def column_unit(name: str) -> Unit:
     return COLUMNS[name].display_unit
 
 
-def plain(text: str, most: int = _LABEL) -> str:
+def figure_text(text: str, most: int = _LABEL) -> str:
     """A text of a table as matplotlib draws it: one line, nothing in it a formula."""
     return short(visible(text).replace("\n", " "), most).replace("$", r"\$")
 
 
-def symbol(fit: Fitted, name: str, most: int = _LABEL) -> str:
+def symbol_of(fit: Fitted, name: str, most: int = _LABEL) -> str:
     """Mathtext of a quantity, with at most so many letters of its level, or the name of one that
     has no symbol.
     """
     base, bracket, level = name.partition("[")
-    shown = fit.quantity(name).spec.symbol or plain(base.replace("_", " "))
-    return f"{shown}, {plain(level[:-1], most)}" if bracket else shown
+    shown = fit.quantity(name).spec.symbol or figure_text(base.replace("_", " "))
+    return f"{shown}, {figure_text(level[:-1], most)}" if bracket else shown
 
 
-def middle(frame: DataFrame) -> FloatArray:
+def median_or_point(frame: DataFrame) -> FloatArray:
     """The median of each row (rows,), and what the best fit says where there are no draws."""
     point = frame["point"].to_numpy(np.float64)
     median = frame["median"].to_numpy(np.float64)

@@ -12,7 +12,7 @@ from fitball.base.files import WAIT, ResultFolder, result_folder
 from fitball.base.values import DataFrame
 from fitball.report.page import Layout
 from fitball.report.plotted import PAGE, Plotted
-from fitball.report.style import saved
+from fitball.report.style import image_bytes
 from fitball.results.result import Result
 
 
@@ -57,5 +57,5 @@ class Drawn(Result):
                 return self.save(locked, overwrite=overwrite, figures=figures, command=command)
         form = self.plotted.form
         # All are drawn before any is written.
-        images = {f"{name}.{form}": saved(self.plot(name), form) for name in self.names}
+        images = {f"{name}.{form}": image_bytes(self.plot(name), form) for name in self.names}
         return tuple(folder.write(name, image) for name, image in images.items())

@@ -62,14 +62,14 @@ class Result:
         """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`)
         with those it has.
         """
-        from fitball.report.style import styled
+        from fitball.report.style import draw_styled
 
         figures = self._layout.figures()
         if name not in figures:
             raise ParameterError(
                 f"no figure '{name}': {suggestion(name, figures)}", "unknown-figure"
             )
-        return styled(figures[name])
+        return draw_styled(figures[name])
 
     def json(self) -> dict[str, Any]:
         """Frames, notes and exit code, as `--json` prints them: rows by column, null for what is no
@@ -113,11 +113,11 @@ class Result:
         """The figures of the page as PNG, by name."""
         if not figures:
             return {}
-        from fitball.report.style import saved
+        from fitball.report.style import image_bytes
 
         drawable = self._layout.figures()
         on_page = self._report.pictures(every=figures == "all")
-        return {name: saved(self.plot(name)) for name in on_page if name in drawable}
+        return {name: image_bytes(self.plot(name)) for name in on_page if name in drawable}
 
 
 def _rows(frame: DataFrame) -> list[dict[str, Any]]:

@@ -13,7 +13,13 @@ from fitball.base.values import DataFrame, Figure
 from fitball.report.blocks import Block, Picture, Report, Section, Table, Text
 from fitball.report.page import Page
 from fitball.report.quantities import records
-from fitball.report.style import MARKERS, MODEL, SERIES, legend_above, new_figure
+from fitball.report.style import (
+    MODEL_COLOUR,
+    SERIES_COLOURS,
+    SERIES_MARKERS,
+    legend_above,
+    new_figure,
+)
 from fitball.speed import HARD, ONE, OURS
 
 # Errors at which the fastest rival is named: those of engineering up to near rounding.
@@ -110,8 +116,8 @@ def _draw(frame: DataFrame) -> Figure:
     styles: dict[str, dict[str, Any]] = {}
     handles = []
     for k, name in enumerate(dict.fromkeys(shown["solver"])):
-        colour = MODEL if name in (OURS, ONE) else SERIES[k % len(SERIES)]
-        styles[name] = {"color": colour, "marker": MARKERS[k % len(MARKERS)]}
+        colour = MODEL_COLOUR if name in (OURS, ONE) else SERIES_COLOURS[k % len(SERIES_COLOURS)]
+        styles[name] = {"color": colour, "marker": SERIES_MARKERS[k % len(SERIES_MARKERS)]}
         handles.append(Line2D([], [], label=name, **styles[name]))
     by_scene = shown.groupby("scene", sort=False)
     for axis, (scene, rows) in zip(axes.ravel(), by_scene, strict=False):

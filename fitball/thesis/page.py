@@ -18,7 +18,14 @@ from fitball.models.specs import SPECS
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
 from fitball.report.page import Page
 from fitball.report.quantities import chance, records
-from fitball.report.style import MARKERS, MEASURED, SERIES, few_ticks, legend_above, new_figure
+from fitball.report.style import (
+    MEASURED_COLOUR,
+    SERIES_COLOURS,
+    SERIES_MARKERS,
+    few_ticks,
+    legend_above,
+    new_figure,
+)
 from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, headed
 from fitball.thesis.posteriors import slope_of
 from fitball.thesis.printed import C1, C2
@@ -324,7 +331,7 @@ def _glance(frames: Mapping[str, DataFrame]) -> Figure:
     for axis, across in ((stiffness, "k_y"), (ratio, "mass_ratio")):
         for name in _cases_of(points):
             at = (points[name][across], points[name]["k_theta"])
-            axis.plot(*at, "x", color=MEASURED, markersize=7, markeredgewidth=1.6)
+            axis.plot(*at, "x", color=MEASURED_COLOUR, markersize=7, markeredgewidth=1.6)
             # Case 2 lies upon another there.
             beside = 10 if name == "case 2" and across == "mass_ratio" else 0
             axis.annotate(
@@ -354,7 +361,7 @@ def _draw_fits(axes: Any, draws: DataFrame) -> list[Any]:
     stiffness, ratio, line = axes
     handles = []
     by_model = draws.groupby("model", sort=False)
-    for colour, (name, of_fit) in zip(SERIES, by_model, strict=False):
+    for colour, (name, of_fit) in zip(SERIES_COLOURS, by_model, strict=False):
         torsion = of_fit["k_theta [lb in/rad]"]
         for axis, across in ((stiffness, "k_y [lb/in]"), (ratio, "mass_ratio")):
             axis.plot(of_fit[across], torsion, ".", color=colour, markersize=3, alpha=0.5)
@@ -373,18 +380,18 @@ def _draw_offsets(axis: Any, offsets: DataFrame) -> None:
         offsets["offset [in]"],
         offsets["sd [in]"],
         fmt="o",
-        color=MEASURED,
+        color=MEASURED_COLOUR,
         markersize=4,
         linewidth=0.9,
     )
-    axis.plot(_SPEEDS, C1 * _SPEEDS + C2, "--", color=MEASURED, linewidth=1.5)
+    axis.plot(_SPEEDS, C1 * _SPEEDS + C2, "--", color=MEASURED_COLOUR, linewidth=1.5)
     axis.set(ylim=(-0.15, 0.75), xlabel=r"$v_{y1}$ [m/s]", ylabel="offset [in]")
 
 
 def _keys(*shown: tuple[str, Any, str]) -> list[Any]:
     """Handles of a legend from marker, line style and text."""
     return [
-        Line2D([], [], color=MEASURED, marker=mark, linestyle=line, label=text)
+        Line2D([], [], color=MEASURED_COLOUR, marker=mark, linestyle=line, label=text)
         for mark, line, text in shown
     ]
 
@@ -392,7 +399,7 @@ def _keys(*shown: tuple[str, Any, str]) -> list[Any]:
 def _chapter_v(points: DataFrame) -> Figure:
     """Outputs over the angle of incidence, a row an output, a column a spin."""
     figure, axes = new_figure(3, 3, high=7.4, wide=9.0, sharex="col", sharey="row")
-    cases = [*zip(SERIES, MARKERS[1:], dict.fromkeys(points["case"]), strict=False)]
+    cases = [*zip(SERIES_COLOURS, SERIES_MARKERS[1:], dict.fromkeys(points["case"]), strict=False)]
     for column, spin in enumerate(MEAN_COR):
         of_spin = points[points["spin"] == spin]
         for row, (output, unit) in enumerate(OUTPUTS.items()):
@@ -406,7 +413,7 @@ def _chapter_v(points: DataFrame) -> Figure:
                 axis.plot(angle, in_print, marker, color=colour, markerfacecolor="none")
             # All cases have the same impacts.
             measured = case[f"{output} measured [{unit}]"]
-            axis.plot(angle, measured, "o", color=MEASURED, markersize=4.5)
+            axis.plot(angle, measured, "o", color=MEASURED_COLOUR, markersize=4.5)
             few_ticks(axis.yaxis)
         axes[0, column].set_title(spin.replace("zero", "zero spin"))
         axes[2, column].set_xlabel(r"$\theta_1$ [deg]")

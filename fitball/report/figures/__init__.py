@@ -45,7 +45,7 @@ def _is_sampled(fit: Fitted) -> bool:
 
 
 def _has_pairs(fit: Fitted) -> bool:
-    return fit.posterior is not None and len(parameters.cornered(fit)) > 0
+    return fit.posterior is not None and len(parameters.corner_names(fit)) > 0
 
 
 def _has_profiles(fit: Fitted) -> bool:
@@ -53,7 +53,7 @@ def _has_profiles(fit: Fitted) -> bool:
 
 
 def _has_variants(fit: Fitted) -> bool:
-    return len(parameters.varied(fit)) > 0
+    return len(parameters.forest_variants(fit)) > 0
 
 
 def _has_observations(fit: Fitted) -> bool:
@@ -71,40 +71,40 @@ def _has_residuals(fit: Fitted) -> bool:
 # In the order of the page.
 FIGURES: Mapping[str, FitFigure] = {
     "curves": FitFigure(
-        predictions.curves,
+        predictions.draw_curves,
         _has_curves,
         predictions.curves_caption,
         "summary",
     ),
     "corner": FitFigure(
-        parameters.corner,
+        parameters.draw_corner,
         _has_pairs,
         "Posterior in pairs of parameters, the first nine if there are more. Ticks: 95 % "
         "intervals. Orange: priors.",
         "All parameters",
     ),
     "profiles": FitFigure(
-        parameters.profiles,
+        parameters.draw_profiles,
         _has_profiles,
         "Log likelihood below its maximum, all other parameters fitted again, and 95 % intervals.",
         "All parameters",
         usual=False,
     ),
     "forest": FitFigure(
-        parameters.forest,
+        parameters.draw_forest,
         _has_variants,
         "The values that move most, by median or an end of the interval. Band: 95 % interval of "
         "this fit.",
         "Model assumptions",
     ),
     "predictive": FitFigure(
-        predictions.predictive,
+        predictions.draw_predictive,
         _has_observations,
         "Measured against predicted. Bars: 95 % of new measurements.",
         "Measured and predicted",
     ),
     "regimes": FitFigure(
-        predictions.regimes,
+        predictions.draw_regimes,
         _has_regimes,
         "Which sequence of slip and grip each impact has, and how probable it is; at most 40 "
         "impacts.",
@@ -112,20 +112,20 @@ FIGURES: Mapping[str, FitFigure] = {
         usual=False,
     ),
     "regime_map": FitFigure(
-        predictions.regime_map,
+        predictions.draw_regime_map,
         _has_regimes,
         "Slip and grip over angle and spin by the best fit, with lines of equal rebound angle.",
         "Measured and predicted",
         usual=False,
     ),
     "residuals": FitFigure(
-        predictions.residuals,
+        predictions.draw_residuals,
         _has_residuals,
         "Residuals in sds of the noise. Grey: ± 2 sd.",
         "Residuals",
     ),
     "trace": FitFigure(
-        parameters.trace,
+        parameters.draw_trace,
         _is_sampled,
         "Some walkers of each ensemble after warm-up, a colour an ensemble. Grey: the median of "
         "all.",

@@ -13,27 +13,27 @@ from fitball.base.findings import Findings
 from fitball.base.numbers import fixed
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure, FloatArray
-from fitball.report.figures.shared import hide
+from fitball.report.figures.shared import hide_unused
 from fitball.report.style import (
     FAINT,
-    MARKERS,
-    MODEL,
-    MOVED,
-    SERIES,
+    MODEL_COLOUR,
+    MOVED_COLOUR,
+    SERIES_COLOURS,
+    SERIES_MARKERS,
     few_ticks,
     legend_above,
     new_figure,
 )
 
 # White paper to the colour of what the model says, and darker still.
-_SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL, "#00304d"])
+_SHADES = LinearSegmentedColormap.from_list("gain", ["#ffffff", "#bcd9ec", MODEL_COLOUR, "#00304d"])
 # Panels of a row.
 _ACROSS = 3
 # Impacts that are named at one setting; a panel has no room for more.
 _NAMED = 6
 
 
-def gains(result: Findings) -> Figure:
+def draw_gains(result: Findings) -> Figure:
     """Over angle and speed, a panel a spin, by the sensor of the plan; over what varies where one
     of them does not. Of several surfaces the best. Numbers are the chosen impacts in their order.
     """
@@ -79,7 +79,7 @@ def _maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
         axis.set_xlim(*angles[[0, -1]])
         axis.set_ylim(*speeds[[0, -1]])
         few_ticks(axis.xaxis, 3)
-    hide(axes, len(spins), "angle [deg]")
+    hide_unused(axes, len(spins), "angle [deg]")
     for axis in axes[:, 0]:
         axis.set_ylabel("speed [m/s]")
     bar = figure.colorbar(ScalarMappable(norm, _SHADES), ax=axes, shrink=0.85, pad=0.02)
@@ -106,7 +106,7 @@ def _draw_numbers(axis: Any, chosen: DataFrame) -> None:
             fontsize=9,
             fontweight="bold",
             color="white",
-            bbox={"boxstyle": "round,pad=0.25", "facecolor": MOVED, "linewidth": 0.0},
+            bbox={"boxstyle": "round,pad=0.25", "facecolor": MOVED_COLOUR, "linewidth": 0.0},
             annotation_clip=False,
             zorder=5,
         )
@@ -126,8 +126,8 @@ def _lines(best: DataFrame, plan: DataFrame) -> Figure:
     spins = best["omega_1"].unique()
     handles = list[Any]()
     for k, spin in enumerate(spins):
-        colour = MODEL if len(spins) == 1 else SERIES[k % len(SERIES)]
-        marker = MARKERS[k % len(MARKERS)]
+        colour = MODEL_COLOUR if len(spins) == 1 else SERIES_COLOURS[k % len(SERIES_COLOURS)]
+        marker = SERIES_MARKERS[k % len(SERIES_MARKERS)]
         of_spin = best[best["omega_1"] == spin]
         place = factor * of_spin[over]
         axis.plot(place, of_spin["gain"], color=colour, marker=marker, markersize=4)
@@ -136,7 +136,7 @@ def _lines(best: DataFrame, plan: DataFrame) -> Figure:
     for _, rows in plan.groupby(over):
         chosen = factor * float(rows[over].iloc[0])
         words = _places(rows)
-        axis.axvline(chosen, color=MOVED, linewidth=0.8)
+        axis.axvline(chosen, color=MOVED_COLOUR, linewidth=0.8)
         axis.annotate(
             words,
             (chosen, 1.0),
@@ -144,7 +144,7 @@ def _lines(best: DataFrame, plan: DataFrame) -> Figure:
             xytext=(3, -9),
             fontsize=9,
             textcoords="offset points",
-            color=MOVED,
+            color=MOVED_COLOUR,
             fontweight="bold",
         )
     axis.set_ylim(0.0, None)

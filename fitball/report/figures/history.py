@@ -10,7 +10,15 @@ from fitball.base.display_units import MM, MS
 from fitball.base.findings import Findings
 from fitball.base.values import DataFrame, Figure
 from fitball.report.quantities import records
-from fitball.report.style import GUIDE, INK, MODEL, PRIOR, few_ticks, legend_above, new_figure
+from fitball.report.style import (
+    GUIDE_COLOUR,
+    INK,
+    MODEL_COLOUR,
+    PRIOR_COLOUR,
+    few_ticks,
+    legend_above,
+    new_figure,
+)
 
 # Pale, so that lines stand out: phases of the contact point.
 _SHADES = {
@@ -26,7 +34,7 @@ _CORE = "#008060"
 _LEAST_SLIP = 0.1
 
 
-def history(result: Findings) -> Figure:
+def draw_history(result: Findings) -> Figure:
     """Compression and forces, with motion along the court also velocities and slip, over the time
     of the contact, shaded by phase; bands are drawn at the same share of each draw's own contact.
     """
@@ -37,9 +45,9 @@ def history(result: Findings) -> Figure:
     rows = 2 if sliding else 1
     figure, axes = new_figure(rows, 2, high=2.5 + 2.1 * (rows - 1), wide=7.5, sharex=True)
     compression, force, *along = axes.ravel()
-    _draw(compression, frame, "y", MODEL, MM.factor)
+    _draw(compression, frame, "y", MODEL_COLOUR, MM.factor)
     compression.set_title("compression $y$ [mm]")
-    _draw(force, frame, "normal_force", MODEL)
+    _draw(force, frame, "normal_force", MODEL_COLOUR)
     force.set_title("force of the court [N]")
     if sliding:
         speed, slip = along
@@ -47,17 +55,17 @@ def history(result: Findings) -> Figure:
             force.plot(
                 MS.factor * frame["time"],
                 sign * frame["friction_limit"],
-                color=GUIDE,
+                color=GUIDE_COLOUR,
                 linewidth=0.8,
                 linestyle="--",
             )
-        _draw(force, frame, "friction_force", PRIOR)
-        _draw(speed, frame, "v_x", MODEL)
-        for name, colour in (("omega_shell", PRIOR), ("omega_core", _CORE)):
+        _draw(force, frame, "friction_force", PRIOR_COLOUR)
+        _draw(speed, frame, "v_x", MODEL_COLOUR)
+        for name, colour in (("omega_shell", PRIOR_COLOUR), ("omega_core", _CORE)):
             _draw(speed, frame, name, colour, radius)
         speed.set_title("velocity along the court [m/s]")
         _flights(speed, frame, result, radius)
-        _draw(slip, frame, "slip", MODEL)
+        _draw(slip, frame, "slip", MODEL_COLOUR)
         slip.set_title(r"slip $v_x - R\,\omega$ [m/s]")
         low, high = slip.get_ylim()
         slip.set_ylim(min(low, -_LEAST_SLIP), max(high, _LEAST_SLIP))
@@ -73,7 +81,7 @@ def history(result: Findings) -> Figure:
         axis.set_xlim(0.0, MS.factor * frame["time"].iloc[-1])
         axis.grid(visible=False)
         few_ticks(axis.yaxis)
-    force.axhline(0.0, color=GUIDE, linewidth=0.6)
+    force.axhline(0.0, color=GUIDE_COLOUR, linewidth=0.6)
     for axis in axes[-1]:
         axis.set_xlabel("time after landing [ms]")
     legend_above(figure, _handles(frame, phases))
@@ -99,7 +107,7 @@ def _flights(axis: Any, frame: DataFrame, result: Findings, radius: float) -> No
         (frame["time"].iloc[-1], values["v_x2"], values["omega_2"]),
     )
     for time, speed, spin in ends:
-        for value, colour in ((speed, MODEL), (radius * spin, PRIOR)):
+        for value, colour in ((speed, MODEL_COLOUR), (radius * spin, PRIOR_COLOUR)):
             axis.plot(
                 MS.factor * time,
                 value,
@@ -116,12 +124,12 @@ def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
     """Handles of the legend, of what is drawn."""
     sliding = len(phases) > 0
     text = "normal force, velocity" if sliding else "model"
-    handles: list[Any] = [Line2D([], [], color=MODEL, label=text)]
+    handles: list[Any] = [Line2D([], [], color=MODEL_COLOUR, label=text)]
     if sliding:
         handles += [
-            Line2D([], [], color=PRIOR, label="friction, surface of shell"),
+            Line2D([], [], color=PRIOR_COLOUR, label="friction, surface of shell"),
             Line2D([], [], color=_CORE, label="surface of core"),
-            Line2D([], [], color=GUIDE, linestyle="--", label=r"$\pm\mu F$"),
+            Line2D([], [], color=GUIDE_COLOUR, linestyle="--", label=r"$\pm\mu F$"),
             Line2D(
                 [],
                 [],
@@ -134,5 +142,5 @@ def _handles(frame: DataFrame, phases: DataFrame) -> list[Any]:
         ]
     handles += [Patch(color=_SHADES[name], label=name) for name in dict.fromkeys(phases["phase"])]
     if "y_q025" in frame and np.isfinite(frame["y_q025"]).any():
-        handles.append(Patch(color=GUIDE, alpha=0.35, label="68 and 95 %"))
+        handles.append(Patch(color=GUIDE_COLOUR, alpha=0.35, label="68 and 95 %"))
     return handles

@@ -20,35 +20,35 @@ from fitball.base.values import DataFrame, Figure, FloatArray, Impacts, IntArray
 from fitball.inference.fitted import Fitted
 from fitball.models.types import Status, regime_name
 from fitball.report.figures.shared import (
-    DOTS,
-    binned,
-    hide,
-    looks,
+    MOST_DOTS,
+    bin_medians,
+    draw_dots,
+    hide_unused,
     opacity,
-    scattered,
     series_legend,
-    split,
+    series_styles,
+    split_by_series,
 )
-from fitball.report.quantities import column_unit, middle, plain, records
+from fitball.report.quantities import column_unit, figure_text, median_or_point, records
 from fitball.report.style import (
     FAINT,
-    GUIDE,
+    GUIDE_COLOUR,
     INK,
-    MODEL,
-    MOVED,
+    MODEL_COLOUR,
+    MOVED_COLOUR,
+    axis_label,
     few_ticks,
-    label,
     legend_above,
     new_figure,
 )
 
 
 def curves_caption(fit: Fitted) -> str:
-    """What `curves` draws: bands of draws; dots or bins; whether they are moved, where a line has a
-    speed and a spin.
+    """The caption of the curves: their bands, dots or bins, and whether dots are moved to the speed
+    and spin of a line.
     """
     bands = "" if fit.posterior is None else ", with 68 and 95 % bands"
-    many = len(fit.run.table) > DOTS
+    many = len(fit.run.table) > MOST_DOTS
     dots = "medians of bins, with their middle 68 %" if many else "every impact ± sd"
     moved = ""
     if fit.run.table.has_tangential:
@@ -56,14 +56,14 @@ def curves_caption(fit: Fitted) -> str:
     return f"Lines: the model, dashed beyond the data{bands}. Dots: {dots}{moved}."
 
 
-def curves(fit: Fitted) -> Figure:
+def draw_curves(fit: Fitted) -> Figure:
     """A panel a measured column: the model over incidence at the speeds and spins of the table, and
     every impact, moved there along the model: its residual added to the line of its series.
     """
     lines = fit.curves
     measured = fit.predictions
     columns = list(dict.fromkeys(lines["column"]))
-    styles = looks(lines)
+    styles = series_styles(lines)
     wide = 2 if len(columns) > 3 else 1
     rows = math.ceil(len(columns) / wide)
     figure, axes = new_figure(rows, wide, high=0.75 + 1.6 * rows, sharex=True)
@@ -72,16 +72,20 @@ def curves(fit: Fitted) -> Figure:
     for axis, column in zip(axes.ravel(), columns, strict=False):
         unit = column_unit(column)
         of_column = measured[measured["column"] == column]
-        axis.set_title(f"{COLUMNS[column].title}  {label(COLUMNS[column].symbol, unit)}")
+        axis.set_title(f"{COLUMNS[column].title}  {axis_label(COLUMNS[column].symbol, unit)}")
         for k, look in styles.items():
             line = lines[(lines["series"] == k) & (lines["column"] == column)]
             _draw_curve(axis, line, look.line, along.factor, unit.factor)
             impacts = of_column[of_column["series"] == k]
             at = impacts[place].to_numpy(np.float64)
             observed = impacts["observed"].to_numpy(np.float64)
-            shown = np.interp(at, line["along"], middle(line)) + observed - middle(impacts)
+            shown = (
+                np.interp(at, line["along"], median_or_point(line))
+                + observed
+                - median_or_point(impacts)
+            )
             noise = unit.factor * impacts["noise"].to_numpy()
-            scattered(axis, along.factor * at, unit.factor * shown, look, noise)
+            draw_dots(axis, along.factor * at, unit.factor * shown, look, noise)
         few_ticks(axis.yaxis)
     across = r"vertical speed $v_{y1}$ [m/s]"
     if not drop:
@@ -89,7 +93,7 @@ def curves(fit: Fitted) -> Figure:
         between = ", " if wide == 1 else ",\n"
         words = filter(None, (r"angle of incidence $\theta_1$ [deg]", _shared_state(lines)))
         across = between.join(words)
-    hide(axes, len(columns), across)
+    hide_unused(axes, len(columns), across)
     handles = [
         Line2D(
             [],
@@ -126,7 +130,7 @@ def _draw_curve(axis: Any, line: DataFrame, colour: str, across: float, up: floa
     """
     place = across * line["along"].to_numpy()
     inside = line["within"].to_numpy(np.bool_)
-    median = up * middle(line)
+    median = up * median_or_point(line)
     for low, high, shade in (("q025", "q975", 0.16), ("q16", "q84", 0.26)):
         ends = (up * line[low], up * line[high])
         axis.fill_between(place, *ends, color=colour, alpha=shade, linewidth=0)
@@ -134,10 +138,10 @@ def _draw_curve(axis: Any, line: DataFrame, colour: str, across: float, up: floa
     axis.plot(place, np.where(inside, median, np.nan), color=colour, linewidth=1.6)
 
 
-def predictive(fit: Fitted) -> Figure:
+def draw_predictive(fit: Fitted) -> Figure:
     """Measured over predicted, a panel a column, with 95 % of what a new measurement would show."""
     frame = fit.predictions.dropna(subset=["observed"])
-    styles = looks(fit.curves)
+    styles = series_styles(fit.curves)
     columns = list(dict.fromkeys(frame["column"]))
     wide = min(3, len(columns))
     rows = math.ceil(len(columns) / wide)
@@ -147,30 +151,30 @@ def predictive(fit: Fitted) -> Figure:
         rows_shown = frame[frame["column"] == column]
         count = len(rows_shown)
         unit = column_unit(column)
-        predicted = unit.factor * middle(rows_shown)
+        predicted = unit.factor * median_or_point(rows_shown)
         observed = unit.factor * rows_shown["observed"].to_numpy()
         ends = unit.factor * rows_shown[["new_q025", "new_q975"]].to_numpy(np.float64)
         finite = np.isfinite(predicted) & np.isfinite(ends).all(axis=1)
         inside = int(((observed >= ends[:, 0]) & (observed <= ends[:, 1])).sum())
         _draw_ends(axis, predicted[finite], ends[finite])
         centre = observed.mean()
-        axis.axline((centre, centre), slope=1.0, color=MODEL, linewidth=1.2)
-        shown = split(rows_shown, styles)
+        axis.axline((centre, centre), slope=1.0, color=MODEL_COLOUR, linewidth=1.2)
+        shown = split_by_series(rows_shown, styles)
         for look, chosen in shown:
-            scattered(axis, predicted[chosen], observed[chosen], look)
-        axis.set_title(label(COLUMNS[column].symbol, unit))
+            draw_dots(axis, predicted[chosen], observed[chosen], look)
+        axis.set_title(axis_label(COLUMNS[column].symbol, unit))
         if has_intervals:
-            share = percent(inside / count) if count > DOTS else f"{inside} of {count}"
+            share = percent(inside / count) if count > MOST_DOTS else f"{inside} of {count}"
             text = f"{share} inside"
-            axis.text(0.97, 0.04, text, transform=axis.transAxes, ha="right", color=GUIDE)
+            axis.text(0.97, 0.04, text, transform=axis.transAxes, ha="right", color=GUIDE_COLOUR)
         few_ticks(axis.xaxis, 3)
         few_ticks(axis.yaxis)
-    hide(axes, len(columns), "predicted")
+    hide_unused(axes, len(columns), "predicted")
     for axis in axes[:, 0]:
         axis.set_ylabel("measured")
     handles = []
     if has_intervals:
-        handles.append(Patch(color=MODEL, alpha=0.25, label="95 % of new measurements"))
+        handles.append(Patch(color=MODEL_COLOUR, alpha=0.25, label="95 % of new measurements"))
     series_legend(figure, shown, handles)
     return figure
 
@@ -178,14 +182,14 @@ def predictive(fit: Fitted) -> Figure:
 def _draw_ends(axis: Any, place: FloatArray, ends: FloatArray) -> None:
     """Draw intervals (rows, 2) as bars, of more than DOTS impacts as the band of their medians."""
     count = len(place)
-    if count > DOTS:
-        middles, (_, low, _) = binned(place, ends[:, 0])
-        _, (_, high, _) = binned(place, ends[:, 1])
-        axis.fill_between(middles, low, high, color=MODEL, alpha=0.25, linewidth=0)
+    if count > MOST_DOTS:
+        middles, (_, low, _) = bin_medians(place, ends[:, 0])
+        _, (_, high, _) = bin_medians(place, ends[:, 1])
+        axis.fill_between(middles, low, high, color=MODEL_COLOUR, alpha=0.25, linewidth=0)
         return
     width = 4.0 if count < 60 else 2.0
     shade = 0.25 * opacity(count) ** 0.5
-    axis.vlines(place, *ends.T, color=MODEL, linewidth=width, alpha=shade)
+    axis.vlines(place, *ends.T, color=MODEL_COLOUR, linewidth=width, alpha=shade)
 
 
 # Quantities over which residuals are drawn, with label and unit.
@@ -201,12 +205,12 @@ _VARIES = 0.05
 _CHANCE = 0.01
 
 
-def residuals(fit: Fitted) -> Figure:
+def draw_residuals(fit: Fitted) -> Figure:
     """Residuals in sds of the noise, a row a column, over the incident state and the order of
     rows.
     """
     frame = fit.predictions.dropna(subset=["z"])
-    styles = looks(fit.curves)
+    styles = series_styles(fit.curves)
     columns = list(dict.fromkeys(frame["column"]))
     over = [name for name in _OVER if np.ptp(frame[name]) > _VARIES * frame[name].abs().max()]
     over = over or ["row"]
@@ -222,7 +226,7 @@ def residuals(fit: Fitted) -> Figure:
     for panels, column in zip(axes, columns, strict=True):
         of_column = frame[frame["column"] == column]
         z = of_column["z"].to_numpy(np.float64)
-        shown = split(of_column, styles)
+        shown = split_by_series(of_column, styles)
         for axis, name in zip(panels, over, strict=True):
             _, unit = _OVER[name]
             place = unit.factor * of_column[name].to_numpy(np.float64)
@@ -232,17 +236,17 @@ def residuals(fit: Fitted) -> Figure:
             axis.axhspan(-2.0, 2.0, color=FAINT, alpha=0.5, linewidth=0)
             axis.axhline(0.0, color="white", linewidth=1.2)
             for look, chosen in shown:
-                scattered(axis, place[chosen], z[chosen], look)
+                draw_dots(axis, place[chosen], z[chosen], look)
             trend = _trend(place, z) if with_trends else None
             if trend is not None:
-                axis.plot(*trend, color=MOVED, linewidth=1.8, zorder=4)
-                handles = [Line2D([], [], color=MOVED, label="trend")]
+                axis.plot(*trend, color=MOVED_COLOUR, linewidth=1.8, zorder=4)
+                handles = [Line2D([], [], color=MOVED_COLOUR, label="trend")]
             axis.grid(visible=False)
         panels[0].set_ylabel(COLUMNS[column].symbol, fontsize=11)
     for axis, name in zip(axes[-1], over, strict=True):
-        axis.set_xlabel(label(*_OVER[name]))
+        axis.set_xlabel(axis_label(*_OVER[name]))
         few_ticks(axis.xaxis, 3, whole=name == "row")
-    most = 3.2 if len(frame) > DOTS else max(3.2, 1.1 * float(frame["z"].abs().max()))
+    most = 3.2 if len(frame) > MOST_DOTS else max(3.2, 1.1 * float(frame["z"].abs().max()))
     axes[0, 0].set_ylim(-most, most)
     axes[0, 0].yaxis.set_major_locator(MaxNLocator(5, symmetric=True, integer=True))
     series_legend(figure, shown, handles)
@@ -316,7 +320,7 @@ def _words(codes: IntArray, solved: Any) -> np.ndarray[Any, np.dtype[Any]]:
     return np.asarray(np.array(names, dtype=object)[inverse].reshape(codes.shape))
 
 
-def regimes(fit: Fitted) -> Figure:
+def draw_regimes(fit: Fitted) -> Figure:
     """A bar an impact: the probability of each sequence of slip and grip."""
     frame = fit.predictions.drop_duplicates("row").sort_values(["series", "theta_1"])
     shown = frame.iloc[evenly_spread(len(frame), _BARS)]
@@ -338,7 +342,7 @@ def regimes(fit: Fitted) -> Figure:
     rest = np.ones(count) - sum(share for name, share in shares.items() if name in colours)
     for name, colour in colours.items():
         size = rest if name == _OTHERS else shares[name]
-        edge = GUIDE if name == _NONE else colour
+        edge = GUIDE_COLOUR if name == _NONE else colour
         axis.barh(
             places,
             size,
@@ -353,7 +357,7 @@ def regimes(fit: Fitted) -> Figure:
     ids = []
     for row in records(shown):
         angle = np.degrees(row["theta_1"])
-        ids.append(f"{plain(str(row['id']))}  {angle:.0f}°")
+        ids.append(f"{figure_text(str(row['id']))}  {angle:.0f}°")
     axis.set_yticks(places, ids, fontsize=8.5)
     axis.set_ylim(count - 0.4, -0.6)
     axis.set_xlim(0.0, 1.0)
@@ -376,7 +380,7 @@ _MARGIN = 0.25
 _NEAR = 0.1
 
 
-def regime_map(fit: Fitted) -> Figure:
+def draw_regime_map(fit: Fitted) -> Figure:
     """Areas of slip and grip over angle and spin at the median speed and the best fit, contours of
     the rebound angle, and the impacts; of levels the combination that most impacts have.
     """
@@ -412,7 +416,7 @@ def regime_map(fit: Fitted) -> Figure:
     axis.set_ylabel(r"spin $\omega_1$ [rad/s]")
     axis.grid(visible=False)
     labels = [level.labels[place] for level, place in zip(forward.levels, keys[usual], strict=True)]
-    title = ", ".join(["best fit", *map(plain, dict.fromkeys(labels))])
+    title = ", ".join(["best fit", *map(figure_text, dict.fromkeys(labels))])
     axis.set_title(title + r"; lines: $\theta_2$ [deg]")
     legend_above(figure, handles)
     return figure

@@ -6,11 +6,11 @@ import numpy as np
 
 from fitball.base.columns import COLUMNS
 from fitball.base.values import DataFrame, Figure
-from fitball.report.quantities import column_unit, plain, records, scored_columns
-from fitball.report.style import GUIDE, MODEL, PALE, few_ticks, label, new_figure
+from fitball.report.quantities import column_unit, figure_text, records, scored_columns
+from fitball.report.style import GUIDE_COLOUR, MODEL_COLOUR, PALE, axis_label, few_ticks, new_figure
 
 
-def scores(models: DataFrame) -> Figure:
+def draw_scores(models: DataFrame) -> Figure:
     """A row a model, best above: the score less that of the best, and errors of left-out
     impacts.
     """
@@ -21,8 +21,8 @@ def scores(models: DataFrame) -> Figure:
     figure, axes = new_figure(1, panels, high=high, wide=8.0, sharey=True)
     first = axes[0, 0]
     places = np.arange(len(rows))
-    colours = [PALE if row["worse"] else MODEL for row in rows]
-    first.axvline(0.0, color=GUIDE, linewidth=0.8)
+    colours = [PALE if row["worse"] else MODEL_COLOUR for row in rows]
+    first.axvline(0.0, color=GUIDE_COLOUR, linewidth=0.8)
     for place, row, colour in zip(places, rows, colours, strict=True):
         first.errorbar(
             row["difference"],
@@ -37,11 +37,11 @@ def scores(models: DataFrame) -> Figure:
         unit = column_unit(name)
         errors = unit.factor * models[f"rms_{name}"]
         axis.scatter(errors, places, c=colours, s=25, zorder=3)
-        axis.set_title(f"rms {label(COLUMNS[name].symbol, unit)}")
+        axis.set_title(f"rms {axis_label(COLUMNS[name].symbol, unit)}")
         axis.set_xlim(0.0, 1.1 * float(errors.max()))
     for axis in axes[0]:
         few_ticks(axis.xaxis)
-    names = [plain(row["model"], 34).replace("+", "\n+", 1) for row in rows]
+    names = [figure_text(row["model"], 34).replace("+", "\n+", 1) for row in rows]
     first.set_yticks(places, names)
     first.set_ylim(len(rows) - 0.5, -0.5)
     return figure

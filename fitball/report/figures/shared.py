@@ -7,18 +7,24 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray
-from fitball.report.quantities import plain, records
-from fitball.report.style import MARKERS, MEASURED, MODEL, SERIES, legend_above
+from fitball.report.quantities import figure_text, records
+from fitball.report.style import (
+    MEASURED_COLOUR,
+    MODEL_COLOUR,
+    SERIES_COLOURS,
+    SERIES_MARKERS,
+    legend_above,
+)
 
 # Impacts of a panel that are drawn one by one; more would be a cloud.
-DOTS = 600
+MOST_DOTS = 600
 # Bins of equal numbers of more impacts, of which medians are drawn.
 BINS = 24
 # Quantiles of a bin: the median, and the ends of the middle 68 %.
 _QUANTILES = (0.16, 0.5, 0.84)
 
 
-class Look(NamedTuple):
+class SeriesStyle(NamedTuple):
     """How a series is drawn: alone it needs no colour of its own."""
 
     dots: str
@@ -27,31 +33,42 @@ class Look(NamedTuple):
     name: str
 
 
-def looks(curves: DataFrame) -> dict[int, Look]:
+def series_styles(curves: DataFrame) -> dict[int, SeriesStyle]:
     """Looks by series; the speed is named where speeds differ."""
     rows = records(curves.groupby("series").first())
     if len(rows) == 1:
-        return {int(rows[0]["series"]): Look(MEASURED, "o", MODEL, "measured and model")}
+        return {
+            int(rows[0]["series"]): SeriesStyle(
+                MEASURED_COLOUR, "o", MODEL_COLOUR, "measured and model"
+            )
+        }
     by_series = {}
     several = curves["speed"].nunique() > 1
     for k, row in enumerate(rows):
-        words = [plain(row["name"])]
+        words = [figure_text(row["name"])]
         if np.isfinite(row["spin"]):
             # A zero without a sign.
             words.append(f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
         if several:
             words.append(f"{row['speed']:.3g} m/s")
         name = ", ".join(filter(None, words))
-        colour = SERIES[k % len(SERIES)]
-        marker = MARKERS[k % len(MARKERS)]
-        by_series[int(row["series"])] = Look(colour, marker, colour, name)
+        colour = SERIES_COLOURS[k % len(SERIES_COLOURS)]
+        marker = SERIES_MARKERS[k % len(SERIES_MARKERS)]
+        by_series[int(row["series"])] = SeriesStyle(colour, marker, colour, name)
     return by_series
 
 
-def split(frame: DataFrame, styles: Mapping[int, Look]) -> list[tuple[Look, BoolArray]]:
+def split_by_series(
+    frame: DataFrame, styles: Mapping[int, SeriesStyle]
+) -> list[tuple[SeriesStyle, BoolArray]]:
     """Looks of a panel, and which rows (rows,) have each; more than DOTS rows have one look."""
-    if len(frame) > DOTS:
-        return [(Look(MEASURED, "o", MODEL, ""), np.ones(len(frame), dtype=np.bool_))]
+    if len(frame) > MOST_DOTS:
+        return [
+            (
+                SeriesStyle(MEASURED_COLOUR, "o", MODEL_COLOUR, ""),
+                np.ones(len(frame), dtype=np.bool_),
+            )
+        ]
     return [(look, (frame["series"] == k).to_numpy(np.bool_)) for k, look in styles.items()]
 
 
@@ -61,7 +78,7 @@ def opacity(count: int) -> float:
     return float(min(1.0, max(0.12, shade)))
 
 
-def binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def bin_medians(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), in BINS bins of
     equal numbers along `place`; both arguments are (rows,).
     """
@@ -71,11 +88,11 @@ def binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArra
     return middles, bands
 
 
-def scattered(
+def draw_dots(
     axis: Any,
     place: FloatArray,
     values: FloatArray,
-    look: Look,
+    look: SeriesStyle,
     sd: FloatArray | None = None,
 ) -> None:
     """Draw dots (rows,) with bars of one `sd`, or of more than DOTS the medians of bins with the
@@ -89,8 +106,8 @@ def scattered(
     ends = None
     if sd is not None:
         ends = (values - sd[finite], values + sd[finite])
-    if len(place) > DOTS:
-        place, (low, values, high) = binned(place, values)
+    if len(place) > MOST_DOTS:
+        place, (low, values, high) = bin_medians(place, values)
         shade = 1.0
         size = 3.5
         ends = (low, high)
@@ -111,7 +128,7 @@ def scattered(
 
 def series_legend(
     figure: Figure,
-    shown: Sequence[tuple[Look, BoolArray]],
+    shown: Sequence[tuple[SeriesStyle, BoolArray]],
     more: Sequence[Any] = (),
 ) -> None:
     """Draw a legend with the dots of the series, where there are several, and handles of what else
@@ -128,7 +145,7 @@ def series_legend(
         legend_above(figure, handles)
 
 
-def hide(axes: Any, count: int, across: str = "") -> None:
+def hide_unused(axes: Any, count: int, across: str = "") -> None:
     """Hide the panels after the first `count`; the label `across` is below the lowest of each
     column.
     """
