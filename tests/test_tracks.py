@@ -14,7 +14,7 @@ import fitball
 from fitball.base.errors import InputError
 from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.tracks import flight
-from fitball.tracks.spins import lines
+from fitball.tracks.spins import lines_of_angles
 
 # The cameras of the study: rates, noise, outliers, marks.
 CAMERAS = [
@@ -146,14 +146,14 @@ def test_angles_of_a_mark_leave_spins_apart_by_whole_turns():
     rng = np.random.default_rng(2)
     noise = 0.03 * rng.standard_normal(times.size)
     angles = (0.4 + 1000.0 * times + noise) % np.pi
-    found = lines(times, angles, 2, 0.03, 0.05, 420.0)
+    found = lines_of_angles(times, angles, 2, 0.03, 0.05, 420.0)
     spins = np.array([line.omega for line in found])
     turns = (spins - 1000.0) / (np.pi * 240.0)
     nearest = np.round(turns)
     # Of a table-tennis ball, to four sds of its spins: 1000 - 754 n rad/s.
     assert sorted(nearest) == [-3, -2, -1, 0]
     assert np.abs(turns - nearest).max() < 5e-3
-    assert np.ptp([line.log for line in found]) < 1e-6
+    assert np.ptp([line.log_likelihood for line in found]) < 1e-6
     # The error of a slope, by the formula of a straight line.
     sd = 0.03 / np.sqrt(12 * np.var(times))
     for line in found:

@@ -10,33 +10,37 @@ import numpy as np
 
 from fitball.base.itf import GRAVITY
 from fitball.base.values import FloatArray, IntArray
-from fitball.tracks.flight import C1, C2, DRAG, Impact
+from fitball.tracks.flight import DRAG, LIFT_1, LIFT_2, Impact
 from fitball.tracks.types import FilmAssumptions, Track
 
-# How far [s] frames are used from an impact.
-_REACH = 0.15
-# Over how long [s] heights are smoothed by medians to find an impact.
-_SMOOTH = 4e-3
-# A ball that bounces falls and rises again by so many radii at least.
-_DEEP = 0.3
-# It comes within so many radii, and steps between frames, of the lowest place.
-_NEAR = 0.5
+# How far [s] from an impact frames are used: beyond it the series of a flight is too coarse
+# (`flight.path`).
+_REACH_TIME = 0.15
+# Heights are smoothed by medians over so long [s] to find an impact: about a contact.
+_SMOOTHING_TIME = 4e-3
+# A ball that bounces falls and rises again by at least so many radii; noise and a ball that rolls
+# do not.
+_LEAST_DEPTH = 0.3
+# A bounce is at most so many radii, and so many steps of height between frames, above the lowest
+# place of the track: all are on one court.
+_NEAR_RADII = 0.5
 _NEAR_STEPS = 2.5
-# Three frames on each side, and one in contact.
+# Fewest frames of a track with an impact: three on each side, and one in contact.
 _FEWEST_FRAMES = 7
-# Gravity off by this factor is no air and no scale that a camera has.
-FACTOR = 2.5
-# Drag and lift coefficients reach so far beyond what is taken for them, over both sides.
-_DRAG_OFF = 0.25
-_LIFT_OFF = 0.35
-# Sds by which the curvature of heights may be off.
-_SDS = 3.0
-# Heights this many medians off a parabola are outliers.
-_OUTLYING = 4.0
+# Gravity that is off by this factor is a mistake of rate or scale: neither air nor errors of a
+# camera explain it.
+GRAVITY_FACTOR = 2.5
+# How far drag and lift coefficients may be off the values that are assumed, to either side.
+_MOST_DRAG_ERROR = 0.25
+_MOST_LIFT_ERROR = 0.35
+# Standard errors by which the curvature of heights may be off.
+_CURVATURE_SDS = 3.0
+# Heights that are off a parabola by more than this many medians of residuals are outliers.
+_OUTLYING_MEDIANS = 4.0
 
 
 class _Fall(NamedTuple):
-    """Gravity [m/s^2] that one flight shows, the least and most that it may be, and the rate of its
+    """The least and most gravity [m/s^2] that a flight allows, its best value, and the rate of its
     frames [1/s].
     """
 
@@ -46,8 +50,8 @@ class _Fall(NamedTuple):
     rate: float
 
 
-def impacts_of(track: Track, assumed: FilmAssumptions) -> tuple[list[Impact], str]:
-    """The impacts of a track, in order of time, or the reason why it has none."""
+def impacts_of_track(track: Track, assumed: FilmAssumptions) -> tuple[list[Impact], str]:
+    """The impacts of a track in order of time, and the reason why it has none, "" where it has."""
     t = track.time
     if t.size < _FEWEST_FRAMES:
         reason = (
@@ -55,7 +59,7 @@ def impacts_of(track: Track, assumed: FilmAssumptions) -> tuple[list[Impact], st
             "on each side"
         )
         return [], reason
-    lows = _low_places(track, assumed)
+    lows = _lowest_frames(track, assumed)
     if not lows.size:
         reason = (
             f"no bounce: the height has no minimum from frame {track.frame[0]} to frame "
@@ -72,30 +76,30 @@ def impacts_of(track: Track, assumed: FilmAssumptions) -> tuple[list[Impact], st
     return impacts, ""
 
 
-def _low_places(track: Track, assumed: FilmAssumptions) -> IntArray:
-    """Frames (impacts,) in which the ball is lowest."""
-    # Half a second, which only tracks need.
+def _lowest_frames(track: Track, assumed: FilmAssumptions) -> IntArray:
+    """Indices (impacts,) of the frames in which the ball is lowest."""
+    # These take half a second to import, which only tracks need.
     from scipy.ndimage import median_filter
     from scipy.signal import find_peaks
 
     count = track.time.size
     radius = assumed.ball.radius
     step = float(np.median(np.diff(track.time)))
-    size = min(max(3, int(_SMOOTH / step) | 1), count | 1)
+    size = min(max(3, int(_SMOOTHING_TIME / step) | 1), count | 1)
     smooth = median_filter(track.y, size=size, mode="nearest")
     # Outliers near a contact make more than one low place.
     apart = max(1.0, 2.0 * assumed.contact.most / step)
-    lows, _ = find_peaks(-smooth, prominence=_DEEP * radius, distance=apart)
-    near = _NEAR * radius + _NEAR_STEPS * float(np.median(np.abs(np.diff(smooth))))
+    lows, _ = find_peaks(-smooth, prominence=_LEAST_DEPTH * radius, distance=apart)
+    near = _NEAR_RADII * radius + _NEAR_STEPS * float(np.median(np.abs(np.diff(smooth))))
     return np.asarray(lows[smooth[lows] < smooth.min() + near])
 
 
 def _impact_at(low: int, around: IntArray, name: str, track: Track) -> Impact:
-    """The impact at the lowest frame `low` of the flights `around` it."""
+    """An impact, not yet fitted, at the lowest frame `low` of the flights `around` it."""
     t = track.time
-    rows = around[np.abs(t[around] - t[low]) < _REACH]
+    rows = around[np.abs(t[around] - t[low]) < _REACH_TIME]
     early = track.x[rows[rows <= low]]
-    # Most steps before the impact.
+    # The direction of most steps before the impact.
     lag = max(1, early.size // 2)
     leftward = early.size > lag and np.median(early[lag:] - early[:-lag]) < 0.0
     sign = -1.0 if leftward else 1.0
@@ -106,22 +110,22 @@ def _impact_at(low: int, around: IntArray, name: str, track: Track) -> Impact:
         around,
         origin=float(t[low]),
         t=t[rows] - t[low],
-        place=np.column_stack([sign * track.x[rows], track.y[rows]]),
+        position=np.column_stack([sign * track.x[rows], track.y[rows]]),
         phi=-sign * track.angle[rows],
         sign=sign,
     )
 
 
 def wrong_gravity(impacts: Iterable[Impact], assumed: FilmAssumptions) -> str:
-    """What is wrong with rate, scale or direction of a film whose balls do not fall as on earth, by
-    parabolas through heights away from the contact; "" where they may. Off by a factor only: a fit
-    shows smaller errors.
+    """What is wrong with rate, scale or direction of a film whose balls do not fall as on earth; ""
+    where they may. Gravity is that of parabolas through heights away from the contact. Only errors
+    by a factor are refused: a fit shows smaller ones.
     """
     falls = [fall for impact in impacts for fall in _falls_of(impact, assumed)]
     if not falls:
         return ""
     low, high, value, rate = np.median(falls, axis=0).tolist()
-    if low < FACTOR * GRAVITY and high > GRAVITY / FACTOR:
+    if low < GRAVITY_FACTOR * GRAVITY and high > GRAVITY / GRAVITY_FACTOR:
         return ""
     return gravity_words(value, rate)
 
@@ -155,20 +159,20 @@ def _fall(
     """
     parabola = np.polyfit(time, y, 2)
     rest = np.abs(y - np.polyval(parabola, time))
-    good = rest <= _OUTLYING * np.median(rest)
+    good = rest <= _OUTLYING_MEDIANS * np.median(rest)
     t = time[good] - time[good].mean()
     curve, covariance = np.polyfit(t, y[good], 2, cov=True)
     v_x = float(np.polyfit(t, x[good], 1)[0])
     v_y = float(curve[1])
     pull = assumed.k * float(np.hypot(v_x, v_y))
     value = -2.0 * float(curve[0]) - pull * assumed.drag.value * v_y
-    by_air = pull * (_LIFT_OFF * abs(v_x) + _DRAG_OFF * abs(v_y))
-    reach = 2.0 * _SDS * float(np.sqrt(covariance[0, 0])) + by_air
+    by_air = pull * (_MOST_LIFT_ERROR * abs(v_x) + _MOST_DRAG_ERROR * abs(v_y))
+    reach = 2.0 * _CURVATURE_SDS * float(np.sqrt(covariance[0, 0])) + by_air
     return _Fall(value - reach, value + reach, value, 1.0 / step)
 
 
 def gravity_words(value: float, rate: float) -> str:
-    """What a gravity [m/s^2] that is off by a factor says of films at so many frames a second."""
+    """The sentence that refuses films with a gravity `value` [m/s^2] at `rate` [frames/s]."""
     read = f"g comes out as {value:.3g} m/s^2 at {rate:.4g} frames/s, expected 9.8"
     if value <= 0.0:
         return (
@@ -183,14 +187,14 @@ def gravity_words(value: float, rate: float) -> str:
 
 
 def gravity_of(impacts: Sequence[Impact]) -> tuple[float, float]:
-    """Gravity [m/s^2] that fitted flights show, and its sd: one step of Gauss and Newton from the
-    usual value. What is unknown of lift and drag may be common to all impacts, and counts as such.
-    NaN where no flight shows it.
+    """Gravity [m/s^2] by fitted flights, and its sd; NaN where no flight shows it. It is one step
+    of Gauss and Newton from standard gravity. Errors of lift and drag count as common to all
+    impacts.
     """
     score = 0.0
     information = 0.0
     common = np.zeros(3)
-    unknown = [C1, C2, DRAG]
+    unknown = [LIFT_1, LIFT_2, DRAG]
     for impact in impacts:
         info = impact.info.sum(axis=0)
         falls = info[-1, :-1]

@@ -13,19 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from fitball.base.itf import GRAVITY
 from fitball.base.values import BoolArray, FloatArray, IntArray
-from fitball.tracks.types import TRACKED, FilmAssumptions, SpinPair, Track, unwrapped
+from fitball.tracks.types import TRACKED, FilmAssumptions, SpinPair, Track, unwrap
 
-# Places of the unknowns of an impact.
-X1, VX1, VY1, C1, T1, X2, VX2, VY2, C2, T2, DRAG = range(11)
-# Those of `TRACKED` that only marks show.
+# Indices of the unknowns of an impact.
+X1, VX1, VY1, LIFT_1, T1, X2, VX2, VY2, LIFT_2, T2, DRAG = range(11)
+# Indices of those of `TRACKED` that only marks show.
 SPINS = [2, 5, 8]
-# Each of `TRACKED` but the spins as a sum of unknowns: row, unknown, sign.
+# Each of `TRACKED` but the spins is a sum of unknowns: index there, unknown, sign.
 _MEASURED_BY = (
     (0, VX1, 1),
     (1, VY1, -1),
@@ -41,46 +41,49 @@ _MEASURED_BY = (
 _STEPS = np.array([*[1e-4, 1e-3, 1e-3, 1e-3, 1e-6] * 2, 1e-3])
 # Frames nearer to the contact than this [s] are of neither flight: the force begins at zero, a
 # tenth of a millisecond later the ball is less than 0.01 mm off.
-_GUARD = 1e-4
+_GUARD_TIME = 1e-4
 # Angles wait [s] until the twist of the shell against the core has died out.
-_TWISTED = 2.5e-3
+_UNTWISTED_TIME = 2.5e-3
 # Probability of a pair of spins above which it is sure.
-_SURE = 0.999
-# Fewest frames on a side.
-_FEWEST = 3
-# Slowest vertical speed [m/s] that has a time of contact.
-_SLOWEST = 0.3
-# Most sweeps.
-_SWEEPS = 12
-# Sweeps end when no time moves by more than this [s].
-_SETTLED = 1e-7
-# The most [s] that a step may move a time.
-_LEAP = 5e-3
-# The box in which outliers are anywhere, in radii of the ball.
+_SURE_PROBABILITY = 0.999
+# Fewest frames of a flight: its place and velocity are two unknowns, a third shows the noise.
+_FEWEST_SIDE_FRAMES = 3
+# Least vertical speed [m/s]: a slower ball rolls, and has no time of contact.
+_LEAST_SPEED = 0.3
+# Most sweeps of a fit after those with wide errors.
+_MOST_SWEEPS = 12
+# Sweeps end when no time moves by more than this [s], far below its errors.
+_SETTLED_TIME = 1e-7
+# A step moves a time by at most this [s], about the duration of a contact.
+_MOST_TIME_STEP = 5e-3
+# Side of the box, in radii of the ball, in which an outlier is anywhere.
 _BOX_RADII = 6.0
 # Errors that last have the correlation 1/(1 + (dt/tau)^2/2), tau [s]: about as long as a ball takes
 # through a view.
-_LASTING = 0.02
+_LASTING_TIME = 0.02
 # Offsets of the lift of both sides of a marked ball are correlated: by seams and fluff, less by
 # orientation.
-_SHARED = 0.5
+_LIFT_CORRELATION = 0.5
 # Without marks the spin is unknown, and all of the lift with it: the sd of its coefficient.
-_UNMARKED = 0.2
-# Makes matrices regular, as a share of their diagonal.
+_UNMARKED_LIFT_SD = 0.2
+# Share of its diagonal that is added to a matrix, to make it regular.
 _RIDGE = 1e-10
+# Noise of positions [m] before it is measured.
+FIRST_NOISE = 2e-3
 _NO_FLIGHT = "no flight fits the positions before and after the contact"
 
 
-class _Linear(NamedTuple):
-    """Two flights at the unknowns of an impact: `residual` (frames, 2) [m], measured less expected;
-    its negative derivatives, `slopes` (12, frames, 2), by the unknowns and, last, by gravity.
+class _LinearFlights(NamedTuple):
+    """Two flights, linearised at the unknowns of an impact: `residual` (frames, 2) [m], measured
+    less expected; `slopes` (12, frames, 2), its negative derivatives by the unknowns and, last, by
+    gravity.
     """
 
     residual: FloatArray
     slopes: FloatArray
 
 
-class _Normal(NamedTuple):
+class _NormalEquations(NamedTuple):
     """Normal equations of the weighed frames: `info` (2, 12, 12) of x and of y, and by how much the
     residuals and priors pull each unknown and, last, gravity (12,).
     """
@@ -90,17 +93,24 @@ class _Normal(NamedTuple):
 
 
 def lift_of(omega: float, speed: float, radius: float) -> float:
-    """Lift coefficient of a ball with a spin [rad/s], a speed [m/s] and a radius [m]; positive for
-    topspin.
+    """Lift coefficient of a ball with a spin [rad/s], a speed [m/s] and a radius [m], by the law of
+    Cross and Lindsey (2014); positive for topspin.
     """
     ratio = radius * omega / speed
     return float(ratio / (0.981 + 2.022 * abs(ratio)))
 
 
-def path(v_x: Any, v_y: Any, drag: Any, lift: Any, k: float, d: Any) -> tuple[Any, Any]:
-    """Ways [m] along and up from a velocity [m/s], coefficients of drag and lift and the resistance
-    `k` [1/m] after the times `d` [s], all of shapes that broadcast: the power series to the third
-    order, 0.06 mm off after 0.15 s at 20 m/s.
+def path(
+    v_x: FloatArray | float,
+    v_y: FloatArray | float,
+    drag: FloatArray | float,
+    lift: FloatArray | float,
+    k: float,
+    d: FloatArray | float,
+) -> tuple[FloatArray, FloatArray]:
+    """Ways [m] along and up after the times `d` [s], from a velocity [m/s], coefficients of drag
+    and lift, and the resistance `k` [1/m]. All arrays broadcast. It is the power series to the
+    third order, 0.06 mm off after 0.15 s at 20 m/s.
     """
     speed = np.hypot(v_x, v_y)
     a_x = -k * speed * (drag * v_x - lift * v_y)
@@ -110,60 +120,62 @@ def path(v_x: Any, v_y: Any, drag: Any, lift: Any, k: float, d: Any) -> tuple[An
     j_y = -k * (faster * (drag * v_y + lift * v_x) + speed * (drag * a_y + lift * a_x))
     along = d * (v_x + d / 2.0 * (a_x + d / 3.0 * j_x))
     up = d * (v_y + d / 2.0 * (a_y + d / 3.0 * j_y))
-    return along, up
+    return np.asarray(along), np.asarray(up)
 
 
 @dataclass(eq=False)
 class Impact:
-    """Frames of one impact, and what is fitted to them. `rows` are places in the track, `around`
-    those of its whole flights; `t` [s] is from `origin`, `place` (frames, 2) [m] mirrored where the
-    ball flies to the left (`sign` -1), `phi` [rad] topspin positive.
+    """Frames of one impact, and what is fitted to them. `rows` are indices of its frames in the
+    track, `around` those of both flights from bounce to bounce. `t` [s] counts from `origin`,
+    `position` [m] is mirrored where the ball flies to the left (`sign` is then -1), and `phi` [rad]
+    grows with topspin.
 
-    While it is fitted: unknowns `p` (11,) with their prior; sds `sigma` of x and y; then
-    `covariance`, `residual` (frames, 2), `weight`, the probability of being no outlier (NaN in
-    contact), `info` (2, 12, 12) of x and of y and `pull`, by which gravity, the last there, would
-    be moved; `pairs` of spins. `failed` says why there is none.
+    The fit moves the unknowns `p`, with their prior, under sds `sigma` [m] of x and y. It sets
+    their `covariance`, the `residual` [m] and `weight` of each frame, the probability of being no
+    outlier (NaN in contact), the information `info` of x and of y, and `pull`, by which gravity,
+    the last there, would be moved. `pairs` are the spins that marks allow. `failed` says why the
+    impact has no fit, "" where it has.
     """
 
     id: str
     track: Track
-    rows: IntArray
-    around: IntArray
+    rows: Annotated[IntArray, "frames"]
+    around: Annotated[IntArray, "flight_frames"]
     origin: float
-    t: FloatArray
-    place: FloatArray
-    phi: FloatArray
+    t: Annotated[FloatArray, "frames"]
+    position: Annotated[FloatArray, "frames 2"]
+    phi: Annotated[FloatArray, "frames"]
     sign: float
-    p: FloatArray = field(default_factory=lambda: np.ones(11))
-    prior: FloatArray = field(default_factory=lambda: np.zeros(11))
-    precision: FloatArray = field(default_factory=lambda: np.zeros((11, 11)))
-    sigma: FloatArray = field(default_factory=lambda: np.full(2, 2e-3))
-    covariance: FloatArray = field(init=False)
-    residual: FloatArray = field(init=False)
-    weight: FloatArray = field(init=False)
-    info: FloatArray = field(init=False)
+    p: Annotated[FloatArray, "11"] = field(default_factory=lambda: np.ones(11))
+    prior: Annotated[FloatArray, "11"] = field(default_factory=lambda: np.zeros(11))
+    precision: Annotated[FloatArray, "11 11"] = field(default_factory=lambda: np.zeros((11, 11)))
+    sigma: Annotated[FloatArray, "2"] = field(default_factory=lambda: np.full(2, FIRST_NOISE))
+    covariance: Annotated[FloatArray, "11 11"] = field(init=False)
+    residual: Annotated[FloatArray, "frames 2"] = field(init=False)
+    weight: Annotated[FloatArray, "frames"] = field(init=False)
+    info: Annotated[FloatArray, "2 12 12"] = field(init=False)
     pull: float = 0.0
     pairs: Sequence[SpinPair] = ()
     failed: str = ""
 
-    def sides(self) -> tuple[BoolArray, BoolArray]:
-        """Which frames (frames,) are of the flight before, and of that after."""
-        return self.t < self.p[T1] - _GUARD, self.t > self.p[T2] + _GUARD
+    def sides(self) -> tuple[Annotated[BoolArray, "frames"], Annotated[BoolArray, "frames"]]:
+        """Which frames are of the flight before the contact, and which of that after."""
+        return self.t < self.p[T1] - _GUARD_TIME, self.t > self.p[T2] + _GUARD_TIME
 
     @property
     def sure_pair(self) -> SpinPair | None:
         """The most probable spins, if they are sure."""
-        if self.pairs and self.pairs[0].probability > _SURE:
+        if self.pairs and self.pairs[0].probability > _SURE_PROBABILITY:
             return self.pairs[0]
         return None
 
-    def turning(self) -> tuple[BoolArray, BoolArray]:
-        """Which frames (frames,) have angles that show the spin before, and that after."""
+    def turning(self) -> tuple[Annotated[BoolArray, "frames"], Annotated[BoolArray, "frames"]]:
+        """Which frames have angles that show the spin before the contact, and which that after."""
         marked = np.isfinite(self.phi)
-        return marked & self.sides()[0], marked & (self.t > self.p[T2] + _TWISTED)
+        return marked & self.sides()[0], marked & (self.t > self.p[T2] + _UNTWISTED_TIME)
 
-    def angle_residuals(self) -> FloatArray:
-        """Angles (frames,) [rad] less the lines of the most probable spins, NaN where none is."""
+    def angle_residuals(self) -> Annotated[FloatArray, "frames"]:
+        """Angles [rad] of the mark less the lines of the most probable spins, NaN where none is."""
         residuals = np.full(self.t.size, np.nan)
         if not self.pairs:
             return residuals
@@ -172,32 +184,36 @@ class Impact:
         times = self.p[[T1, T2]]
         for use, phi, omega, time in zip(self.turning(), pair.phi, spins, times, strict=True):
             turned = omega * (self.t[use] - time)
-            residuals[use] = unwrapped(self.phi[use] - phi - turned, self.track.fold)
+            residuals[use] = unwrap(self.phi[use] - phi - turned, self.track.fold)
         return residuals
 
     def set_prior(self, assumed: FilmAssumptions, drag: float, drag_sd: float) -> None:
-        """Set the priors of drag and lift; those of the lift by whether spins are sure."""
+        """Set the priors of the unknowns: that of drag as passed, and those of the offsets of the
+        lift by whether the spins are sure.
+        """
         self.prior[DRAG] = drag
         self.precision[:] = 0.0
         self.precision[DRAG, DRAG] = drag_sd**-2.0
-        self.prior[[C1, C2]] = assumed.lift.value
+        self.prior[[LIFT_1, LIFT_2]] = assumed.lift.value
         if self.sure_pair:
-            shared = _SHARED
+            shared = _LIFT_CORRELATION
             sd = assumed.lift.sd
         else:
             shared = 0.0
-            sd = _UNMARKED
+            sd = _UNMARKED_LIFT_SD
             # A ball of unknown spin leaves the court nearly rolling.
             v_x = self.p[VX2]
             v_y = self.p[VY2]
             radius = assumed.ball.radius
-            self.prior[C2] += lift_of(v_x / radius, np.hypot(v_x, v_y), radius)
+            self.prior[LIFT_2] += lift_of(v_x / radius, np.hypot(v_x, v_y), radius)
         correlation = np.array([[1.0, shared], [shared, 1.0]])
         block = np.linalg.inv(sd**2 * correlation)
-        self.precision[np.ix_([C1, C2], [C1, C2])] = block
+        self.precision[np.ix_([LIFT_1, LIFT_2], [LIFT_1, LIFT_2])] = block
 
-    def lifts(self, radius: float) -> FloatArray:
-        """Lift coefficients (2,) of the spins that are sure, zero without."""
+    def lifts(self, radius: float) -> Annotated[FloatArray, "2"]:
+        """Lift coefficients before and after the contact, by the law, of spins that are sure; else
+        zero.
+        """
         pair = self.sure_pair
         if pair is None:
             return np.zeros(2)
@@ -208,8 +224,8 @@ class Impact:
 
 
 def start(impact: Impact, assumed: FilmAssumptions, height: float) -> None:
-    """Set first unknowns: repeated medians of slopes (Siegel 1982) of frames beside the contact,
-    gravity taken off; `height` [m] is that of the centre at contact.
+    """Set the first unknowns of an impact, by repeated medians of slopes (Siegel 1982) of the
+    frames beside the contact, gravity taken off. `height` [m] is that of the centre at contact.
     """
     from scipy.stats import siegelslopes
 
@@ -219,36 +235,35 @@ def start(impact: Impact, assumed: FilmAssumptions, height: float) -> None:
         return
     for first, use in zip((X1, X2), sides, strict=True):
         t = impact.t[use]
-        straight = impact.place[use] + np.outer(t**2, [0.0, 0.5 * GRAVITY])
+        straight = impact.position[use] + np.outer(t**2, [0.0, 0.5 * GRAVITY])
         v_x, x = siegelslopes(straight[:, 0], t)
         v_y, y = siegelslopes(straight[:, 1], t)
-        time = (height - y) / v_y if abs(v_y) > _SLOWEST else np.nan
+        time = (height - y) / v_y if abs(v_y) > _LEAST_SPEED else np.nan
         impact.p[first : first + 5] = (x + v_x * time, v_x, v_y - GRAVITY * time, 0.0, time)
     impact.p[DRAG] = assumed.drag.value
-    _check(impact)
+    _check_speeds(impact)
 
 
 def _too_few(impact: Impact, before: BoolArray, after: BoolArray) -> bool:
-    """Whether a side has too few frames to fit a flight: the impact has failed then."""
-    few = bool(min(before.sum(), after.sum()) < _FEWEST)
+    """Whether a flight has too few frames to be fitted; the impact has failed then."""
+    few = bool(min(before.sum(), after.sum()) < _FEWEST_SIDE_FRAMES)
     if few:
         words = f"{before.sum()} frames before and {after.sum()} after the contact"
-        impact.failed = f"{words}; {_FEWEST} on a side are needed"
+        impact.failed = f"{words}; {_FEWEST_SIDE_FRAMES} on a side are needed"
     return few
 
 
-def _check(impact: Impact) -> None:
-    """Fail an impact whose flights have no time at which they meet the court."""
+def _check_speeds(impact: Impact) -> None:
+    """Fail an impact whose flights have no time at which they reach or leave the court."""
     if not np.isfinite(impact.p).all():
         impact.failed = _NO_FLIGHT
     for v_y, does in ((-impact.p[VY1], "reaches"), (impact.p[VY2], "leaves")):
-        if not v_y > _SLOWEST and not impact.failed:
-            impact.failed = (
-                f"the ball {does} the court at {v_y:.2g} m/s; more than {_SLOWEST} m/s is needed"
-            )
+        if not v_y > _LEAST_SPEED and not impact.failed:
+            words = f"the ball {does} the court at {v_y:.2g} m/s"
+            impact.failed = f"{words}; more than {_LEAST_SPEED} m/s is needed"
 
 
-# What is not finite is a failure of the impact.
+# Numbers that are not finite fail the impact, without a warning.
 @np.errstate(all="ignore")
 def fit(
     impact: Impact,
@@ -257,13 +272,14 @@ def fit(
     outliers: float,
     wide: Sequence[float] = (),
 ) -> None:
-    """Fit the unknowns `p` by the method of Gauss and Newton, frames weighed by their probability
-    of being no outlier (EM): errors of x and y are normal, or with the share `outliers` anywhere in
-    a box of six radii. First sweeps have errors so many times as `wide`. The covariance is of the
-    observed information, which these weights alone overstate.
+    """Fit the unknowns `p` of an impact by the method of Gauss and Newton. Frames are weighed by
+    their probability of being no outlier (EM): errors of x and y are normal, or, with the share
+    `outliers`, anywhere in a box of six radii. In the first sweeps sds are multiplied by `wide`.
+    The covariance is that of the observed information, which the weights alone overstate. `height`
+    [m] is that of the centre at contact.
     """
     lifts = impact.lifts(assumed.ball.radius)
-    for sweep in range(_SWEEPS + len(wide)):
+    for sweep in range(_MOST_SWEEPS + len(wide)):
         sds = impact.sigma * (wide[sweep] if sweep < len(wide) else 1.0)
         if impact.p[T2] <= impact.p[T1]:
             # As long as the flights are far from the court.
@@ -285,10 +301,10 @@ def fit(
             impact.failed = _NO_FLIGHT
             return
         late = float(np.abs(step[[T1, T2]]).max())
-        if sweep >= len(wide) and late < _SETTLED:
+        if sweep >= len(wide) and late < _SETTLED_TIME:
             break
-        impact.p = impact.p + step * min(1.0, _LEAP / max(late, _SETTLED))
-        _check(impact)
+        impact.p = impact.p + step * min(1.0, _MOST_TIME_STEP / max(late, _SETTLED_TIME))
+        _check_speeds(impact)
         if impact.failed:
             return
     tail = np.einsum("pfa,fa->pf", linear.slopes[:-1] / sds, z)
@@ -309,7 +325,7 @@ def _linearised(
     height: float,
     lifts: FloatArray,
     after: BoolArray,
-) -> _Linear:
+) -> _LinearFlights:
     """The flights of an impact at its unknowns; `after` (frames,) says which are of the second."""
     moved = np.vstack([impact.p, impact.p + np.diag(_STEPS)])
     first = np.where(after, X2, X1)
@@ -319,18 +335,18 @@ def _linearised(
     places = np.stack([x + along, height + up], axis=-1)
     by_unknowns = (places[1:] - places[0]) / _STEPS[:, None, None]
     # Gravity is not fitted.
-    by_gravity = np.zeros((1, *impact.place.shape))
+    by_gravity = np.zeros((1, *impact.position.shape))
     by_gravity[0, :, 1] = -0.5 * (impact.t - time[0]) ** 2
-    return _Linear(impact.place - places[0], np.concatenate([by_unknowns, by_gravity]))
+    return _LinearFlights(impact.position - places[0], np.concatenate([by_unknowns, by_gravity]))
 
 
 def _normal_equations(
     impact: Impact,
-    linear: _Linear,
+    linear: _LinearFlights,
     sds: FloatArray,
     weight: FloatArray,
     lasting: float,
-) -> _Normal:
+) -> _NormalEquations:
     """The normal equations of frames with weights (frames,), errors of x and y with sds (2,) [m],
     and errors that last with the sd `lasting` [m].
     """
@@ -341,13 +357,13 @@ def _normal_equations(
         weighed = linear.slopes[:, :, axis] * (root / sds[axis])
         solved = weighed
         if lasting > 0.0:
-            apart = np.subtract.outer(impact.t, impact.t) / _LASTING
+            apart = np.subtract.outer(impact.t, impact.t) / _LASTING_TIME
             correlated = lasting**2 / (1.0 + 0.5 * apart**2) * np.multiply.outer(root, root)
             shared = correlated / sds[axis] ** 2
             solved = np.linalg.solve(np.eye(root.size) + shared, weighed.T).T
         info[axis] = weighed @ solved.T
         pull += solved @ (linear.residual[:, axis] / sds[axis] * root)
-    return _Normal(info, pull)
+    return _NormalEquations(info, pull)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -359,9 +375,11 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(even) * scale[:, None] * scale)
 
 
-def measurement_of(impact: Impact) -> tuple[FloatArray, FloatArray]:
-    """Values (9,) and covariance (9, 9) of `TRACKED` in SI; spins and turn are NaN without a pair
-    that is sure.
+def measurement_of(
+    impact: Impact,
+) -> tuple[Annotated[FloatArray, "9"], Annotated[FloatArray, "9 9"]]:
+    """Values of `TRACKED` of a fitted impact and their covariance, SI. Spins and turn are NaN
+    without a pair that is sure.
     """
     jacobian = np.zeros((len(TRACKED), len(_STEPS)))
     for row, column, sign in _MEASURED_BY:

@@ -1,4 +1,4 @@
-"""What is wrong with a film, why an impact cannot be one, and what to look at in a session."""
+"""Why a film is refused, why an impact is impossible, and notes on a session."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from fitball.base.text import one_line
 from fitball.data.misreading import doubts
 from fitball.data.scene import Scene
 from fitball.tracks.film import Filmed
-from fitball.tracks.find import FACTOR, gravity_words, impacts_of, wrong_gravity
+from fitball.tracks.find import GRAVITY_FACTOR, gravity_words, impacts_of_track, wrong_gravity
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
 from fitball.tracks.session import Session
 from fitball.tracks.types import FilmAssumptions, Track
 
-# Fewer frames a second than 500, give or take rounding, may be a phone's, whose rows are read one
-# after the other.
-_PHONE = 495.0
-# Sds by which gravity is off from which a note is due.
-_DIFFERENT = 3.0
-# Frames whose probability of being no outlier is higher fit a flight.
-_FITTING = 0.5
-# Fewest frames on a side that fit.
-_FEWEST = 3
+# Films of fewer frames a second may be a phone's, whose rows are read one after the other. Rates
+# that round to 500 are those of other cameras.
+_PHONE_RATE = 495.0
+# Standard errors by which gravity is off from which on a note is due; twice as many, and a factor,
+# refuse a film.
+_GRAVITY_SDS = 3.0
+# Least probability of being no outlier of a frame that fits a flight.
+_FITTING_PROBABILITY = 0.5
+# Fewest frames of a flight that fit it.
+_FEWEST_FITTING = 3
 
 
 def wrong_film(
@@ -37,13 +38,13 @@ def wrong_film(
     impacts: Sequence[Impact],
     assumed: FilmAssumptions,
 ) -> str:
-    """What is wrong with films whose balls do not fall as on earth; "" where they may."""
+    """The sentence on films whose balls do not fall as on earth; "" where they may."""
     if impacts:
         return wrong_gravity(impacts, assumed)
     # The other way up there may be bounces.
     upside_down = list[Impact]()
     for track in tracks:
-        upside_down += impacts_of(replace(track, y=-track.y), assumed)[0]
+        upside_down += impacts_of_track(replace(track, y=-track.y), assumed)[0]
     if upside_down and not wrong_gravity(upside_down, assumed):
         return (
             'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] '
@@ -53,19 +54,19 @@ def wrong_film(
 
 
 def wrong_session(session: Session) -> str:
-    """What is wrong with a session whose fitted flights show a gravity that is off by a factor; ""
+    """The sentence on a session whose fitted flights have a gravity that is off by a factor; ""
     where it is not.
     """
     g, sd = session.gravity
-    off = abs(g - GRAVITY) > 2.0 * _DIFFERENT * sd
-    if off and not GRAVITY / FACTOR < g < FACTOR * GRAVITY:
+    off = abs(g - GRAVITY) > 2.0 * _GRAVITY_SDS * sd
+    if off and not GRAVITY / GRAVITY_FACTOR < g < GRAVITY_FACTOR * GRAVITY:
         return gravity_words(g, _frame_rate(session.impacts))
     return ""
 
 
 def misread_words(film: Filmed) -> str:
-    """That angles grow the other way, or columns are exchanged, where another reading of the
-    impacts fits far better; else "".
+    """The sentence that angles grow the other way, or columns are exchanged, where another reading
+    of the impacts fits far better; else "".
     """
     try:
         readings = doubts(film.table, film.scene.ball_value())
@@ -77,13 +78,13 @@ def misread_words(film: Filmed) -> str:
 
 
 def why_impossible(impact: Impact, assumed: FilmAssumptions) -> str:
-    """Why this is no impact that a table could have; "" where it is."""
+    """Why a fitted impact is impossible or no frame supports it; "" where it may be right."""
     for side, where in zip(impact.sides(), ("before", "after"), strict=True):
-        fitting = int(np.sum(impact.weight[side] > _FITTING))
-        if fitting < _FEWEST:
+        fitting = int(np.sum(impact.weight[side] > _FITTING_PROBABILITY))
+        if fitting < _FEWEST_FITTING:
             return (
                 f"{fitting} of {side.sum()} frames {where} the contact fit a flight; "
-                f"{_FEWEST} are needed"
+                f"{_FEWEST_FITTING} are needed"
             )
     values, covariance = measurement_of(impact)
     v_y1, v_y2, time = values[[1, 4, 6]]
@@ -102,8 +103,8 @@ def why_impossible(impact: Impact, assumed: FilmAssumptions) -> str:
 
 
 def _usual_times(impacts: Sequence[Impact], assumed: FilmAssumptions) -> str:
-    """What times between the flights are usual, and by how much the height of the court would be
-    off.
+    """The sentence on usual times between the flights, and by how much the height of the court
+    would be off.
     """
     usual, low, high = assumed.contact
     heights = [_height_off(impact, usual) for impact in impacts]
@@ -123,7 +124,7 @@ def _height_off(impact: Impact, usual: float) -> float:
 
 
 def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:
-    """What to look at in a session; `name` is "" where there is only one."""
+    """The notes on a session; its `name` is "" where there is only one."""
     of_session = f" of session {one_line(name)}" if name else ""
     many = counted(len(session.good), "impact") + of_session
     yield from _court_notes(session, of_session)
@@ -135,7 +136,7 @@ def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:
 
 
 def _court_notes(session: Session, of_session: str) -> Iterator[Note]:
-    """That the height of the court was found from the contacts."""
+    """The note that the height of the court was found from the contacts."""
     if not session.height_sd:
         return
     usual, least, most = session.assumed.contact
@@ -151,9 +152,9 @@ def _court_notes(session: Session, of_session: str) -> Iterator[Note]:
 
 
 def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
-    """That gravity is off by more than errors of the flights explain."""
+    """The note that gravity is off by more than errors of the flights explain."""
     g, sd = session.gravity
-    if not abs(g - GRAVITY) > _DIFFERENT * sd:
+    if not abs(g - GRAVITY) > _GRAVITY_SDS * sd:
         return
     if g > GRAVITY:
         scale = "large"
@@ -171,7 +172,7 @@ def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
 
 
 def _spin_notes(session: Session, many: str, of_session: str) -> Iterator[Note]:
-    """That spins are ambiguous, or were not measured."""
+    """The notes that spins are ambiguous, or were not measured."""
     good = session.good
     unsure = sum(bool(impact.pairs) and not impact.sure_pair for impact in good)
     if unsure:
@@ -186,7 +187,7 @@ def _spin_notes(session: Session, many: str, of_session: str) -> Iterator[Note]:
 
 
 def _gap_notes(session: Session, many: str) -> Iterator[Note]:
-    """That the time between the flights is implausible in more than half of the impacts."""
+    """The note that the time between the flights is implausible in most impacts."""
     _, least, most = session.assumed.contact
     odd = [impact for impact in session.good if not least < impact.p[T2] - impact.p[T1] < most]
     if 2 * len(odd) > len(session.good):
@@ -195,7 +196,7 @@ def _gap_notes(session: Session, many: str) -> Iterator[Note]:
 
 
 def _ball_notes(session: Session, scene: Scene) -> Iterator[Note]:
-    """That drag and contact time of a tennis ball are taken for another one."""
+    """The note that drag and contact time of a tennis ball are taken for another ball."""
     is_tennis = is_tennis_radius(session.assumed.ball.radius)
     if not is_tennis and ("drag" not in scene.flight or scene.contact_time is None):
         words = "The ball is no tennis ball, but drag and contact time of one are taken"
@@ -206,9 +207,9 @@ def _ball_notes(session: Session, scene: Scene) -> Iterator[Note]:
 
 
 def _shutter_notes(session: Session, scene: Scene) -> Iterator[Note]:
-    """That the camera may read its rows one after the other."""
+    """The note that the camera may read its rows one after the other."""
     rate = _frame_rate(session.impacts)
-    if rate < _PHONE and (scene.camera is None or scene.camera.row_time is None):
+    if rate < _PHONE_RATE and (scene.camera is None or scene.camera.row_time is None):
         words = (
             f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which "
             "positions do not show"

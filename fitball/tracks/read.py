@@ -1,8 +1,8 @@
-"""Long tables, Tracker, Kinovea, DLTdv -> `Track`.
+"""Files of positions as people and programs write them, read to `Track`.
 
 | program | header | rows |
 |---|---|---|
-| any (long table) | `id`, `t` or `frame`, `x, y`, and others of `names.NAMES` | a frame of a ball |
+| any (long table) | `id`, `t` or `frame`, `x, y`, `names.POSITION_COLUMNS` | a frame of a ball |
 | Tracker | `t, x, y`, or `t, x, y, x, y` of several masses | a frame of all masses |
 | Kinovea | `Time`, and `NAME/0/X, NAME/0/Y` of each object | a frame of all objects |
 | DLTdv | `pt1_cam1_X, pt1_cam1_Y` of each point, in pixels | a frame, from 1 |
@@ -32,27 +32,27 @@ from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
 from fitball.data.labels import role_of
 from fitball.data.read import TableSource
 from fitball.data.scene import CameraSection, Scene, ValueWithSd, load_scene
-from fitball.tracks.names import DIALECTS, NAMES, FilmNaming
+from fitball.tracks.names import DIALECTS, POSITION_COLUMNS, FilmNaming
 from fitball.tracks.types import Track
 
 # Points of Tracker and DLTdv have numbers, no names.
 _NUMBERED = re.compile(r"\d+|pt\d.*")
-# `66mm`.
-_LENGTH = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
+# A length with its unit: `66mm`.
+_LENGTH_WITH_UNIT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
 # Coordinates without a unit that reach further [m] are in pixels.
-_WIDEST = 30.0
-# Radii that make a scale.
-_LEAST_RADII = 5
-# How far a stated scale may be off that of the radii without a note.
-_SAME_SCALE = 0.02
-# The quality of a good frame.
+_MOST_METRES = 30.0
+# Fewest frames with a radius of the ball that make a scale.
+_FEWEST_RADII = 5
+# Relative difference of a stated scale from that of the radii up to which no note is due.
+_MOST_SCALE_DIFFERENCE = 0.02
+# Least quality of a frame that is used: below it programs guess the position.
 _LEAST_QUALITY = 0.9
-# What programs write for both coordinates of a frame in which they found no ball.
-_LOST = (-99.0, -999.0, -9999.0, -99999.0)
-# A step shorter than this many usual ones misses no frame.
-_ONE_STEP = 1.5
-# Endings of what people have beside their positions.
-_FILMS = frozenset(
+# Codes that programs write for both coordinates of a frame in which they found no ball.
+_LOST_CODES = (-99.0, -999.0, -9999.0, -99999.0)
+# A step in time of fewer than this many usual ones misses no frame.
+_MOST_STEPS_APART = 1.5
+# Endings of films and projects, which people have beside their positions and pass by mistake.
+_ENDINGS_OF_FILMS = frozenset(
     [
         "mp4",
         "mov",
@@ -77,13 +77,13 @@ _EXPECTED = (
 )
 
 
-class _Part(NamedTuple):
-    """One ball of a file: what it adds to the file's name, the place of each column, whether it is
-    in pixels.
+class _FilmedBall(NamedTuple):
+    """A ball of a file: what it adds to the file's name, the index of each of its columns in the
+    header, and whether its coordinates are in pixels.
     """
 
     name: str
-    places: dict[str, int]
+    indices: dict[str, int]
     pixels: bool = False
 
 
@@ -107,7 +107,7 @@ class _Clip(NamedTuple):
     order: IntArray
 
     def column(self, name: str, usual: float) -> FloatArray:
-        """The numbers (frames,) of a column, or the usual one in all frames."""
+        """The numbers (frames,) of a column, or the usual number in all frames without one."""
         return self.values.get(name, np.full(self.rows.size, usual))
 
 
@@ -118,9 +118,13 @@ def scene_of(
     mm_per_px: float,
     ball_diameter: str,
 ) -> Scene:
-    """The scene that is passed, or that beside the first file, with what overrides it: frames a
-    second, millimetres a pixel, and a diameter with its unit. Raises ParameterError (`length`),
-    FolderError (`not-found`), InputError (`scene`).
+    """The scene of films: that which is passed, or the file beside the first film. Frames a second,
+    millimetres a pixel, and a diameter with its unit override it where they are not 0 or empty.
+
+    Raises:
+        ParameterError: the diameter is no length with a unit (`length`), or its unit is unknown.
+        FolderError: no such file (`not-found`).
+        InputError: the file of the scene has faults (`scene`).
     """
     beside = None
     if sources and isinstance(sources[0], str | Path):
@@ -135,7 +139,7 @@ def scene_of(
         camera = changed(camera, mm_per_px=mm_per_px)
     ball = scene.ball
     if ball_diameter:
-        length = _LENGTH.fullmatch(ball_diameter)
+        length = _LENGTH_WITH_UNIT.fullmatch(ball_diameter)
         if length is None:
             read = f"ball_diameter: read '{one_line(ball_diameter)}'"
             raise ParameterError(f"{read}; expected a length with its unit, such as 66mm", "length")
@@ -150,9 +154,15 @@ def read_tracks(
     columns: Mapping[str, str],
 ) -> tuple[list[Track], list[Note]]:
     """The tracks of files of positions, or of data frames with the same columns, and notes on what
-    was assumed or left out. Raises InputError with every fault by row and column (`no-positions`,
-    `no-column`, `no-rate`, `no-scale`, `three-coordinates`, `two-positions`, `same-table-twice`,
-    `fold`, `film`, and what cells have), FolderError, ParameterError (`columns`, `no-data`).
+    was assumed or left out. `columns` are the user's header cells by our names.
+
+    Raises:
+        InputError: all faults of a file by row and column (`no-positions`, `no-column`, `no-rate`,
+            `no-scale`, `three-coordinates`, `two-positions`, `same-table-twice`, `fold`, `film`,
+            and those of cells).
+        FolderError: no such file (`not-found`).
+        ParameterError: no film is passed (`no-data`), or a name is no column of positions
+            (`columns`).
     """
     if not sources:
         raise ParameterError("no film was given; expected tables of positions", "no-data")
@@ -161,8 +171,8 @@ def read_tracks(
     notes = dict[Note, None]()
     digests = set[tuple[str, str]]()
     for source in sources:
-        place, sheet, name = _place_and_name(source)
-        cells = read_cells(place, naming.worth, name)
+        file_or_table, sheet, name = _file_sheet_and_name(source)
+        cells = read_cells(file_or_table, naming.worth, name)
         tracks += _Reader(cells, name, naming, scene).tracks()
         cells.refuse()
         # Sheets of one workbook are different films.
@@ -174,22 +184,22 @@ def read_tracks(
     return [*_with_unique_ids(tracks)], [*notes]
 
 
-def _place_and_name(source: TableSource) -> tuple[TableSource, str, str]:
-    """The file of a film with its sheet, or a table in memory; the sheet alone; the film's name.
-    Raises InputError (`film`), FolderError (`not-found`).
+def _file_sheet_and_name(source: TableSource) -> tuple[TableSource, str, str]:
+    """The path of a film with its sheet, or a table in memory; the sheet alone, "" without; the
+    film's name. Raises InputError (`film`), FolderError (`not-found`).
     """
     if not isinstance(source, str | Path):
         return source, "", str(getattr(source, "attrs", {}).get("name", "positions"))
     file, sheet = file_and_sheet(str(source))
     path = path_of_source(file, "tracks")
-    if path.suffix.lower()[1:] in _FILMS:
+    if path.suffix.lower()[1:] in _ENDINGS_OF_FILMS:
         words = "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
         raise InputError(str(path), [Fault("film", words)])
     return (f"{path}#{sheet}" if sheet else path), sheet, path.stem
 
 
 def _with_unique_ids(tracks: Sequence[Track]) -> Iterator[Track]:
-    """The tracks; those whose ids repeat have numbers behind them."""
+    """The same tracks, with numbers behind ids that repeat."""
     count = Counter(track.id for track in tracks)
     number = Counter[str]()
     for track in tracks:
@@ -202,7 +212,7 @@ def _with_unique_ids(tracks: Sequence[Track]) -> Iterator[Track]:
 
 @dataclass
 class _Reader:
-    """A file on its way to tracks; faults go to its cells."""
+    """Reads the tracks of a file; faults are added to its cells."""
 
     cells: TableCells
     name: str
@@ -211,28 +221,30 @@ class _Reader:
 
     @property
     def camera(self) -> CameraSection:
-        """The camera of the scene, or one of which nothing is stated."""
+        """The camera of the scene, or one without any statement."""
         return self.scene.camera or CameraSection()
 
     def tracks(self) -> list[Track]:
-        """The tracks of all balls of the file. Raises InputError with all faults of its header, or
-        of its numbers.
+        """The tracks of all balls of the file.
+
+        Raises:
+            InputError: all faults of the header, or of the numbers.
         """
         cells = self.cells
-        parts = self._parts()
-        self._check_names(parts)
+        balls = self._balls_of_header()
+        self._check_names(balls)
         cells.refuse()
         measured = dict[str, int]()
-        for part in parts:
-            for name, place in part.places.items():
-                if NAMES[name][0] != "text":
-                    measured[self._key(place)] = place
+        for ball in balls:
+            for name, index in ball.indices.items():
+                if POSITION_COLUMNS[name][0] != "text":
+                    measured[self._key(index)] = index
         values = numbers(cells, measured)
         cells.refuse()
-        return [track for part in parts for track in self._of_part(part, values)]
+        return [track for ball in balls for track in self._tracks_of(ball, values)]
 
-    def _check_names(self, parts: Sequence[_Part]) -> None:
-        """Add faults of columns that are not there, and of a third coordinate."""
+    def _check_names(self, balls: Sequence[_FilmedBall]) -> None:
+        """Add faults of user's columns that the header lacks, and of a third coordinate."""
         cells = self.cells
         headers = set[str]()
         for cell in cells.names:
@@ -241,61 +253,61 @@ class _Reader:
         for their in self.naming.theirs.keys() - headers:
             columns = listed(cells.names, most=20)
             cells.fault("no-column", f"columns: no column is '{one_line(their)}': {columns}")
-        if not parts:
+        if not balls:
             cells.fault("no-positions", f"read columns {listed(cells.names, most=12)}; {_EXPECTED}")
-        for part in parts:
-            if "z" in part.places:
+        for ball in balls:
+            if "z" in ball.indices:
                 words = (
                     "three coordinates; expected x along the court and y upwards: project onto "
                     "the plane of flight"
                 )
-                cells.fault("three-coordinates", words, cells.names[part.places["z"]])
+                cells.fault("three-coordinates", words, cells.names[ball.indices["z"]])
 
-    def _key(self, place: int) -> str:
-        """What a column is called in faults: its cell, with its number where cells repeat."""
-        name = self.cells.names[place]
-        return name if self.cells.names.count(name) == 1 else f"{name} ({place + 1})"
+    def _key(self, index: int) -> str:
+        """The name of a column in faults: its cell, with its number where cells repeat."""
+        name = self.cells.names[index]
+        return name if self.cells.names.count(name) == 1 else f"{name} ({index + 1})"
 
-    def _parts(self) -> list[_Part]:
+    def _balls_of_header(self) -> list[_FilmedBall]:
         """The balls of a file, by its dialect."""
         names = [name.strip() for name in self.cells.names]
         ours = [self.naming.read(name)[0] for name in names]
-        places = _first_places(ours)
-        clock = {name: place for name, place in places.items() if name in ("t", "frame")}
+        indices = _first_indices(ours)
+        clock = {name: index for name, index in indices.items() if name in ("t", "frame")}
         for pattern in DIALECTS:
-            points = _points(names, pattern, clock)
+            points = _balls_of_points(names, pattern, clock)
             if points:
                 return points
         if ours.count("x") > 1:
-            return _masses(ours)
-        return [_Part("", places)] if {"x", "y"} <= {*places} else []
+            return _balls_of_masses(ours)
+        return [_FilmedBall("", indices)] if {"x", "y"} <= {*indices} else []
 
-    def _of_part(self, part: _Part, values: Mapping[str, FloatArray]) -> Iterator[Track]:
+    def _tracks_of(self, ball: _FilmedBall, values: Mapping[str, FloatArray]) -> Iterator[Track]:
         """The tracks of a ball, one for each id and session, or for each time that the clock starts
         again.
         """
         cells = self.cells
-        columns = self._in_si(part, values)
+        columns = self._in_si(ball, values)
         cells.refuse()
         count = len(cells.rows)
         clock = columns.values.get("t", columns.values.get("frame", np.arange(float(count))))
         restarts = np.zeros(count, dtype=np.int64)
-        if "id" not in part.places:
+        if "id" not in ball.indices:
             timed = np.flatnonzero(np.isfinite(clock))
             restarts[timed[1:]] = np.diff(clock[timed]) < 0.0
             restarts = np.cumsum(restarts)
         groups: dict[tuple[str, str, int], list[int]] = {}
-        sessions = self._texts(part, "session")
-        ids = self._texts(part, "id")
+        sessions = self._texts(ball, "session")
+        ids = self._texts(ball, "id")
         for row, key in enumerate(zip(sessions, ids, restarts.tolist(), strict=True)):
             groups.setdefault(key, []).append(row)
         all_labels = self._labels()
         # Objects of Kinovea have names of their own.
-        named = part.name and not _NUMBERED.fullmatch(part.name)
+        named = ball.name and not _NUMBERED.fullmatch(ball.name)
         file = "" if named else self.name
         for (session, track_id, restart), rows in groups.items():
             number = str(restart + 1) if restarts.any() else ""
-            name = track_id or "-".join(filter(None, [file, part.name, number]))
+            name = track_id or "-".join(filter(None, [file, ball.name, number]))
             labels = {column: texts[rows[0]] for column, texts in all_labels.items()}
             if session:
                 labels["session"] = session
@@ -303,59 +315,59 @@ class _Reader:
             if track is not None:
                 yield track
 
-    def _in_si(self, part: _Part, values: Mapping[str, FloatArray]) -> _Columns:
+    def _in_si(self, ball: _FilmedBall, values: Mapping[str, FloatArray]) -> _Columns:
         """The numbers of a ball in SI or pixels, NaN where it was lost. Faults of units go to the
         cells.
         """
         written = dict[str, FloatArray]()
-        for name, place in part.places.items():
-            if NAMES[name][0] != "text":
-                written[name] = values[self._key(place)]
+        for name, index in ball.indices.items():
+            if POSITION_COLUMNS[name][0] != "text":
+                written[name] = values[self._key(index)]
         x = written["x"]
         y = written["y"]
         lost = np.zeros(x.size, dtype=np.bool_)
-        for code in _LOST:
+        for code in _LOST_CODES:
             lost |= np.isclose(x, code) & np.isclose(y, code)
-        self._note_left_out(self.name, lost, "both coordinates are a code, such as -999")
+        self._note_omitted(self.name, lost, "both coordinates are a code, such as -999")
         columns = dict[str, FloatArray]()
         pixels = set[str]()
         for name, numbers_of in written.items():
-            si, _ = NAMES[name]
-            _, unit = self.naming.read(self.cells.names[part.places[name]])
+            si, _ = POSITION_COLUMNS[name]
+            _, unit = self.naming.read(self.cells.names[ball.indices[name]])
             column = np.where(lost, np.nan, numbers_of)
             if si == "m" and unit is None:
-                unit = "px" if part.pixels else self._likely_unit(np.where(lost, np.nan, [x, y]))
+                unit = "px" if ball.pixels else self._likely_unit(np.where(lost, np.nan, [x, y]))
             if unit == "px" and si == "m":
                 pixels.add(name)
             elif si:
                 try:
                     column *= factor_of(unit, si)
                 except ParameterError as error:
-                    self.cells.fault(error.code, str(error), self._key(part.places[name]))
+                    self.cells.fault(error.code, str(error), self._key(ball.indices[name]))
             columns[name] = column
         return _Columns(columns, pixels)
 
-    def _texts(self, part: _Part, name: str) -> list[str]:
+    def _texts(self, ball: _FilmedBall, name: str) -> list[str]:
         """The texts (rows,) of a column of a ball, empty without one."""
-        if name in part.places:
-            return self.cells.text(part.places[name])
+        if name in ball.indices:
+            return self.cells.text(ball.indices[name])
         return [""] * len(self.cells.rows)
 
     def _labels(self) -> dict[str, list[str]]:
-        """Texts (rows,) of label columns that are none of a film's."""
+        """Texts (rows,) of columns of labels that have no meaning for a film, by head."""
         labels = dict[str, list[str]]()
-        for place, name in enumerate(self.cells.names):
+        for index, name in enumerate(self.cells.names):
             if role_of(name) and not self.naming.read(name)[0]:
-                labels[name] = self.cells.text(place)
+                labels[name] = self.cells.text(index)
         return labels
 
-    def _likely_unit(self, place: FloatArray) -> str:
-        """The unit of lengths (2, rows) that state none: nobody films a bounce so wide that it
-        could be metres.
+    def _likely_unit(self, positions: FloatArray) -> str:
+        """The unit of positions (2, rows) without one: pixels where they are too far apart for
+        metres, since nobody films so wide a bounce.
         """
-        finite = np.isfinite(place).all(axis=0)
+        finite = np.isfinite(positions).all(axis=0)
         unit = "m"
-        if finite.any() and np.ptp(place[:, finite], axis=1).max() > _WIDEST:
+        if finite.any() and np.ptp(positions[:, finite], axis=1).max() > _MOST_METRES:
             unit = "px"
         words = f"{self.name}: coordinates without a unit were read as {unit}"
         self.cells.note("no-unit", words)
@@ -368,11 +380,11 @@ class _Reader:
         columns: _Columns,
         labels: dict[str, str],
     ) -> Track | None:
-        """The frames of a clip in which the ball was found, by time; None where there are none."""
+        """The track of a clip: frames in which the ball was found, by time; None without any."""
         camera = self.camera
         values = {column: numbers_of[rows] for column, numbers_of in columns.values.items()}
         unsure = values.get("quality", np.ones(rows.size)) < _LEAST_QUALITY
-        self._note_left_out(name, unsure, f"the quality is below {_LEAST_QUALITY:g}")
+        self._note_omitted(name, unsure, f"the quality is below {_LEAST_QUALITY:g}")
         frame = values.get("frame", np.arange(1.0, rows.size + 1.0))
         timed = "t" in values and (camera.fps is None or "frame" not in values)
         clock = values["t"] if timed else frame
@@ -381,10 +393,10 @@ class _Reader:
         if not order.size:
             return None
         self._check_times(name, rows, clock, order)
-        place = np.column_stack([values["x"], values["y"]])[order]
-        moved = np.any(np.diff(place, axis=0), axis=1)
+        positions = np.column_stack([values["x"], values["y"]])[order]
+        moved = np.any(np.diff(positions, axis=0), axis=1)
         repeated = np.concatenate([[False], ~moved])
-        self._note_left_out(name, repeated, "they repeat the one before")
+        self._note_omitted(name, repeated, "they repeat the one before")
         clip = _Clip(name, rows, values, order[~repeated])
         order = clip.order
         if camera.fps is not None:
@@ -420,7 +432,7 @@ class _Reader:
             )
             self.cells.fault("two-positions", words, None, int(rows[order[twice[0] + 1]]))
 
-    def _note_left_out(self, name: str, which: BoolArray, why: str) -> None:
+    def _note_omitted(self, name: str, which: BoolArray, why: str) -> None:
         """Note how many frames are left out, if any."""
         if which.any():
             of = counted(which.size, "frame")
@@ -428,12 +440,12 @@ class _Reader:
             self.cells.note("frames-left-out", words)
 
     def _metres_per_px(self, clip: _Clip, pixels: set[str]) -> float:
-        """Metres a pixel, as stated or by the radius of the ball in the picture; 1 where nothing
-        needs it.
+        """Metres a pixel of a clip, as stated or by the radius of the ball in the picture; 1 where
+        no column needs it. A missing scale is a fault.
         """
         stated = 1e-3 * (self.camera.mm_per_px or 0.0)
         by_ball = self._scale_of_ball(clip, pixels)
-        if stated and by_ball and abs(stated / by_ball - 1.0) > _SAME_SCALE:
+        if stated and by_ball and abs(stated / by_ball - 1.0) > _MOST_SCALE_DIFFERENCE:
             measured = f"{MM.number(by_ball)} mm/px"
             words = (
                 f"the radius of the ball gives {measured}, the stated scale is "
@@ -466,12 +478,12 @@ class _Reader:
             if name in pixels:
                 sizes = clip.values[name][clip.order]
                 sizes = sizes[sizes > 0.0]
-                if sizes.size >= _LEAST_RADII:
+                if sizes.size >= _FEWEST_RADII:
                     scale = radius / (share * float(np.median(sizes)))
         return scale
 
     def _fold(self, clip: _Clip) -> int:
-        """After which part of a turn the mark of a clip looks the same."""
+        """Number of times that the mark of a clip looks the same in a turn."""
         usual = float(self.camera.fold)
         folds = clip.column("angle_fold", usual)
         stated = clip.order[np.isfinite(folds[clip.order])]
@@ -487,51 +499,55 @@ class _Reader:
         return round(first)
 
 
-def _first_places(names: Sequence[str | None]) -> dict[str, int]:
-    """The first place of each name, in the order of the last ones."""
-    places = dict[str, int]()
-    for place, name in reversed([*enumerate(names)]):
+def _first_indices(names: Sequence[str | None]) -> dict[str, int]:
+    """The first index of each name, in the order of the last ones."""
+    indices = dict[str, int]()
+    for index, name in reversed([*enumerate(names)]):
         if name:
-            places[name] = place
-    return places
+            indices[name] = index
+    return indices
 
 
-def _points(names: Sequence[str], pattern: re.Pattern[str], clock: dict[str, int]) -> list[_Part]:
+def _balls_of_points(
+    names: Sequence[str], pattern: re.Pattern[str], clock: dict[str, int]
+) -> list[_FilmedBall]:
     """The points of a dialect that names them in the header, with the clock that they share; those
     without x or y are left out.
     """
     points: dict[str, dict[str, int]] = {}
-    for place, cell in enumerate(names):
+    for index, cell in enumerate(names):
         if match := pattern.fullmatch(cell):
             point = points.setdefault(match["name"], {**clock})
-            point[match["axis"].casefold()] = place
-    complete = {name: places for name, places in points.items() if {"x", "y"} <= {*places}}
+            point[match["axis"].casefold()] = index
+    complete = {name: indices for name, indices in points.items() if {"x", "y"} <= {*indices}}
     return [
-        _Part(name if len(complete) > 1 else "", places, "_cam" in name.casefold())
-        for name, places in complete.items()
+        _FilmedBall(name if len(complete) > 1 else "", indices, "_cam" in name.casefold())
+        for name, indices in complete.items()
     ]
 
 
-def _masses(ours: Sequence[str | None]) -> list[_Part]:
-    """Masses side by side: each x begins one, its time is the last before it."""
-    starts = [place for place, name in enumerate(ours) if name == "x"]
-    parts = list[_Part]()
+def _balls_of_masses(ours: Sequence[str | None]) -> list[_FilmedBall]:
+    """The masses of Tracker, side by side: each x begins a mass, whose time is the last before
+    it.
+    """
+    starts = [index for index, name in enumerate(ours) if name == "x"]
+    balls = list[_FilmedBall]()
     for first, last in pairwise([*starts, len(ours)]):
-        block = {name: first + k for name, k in _first_places(ours[first:last]).items()}
+        block = {name: first + k for name, k in _first_indices(ours[first:last]).items()}
         if "y" not in block:
             continue
-        clock = {name: place for place, name in enumerate(ours[:first]) if name in ("t", "frame")}
-        parts.append(_Part(str(len(parts) + 1), block | clock))
-    return parts
+        clock = {name: index for index, name in enumerate(ours[:first]) if name in ("t", "frame")}
+        balls.append(_FilmedBall(str(len(balls) + 1), block | clock))
+    return balls
 
 
 def _frame_numbers(time: FloatArray) -> FloatArray:
-    """Numbers (frames,) of the frames to which stamps belong, from 0, those that are missing
-    counted.
+    """Numbers (frames,), from 0, of the frames to which time stamps [s] belong; missing frames
+    count.
     """
     steps = np.diff(time)
     if not steps.size:
         return np.zeros(1)
-    usual = steps[steps < _ONE_STEP * np.median(steps)].mean()
+    usual = steps[steps < _MOST_STEPS_APART * np.median(steps)].mean()
     frames = np.maximum(np.round(steps / usual), 1.0)
     return np.concatenate([[0.0], np.cumsum(frames)])

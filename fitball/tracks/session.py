@@ -4,74 +4,75 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from fitball.base.values import FloatArray
 from fitball.data.scene import CameraSection, ValueWithSd
-from fitball.tracks.flight import DRAG, T1, T2, VY1, VY2, Impact, fit, start
+from fitball.tracks.flight import DRAG, FIRST_NOISE, T1, T2, VY1, VY2, Impact, fit, start
 from fitball.tracks.spins import pairs_of, weights
 from fitball.tracks.types import FilmAssumptions
 
-# Noise of angles [rad] before it is measured.
-_ANGLE_NOISE = 0.05
-# Noise of positions [m] before it is measured.
-_NOISE = 2e-3
-# Share of outliers of positions before it is measured.
-_OUTLIERS = 0.02
+# Noise of angles [rad] before it is measured (three degrees).
+_FIRST_ANGLE_NOISE = 0.05
+# Share of outliers of positions before it is measured: one frame in fifty.
+_FIRST_OUTLIERS = 0.02
 # Share of outliers of angles before it is measured: marks are harder to see than balls.
-_ANGLE_OUTLIERS = 0.05
-# Frames that these shares count as.
-_OUTLIER_FRAMES = 50.0
-# Least and most share of outliers.
+_FIRST_ANGLE_OUTLIERS = 0.05
+# Frames as which these first shares count, so that short films keep them.
+_FRAMES_OF_FIRST_OUTLIERS = 50.0
+# Least and most share of outliers: with none every frame would have to fit, and with more it is
+# the flights that do not fit.
 _OUTLIER_RANGE = (2e-3, 0.3)
 # Least noise of positions [m], so that frames without errors have finite weights.
 _LEAST_NOISE = 1e-7
 # Least noise of angles [rad], for the same reason.
 _LEAST_ANGLE_NOISE = 1e-4
-# Frames of a session's noise that a track's is drawn to, where tracks are too few to show how much
-# it differs between them.
-_FRAMES = 6.0
-# Tracks that show how much noise differs between them.
-_TRACKS = 10
-# A track counts with so many degrees of freedom at least where it shows that.
+# Frames of the session's noise to which that of a track is drawn, where tracks are too few to show
+# how much noise differs between them.
+_USUAL_SHARED_FRAMES = 6.0
+# Fewest tracks that show how much noise differs between them.
+_FEWEST_TRACKS = 10
+# Tracks with fewer degrees of freedom do not count for that.
 _LEAST_FREEDOM = 2.0
-# Most frames of a session's noise that a track's is drawn to.
-_MOST_FRAMES = 1e3
+# Most frames of the session's noise to which that of a track is drawn; tracks are then equal.
+_MOST_SHARED_FRAMES = 1e3
 # Sd of drag from shot to shot (Cross and Lindsey 2014).
-_DRAG_SHOT = 0.024
-# Passes over a session.
+_DRAG_SHOT_SD = 0.024
+# Passes over a session, in which noise, drag and spins settle.
 PASSES = 5
 # Passes after which spins are looked for: twice as their noise is renewed, and at the end.
 _SPIN_PASSES = (1, 2, 4)
-# Times by which errors are widened in the first sweeps, with outliers among the frames.
-_WIDE = (8.0, 4.0, 2.0)
-# What the height of a court begins with below the lowest frames [m].
-_PRESSED = 0.01
+# Factors of errors in the first sweeps, in which outliers are still among the frames.
+_WIDENING = (8.0, 4.0, 2.0)
+# The court is first taken so far [m] above the lowest frames, in which the ball is pressed in.
+_FIRST_DEPTH = 0.01
 # Most steps to the height of a court.
 _HEIGHT_STEPS = 4
-# Steps end when the height moves by less than this [m].
+# Steps end when the height moves by less than this [m], far below its error.
 _HEIGHT_SETTLED = 1e-5
-# By how much less time passes between the flights if the court is higher [s/m], where no impact
-# shows it.
+# By how much less time [s/m] passes between the flights if the court is higher, where no impact
+# shows it: that of 10 m/s before and after.
 _USUAL_SLOPE = 0.2
 
 
 @dataclass
 class Session:
-    """What impacts of a session have in common: height of the centre at contact [m], its sd where
-    contacts show it; noise (2,) of x and y [m], of angles [rad], shares of outliers, gravity
-    [m/s^2] with its sd.
+    """The impacts of a session and what they have in common. `height` [m] of the centre at contact
+    has an sd where it was found from contacts, else 0. `noise` [m] is that of x and of y,
+    `angle_noise` [rad] that of the mark; `outliers` and `angle_outliers` are shares. `gravity`
+    [m/s^2] has its sd.
     """
 
     impacts: list[Impact]
     assumed: FilmAssumptions
     height: float
     height_sd: float = 0.0
-    noise: FloatArray = field(default_factory=lambda: np.full(2, _NOISE))
-    angle: float = _ANGLE_NOISE
-    outliers: float = _OUTLIERS
-    angle_outliers: float = _ANGLE_OUTLIERS
+    noise: Annotated[FloatArray, "2"] = field(default_factory=lambda: np.full(2, FIRST_NOISE))
+    angle_noise: float = _FIRST_ANGLE_NOISE
+    outliers: float = _FIRST_OUTLIERS
+    angle_outliers: float = _FIRST_ANGLE_OUTLIERS
     gravity: tuple[float, float] = (np.nan, np.nan)
 
     @property
@@ -85,8 +86,8 @@ def session_of(
     assumed: FilmAssumptions,
     camera: CameraSection,
 ) -> Session:
-    """A session with the height of its court: as stated, or that at which the median time between
-    the flights is the usual one, with its sd.
+    """A session of impacts with the height of its court: as stated, or with an sd the height at
+    which the median time between the flights is the usual one.
     """
     session = Session(impacts, assumed, assumed.ball.radius)
     if camera.court is not None:
@@ -94,8 +95,8 @@ def session_of(
         session.height += -court if camera.y == "down" else court
         return session
     # The second lowest frame: the lowest may be an outlier.
-    lowest = [np.sort(impact.place[:, 1])[:2].max() for impact in impacts]
-    session.height = float(np.median(lowest)) + _PRESSED
+    lowest = [np.sort(impact.position[:, 1])[:2].max() for impact in impacts]
+    session.height = float(np.median(lowest)) + _FIRST_DEPTH
     usual, least, most = assumed.contact
     slope = _USUAL_SLOPE
     for _ in range(_HEIGHT_STEPS):
@@ -114,8 +115,8 @@ def session_of(
 
 
 def fit_pass(session: Session, number: int) -> None:
-    """Fit all impacts with the noise, drag and spins of the pass before, then renew these; the
-    first (0) begins anew.
+    """Fit all impacts of a session with the noise, drag and spins of the pass before, then renew
+    these. Pass `number` 0 begins anew.
     """
     assumed = session.assumed
     first = number == 0
@@ -124,10 +125,10 @@ def fit_pass(session: Session, number: int) -> None:
             impact.failed = ""
             impact.pairs = ()
             start(impact, assumed, session.height)
-            drag_sd = np.hypot(assumed.drag.sd, _DRAG_SHOT)
+            drag_sd = np.hypot(assumed.drag.sd, _DRAG_SHOT_SD)
             impact.set_prior(assumed, assumed.drag.value, drag_sd)
         if not impact.failed:
-            fit(impact, assumed, session.height, session.outliers, _WIDE if first else ())
+            fit(impact, assumed, session.height, session.outliers, _WIDENING if first else ())
     if not session.good:
         return
     _renew_noise(session)
@@ -143,23 +144,25 @@ def _renew_spins(session: Session, number: int) -> None:
     sure = list[Impact]()
     for impact in session.good:
         if number in _SPIN_PASSES and np.isfinite(impact.phi).any():
-            impact.pairs = pairs_of(impact, session.assumed, session.angle, session.angle_outliers)
+            impact.pairs = pairs_of(
+                impact, session.assumed, session.angle_noise, session.angle_outliers
+            )
             if impact.sure_pair:
                 sure.append(impact)
     _renew_angle_noise(session, sure)
 
 
 def _renew_noise(session: Session) -> None:
-    """Renew the noise of a session and of each of its tracks, and the share of outliers. With s of
-    the session a track has (n s^2 + sum w r^2)/(n + its degrees of freedom); n by how far tracks
-    differ (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3).
+    """Renew the noise of a session and of each of its tracks, and the share of outliers. With s
+    that of the session, the variance of a track is (n s^2 + sum w r^2)/(n + its degrees of
+    freedom). How far tracks differ determines n (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3).
     """
     good = session.good
     weight = np.array([np.nansum(impact.weight) for impact in good])
     squares = np.array(
         [np.nansum(impact.weight[:, None] * impact.residual**2, axis=0) for impact in good]
     )
-    spent = np.array([_spent(impact) for impact in good])
+    spent = np.array([_freedom_spent(impact) for impact in good])
     free = np.maximum(weight[:, None] - spent, 0.0)
     mean = squares.sum(axis=0) / np.maximum(free.sum(axis=0), 1.0)
     pooled = np.maximum(mean, _LEAST_NOISE**2)
@@ -170,17 +173,17 @@ def _renew_noise(session: Session) -> None:
             impact.sigma[axis] = np.sqrt(of_track)
     session.noise = np.sqrt(pooled)
     frames = sum(np.isfinite(impact.weight).sum() for impact in good)
-    session.outliers = _share(frames - weight.sum(), frames, _OUTLIERS)
+    session.outliers = _share(frames - weight.sum(), frames, _FIRST_OUTLIERS)
 
 
-def _spent(impact: Impact) -> list[float]:
+def _freedom_spent(impact: Impact) -> list[float]:
     """Degrees of freedom that the fit of an impact takes from x and from y."""
     return [np.sum(impact.covariance * info[:-1, :-1]) for info in impact.info]
 
 
 def _share(outliers: float, frames: float, usual: float) -> float:
     """Share of outliers among frames, drawn to the usual one."""
-    share = (outliers + _OUTLIER_FRAMES * usual) / (frames + _OUTLIER_FRAMES)
+    share = (outliers + _FRAMES_OF_FIRST_OUTLIERS * usual) / (frames + _FRAMES_OF_FIRST_OUTLIERS)
     return float(np.clip(share, *_OUTLIER_RANGE))
 
 
@@ -192,21 +195,23 @@ def _shared_frames(squares: FloatArray, free: FloatArray) -> float:
     from scipy.special import digamma, polygamma
 
     use = (free > _LEAST_FREEDOM) & (squares > 0.0)
-    if use.sum() < _TRACKS:
-        return _FRAMES
+    if use.sum() < _FEWEST_TRACKS:
+        return _USUAL_SHARED_FRAMES
     half = free[use] / 2.0
     logs = np.log(squares[use] / free[use]) - digamma(half) + np.log(half)
     excess = float(np.var(logs, ddof=1) - np.mean(polygamma(1, half)))
-    if excess <= polygamma(1, _MOST_FRAMES / 2.0):
-        return _MOST_FRAMES
+    if excess <= polygamma(1, _MOST_SHARED_FRAMES / 2.0):
+        return _MOST_SHARED_FRAMES
     # Trigamma falls; half a degree of freedom is the least.
     most_excess = min(excess, float(polygamma(1, 0.5)))
-    root = brentq(lambda count: polygamma(1, count) - most_excess, 0.5, _MOST_FRAMES / 2.0)
+    root = brentq(lambda count: polygamma(1, count) - most_excess, 0.5, _MOST_SHARED_FRAMES / 2.0)
     return float(2.0 * root)
 
 
 def _drags(session: Session) -> list[tuple[float, float]]:
-    """Prior of each impact's drag, by what all others determine of the session's, and its sd."""
+    """Mean and sd of the prior of each impact's drag: the drag of the session by all other
+    impacts.
+    """
     good = session.good
     mean, sd = session.assumed.drag
     drag = np.array([impact.p[DRAG] for impact in good])
@@ -216,10 +221,10 @@ def _drags(session: Session) -> list[tuple[float, float]]:
     # What the frames of each impact show of its drag, without its prior.
     precision = np.maximum(1.0 / variance - prior_precision, 1e-9)
     measured = (drag / variance - prior * prior_precision) / precision
-    weight = 1.0 / (1.0 / precision + _DRAG_SHOT**2)
+    weight = 1.0 / (1.0 / precision + _DRAG_SHOT_SD**2)
     others = weight.sum() - weight + sd**-2.0
     means = (np.sum(weight * measured) - weight * measured + mean * sd**-2.0) / others
-    sds = np.sqrt(1.0 / others + _DRAG_SHOT**2)
+    sds = np.sqrt(1.0 / others + _DRAG_SHOT_SD**2)
     return [*zip(means.tolist(), sds.tolist(), strict=True)]
 
 
@@ -234,11 +239,11 @@ def _renew_angle_noise(session: Session, sure: Sequence[Impact]) -> None:
         residuals = impact.angle_residuals()
         residuals = residuals[np.isfinite(residuals)]
         fold = impact.track.fold
-        good, _ = weights(residuals, fold, session.angle, session.angle_outliers)
+        good, _ = weights(residuals, fold, session.angle_noise, session.angle_outliers)
         weight = weight + good.sum() - 4.0
         square = square + float(np.sum(good * residuals**2))
         frames = frames + residuals.size
     if weight >= 1.0:
-        session.angle = max(float(np.sqrt(square / weight)), _LEAST_ANGLE_NOISE)
+        session.angle_noise = max(float(np.sqrt(square / weight)), _LEAST_ANGLE_NOISE)
         outliers = frames - weight - 4.0 * len(sure)
-        session.angle_outliers = _share(outliers, frames, _ANGLE_OUTLIERS)
+        session.angle_outliers = _share(outliers, frames, _FIRST_ANGLE_OUTLIERS)

@@ -9,69 +9,72 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from fitball.base.values import Ball, FloatArray
 from fitball.tracks.flight import T1, T2, VX1, VX2, VY1, VY2, Impact
-from fitball.tracks.types import FilmAssumptions, SpinPair, unwrapped
+from fitball.tracks.types import FilmAssumptions, SpinPair, unwrap
 
-# Pairs of a smaller probability are left out.
-_LEAST = 1e-6
-# Probability before any data that angles show no spin.
-_UNREADABLE = 0.01
-# Probability before any data that angles are on lines, but not of the ball's spin as read: of
-# something else, or the other way.
-_OTHER = 1e-6
-# Spins are looked for to so many sds of incident spins.
-_REACH = 4.0
+# Fewest frames with an angle that show a spin: two are on a line whatever they are.
+_FEWEST_FRAMES = 3
+# Least probability of a pair that is listed.
+_LEAST_PROBABILITY = 1e-6
+# Prior probability that the angles of a flight show no spin.
+_UNREADABLE_PROBABILITY = 0.01
+# Prior probability that angles are on lines, but not of the ball's spin as read: of something else,
+# or the other way round.
+_MISREAD_PROBABILITY = 1e-6
+# Spins are searched up to so many sds of incident spins.
+_SPIN_SDS = 4.0
 # Most optima of the periodogram that are refined.
-_MOST = 40
-# An optimum is at least this share of the highest one.
-_LOW = 0.4
-# Lines whose log likelihood is this much below the best one are no candidates.
-_WITHIN = 10.0
+_MOST_OPTIMA = 40
+# An optimum that is refined is at least this share of the highest one.
+_LEAST_POWER = 0.4
+# Lines whose log likelihood is more than this below that of the best are no candidates.
+_MOST_LOG_BELOW = 10.0
 # Least sd of angles, as a share of a turn of the mark in radians, in the first sweeps of a line: as
 # far as angles are off by the steps of the periodogram.
-_APART = 0.13
-# By how much the sd of angles is widened in each sweep of a line.
-_WIDE = (4.0, 4.0, 2.0, 2.0, *[1.0] * 10)
+_FIRST_ANGLE_SD = 0.13
+# Factors of the sd of angles in the sweeps of a line, wide ones first.
+_WIDENING = (4.0, 4.0, 2.0, 2.0, *[1.0] * 10)
 # Lines whose spins differ by less than this share of a step of the periodogram are one.
-_SAME = 0.2
-# A line may leave the range of spins by so much.
-_OVER_REACH = 1.02
+_SAME_SPIN = 0.2
+# Factor by which a refined line may leave the range of spins.
+_MOST_BEYOND_REACH = 1.02
 # Makes a matrix of normal equations regular, as a share of the product of its diagonal.
 _RIDGE = 1e-9
-# Offset of the normal force [m] in bounces on courts.
+# Offset of the normal force [m] that is expected of a bounce on a court.
 _OFFSET = 1.5e-3
-# Its sd [m].
+# Sd of the offset [m] over bounces.
 _OFFSET_SD = 3e-3
 # Least and most tangential restitution that cost no probability.
 _E_X = (-1.0, 0.5)
-# Sds of tangential restitution below and above that.
+# Sds of tangential restitution below the least and above the most.
 _E_X_SD = (0.1, 0.15)
-# Friction along the slip, which should be against it, and its sd.
-_PUSH = 0.05
-# The ball turns in contact as at a spin so much of the way from the first to the second.
-_TURNED = 0.6
-# Sd of that turn [rad].
+# Ratio of friction along the slip, where it should be against it, to the normal force: up to this
+# it costs nothing, and beyond it this is the sd.
+_PUSH_SD = 0.05
+# In contact the ball turns as at a spin this share of the way from the first to the second.
+_TURNED_SHARE = 0.6
+# Sd of the turn in contact [rad] about that.
 _TURN_SD = 0.25
 # Slip [m/s] below which its sign and its restitution are unknown.
-_ROLLING = 0.3
+_LEAST_SLIP = 0.3
 # Most that a log likelihood ratio counts, so that its exponential is finite.
 _MOST_LOG = 50.0
 
 
 class Line(NamedTuple):
-    """Angle [rad] at time zero and spin [rad/s], their covariance (2, 2), log likelihood, and that
-    integrated over the line.
+    """A line through angles: angle [rad] at time zero and spin [rad/s] with their covariance, the
+    log of its likelihood, and `evidence`, the log of the likelihood integrated over angle and spin.
     """
 
     phi: float
     omega: float
-    covariance: FloatArray
-    log: float
+    covariance: Annotated[FloatArray, "2 2"]
+    log_likelihood: float
     evidence: float
 
 
@@ -90,13 +93,13 @@ class _Refined(NamedTuple):
 
 
 def weights(
-    residual: FloatArray,
+    residual: Annotated[FloatArray, "... frames"],
     fold: int,
     sd: float,
     outliers: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Probability of each residual [rad] of an angle of being no outlier, and its likelihood, of
-    its shape.
+) -> tuple[Annotated[FloatArray, "... frames"], Annotated[FloatArray, "... frames"]]:
+    """For each residual [rad] of an angle the probability of being no outlier, and its likelihood.
+    Residuals are normal with an `sd` [rad], or, with the share `outliers`, anywhere in a period.
     """
     normal = np.exp(-0.5 * (residual / sd) ** 2)
     good = (1.0 - outliers) * normal / (sd * np.sqrt(2.0 * np.pi))
@@ -104,21 +107,22 @@ def weights(
     return good / likelihood, likelihood
 
 
-def lines(
-    d: FloatArray,
-    phi: FloatArray,
+def lines_of_angles(
+    d: Annotated[FloatArray, "frames"],
+    phi: Annotated[FloatArray, "frames"],
     fold: int,
     sd: float,
     outliers: float,
     spin_sd: float,
 ) -> list[Line]:
-    """Lines through angles `phi` (frames,) [rad] at times `d` [s] from the contact, best first;
-    none of fewer than three frames.
+    """Lines through angles `phi` [rad], with noise of this `sd` [rad], at times `d` [s] from the
+    contact, best first; none of fewer than three frames. Spins are searched up to four `spin_sd`
+    [rad/s].
     """
-    if d.size < 3:
+    if d.size < _FEWEST_FRAMES:
         return []
     middle = float(d.mean())
-    most = _REACH * spin_sd
+    most = _SPIN_SDS * spin_sd
     from_middle = d - middle
     step = 0.5 / (fold * max(float(np.ptp(d)), 1e-6))
     grid = np.arange(-most, most + step, step)
@@ -132,11 +136,11 @@ def lines(
         total = refined.total[k]
         moment = refined.moment[k]
         square = refined.square[k]
-        near = any(abs(spin - line.omega) < _SAME * step for line in accepted)
+        near = any(abs(spin - line.omega) < _SAME_SPIN * step for line in accepted)
         # Angles of one frame show no spin.
         flat = not total * square - moment**2 > _RIDGE * total * square
-        far = abs(spin) > _OVER_REACH * most
-        if near or flat or far or refined.logs[k] < best - _WITHIN:
+        far = abs(spin) > _MOST_BEYOND_REACH * most
+        if near or flat or far or refined.logs[k] < best - _MOST_LOG_BELOW:
             continue
         scale = sd**2 / refined.determinant[k]
         at_mean_time = scale * np.array([[square, -moment], [-moment, total]])
@@ -163,9 +167,9 @@ def _optima(
     power = np.abs(waves)
     edge = np.concatenate([[-1.0], power, [-1.0]])
     is_peak = (power >= edge[:-2]) & (power > edge[2:])
-    is_peak &= power > _LOW * power.max()
+    is_peak &= power > _LEAST_POWER * power.max()
     peaks = np.flatnonzero(is_peak)
-    peaks = peaks[np.argsort(-power[peaks], kind="stable")][:_MOST]
+    peaks = peaks[np.argsort(-power[peaks], kind="stable")][:_MOST_OPTIMA]
     return np.angle(waves[peaks]) / fold, grid[peaks]
 
 
@@ -178,10 +182,12 @@ def _refine(
     sd: float,
     outliers: float,
 ) -> _Refined:
-    """Lines (lines,) fitted to angles (frames,) by weighed least squares, a step a sweep."""
-    for wide in _WIDE:
-        residual = unwrapped(phi - phase[:, None] - np.multiply.outer(omega, time), fold)
-        least_sd = _APART * (wide > 1.0) / fold
+    """Lines refined from angles `phase` and spins `omega` (lines,), by weighed least squares of
+    angles `phi` (frames,) [rad] at times [s], a step a sweep.
+    """
+    for wide in _WIDENING:
+        residual = unwrap(phi - phase[:, None] - np.multiply.outer(omega, time), fold)
+        least_sd = _FIRST_ANGLE_SD * (wide > 1.0) / fold
         weight, likelihood = weights(residual, fold, max(wide * sd, least_sd), outliers)
         total = weight.sum(axis=1)
         moment = weight @ time
@@ -207,9 +213,9 @@ def _log_plausibility(
     turn_sd: float,
     ball: Ball,
 ) -> float:
-    """Log weight, at most zero, of what a bounce with these spins [rad/s] would be: the offset of
-    the normal force by the balance of angular momentum about the contact, friction against the
-    slip, tangential restitution, and a turn [rad] between both spins.
+    """Log of how plausible a bounce with these spins [rad/s] is, at most zero: by the offset of the
+    normal force, from the balance of angular momentum about the contact; by friction, which is
+    against the slip; by tangential restitution; and by the turn [rad] between both flights.
     """
     omega_1, omega_2 = spins
     p = impact.p
@@ -225,14 +231,14 @@ def _log_plausibility(
     log = -0.5 * ((offset - _OFFSET) / offset_sd) ** 2
     slip_1 = p[VX1] - radius * omega_1
     slip_2 = p[VX2] - radius * omega_2
-    if abs(slip_1) > _ROLLING:
+    if abs(slip_1) > _LEAST_SLIP:
         e_x = -slip_2 / slip_1
         above = max(0.0, e_x - _E_X[1]) / _E_X_SD[1]
         below = max(0.0, _E_X[0] - e_x) / _E_X_SD[0]
         log -= 0.5 * above**2 + 0.5 * below**2
     push = -lost / pressed * np.sign(slip_1)
-    log -= 0.5 * (max(0.0, push - _PUSH) / _PUSH) ** 2
-    spin = omega_1 + _TURNED * (omega_2 - omega_1)
+    log -= 0.5 * (max(0.0, push - _PUSH_SD) / _PUSH_SD) ** 2
+    spin = omega_1 + _TURNED_SHARE * (omega_2 - omega_1)
     time_sd = np.hypot(sds[T1], sds[T2])
     sd = np.sqrt(_TURN_SD**2 + turn_sd**2 + (time_sd * spin) ** 2)
     off = (turn - time * spin) / sd
@@ -245,16 +251,18 @@ def pairs_of(
     sd: float,
     outliers: float,
 ) -> list[SpinPair]:
-    """Pairs of lines through the angles of an impact, whose noise has this sd [rad], with their
-    probabilities, most probable first. What these lack to one is the probability that angles say
-    nothing, or not what was read.
+    """Pairs of spins that the angles of an impact allow, with their probabilities, most probable
+    first. `sd` [rad] is the noise of angles, `outliers` the share of theirs. What the probabilities
+    lack to one is the probability that angles show no spin, or another one than was read.
     """
     p = impact.p
     fold = impact.track.fold
     spin_sd = assumed.spin_sd
     use_1, use_2 = impact.turning()
-    before = lines(impact.t[use_1] - p[T1], impact.phi[use_1], fold, sd, outliers, spin_sd)
-    after = lines(impact.t[use_2] - p[T2], impact.phi[use_2], fold, sd, outliers, spin_sd)
+    before = lines_of_angles(
+        impact.t[use_1] - p[T1], impact.phi[use_1], fold, sd, outliers, spin_sd
+    )
+    after = lines_of_angles(impact.t[use_2] - p[T2], impact.phi[use_2], fold, sd, outliers, spin_sd)
     candidates = list[tuple[float, float, SpinPair]]()
     for line_1, line_2 in product(before, after):
         for pair in _turns(line_1, line_2, p[T2] - p[T1], fold):
@@ -278,18 +286,18 @@ def pairs_of(
     readable_2 = _readable(after, use_2.sum(), fold, spin_sd)
     _, best_fits, _ = candidates[order[0]]
     chance = readable_1 * readable_2
-    chance /= 1.0 + _OTHER * np.exp(min(-best_fits, _MOST_LOG))
+    chance /= 1.0 + _MISREAD_PROBABILITY * np.exp(min(-best_fits, _MOST_LOG))
     pairs = []
     for k in order:
-        if shares[k] > _LEAST:
+        if shares[k] > _LEAST_PROBABILITY:
             _, _, pair = candidates[k]
             pairs.append(pair._replace(probability=float(chance * shares[k])))
     return pairs
 
 
 def _turns(line_1: Line, line_2: Line, time: float, fold: int) -> Iterator[SpinPair]:
-    """Two lines with each of the turns that are nearest to what their spins make of the `time` [s]
-    between the flights; probabilities are zero yet.
+    """Pairs of the spins of two lines, with each of the three turns nearest to that of the ball in
+    the `time` [s] between the flights; probabilities are zero yet.
     """
     c_1 = line_1.covariance
     c_2 = line_2.covariance
@@ -297,23 +305,23 @@ def _turns(line_1: Line, line_2: Line, time: float, fold: int) -> Iterator[SpinP
     covariance = np.diag([c_1[1, 1], c_2[1, 1], turn_variance])
     covariance[0, 2] = covariance[2, 0] = -c_1[0, 1]
     covariance[1, 2] = covariance[2, 1] = c_2[0, 1]
-    between = time * (line_1.omega + _TURNED * (line_2.omega - line_1.omega))
+    between = time * (line_1.omega + _TURNED_SHARE * (line_2.omega - line_1.omega))
     off = np.array(line_2.phi - line_1.phi - between)
-    nearest = between + float(unwrapped(off, fold))
+    nearest = between + float(unwrap(off, fold))
     phases = (line_1.phi, line_2.phi)
     for turn in nearest + 2.0 * np.pi / fold * np.arange(-1, 2):
         yield SpinPair(line_1.omega, line_2.omega, float(turn), covariance, 0.0, phases)
 
 
-def _readable(side: list[Line], frames: int, fold: int, spin_sd: float) -> float:
-    """Probability that the angles of a side show its spin at all: few of them, or many outliers,
-    fit any line.
+def _readable(lines: list[Line], frames: int, fold: int, spin_sd: float) -> float:
+    """Probability that the angles of a flight show its spin at all, by its `lines`: few angles, or
+    many outliers, fit any line.
     """
-    logs = np.array([line.evidence for line in side])
+    logs = np.array([line.evidence for line in lines])
     best = logs.max()
-    # Of a phase over a turn of the mark and a spin up to the largest of either sign.
-    density = np.log(fold / (2.0 * _REACH * spin_sd))
+    # Log prior density of a phase within a period, and of a spin up to the largest of either sign.
+    density = np.log(fold / (2.0 * _SPIN_SDS * spin_sd))
     spinning = float(np.log(np.exp(logs - best).sum()) + best + density)
     nothing = frames * float(np.log(fold / (2.0 * np.pi)))
-    odds = _UNREADABLE / (1.0 - _UNREADABLE)
+    odds = _UNREADABLE_PROBABILITY / (1.0 - _UNREADABLE_PROBABILITY)
     return float(1.0 / (1.0 + odds * np.exp(min(nothing - spinning, _MOST_LOG))))

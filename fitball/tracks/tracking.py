@@ -1,4 +1,4 @@
-"""The road from positions on film to impacts, as the verb `track` takes it."""
+"""From positions on film to impacts: the computation of the verb `track`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fitball.base.text import listed, one_line
 from fitball.data.read import TableSource
 from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.tracks.film import Filmed, film_of
-from fitball.tracks.find import gravity_of, impacts_of
+from fitball.tracks.find import gravity_of, impacts_of_track
 from fitball.tracks.flight import Impact
 from fitball.tracks.notes import (
     misread_words,
@@ -30,7 +30,7 @@ from fitball.tracks.types import FilmAssumptions
 
 # Values and sds of the camera's errors where a film states none: the scale to 1 %, the clock to
 # 0.1 %, the tilt to 0.3 degrees [rad], the height of the court to 3 mm [m].
-_CAMERA = {
+_USUAL_ERRORS = {
     "scale": ValueWithSd(1.0, 0.01),
     "clock": ValueWithSd(1.0, 1e-3),
     "tilt": ValueWithSd(0.0, 0.005236),
@@ -45,9 +45,16 @@ def track(
     as_read: bool,
     progress: Progress,
 ) -> Filmed:
-    """The impacts on films: velocities, spins and gaps are the unknowns of two flights (gravity,
-    drag, Magnus force) that end and begin at the height of contact. Raises InputError (`no-rate`,
-    `no-scale`, `gravity`, `no-impact`, `misread`, and what `read_tracks` does).
+    """The impacts on films. Their velocities, spins and gaps are by two flights (gravity, drag,
+    Magnus force), which end and begin at the height of contact. `columns` are the user's header
+    cells by our names; `as_read` takes a film that would be refused as misread.
+
+    Raises:
+        InputError: a film has faults (codes of `read_tracks`), its balls do not fall as on earth
+            (`gravity`), it has no impact (`no-impact`), or it is read wrong (`misread`).
+        FolderError: no such file (`not-found`).
+        ParameterError: no film is passed (`no-data`), or a name is no column of positions
+            (`columns`).
     """
     tracks, notes = read_tracks(sources, scene, columns)
     source = listed(_names_of(sources), most=3)
@@ -56,20 +63,20 @@ def track(
     refused = dict[str, str]()
     impacts = list[Impact]()
     for ball in tracks:
-        of_ball, reason = impacts_of(ball, assumed)
+        of_ball, reason = impacts_of_track(ball, assumed)
         impacts += of_ball
         if reason:
             refused[ball.id] = reason
 
-    def doubt(code: str, words: str) -> None:
-        """Refuse the film, or note that it was to be taken as read."""
+    def refuse_or_note(code: str, words: str) -> None:
+        """Refuse the film for the reason in `words`, or note it where it is to be taken as read."""
         if not words:
             return
         if not (as_read and impacts):
             raise InputError(source, [Fault(code, f"{words}. If all is right, pass --as-read")])
         notes.append(Note(code, words))
 
-    doubt("gravity", wrong_film(tracks, impacts, assumed))
+    refuse_or_note("gravity", wrong_film(tracks, impacts, assumed))
     sessions = dict[str, Session]()
     for name, of_session in _by_session(impacts).items():
         session = session_of(of_session, assumed, camera)
@@ -81,7 +88,7 @@ def track(
         for impact in session.good:
             impact.failed = why_impossible(impact, assumed)
         session.gravity = gravity_of(session.good)
-        doubt("gravity", wrong_session(session))
+        refuse_or_note("gravity", wrong_session(session))
         notes += notes_of(session, name, scene)
     refused |= {impact.id: impact.failed for impact in impacts if impact.failed}
     if not any(session.good for session in sessions.values()):
@@ -90,26 +97,26 @@ def track(
         message = f"no impact in {counted(len(tracks), 'track')}: {words}"
         raise InputError(source, [Fault("no-impact", message)])
     film = film_of(sessions, assumed, changed(scene, camera=camera), refused, source)
-    doubt("misread", misread_words(film))
+    refuse_or_note("misread", misread_words(film))
     return replace(film, notes=tuple(notes))
 
 
 def _names_of(sources: Sequence[TableSource]) -> Iterator[str]:
-    """What films are called in messages."""
+    """The names of films in messages."""
     for source in sources:
         yield str(source) if isinstance(source, str | Path) else "a table"
 
 
 def _with_usual_errors(camera: CameraSection) -> CameraSection:
-    """A camera as stated, with the usual sds of what it does not state."""
-    usual = {name: error for name, error in _CAMERA.items() if getattr(camera, name) is None}
+    """A camera as stated, with the usual values and sds of errors that it does not state."""
+    usual = {name: error for name, error in _USUAL_ERRORS.items() if getattr(camera, name) is None}
     if isinstance(camera.court, ValueWithSd) and "court_height" in usual:
         usual["court_height"] = ValueWithSd(0.0, camera.court.sd)
     return changed(camera, **usual)
 
 
 def _by_session(impacts: Sequence[Impact]) -> dict[str, list[Impact]]:
-    """Impacts by the session that their labels name, "" without."""
+    """Impacts by the session that their labels name; its name is "" without such a label."""
     sessions = dict[str, list[Impact]]()
     for impact in impacts:
         sessions.setdefault(impact.track.labels.get("session", ""), []).append(impact)
@@ -117,9 +124,7 @@ def _by_session(impacts: Sequence[Impact]) -> dict[str, list[Impact]]:
 
 
 def _with_height_sd(camera: CameraSection, sd: float) -> CameraSection:
-    """A camera whose court is known no better than in any session: to this sd [m] or a larger
-    one.
-    """
+    """A camera whose height of the court has at least this sd [m], that of a session."""
     height = camera.court_height
     if sd > (height.sd if isinstance(height, ValueWithSd) else 0.0):
         return changed(camera, court_height=ValueWithSd(0.0, sd))
