@@ -7,15 +7,19 @@ The angle is that between velocity and court, 0 to pi, above pi/2 when the ball 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitball.base.columns import COMPONENTS, STATE, velocity_columns
 from fitball.base.values import FloatArray
 
-# Arrays (impacts,) by name; complex ones where a step goes through.
-Columns: TypeAlias = Mapping[str, Any]
+# Columns of numbers by name, in SI.
+Columns: TypeAlias = Mapping[str, Annotated[FloatArray, "impacts"]]
+# Columns that may be complex, where a step goes through a function.
+AnalyticArray: TypeAlias = NDArray[Any]
+AnalyticColumns: TypeAlias = Mapping[str, Annotated[AnalyticArray, "impacts"]]
 
 # The derivative of an analytic function f is Im f(x + ih)/h without any difference (Squire and
 # Trapp, SIAM Rev. 40 (1998) 110): the error is of order h^2, and a power of two multiplies exactly.
@@ -23,24 +27,27 @@ _STEP = 2.0**-100
 
 
 def counting_columns(names: Iterable[str], end: str) -> tuple[str, ...]:
-    """The velocity columns of one `end` ("1" or "2") that count: at most two, components before
-    speed and angle, and these before what else follows from the velocity.
+    """The columns among `names` by which the velocity of one `end` ("1" or "2") counts.
 
-    With one component and both polar columns the polar pair counts: it always determines the
-    velocity, while a component and the angle or the speed need not.
+    They are two at most: components before speed and angle, and these before what else follows from
+    the velocity. With one component and both polar columns the polar pair counts: it always
+    determines the velocity, while a component and the angle or the speed need not.
     """
     present = set(names)
     polar = (f"v_{end}", f"theta_{end}")
     for pair in (COMPONENTS[end], polar):
         if present.issuperset(pair):
             return pair
-    order = dict.fromkeys((*COMPONENTS[end], *polar, *velocity_columns(end)))
-    return tuple(name for name in order if name in present)[:2]
+    by_rank = dict.fromkeys((*COMPONENTS[end], *polar, *velocity_columns(end)))
+    counting = [name for name in by_rank if name in present]
+    return tuple(counting[:2])
 
 
-def velocity(columns: Columns, end: str) -> dict[str, FloatArray]:
-    """Of `v_x, v_y, v_, theta_` of one `end` ("1" or "2") those that its columns determine, as
-    columns (impacts,) in m/s and rad; columns that are there stay as they are, v_y is positive.
+def velocity(columns: AnalyticColumns, end: str) -> dict[str, Annotated[FloatArray, "impacts"]]:
+    """Components, speed and angle of one `end` ("1" or "2"), as far as its columns determine them:
+    `v_x1`, `v_y1`, `v_1` [m/s] and `theta_1` [rad], or those with 2.
+
+    Columns that are there stay as they are. A v_y that follows from others is positive.
 
     Analytic, so that complex steps pass. From v_y and the speed alone the sign of v_x stays open.
     What has no finite value is NaN or infinite, without a warning.
@@ -60,9 +67,14 @@ def velocity(columns: Columns, end: str) -> dict[str, FloatArray]:
     return {name: column for name, column in results.items() if column is not None}
 
 
-def _components(x: Any, y: Any, speed: Any, angle: Any) -> tuple[Any, Any]:
-    """Both components of a velocity [m/s] of which some of components, speed and angle [rad] are
-    there; None where these do not determine one.
+def _components(
+    x: AnalyticArray | None,
+    y: AnalyticArray | None,
+    speed: AnalyticArray | None,
+    angle: AnalyticArray | None,
+) -> tuple[AnalyticArray | None, AnalyticArray | None]:
+    """Both components of a velocity [m/s], from those of components, speed and angle [rad] that are
+    there; None where these do not determine a component.
     """
     if x is not None and y is None:
         if angle is not None:
@@ -78,24 +90,25 @@ def _components(x: Any, y: Any, speed: Any, angle: Any) -> tuple[Any, Any]:
     return x, y
 
 
-def state(columns: Columns, count: int) -> dict[str, FloatArray]:
-    """v_x1, v_y1 [m/s] and omega_1 [rad/s] (impacts,) from the incident columns that count; zero
-    where there is none. `count` is the number of impacts.
+def state(columns: AnalyticColumns, count: int) -> dict[str, Annotated[FloatArray, "impacts"]]:
+    """The incident state v_x1, v_y1 [m/s] and omega_1 [rad/s] of `count` impacts, from the incident
+    columns that count; zero where these do not determine it.
     """
     determined = {**columns, **velocity(columns, "1")}
     return {name: determined.get(name, np.zeros(count)) for name in STATE}
 
 
 def results_and_slopes(
-    function: Callable[[Columns], Columns], values: Columns
-) -> tuple[Columns, FloatArray]:
-    """Results of an analytic `function` of columns (impacts,), and their derivatives (impacts,
-    results, columns), NaN where a result is not finite.
+    function: Callable[[AnalyticColumns], AnalyticColumns],
+    values: Columns,
+) -> tuple[Columns, Annotated[FloatArray, "impacts results columns"]]:
+    """Results of an analytic `function` of the columns `values`, and the derivative of each result
+    by each column, by complex steps; NaN where a result is not finite.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         results = function(values)
-        shape = next(iter(values.values())).shape
-        derivatives = np.empty((*shape, len(results), len(values)))
+        impacts = next(iter(values.values())).shape
+        derivatives = np.empty((*impacts, len(results), len(values)))
         for k, name in enumerate(values):
             moved = function({**values, name: values[name] + 1j * _STEP})
             for j, (result, real) in enumerate(results.items()):
@@ -105,12 +118,14 @@ def results_and_slopes(
 
 
 def propagate(
-    function: Callable[[Columns], Columns],
+    function: Callable[[AnalyticColumns], AnalyticColumns],
     values: Columns,
-    covariance: FloatArray,
-) -> tuple[Columns, FloatArray]:
-    """Results of an analytic function of columns, and their covariance (impacts, results, results)
-    to first order from that of the columns (impacts, columns, columns): JCGM 100:2008, Eq. 13.
+    covariance: Annotated[FloatArray, "... columns columns"],
+) -> tuple[Columns, Annotated[FloatArray, "impacts results results"]]:
+    """Results of an analytic `function` of the columns `values`, and their covariance to first
+    order from that of the columns: JCGM 100:2008, Eq. 13.
+
+    The `covariance` is in the order of `values`, one for each impact or one for all.
     """
     results, slope = results_and_slopes(function, values)
     return results, slope @ covariance @ slope.swapaxes(-1, -2)
