@@ -8,7 +8,7 @@ from scipy import stats
 from support.density import INCIDENT, REBOUND, problem_of, scene_of, table_of, truth_of
 
 from fitball.data.scene import BallSection, Scene
-from fitball.inference.derived import anchored, differences, parameter
+from fitball.inference.derived import anchored, level_differences, quantity_of
 from fitball.inference.forward import Draws
 
 # Fitted by the second edition to wang_all.csv.
@@ -89,7 +89,7 @@ def test_pace_of_a_sliding_ball_is_the_itfs_formula(temperature):
     assert rating == pytest.approx(100.0 * 0.7 + 150.0 * (0.81 - 0.78 - warmer))
 
 
-def test_pace_is_asked_of_tennis_balls_at_such_speeds():
+def test_pace_follows_for_tennis_balls_at_such_speeds():
     flat = grip_slip(8.0 * FAST, FAST)
     assert "court_pace" in derived_in(flat)
     slow = grip_slip(0.5 * FAST, 0.9 * FAST)
@@ -149,7 +149,7 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
     assert offset[0] == pytest.approx(0.00237668043 + (1.75 - 10.0) * 1e-4)
 
 
-def test_each_level_has_its_own_and_is_judged_by_itself():
+def test_each_level_has_its_quantity_and_is_judged_by_itself():
     both = {"surface": ("clay",) * 8 + ("hard",) * 8}
     slow = np.linspace(1.0, 3.0, 8)
     fast = np.linspace(7.0, 12.0, 8)
@@ -180,7 +180,7 @@ def test_each_level_has_its_own_and_is_judged_by_itself():
     assert derived["cor_median[clay]"].extrapolated
     assert derived["cor_median[hard]"].extrapolated
     spec = problem.prior.parameters[1].spec
-    assert parameter(spec).rule(values)[0] == of_levels[spec.name]
+    assert quantity_of(spec).rule(values)[0] == of_levels[spec.name]
 
 
 def test_the_surfaces_farthest_apart_and_the_chance_of_it():
@@ -191,13 +191,13 @@ def test_the_surfaces_farthest_apart_and_the_chance_of_it():
         "grip-slip",
         pool={"mu": "none", "cor_10": "none"},
     )
-    assert differences(problem.forward, Draws({}, {}, {})).empty
+    assert level_differences(problem.forward, Draws({}, {}, {})).empty
     v_y = np.linspace(6.0, 14.0, 18)
     problem = grip_slip(3.0 * v_y, v_y, labels=labels)
     rng = np.random.default_rng(4)
     point = truth_of(problem) | {"mu[a]": 0.60, "mu[b]": 0.50, "mu[c]": 0.58}
     draws = {name: value + 0.04 * rng.standard_normal(20000) for name, value in point.items()}
-    row = differences(problem.forward, Draws(point, draws, {})).loc["mu"]
+    row = level_differences(problem.forward, Draws(point, draws, {})).loc["mu"]
     assert row["low"] == "b"
     assert row["high"] == "a"
     assert row["column"] == "surface"
@@ -208,7 +208,7 @@ def test_the_surfaces_farthest_apart_and_the_chance_of_it():
     chance = 2.0 * 3.0 * law.cdf(0.0)
     assert row["p"] == pytest.approx(chance, rel=0.1)
     no_draws = dict.fromkeys(point, np.empty(0))
-    only_point = differences(problem.forward, Draws(point, no_draws, {})).loc["mu"]
+    only_point = level_differences(problem.forward, Draws(point, no_draws, {})).loc["mu"]
     assert only_point["difference"] == pytest.approx(0.1)
     assert np.isnan(only_point["p"])
     assert np.isnan(only_point["sd"])

@@ -53,7 +53,7 @@ def test_derivatives_of_an_analytic_function():
     assert_allclose(slopes, derived(AT), rtol=1e-9, atol=1e-9)
 
 
-def test_never_over_a_limit_and_one_sided_there():
+def test_never_over_a_limit_and_to_a_single_side_there():
     seen = []
 
     def watched(x):

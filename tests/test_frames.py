@@ -12,7 +12,7 @@ from support.made_fit import made_fit, table_of
 
 import fitball
 from fitball.inference import frames
-from fitball.inference.curves import curves, series
+from fitball.inference.curves import curves_frame, series
 from fitball.inference.schema import Alternative, Summary
 from fitball.inference.summary import summarise
 
@@ -32,7 +32,7 @@ def fit():
         (table_of(12, drop=True), 1),
     ],
 )
-def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(table, count):
+def test_every_impact_has_a_series_of_its_level_and_every_series_a_curve(table, count):
     fit = made_fit(table, model="brody")
     all_series, which = series(fit.problem)
     assert which.shape == (len(table),)
@@ -42,7 +42,7 @@ def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(tab
     labels = fit.problem.table.labels.get("surface", no_labels)
     for k, label in zip(which, labels, strict=True):
         assert label in all_series[k].name
-    drawn = curves(fit.problem, fit.draws)
+    drawn = curves_frame(fit.problem, fit.draws)
     assert {*drawn["series"]} == {*which}
     columns = {observable.column.name for observable in fit.problem.observables}
     assert {*drawn["column"]} == columns
@@ -58,7 +58,7 @@ def test_every_impact_has_a_series_of_its_own_level_and_every_series_a_curve(tab
 
 
 def test_a_curve_is_the_model_at_its_speed_spin_and_level(fit):
-    drawn = curves(fit.problem, fit.draws).set_index(["name", "speed", "spin"])
+    drawn = curves_frame(fit.problem, fit.draws).set_index(["name", "speed", "spin"])
     model = fit.problem.forward.model
     point = fit.draws.point
     all_series, _ = series(fit.problem)
@@ -106,13 +106,13 @@ def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monk
     sd_of_cor = fit.draws.best["v_y_sd"][0] / impacts["v_y1"]
     assert_allclose(fit.balances["cor_sd"], sd_of_cor, rtol=1e-12)
     monkeypatch.setattr(frames, "PREDICTED", 3)
-    thinned = frames.regimes(fit.problem, fit.draws)
+    thinned = frames.regimes_frame(fit.problem, fit.draws)
     assert thinned["row"].unique().tolist() == [0, 20, 39]
 
 
 def test_a_point_fit_has_curves_without_bands():
     fit = made_fit(sampled=False)
-    drawn = curves(fit.problem, fit.draws)
+    drawn = curves_frame(fit.problem, fit.draws)
     assert drawn[QUANTILES].isna().all(axis=None)
     assert drawn["point"].notna().all()
     assert fit.predictions["z"].notna().all()
@@ -140,7 +140,7 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
         alternative("spin=shell", reason="no answer"),
     ]
     held = SimpleNamespace(name="ball_radius", low=0.032, high=0.034, moves={"mu": -0.5})
-    variants = frames.variants([here], alternatives, [held]).set_index("choice")
+    variants = frames.variants_frame([here], alternatives, [held]).set_index("choice")
     grip = variants.loc["offset=grip"]
     shell = variants.loc["spin=shell"]
     radius = variants.loc["ball_radius"]
@@ -161,7 +161,7 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
     assert np.isnan(summarise(with_gaps, 0.5).median)
 
 
-def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_one():
+def test_a_value_moves_by_the_farthest_of_several_choices():
     here = SimpleNamespace(
         name="mu",
         kind="model",
@@ -201,8 +201,8 @@ def test_a_value_is_said_to_move_by_the_farthest_of_several_choices_instead_of_o
             summaries={"mu": Summary(median, median, 0.02, 0.46, 0.5, 0.5, end)},
         )
         alternatives.append(alternative)
-    variants = frames.variants([here], alternatives, [])
-    row = frames.summary([here], {}, None, variants).loc["mu"]
+    variants = frames.variants_frame([here], alternatives, [])
+    row = frames.summary_frame([here], {}, None, variants).loc["mu"]
     # An end by 0.1 is farther than a median by 0.06; a variant that fits worse does not count.
     assert row["moved"] == pytest.approx(5.0)
     assert row["given"].split("; ")[0] == "normal=momentum"

@@ -13,7 +13,7 @@ import fitball
 from fitball.inference import predictive
 from fitball.inference.forward import Draws, ForwardModel
 from fitball.inference.noise import NOISE_KINDS
-from fitball.inference.predictive import Asked, predict, regimes
+from fitball.inference.predictive import PredictionRequest, predict_impacts, regime_shares
 from fitball.inference.problem.row_errors import row_errors
 from fitball.models.own import model_from
 
@@ -63,11 +63,13 @@ def predicted(columns, values=None, **choices):
     """Predictions of the toy at AT: a frame for each column."""
     forward = ForwardModel(model_from(toy), NOISE_KINDS["normal"])
     rng = np.random.default_rng(1)
-    found = predict(forward, values or draws(), Asked(AT, None, columns, **choices), rng)
-    assert found["column"].tolist() == np.repeat(columns, len(AT)).tolist()
-    assert found["row"].tolist() == [0, 1, 2] * len(columns)
+    frame = predict_impacts(
+        forward, values or draws(), PredictionRequest(AT, None, columns, **choices), rng
+    )
+    assert frame["column"].tolist() == np.repeat(columns, len(AT)).tolist()
+    assert frame["row"].tolist() == [0, 1, 2] * len(columns)
     frames = {}
-    for name, rows in found.groupby("column"):
+    for name, rows in frame.groupby("column"):
         frames[name] = rows.reset_index(drop=True)
     return frames
 
@@ -78,39 +80,39 @@ def test_quantiles_of_rebounds_and_of_new_measurements(stated):
     sds = None
     if stated is not None:
         sds = np.tile([stated, np.nan], (3, 1))
-    found = predicted(("v_x2", "omega_2"), observed=seen, stated=sds)["v_x2"]
+    frame = predicted(("v_x2", "omega_2"), observed=seen, stated=sds)["v_x2"]
     middle = V_X2 + 1.0
     for name, share in SHARES.items():
         wanted = stats.norm.ppf(share, middle, 0.3)
-        assert_allclose(found[name], wanted, atol=1e-3)
-    assert_allclose(found["sd"], 0.3, rtol=1e-3)
-    assert_allclose(found["point"], middle + 0.1, rtol=1e-14)
+        assert_allclose(frame[name], wanted, atol=1e-3)
+    assert_allclose(frame["sd"], 0.3, rtol=1e-3)
+    assert_allclose(frame["point"], middle + 0.1, rtol=1e-14)
     noise = np.hypot(0.4, stated or 0.0)
-    assert_allclose(found["noise"], noise, rtol=1e-12)
-    assert_allclose(found["z"], (seen[:, 0] - middle) / noise, atol=1e-3)
+    assert_allclose(frame["noise"], noise, rtol=1e-12)
+    assert_allclose(frame["z"], (seen[:, 0] - middle) / noise, atol=1e-3)
     sd = np.hypot(0.3, noise)
     low, high = stats.norm.interval(0.95, middle, sd)
-    assert_allclose(found["new_q025"], low, atol=NEAR * sd)
-    assert_allclose(found["new_q975"], high, atol=NEAR * sd)
-    assert found["solved"].tolist() == [1.0] * 3
-    assert found["reason"].tolist() == [""] * 3
+    assert_allclose(frame["new_q025"], low, atol=NEAR * sd)
+    assert_allclose(frame["new_q975"], high, atol=NEAR * sd)
+    assert frame["solved"].tolist() == [1.0] * 3
+    assert frame["reason"].tolist() == [""] * 3
 
 
 def test_a_stated_column_without_an_error_has_no_new_measurement():
     sds = np.array([[0.3], [np.nan], [0.3]])
-    found = predicted(("v_x2",), stated=sds)["v_x2"]
-    missing = found[["new_q025", "new_q975", "noise"]].isna()
+    frame = predicted(("v_x2",), stated=sds)["v_x2"]
+    missing = frame[["new_q025", "new_q975", "noise"]].isna()
     assert missing.all(axis=1).tolist() == [False, True, False]
-    assert found["median"].notna().all()
+    assert frame["median"].notna().all()
 
 
 def test_a_point_fit_has_a_point_and_a_deviation():
     seen = np.full((3, 1), 9.0)
-    found = predicted(("v_x2",), draws(sampled=False), observed=seen)["v_x2"]
+    frame = predicted(("v_x2",), draws(sampled=False), observed=seen)["v_x2"]
     for name in ("sd", *SHARES, "new_q025", "new_q975"):
-        assert found[name].isna().all(), name
-    assert_allclose(found["point"], V_X2 + 1.1, rtol=1e-14)
-    assert_allclose(found["z"], (9.0 - found["point"]) / 0.4, rtol=1e-12)
+        assert frame[name].isna().all(), name
+    assert_allclose(frame["point"], V_X2 + 1.1, rtol=1e-14)
+    assert_allclose(frame["z"], (9.0 - frame["point"]) / 0.4, rtol=1e-12)
 
 
 def ends(numbers):
@@ -118,7 +120,7 @@ def ends(numbers):
     return np.quantile(numbers, [0.025, 0.975])
 
 
-def test_errors_of_states_against_monte_carlo_of_the_whole_covariance():
+def test_errors_of_states_against_monte_carlo_of_their_covariance():
     """What is measured is the truth plus an error; errors of the state and of the rebound belong
     together.
     """
@@ -139,7 +141,7 @@ def test_errors_of_states_against_monte_carlo_of_the_whole_covariance():
         "v_x2": [9.0, 9.0, 9.0],
     }
     table = made(columns, sds, corr)
-    found = predicted(("v_x2",), errors=row_errors(table, ("v_x2",)))["v_x2"]
+    frame = predicted(("v_x2",), errors=row_errors(table, ("v_x2",)))["v_x2"]
     correlation = np.eye(4)
     correlation[0, 3] = correlation[3, 0] = 0.7
     correlation[1, 3] = correlation[3, 1] = 0.3
@@ -155,19 +157,19 @@ def test_errors_of_states_against_monte_carlo_of_the_whole_covariance():
         scatter = rng.normal(0.0, 0.4, len(true))
         new = rebound + errors[:, 3] + scatter
         near = NEAR * new.std()
-        assert_allclose(found.loc[k, ["q025", "q975"]], ends(rebound), atol=near)
-        assert_allclose(found.loc[k, ["new_q025", "new_q975"]], ends(new), atol=near)
+        assert_allclose(frame.loc[k, ["q025", "q975"]], ends(rebound), atol=near)
+        assert_allclose(frame.loc[k, ["new_q025", "new_q975"]], ends(new), atol=near)
         # From 400 states: 4 % of itself, three times.
         noise = (true + errors[:, 3]).std()
         wanted = np.hypot(noise, 0.4)
-        assert found.loc[k, "noise"] == pytest.approx(wanted, rel=0.12)
+        assert frame.loc[k, "noise"] == pytest.approx(wanted, rel=0.12)
         # Errors that were independent would give another interval.
         independent = np.hypot(true.std(), 0.6)
         assert abs(independent - noise) > 0.12 * noise
 
 
-def test_a_column_without_a_scatter_of_its_own_follows_from_noisy_velocities():
-    found = predicted(("v_2", "theta_2"))
+def test_a_column_without_a_scatter_follows_from_noisy_velocities():
+    frame = predicted(("v_2", "theta_2"))
     rng = np.random.default_rng(8)
 
     def angle(v_x, v_y):
@@ -180,7 +182,7 @@ def test_a_column_without_a_scatter_of_its_own_follows_from_noisy_velocities():
         noisy_y = v_y + rng.normal(0.0, 0.2, v_x.size)
         for name, formula in (("v_2", np.hypot), ("theta_2", angle)):
             noisy = formula(noisy_x, noisy_y)
-            row = found[name].loc[k]
+            row = frame[name].loc[k]
             near = NEAR * noisy.std()
             assert_allclose(row[["new_q025", "new_q975"]].astype(float), ends(noisy), atol=near)
             # A step of one sd along either velocity, not the whole spread.
@@ -188,7 +190,7 @@ def test_a_column_without_a_scatter_of_its_own_follows_from_noisy_velocities():
             assert row["noise"] == pytest.approx(noise, rel=0.05)
 
 
-def test_blocks_are_one_piece(monkeypatch):
+def test_blocks_give_what_all_impacts_at_once_give(monkeypatch):
     table = made({"v_x1": AT.v_x1, "v_y1": AT.v_y1}, {"v_x1": 0.3})
     errors = row_errors(table, ("v_x2",))
     at_once = predicted(("v_x2",), errors=errors)
@@ -212,11 +214,13 @@ def test_shares_of_regimes_and_of_answers():
 
     def first_row(values, column):
         rng = np.random.default_rng(1)
-        frame = predict(forward, Draws({}, values, best), Asked(at, None, (column,)), rng)
+        frame = predict_impacts(
+            forward, Draws({}, values, best), PredictionRequest(at, None, (column,)), rng
+        )
         return frame.iloc[0]
 
-    found = regimes(forward, Draws({}, values, best), Asked(at, None, ("v_x2",)))
-    shares = found.set_index("regime")["share"]
+    frame = regime_shares(forward, Draws({}, values, best), PredictionRequest(at, None, ("v_x2",)))
+    shares = frame.set_index("regime")["share"]
     least = 0.56 / 1.56 * 20.0 / (1.75 * 8.0)
     assert shares["slide"] == pytest.approx(least / 0.9, abs=1e-3)
     assert shares.sum() == pytest.approx(1.0)

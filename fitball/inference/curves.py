@@ -5,15 +5,15 @@ impacts.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
 from fitball.inference.forward import Draws
-from fitball.inference.predictive import Asked
+from fitball.inference.predictive import PredictionRequest
 from fitball.inference.problem.problem import Problem
 from fitball.inference.summary import bands
 
@@ -24,9 +24,9 @@ _POINTS = 61
 # Curves at most: more cannot be told apart in one figure.
 _MOST = 6
 # How far from the speed of a curve, and from its spin times the radius, an impact may be, as a
-# share of that speed: settings of one machine scatter by less.
+# share of that speed: settings of one launcher scatter by less (3 %, see SLACK of `forward`).
 _NEAR = 0.1
-# Impacts with which a further curve of a level shows something: two may be near by chance.
+# Impacts with which a level has a further curve: two may be near by chance.
 _FEWEST = 3
 # Impacts whose speed and spin are tried as those of a curve: each is compared with all others.
 _TRIED = 256
@@ -34,11 +34,13 @@ _TRIED = 256
 _NARROWEST = math.radians(10.0)
 # How near to the court angles [rad] may come: at zero there is no impact.
 _LOWEST = math.radians(0.5)
+# Columns of the quantiles of draws, in the order of `bands`.
+_QUANTILES = ("q025", "q16", "median", "q84", "q975")
 
 
 class Series(NamedTuple):
-    """A curve: labels of its level in words, a round speed [m/s] (NaN in a drop test) and spin
-    [rad/s], the levels (levels,) on which it lies, and an impact `like` it.
+    """A curve: the labels of its level in words, a round speed [m/s] (NaN in a drop test) and spin
+    [rad/s], and the row number of an impact `like` it, whose level and camera it has.
     """
 
     name: str
@@ -47,21 +49,25 @@ class Series(NamedTuple):
     like: int
 
 
-class _Places(NamedTuple):
-    """Speeds [m/s] and spins [rad/s] (impacts,), and the radius [m] that makes speeds of spins."""
+class _SpeedsAndSpins(NamedTuple):
+    """The speeds [m/s] and spins [rad/s] (impacts,) of a table's impacts, and the radius [m] that
+    makes speeds of spins.
+    """
 
     speed: FloatArray
     spin: FloatArray
     radius: float
 
     def near(self, rows: IntArray, speed: float, spin: float, share: float) -> IntArray:
-        """Of rows those near a speed and spin."""
+        """Those of `rows` whose speed and spin are within a `share` of the speed of these."""
         faster = np.abs(self.speed[rows] - speed)
         turning = self.radius * np.abs(self.spin[rows] - spin)
         return rows[np.maximum(faster, turning) <= share * speed]
 
     def crowd(self, rows: IntArray) -> tuple[float, float, IntArray]:
-        """A round speed and spin with as many of `rows` near them as at any of those tried."""
+        """A round speed and spin where most of `rows` are, among those tried, and the rows near
+        them.
+        """
         tried = rows[evenly_spread(rows.size, _TRIED)]
         crowds = (self.near(rows, self.speed[k], self.spin[k], _NEAR) for k in tried)
         near = max(crowds, key=len)
@@ -74,67 +80,68 @@ class _Places(NamedTuple):
         return speed, spin, round_near if round_near.size else near
 
 
-def series(problem: Problem) -> tuple[tuple[Series, ...], IntArray]:
-    """The curves of a table, and of each impact (impacts,) the nearest: of its own level, if that
-    has one, by speed, and spin as the speed of the surface. A drop test has one a level.
+def series(problem: Problem) -> tuple[tuple[Series, ...], Annotated[IntArray, "impacts"]]:
+    """The curves of a table, and the number of the curve nearest to each impact: one of its own
+    level, if that has one, by speed and by spin as speed of the surface. A drop test has one curve
+    for each level.
     """
     forward = problem.forward
     states = problem.rows.states
     tangential = forward.model.tangential
     radius = forward.model.ball.radius
-    places = _Places(states.polar()[0], states.omega_1, radius)
+    speeds_and_spins = _SpeedsAndSpins(states.polar()[0], states.omega_1, radius)
     every = np.arange(len(states))
     _, levels = np.unique(problem.rows.index, axis=0, return_inverse=True)
     levels = levels.ravel()
     remaining = {int(key): every[levels == key] for key in np.unique(levels)}
     drawn = list[Series]()
-    drawn_levels = set[int]()
+    levels_with_curve = set[int]()
     crowds = {
-        key: places.crowd(rows) if tangential else (math.nan, 0.0, rows)
+        key: speeds_and_spins.crowd(rows) if tangential else (math.nan, 0.0, rows)
         for key, rows in remaining.items()
     }
 
     def urgency(key: int) -> tuple[bool, int]:
         """First every level, then where most impacts are."""
-        return key not in drawn_levels, crowds[key][2].size
+        return key not in levels_with_curve, crowds[key][2].size
 
     while crowds and len(drawn) < _MOST:
         key = max(crowds, key=urgency)
         speed, spin, near = crowds.pop(key)
-        if key in drawn_levels and near.size < _FEWEST:
+        if key in levels_with_curve and near.size < _FEWEST:
             continue
-        drawn_levels.add(key)
+        levels_with_curve.add(key)
         like = int(near[0])
         drawn.append(Series(_name(problem, like), speed, spin, like))
         if tangential:
             # What lies a little further off would make another curve like this one.
-            similar = places.near(every, speed, spin, 2.0 * _NEAR)
+            similar = speeds_and_spins.near(every, speed, spin, 2.0 * _NEAR)
             remaining[key] = np.setdiff1d(remaining[key], similar)
             if remaining[key].size:
-                crowds[key] = places.crowd(remaining[key])
+                crowds[key] = speeds_and_spins.crowd(remaining[key])
     drawn.sort(key=lambda curve: (curve.name, curve.spin, curve.speed))
-    return tuple(drawn), _nearest(drawn, places, levels, tangential)
+    return tuple(drawn), _nearest(drawn, speeds_and_spins, levels, tangential)
 
 
 def _name(problem: Problem, like: int) -> str:
-    """The labels of an impact in words, each once."""
+    """The labels of the impact with this row number in words, each once."""
     pairs = zip(problem.forward.levels, problem.rows.index[like], strict=True)
     return ", ".join(dict.fromkeys(level.labels[k] for level, k in pairs))
 
 
 def _nearest(
     drawn: Sequence[Series],
-    places: _Places,
+    speeds_and_spins: _SpeedsAndSpins,
     levels: IntArray,
     tangential: bool,
 ) -> IntArray:
-    """The curve (impacts,) nearest to each impact, of its own of the `levels` (impacts,) if that
-    has a curve.
+    """The number of the curve nearest to each impact (impacts,), of the impact's own level if that
+    has one; `levels` (impacts,) are numbers of combinations of levels.
     """
     distances = []
     for curve in drawn:
-        turning = places.radius * (places.spin - curve.spin)
-        faster = places.speed - curve.speed if tangential else 0.0
+        turning = speeds_and_spins.radius * (speeds_and_spins.spin - curve.spin)
+        faster = speeds_and_spins.speed - curve.speed if tangential else 0.0
         distances.append(np.hypot(turning, faster))
     elsewhere = np.stack([levels != levels[curve.like] for curve in drawn])
     barred = elsewhere & ~elsewhere.all(axis=0)
@@ -143,7 +150,9 @@ def _nearest(
 
 
 def _rounded(value: float, tolerance: float) -> float:
-    """`value` to a multiple of 1, 2 or 5 times a power of ten, at most a third of `tolerance`."""
+    """The value rounded to a multiple of 1, 2 or 5 times a power of ten, at most a third of the
+    tolerance.
+    """
     largest = tolerance / 3.0
     decade = 10.0 ** math.floor(math.log10(largest))
     steps = [digit * decade for digit in (1.0, 2.0, 5.0)]
@@ -151,71 +160,75 @@ def _rounded(value: float, tolerance: float) -> float:
     return round(round(value / step) * step, 12)
 
 
-def curves(problem: Problem, draws: Draws) -> DataFrame:
-    """A row a curve, measured column and point; `report.fit_page` has the columns."""
+def curves_frame(problem: Problem, draws: Draws) -> DataFrame:
+    """The frame `curves`: a row for each curve, measured column and point; `report.fit_page` has
+    its columns.
+    """
     import pandas as pd
 
-    drawn_curves, which = series(problem)
+    all_series, which = series(problem)
     tangential = problem.forward.model.tangential
     states = problem.rows.states
-    place = states.polar()[1] if tangential else states.v_y1
-    frames = []
+    along_of_impacts = states.polar()[1] if tangential else states.v_y1
     count = len(next(iter(draws.values.values())))
     rows = evenly_spread(count, _DRAWS)
     values = {name: array[rows] for name, array in draws.values.items()}
-    columns = tuple(item.column.name for item in problem.observables)
-    names = {curve.name for curve in drawn_curves}
-    for k, curve in enumerate(drawn_curves):
-        along = _range(place, tangential)
-        index = np.tile(problem.rows.index[curve.like], (_POINTS, 1))
-        # What is drawn beside measurements is what the camera of their session shows.
-        camera = problem.camera
-        if camera is not None:
-            camera = camera.take(np.full(_POINTS, curve.like))
-        shown = Asked(_along(curve, along), index, columns, camera=camera)
-        best = shown.shown(problem.forward, draws.best, shown.impacts)
-        drawn = shown.shown(problem.forward, values if count else draws.best, shown.impacts)
-        measured = place[which == k]
+    drawn = draws._replace(values=values)
+    names = {curve.name for curve in all_series}
+    frames = []
+    for k, curve in enumerate(all_series):
+        along = _points_along(along_of_impacts, tangential)
+        measured = along_of_impacts[which == k]
         within = np.zeros(_POINTS, dtype=np.bool_)
         if measured.size:
             within = (along >= measured.min()) & (along <= measured.max())
-        shared = {
+        of_curve = {
             "series": k,
             "name": curve.name if len(names) > 1 else "",
             "speed": curve.speed,
             "spin": curve.spin if tangential else math.nan,
         }
-        for column in columns:
-            quantiles = np.full((5, _POINTS), np.nan)
-            if count:
-                quantiles = bands(drawn.answers(column))
-            q025, q16, median, q84, q975 = quantiles
-            point = best.answers(column)[0]
-            frames.append(
-                pd.DataFrame(
-                    {
-                        **shared,
-                        "column": column,
-                        "along": along,
-                        "point": point,
-                        "q025": q025,
-                        "q16": q16,
-                        "median": median,
-                        "q84": q84,
-                        "q975": q975,
-                        "within": within,
-                    }
-                )
-            )
+        for column, numbers in _numbers_of_curve(problem, drawn, curve, along):
+            frame = {**of_curve, "column": column, "along": along, **numbers, "within": within}
+            frames.append(pd.DataFrame(frame))
     return pd.concat(frames, ignore_index=True)
 
 
-def _range(place: FloatArray, tangential: bool) -> FloatArray:
-    """Points over all angles [rad] of a table, or vertical speeds [m/s] of a drop test, over some
-    range at least.
+def _numbers_of_curve(
+    problem: Problem,
+    draws: Draws,
+    curve: Series,
+    along: FloatArray,
+) -> Iterator[tuple[str, dict[str, FloatArray]]]:
+    """For each measured column its name, and at the points `along` a curve the value at the best
+    fit and quantiles of draws, in SI; NaN without draws.
     """
-    low = float(place.min())
-    high = float(place.max())
+    forward = problem.forward
+    index = np.tile(problem.rows.index[curve.like], (_POINTS, 1))
+    columns = tuple(observable.column.name for observable in problem.observables)
+    # What is drawn beside measurements is what the camera of their session shows.
+    camera = problem.camera
+    if camera is not None:
+        camera = camera.take(np.full(_POINTS, curve.like))
+    request = PredictionRequest(_states_along(curve, along), index, columns, camera=camera)
+    has_draws = bool(len(next(iter(draws.values.values()))))
+    best = request.rebounds(forward, draws.best, request.impacts)
+    values = draws.values if has_draws else draws.best
+    sampled = request.rebounds(forward, values, request.impacts)
+    for column in columns:
+        quantiles = np.full((len(_QUANTILES), _POINTS), np.nan)
+        if has_draws:
+            quantiles = bands(sampled.answers(column))
+        by_name = zip(_QUANTILES, quantiles, strict=True)
+        yield column, {"point": best.answers(column)[0], **dict(by_name)}
+
+
+def _points_along(along: FloatArray, tangential: bool) -> FloatArray:
+    """The points of a curve over all angles [rad] of a table, or vertical speeds [m/s] of a drop
+    test: `along` (impacts,). A narrow range is widened.
+    """
+    low = float(along.min())
+    high = float(along.max())
     narrowest = _NARROWEST if tangential else _NEAR * high
     room = max(0.0, 0.5 * (narrowest - (high - low)))
     if tangential:
@@ -224,8 +237,8 @@ def _range(place: FloatArray, tangential: bool) -> FloatArray:
     return np.linspace(low - room, high + room, _POINTS)
 
 
-def _along(curve: Series, along: FloatArray) -> Impacts:
-    """The states of a curve at angles [rad], or in a drop test vertical speeds [m/s]."""
+def _states_along(curve: Series, along: FloatArray) -> Impacts:
+    """The incident states of a curve at angles [rad], or in a drop test vertical speeds [m/s]."""
     spin = np.full(_POINTS, curve.spin)
     if math.isnan(curve.speed):
         return Impacts(np.zeros(_POINTS), along, spin)

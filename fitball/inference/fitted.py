@@ -17,8 +17,8 @@ from fitball.base.values import DataFrame, FloatArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference import frames, schema
-from fitball.inference.curves import curves
-from fitball.inference.derived import Quantity, parameter
+from fitball.inference.curves import curves_frame
+from fitball.inference.derived import Quantity, quantity_of
 from fitball.inference.effort import PREDICTING, Effort
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
@@ -212,9 +212,9 @@ class Fitted:
     def _quantities(self) -> Mapping[str, Quantity]:
         # Held constants of ball and camera, which may be tried, are no parameters of the problem.
         held = {name: SPECS[name] for name in BALL_PARAMETERS} | dict(CAMERA_SPECS)
-        quantities = {name: parameter(spec) for name, spec in held.items()}
+        quantities = {name: quantity_of(spec) for name, spec in held.items()}
         for item in self.problem.parameters:
-            quantities[item.spec.name] = parameter(item.spec)
+            quantities[item.spec.name] = quantity_of(item.spec)
         for quantity in self.problem.derived:
             quantities[quantity.spec.name] = quantity
         return quantities
@@ -230,36 +230,36 @@ class Fitted:
         """A row a parameter and derived quantity. The only layout of these numbers;
         `report.fit_page` has its columns and those of the other frames.
         """
-        return frames.summary(self.reported, self.profiles, self.diagnostics, self.variants)
+        return frames.summary_frame(self.reported, self.profiles, self.diagnostics, self.variants)
 
     @cached_property
     def predictions(self) -> DataFrame:
         """A row an impact and measured column."""
-        return frames.predictions(self.problem, self.draws, self.run.effort.stream("predict"))
+        return frames.predictions_frame(self.problem, self.draws, self.run.effort.stream("predict"))
 
     @cached_property
     def balances(self) -> DataFrame:
         """A row an impact: restitution, friction, offset and energy by conservation laws alone,
         with sds.
         """
-        return frames.balances(self.problem, self.draws)
+        return frames.balances_frame(self.problem, self.draws)
 
     @cached_property
     def regimes(self) -> DataFrame:
         """A row an impact and sequence of slip and grip, with its share of the draws."""
-        return frames.regimes(self.problem, self.draws)
+        return frames.regimes_frame(self.problem, self.draws)
 
     @cached_property
     def curves(self) -> DataFrame:
         """A row a curve, measured column and point: the model over incidence, at a speed and spin
         of the table.
         """
-        return curves(self.problem, self.draws)
+        return curves_frame(self.problem, self.draws)
 
     @cached_property
     def variants(self) -> DataFrame:
         """A row a choice (or held constant) and quantity: the value under it."""
-        return frames.variants(self.reported, self.alternatives, self.constants)
+        return frames.variants_frame(self.reported, self.alternatives, self.constants)
 
     def moved_from(self, other: Fitted) -> dict[str, float]:
         """Sds by which each median differs from another run's (shares of the point, where there are

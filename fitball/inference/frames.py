@@ -1,23 +1,22 @@
 """The frames of a fit: all numbers that its page, figures and files show, laid out once.
+
 `report.fit_page` says what each column is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from fitball.base.columns import STATE
 from fitball.base.selection import evenly_spread
-from fitball.base.values import DataFrame, Impacts
+from fitball.base.values import BoolArray, DataFrame, FloatArray, Impacts, IntArray
 from fitball.data.balances import impact_balances
-from fitball.inference import predictive
 from fitball.inference.curves import series
 from fitball.inference.effort import PREDICTED
 from fitball.inference.forward import Draws
-from fitball.inference.predictive import Asked, predict
+from fitball.inference.predictive import PredictionRequest, predict_impacts, regime_shares
 from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import Alternative, Constant, Diagnostics, Estimate, Profile, Summary
 
@@ -41,17 +40,19 @@ _VARIANT_COLUMNS = [
     "moved",
     "reach",
 ]
-# Draws of which shares are taken: the error of a share is 0.025 at most.
-_REGIMES = 400
+# Draws of which shares of regimes are taken: the standard error of a share is 0.025 at most.
+_REGIME_DRAWS = 400
 
 
-def summary(
+def summary_frame(
     estimates: Sequence[Estimate],
     profiles: Mapping[str, Profile],
     diagnostics: Diagnostics | None,
     tried: DataFrame,
 ) -> DataFrame:
-    """A row a parameter and derived quantity."""
+    """The frame `summary`: a row for each parameter and derived quantity, by name. `tried` is the
+    frame of variants, from which it has how far a value moves.
+    """
     import pandas as pd
 
     rows = {}
@@ -69,11 +70,12 @@ def summary(
         ess, r_hat = _mixing(diagnostics, name)
         moved = {choice: float(moves.get((choice, name), np.nan)) for choice in estimate.given}
         order = _farthest_first(moved)
+        numbers = {field: getattr(estimate, field) for field in Summary.__struct_fields__}
         rows[name] = {
             "kind": estimate.kind,
             "unit": estimate.unit,
             "meaning": estimate.meaning,
-            **{field: getattr(estimate, field) for field in Summary.__struct_fields__},
+            **numbers,
             "prior": estimate.prior,
             "contraction": estimate.contraction,
             "profile_low": -np.inf if ends[0] is None else ends[0],
@@ -89,8 +91,8 @@ def summary(
 
 
 def _mixing(diagnostics: Diagnostics | None, name: str) -> tuple[float, float]:
-    """Effective size, the smaller of bulk and tail, and R-hat of a parameter; NaN of what has
-    none.
+    """The effective sample size of a parameter, the smaller of bulk and tail, and its R-hat; NaN
+    for a quantity that was not sampled.
     """
     if diagnostics is None:
         return np.nan, np.nan
@@ -106,82 +108,93 @@ def _farthest_first(moved: Mapping[str, float]) -> list[str]:
     """Choices by how far each moves a value, farthest first; those not tried (NaN) last."""
 
     def nearness(choice: str) -> float:
+        """Minus how far a choice moves the value; infinite where it was not tried."""
         return -moved[choice] if np.isfinite(moved[choice]) else np.inf
 
     return sorted(moved, key=nearness)
 
 
-def predictions(problem: Problem, draws: Draws, rng: np.random.Generator) -> DataFrame:
-    """A row an impact and measured column."""
-    predicted = predict(problem.forward, draws, _asked(problem), rng)
+def predictions_frame(problem: Problem, draws: Draws, rng: np.random.Generator) -> DataFrame:
+    """The frame `predictions`: a row for each impact and measured column of the fit's own table."""
+    predicted = predict_impacts(problem.forward, draws, _fitted_rows(problem), rng)
     _, nearest = series(problem)
-    return laid_out(predicted, problem.table.labels, problem.rows.states, series=nearest)
+    return join_impacts(predicted, problem.table.labels, problem.rows.states, series=nearest)
 
 
-def _asked(problem: Problem) -> Asked:
-    """The rows of the fit's own table."""
+def _fitted_rows(problem: Problem) -> PredictionRequest:
+    """The request to predict the rows of the fit's own table."""
     rows = problem.rows
-    columns = tuple(item.column.name for item in problem.observables)
-    return Asked(rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, rows.sd)
+    columns = tuple(observable.column.name for observable in problem.observables)
+    return PredictionRequest(
+        rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, rows.sd
+    )
 
 
-def regimes(problem: Problem, draws: Draws) -> DataFrame:
-    """A row an impact and sequence of slip and grip, with its share of _REGIMES draws that have an
-    answer (without draws of the best fit); of a long table PREDICTED impacts, evenly spread.
+def regimes_frame(problem: Problem, draws: Draws) -> DataFrame:
+    """The frame `regimes`: a row for each impact and sequence of slip and grip.
+
+    `share` is that among some _REGIME_DRAWS draws with an answer, or of the best fit where there
+    are no draws. Of a long table it has PREDICTED impacts, evenly spread.
     """
     rows = evenly_spread(len(problem.table), PREDICTED)
     thinned = {}
     for name, column in draws.values.items():
-        step = max(1, len(column) // _REGIMES)
+        step = max(1, len(column) // _REGIME_DRAWS)
         thinned[name] = column[::step]
-    frame = predictive.regimes(
+    frame = regime_shares(
         problem.forward,
         draws._replace(values=thinned),
-        _asked(problem).part(rows),
+        _fitted_rows(problem).take(rows),
     )
     frame["row"] = rows[frame["row"]]
     frame.insert(1, "id", np.asarray(problem.table.labels["id"])[frame["row"]])
     return frame
 
 
-def balances(problem: Problem, draws: Draws) -> DataFrame:
-    """A row an impact: what conservation laws say of it without a model, with errors as stated or
-    as fitted.
+def balances_frame(problem: Problem, draws: Draws) -> DataFrame:
+    """The frame `balances`: a row for each impact, with what follows from it by conservation laws
+    without a model, and with errors as stated or as fitted.
     """
     noise = {}
-    for item in problem.observables:
-        sd = problem.forward.column_sd(item.column.name, draws.best)
-        noise[item.column.name] = float(sd.ravel()[0])
+    for observable in problem.observables:
+        name = observable.column.name
+        sd = problem.forward.column_sd(name, draws.best)
+        noise[name] = float(sd.ravel()[0])
     return impact_balances(problem.table, problem.scene.ball_value(), noise)
 
 
-def laid_out(
-    predicted: DataFrame, labels: Mapping[str, Sequence[str]], states: Impacts, **more: Any
+def join_impacts(
+    predicted: DataFrame,
+    labels: Mapping[str, Sequence[str]],
+    states: Impacts,
+    **more: FloatArray | IntArray | BoolArray,
 ) -> DataFrame:
-    """The frame `predicted` by `predict` with id, labels, incident state and `more` of each impact
-    (impacts,) before it; a label does not replace a column.
+    """The frame of `predict_impacts` with id, labels, incident state and `more` of each impact
+    (impacts,) before its own columns; a label does not replace a column.
     """
     import pandas as pd
 
     speed, angle = states.polar()
-    shared: dict[str, Any] = {"id": labels["id"], **labels, "v_1": speed, "theta_1": angle}
-    shared |= {**{name: getattr(states, name) for name in STATE}, **more}
-    places = predicted.pop("row").to_numpy()
-    lead = {
-        name: np.asarray(column)[places]
-        for name, column in shared.items()
-        if name not in ("row", *predicted.columns)
-    }
-    return pd.concat([pd.DataFrame({"row": places} | lead), predicted], axis=1)
+    of_impacts: dict[str, Sequence[str] | FloatArray | IntArray | BoolArray] = {"id": labels["id"]}
+    of_impacts |= labels
+    of_impacts |= {"v_1": speed, "theta_1": angle}
+    of_impacts |= {name: getattr(states, name) for name in STATE}
+    of_impacts |= more
+    rows = predicted.pop("row").to_numpy()
+    before = {"row": rows}
+    for name, column in of_impacts.items():
+        if name not in ("row", *predicted.columns):
+            before[name] = np.asarray(column)[rows]
+    return pd.concat([pd.DataFrame(before), predicted], axis=1)
 
 
-def variants(
+def variants_frame(
     estimates: Sequence[Estimate],
     tried: Sequence[Alternative],
     held: Sequence[Constant],
 ) -> DataFrame:
-    """A row a choice (or held constant) and quantity; `rests_on` is what a value is given that
-    rests on it.
+    """The frame `variants`: a row for each choice, or held constant, and each quantity. `rests_on`
+    names it as verdicts do, of values that rest on it.
     """
     import pandas as pd
 
@@ -191,9 +204,14 @@ def variants(
     return pd.DataFrame(rows, columns=_VARIANT_COLUMNS)
 
 
-def _rows_of_choice(here: Mapping[str, Estimate], choice: Alternative) -> Iterator[dict[str, Any]]:
-    """A row a quantity, or one with the reason why the choice was not tried."""
-    shared = {
+def _rows_of_choice(
+    here: Mapping[str, Estimate],
+    choice: Alternative,
+) -> Iterator[dict[str, object]]:
+    """The rows of a choice: one for each quantity, or a single one with the reason why the choice
+    was not tried.
+    """
+    shared: dict[str, object] = {
         "choice": choice.choice,
         "instead_of": choice.instead_of,
         "rests_on": choice.instead_of,
@@ -213,11 +231,9 @@ def _rows_of_choice(here: Mapping[str, Estimate], choice: Alternative) -> Iterat
         if name in here and here[name].half > 0.0:
             before = here[name]
             moved = abs(there.median - before.median) / before.half
-            reach = max(
-                moved,
-                (before.q025 - there.q025) / before.half,
-                (there.q975 - before.q975) / before.half,
-            )
+            below = (before.q025 - there.q025) / before.half
+            above = (there.q975 - before.q975) / before.half
+            reach = max(moved, below, above)
         yield {
             **shared,
             "quantity": name,
@@ -229,10 +245,14 @@ def _rows_of_choice(here: Mapping[str, Estimate], choice: Alternative) -> Iterat
         }
 
 
-def _rows_of_constant(here: Mapping[str, Estimate], constant: Constant) -> Iterator[dict[str, Any]]:
-    """A row a quantity: by how much it moves over the range of a constant that was held."""
+def _rows_of_constant(
+    here: Mapping[str, Estimate],
+    constant: Constant,
+) -> Iterator[dict[str, object]]:
+    """The rows of a held constant: for each quantity how far it moves over half of the range."""
     for name, moved in constant.moves.items():
         before = here[name]
+        shift = abs(moved) * before.half
         yield {
             "choice": constant.name,
             "instead_of": "",
@@ -245,8 +265,8 @@ def _rows_of_constant(here: Mapping[str, Estimate], constant: Constant) -> Itera
             "reason": "",
             "quantity": name,
             "median": np.nan,
-            "q025": before.median - abs(moved) * before.half,
-            "q975": before.median + abs(moved) * before.half,
+            "q025": before.median - shift,
+            "q975": before.median + shift,
             "moved": abs(moved),
             "reach": abs(moved),
         }

@@ -18,7 +18,7 @@ from fitball.inference.differences import central
 from fitball.inference.effort import AT_ONCE, LONG
 from fitball.inference.fitted import Fitted
 from fitball.inference.forward import Values
-from fitball.inference.predictive import Asked
+from fitball.inference.predictive import PredictionRequest
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
 from fitball.uses.planned import Sensor
 
@@ -170,7 +170,7 @@ class _Measured:
         camera = known.camera
         if camera is not None:
             camera = camera._replace(session=np.full(len(impacts), len(camera.sessions) - 1))
-        asked = Asked(impacts, index, tuple(columns), camera=camera)
+        request = PredictionRequest(impacts, index, tuple(columns), camera=camera)
         errors = self.errors
 
         def shown(rows: FloatArray) -> FloatArray:
@@ -179,7 +179,7 @@ class _Measured:
             if errors is not None:
                 along = rows[:, self.size :]
                 states = impacts.moved(np.einsum("ikl,dl->dik", errors.axes, along))
-            rebound = asked.shown(problem.forward, known.values(unknowns), states)
+            rebound = request.rebounds(problem.forward, known.values(unknowns), states)
             return np.stack([rebound.column(name) for name in columns], axis=2)
 
         more = 0 if errors is None else 3

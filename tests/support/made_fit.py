@@ -15,7 +15,7 @@ from fitball.base.priors import ParameterSpec
 from fitball.data.read import load_data
 from fitball.data.scene import Scene
 from fitball.inference import frames, schema
-from fitball.inference.curves import curves
+from fitball.inference.curves import curves_frame
 from fitball.inference.derived import Quantity
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Run
@@ -37,15 +37,15 @@ class MadeFit(Fit):
     draws = property(lambda self: self.made.draws)
     all = property(lambda self: [*self.parameters.values(), *self.derived.values()])
     variants = cached_property(
-        lambda self: frames.variants(self.all, self.alternatives, self.constants)
+        lambda self: frames.variants_frame(self.all, self.alternatives, self.constants)
     )
     summary = cached_property(
-        lambda self: frames.summary(self.all, self.profiles, self.diagnostics, self.variants)
+        lambda self: frames.summary_frame(self.all, self.profiles, self.diagnostics, self.variants)
     )
     predictions = cached_property(
-        lambda self: frames.predictions(self.problem, self.draws, np.random.default_rng(2))
+        lambda self: frames.predictions_frame(self.problem, self.draws, np.random.default_rng(2))
     )
-    curves = cached_property(lambda self: curves(self.problem, self.draws))
+    curves = cached_property(lambda self: curves_frame(self.problem, self.draws))
     frames = property(
         lambda self: {name: getattr(self, name) for name in ("summary", "predictions", "variants")}
     )
