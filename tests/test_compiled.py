@@ -16,9 +16,9 @@ from fitball.models.kernels import compiled
 TINY = """
 import logging, sys
 logging.basicConfig(level="INFO", format="SAID %(levelname)s", stream=sys.stdout)
-from fitball.models.kernels.compiled import entry, folder
+from fitball.models.kernels.compiled import entry, kernel_folder
 from tiny import twice
-print(twice(21), folder())
+print(twice(21), kernel_folder())
 """
 
 
@@ -79,7 +79,7 @@ def test_every_source_of_the_kernels_counts(tmp_path, monkeypatch):
     for name in names:
         (tmp_path / name).write_text("x = 1\n")
     monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
-    folder = compiled.folder.__wrapped__
+    folder = compiled.kernel_folder.__wrapped__
     assert folder() == folder()
     folders = {folder()}
     for name in names:

@@ -239,7 +239,7 @@ def test_the_page_of_a_film():
 
 
 def test_the_settings_of_an_engine():
-    one = parameter_set.of_model(fitball.model(), {})
+    one = parameter_set.set_of_model(fitball.model(), {})
     found = engine.settings(one, fitball.impacts(8.0, 9.0, 10.0), 0.4)
     row = engine._row(one, found, ("v_x2", "omega_2"))
     for kind, errors in (("error", found.errors), ("rms", found.rms)):

@@ -97,7 +97,7 @@ def test_each_surface_has_its_own_values_and_range(levelled):
         assert_allclose(each["measured"]["v_y1"], measured, rtol=1e-12)
     of_clay = levelled.export(to="json", level={"surface": "CLAY"})
     assert parsed(content(of_clay))["sets"] == sets[:1]
-    (new,) = parameter_set.of_fit(levelled, {"Surface": "new"})
+    (new,) = parameter_set.sets_of_fit(levelled, {"Surface": "new"})
     assert new.values["mu"] == levelled.draws.best["mu[new]"][0]
     assert "mu" in new.sources
     assert len(new.impacts) == 40
@@ -166,7 +166,7 @@ def cost(parameters, point, e, inertia, mu):
 )
 @pytest.mark.parametrize("inertia", [0.4, 0.56])
 def test_engine_settings_are_the_best_of_a_rigid_sphere(state, grips, inertia):
-    parameters = parameter_set.of_model(fitball.model(), {})
+    parameters = parameter_set.set_of_model(fitball.model(), {})
     point = fitball.impacts(*state)
     settings = engine.settings(parameters, point, inertia)
 
@@ -196,7 +196,7 @@ def test_engine_settings_are_the_best_of_a_rigid_sphere(state, grips, inertia):
 
 
 def test_an_engine_with_the_same_ball_makes_no_error():
-    parameters = parameter_set.of_model(
+    parameters = parameter_set.set_of_model(
         fitball.model("brody"),
         {"mu": 0.5, "cor_10": 0.75, "cor_slope": 0.0},
     )
@@ -235,16 +235,16 @@ def test_an_impact_outside_of_the_measured_ones_is_noted_for_each_surface(levell
 
 def test_a_drop_test_has_restitution_alone():
     vertical = fitball.model("two-mass+normal=total", tangential=False)
-    parameters = parameter_set.of_model(vertical, {"cor_10": 0.7})
-    text = engine.engine([parameters], "v_y1=10")
+    parameters = parameter_set.set_of_model(vertical, {"cor_10": 0.7})
+    text = engine.settings_page([parameters], "v_y1=10")
     assert "0.7000" in text
     assert "| friction mu |" not in text
-    exported = parsed(engine.as_json([parameters], "v_y1=10"))
+    exported = parsed(engine.settings_json([parameters], "v_y1=10"))
     settings = exported["sets"][0]["settings"][0]
     assert settings["e"] == pytest.approx(0.7)
     assert settings["mu"] is None
     with pytest.raises(FitballError) as caught:
-        engine.engine([parameters], "v_1=10, theta_1=30")
+        engine.settings_page([parameters], "v_1=10, theta_1=30")
     assert caught.value.code == "impact"
 
 
@@ -370,14 +370,14 @@ def test_a_surface_and_a_ball_that_no_impact_has_together_are_named():
         pool={"mu": "surface", "cor_10": "ball"},
         point_only=True,
     )
-    sets = parameter_set.of_fit(two, {})
+    sets = parameter_set.sets_of_fit(two, {})
     counts = {each.label: len(each.impacts) for each in sets}
     assert counts == {
         "clay, new ball": 6,
         "clay, worn": 6,
         "hard, new ball": 12,
     }
-    (apart,) = parameter_set.of_fit(two, {"ball": "worn", "surface": "hard"})
+    (apart,) = parameter_set.sets_of_fit(two, {"ball": "worn", "surface": "hard"})
     best = two.point.optima[0]
     assert apart.values["mu"] == best["mu[hard]"]
     assert apart.values["cor_10"] == best["cor_10[worn]"]

@@ -102,7 +102,7 @@ def test_the_page_computes_the_rebounds_of_the_model(levelled):
     move_mu = (
         'place("mu").move("0.3"); place("angle-number").move("12"); place("speed").move("abc");'
     )
-    clay, other, _ = parameter_set.of_fit(levelled, {})
+    clay, other, _ = parameter_set.sets_of_fit(levelled, {})
     for values_set, change, action, degrees in (
         (clay, {}, "", 30.0),
         (other, {}, move_level, 30.0),
@@ -189,7 +189,7 @@ def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
 
 
 def test_of_too_many_numbers_every_kth_step_is_kept(fit, monkeypatch):
-    monkeypatch.setattr("fitball.exports.arviz.ENTRIES", 3000)
+    monkeypatch.setattr("fitball.exports.arviz.MOST_NUMBERS", 3000)
     thinned = fit.to_datatree()["posterior"]
     assert thinned.sizes["draw"] == 9
     k = fit.posterior.names.index("e_x")

@@ -15,8 +15,8 @@ import fitball
 from fitball.base import environment
 from fitball.base.errors import FitballError
 from fitball.base.values import Ball, Impacts
-from fitball.models.registry import MODELS, candidates, variants
-from fitball.models.specs import BALL_PARAMETERS, NAMES
+from fitball.models.registry import MODELS, candidates, option_variants
+from fitball.models.specs import BALL_PARAMETERS, MODEL_NAMES
 from fitball.models.types import REASONS, Status
 
 # Bounces of the edition before, held there against an event-driven integration to 1e-12.
@@ -115,33 +115,33 @@ def test_a_composition_takes_what_acts_in_it(text, tangential, names):
 
 
 def test_texts_name_what_differs_from_the_default():
-    assert tuple(MODELS) == NAMES
+    assert tuple(MODELS) == MODEL_NAMES
     by_options = fitball.model("two-mass", offset="grip", normal="momentum")
     assert by_options.text == "two-mass+offset=grip"
     unordered = fitball.model("two-mass+spin=shell+offset=grip")
     assert unordered.text == "two-mass+offset=grip+spin=shell"
     for text in ("two-mass", "two-mass+normal=total+offset=grip"):
         chosen = fitball.model(text)
-        others = [fitball.model(other) for other in variants(chosen)]
+        others = [fitball.model(other) for other in option_variants(chosen)]
         assert len(others) == 7
         assert len({other.text for other in others}) == 7
         for other in others:
             different = [key for key in chosen.options if other.options[key] != chosen.options[key]]
             assert len(different) == 1
-    assert variants(fitball.model("thesis-exact")) == ()
-    assert variants(fitball.model("brody")) == ()
-    assert len(variants(fitball.model(tangential=False))) == 3
+    assert option_variants(fitball.model("thesis-exact")) == ()
+    assert option_variants(fitball.model("brody")) == ()
+    assert len(option_variants(fitball.model(tangential=False))) == 3
 
 
 def test_a_comparison_tries_what_can_differ_there():
     every = candidates(tangential=True, spin=True)
     assert every[-1] == "two-mass"
     # All models, and what differs from the default in one option, but normal=inner.
-    assert len(every) == len(NAMES) + 6
+    assert len(every) == len(MODEL_NAMES) + 6
     assert len(set(every)) == len(every)
     assert not any("inner" in text for text in every)
     quick = candidates(tangential=True, spin=True, quick=True)
-    assert set(quick) == set(NAMES)
+    assert set(quick) == set(MODEL_NAMES)
     assert candidates(tangential=True, spin=False)[-1] == "brody"
     assert candidates(tangential=False, spin=False)[-1] == "two-mass+normal=total"
 

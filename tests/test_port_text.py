@@ -132,7 +132,7 @@ def test_what_has_no_translation_is_refused(tmp_path, body):
     exec(compile(place.read_text(), place, "exec"), known)
     with pytest.raises(source.UnportableError):
         translate.translated(
-            source.collected((known["function"],), {}, {}, dialects.C.helpers),
+            source.source_of((known["function"],), {}, {}, dialects.C.helpers),
             "function",
             dialects.C,
         )

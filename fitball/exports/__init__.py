@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from fitball.base.errors import ModelError, ParameterError, suggestion
 from fitball.base.text import listed
 from fitball.exports import arviz, engine, page, parameters
-from fitball.exports.parameter_set import of_fit, of_model
+from fitball.exports.parameter_set import set_of_model, sets_of_fit
 from fitball.exports.ports import FILES, port
 from fitball.inference.fitted import Fitted
 from fitball.models.model import Model
@@ -38,8 +38,10 @@ FORMATS: Mapping[str, Format] = {
         at=True,
         ported=True,
     ),
-    "engine": Format("engine.md", lambda sets, _fit, at: engine.engine(sets, at), at=True),
-    "engine-json": Format("engine.json", lambda sets, _fit, at: engine.as_json(sets, at), at=True),
+    "engine": Format("engine.md", lambda sets, _fit, at: engine.settings_page(sets, at), at=True),
+    "engine-json": Format(
+        "engine.json", lambda sets, _fit, at: engine.settings_json(sets, at), at=True
+    ),
     "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
     "latex": Format(
         "parameters.tex",
@@ -84,7 +86,7 @@ def export(
     for fault, found in faults.items():
         if found:
             raise ParameterError(fault, "not-for-this-format")
-    sets = (of_model(source, fix),) if isinstance(source, Model) else of_fit(source, level)
+    sets = (set_of_model(source, fix),) if isinstance(source, Model) else sets_of_fit(source, level)
     try:
         return {form.file: form.make(sets, fit, at)}
     except ModelError as error:

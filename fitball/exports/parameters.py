@@ -24,11 +24,11 @@ from fitball.report.render import to_markdown
 from fitball.version import __version__
 
 # What says of a JSON file what it is.
-KIND = "fitball parameter set"
+JSON_KIND = "fitball parameter set"
 # Of the layout of that file: another number if a reader must be changed.
-VERSION = 1
+JSON_VERSION = 1
 # Verdicts of values that the data determine, alone or under assumptions.
-DETERMINED = ("identified", "given")
+DETERMINED_VERDICTS = ("identified", "given")
 # What a table says of values that the data do not determine alone: a letter for each verdict, and
 # words.
 _GIVEN = {"given": "depends on model assumptions that the data cannot test"}
@@ -45,8 +45,8 @@ def as_json(sets: Sequence[ParameterSet], fit: Fitted | None) -> str:
     """
     first = sets[0]
     content: dict[str, Any] = {
-        "kind": KIND,
-        "version": VERSION,
+        "kind": JSON_KIND,
+        "version": JSON_VERSION,
         "fitball": __version__,
         "units": "SI, angles in radians",
         "model": {
@@ -97,7 +97,7 @@ def _of_fit(fit: Fitted) -> dict[str, Any]:
         "not_determined": [
             estimate.name
             for estimate in fit.reported
-            if estimate.verdict not in (*DETERMINED, "fixed")
+            if estimate.verdict not in (*DETERMINED_VERDICTS, "fixed")
         ],
         "parameters": {name: _estimate(estimate) for name, estimate in fit.parameters.items()},
         "derived": {name: _estimate(estimate) for name, estimate in fit.derived.items()},
@@ -114,7 +114,7 @@ def _of_fit(fit: Fitted) -> dict[str, Any]:
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
     """The fields of an estimate but its name, which is its key, and whether it is determined."""
-    fields = asdict(estimate) | {"determined": estimate.verdict in DETERMINED}
+    fields = asdict(estimate) | {"determined": estimate.verdict in DETERMINED_VERDICTS}
     return {key: value for key, value in fields.items() if key != "name"}
 
 

@@ -1,9 +1,9 @@
-"""`Model`, a value without a hierarchy of classes, and solvers by compiled kernels."""
+"""`Model`, a value without a hierarchy of classes, and solvers that run compiled kernels."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +20,10 @@ from fitball.models.types import REASONS, Rebound, Status
 
 
 class KernelCall(NamedTuple):
-    """The scalar kernel of one impact and its constant arguments: all that a port needs besides the
-    kernel's source. Every kernel is called `entry(row, flags, v_x1, v_y1, omega_1, cor)`; `row`
-    holds `columns` in SI.
+    """The scalar kernel of one impact with its constant arguments, of which ports are made.
+
+    Every kernel is called `entry(row, flags, v_x1, v_y1, omega_1, cor)`. `row` has the values of
+    `columns` in SI; `flags` are the choices of the model.
     """
 
     entry: Callable[..., Outcome]
@@ -33,11 +34,11 @@ class KernelCall(NamedTuple):
 
 @dataclass(frozen=True)
 class KernelSolver:
-    """Rebounds by a compiled kernel under the choices `flags`; `absent` are the values of columns
-    that are neither a parameter's nor the ball's.
+    """Rebounds by a compiled kernel under the choices `flags`.
 
     A subclass names the `entry` of one impact, the `batch` over draws and impacts as in
-    `kernels.batch`, and the `columns` of a row, of which the last are BALL_PARAMETERS.
+    `kernels.batch`, and the `columns` of a row, of which the last are BALL_PARAMETERS. `absent` has
+    a value for each of the other columns, for models without that parameter.
     """
 
     flags: Flags
@@ -47,22 +48,29 @@ class KernelSolver:
     batch: ClassVar[Callable[..., tuple[FloatArray, IntArray, IntArray]]]
     columns: ClassVar[tuple[str, ...]]
 
-    def rows(self, ball: Ball, names: Sequence[str], values: FloatArray) -> FloatArray:
-        """Rows of the kernel (draws, columns), SI, at `values` (draws, names)."""
+    def rows(
+        self,
+        ball: Ball,
+        names: Sequence[str],
+        values: Annotated[FloatArray, "draws parameters"],
+    ) -> Annotated[FloatArray, "draws columns"]:
+        """Rows of the kernel in SI, at `values` of the parameters `names`; others are those of
+        `absent` and of the ball.
+        """
         rows = np.empty((values.shape[0], len(self.columns)))
         rows[:] = (*self.absent, ball.mass, ball.radius, ball.inertia_ratio)
-        rows[:, _places(self.columns, tuple(names))] = values
+        rows[:, _indices_in_row(self.columns, tuple(names))] = values
         return rows
 
     def __call__(
         self,
         ball: Ball,
         names: Sequence[str],
-        values: FloatArray,
+        values: Annotated[FloatArray, "draws parameters"],
         impacts: Impacts,
-        cor: FloatArray | None,
+        cor: Annotated[FloatArray, "impacts"] | None,
     ) -> Rebound:
-        """Rebounds (draws, impacts) as of `Model.evaluate`."""
+        """Rebounds (draws, impacts) of a ball, as `Model.evaluate` returns them."""
         rows = self.rows(ball, names, values)
         batch = type(self).batch
         state = (impacts.v_x1, impacts.v_y1, impacts.omega_1)
@@ -82,22 +90,32 @@ class KernelSolver:
 
 
 @lru_cache(maxsize=256)
-def _places(columns: tuple[str, ...], names: tuple[str, ...]) -> IntArray:
-    """Places in a row (names,) of the parameters `names`."""
+def _indices_in_row(columns: tuple[str, ...], names: tuple[str, ...]) -> IntArray:
+    """Indices in a row of the parameters `names`, (names,)."""
     return np.array([columns.index(name) for name in names], dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class Model:
-    """A model of the bounce: `options` are its assumptions by name, `parameters` those that it has
-    besides the ball's.
+    """A model of the bounce, from parameters and incident states to rebounds.
 
-    If it is not `tangential` there is vertical motion only. If it is `timed` it follows the contact
-    in time. `below` are pairs of parameters of which the first must be less, ("cor_10",
-    "mass_ratio"), the only wall within bounds. `source` is the SHA-256 of a user's function, by
-    which a saved fit recognizes it. `text` is as `--model` takes it, `two-mass+offset=grip`. A
-    model of another ball is `replace(model, ball=...)`. `solve` is a `KernelSolver` or a user's
-    function.
+    `name` is that of the model, and `text` is as `--model` takes it, `two-mass+offset=grip`.
+    `options` are its assumptions by name. `parameters` are those that it has besides the ball's.
+    `solve` is a `KernelSolver`, or runs a user's function.
+
+    If the model is not `tangential` there is vertical motion only. If it is `timed` it follows the
+    contact in time. `below` are pairs of parameters of which the first must be less, such as
+    ("cor_10", "mass_ratio"), the only wall within bounds. `source` is the SHA-256 of a user's
+    function, by which a saved fit recognizes it. A model of another ball is `replace(model,
+    ball=...)`.
+
+    Example:
+        >>> import fitball
+        >>> model = fitball.model("two-mass", offset="grip")
+        >>> model.text
+        'two-mass+offset=grip'
+        >>> [spec.name for spec in model.parameters][:4]
+        ['mass_ratio', 'k_y', 'k_theta', 'mu']
     """
 
     name: str
@@ -112,20 +130,47 @@ class Model:
     source: str = ""
 
     def predicts(self, column: Column) -> bool:
-        """Whether the model says anything of a rebound column."""
+        """Whether the model has an answer for a rebound column.
+
+        Example:
+            >>> import fitball
+            >>> from fitball.base.columns import COLUMNS
+            >>> fitball.model("two-mass").predicts(COLUMNS["contact_time"])
+            True
+            >>> fitball.model("brody").predicts(COLUMNS["contact_time"])
+            False
+        """
         moves = self.tangential or not column.tangential
         return moves and (self.timed or not column.timed)
 
     def evaluate(
         self,
         names: Sequence[str],
-        values: FloatArray,
+        values: Annotated[FloatArray, "draws parameters"],
         impacts: Impacts,
-        cor: FloatArray | None = None,
+        cor: Annotated[FloatArray, "impacts"] | None = None,
     ) -> Rebound:
-        """Rebounds (draws, impacts) at `values` (draws, names) in SI of its parameters and any of
-        BALL_PARAMETERS, which are not checked. `cor` (impacts,) replaces the law of restitution
-        where it is not NaN, as the thesis's computation needs it.
+        """Rebounds (draws, impacts) at many parameter sets, which are not checked.
+
+        Args:
+            names: all parameters of the model, and any of the ball (`ball_mass`, `ball_radius`,
+                `inertia_ratio`)
+            values: a row of their values for each draw, SI
+            impacts: incident states of all draws, or of each
+            cor: restitution of each impact in place of the law, where it is not NaN
+
+        Raises:
+            ModelError: a user's function fails (`own-model`).
+
+        Example:
+            >>> import fitball
+            >>> import numpy as np
+            >>> brody = fitball.model("brody")
+            >>> draws = np.array([[0.5, 0.7, 0.0], [0.6, 0.8, 0.0]])
+            >>> impacts = fitball.impacts([20.0, 15.0, 5.0], 10.0)
+            >>> rebound = brody.evaluate(["mu", "cor_10", "cor_slope"], draws, impacts)
+            >>> rebound.v_y2.tolist()
+            [[7.0, 7.0, 7.0], [8.0, 8.0, 8.0]]
         """
         rebound = self.solve(self.ball, names, values, impacts, cor)
         if not self.tangential:
@@ -133,9 +178,26 @@ class Model:
         return rebound
 
     def rebound(self, parameters: Mapping[str, ArrayLike], impacts: Impacts) -> Rebound:
-        """Rebounds at checked parameters in SI: (impacts,) at one number of each, (draws, impacts)
-        at draws (draws,) of each. Raises ParameterError (`parameters`, `out-of-bounds`, and of a
-        single set `no-answer`).
+        """Rebounds at `parameters` by name, SI, which are checked.
+
+        Arrays are (impacts,) at a number for each parameter, and (draws, impacts) at draws
+        (draws,) of any parameter.
+
+        Raises:
+            ParameterError: a parameter is unknown or missing, or shapes differ (`parameters`). A
+                value is outside its bounds (`out-of-bounds`). A single parameter set has no answer
+                for an impact (`no-answer`).
+            ModelError: a user's function fails (`own-model`).
+
+        Example:
+            >>> import fitball
+            >>> brody = fitball.model("brody")
+            >>> impacts = fitball.impacts([20.0, 5.0], 10.0)
+            >>> brody.rebound({"mu": 0.5, "cor_10": 0.75, "cor_slope": 0.0}, impacts).v_x2.shape
+            (2,)
+            >>> draws = {"mu": [0.5, 0.6, 0.7], "cor_10": 0.75, "cor_slope": 0.0}
+            >>> brody.rebound(draws, impacts).v_x2.shape
+            (3, 2)
         """
         names, values, single = self._checked(parameters)
         if impacts.v_x1.ndim > 1:
@@ -164,10 +226,30 @@ class Model:
         self,
         parameters: Mapping[str, float],
         impact: Impacts,
-        times: FloatArray,
+        times: Annotated[FloatArray, "times"],
     ) -> History:
-        """Courses of one impact (1,) at `times` (times,) [s after landing]. Raises ModelError
-        (`no-history`), ParameterError (`times`, and as `rebound`).
+        """The courses of one impact (1,) at `times` [s] after landing.
+
+        Args:
+            parameters: a number for each parameter, SI
+            impact: one incident state
+            times: times within the contact
+
+        Raises:
+            ModelError: the model has no time axis (`no-history`).
+            ParameterError: a time is outside the contact (`times`). There are several impacts or
+                draws, or a parameter is unknown or missing (`parameters`). A value is outside its
+                bounds (`out-of-bounds`). The model has no answer (`no-answer`).
+
+        Example:
+            >>> import fitball
+            >>> import numpy as np
+            >>> model = fitball.model("two-mass")
+            >>> parameters = {spec.name: spec.typical for spec in model.parameters}
+            >>> impact = fitball.impacts(20.0, 8.0)
+            >>> history = model.history(parameters, impact, np.array([0.0, 1e-3, 2e-3]))
+            >>> history.courses["slip"].round(1).tolist()
+            [15.1, 15.3, 9.9]
         """
         if not (self.timed and isinstance(self.solve, KernelSolver)):
             raise ModelError(
@@ -192,8 +274,19 @@ class Model:
         return history
 
     def kernel_call(self, parameters: Mapping[str, float]) -> KernelCall:
-        """The kernel with its arguments at one set of parameters, of which ports are made. Raises
-        ModelError (`own-model`), ParameterError (`parameters`, `out-of-bounds`).
+        """The kernel of one impact with its arguments at one set of `parameters`, SI.
+
+        Raises:
+            ModelError: the model is a Python function (`own-model`).
+            ParameterError: a parameter is unknown or missing (`parameters`), or a value is outside
+                its bounds (`out-of-bounds`).
+
+        Example:
+            >>> import fitball
+            >>> brody = fitball.model("brody")
+            >>> call = brody.kernel_call({"mu": 0.5, "cor_10": 0.75, "cor_slope": 0.0})
+            >>> call.columns[:4], call.row[:4]
+            (('mu', 'e_x', 'offset', 'cor_10'), (0.5, 0.0, 0.0, 0.75))
         """
         if not isinstance(self.solve, KernelSolver):
             raise ModelError(
@@ -211,7 +304,13 @@ class Model:
 
     @cached_property
     def specs(self) -> Mapping[str, ParameterSpec]:
-        """Its parameters and those of its ball, by name."""
+        """The parameters of the model, then those of its ball, by name.
+
+        Example:
+            >>> import fitball
+            >>> list(fitball.model("brody").specs)
+            ['mu', 'cor_10', 'cor_slope', 'ball_mass', 'ball_radius', 'inertia_ratio']
+        """
         ball = [SPECS[name] for name in BALL_PARAMETERS]
         return {spec.name: spec for spec in (*self.parameters, *ball)}
 
@@ -241,8 +340,8 @@ class Model:
         return tuple(parameters), values, stacked.ndim == 1
 
     def _check_bounds(self, specs: Sequence[ParameterSpec], values: FloatArray) -> None:
-        """Whether all `values` (draws, specs) are within their bounds; those of NaN are not. Raises
-        ParameterError (`out-of-bounds`) for the first that is not.
+        """Refuse `values` (draws, specs) outside their bounds, and NaN. Raises ParameterError
+        (`out-of-bounds`) for the first of them.
         """
         low = np.array([spec.lower for spec in specs])
         high = np.array([spec.upper for spec in specs])

@@ -30,12 +30,13 @@ THESIS_EXACT = {
 
 
 class Entry(NamedTuple):
-    """All that others know of a model. `compose` makes it of text, ball, whether there is motion
-    along the court, and its `options` (by default these), which can be changed among `choices`.
+    """What other rooms know of a model.
 
-    `equations` says in words what a ball is in it and whose equations these are; `works` are keys
-    of `report/references.bib`. It has `masses`, one of a rigid ball. `spinless`: a comparison tries
-    it where no spin was measured too.
+    `compose` makes it of its name, its text, the ball, whether there is motion along the court, and
+    its options. `options` are the default ones, which can be changed among `choices`. `equations`
+    says in words what a ball is in the model, and whose equations these are. `works` are keys of
+    `report/references.bib`. `masses` is 1 for a rigid ball. If it is `spinless`, a comparison tries
+    it on data without spins too.
     """
 
     compose: Callable[[str, str, Ball, bool, Mapping[str, str]], Model]
@@ -83,19 +84,38 @@ DEFAULT_SPINLESS = "brody"
 # The model of drops, where a mass ratio is no more than an upper end of COR.
 DEFAULT_DROPS = "two-mass+normal=total"
 # Choices that act without motion along the court.
-VERTICAL = ("normal", "release")
+VERTICAL_CHOICES = ("normal", "release")
 
 
 def model(
     text: str = "two-mass", *, ball: Ball | None = None, tangential: bool = True, **options: str
 ) -> Model:
-    """`two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free, inertia
-    tied|table, spin mean|shell, release zero_force|zero_displacement), `thesis-exact`, `grip-slip`,
-    `brody`, with options as `+NAME=OPTION` or by keyword; FILE.py:NAME. Raises ModelError
-    (`unknown-model`, `unknown-option`, `option-twice`, `own-model`).
+    """A model of the bounce by its name, or of a function in a file, FILE.py:NAME.
+
+    Names are `two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free,
+    inertia tied|table, spin mean|shell, release zero_force|zero_displacement), `thesis-exact`,
+    `grip-slip` and `brody`. The first option of each choice is the default.
 
     One law of restitution holds at every speed: `COR = c (1 + (v/v_0)^q)^(-1/q)`, with value
     `cor_10` and slope `cor_slope` at 10 m/s; c = mass_ratio with normal=momentum, else 1.
+
+    Args:
+        text: a name, with options as `+NAME=OPTION`, or FILE.py:NAME
+        ball: mass, radius and inertia of the ball; by default those of an ITF ball
+        tangential: whether the ball moves along the court too, else vertically alone
+        options: options by keyword, such as `offset="grip"`
+
+    Raises:
+        ModelError: the name is unknown (`unknown-model`), an option is unknown (`unknown-option`)
+            or named twice (`option-twice`), or the function is no model (`own-model`).
+        ParameterError: a prior of the function is missing or cannot be read (`prior`).
+
+    Example:
+        >>> import fitball
+        >>> fitball.model("two-mass+offset=grip").text
+        'two-mass+offset=grip'
+        >>> [spec.name for spec in fitball.model("brody").parameters]
+        ['mu', 'cor_10', 'cor_slope']
     """
     ball = Ball() if ball is None else ball
     if ".py:" in text:
@@ -105,11 +125,12 @@ def model(
                 "unknown-option",
             )
         return replace(model_from(text), ball=ball, tangential=tangential)
-    name, *parts = text.split("+")
+    name, *settings = text.split("+")
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}': {suggestion(name, MODELS)}", "unknown-model")
     entry = MODELS[name]
-    pairs = [*(part.partition("=")[::2] for part in parts), *options.items()]
+    pairs = [setting.partition("=")[::2] for setting in settings]
+    pairs += options.items()
     chosen = dict(pairs)
     if len(chosen) < len(pairs):
         raise ModelError(f"model {text}: an option is named twice; name it once", "option-twice")
@@ -120,13 +141,16 @@ def model(
         if value not in entry.choices[choice]:
             hint = suggestion(value, entry.choices[choice])
             raise ModelError(f"unknown {choice}={value} of model {name}: {hint}", "unknown-option")
-    every = {**entry.options, **chosen}
-    return entry.compose(name, _text(name, every), ball, tangential, every)
+    all_options = {**entry.options, **chosen}
+    return entry.compose(name, _text(name, all_options), ball, tangential, all_options)
 
 
 def model_of_data(text: str, *, ball: Ball, tangential: bool) -> Model:
-    """The model that a scene or a saved fit names: these are data, and run no file. Raises
-    ModelError as `model`, and for a function of a file (`own-model`).
+    """The model that a scene or a saved fit names as `text`: these are data, and run no file.
+
+    Raises:
+        ModelError: the name is unknown (`unknown-model`), an option is unknown (`unknown-option`)
+            or named twice (`option-twice`), or the text names a function of a file (`own-model`).
     """
     if ".py:" in text:
         words = (
@@ -140,22 +164,20 @@ def model_of_data(text: str, *, ball: Ball, tangential: bool) -> Model:
 def _text(name: str, options: Mapping[str, str]) -> str:
     """A model as `--model` takes it, with the options that are not its default."""
     default = MODELS[name].options
-    parts = [name]
-    for choice, value in options.items():
-        if value != default[choice]:
-            parts.append(f"{choice}={value}")
-    return "+".join(parts)
+    changes = [f"{choice}={value}" for choice, value in options.items() if value != default[choice]]
+    return "+".join([name, *changes])
 
 
-def variants(chosen: Model) -> tuple[str, ...]:
-    """Texts of all models that differ from `chosen` in one option, of those options that act
-    without motion along the court if it has none; no text for a user's function.
+def option_variants(chosen: Model) -> tuple[str, ...]:
+    """Texts of all models that differ from `chosen` in one option, as `--model` takes them.
+
+    Without motion along the court only VERTICAL_CHOICES differ. A user's function has no options.
     """
     if chosen.name not in MODELS:
         return ()
     texts = []
     for choice, values in MODELS[chosen.name].choices.items():
-        if not chosen.tangential and choice not in VERTICAL:
+        if not chosen.tangential and choice not in VERTICAL_CHOICES:
             continue
         others = [value for value in values if value != chosen.options[choice]]
         texts += [_text(chosen.name, {**chosen.options, choice: value}) for value in others]
@@ -163,8 +185,10 @@ def variants(chosen: Model) -> tuple[str, ...]:
 
 
 def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
-    """Texts of the models that can differ on data with motion along the court (`tangential`) and
-    with `spin`, or without, the default there last; if `quick` none of the variants.
+    """Texts of the models that a comparison tries, the default model of such data last.
+
+    Data have motion along the court if `tangential`, and spins if `spin`. If `quick` the variants
+    of the default model are left out.
     """
     if not tangential:
         return (DEFAULT_DROPS,)
@@ -176,5 +200,5 @@ def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[st
     if not quick:
         # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names
         # it.
-        others += [text for text in variants(model(DEFAULT)) if "normal=inner" not in text]
+        others += [text for text in option_variants(model(DEFAULT)) if "normal=inner" not in text]
     return (*others, DEFAULT)

@@ -173,11 +173,11 @@ _ALL = (
 SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
 # Parameters of the ball, which every model has, in the order of the last columns of a kernel's row.
 BALL_PARAMETERS = ("ball_mass", "ball_radius", "inertia_ratio")
-# Names of the models of `registry`, which no function of one's own may have.
-NAMES = ("two-mass", "thesis-exact", "grip-slip", "brody")
+# Names of the models of `registry`, which no function of a user may have.
+MODEL_NAMES = ("two-mass", "thesis-exact", "grip-slip", "brody")
 # Names that no parameter of a function may have: parameters that are not of a model, derived
 # quantities, and dimensions of files.
-TAKEN = (
+TAKEN_NAMES = (
     "scale",
     "clock",
     "tilt",

@@ -1,30 +1,29 @@
-"""The two-mass ball: rows and flags of a composition, batches over threads."""
+"""The two-mass ball: its parameters, and the flags of its kernel, for each choice of options."""
 
 from collections.abc import Mapping
 from typing import ClassVar
 
 from fitball.base.values import Ball
 from fitball.models.kernels.batch import bounces
-from fitball.models.kernels.contact import CHOICES as FLAGS
-from fitball.models.kernels.contact import COLUMNS
+from fitball.models.kernels.contact import FLAG_CHOICES, TWO_MASS_COLUMNS
 from fitball.models.kernels.phases import bounce
 from fitball.models.model import KernelSolver, Model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
 # Options of each choice, in the order of a kernel's flags.
-CHOICES: Mapping[str, tuple[str, ...]] = dict(FLAGS)
+CHOICES: Mapping[str, tuple[str, ...]] = dict(FLAG_CHOICES)
 # Values of columns without a parameter, where not zero: in a drop core and shell have any inertia.
-ABSENT = {"inertia_split": 0.5}
+ABSENT_VALUES = {"inertia_split": 0.5}
 # Options without motion along the court: a drop has no twist, whose damping could not be matched.
-DROP = {"torsion": "free", "inertia": "table"}
+DROP_OPTIONS = {"torsion": "free", "inertia": "table"}
 
 
 class TwoMass(KernelSolver):
-    """The two-mass ball under its choices."""
+    """Rebounds of the two-mass ball under its choices, by the kernels of `phases`."""
 
     entry = staticmethod(bounce)
     batch = staticmethod(bounces)
-    columns: ClassVar[tuple[str, ...]] = COLUMNS
+    columns: ClassVar[tuple[str, ...]] = TWO_MASS_COLUMNS
 
 
 def _parameters(options: Mapping[str, str], tangential: bool) -> tuple[str, ...]:
@@ -57,10 +56,11 @@ def compose(
     tangential: bool,
     options: Mapping[str, str],
 ) -> Model:
-    """The two-mass model under `options`, one of each choice, with its parameters; of a ball that
-    moves along the court too if `tangential`.
+    """The two-mass model under `options`, which has one option of each choice.
+
+    The ball moves along the court too if `tangential`. `name` and `text` are those of the model.
     """
-    used = options if tangential else {**options, **DROP}
+    used = options if tangential else {**options, **DROP_OPTIONS}
     flags = (
         CHOICES["normal"].index(used["normal"]),
         CHOICES["offset"].index(used["offset"]),
@@ -69,8 +69,8 @@ def compose(
         CHOICES["spin"].index(used["spin"]),
         CHOICES["release"].index(used["release"]),
     )
-    columns = COLUMNS[: -len(BALL_PARAMETERS)]
-    solver = TwoMass(flags, tuple(ABSENT.get(column, 0.0) for column in columns))
+    columns = TWO_MASS_COLUMNS[: -len(BALL_PARAMETERS)]
+    solver = TwoMass(flags, tuple(ABSENT_VALUES.get(column, 0.0) for column in columns))
     specs = tuple(SPECS[parameter] for parameter in _parameters(options, tangential))
     below = (("cor_10", "mass_ratio"),) if options["normal"] == "momentum" else ()
     return Model(name, text, ball, options, specs, solver, tangential, timed=True, below=below)

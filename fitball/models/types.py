@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Annotated
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from fitball.base.values import FloatArray, IntArray
 
 
 class Phase(IntEnum):
-    """Motion of the contact point; digits of a packed regime."""
+    """Motion of the contact point: the octal digits of a packed regime."""
 
     SLIDE_FORWARD = 1
     SLIDE_BACKWARD = 2
@@ -21,7 +22,7 @@ class Phase(IntEnum):
 
 
 class Status(IntEnum):
-    """Why an impact has no answer; REASONS has the sentences, which say what to do."""
+    """Why an impact has no answer. REASONS has the sentences, which say what to do."""
 
     OK = 0
     COR_OUT_OF_RANGE = 1
@@ -61,49 +62,91 @@ PHASE_NAMES = {
     Phase.HOLD: "hold",
     Phase.FREE: "free",
 }
-# Bits of a phase in a packed regime, which has the first phase in its lowest bits.
+# Bits of a phase in a packed regime, which has the first phase in its lowest bits: enough for five
+# phases and none.
 PHASE_BITS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Rebound:
-    """Rebounds, each array (draws, impacts), SI: velocity, spin, `contact_time`; time, path and
-    turn between the flights (gaps; NaN without a time axis, as `contact_time`); the packed
-    `regime`. Numbers are NaN where `status` is not OK.
+    """Rebounds of a model, each array (draws, impacts), or (impacts,) of a single parameter set.
+
+    `v_x2` and `v_y2` are the velocity along the court and away from it [m/s], `omega_2` is the spin
+    [rad/s], topspin positive. The contact lasts `contact_time` [s]. Between the flights before and
+    after it lie `gap_time` [s], `gap_path` [m] and `gap_turn` [rad]. These four are NaN of a model
+    without a time axis. `regime` packs the phases (`regime_name`). `status` is zero for an answer;
+    elsewhere numbers are NaN.
+
+    Example:
+        >>> import fitball
+        >>> brody = fitball.model("brody")
+        >>> parameters = {"mu": 0.5, "cor_10": 0.75, "cor_slope": 0.0}
+        >>> after = brody.rebound(parameters, fitball.impacts([30.0, 5.0], 10.0))
+        >>> after.v_y2.tolist()
+        [7.5, 7.5]
+        >>> [fitball.regime_name(code) for code in after.regime]
+        ['slide', 'grip']
     """
 
-    v_x2: FloatArray
-    v_y2: FloatArray
-    omega_2: FloatArray
-    contact_time: FloatArray
-    gap_time: FloatArray
-    gap_path: FloatArray
-    gap_turn: FloatArray
-    regime: IntArray
-    status: IntArray
+    v_x2: Annotated[FloatArray, "... impacts"]
+    v_y2: Annotated[FloatArray, "... impacts"]
+    omega_2: Annotated[FloatArray, "... impacts"]
+    contact_time: Annotated[FloatArray, "... impacts"]
+    gap_time: Annotated[FloatArray, "... impacts"]
+    gap_path: Annotated[FloatArray, "... impacts"]
+    gap_turn: Annotated[FloatArray, "... impacts"]
+    regime: Annotated[IntArray, "... impacts"]
+    status: Annotated[IntArray, "... impacts"]
 
-    def column(self, name: str) -> FloatArray:
-        """A rebound column (draws, impacts), SI: an output, or a function of the velocity."""
+    def column(self, name: str) -> Annotated[FloatArray, "... impacts"]:
+        """The rebound column `name` in SI: an output, or a function of the velocity, as `v_2`.
+
+        Example:
+            >>> import fitball
+            >>> model = fitball.model("brody")
+            >>> parameters = {"mu": 0.5, "cor_10": 0.75, "cor_slope": 0.0}
+            >>> after = model.rebound(parameters, fitball.impacts(0.0, 8.0))
+            >>> after.column("v_2").round(6).tolist()
+            [6.0]
+        """
         formula = COLUMNS[name].formula
         if formula is not None:
             return formula(self.v_x2, self.v_y2)
         output: FloatArray = getattr(self, name)
         return output
 
-    def answers(self, name: str) -> FloatArray:
-        """A rebound column (draws, impacts), NaN where there is no answer."""
+    def answers(self, name: str) -> Annotated[FloatArray, "... impacts"]:
+        """The rebound column `name` in SI, NaN where the model has no answer.
+
+        Example:
+            >>> import fitball
+            >>> model = fitball.model("brody")
+            >>> parameters = {"mu": 0.5, "cor_10": [0.75, 0.0], "cor_slope": 0.0}
+            >>> after = model.rebound(parameters, fitball.impacts(0.0, 8.0))
+            >>> after.answers("v_y2").tolist()
+            [[6.0], [nan]]
+        """
         return np.asarray(np.where(self.status == Status.OK, self.column(name), np.nan))
 
 
 def regime_name(regime: int) -> str:
-    """A packed regime in words: `slide, grip, slide back`. Raises ParameterError (`regime`)."""
+    """A packed `regime` of a rebound in words, the first phase first.
+
+    Raises:
+        ParameterError: the number is no packed regime (`regime`).
+
+    Example:
+        >>> import fitball
+        >>> fitball.regime_name(0o231)
+        'slide, grip, slide back'
+    """
     phases = []
     mask = (1 << PHASE_BITS) - 1
-    rest = int(regime)
-    while rest > 0:
-        phases.append(rest & mask)
-        rest >>= PHASE_BITS
-    if rest < 0 or not all(phase in PHASE_NAMES for phase in phases):
+    remaining = int(regime)
+    while remaining > 0:
+        phases.append(remaining & mask)
+        remaining >>= PHASE_BITS
+    if remaining < 0 or not all(phase in PHASE_NAMES for phase in phases):
         raise ParameterError(
             f"read regime {regime}: expected a packed regime of a rebound",
             "regime",

@@ -130,7 +130,7 @@ class Dialect:
         """The definition of a constant."""
         form = self.constant_struct if isinstance(value, tuple) else self.constant_number
         if isinstance(value, list):
-            items = listed(map(self.literal, value))
+            items = item_lines(map(self.literal, value))
             return self.constant_list.format(
                 type=self.type(type(value[0])),
                 name=self.constant(name),
@@ -143,7 +143,7 @@ class Dialect:
         )
 
 
-def listed(items: Iterable[str]) -> str:
+def item_lines(items: Iterable[str]) -> str:
     """Items of a constant list, in lines."""
     return "\n".join(wrap(", ".join(items), 110, initial_indent="    ", subsequent_indent="    "))
 

@@ -15,6 +15,7 @@ from fitball.base.values import FloatArray
 from fitball.models.grip_slip import GripSlip, struck
 from fitball.models.kernels.contact import (
     ANCHOR_SPEED,
+    NO_IMPACT,
     OFFSET,
     OFFSET_CONTACT,
     OK,
@@ -23,13 +24,13 @@ from fitball.models.kernels.contact import (
     law_of,
     restitution,
 )
-from fitball.models.kernels.phases import FREE, GRIP, PHASE_BITS, Outcome, unsolved
+from fitball.models.kernels.phases import FREE, GRIP, Outcome, unsolved
 from fitball.models.kernels.phases import rebound as followed
 from fitball.models.model import KernelSolver
 from fitball.models.two_mass import TwoMass
-from fitball.models.types import Status
+from fitball.models.types import PHASE_BITS
 
-NO_IMPACT = +Status.NO_IMPACT
+# Status of an impact with numbers that are not finite, which no kernel has.
 NOT_FINITE = -1
 # A contact that is free at once after its first phase, packed.
 FREED = FREE << PHASE_BITS

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fitball.exports.ports import offered
-from fitball.exports.ports.dialects import listed
-from fitball.exports.ports.source import Source, Type, fields_of, is_struct
+from fitball.exports.ports.dialects import item_lines
+from fitball.exports.ports.source import KernelSource, Type, fields_of, is_struct
 
 
 def over(a: float, b: float) -> float:
@@ -52,7 +52,7 @@ HELPERS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-def function_text(source: Source, name: str) -> str:
+def function_text(source: KernelSource, name: str) -> str:
     """A function."""
     return ast.unparse(source.functions[name])
 
@@ -66,7 +66,7 @@ def struct_text(kind: Type) -> str:
 def constant_text(name: str, value: Any) -> str:
     """The definition of a constant."""
     return (
-        f"{name} = [\n{listed(map(repr, value))}]"
+        f"{name} = [\n{item_lines(map(repr, value))}]"
         if isinstance(value, list)
         else f"{name} = {value!r}"
     )

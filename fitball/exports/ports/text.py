@@ -19,13 +19,12 @@ from fitball.exports.parameter_set import ParameterSet
 from fitball.exports.ports import offered, python
 from fitball.exports.ports.dialects import CSHARP, JAVASCRIPT, C, Dialect
 from fitball.exports.ports.offered import FRONTS, Front
-from fitball.exports.ports.source import Source, collected
+from fitball.exports.ports.source import KernelSource, source_of
 from fitball.exports.ports.translate import translated
 from fitball.models.kernels.batch import OUTPUTS
-from fitball.models.kernels.contact import CHOICES, Flags
-from fitball.models.kernels.phases import PHASE_BITS
+from fitball.models.kernels.contact import FLAG_CHOICES, Flags
 from fitball.models.model import KernelCall, Model
-from fitball.models.types import PHASE_NAMES, REASONS, Rebound, Status, regime_name
+from fitball.models.types import PHASE_BITS, PHASE_NAMES, REASONS, Rebound, Status, regime_name
 from fitball.version import __version__
 
 # Largest difference that a self-test allows: other mathematical libraries differ by their last
@@ -44,7 +43,7 @@ PHASES = 17
 # Characters of a name at most, beginnings included: C99 distinguishes 63.
 LONGEST = 40
 # Names that files have besides.
-TAKEN = ("SELF_TEST",)
+TAKEN_CONSTANTS = ("SELF_TEST",)
 # Punctuation that means nothing in a comment.
 HARMLESS = " .,:;_-+=()[]%'/&^×±"
 # Languages that are translated to; Python gets the kernels' own text.
@@ -152,7 +151,7 @@ def _indented(margin: str, lines: Sequence[str]) -> str:
     return "\n".join(f"{margin}{line}".rstrip() for line in lines)
 
 
-def _check_translation(source: Source) -> None:
+def _check_translation(source: KernelSource) -> None:
     """Raises UnportableError for what C would not be given: Python would notice it only when the
     file is run, if at all.
     """
@@ -166,13 +165,13 @@ def _source(
     calls: Sequence[KernelCall],
     golden: Sequence[list[list[float]]],
     dialect: Dialect | None,
-) -> Source:
+) -> KernelSource:
     """The functions of a port with its numbers."""
     # Named tuples whose fields are known at run time alone.
     struct: Any = NamedTuple
     columns = (*calls[0].columns, "v_y1_low", "v_y1_high")
     row_type = struct("Parameters", [(name, float) for name in columns])
-    choices = struct("Choices", [(name, int) for name, _ in CHOICES])
+    choices = struct("Choices", [(name, int) for name, _ in FLAG_CHOICES])
     flags = calls[0].flags
     numbers = [
         [float(k), *np.nan_to_num(row).tolist()] for k, rows in enumerate(golden) for row in rows
@@ -192,7 +191,7 @@ def _source(
     types = {FloatArray: row_type, Flags: choices, offered.Parameters: row_type}
     helpers = python.HELPERS if dialect is None else dialect.helpers
     functions = (offered.rebound, offered.rebound_3d, offered.self_test)
-    return collected(functions, constants, types, helpers)
+    return source_of(functions, constants, types, helpers)
 
 
 def _golden_table(sets: Sequence[ParameterSet], golden: Sequence[list[list[float]]]) -> str:
@@ -219,7 +218,7 @@ def _names(labels: Sequence[str]) -> list[str]:
             name = f"BALL_{name}".rstrip("_")
         name = name[:LONGEST].rstrip("_")
         numbered = chain([name], (f"{name}_{k}" for k in count(2)))
-        names.append(next(name for name in numbered if name not in (*names, *TAKEN)))
+        names.append(next(name for name in numbered if name not in (*names, *TAKEN_CONSTANTS)))
     return names
 
 

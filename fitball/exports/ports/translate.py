@@ -9,7 +9,7 @@ from typing import get_args
 
 from fitball.exports.ports.dialects import Dialect
 from fitball.exports.ports.source import (
-    Source,
+    KernelSource,
     Type,
     UnportableError,
     fields_of,
@@ -39,7 +39,7 @@ _SIGNS: Mapping[type[ast.AST], str] = {
 _WHOLE = ("//", "%", "|", "<<")
 
 
-def translated(source: Source, name: str, dialect: Dialect) -> str:
+def translated(source: KernelSource, name: str, dialect: Dialect) -> str:
     """One function in a language. Raises UnportableError for what has no translation."""
     walk = _Walk(source, name, dialect)
     walk.infer()
@@ -144,7 +144,7 @@ class _Walk:
     too.
     """
 
-    def __init__(self, source: Source, name: str, dialect: Dialect) -> None:
+    def __init__(self, source: KernelSource, name: str, dialect: Dialect) -> None:
         self.all = source
         self.dialect = dialect
         self.of = name

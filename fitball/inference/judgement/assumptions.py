@@ -26,7 +26,7 @@ from fitball.inference.search.objective import Objective, descend
 from fitball.inference.summary import summarise
 from fitball.models.model import Model
 from fitball.models.registry import model as model_of
-from fitball.models.registry import variants
+from fitball.models.registry import option_variants
 
 # Impacts below which a score means nothing: of five its standard error is known to a third only.
 FEW = 6
@@ -123,7 +123,7 @@ def alternatives(
             tried.append(_compared(choice, instead_of, base, there, to_all, rng))
         except FitballError as error:
             tried.append(_untried(choice, instead_of, changed, str(error)))
-    if not variants(model):
+    if not option_variants(model):
         reason = "the model has no choices that could be changed"
         tried.append(_untried(MODEL, model.text, model, reason))
     return tuple(tried), dict(here.summaries)
@@ -149,7 +149,7 @@ def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
     model = problem.forward.model
     noise = problem.forward.noise
     choices = problem.choices
-    for text in variants(model):
+    for text in option_variants(model):
         variant = model_of(text, ball=model.ball, tangential=model.tangential)
         name, option = next(
             (name, option)

@@ -34,22 +34,22 @@ R = TypeVar("R")
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that other kernels and Python call: not cached on disk by itself."""
+    """Compile a kernel that other kernels and Python call; it is not cached on disk by itself."""
     compiled: Callable[P, R] = numba.njit(**OPTIONS)(function)
     return compiled
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """A part of kernels, expanded where it is called (without that a bounce takes 1.8 times as
-    long).
+    """Compile a function that is expanded in the kernels that call it. Without that a bounce takes
+    1.8 times as long.
     """
     compiled: Callable[P, R] = numba.njit(**INNER)(function)
     return compiled
 
 
 @functools.cache
-def folder() -> Path:
-    """The folder in which these sources, compiled by this numba, are cached."""
+def kernel_folder() -> Path:
+    """The folder in which the kernels, compiled of these sources by this numba, are cached."""
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(source.read_bytes())
@@ -58,12 +58,12 @@ def folder() -> Path:
 
 
 def entry(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that Python calls, cached on disk; the first call compiles it, or waits for a
+    """Make a kernel that Python calls, cached on disk. The first call compiles it, or waits for a
     process that does.
     """
     settings: Any = numba.config
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = os.fspath(folder())
+    settings.CACHE_DIR = os.fspath(kernel_folder())
     try:
         compiled: Callable[P, R] = numba.njit(cache=True, **OPTIONS)(function)
     finally:
@@ -75,7 +75,7 @@ def entry(function: Callable[P, R]) -> Callable[P, R]:
         nonlocal ready
         if ready:
             return compiled(*arguments, **named)
-        mark = folder() / f"{function.__module__}.{function.__name__}"
+        mark = kernel_folder() / f"{function.__module__}.{function.__name__}"
         with once_for_all_processes(mark, "compiling the models, once"):
             collecting = gc.isenabled()
             # A compiler makes little but objects that stay.

@@ -7,7 +7,7 @@ ball is taken to leave: at `y = 0` (Eq. 5), or when the force has fallen to zero
 `v_y2 = COR v_y1` (Eq. 7).
 
 Constants of a parameter set are made once (`ball_of`) for all its impacts. Choices are small
-integers (`CHOICES`).
+integers (`FLAG_CHOICES`).
 """
 
 import math
@@ -40,7 +40,7 @@ REBOUND_FALLS = +Status.REBOUND_FALLS
 NO_IMPACT = +Status.NO_IMPACT
 
 # Parameters in the order of a kernel's row, and the places of each.
-COLUMNS = (
+TWO_MASS_COLUMNS = (
     "mass_ratio",
     "k_y",
     "k_theta",
@@ -69,10 +69,10 @@ COLUMNS = (
     BALL_MASS,
     BALL_RADIUS,
     INERTIA_RATIO,
-) = range(len(COLUMNS))
+) = range(len(TWO_MASS_COLUMNS))
 
 # The choices of a composition in the order of `flags`, each the place of its option here.
-CHOICES = (
+FLAG_CHOICES = (
     ("normal", ("inner", "momentum", "total")),
     ("offset", ("grip", "contact")),
     ("torsion", ("matched", "free")),
@@ -197,7 +197,7 @@ def law_of(cor_10: float, cor_slope: float, cap: float) -> tuple[int, Law]:
 
 @kernel
 def ball_of(row: FloatArray, flags: Flags) -> tuple[int, Ball]:
-    """Status and constants of a parameter set `row` (COLUMNS) under the choices `flags`."""
+    """Status and constants of a parameter set `row` under the choices `flags`."""
     ratio = row[MASS_RATIO]
     mass = row[BALL_MASS]
     radius = row[BALL_RADIUS]

@@ -52,14 +52,12 @@ from fitball.models.kernels.motion import (
     swings_anew,
     swung,
 )
-from fitball.models.types import Phase
+from fitball.models.types import PHASE_BITS, Phase
 
 # In place of a phase: the friction cone decides which one follows.
 UNDECIDED = 0
 # Phases as kernels have them: plain integers.
 SLIDE_FORWARD, SLIDE_BACKWARD, GRIP, HOLD, FREE = (int(phase) for phase in Phase)
-# Bits of a phase in a packed regime (`types.PHASE_BITS`), enough for five of them and none.
-PHASE_BITS = 3
 # Phases that a packed regime has room for: 60 bits, below the sign of 64.
 MAX_PACKED_PHASES = 20
 # Pieces after which a contact is given up (status TOO_MANY_PHASES).
@@ -443,8 +441,8 @@ def bounce(
     omega: float,
     cor: float,
 ) -> Outcome:
-    """Solve one impact of a parameter set `row` (COLUMNS,) under the choices `flags`, SI; `cor`
-    replaces the law of restitution unless it is NaN.
+    """Solve one impact of a parameter set `row`, in the order of TWO_MASS_COLUMNS, SI, under the
+    choices `flags`; `cor` replaces the law of restitution unless it is NaN.
     """
     status, ball = ball_of(row, flags)
     if status != OK:
