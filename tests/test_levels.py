@@ -205,17 +205,17 @@ def test_spreads_are_published_for_tennis_balls_and_shares_for_others():
 
     table = table_of(REBOUND, labels=("surface",))
     light = Scene(ball=BallSection(mass=0.0027, radius=0.02))
-    tennis = problem_of(table).known
-    other = problem_of(table, light).known
+    tennis = problem_of(table).prior_texts
+    other = problem_of(table, light).prior_texts
     assert tennis["mu_spread"] == "half-t(0.2, 4)"
     assert tennis["cor_10_spread"] == "half-t(0.03, 4)"
     assert other["mu_spread"] == "half-t(0.3, 4)"
     assert scale(other["cor_10_spread"]) == pytest.approx(0.3 * 0.75, rel=0.02)
-    by_ball = problem_of(table_of(REBOUND, labels=("ball",)), light).known
+    by_ball = problem_of(table_of(REBOUND, labels=("ball",)), light).prior_texts
     assert scale(by_ball["offset_spread"]) == pytest.approx(0.005 / 3, rel=1e-5)
-    stated = problem_of(table, prior={"mu_spread": "half-t(0.1, 3)"}).known
+    stated = problem_of(table, prior={"mu_spread": "half-t(0.1, 3)"}).prior_texts
     assert stated["mu_spread"] == "half-t(0.1, 3)"
-    published = problem_of(table, prior={"mu_spread": "literature:place"}).known
+    published = problem_of(table, prior={"mu_spread": "literature:place"}).prior_texts
     assert published["mu_spread"] == "half-t(0.04, 4)"
 
 

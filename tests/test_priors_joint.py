@@ -204,7 +204,7 @@ def test_priors_that_nobody_chose():
     table = table_of(TIMED, "sd", gaps=True)
     speed = np.median(np.hypot(table.values["v_x1"], table.values["v_y1"]))
     angle = f"{np.arctan2(0.25, speed):.2g}"
-    stated = problem_of(table, text="two-mass").known
+    stated = problem_of(table, text="two-mass").prior_texts
     assert {n: stated[n] for n in stated if n.endswith("_sd")} == {
         "v_x_sd": "half-t(0.25, 4)",
         "v_y_sd": "half-t(0.25, 4)",
@@ -310,7 +310,7 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
         "v_x_sd": "0.3",
     }
     again = build_problem(table, scene, problem.choices, prior_texts=stored)
-    assert again.known == stored
+    assert again.prior_texts == stored
     assert again.free == tuple(n for n in problem.free if n != "v_x_sd")
     q = near(problem, 3)
     same = build_problem(table, scene, problem.choices, prior_texts=problem.prior_texts)
@@ -318,7 +318,7 @@ def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     assert same.notes == problem.notes
     assert_array_equal(same.prior.log_density(q), problem.prior.log_density(q))
     literature = problem_of(table, prior={"mu": "literature:clay"}, pool={"mu": "none"})
-    assert literature.known["mu"].startswith("normal(0.73")
+    assert literature.prior_texts["mu"].startswith("normal(0.73")
     assert "published-prior" in {note.code for note in literature.notes}
 
 
@@ -358,7 +358,7 @@ def test_tables_that_cannot_be_fitted():
     with pytest.raises(FitError) as caught:
         problem_of(tied, fix={"v_x_sd": 0.0, "spin_sd": 0.0})
     assert caught.value.code == "singular-errors"
-    assert problem_of(corr, fix={"v_x_sd": 0.0, "spin_sd": 0.0}).known["spin_sd"] == "0.0"
+    assert problem_of(corr, fix={"v_x_sd": 0.0, "spin_sd": 0.0}).prior_texts["spin_sd"] == "0.0"
     # Whichever side of nothing rounding leaves.
     for sd in np.linspace(0.05, 0.3, 12):
         given = made(

@@ -17,7 +17,7 @@ from fitball.base.text import column_head
 from fitball.base.values import DataFrame
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted
-from fitball.inference.problem.levels import FREEDOM, usual_spread
+from fitball.inference.problem.levels import SPREAD_FREEDOM, usual_spread
 from fitball.uses.hierarchy import (
     LEAST_GROUPS,
     Group,
@@ -142,7 +142,7 @@ def _measured_quantity(tested: _Tested, unit: str) -> Quantity:
     error = (tested.high - tested.low) / _SDS_IN_INTERVAL
     group = measured_group(tested.value, error)
     size = usual_spread(tested.value, 0.0, log=False)
-    prior = f"half-t({size:.6g}, {FREEDOM})"
+    prior = f"half-t({size:.6g}, {SPREAD_FREEDOM})"
     spread = parse_prior(ParameterSpec(tested.name, "", 0.0, np.inf, prior, "", ""))
     return Quantity(group, spread, False, unit, tested.display_unit, tested.meaning)
 
