@@ -1,4 +1,4 @@
-"""`Fitted`: a calibration, stored and computed."""
+"""`Fitted`: a calibration, of which some is stored and the rest is computed from that."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -31,10 +32,12 @@ from fitball.version import __version__
 
 @dataclass(frozen=True)
 class Run:
-    """All that a fit depends on: the data themselves; prior or fixed value of every parameter,
-    `known`; SHA-256 of a function of one's own; version. `key` is the SHA-256 of it but for
-    `cores`: equal keys give equal bytes, and by it a batch knows what is finished, whatever words
-    change. `packages` are versions of others, on which last digits may depend.
+    """All that a fit depends on: the data themselves, the scene, what was chosen, and versions.
+
+    `known` has the prior or fixed value of every parameter as text. `model_source` is the SHA-256
+    of a user's own function, empty without one. `key` is the SHA-256 of all but `cores`: equal keys
+    give equal bytes, and by it a batch knows which fits are finished. `packages` are versions of
+    other packages, on which last digits may depend; they are not in the key.
     """
 
     table: ImpactTable
@@ -49,12 +52,12 @@ class Run:
 
 
 def run_of(problem: Problem, effort: Effort) -> Run:
-    """What a fit of this problem depends on."""
+    """All that a fit of this problem depends on, with its key."""
     table = problem.table
     source = problem.forward.model.source
     # No number depends on the number of cores.
     same = msgspec.structs.replace(effort, cores=None)
-    words = [
+    contents = [
         problem.scene,
         problem.choices,
         same,
@@ -63,7 +66,7 @@ def run_of(problem: Problem, effort: Effort) -> Run:
         __version__,
         dict(table.labels),
     ]
-    digest = sha256(msgspec.json.encode(words, order="deterministic"))
+    digest = sha256(msgspec.json.encode(contents, order="deterministic"))
     for columns in (table.values, table.sd, table.corr):
         for name, column in columns.items():
             digest.update(name.encode() + np.ascontiguousarray(column).tobytes())
@@ -86,13 +89,13 @@ def draws_of(
     posterior: schema.Posterior | None,
     effort: Effort,
 ) -> Draws:
-    """PREDICTING draws of every parameter, with `mu[new]` and `mu_spread` of levels; none of a
-    point fit.
+    """Draws of every parameter, PREDICTING of them at most, with `mu[new]` and `mu_spread` of
+    leveled ones; no draws of a point fit.
     """
     point = fit.optima[0]
     best = {name: np.array([value]) for name, value in point.items()}
-    # A level of which nothing was measured has no best value: the middle of what is known of it
-    # stands for that.
+    # A level of which nothing was measured has no best value: the median of its prior, given the
+    # best values of the others, takes its place.
     q = np.repeat(problem.coordinates(point)[np.newaxis], PREDICTING, axis=0)
     beyond = problem.prior.draw_new_levels(q, effort.stream("levels"))
     for name, draws in beyond.items():
@@ -113,9 +116,11 @@ def draws_of(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fitted:
-    """A calibration. Its fields are stored; what follows from them in under a second is computed
-    when first asked for and never stored: problem, draws, frames, lab results, golden impacts.
-    `own`, a model of one's own, is not stored either. Equal to the last digit but for `seconds`.
+    """A calibration. Its fields are stored, but for `own`, a user's own model.
+
+    What follows from them in under a second is computed when first asked for and never stored:
+    problem, draws, frames. Two are equal (`==`) if all but times, cores and notes is equal to the
+    last digit.
     """
 
     run: Run
@@ -150,15 +155,31 @@ class Fitted:
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
-        """As files have them."""
+        """The frames that are saved as tables, by name.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> list(fit.frames)
+            ['summary', 'predictions', 'balances', 'regimes']
+        """
         return {
             name: getattr(self, name) for name in ("summary", "predictions", "balances", "regimes")
         }
 
     @cached_property
     def problem(self) -> Problem:
-        """Built again from `run`. Raises ModelError (`own-model`) without its function of one's
-        own.
+        """The problem that was fitted, built again from `run`.
+
+        Raises:
+            ModelError: the fit was made with a function of the user's own, and `own` is not that
+                (`own-model`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.problem.free
+            ('cor_10', 'cor_slope')
         """
         run = self.run
         if run.model_source and (self.own is None or self.own.source != run.model_source):
@@ -171,19 +192,42 @@ class Fitted:
 
     @cached_property
     def draws(self) -> Draws:
-        """PREDICTING draws of every parameter, with `mu[new]` and `mu_spread` of levels; none of a
-        point fit.
+        """Draws of every parameter, up to 4,000, with `mu[new]` and `mu_spread` of leveled ones; no
+        draws of a point fit. `point` has the best values, in SI.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> round(fit.draws.point["cor_10"], 2)
+            0.73
+            >>> fit.draws.values["cor_10"].size
+            0
         """
         return draws_of(self.problem, self.point, self.posterior, self.run.effort)
 
     @property
     def reported(self) -> list[schema.Estimate]:
-        """Parameters, then derived quantities."""
+        """The estimates of all parameters, then of derived quantities.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> [estimate.name for estimate in fit.reported]
+            ['k_y', 'cor_10', 'cor_slope', 'v_y_sd', 'cor_254cm', 'rebound_254cm']
+        """
         return [*self.parameters.values(), *self.derived.values()]
 
     @cached_property
     def covariance(self) -> DataFrame:
-        """Of all draws of the free parameters, a row and a column each; empty for a point fit."""
+        """The covariance of all draws of the free parameters, in SI, a row and a column for each;
+        empty for a point fit.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.covariance.empty
+            True
+        """
         import pandas as pd
 
         if self.posterior is None:
@@ -194,13 +238,34 @@ class Fitted:
 
     @property
     def correlation(self) -> DataFrame:
-        """The same over the sds."""
+        """The correlation of all draws of the free parameters, a row and a column for each; empty
+        for a point fit.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.correlation.empty
+            True
+        """
         sd = np.sqrt(np.diagonal(self.covariance))
         correlation: DataFrame = self.covariance / np.multiply.outer(sd, sd)
         return correlation
 
     def quantity(self, name: str) -> Quantity:
-        """A parameter or derived quantity. Raises ParameterError (`unknown-quantity`)."""
+        """A parameter or derived quantity by name, with its rule from values to draws in SI.
+
+        Raises:
+            ParameterError: there is no quantity of this name (`unknown-quantity`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> height = fit.quantity("rebound_254cm")
+            >>> height.spec.unit
+            'm'
+            >>> height.rule(fit.draws.best).round(2)
+            array([1.36])
+        """
         if name not in self._quantities:
             raise ParameterError(
                 f"read '{name}': {suggestion(name, self._quantities)}",
@@ -210,60 +275,121 @@ class Fitted:
 
     @cached_property
     def _quantities(self) -> Mapping[str, Quantity]:
+        """All quantities by name: parameters, derived ones, and held constants."""
         # Held constants of ball and camera, which may be tried, are no parameters of the problem.
         held = {name: SPECS[name] for name in BALL_PARAMETERS} | dict(CAMERA_SPECS)
         quantities = {name: quantity_of(spec) for name, spec in held.items()}
-        for item in self.problem.parameters:
-            quantities[item.spec.name] = quantity_of(item.spec)
+        for fitted in self.problem.parameters:
+            quantities[fitted.spec.name] = quantity_of(fitted.spec)
         for quantity in self.problem.derived:
             quantities[quantity.spec.name] = quantity
         return quantities
 
-    def prior_draws(self, name: str, count: int) -> FloatArray:
-        """Draws (count,) of a quantity under the priors alone."""
+    def prior_draws(self, name: str, count: int) -> Annotated[FloatArray, "draws"]:
+        """Draws of a quantity under the priors alone, in SI, `count` of them.
+
+        Raises:
+            ParameterError: there is no quantity of this name (`unknown-quantity`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.prior_draws("cor_10", 1000).shape
+            (1000,)
+        """
         problem = self.problem
         q = problem.prior.draw(self.run.effort.stream("prior"), count)
         return self.quantity(name).rule(problem.values(q))
 
     @cached_property
     def summary(self) -> DataFrame:
-        """A row a parameter and derived quantity. The only layout of these numbers;
-        `report.fit_page` has its columns and those of the other frames.
+        """The frame of results: a row for each parameter and derived quantity, by name, with median,
+        intervals and verdict, in SI. The report explains its columns.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.summary.loc["cor_10", "verdict"]
+            'given'
+            >>> float(fit.summary["point"]["cor_10"].round(2))
+            0.73
         """
         return frames.summary_frame(self.reported, self.profiles, self.diagnostics, self.variants)
 
     @cached_property
     def predictions(self) -> DataFrame:
-        """A row an impact and measured column."""
+        """The frame of predictions of the fitted impacts: a row for each impact and measured column,
+        in SI.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.predictions["observed"].tolist()
+            [2.9773, 4.3706, 5.7912, 7.3798, 8.8007]
+        """
         return frames.predictions_frame(self.problem, self.draws, self.run.effort.stream("predict"))
 
     @cached_property
     def balances(self) -> DataFrame:
-        """A row an impact: restitution, friction, offset and energy by conservation laws alone,
-        with sds.
+        """The frame of balances: a row for each impact, with restitution, friction, offset and lost
+        energy by conservation laws alone, and their sds.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.balances["cor"].round(2).tolist()
+            [0.74, 0.73, 0.72, 0.74, 0.73]
         """
         return frames.balances_frame(self.problem, self.draws)
 
     @cached_property
     def regimes(self) -> DataFrame:
-        """A row an impact and sequence of slip and grip, with its share of the draws."""
+        """The frame of regimes: a row for each impact and sequence of slip and grip, with its share
+        of the draws; no sequence in a drop test.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.regimes["share"].tolist()
+            [1.0, 1.0, 1.0, 1.0, 1.0]
+        """
         return frames.regimes_frame(self.problem, self.draws)
 
     @cached_property
     def curves(self) -> DataFrame:
-        """A row a curve, measured column and point: the model over incidence, at a speed and spin
-        of the table.
+        """The frame of curves: a row for each curve, measured column and point, in SI. A curve is
+        the model over incidence, at a speed and spin of the table.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.curves["column"].unique().tolist()
+            ['v_y2']
         """
         return curves_frame(self.problem, self.draws)
 
     @cached_property
     def variants(self) -> DataFrame:
-        """A row a choice (or held constant) and quantity: the value under it."""
+        """The frame of variants: a row for each choice, or held constant, and each quantity, with
+        the value under it, in SI.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> sorted(set(fit.variants["choice"]))
+            ['noise=student-t', 'normal=inner', 'normal=momentum']
+        """
         return frames.variants_frame(self.reported, self.alternatives, self.constants)
 
     def moved_from(self, other: Fitted) -> dict[str, float]:
-        """Sds by which each median differs from another run's (shares of the point, where there are
-        no draws); empty if all is equal to the last digit.
+        """By how many sds each median differs from that of another fit; by which share of the best
+        value where there are no draws. Empty if all is equal to the last digit.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.moved_from(fit)
+            {}
         """
         if self._judged() == other._judged() and self._same_draws(other):
             return {}
