@@ -1,11 +1,12 @@
-"""Table, scene and choices -> `Problem`, in one pass."""
+"""From a table, a scene and the user's choices to a `Problem`."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from fitball.base.errors import FitError, Note, ParameterError, suggestion
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import listed
 from fitball.data.bundled import PUBLISHED, published_prior
-from fitball.data.read import load_data
+from fitball.data.read import TableSource, load_data
 from fitball.data.scene import Scene, ValueWithSd
 from fitball.data.table import ImpactTable
 from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
@@ -43,47 +44,54 @@ from fitball.models.registry import candidates, model_of_data
 from fitball.models.registry import model as model_of
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
-# Noise of a velocity [m/s] that is expected where the scene expects none: that of Wang's tables.
-# An angle has that of a velocity across the flight.
+# Expected noise of a velocity [m/s] where the scene states none: that of Wang's tables. An angle
+# has that of a velocity across the flight.
 VELOCITY_SD = 0.25
-# Noise of a spin [rad/s] that is expected where the scene expects none: that of Wang's tables.
+# Expected noise of a spin [rad/s] where the scene states none: that of Wang's tables.
 SPIN_SD = 10.0
 # Degrees of freedom of the half-t prior of a scatter beyond stated errors, which may be nothing.
 SCATTER_FREEDOM = 4
-# Noises that the scene states together, as that of a velocity.
+# Noises for which `velocity_sd` of the scene stands.
 VELOCITY_NOISES = ("v_x_sd", "v_y_sd", "speed_sd")
-# What acts on the spin alone, and is held where none was measured.
+# Parameters that affect the spin alone: they are held at zero where no spin was measured.
 SPIN_ONLY = ("eps_10", "eps_slope", "offset")
-# The stiffness [N/m] that is held where only a contact time would show it.
-STIFFNESS = 2.0e4
-# Spreads of dropped balls and of places of a court, which no problem has: `uses.lab` asks for their
+# The stiffness [N/m] at which `k_y` is held where only a contact time would show it.
+HELD_STIFFNESS = 2.0e4
+# Spreads of dropped balls and of places of a court, which no problem has: `uses.lab` takes their
 # priors.
 LAB_SPREADS = ("cor_10_spread", "rating_spread")
 
 Specs: TypeAlias = Mapping[str, ParameterSpec]
-# Of each parameter the text of a prior, or a value and why it is fixed.
-Given: TypeAlias = dict[str, str | tuple[float, str]]
+# By parameter the text of its prior, or the value at which it is fixed and why.
+Settings: TypeAlias = dict[str, str | tuple[float, str]]
 
 
 def problem_from_sources(
-    sources: Sequence[Any],
+    sources: TableSource,
     *,
-    scene: Any = "",
+    scene: Scene | str | Path | None = None,
     as_read: bool = False,
     model: Model | str = "",
     fix: Mapping[str, float] | None = None,
     prior: Mapping[str, str] | None = None,
     pool: Mapping[str, str] | None = None,
     noise: str = "",
-    **reading: Any,
+    **reading: object,
 ) -> tuple[Problem, Model | None]:
-    """The problem of one fit to some sources, by the options of `calibrate` (`reading` as
-    `load_table`), and its model if that is one of one's own. Raises as reading and `build_problem`
-    do.
+    """The problem of a fit to one or several sources, and its model if the user wrote that.
+
+    Options are those of `calibrate`; `reading` has those of `load_table`.
+
+    Raises:
+        InputError: a table or scene has faults, or columns are misread (`misread`).
+        ParameterError: there are no sources (`no-data`), or an option is wrong.
+        ModelError: the model cannot be used.
+        FitError: the data do not allow a fit (`too-few-impacts`, `nothing-to-fit`,
+            `singular-errors`).
     """
-    known = load_data(sources, scene or None, as_read, **reading)
-    choices, own = choices_of(model, fix, prior, pool, noise)
-    return build_problem(*known, choices, own), own
+    table, scene_read = load_data(sources, scene or None, as_read, **reading)
+    choices, user_model = choices_of(model, fix, prior, pool, noise)
+    return build_problem(table, scene_read, choices, user_model), user_model
 
 
 def choices_of(
@@ -93,25 +101,31 @@ def choices_of(
     pool: Mapping[str, str] | None = None,
     noise: str = "",
 ) -> tuple[Choices, Model | None]:
-    """Choices by the options of `calibrate`, and the model if that is one of one's own."""
-    own: Model | None = None
-    # A function of one's own is no text that a fit can be made of again.
+    """The choices that options of `calibrate` make, and the model if the user wrote that.
+
+    Raises:
+        ModelError: the user's model cannot be used.
+    """
+    user_model: Model | None = None
+    # A function of the user is no text from which a fit can be made again.
     if isinstance(model, Model):
-        own = model
+        user_model = model
     elif ".py:" in model:
-        own = model_of(model)
+        user_model = model_of(model)
     choices = Choices(
-        model=own.text if own else str(model),
+        model=user_model.text if user_model else str(model),
         fix=dict(fix or {}),
         prior=dict(prior or {}),
         pool=dict(pool or {}),
         noise=noise,
     )
-    return choices, own
+    return choices, user_model
 
 
-def _number(name: str, value: Any) -> float:
-    """A value that is fixed. Raises ParameterError (`not-a-number`)."""
+def _fixed_number(name: str, value: float) -> float:
+    """The value at which the user or the scene fixes a parameter. Raises ParameterError
+    (`not-a-number`).
+    """
     try:
         return float(value)
     except (TypeError, ValueError):
@@ -125,13 +139,20 @@ def build_problem(
     table: ImpactTable,
     scene: Scene,
     choices: Choices,
-    own: Model | None = None,
+    user_model: Model | None = None,
     prior_texts: Mapping[str, str] = MappingProxyType({}),
 ) -> Problem:
-    """The problem, with a note on all that was assumed or is idle; each column has a noise of its
-    own. `prior_texts` are prior or fixed value of all parameters, as a saved fit has them, instead
-    of this version's defaults. Raises ParameterError, ModelError, FitError (`too-few-impacts`,
-    `nothing-to-fit`).
+    """The problem of a table, with a note on all that is assumed or has no effect. Each column has
+    a noise of its own.
+
+    `user_model` is the model if the user wrote that. `prior_texts` are the priors or fixed values
+    of all parameters, as a saved fit has them, instead of this version's defaults.
+
+    Raises:
+        ParameterError: a prior, a fixed value, a level or the kind of noise is wrong.
+        ModelError: the model cannot be used.
+        FitError: there are fewer than two impacts (`too-few-impacts`), nothing to fit
+            (`nothing-to-fit`), or errors that no fit can weigh (`singular-errors`).
     """
     if len(table) < 2:
         text = (
@@ -140,65 +161,63 @@ def build_problem(
         )
         raise FitError(text, "too-few-impacts")
     notes = list[Note]()
-    model = _model(table, scene, choices, own)
+    model = _model_of_problem(table, scene, choices, user_model)
     observables = _observables(table, model, notes)
     noise = noise_kind(choices.noise or str(scene.measurement.get("noise", "normal")))
     named = [*choices.prior, *choices.fix, *scene.prior, *scene.fix]
-    camera, of_camera = camera_of(
-        table,
-        scene.camera,
-        named,
-        {item.column.gap for item in observables},
-        notes,
-    )
+    gaps = {observable.column.gap for observable in observables}
+    camera, camera_specs = camera_of(table, scene.camera, named, gaps, notes)
     uncertain = [name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd()]
-    specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | of_camera
-    specs |= _noises(table, scene, observables) | {name: SPECS[name] for name in uncertain}
-    timed = scene.contact_time is not None or any(item.column.timed for item in observables)
-    given = _given(specs, table, scene, choices, prior_texts, timed)
-    levels = _levels(table, scene, choices, model, given, timed, notes)
+    specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | camera_specs
+    specs |= _noise_specs(table, scene, observables) | {name: SPECS[name] for name in uncertain}
+    timed = scene.contact_time is not None
+    timed = timed or any(observable.column.timed for observable in observables)
+    settings = _settings(specs, table, scene, choices, prior_texts, timed)
+    levels = _leveled_parameters(table, scene, choices, model, settings, timed, notes)
     _refuse_unknown(choices, scene, specs, levels)
-    parameters, priors, texts = _parameters(specs, given, levels, scene, notes)
-    free = [item for item in parameters if item.fixed is None]
-    if all(item.spec.name in COMMON_PARAMETERS for item in free):
+    parameters, priors, texts = _parameters_of_problem(specs, settings, levels, scene, notes)
+    free = [parameter for parameter in parameters if parameter.fixed is None]
+    if all(parameter.spec.name in COMMON_PARAMETERS for parameter in free):
         names = listed(spec.name for spec in model.parameters)
         text = (
             f"{table.name}: every parameter of {model.text} is fixed: free at least one of {names}"
         )
         raise FitError(text, "nothing-to-fit")
-    exact = {item.spec.name for item in parameters if item.fixed == 0.0}
+    noiseless = {parameter.spec.name for parameter in parameters if parameter.fixed == 0.0}
     forward = ForwardModel(model, noise, levels)
-    rows = _rows(table, forward, observables, exact, notes)
+    rows = _measurements(table, forward, observables, noiseless, notes)
     time = scene.contact_time if model.timed else None
-    free_bases = {base_of(item.spec.name) for item in free}
+    free_bases = {base_of(parameter.spec.name) for parameter in free}
     return Problem(
         table=table,
         scene=scene,
         choices=choices,
         forward=forward,
         parameters=tuple(parameters),
-        free=tuple(item.spec.name for item in free),
+        free=tuple(parameter.spec.name for parameter in free),
         prior=joint_prior(free, priors),
         observables=observables,
         rows=rows,
         camera=camera,
         contact_time=None if time is None else (time.value, time.sd),
-        notes=(*_assumed(scene, choices, free_bases, timed), *notes),
+        notes=(*_assumptions(scene, choices, free_bases, timed), *notes),
         prior_texts=texts,
     )
 
 
-def _rows(
+def _measurements(
     table: ImpactTable,
     forward: ForwardModel,
     observables: Sequence[Observable],
-    exact: Collection[str],
+    noiseless: Collection[str],
     notes: list[Note],
 ) -> Rows:
-    """What was measured, with its stated errors; noises that are `exact` add nothing to these."""
-    columns = [item.column.name for item in observables]
-    noiseless = [item.column.name for item in observables if item.noise in exact]
-    errors = row_errors(table, columns, noiseless)
+    """The measurements of a table with their stated errors. `noiseless` names noises that are held
+    at zero, so that they add nothing to stated errors.
+    """
+    columns = [observable.column.name for observable in observables]
+    bare = [observable.column.name for observable in observables if observable.noise in noiseless]
+    errors = row_errors(table, columns, bare)
     sd = np.zeros((len(table), len(columns)))
     if errors is None:
         unstated = np.zeros(len(table))
@@ -211,15 +230,22 @@ def _rows(
     return Rows(table.impacts, y, sd, errors, index)
 
 
-def _model(table: ImpactTable, scene: Scene, choices: Choices, own: Model | None) -> Model:
-    """The model that was chosen, or the usual one of such columns, with the scene's ball. Raises
-    ModelError.
+def _model_of_problem(
+    table: ImpactTable,
+    scene: Scene,
+    choices: Choices,
+    user_model: Model | None,
+) -> Model:
+    """The model that the user or the scene chose, or the default for such columns, with the scene's
+    ball. Raises ModelError.
     """
     tangential = table.has_tangential
     ball = scene.ball_value()
     text = choices.model or str(scene.model.get("name", ""))
     text = text or candidates(tangential=tangential, spin=table.has_spin)[-1]
-    chosen = model_of_data(text, ball=ball, tangential=tangential) if own is None else own
+    chosen = user_model
+    if chosen is None:
+        chosen = model_of_data(text, ball=ball, tangential=tangential)
     return replace(chosen, ball=ball, tangential=tangential)
 
 
@@ -235,7 +261,7 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
         notes.append(
             Note("no-incident-spin", "No column omega_1: the incident spin is taken as zero.")
         )
-    found = []
+    observables = []
     for column in (COLUMNS[name] for name in REBOUND if name in table.values):
         if not model.predicts(column):
             why = f"{model.text} has no time axis"
@@ -243,22 +269,23 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
                 why = "only the vertical motion is fitted"
             notes.append(Note("unused-column", f"{column.name} is not used: {why}."))
         elif column.noise is not None:
-            found.append(Observable(column, column.noise.name, column.name in table.sd))
-    if not found:
+            stated = column.name in table.sd
+            observables.append(Observable(column, column.noise.name, stated))
+    if not observables:
         raise FitError(
             f"{table.name}: {model.text} predicts none of the measured columns",
             "nothing-to-fit",
         )
-    return tuple(found)
+    return tuple(observables)
 
 
-def _noises(
+def _noise_specs(
     table: ImpactTable,
     scene: Scene,
     observables: Iterable[Observable],
 ) -> dict[str, ParameterSpec]:
-    """The noise of each column, with a prior about the size that the scene expects; beyond stated
-    errors a scatter, which may be nothing.
+    """The specs of the noises of measured columns, with priors about the sizes that the scene
+    expects. Where rows state errors it is the scatter beyond these, which may be zero.
     """
     stated = {
         name: float(size)
@@ -271,10 +298,10 @@ def _noises(
     spin = stated.get("nominal_spin_sd", SPIN_SD)
     expected = {"m/s": f"{velocity:.10g}", "rad": f"{angle:.2g}", "rad/s": f"{spin:.10g}"}
     noises = {}
-    for item in observables:
-        spec = item.column.noise
+    for observable in observables:
+        spec = observable.column.noise
         assert spec is not None
-        nominal = f"nominal_{item.noise}"
+        nominal = f"nominal_{observable.noise}"
         if nominal in stated:
             size = f"{stated[nominal]:.10g}"
         elif spec.unit in expected:
@@ -284,71 +311,72 @@ def _noises(
             size = spec.prior.partition("(")[2].partition(",")[0]
         prior = f"lognormal({size}, 0.7)"
         meaning = spec.meaning
-        if item.stated:
+        if observable.stated:
             prior = f"half-t({size}, {SCATTER_FREEDOM})"
-            meaning = f"scatter of {item.column.name}, beyond stated errors"
-        noises[item.noise] = replace(spec, prior=prior, meaning=meaning)
+            meaning = f"scatter of {observable.column.name}, beyond stated errors"
+        noises[observable.noise] = replace(spec, prior=prior, meaning=meaning)
     return noises
 
 
-def _given(
+def _settings(
     specs: Specs,
     table: ImpactTable,
     scene: Scene,
     choices: Choices,
-    known: Mapping[str, str],
+    prior_texts: Mapping[str, str],
     timed: bool,
-) -> Given:
-    """What is given of parameters, later ones before earlier ones: a saved fit, facts of the table,
-    numbers of the scene, its sections, the user.
+) -> Settings:
+    """The priors and fixed values that replace defaults. Sources in order, of which later ones
+    replace earlier ones: a saved fit, facts of the table, numbers of the scene, the scene's
+    sections `prior` and `fix`, the user. Raises ParameterError (`not-a-number`).
     """
-    given: Given = {
+    settings: Settings = {
         name: text if "(" in text else (float(text), "fixed in the stored fit")
-        for name, text in known.items()
+        for name, text in prior_texts.items()
     }
     if table.has_tangential and not table.has_spin:
         why = "it affects the spin, which was not measured"
-        given |= {name: (0.0, why) for name in SPIN_ONLY if name in specs}
+        settings |= {name: (0.0, why) for name in SPIN_ONLY if name in specs}
     if "k_y" in specs and "k_theta" not in specs and not timed:
-        given["k_y"] = (STIFFNESS, "it affects only the contact time, which was not measured")
+        why = "it affects only the contact time, which was not measured"
+        settings["k_y"] = (HELD_STIFFNESS, why)
     ball = scene.ball_value()
     noise = scene.measurement
     numbers: dict[str, object] = {"mu": scene.surface.get("mu")}
     numbers |= dict.fromkeys(VELOCITY_NOISES, noise.get("velocity_sd"))
     numbers |= {name: noise[name] for name in specs if name in noise}
     for key, sd in scene.ball_sd().items():
-        numbers[key if key in BALL_PARAMETERS else f"ball_{key}"] = ValueWithSd(
-            getattr(ball, key), sd
-        )
+        parameter = key if key in BALL_PARAMETERS else f"ball_{key}"
+        numbers[parameter] = ValueWithSd(getattr(ball, key), sd)
     for name in specs:
         if (key := name.partition("[")[0]) in CAMERA_SPECS and scene.camera is not None:
             numbers[name] = getattr(scene.camera, key)
     for name, number in numbers.items():
         if isinstance(number, ValueWithSd):
-            given[name] = f"normal({number.value:.10g}, {number.sd:.10g})"
+            settings[name] = f"normal({number.value:.10g}, {number.sd:.10g})"
         elif isinstance(number, int | float):
-            given[name] = (float(number), "stated in the scene")
+            settings[name] = (float(number), "stated in the scene")
     for source, why in ((scene, "fixed by the scene"), (choices, "fixed on request")):
-        given |= source.prior
+        settings |= source.prior
         for name, value in source.fix.items():
-            given[name] = (_number(name, value), why)
-    return given
+            settings[name] = (_fixed_number(name, value), why)
+    return settings
 
 
-def _levels(
+def _leveled_parameters(
     table: ImpactTable,
     scene: Scene,
     choices: Choices,
     model: Model,
-    given: Given,
+    settings: Settings,
     timed: bool,
     notes: list[Note],
 ) -> tuple[LeveledParameter, ...]:
-    """The parameters that differ between labels: as asked, else by default; none that has a
-    value.
+    """The parameters that have levels: those that the user or the scene chose, and defaults for the
+    others. No fixed parameter has levels. Raises ParameterError.
     """
     names = {spec.name for spec in model.parameters}
-    fixed = {name for name, text in given.items() if isinstance(text, tuple)}
+    fixed = {name for name, setting in settings.items() if isinstance(setting, tuple)}
     wanted = {name: column for name, column in scene.pool.items() if name in {*names, ALL}}
     wanted |= choices.pool
     pool = {
@@ -357,27 +385,27 @@ def _levels(
         if column != NOT_POOLED and name not in fixed
     }
     if wanted.get(ALL) != NOT_POOLED:
-        more, remarks = default_pool(table, model, {*wanted, *fixed}, timed)
-        pool |= more
-        notes += remarks
+        default, notes_on_default = default_pool(table, model, {*wanted, *fixed}, timed)
+        pool |= default
+        notes += notes_on_default
     return levels_of_pool(table, pool, model)
 
 
 def _refuse_unknown(
     choices: Choices, scene: Scene, specs: Specs, levels: Sequence[LeveledParameter]
 ) -> None:
-    """Raises ParameterError (`unknown-parameter`) for a name that nothing has; a scene may serve
-    several models.
+    """Refuse names of priors and fixed values that no parameter has: ParameterError
+    (`unknown-parameter`). A scene may serve several models, and name parameters of others.
     """
     spreads = [*(f"{level.parameter}_spread" for level in levels), *LAB_SPREADS]
     of_models = {*SPECS, *COMMON_PARAMETERS}
     others = {name for name in (*scene.prior, *scene.fix) if base_of(name) in of_models}
 
-    def refuse(names: Collection[str], known: Collection[str]) -> None:
+    def refuse(names: Collection[str], allowed: Collection[str]) -> None:
         for name in names:
-            if name not in known and name not in others:
+            if name not in allowed and name not in others:
                 raise ParameterError(
-                    f"read '{name}': {suggestion(name, known)}",
+                    f"read '{name}': {suggestion(name, allowed)}",
                     "unknown-parameter",
                 )
 
@@ -385,29 +413,29 @@ def _refuse_unknown(
     refuse([*scene.fix, *choices.fix], [*specs])
 
 
-def _parameters(
+def _parameters_of_problem(
     specs: Specs,
-    given: Given,
+    settings: Settings,
     levels: Sequence[LeveledParameter],
     scene: Scene,
     notes: list[Note],
 ) -> tuple[list[Parameter], list[LevelPrior], dict[str, str]]:
-    """The parameters in order, the joint priors of those at levels, and the prior or value of each
-    as text.
+    """The parameters in order, the joint priors of those with levels, and by name the prior or the
+    fixed value of each as text. Raises ParameterError (`prior`, `out-of-bounds`).
     """
-    by_level = {level.parameter: level for level in levels}
+    leveled = {level.parameter: level for level in levels}
     parameters = list[Parameter]()
-    joint = list[LevelPrior]()
+    level_priors = list[LevelPrior]()
     texts = dict[str, str]()
     for name, spec in specs.items():
         text = ""
         value: float | None = None
         why = ""
-        stated = given.get(name, "")
-        if isinstance(stated, str):
-            text = stated
+        setting = settings.get(name, "")
+        if isinstance(setting, str):
+            text = setting
         else:
-            value, why = stated
+            value, why = setting
         if text.startswith(PUBLISHED):
             prior = published_prior(spec, text)
         else:
@@ -415,54 +443,46 @@ def _parameters(
         if prior.source:
             notes.append(Note("published-prior", f"Prior of {name} from {prior.source}."))
         texts[name] = prior.text if value is None else repr(value)
-        if name in by_level:
-            start = sum(item.fixed is None for item in parameters)
-            spread = given.get(f"{name}_spread", "")
-            level = level_prior(
-                by_level[name],
-                start,
-                spec,
-                prior,
-                scene.ball_value(),
-                str(spread),
-                notes,
-            )
-            joint.append(level)
+        if name in leveled:
+            start = sum(parameter.fixed is None for parameter in parameters)
+            spread = str(settings.get(f"{name}_spread", ""))
+            level = leveled[name]
+            ball = scene.ball_value()
+            prior_of_levels = level_prior(level, start, spec, prior, ball, spread, notes)
+            level_priors.append(prior_of_levels)
+            texts[f"{name}_spread"] = prior_of_levels.text
             prior = prior.at_levels()
-            texts[f"{name}_spread"] = level.text
-            where = by_level[name]
-            for label in where.labels:
-                on = f"on {where.column}"
-                at = spec_at_label(spec, where.name(label), label, on)
-                parameters.append(Parameter(at, prior))
+            for label in level.labels:
+                at_label = spec_at_label(spec, level.name(label), label, f"on {level.column}")
+                parameters.append(Parameter(at_label, prior))
             continue
         # A half prior begins at zero whatever the bounds: a scatter beyond stated errors may be
         # held there.
-        begins, _ = prior.support(prior.numbers)
-        lower = begins if begins == 0.0 and not prior.flat else spec.lower
+        lowest, _ = prior.support(prior.numbers)
+        lower = lowest if lowest == 0.0 and not prior.flat else spec.lower
         if value is not None and not lower <= value <= spec.upper:
             wanted = f"expected {lower:g} to {spec.upper:g} {spec.unit}".rstrip()
             raise ParameterError(f"read {name} = {value:g}; {wanted}", "out-of-bounds")
         measured = name in BALL_PARAMETERS or name.partition("[")[0] in CAMERA_SPECS
         parameters.append(Parameter(spec, prior, value, why, measured))
-    return parameters, joint, texts
+    return parameters, level_priors, texts
 
 
-def _assumed(
+def _assumptions(
     scene: Scene,
     choices: Choices,
     free: Collection[str],
     timed: bool,
 ) -> Iterable[Note]:
-    """What the scene left open, where that concerns a free parameter for which no prior was
-    stated.
+    """Notes on what the scene does not state, where that concerns a `free` parameter without a
+    stated prior.
     """
     stated = {name.partition("[")[0] for name in (*scene.prior, *choices.prior)}
     default = {*free} - stated
-    about = {
+    applies = {
         "no-friction": "mu" in default,
         "no-contact-time": "k_y" in default and not timed,
         "no-velocity-noise": not {*VELOCITY_NOISES}.isdisjoint(default),
         "no-spin-noise": "spin_sd" in default,
     }
-    return (note for note in scene.assumed() if about.get(note.code, True))
+    return (note for note in scene.assumed() if applies.get(note.code, True))
