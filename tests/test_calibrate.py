@@ -9,7 +9,7 @@ from support.made_fit import TRUTH, made_fit, table_of
 
 import fitball
 from fitball.cli import main
-from fitball.inference.assemble import outside
+from fitball.inference.assemble import notes_of_best_outside
 from fitball.saved.files_of_fit import read
 
 
@@ -94,10 +94,10 @@ def test_check_prints_every_fault_as_json(tmp_path, capsys):
 
 def test_best_values_outside_of_their_intervals_are_named(monkeypatch):
     estimates = [*made_fit().parameters.values()]
-    assert not outside(estimates)
-    assert not outside([*made_fit(sampled=False).parameters.values()])
+    assert not notes_of_best_outside(estimates)
+    assert not notes_of_best_outside([*made_fit(sampled=False).parameters.values()])
     far = [replace(estimate, point=estimate.q975 + estimate.half) for estimate in estimates]
-    note = outside(far)[0]
+    note = notes_of_best_outside(far)[0]
     assert note.code == "best-outside"
     named = set()
     closed = set()
@@ -117,6 +117,6 @@ def test_best_values_outside_of_their_intervals_are_named(monkeypatch):
         assert len(estimates) > 5
         return [note]
 
-    monkeypatch.setattr("fitball.inference.calibrate.outside", always_outside)
+    monkeypatch.setattr("fitball.inference.calibrate.notes_of_best_outside", always_outside)
     fit = fitball.calibrate(table_of(8), model="grip-slip", point_only=True, progress=False)
     assert fit.notes[-1] == note

@@ -1,4 +1,4 @@
-"""Numbers and judgements -> estimates, and the headline of a fit."""
+"""From numbers and judgements to estimates, and the headline of a fit."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from fitball.inference.schema import Adequacy, Estimate, Judgement
 from fitball.inference.summary import summarise
 from fitball.models.specs import BALL_PARAMETERS
 
-# What a first screen says of each verdict, in this order.
-_SAID = (
+# The sentence of each verdict on a first screen, in this order.
+_SENTENCES = (
     ("identified", "The data determine {}."),
     ("given", "They determine {} only under the model assumptions listed below."),
     ("conditional", "Values of {} hold only as far as the model describes the data."),
@@ -36,7 +36,7 @@ def estimates(
     draws: Draws,
     judged: Mapping[str, Judgement],
 ) -> tuple[dict[str, Estimate], dict[str, Estimate]]:
-    """All parameters, fixed ones too, and derived quantities, by name."""
+    """The estimates of all parameters, fixed ones too, and those of derived quantities, by name."""
 
     def estimate(
         spec: ParameterSpec,
@@ -46,6 +46,7 @@ def estimates(
         prior: str = "",
         source: str = "",
     ) -> Estimate:
+        """The estimate of a quantity from its draws (draws,) and its value at the best fit."""
         judgement = judged[spec.name]
         return Estimate(
             **asdict(summarise(sampled, point)),
@@ -64,21 +65,21 @@ def estimates(
 
     parameters = dict[str, Estimate]()
     derived = dict[str, Estimate]()
-    for item in problem.parameters:
-        name = item.spec.name
-        if item.fixed is None:
-            prior = item.prior.text
+    for fitted in problem.parameters:
+        name = fitted.spec.name
+        if fitted.fixed is None:
+            prior = fitted.prior.text
             sampled = draws.values[name]
         else:
-            prior = f"fixed: {item.why}"
+            prior = f"fixed: {fitted.why}"
             sampled = np.empty(0)
         parameters[name] = estimate(
-            item.spec,
+            fitted.spec,
             _kind(name),
             sampled,
             draws.point[name],
             prior,
-            item.prior.source,
+            fitted.prior.source,
         )
     for spec, rule, _ in problem.derived:
         point = float(rule(draws.best)[0])
@@ -87,7 +88,7 @@ def estimates(
 
 
 def _kind(name: str) -> str:
-    """model, level, noise, camera or ball."""
+    """The kind of a parameter: model, level, noise, camera or ball."""
     base = name.partition("[")[0]
     if base in BALL_PARAMETERS:
         return "ball"
@@ -98,10 +99,10 @@ def _kind(name: str) -> str:
     return "level" if "[" in name else "model"
 
 
-def outside(reported: Sequence[Estimate]) -> list[Note]:
-    """That best values lie outside of the intervals of the draws: a high peak of the posterior may
-    hold little of it. At a bound of a value that is limited on one side, or not determined, that is
-    usual.
+def notes_of_best_outside(reported: Sequence[Estimate]) -> list[Note]:
+    """The note (`best-outside`) that best values lie outside of the intervals of the draws, if any
+    do: a high peak of the posterior may hold little of it. A value that is limited on one side, or
+    not determined, is left out, for its best value is often at a bound.
     """
     names = [
         f"{estimate.name} ({f'{estimate.point:.3g} {estimate.unit}'.strip()})"
@@ -121,9 +122,11 @@ def outside(reported: Sequence[Estimate]) -> list[Note]:
 
 
 def headline(tested: Adequacy, reported: Sequence[Estimate]) -> str:
-    """What adequacy says, and a sentence for each verdict that a value of interest has."""
+    """The headline of a fit: the sentence of its adequacy, and one for each verdict that a quantity
+    of interest has.
+    """
     sentences = [tested.sentence]
-    for verdict, words in _SAID:
+    for verdict, words in _SENTENCES:
         names = [
             estimate.name
             for estimate in reported

@@ -12,7 +12,7 @@ from fitball.base.environment import threads
 from fitball.base.errors import Note, enough_memory
 from fitball.base.progress import Progress
 from fitball.inference import schema
-from fitball.inference.assemble import estimates, headline, outside
+from fitball.inference.assemble import estimates, headline, notes_of_best_outside
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted, draws_of, run_of
 from fitball.inference.judgement.adequacy import adequacy
@@ -87,7 +87,7 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         notes = [*problem.table.notices, *problem.notes]
         if why:
             notes.append(Note("no-profiles", why))
-        notes += outside(reported)
+        notes += notes_of_best_outside(reported)
     return Fitted(
         run=run_of(problem, effort),
         status=status,

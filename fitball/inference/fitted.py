@@ -303,8 +303,8 @@ class Fitted:
 
     @cached_property
     def summary(self) -> DataFrame:
-        """The frame of results: a row for each parameter and derived quantity, by name, with median,
-        intervals and verdict, in SI. The report explains its columns.
+        """The frame of results: a row for each parameter and derived quantity, by name, with its
+        median, intervals and verdict, in SI. The report explains its columns.
 
         Example:
             >>> import fitball
@@ -318,8 +318,8 @@ class Fitted:
 
     @cached_property
     def predictions(self) -> DataFrame:
-        """The frame of predictions of the fitted impacts: a row for each impact and measured column,
-        in SI.
+        """The frame of predictions of the fitted impacts: a row for each impact and measured
+        column, in SI.
 
         Example:
             >>> import fitball

@@ -1,12 +1,12 @@
-"""What a fit found: frozen values, SI, nothing computed; the schema of fit.json.
+"""The results of a fit as frozen values in SI, nothing computed: the schema of fit.json.
 
-In one module that needs no sampler: reports, exports and batch read results without importing what
-makes them.
+They are in one module that needs no sampler: reports, exports and batch read results without
+importing what makes them.
 """
 
 from collections.abc import Mapping
 from math import nan
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from msgspec import Struct
 
@@ -21,7 +21,9 @@ Interval: TypeAlias = tuple[float | None, float | None]
 
 
 class Summary(Struct, frozen=True):
-    """A number at the point, and what draws say of it."""
+    """A quantity in SI: its value at the best fit (`point`), and median, sd and quantiles of its
+    draws, NaN where there are none.
+    """
 
     point: float
     median: float
@@ -33,15 +35,15 @@ class Summary(Struct, frozen=True):
 
     @property
     def half(self) -> float:
-        """Half of the central 68 %: of a normal distribution its sd, and no few far draws make it
-        large.
+        """Half of the width of the central 68 %. For a normal distribution it is the sd, and a few
+        far draws do not make it large.
         """
         return 0.5 * (self.q84 - self.q16)
 
 
 class PointFit(Struct, frozen=True):
-    """The `optima` (all parameters by name) and their log posteriors, best first; log likelihood
-    and rms residual by column at the best.
+    """The best fit: the `optima` (all parameters by name) and their log posteriors, best first; the
+    log likelihood, and the rms residual of each column in SI, at the best.
     """
 
     optima: tuple[Mapping[str, float], ...]
@@ -51,8 +53,8 @@ class PointFit(Struct, frozen=True):
 
 
 class LeastSquares(Struct, frozen=True):
-    """By lmfit: no prior but the bounds, errors scaled by chi-square; `stderr` None for the cause
-    in `missing`.
+    """The least-squares fit by lmfit: no prior but bounds, standard errors scaled by chi-square.
+    Where a `stderr` is None, `missing` has the cause in words.
     """
 
     values: Mapping[str, float]
@@ -65,19 +67,18 @@ class LeastSquares(Struct, frozen=True):
 
 
 class Posterior(Struct, frozen=True):
-    """Draws after warm-up of the parameters `names`: `values` (ensembles, steps, walkers, free),
-    `log_density` (ensembles, steps, walkers). Weighted draws are resampled to one ensemble of one
-    walker.
+    """The draws after warm-up of the free parameters `names`, in SI, and their log posterior
+    density. Weighted draws are resampled to one ensemble of one walker.
     """
 
     names: tuple[str, ...]
-    values: FloatArray
-    log_density: FloatArray
+    values: Annotated[FloatArray, "ensembles steps walkers parameters"]
+    log_density: Annotated[FloatArray, "ensembles steps walkers"]
 
 
 class Diagnostics(Struct, frozen=True):
-    """How well draws were made: effective sizes and nested R-hat by parameter (R-hat None for
-    weighted draws, which cannot disagree), Pareto k of weights, complaints in words.
+    """How well sampling converged: effective sample sizes and nested R-hat by parameter (R-hat is
+    None for weighted draws, which have no ensembles), the Pareto k of weights, complaints in words.
     """
 
     warm_up: int
@@ -92,21 +93,24 @@ class Diagnostics(Struct, frozen=True):
 
 
 class Profile(Struct, frozen=True):
-    """`drop` (points,) of the log likelihood, scene included, below its maximum, at rising `values`
-    (points,). Ends of intervals are None on an open side; 95 % is a drop of n/2 ln(1 + t^2/(n-p)),
-    Student's t of n-p. No page shows `interval_68`: it is the standard error of a point fit, for
-    who works with `fit.profiles`.
+    """The profile likelihood of a parameter: the `drop` of the log likelihood, scene included,
+    below its maximum, at rising `values` in SI.
+
+    Ends of intervals are None on an open side. The 95 % level is a drop of n/2 ln(1 + t^2/(n-p)),
+    with t that of Student's t of n-p. No page shows `interval_68`, the standard error of a point
+    fit; it is there for users of `fit.profiles`.
     """
 
-    values: FloatArray
-    drop: FloatArray
+    values: Annotated[FloatArray, "points"]
+    drop: Annotated[FloatArray, "points"]
     interval_68: Interval
     interval_95: Interval
 
 
 class Judgement(Struct, frozen=True):
-    """A verdict, the code of the `rule` that decided, its reason in words, what a determined value
-    is `given`; the `contraction` of its prior.
+    """The judgement of a quantity: its verdict, the code of the `rule` that decided, the reason in
+    words, the assumptions that a determined value is `given`, and its `contraction` (1 - variance
+    over prior variance, to first order).
     """
 
     verdict: Verdict
@@ -119,7 +123,7 @@ class Judgement(Struct, frozen=True):
 class Estimate(Summary, frozen=True, kw_only=True):
     """A parameter or derived quantity: its `kind` (model, level, noise, camera, ball, derived),
     prior, `contraction` (1 - variance over prior variance, to first order), and its judgement.
-    `prior_source` is the work that a published prior is from, for who reads `fit.json` or the
+    `prior_source` is the work that a published prior is from, for readers of `fit.json` or of the
     export `json`; pages name it in a note.
     """
 
@@ -137,9 +141,10 @@ class Estimate(Summary, frozen=True, kw_only=True):
 
 
 class ResidualTest(Struct, frozen=True):
-    """A test: `kind` (trend, bias, row, group, parameter, drift, law, growth, outlier, linked),
-    `column` ("": all), the `pattern` in words; `p` that any test finds as much; share of the
-    variance `explained`.
+    """A test of residuals: its `kind` (trend, bias, row, group, parameter, drift, law, growth,
+    outlier, linked, camera), its `column` ("": all), the `pattern` in words; the chance `p` that
+    any test finds as much in data that the model describes; the share of the variance that the
+    pattern explains; whether it is `found`, that is an exception.
     """
 
     kind: str
@@ -151,8 +156,8 @@ class ResidualTest(Struct, frozen=True):
 
 
 class NoiseCheck(Struct, frozen=True):
-    """The noise of a column beside its `reference`, stated or expected; or its scatter `beyond`
-    stated errors.
+    """The size of a column's noise in SI beside its `reference`, which was `stated` or is expected,
+    and whether it is `found` too large. With `beyond` it is a scatter beyond stated errors.
     """
 
     column: str
@@ -164,8 +169,9 @@ class NoiseCheck(Struct, frozen=True):
 
 
 class Adequacy(Struct, frozen=True):
-    """The `answer`, the same in a `sentence`; sds by which found patterns would move each value; by
-    column the share of the variance that could hide `unseen`.
+    """Whether the model describes the data: the `answer`, the same in a `sentence`, and the tests
+    behind it. `moved` has by how many sds found patterns move each quantity, `unseen` the share of
+    each column's variance that a trend could have without being found.
     """
 
     answer: Answer
@@ -178,8 +184,9 @@ class Adequacy(Struct, frozen=True):
 
 class Alternative(Struct, frozen=True):
     """The fit with a `choice` (offset=grip, noise=student-t) `instead_of` another: `model` and
-    `values` predict by it; `score` is its leave-one-out score less the fit's, with standard `error`
-    (None below 6 impacts); `as_good`: not surely worse. Or the `reason` why there is none.
+    `values` predict by it. `score` is its leave-one-out score less the fit's (None below 6
+    impacts), with standard `error`; `as_good` means not surely worse. Where the choice could not be
+    tried, the `reason` says why.
     """
 
     choice: str
@@ -194,8 +201,8 @@ class Alternative(Struct, frozen=True):
 
 
 class Constant(Struct, frozen=True):
-    """A held constant of ball or camera, its range (two stated sds, the ITF's tolerance, or what a
-    camera may be off), and the sds that each value moves over half of it.
+    """A held constant of ball or camera, its range in SI (two stated sds, the ITF's tolerance, or
+    what a camera may be off), and by how many sds each quantity moves over half of the range.
     """
 
     name: str
