@@ -12,7 +12,7 @@ import fitball
 from fitball.base.values import Ball, impacts
 from fitball.models.types import Status
 from fitball.thesis import appendices, posteriors, ranking
-from fitball.thesis.printed import BALL_MASS, DAMPING, INCH, STIFFNESS, appendix_c, set_values
+from fitball.thesis.printed import BALL_MASS, INCH, LB_PER_IN, LB_S_PER_IN, appendix_c, set_values
 
 # Captions of Figs 36 to 44: c_y [lb s/in] of cases 1 to 3 for zero spin, topspin, backspin.
 CAPTIONS = {
@@ -32,25 +32,25 @@ FREE |= {"ball_mass": 0.0576, "ball_radius": 0.03302, "inertia_ratio": 0.56}
 
 
 @pytest.fixture(scope="module")
-def found():
+def rederived():
     """All but the fit of the slow computation."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(posteriors, "MODELS", ("thesis-exact",))
+        patch.setattr(posteriors, "FITTED_MODELS", ("thesis-exact",))
         yield fitball.rederive(fix=FREE, progress=False)
 
 
-def test_counts_of_both_appendices(found):
-    counts = found.frames["counts"].set_index(["table", "output"])
+def test_counts_of_both_appendices(rederived):
+    counts = rederived.frames["counts"].set_index(["table", "output"])
     # Their numbers are held in `test_thesis`.
     assert counts.loc[("Appendix C", "v_x2 and omega_2"), "within 0.1 %"] == 110
     assert [
-        counts.loc[("Appendix D", name), "within 0.1 points"] for name in appendices.OUTPUTS
+        counts.loc[("Appendix D", name), "within 0.1 points"] for name in appendices.JUDGED_OUTPUTS
     ] == [55, 52, 57]
-    assert len(found.frames["appendix_d"]) == 63
+    assert len(rederived.frames["appendix_d"]) == 63
 
 
-def test_every_deviation_has_a_cause_or_is_called_unexplained(found):
-    rows = found.frames["appendix_c"]
+def test_every_deviation_has_a_cause_or_is_called_unexplained(rederived):
+    rows = rederived.frames["appendix_c"]
     for name in ("v_x2", "omega_2"):
         kinds = rows[f"{name}_cause"].str.partition(":")[0]
         assert set(kinds) - {"misprint"} == {"", "slip", "other input", "unexplained"}
@@ -60,20 +60,23 @@ def test_every_deviation_has_a_cause_or_is_called_unexplained(found):
 @pytest.mark.parametrize("spin", CAPTIONS)
 def test_damping_of_chapter_five_is_that_of_its_captions(spin):
     _, values = ranking.case_values({})
-    made = (
-        appendices.damping(appendices.MEAN_COR[spin], values["mass_ratio"], values["k_y"]) / DAMPING
+    damping = (
+        appendices.damping(appendices.MEAN_COR[spin], values["mass_ratio"], values["k_y"])
+        / LB_S_PER_IN
     )
-    assert_allclose(made, CAPTIONS[spin], rtol=5e-3)
+    assert_allclose(damping, CAPTIONS[spin], rtol=5e-3)
     # The mean of Wang's own, as printed with two or three digits.
     here = (appendices.wang()["group"] == spin).to_numpy()
-    assert appendices.cor()[here].mean() == pytest.approx(appendices.MEAN_COR[spin], abs=2e-3)
+    assert appendices.measured_cor()[here].mean() == pytest.approx(
+        appendices.MEAN_COR[spin], abs=2e-3
+    )
 
 
-def test_ranks_of_the_seven_sets(found):
+def test_ranks_of_the_seven_sets(rederived):
     """Table 9's cases are sets 5, 6 and 1. The first two are among the best three, the third is far
     off in spin.
     """
-    ranks = found.frames["rankings"].set_index(["source", "set"])
+    ranks = rederived.frames["rankings"].set_index(["source", "set"])
     for source, best in (("printed", 5), ("recomputed", 4), ("exact", 4)):
         mine = ranks.loc[source]
         assert mine["score"].idxmin() == best
@@ -96,14 +99,14 @@ def test_the_bootstrap_knows_equal_sets(monkeypatch):
     """
     errors = np.random.default_rng(1).normal(size=(3, 7))
     rolled = np.array([np.roll(errors, k, axis=1).ravel() for k in range(7)])
-    same = dict.fromkeys(appendices.OUTPUTS, rolled)
-    monkeypatch.setattr(appendices, "misses", lambda _found: same)
-    shares = ranking.ranking()["among_three"]
+    same = dict.fromkeys(appendices.JUDGED_OUTPUTS, rolled)
+    monkeypatch.setattr(appendices, "misses_of", lambda _outputs: same)
+    shares = ranking.rank_sets()["among_three"]
     assert 0.2 < shares.min() < shares.max() < 0.7
 
 
-def test_points_of_figures_are_printed_measured_and_recomputed(found):
-    points = found.frames["figures"]
+def test_points_of_figures_are_printed_measured_and_recomputed(rederived):
+    points = rederived.frames["figures"]
     assert len(points) == 84
     assert points["omega_2 printed [rad/s]"].isna().sum() == 21
     # Fig. 44 and C15: the third case, backspin at 17 degrees, turns backwards.
@@ -111,7 +114,9 @@ def test_points_of_figures_are_printed_measured_and_recomputed(found):
     assert row["omega_2 printed [rad/s]"] < 0.0
     assert row["theta_2 printed [deg]"] > 0.0
     first = points.iloc[0]
-    assert [first[f"{name} measured [{unit}]"] for name, unit in appendices.OUTPUTS.items()] == [
+    assert [
+        first[f"{name} measured [{unit}]"] for name, unit in appendices.JUDGED_OUTPUTS.items()
+    ] == [
         11.09,
         20.83,
         239.1,
@@ -119,20 +124,20 @@ def test_points_of_figures_are_printed_measured_and_recomputed(found):
     assert first["v_x2 printed [m/s]"] == 12.309
 
 
-def test_a_set_of_ones_own_stands_beside_the_cases(found):
+def test_a_user_set_stands_beside_the_cases(rederived):
     """Values near a free fit miss less by the equations than the three cases do, and lie inside the
     posterior.
     """
-    scores = found.frames["cases"].set_index(["by", "case"])["score"]
+    scores = rederived.frames["cases"].set_index(["by", "case"])["score"]
     assert scores["exact"].idxmin() == "yours"
-    shown = found.frames["parameters"].set_index("parameter")
-    assert shown.loc["k_y", "yours"] == pytest.approx(19300.0 / STIFFNESS)
+    shown = rederived.frames["parameters"].set_index("parameter")
+    assert shown.loc["k_y", "yours"] == pytest.approx(19300.0 / LB_PER_IN)
     assert shown.loc["C1", "yours"] == 0.0
     assert shown.loc["C2", "yours"] == pytest.approx(0.0024 / INCH)
-    places = found.frames["places"]
+    places = rederived.frames["places"]
     assert (places["point"] == "yours").sum() == 2
     assert places[places["point"].str.startswith("case")]["level"].min() > 0.99
-    assert [note.code for note in found.notes] == ["own-set"]
+    assert [note.code for note in rederived.notes] == ["own-set"]
     # The core of another mass has another share of inertia.
     shares = [
         ranking.case_values(fix)[1]["inertia_split"][-1]
@@ -142,11 +147,11 @@ def test_a_set_of_ones_own_stands_beside_the_cases(found):
     assert shares[1] == pytest.approx(0.532, abs=0.003)
 
 
-def test_the_offset_does_not_grow(found):
+def test_the_offset_does_not_grow(rederived):
     """A weighted line through offsets made by hand: R(v_x1 - v_x2) less the spin's share, over v_y1
     + v_y2.
     """
-    offsets = found.frames["offsets"]
+    offsets = rederived.frames["offsets"]
     wang = appendices.wang()
     spin = wang["omega_2 [rad/s]"] - wang["omega_1 [rad/s]"]
     turn = (wang["v_x1 [m/s]"] - wang["v_x2 [m/s]"]) / 0.03302 - 0.56 * spin
@@ -174,8 +179,8 @@ def test_a_level_is_the_mass_of_denser_draws():
     assert posteriors.credible_level(np.exp(draws), [1.0, 1.0], True, rng) < 0.05
 
 
-def test_each_slip_is_listed_beside_what_it_changes(found):
-    slips = found.frames["slips"]
+def test_each_slip_is_listed_beside_what_it_changes(rederived):
+    slips = rederived.frames["slips"]
     rows = slips["rows within 0.1 %"].tolist()
     assert rows[0] == 110
     assert sorted(rows[1:])[-1] == 110
@@ -186,17 +191,17 @@ def test_each_slip_is_listed_beside_what_it_changes(found):
     # Of half a damped period the damper leaves this share of the speed.
     rows = appendix_c()
     core = set_values(rows)["mass_ratio"] * BALL_MASS
-    c_y = rows["c_y [lb s/in]"].to_numpy(float) * DAMPING
+    c_y = rows["c_y [lb s/in]"].to_numpy(float) * LB_S_PER_IN
     rate = np.sqrt(set_values(rows)["k_y"] / core - (0.5 * c_y / core) ** 2)
-    left = core / BALL_MASS * np.exp(-0.5 * c_y / core * np.pi / rate)
-    moved = (left - rows["cor"].to_numpy(float)) * rows["v_y1 [m/s]"].to_numpy(float)
+    speed_share = core / BALL_MASS * np.exp(-0.5 * c_y / core * np.pi / rate)
+    moved = (speed_share - rows["cor"].to_numpy(float)) * rows["v_y1 [m/s]"].to_numpy(float)
     assert only["v_y2 [m/s]"] == pytest.approx(np.sqrt(np.mean(moved**2)), rel=1e-9)
     assert (slips.iloc[1:][["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]].max(axis=1) > 0.0).all()
 
 
 def test_the_computation_as_a_model_is_the_computation():
     """With the restitution of the law, the damping of Chapter V and tied inertia."""
-    model = posteriors.computation()
+    model = posteriors.computation_model()
     values = {
         "mass_ratio": 0.65,
         "k_y": 15000.0,
@@ -207,19 +212,19 @@ def test_the_computation_as_a_model_is_the_computation():
     }
     law = {"cor_10": 0.77, "cor_slope": -0.015}
     states = impacts([15.0, 9.0, -4.0], [6.0, 10.0, 8.0], [0.0, 150.0, 40.0])
-    made = model.evaluate([*values, *law], np.array([[*values.values(), *law.values()]]), states)
+    rebound = model.evaluate([*values, *law], np.array([[*values.values(), *law.values()]]), states)
     cor = fitball.model("brody").rebound({"mu": 0.1, **law}, states).v_y2 / states.v_y1
     ball = Ball()
-    given = {name: np.array([value]) for name, value in values.items()}
-    given |= {
+    parameters = {name: np.array([value]) for name, value in values.items()}
+    parameters |= {
         "ball_mass": ball.mass,
         "ball_radius": ball.radius,
         "inertia_ratio": ball.inertia_ratio,
     }
-    given |= {"inertia_split": ranking.tied_split(0.65)}
+    parameters |= {"inertia_split": ranking.tied_split(0.65)}
     c_y = appendices.damping(cor, 0.65, 15000.0, ball.mass)
-    plain = fitball.thesis.printed.computed(
-        given,
+    plain = fitball.thesis.printed.compute_sets(
+        parameters,
         states.v_x1,
         states.v_y1,
         states.omega_1,
@@ -227,30 +232,31 @@ def test_the_computation_as_a_model_is_the_computation():
         c_y,
         ball.mass,
     )
-    assert_allclose(made.v_x2[0], plain.v_x2, rtol=1e-13)
-    assert_allclose(made.omega_2[0], plain.omega_2, rtol=1e-13)
-    assert_allclose(made.v_y2[0], cor * states.v_y1, rtol=1e-13)
+    assert_allclose(rebound.v_x2[0], plain.v_x2, rtol=1e-13)
+    assert_allclose(rebound.omega_2[0], plain.omega_2, rtol=1e-13)
+    assert_allclose(rebound.v_y2[0], cor * states.v_y1, rtol=1e-13)
     soft = np.array([[*(values | {"k_theta": 1e-3}).values(), *law.values()]])
     assert np.all(model.evaluate([*values, *law], soft, states).status == Status.TORSION_TOO_SOFT)
 
 
-def test_page_figures_and_files(found, tmp_path):
+def test_page_figures_and_files(rederived, tmp_path):
     """Every table in the page, figures of the frames' numbers, CSV of all."""
-    names = {path.name for path in found.save(tmp_path / "made")}
+    names = {path.name for path in rederived.save(tmp_path / "made")}
     assert {"report.html", "glance.png", "chapter_v.png", "slips.csv", "figures.csv"} <= names
     page = (tmp_path / "made" / "report.html").read_text()
     for number in ("110", "127", "C15 case 7", "Eq. (73)", "yours"):
         assert number in page
-    drawn = [line.get_ydata() for line in found.plot("chapter_v").axes[0].lines]
+    drawn = [line.get_ydata() for line in rederived.plot("chapter_v").axes[0].lines]
     assert any(
-        np.array_equal(found.frames["figures"]["v_x2 recomputed [m/s]"][:7], line) for line in drawn
+        np.array_equal(rederived.frames["figures"]["v_x2 recomputed [m/s]"][:7], line)
+        for line in drawn
     )
     # Eq. (53), in inches and m/s as it is printed.
     lines = [
         line
-        for axis in found.plot("glance").axes
+        for axis in rederived.plot("glance").axes
         for line in axis.lines
         if line.get_linestyle() == "--"
     ]
     assert any(np.allclose(line.get_ydata(), 0.0431 * line.get_xdata() - 0.189) for line in lines)
-    json.dumps(found.json(), allow_nan=False)
+    json.dumps(rederived.json(), allow_nan=False)

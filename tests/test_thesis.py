@@ -11,7 +11,14 @@ from scipy.optimize import brentq
 
 from fitball.data.bundled import printed_table
 from fitball.thesis.computation import thesis_rebound
-from fitball.thesis.printed import INERTIA_OF, appendix_c, recomputed, selects, set_values, within
+from fitball.thesis.printed import (
+    INERTIA_OF,
+    appendix_c,
+    count_within,
+    recompute_appendix_c,
+    rows_of_erratum,
+    set_values,
+)
 
 LIMITS = (0.1, 0.5, 1.0)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
@@ -19,11 +26,11 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
 
 @pytest.fixture(scope="module")
 def rows():
-    return recomputed(appendix_c())
+    return recompute_appendix_c(appendix_c())
 
 
-def counts(made):
-    return [within(made, limit) for limit in LIMITS]
+def counts(judged):
+    return [count_within(judged, limit) for limit in LIMITS]
 
 
 def test_rows_of_appendix_c_that_are_reproduced(rows):
@@ -35,15 +42,17 @@ def test_rows_of_appendix_c_that_are_reproduced(rows):
 
 def test_each_row_agrees_or_is_listed_among_the_errata(rows):
     errata = [
-        item for item in printed_table("errata").to_dict("records") if item["kind"] != "input"
+        erratum
+        for erratum in printed_table("errata").to_dict("records")
+        if erratum["kind"] != "input"
     ]
-    for name, half in (("v_x2", 5e-4), ("omega_2", 5e-4), ("contact_time", 5e-4)):
+    for name, half_digit in (("v_x2", 5e-4), ("omega_2", 5e-4), ("contact_time", 5e-4)):
         listed = np.zeros(len(rows), dtype=bool)
-        for item in errata:
-            if item["column"] == name:
-                listed |= selects(rows, item["table"], item["row"])
+        for erratum in errata:
+            if erratum["column"] == name:
+                listed |= rows_of_erratum(rows, erratum["table"], erratum["row"])
         column = next(head for head in rows if head.startswith(f"{name} ["))
-        rounding = 100.0 * half / rows[column].abs()
+        rounding = 100.0 * half_digit / rows[column].abs()
         off = rows[f"{name}_error"].abs() > np.maximum(0.1, rounding)
         assert not np.any(off & ~listed)
         # Nor does the list explain what needs no cause: but for three rows of C5, of a slip that
@@ -63,29 +72,29 @@ def test_without_the_slips_of_sliding_the_spin_keeps_the_balance():
         "inertia_split": 0.6,
         "mass_ratio": 2 / 3,
     }
-    given = ball | {
+    parameters = ball | {
         "k_y": 1.4e4,
         "k_theta": 1e7,
         "mu": 0.1,
         "eps": 0.0,
         "c_y": 2.0,
     }
-    for mended, share in (((), 0.6 / 0.4), (("torque", "sign", "cosine"), 1.0)):
-        made = thesis_rebound(25.0, 8.0, 0.0, 0.75, **given, mended=mended)
-        lost = 0.0576 * 0.033 * (25.0 - made.v_x2) / 3.2e-5
-        assert np.isnan(made.rolling)
-        assert made.omega_2 / lost == pytest.approx(share, rel=0.05)
+    for slips_mended, share in (((), 0.6 / 0.4), (("torque", "sign", "cosine"), 1.0)):
+        rebound = thesis_rebound(25.0, 8.0, 0.0, 0.75, **parameters, slips_mended=slips_mended)
+        lost = 0.0576 * 0.033 * (25.0 - rebound.v_x2) / 3.2e-5
+        assert np.isnan(rebound.rolling)
+        assert rebound.omega_2 / lost == pytest.approx(share, rel=0.05)
 
 
 def test_misprinted_inputs_and_the_radius_of_appendix_b_give_fewer(monkeypatch):
-    assert counts(recomputed(printed_table("appendix_c"))) == [67, 100, 107]
+    assert counts(recompute_appendix_c(printed_table("appendix_c"))) == [67, 100, 107]
     monkeypatch.setattr("fitball.thesis.printed.BALL_RADIUS", 1.25 / 39.37)
-    assert counts(recomputed(appendix_c()))[0] < 20
+    assert counts(recompute_appendix_c(appendix_c()))[0] < 20
 
 
 def integral(function, start, end):
-    half = 0.5 * (end - start)
-    return half * np.sum(WEIGHTS * function(start + half * (NODES + 1.0)))
+    half_digit = 0.5 * (end - start)
+    return half_digit * np.sum(WEIGHTS * function(start + half_digit * (NODES + 1.0)))
 
 
 def by_quadrature(row):
@@ -161,26 +170,28 @@ def by_quadrature(row):
 def test_it_is_what_the_formulas_of_the_thesis_give(rows):
     values = set_values(rows)
     few = list(range(0, 147, 6))
-    found = [by_quadrature(rows.iloc[k]) for k in few]
-    given = {
+    by_formulas = [by_quadrature(rows.iloc[k]) for k in few]
+    parameters = {
         name.removeprefix("ball_"): values[name]
         for name in values
         if not name.startswith(("eps", "inertia_r"))
     }
-    made = thesis_rebound(
+    rebound = thesis_rebound(
         *(
             rows[f"{name}"].to_numpy(float)
             for name in ("v_x1 [m/s]", "v_y1 [m/s]", "omega_1 [rad/s]", "cor")
         ),
-        **given,
+        **parameters,
         inertia=values["inertia_ratio"] * values["ball_mass"] * values["ball_radius"] ** 2,
         eps=values["eps_10"] + values["eps_slope"] * (rows["v_y1 [m/s]"].to_numpy(float) - 10.0),
         c_y=rows["c_y [lb s/in]"].to_numpy(float) * 4.4482216152605 * 39.37,
     )
-    for name, column in zip(("rolling", "v_x2", "omega_2"), zip(*found, strict=True), strict=True):
-        assert_allclose(getattr(made, name)[few], column, rtol=1e-9, atol=2e-7)
-    assert 5 < np.isnan(made.rolling).sum() < 142
-    assert_allclose(made.v_y2, rows["cor"] * rows["v_y1 [m/s]"], rtol=1e-15)
+    for name, column in zip(
+        ("rolling", "v_x2", "omega_2"), zip(*by_formulas, strict=True), strict=True
+    ):
+        assert_allclose(getattr(rebound, name)[few], column, rtol=1e-9, atol=2e-7)
+    assert 5 < np.isnan(rebound.rolling).sum() < 142
+    assert_allclose(rebound.v_y2, rows["cor"] * rows["v_y1 [m/s]"], rtol=1e-15)
 
 
 def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
@@ -192,7 +203,7 @@ def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
         "inertia_split": 0.5,
         "mass_ratio": 0.75,
     }
-    made = thesis_rebound(
+    rebound = thesis_rebound(
         [15.0, 9.0],
         [[6.0], [8.0]],
         10.0,
@@ -204,10 +215,10 @@ def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
         eps=1e-3,
         c_y=4.0,
     )
-    assert made.v_x2.shape == made.v_y2.shape == (2, 2)
-    assert np.isfinite(made.v_x2).all()
+    assert rebound.v_x2.shape == rebound.v_y2.shape == (2, 2)
+    assert np.isfinite(rebound.v_x2).all()
     for changes in ({"c_y": 70.0}, {"k_theta": 0.5}):
-        given = {"k_y": 2e4, "k_theta": 110.0, "c_y": 4.0} | changes
+        parameters = {"k_y": 2e4, "k_theta": 110.0, "c_y": 4.0} | changes
         assert np.isnan(
             thesis_rebound(
                 15.0,
@@ -217,7 +228,7 @@ def test_it_broadcasts_and_has_no_answer_where_nothing_swings():
                 **ball,
                 mu=0.55,
                 eps=1e-3,
-                **given,
+                **parameters,
             ).v_x2
         )
 

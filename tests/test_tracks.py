@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support import films
-from support.films import NINE, Camera, bounces, filmed, scores
+from support.films import TRACKED_NAMES, Camera, bounces, filmed, scores
 
 import fitball
 from fitball.base.errors import InputError
@@ -73,9 +73,9 @@ def whitened(film, truth):
     """Squares of errors of whole rows by their stated covariance."""
     table = film.table
     rows = [int(name) - 1 for name in table.labels["id"]]
-    measured = np.stack([table.values[name] for name in NINE], axis=1)
+    measured = np.stack([table.values[name] for name in TRACKED_NAMES], axis=1)
     errors = measured - truth[rows]
-    precision = np.linalg.inv(table.covariance(NINE[3:]))
+    precision = np.linalg.inv(table.covariance(TRACKED_NAMES[3:]))
     return np.einsum("ri,rij,rj->r", errors, precision, errors)
 
 
@@ -94,9 +94,9 @@ def test_intervals_of_all_nine_hold_on_twelve_cameras(study):
     assert len(z) == 96
     # 99.8 % of binomial counts of 96, and of the 80 with spins.
     for k in range(9):
-        scores_of_one = z[:, k]
-        assert share_within(scores_of_one, 1.96) > 0.86, NINE[k]
-        assert 0.53 < share_within(scores_of_one, 0.9945) < 0.83, NINE[k]
+        scores_of_quantity = z[:, k]
+        assert share_within(scores_of_quantity, 1.96) > 0.86, TRACKED_NAMES[k]
+        assert 0.53 < share_within(scores_of_quantity, 0.9945) < 0.83, TRACKED_NAMES[k]
     assert 0.92 < share_within(z, 1.96) < 0.98
     assert 0.63 < share_within(z, 0.9945) < 0.73
 
@@ -146,17 +146,17 @@ def test_angles_of_a_mark_leave_spins_apart_by_whole_turns():
     rng = np.random.default_rng(2)
     noise = 0.03 * rng.standard_normal(times.size)
     angles = (0.4 + 1000.0 * times + noise) % np.pi
-    found = lines_of_angles(times, angles, 2, 0.03, 0.05, 420.0)
-    spins = np.array([line.omega for line in found])
+    candidates = lines_of_angles(times, angles, 2, 0.03, 0.05, 420.0)
+    spins = np.array([line.omega for line in candidates])
     turns = (spins - 1000.0) / (np.pi * 240.0)
     nearest = np.round(turns)
     # Of a table-tennis ball, to four sds of its spins: 1000 - 754 n rad/s.
     assert sorted(nearest) == [-3, -2, -1, 0]
     assert np.abs(turns - nearest).max() < 5e-3
-    assert np.ptp([line.log_likelihood for line in found]) < 1e-6
+    assert np.ptp([line.log_likelihood for line in candidates]) < 1e-6
     # The error of a slope, by the formula of a straight line.
     sd = 0.03 / np.sqrt(12 * np.var(times))
-    for line in found:
+    for line in candidates:
         assert np.sqrt(line.covariance[1, 1]) == pytest.approx(sd, rel=0.1)
 
 
@@ -273,8 +273,8 @@ def test_the_same_film_seen_otherwise_gives_the_same_impacts(other):
         table["angle [rad]"] = -table["angle [rad]"]
         stated = {"angles": "clockwise"}
     expected = tracked(plain, Camera()).impacts
-    found = tracked(table, Camera(), **stated).impacts
-    assert_allclose(found, expected, rtol=1e-5, atol=1e-7)
+    impacts = tracked(table, Camera(), **stated).impacts
+    assert_allclose(impacts, expected, rtol=1e-5, atol=1e-7)
 
 
 def test_the_series_of_a_flight_agrees_with_an_integration():
@@ -372,10 +372,10 @@ def test_several_bounces_of_a_clip_and_sessions_apart():
     first_session = table[table["session"] == "a"].drop(columns="session")
     apart = tracked(first_session, camera).impacts
     # One clip after the other, as a camera that is not stopped has them.
-    in_one_clip = first_session.copy()
-    in_one_clip["frame"] += 400 * in_one_clip["id"].astype(int)
-    in_one_clip["id"] = "all"
-    joined = tracked(in_one_clip, camera).impacts
+    as_single_clip = first_session.copy()
+    as_single_clip["frame"] += 400 * as_single_clip["id"].astype(int)
+    as_single_clip["id"] = "all"
+    joined = tracked(as_single_clip, camera).impacts
     assert [*joined.index] == ["all-1", "all-2", "all-3"]
     assert_allclose(joined["v_x1 [m/s]"], apart["v_x1 [m/s]"], atol=0.03)
 

@@ -22,11 +22,11 @@ FPS = 240.0
 MM = 0.8
 RNG = np.random.default_rng(1)
 TABLE = filmed(bounces(2, RNG), Camera(FPS, 1e-4, outliers=0.0, lost=0.0), RNG)
-ONE = TABLE[TABLE["id"] == "1"].reset_index(drop=True)
-TWO = TABLE[TABLE["id"] == "2"].reset_index(drop=True)
-X = ONE["x [m]"].to_numpy()
-Y = ONE["y [m]"].to_numpy()
-FRAME = ONE["frame"].to_numpy()
+FIRST_CLIP = TABLE[TABLE["id"] == "1"].reset_index(drop=True)
+SECOND_CLIP = TABLE[TABLE["id"] == "2"].reset_index(drop=True)
+X = FIRST_CLIP["x [m]"].to_numpy()
+Y = FIRST_CLIP["y [m]"].to_numpy()
+FRAME = FIRST_CLIP["frame"].to_numpy()
 TIME = FRAME / FPS
 # Positions in pixels, at the scale of MM.
 X_PX = 1e3 * X / MM
@@ -34,14 +34,14 @@ Y_PX = 1e3 * Y / MM
 PIXELS = {"fps": FPS, "mm_per_px": MM}
 
 
-def comma(value):
+def with_comma(value):
     return f"{value:.6f}".replace(".", ",")
 
 
-def written(folder, text, name="clip.csv"):
-    place = folder / name
-    place.write_text(text, encoding="utf-8")
-    return place
+def write_text(folder, text, name="clip.csv"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def read(source, columns=None, ball=None, **camera):
@@ -54,13 +54,13 @@ def read(source, columns=None, ball=None, **camera):
 
 
 def read_text(folder, text, **camera):
-    """Tracks of a file of a text."""
-    tracks, _ = read(written(folder, text), **camera)
+    """Tracks of a file with this text."""
+    tracks, _ = read(write_text(folder, text), **camera)
     return tracks
 
 
-def same(track, rows=slice(None), x=X, y=Y):
-    """Positions are those of the film, times too but for where they begin."""
+def assert_same_positions(track, rows=slice(None), x=X, y=Y):
+    """Hold that positions are those of the film, and times but for where they begin."""
     steps = np.diff(TIME[rows])
     assert_allclose(track.x, x[rows], atol=2e-5)
     assert_allclose(track.y, y[rows], atol=2e-5)
@@ -68,7 +68,7 @@ def same(track, rows=slice(None), x=X, y=Y):
 
 
 def rows_of(*columns, sign=";"):
-    """Lines of a file of columns."""
+    """The lines of a file of these columns."""
     lines = []
     for row in zip(*columns, strict=True):
         cells = map(str, row)
@@ -77,7 +77,7 @@ def rows_of(*columns, sign=";"):
 
 
 def with_commas(*columns):
-    return rows_of(*(map(comma, column) for column in columns))
+    return rows_of(*(map(with_comma, column) for column in columns))
 
 
 # Times of playback at 30 frames a second, rounded to a millisecond.
@@ -103,7 +103,7 @@ HEADERS = [header for header, *_ in LONG]
 @pytest.mark.parametrize(("header", "rows", "camera"), LONG, ids=HEADERS)
 def test_long_tables_as_people_write_them(tmp_path, header, rows, camera):
     (track,) = read_text(tmp_path, f"{header}\n{rows}\n", **camera)
-    same(track)
+    assert_same_positions(track)
     if header.startswith("id"):
         assert track.id == "a"
     else:
@@ -111,13 +111,13 @@ def test_long_tables_as_people_write_them(tmp_path, header, rows, camera):
 
 
 def test_a_frame_a_workbook_and_a_file_are_read_alike(tmp_path):
-    ONE.to_excel(tmp_path / "clip.xlsx", index=False)
-    ONE.to_csv(tmp_path / "clip.csv", index=False)
-    for source in (ONE, tmp_path / "clip.xlsx", tmp_path / "clip.csv"):
+    FIRST_CLIP.to_excel(tmp_path / "clip.xlsx", index=False)
+    FIRST_CLIP.to_csv(tmp_path / "clip.csv", index=False)
+    for source in (FIRST_CLIP, tmp_path / "clip.xlsx", tmp_path / "clip.csv"):
         tracks, _ = read(source, fps=FPS)
         track = tracks[0]
-        same(track)
-        assert_allclose(track.angle, ONE["angle [rad]"], atol=1e-12)
+        assert_same_positions(track)
+        assert_allclose(track.angle, FIRST_CLIP["angle [rad]"], atol=1e-12)
         assert track.id == "1"
         assert track.fold == 1
         assert track.frame[0] == FRAME[0]
@@ -126,15 +126,15 @@ def test_a_frame_a_workbook_and_a_file_are_read_alike(tmp_path):
 def test_tracker_has_names_above_and_velocities_that_are_left_out(tmp_path):
     head = "mass_A\t\t\t\nt\tx\ty\tv_{x}\n"
     rows = rows_of(TIME, X, Y, [99] * len(X), sign="\t")
-    tracks, _ = read(written(tmp_path, head + rows, "clip.txt"))
-    same(tracks[0])
+    tracks, _ = read(write_text(tmp_path, head + rows, "clip.txt"))
+    assert_same_positions(tracks[0])
 
 
 @pytest.mark.parametrize("head", ["t;x;y;x;y", "t;x;y;t;x;y"])
 def test_tracker_has_masses_side_by_side(tmp_path, head):
-    count = min(len(X), len(TWO))
-    u = TWO["x [m]"].to_numpy()
-    v = TWO["y [m]"].to_numpy()
+    count = min(len(X), len(SECOND_CLIP))
+    u = SECOND_CLIP["x [m]"].to_numpy()
+    v = SECOND_CLIP["y [m]"].to_numpy()
     lines = []
     for k in range(count):
         numbers = [TIME[k], X[k], Y[k]]
@@ -142,29 +142,29 @@ def test_tracker_has_masses_side_by_side(tmp_path, head):
             numbers.append(TIME[k])
         # The second ball is lost in two frames.
         if k in (3, 4):
-            cells = [*map(comma, numbers), "", ""]
+            cells = [*map(with_comma, numbers), "", ""]
         else:
-            cells = map(comma, [*numbers, u[k], v[k]])
+            cells = map(with_comma, [*numbers, u[k], v[k]])
         lines.append(";".join(cells))
     text = "\n".join([";mass_A;;mass_B;", head, *lines])
     first, second = read_text(tmp_path, text)
     assert first.id == "clip-1"
     assert second.id == "clip-2"
-    same(first, slice(count))
+    assert_same_positions(first, slice(count))
     seen = np.delete(np.arange(count), (3, 4))
-    same(second, seen, x=u, y=v)
+    assert_same_positions(second, seen, x=u, y=v)
 
 
 def test_kinovea_has_objects_in_one_table(tmp_path):
     head = '"Time (ms)","Trajectory 1/0/X","Trajectory 1/0/Y","Marker 1/0/X","Marker 1/0/Y"'
     lines = []
     for row in zip(1e3 * (TIME + 1.0), X, Y, strict=True):
-        quoted = [f'"{comma(value)}"' for value in row]
+        quoted = [f'"{with_comma(value)}"' for value in row]
         lines.append(",".join(quoted) + ",,")
     lines[5] = lines[5][:-1] + '"0,5","0,5"'
     text = "\n".join([head, *lines])
     ball, marker = read_text(tmp_path, text)
-    same(ball)
+    assert_same_positions(ball)
     assert ball.id == "Trajectory 1"
     assert marker.id == "Marker 1"
     assert len(marker.x) == 1
@@ -176,7 +176,7 @@ def test_dltdv_counts_rows_and_is_in_pixels(tmp_path):
         lines.append(f"{x:.4f},{y:.4f},NaN,NaN")
     text = "\n".join(lines)
     ball, other = read_text(tmp_path, text, **PIXELS)
-    same(ball)
+    assert_same_positions(ball)
     assert ball.id == "clip-pt1_cam1"
     assert ball.frame[0] == 2
     assert len(other.x) == 1
@@ -203,7 +203,7 @@ def test_the_ball_itself_is_a_scale(tmp_path):
 
 
 def test_frames_without_a_ball_are_left_out():
-    table = ONE.assign(quality=1.0)
+    table = FIRST_CLIP.assign(quality=1.0)
     table = table.astype({"x [m]": float})
     table.loc[3, "quality"] = 0.5
     table.loc[7, ["x [m]", "y [m]"]] = -999.0
@@ -220,23 +220,23 @@ def test_frames_without_a_ball_are_left_out():
 
 
 def test_rows_in_any_order_names_of_ones_own_labels_and_many_files(tmp_path):
-    mixed = ONE.sample(frac=1.0, random_state=1)
+    mixed = FIRST_CLIP.sample(frac=1.0, random_state=1)
     mixed = mixed.rename(columns={"x [m]": "Hor", "y [m]": "Ver"})
     labelled = mixed.assign(surface="clay", mood="good")
     names = {"x": "Hor [m]", "y": "Ver [m]"}
     (track,), _ = read(labelled, names, fps=FPS)
-    same(track)
+    assert_same_positions(track)
     assert track.labels == {"surface": "clay"}
-    ONE.to_csv(tmp_path / "a.csv", index=False)
-    ONE.iloc[1:].to_csv(tmp_path / "b.csv", index=False)
+    FIRST_CLIP.to_csv(tmp_path / "a.csv", index=False)
+    FIRST_CLIP.iloc[1:].to_csv(tmp_path / "b.csv", index=False)
     scene = Scene(camera=CameraSection(fps=FPS))
     tracks, _ = read_tracks([tmp_path / "a.csv", tmp_path / "b.csv"], scene, {})
     assert [track.id for track in tracks] == ["1 (1)", "1 (2)"]
     # Without ids a clock that starts again begins a clip, whatever is missing between.
-    both = pd.concat([ONE, TWO], ignore_index=True)
+    both = pd.concat([FIRST_CLIP, SECOND_CLIP], ignore_index=True)
     both = both.drop(columns="id").astype({"frame": float})
     for last in (FRAME[-1], np.nan):
-        both.loc[len(ONE) - 1, "frame"] = last
+        both.loc[len(FIRST_CLIP) - 1, "frame"] = last
         tracks, _ = read(both, fps=FPS)
         assert [track.id for track in tracks] == ["positions-1", "positions-2"]
 
@@ -246,11 +246,11 @@ def test_times_of_playback_count_frames_that_are_missing():
     seen = np.flatnonzero((number != 2) & (number != 3))
     table = pd.DataFrame({"t": PLAYBACK, "x [m]": X, "y [m]": Y})
     tracks, _ = read(table.iloc[seen], fps=FPS)
-    same(tracks[0], seen)
+    assert_same_positions(tracks[0], seen)
 
 
 def test_a_rolling_shutter_reads_lower_rows_later():
-    table = ONE.drop(columns=["x [m]", "y [m]"])
+    table = FIRST_CLIP.drop(columns=["x [m]", "y [m]"])
     table = table.assign(**{"x [px]": X_PX, "y [px]": -Y_PX})
     (still,), _ = read(table, **PIXELS, y="down", row_time=0.0)
     (late,), _ = read(table, **PIXELS, y="down", row_time=1e-6)
@@ -259,13 +259,13 @@ def test_a_rolling_shutter_reads_lower_rows_later():
 
 @pytest.mark.parametrize("case", MISTAKES["film"], ids=lambda case: case["faults"][0])
 def test_mistakes_are_told_by_place(tmp_path, case):
-    place = written(tmp_path, case["text"])
+    path = write_text(tmp_path, case["text"])
     camera = case.get("camera", {})
     with pytest.raises(InputError) as caught:
-        read(place, case.get("columns"), **camera)
-    found = []
+        read(path, case.get("columns"), **camera)
+    faults = []
     for fault in caught.value.faults:
         numbers = (fault.row, fault.line, fault.column)
         written_out = ["-" if number is None else str(number) for number in numbers]
-        found.append(" ".join([fault.code, *written_out]))
-    assert sorted(found) == sorted(case["faults"])
+        faults.append(" ".join([fault.code, *written_out]))
+    assert sorted(faults) == sorted(case["faults"])

@@ -1,9 +1,10 @@
 """The page of `rederive` and its figures."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
@@ -26,19 +27,19 @@ from fitball.report.style import (
     legend_above,
     new_figure,
 )
-from fitball.thesis.appendices import MEAN_COR, OUTPUTS, SCALES, headed
+from fitball.thesis.appendices import JUDGED_OUTPUTS, MEAN_COR, SCALES, head_of
 from fitball.thesis.posteriors import slope_of
 from fitball.thesis.printed import C1, C2
-from fitball.thesis.ranking import OWN, SAMPLES
+from fitball.thesis.ranking import BOOTSTRAP_SAMPLES, USER_SET
 
-# Share of bootstrap samples from which on a place is sure; its complement rules the place out.
-_SURE = 0.95
+# Share of bootstrap samples from which on a claim of rank holds; below its complement it fails.
+_SURE_SHARE = 0.95
 # Relative difference of scores below which sets fit equally well.
-_EQUAL = 0.01
-# Region of a posterior outside of which a point is named.
-_REGION = 0.99
+_EQUAL_SCORES = 0.01
+# Probability of the region of a posterior outside of which a case is counted and marked.
+_NAMED_REGION = 0.99
 # Standard errors from which on two slopes differ.
-_APART = 3.0
+_SLOPE_ERRORS = 3.0
 # Parameters of `places_frame`, and how the table heads them.
 _SYMBOLS = {"mass_ratio": "M1/M", "k_y": "K_y", "k_theta": "K_theta", "C1": "C1", "C2": "C2"}
 _CAPTIONS = {
@@ -50,9 +51,9 @@ _CAPTIONS = {
 }
 _SCORE = (
     f"Score: rms error of velocity and spin over {SCALES['v_x2']:g} m/s and {SCALES['omega_2']:g} "
-    f"rad/s on Wang's 21 impacts; in brackets the share of {SAMPLES:,} bootstrap samples in which "
-    "the set is first. Recomputed: at Wang's own impacts. Exact: the thesis's equations, solved "
-    "without its slips."
+    f"rad/s on Wang's 21 impacts; in brackets the share of {BOOTSTRAP_SAMPLES:,} bootstrap samples "
+    "in which the set is first. Recomputed: at Wang's own impacts. Exact: the thesis's equations, "
+    "solved without its slips."
 )
 _PLACES = (
     "Region: the probability of the region of highest density on whose edge the point lies. "
@@ -64,8 +65,8 @@ _SPEEDS = np.linspace(4.0, 17.0, 40)
 
 
 def report(result: Findings) -> Report:
-    """Whether Appendix C is reproduced, whether Table 9's claim is true, and what the data say;
-    then each result.
+    """The report of `rederive`: whether Appendix C is reproduced, whether Table 9's claim holds,
+    and the results of free fits; then each result.
     """
     frames = result.frames
     summary: list[Block] = [
@@ -122,6 +123,7 @@ def report(result: Findings) -> Report:
 
 
 def _reproduced(counts: DataFrame) -> Mark:
+    """The sentence on rows of Appendix C that are reproduced."""
     row = counts.iloc[0]
     text = (
         f"Appendix C: {row['within 0.1 %']:.0f} of {row['rows']} rows are reproduced within 0.1 % "
@@ -143,36 +145,38 @@ def _claim(rankings: DataFrame) -> list[str]:
         noun = "case" if len(numbers) == 1 else "cases"
         sentences.append(f"{verdict} for {noun} {listed(numbers)}")
     best = min(row["score"] for row in rows)
-    equal = [str(row["set"]) for row in rows if row["score"] <= (1.0 + _EQUAL) * best]
+    equal = [str(row["set"]) for row in rows if row["score"] <= (1.0 + _EQUAL_SCORES) * best]
     return [
         "Table 9 claims that its cases are the three best of seven sets. Recomputed, this "
         f"{listed(sentences)}.",
         f"Sets {listed(equal)} of Appendix C fit equally well: their scores differ by less than "
-        f"{percent(_EQUAL)}.",
+        f"{percent(_EQUAL_SCORES)}.",
     ]
 
 
 def _verdict(share: float) -> str:
     """Whether a claim holds that is true of this share of bootstrap samples."""
-    if share >= _SURE:
+    if share >= _SURE_SHARE:
         return "holds"
-    if share <= 1.0 - _SURE:
+    if share <= 1.0 - _SURE_SHARE:
         return "fails"
     return "is open"
 
 
 def _outside(places: DataFrame) -> str:
+    """The sentence on cases of Table 9 that lie far out in the free fits."""
     cases = places[places["point"].str.startswith("case")]
-    outside = cases[cases["level"] > _REGION].groupby("model", sort=False).size()
+    outside = cases[cases["level"] > _NAMED_REGION].groupby("model", sort=False).size()
     models = dict.fromkeys(cases["model"])
     text = listed(f"{outside.get(name, 0)} of 3 ({name})" for name in models)
-    return f"Cases outside the {percent(_REGION)} region of a free fit: {text}."
+    return f"Cases outside the {percent(_NAMED_REGION)} region of a free fit: {text}."
 
 
 def _slope(offsets: DataFrame) -> str:
+    """The sentence on the slope of the offset over the vertical speed."""
     slope, error = slope_of(offsets)
     away = abs(slope - C1) / error
-    grows = "does not grow" if away > _APART else "may grow"
+    grows = "does not grow" if away > _SLOPE_ERRORS else "may grow"
     estimate = PLAIN.plus_minus(slope, error)
     return (
         f"The offset {grows} with the vertical speed as Eq. (53) says: without any model its "
@@ -198,6 +202,7 @@ def _ranking(rankings: DataFrame) -> Table:
 
 
 def _counts(counts: DataFrame) -> Table:
+    """Rows that agree with print, a row an output."""
     heads = [head for head in map(str, counts) if head.startswith("within")]
     rows = []
     for row in records(counts):
@@ -209,6 +214,7 @@ def _counts(counts: DataFrame) -> Table:
 
 
 def _unexplained(rows: DataFrame) -> str:
+    """The sentence on deviations from Appendix C whose cause is not known."""
     deviate = 0
     unknown = 0
     for name in SCALES:
@@ -233,7 +239,7 @@ def _exceptions(frame: DataFrame) -> Table:
                 {
                     "row": f"{row['table']} case {row['case']}",
                     "column": name,
-                    "printed": PLAIN.number(row[headed(name)], 5),
+                    "printed": PLAIN.number(row[head_of(name)], 5),
                     "computed": PLAIN.number(row[name], 5),
                     "error [%]": fixed(row[f"{name}_error"], 2),
                     "kind": kind,
@@ -250,13 +256,13 @@ def _cases(frames: Mapping[str, DataFrame]) -> Table:
     rows = []
     for row in records(frames["cases"]):
         cells = {"of": row["case"], "by": ways[row["by"]]}
-        for name in OUTPUTS:
-            cells[headed(name)] = fixed(row[headed(name)], 2)
+        for name in JUDGED_OUTPUTS:
+            cells[head_of(name)] = fixed(row[head_of(name)], 2)
         rows.append(cells)
     for row in records(frames["fits"]):
         cells = {"of": "free fit", "by": row["model"]}
         for name in SCALES:
-            cells[headed(name)] = fixed(row[f"rms {name}"], 2)
+            cells[head_of(name)] = fixed(row[f"rms {name}"], 2)
         rows.append(cells)
     return Table("Rms errors on Wang's 21 impacts", rows, left=("of", "by"))
 
@@ -277,13 +283,14 @@ def _parameters(frame: DataFrame) -> Table:
 
 def _cases_of(frame: DataFrame) -> list[str]:
     """Columns of `parameters_frame` that are sets: the cases, and a reader's."""
-    return [head for head in map(str, frame) if head.startswith("case") or head == OWN]
+    return [head for head in map(str, frame) if head.startswith("case") or head == USER_SET]
 
 
 def _places(frame: DataFrame) -> Table:
+    """Where the cases lie in the free fits, a row a model and point."""
     rows = []
     for row in records(frame):
-        tone = "poor" if row["level"] > _REGION else ""
+        tone = "poor" if row["level"] > _NAMED_REGION else ""
         cells = {
             "model": row["model"],
             "point": row["point"],
@@ -296,7 +303,8 @@ def _places(frame: DataFrame) -> Table:
 
 
 def _slips(frame: DataFrame) -> Table:
-    heads = [headed(name) for name in ("v_x2", "v_y2", "omega_2")]
+    """What changes without each slip, a row a slip."""
+    heads = [head_of(name) for name in ("v_x2", "v_y2", "omega_2")]
     rows = []
     for row in records(frame):
         cells = {"slip": row["slip"], "where": row["where"]}
@@ -324,6 +332,7 @@ def figures(result: Findings) -> Mapping[str, Callable[[], Figure]]:
 
 
 def _glance(frames: Mapping[str, DataFrame]) -> Figure:
+    """Draws and cases over stiffness and over mass ratio, and offsets over the vertical speed."""
     figure, axes = new_figure(1, 3, high=3.9, wide=10.5)
     stiffness, ratio, line = axes[0]
     handles = _draw_fits(axes[0], frames["draws"])
@@ -354,9 +363,9 @@ def _glance(frames: Mapping[str, DataFrame]) -> Figure:
     return figure
 
 
-def _draw_fits(axes: Any, draws: DataFrame) -> list[Any]:
-    """Draws of each fit over stiffness and mass ratio, and its line of offsets with its band, in
-    three panels; the handles of the legend.
+def _draw_fits(axes: Sequence[Axes], draws: DataFrame) -> list[Line2D]:
+    """Draw each fit in three panels: draws over stiffness and over mass ratio, and its line of
+    offsets with its band. The handles of the legend are returned.
     """
     stiffness, ratio, line = axes
     handles = []
@@ -373,8 +382,8 @@ def _draw_fits(axes: Any, draws: DataFrame) -> list[Any]:
     return handles
 
 
-def _draw_offsets(axis: Any, offsets: DataFrame) -> None:
-    """Offsets of the impacts without any model, and Eq. (53)."""
+def _draw_offsets(axis: Axes, offsets: DataFrame) -> None:
+    """Draw the offsets of the impacts without any model, and Eq. (53)."""
     axis.errorbar(
         offsets["v_y1 [m/s]"],
         offsets["offset [in]"],
@@ -388,11 +397,11 @@ def _draw_offsets(axis: Any, offsets: DataFrame) -> None:
     axis.set(ylim=(-0.15, 0.75), xlabel=r"$v_{y1}$ [m/s]", ylabel="offset [in]")
 
 
-def _keys(*shown: tuple[str, Any, str]) -> list[Any]:
+def _keys(*keys: tuple[str, Literal["", "--"], str]) -> list[Line2D]:
     """Handles of a legend from marker, line style and text."""
     return [
         Line2D([], [], color=MEASURED_COLOUR, marker=mark, linestyle=line, label=text)
-        for mark, line, text in shown
+        for mark, line, text in keys
     ]
 
 
@@ -402,8 +411,8 @@ def _chapter_v(points: DataFrame) -> Figure:
     cases = [*zip(SERIES_COLOURS, SERIES_MARKERS[1:], dict.fromkeys(points["case"]), strict=False)]
     for column, spin in enumerate(MEAN_COR):
         of_spin = points[points["spin"] == spin]
-        for row, (output, unit) in enumerate(OUTPUTS.items()):
-            axis: Any = axes[row, column]
+        for row, (output, unit) in enumerate(JUDGED_OUTPUTS.items()):
+            axis = axes[row, column]
             for colour, marker, name in cases:
                 case = of_spin[of_spin["case"] == name]
                 angle = case["theta_1 [deg]"]
@@ -417,7 +426,7 @@ def _chapter_v(points: DataFrame) -> Figure:
             few_ticks(axis.yaxis)
         axes[0, column].set_title(spin.replace("zero", "zero spin"))
         axes[2, column].set_xlabel(r"$\theta_1$ [deg]")
-    for row, (output, unit) in enumerate(OUTPUTS.items()):
+    for row, (output, unit) in enumerate(JUDGED_OUTPUTS.items()):
         axes[row, 0].set_ylabel(f"{COLUMNS[output].symbol} [{unit}]")
     handles = [
         Line2D([], [], color=colour, marker=marker, markerfacecolor="none", label=name)

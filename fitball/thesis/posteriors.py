@@ -1,7 +1,7 @@
 """Free fits of three models to Wang's impacts, and where the thesis's values lie in them."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,44 +23,46 @@ from fitball.models.model import Model
 from fitball.models.registry import model
 from fitball.models.types import Rebound, Status
 from fitball.thesis.appendices import SCALES, damping
-from fitball.thesis.printed import C1, C2, INCH, STIFFNESS, TORSION, computed
-from fitball.thesis.ranking import OWN, tied_split
+from fitball.thesis.printed import C1, C2, INCH, LB_IN_PER_RAD, LB_PER_IN, compute_sets
+from fitball.thesis.ranking import USER_SET, tied_split
 
 # The bundled table of Wang's 21 impacts.
-TABLE = "wang_all"
+WANG_TABLE = "wang_all"
 # Models that are fitted; `thesis` is the thesis's own computation.
-MODELS = ("two-mass", "thesis-exact", "thesis")
-# Parameters of the model `brody`, whose law of restitution the computation shares.
-LAW = ("mu", "cor_10", "cor_slope")
-_LAW = model("brody")
-# Parameters that the thesis sets freely in each of its cases.
-JOINT = ("mass_ratio", "k_y", "k_theta")
-# Parameters of Eq. (53), which its cases share.
-OFFSET = ("C1", "C2")
-# Steps of each ensemble for the computation, whose joint is rarely very stiff: some 500 effective
-# draws of that.
-RARE = 1_000
+FITTED_MODELS = ("two-mass", "thesis-exact", "thesis")
+# Parameters of the model `brody`, by which the computation has its law of restitution.
+LAW_PARAMETERS = ("mu", "cor_10", "cor_slope")
+_LAW_MODEL = model("brody")
+# Parameters that the thesis sets in each of its cases.
+JOINT_PARAMETERS = ("mass_ratio", "k_y", "k_theta")
+# Parameters of Eq. (53), which all its cases share.
+OFFSET_PARAMETERS = ("C1", "C2")
+# Steps of each ensemble for the computation. Its joint is rarely very stiff: these give some 500
+# effective draws there.
+COMPUTATION_STEPS = 1_000
 # Draws behind a density, with which a level is known to a per cent or so.
-DENSITY = 3_000
+DENSITY_DRAWS = 3_000
 # Draws of a fit in figures: more would hide each other.
-DRAWN = 500
-# Nominal errors of the tables (sd, SI), from which a model-free offset has its own.
-ERRORS = {**SCALES, "v_y2": 0.25}
+DRAWS_SHOWN = 500
+# Nominal sds of Wang's measurements, SI, from which the sds of model-free offsets follow.
+NOMINAL_SDS = {**SCALES, "v_y2": 0.25}
 
 
-def solve(
+def thesis_solve(
     ball: Ball,
     names: Sequence[str],
-    values: FloatArray,
+    values: Annotated[FloatArray, "draws parameters"],
     impacts: Impacts,
     _cor: FloatArray | None = None,
 ) -> Rebound:
-    """Rebounds (draws, impacts) of the thesis's own computation at `values` (draws, names), as
-    `Model.solve` has them: with the damping of Chapter V, and the law of restitution and the
-    inertia of core and shell of the other models.
+    """Rebounds (draws, impacts) by the thesis's computation at `values` of the parameters `names`,
+    called as `Model.solve` is. The damping is that of Chapter V; the law of restitution and the
+    inertias of core and shell are those of the other models.
     """
     columns = {name: values[:, [k]] for k, name in enumerate(names)}
-    law = _LAW.evaluate(LAW, np.hstack([columns[name] for name in LAW]), impacts)
+    law = _LAW_MODEL.evaluate(
+        LAW_PARAMETERS, np.hstack([columns[name] for name in LAW_PARAMETERS]), impacts
+    )
     cor = law.v_y2 / impacts.v_y1
     ratio = columns["mass_ratio"]
     columns["inertia_split"] = tied_split(ratio)
@@ -69,7 +71,7 @@ def solve(
     columns["ball_radius"] = np.array(ball.radius)
     c_y = damping(cor, ratio, columns["k_y"], ball.mass)
     v_x1 = impacts.v_x1
-    rebound = computed(columns, v_x1, impacts.v_y1, impacts.omega_1, cor, c_y, ball.mass)
+    rebound = compute_sets(columns, v_x1, impacts.v_y1, impacts.omega_1, cor, c_y, ball.mass)
     status = np.where(np.isfinite(rebound.omega_2), Status.OK, Status.TORSION_TOO_SOFT)
     status = np.where(law.status == Status.OK, status, law.status).astype(np.int64)
     none = np.full(status.shape, np.nan)
@@ -86,15 +88,17 @@ def solve(
     )
 
 
-def computation() -> Model:
-    """The thesis's own computation as a model, slips included; for reproduction only."""
-    return Model("thesis", "thesis", Ball(), {}, model("two-mass").parameters, solve, timed=True)
+def computation_model() -> Model:
+    """A model that is the computation of the thesis, slips included, for reproduction only."""
+    return Model(
+        "thesis", "thesis", Ball(), {}, model("two-mass").parameters, thesis_solve, timed=True
+    )
 
 
-class Fitted(NamedTuple):
-    """A free fit: draws (draws,) of its parameters in SI, with C1 and C2 in the thesis's units, rms
-    residuals at the best values by column, and of all parameters the largest R-hat and the least
-    number of effective draws.
+class FreeFit(NamedTuple):
+    """A fit of all parameters: `draws` (draws,) in SI, with C1 and C2 in the thesis's units, and
+    the `rms` residuals at the best values by column, SI. `r_hat` is the largest and `effective` the
+    least effective sample size of all parameters.
     """
 
     draws: dict[str, FloatArray]
@@ -103,15 +107,17 @@ class Fitted(NamedTuple):
     effective: float
 
 
-def fitted(name: str, progress: Progress) -> Fitted:
-    """Fit one of MODELS to Wang's impacts by the road of `calibrate`, without its judgements."""
+def free_fit(name: str, progress: Progress) -> FreeFit:
+    """The free fit of one of FITTED_MODELS to Wang's impacts, searched and sampled as by
+    `calibrate`, without its judgements.
+    """
     user_model = None
     effort = Effort()
     threads_used = None
     if name == "thesis":
-        user_model = computation()
-        effort = Effort(max_steps=RARE)
-        # The computation is numpy, whose short calls no thread hastens.
+        user_model = computation_model()
+        effort = Effort(max_steps=COMPUTATION_STEPS)
+        # The computation is in short calls of NumPy, which threads do not hasten.
         threads_used = 1
 
     def report_share(_stage: str, share: float) -> None:
@@ -119,24 +125,24 @@ def fitted(name: str, progress: Progress) -> Fitted:
 
     report_share("", 0.0)
     with threads(threads_used):
-        problem = build_problem(*load_data(TABLE, None, False), Choices(name), user_model)
+        problem = build_problem(*load_data(WANG_TABLE, None, False), Choices(name), user_model)
         point = best_fit(problem, effort.stream("search"))
         begin = [first_order(problem, point).proposal]
         posterior, convergence = sample(problem, begin, effort, report_share)
         draws = dict(draws_of(problem, point, posterior, effort).values)
     effective = min(*convergence.ess_bulk.values(), *convergence.ess_tail.values())
     r_hat = max((convergence.r_hat or {}).values())
-    return Fitted(with_line(draws), point.rms, r_hat, effective)
+    return FreeFit(with_offset_line(draws), point.rms, r_hat, effective)
 
 
-def with_line(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Parameters in SI, and C1 [in/(m/s)] and C2 [in] of their offset as in Eq. (53)."""
+def with_offset_line(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The same parameters (draws,) in SI, with C1 [in/(m/s)] and C2 [in] of Eq. (53) added."""
     slope = values["eps_slope"] / INCH
     return {**values, "C1": slope, "C2": values["eps_10"] / INCH - 10.0 * slope}
 
 
-def fits_frame(fits: Mapping[str, Fitted]) -> DataFrame:
-    """A row a free fit: convergence, and rms residuals by column, SI."""
+def fits_frame(fits: Mapping[str, FreeFit]) -> DataFrame:
+    """The frame `fits`, a row a free fit: convergence, and rms residuals by column, SI."""
     rows = []
     for name, fit in fits.items():
         row: dict[str, object] = {"model": name, "r_hat": fit.r_hat, "effective": fit.effective}
@@ -147,23 +153,23 @@ def fits_frame(fits: Mapping[str, Fitted]) -> DataFrame:
 
 
 def parameters_frame(
-    fits: Mapping[str, Fitted],
+    fits: Mapping[str, FreeFit],
     names: list[str],
     values: Mapping[str, FloatArray],
 ) -> DataFrame:
-    """Median and 95 % interval of each fit in the thesis's units, beside the sets `names` (Table 9
-    and a reader's) with their `values` (sets,), SI.
+    """The frame `parameters`: median and 95 % interval of each fit in the thesis's units, beside
+    the sets `names`, Table 9's and a user's, with their `values` (sets,), SI.
     """
     units = (
         ("mass_ratio", "", 1.0),
-        ("k_y", "lb/in", STIFFNESS),
-        ("k_theta", "lb in/rad", TORSION),
+        ("k_y", "lb/in", LB_PER_IN),
+        ("k_theta", "lb in/rad", LB_IN_PER_RAD),
         ("mu", "", 1.0),
         ("C1", "in/(m/s)", 1.0),
         ("C2", "in", 1.0),
     )
     rows = []
-    values = with_line(values)
+    values = with_offset_line(values)
     for name, unit, scale in units:
         in_sets = dict(zip(names, values[name] / scale, strict=True))
         for fitted_model, fit in fits.items():
@@ -183,29 +189,29 @@ def parameters_frame(
 
 
 def places_frame(
-    fits: Mapping[str, Fitted],
+    fits: Mapping[str, FreeFit],
     names: list[str],
     values: Mapping[str, FloatArray],
 ) -> DataFrame:
-    """Where the sets `names` with their `values` (sets,) and Eq. (53) lie in each posterior: the
-    `level` of the highest-density region on whose edge the point is, and the shares of draws below
-    it.
+    """The frame `places`: where the sets `names` with their `values` (sets,), SI, and Eq. (53) lie
+    in each posterior. `level` is the probability of the highest-density region on whose edge a
+    point lies; `NAME_below` are shares of draws below it.
     """
-    values = with_line(values)
+    values = with_offset_line(values)
     # Points with their parameters and the set that has their values; the cases share Eq. (53).
     points: list[tuple[str, tuple[str, ...], int]] = []
     for k, name in enumerate(names):
-        points.append((name, JOINT, k))
-        if name == OWN:
-            points.append((name, OFFSET, k))
-    points.append(("Eq. (53)", OFFSET, 0))
+        points.append((name, JOINT_PARAMETERS, k))
+        if name == USER_SET:
+            points.append((name, OFFSET_PARAMETERS, k))
+    points.append(("Eq. (53)", OFFSET_PARAMETERS, 0))
     rows = []
     for fitted_model, fit in fits.items():
         rng = Effort().stream("density")
         for point, parameters, k in points:
             draws = [fit.draws[name] for name in parameters]
             at = [float(values[name][k]) for name in parameters]
-            level = credible_level(draws, at, parameters == JOINT, rng)
+            level = credible_level(draws, at, parameters == JOINT_PARAMETERS, rng)
             row: dict[str, object] = {"model": fitted_model, "point": point, "level": level}
             for name, value in zip(parameters, at, strict=True):
                 row[f"{name}_below"] = float(np.mean(fit.draws[name] < value))
@@ -219,8 +225,9 @@ def credible_level(
     log: bool,
     rng: np.random.Generator,
 ) -> float:
-    """Probability of the highest-density region of `draws`, (draws,) of each parameter, on whose
-    edge `point` is, a value of each; `log`: of their logarithms, as positive quantities need it.
+    """Probability of the highest-density region on whose edge a `point` lies. `draws` are (draws,)
+    of each parameter, `point` has a value of each. With `log` the density is that of logarithms,
+    for positive quantities.
     """
     cloud = np.array(draws)
     edge = np.array(point)[:, np.newaxis]
@@ -228,17 +235,17 @@ def credible_level(
         cloud = np.log(cloud)
         edge = np.log(edge)
     count = cloud.shape[1]
-    chosen = cloud[:, rng.choice(count, min(DENSITY, count), replace=False)]
+    chosen = cloud[:, rng.choice(count, min(DENSITY_DRAWS, count), replace=False)]
     density = gaussian_kde(chosen)
     return float(np.mean(density(chosen) > density(edge)))
 
 
-def offsets_frame(fits: Mapping[str, Fitted]) -> DataFrame:
-    """The offset of each impact [in] that angular momentum gives without any model, with its sd,
-    Eq. (53), and the line of each fit.
+def offsets_frame(fits: Mapping[str, FreeFit]) -> DataFrame:
+    """The frame `offsets`: the offset [in] of each impact that the balance of angular momentum
+    gives without any model, with its sd, Eq. (53), and the line of each fit.
     """
-    table, scene = load_data(TABLE, None, False)
-    frame = impact_balances(table, scene.ball_value(), ERRORS)
+    table, scene = load_data(WANG_TABLE, None, False)
+    frame = impact_balances(table, scene.ball_value(), NOMINAL_SDS)
     v_y1 = table.impacts.v_y1
     columns = {
         "id": table.labels["id"],
@@ -268,19 +275,19 @@ def slope_of(offsets: DataFrame) -> tuple[float, float]:
     return float(slope), float(np.sqrt(covariance[0, 0]))
 
 
-def draws_frame(fits: Mapping[str, Fitted]) -> DataFrame:
-    """DRAWN draws of each fit, evenly spread, in the thesis's units."""
+def draws_frame(fits: Mapping[str, FreeFit]) -> DataFrame:
+    """The frame `draws`: DRAWS_SHOWN draws of each fit, evenly spread, in the thesis's units."""
     frames = []
     for name, fit in fits.items():
-        step = len(fit.draws["mu"]) // DRAWN
+        step = len(fit.draws["mu"]) // DRAWS_SHOWN
         draws = {parameter: values[::step] for parameter, values in fit.draws.items()}
         frames.append(
             pd.DataFrame(
                 {
                     "model": name,
                     "mass_ratio": draws["mass_ratio"],
-                    "k_y [lb/in]": draws["k_y"] / STIFFNESS,
-                    "k_theta [lb in/rad]": draws["k_theta"] / TORSION,
+                    "k_y [lb/in]": draws["k_y"] / LB_PER_IN,
+                    "k_theta [lb in/rad]": draws["k_theta"] / LB_IN_PER_RAD,
                     "C1": draws["C1"],
                     "C2": draws["C2"],
                 }

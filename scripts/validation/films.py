@@ -150,7 +150,8 @@ def drawn(rng: np.random.Generator) -> tuple[dict[str, float], FloatArray, Float
         line = found.gap_turn[k] - found.omega_2[k] * (found.gap_time[k] - end)
         ahead[k] = 0.5 * end * float(weights @ course["omega_shell"]) - line
     after = [
-        getattr(found, n) + own[NOISES[n].name] * rng.standard_normal(ROWS) for n in films.NINE[3:]
+        getattr(found, n) + own[NOISES[n].name] * rng.standard_normal(ROWS)
+        for n in films.TRACKED_NAMES[3:]
     ]
     return own, np.column_stack([impacts, *after]), found.contact_time, ahead
 

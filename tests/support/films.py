@@ -23,7 +23,7 @@ UNITS = {
     "gap_path": "m",
     "gap_turn": "rad",
 }
-NINE = tuple(UNITS)
+TRACKED_NAMES = tuple(UNITS)
 # Standard gravity [m/s^2].
 G = 9.80665
 # A tennis ball: radius [m], mass [kg], moment of inertia over m r^2.
@@ -34,7 +34,7 @@ RATIO = 0.56
 DENSITY = 1.2
 DRAG = 0.507
 DRAG_SHOT = 0.024
-# What the shell turned ahead of the core decays within this time after release [s].
+# The turn of the shell ahead of the core decays with this time constant after release [s].
 TWIST_DECAY = 1.5e-3
 # How long both flights are followed from the contact [s].
 LONGEST = 0.4
@@ -69,8 +69,8 @@ class Camera:
 
 
 def bounces(count, rng):
-    """The nine of impacts like Wang's (count, 9), by Walton's impulse on a round body with an
-    offset of 2.4 mm.
+    """The quantities of `UNITS` of impacts like Wang's, (count, 9), SI, by Walton's impulse on a
+    round body with an offset of 2.4 mm.
     """
     speed = rng.uniform(12.0, 25.0, count)
     angle = np.radians(rng.uniform(16.0, 60.0, count))
@@ -95,8 +95,8 @@ def bounces(count, rng):
 
 
 def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
-    """Path from zero by times up to `until` of either sign, with the lift that Cross and Lindsey
-    (2014) found.
+    """A flight from (0, 0) as a function of times up to `until` [s] of either sign, with the lift
+    of Cross and Lindsey (2014) and an extra: x, y [m] and their velocities (4, times).
     """
     ratio = RADIUS * omega / np.hypot(v_x, v_y)
     lift = ratio / (0.981 + 2.022 * abs(ratio)) + extra
@@ -124,11 +124,11 @@ def flight(v_x, v_y, omega, drag, extra, until, air=1.0):
     return solution.sol
 
 
-def course(nine, drag, extra, end, ahead):
-    """Places and turn (times, 3) of a ball that lands at time 0; of the contact a cubic between
-    both flights.
+def course(tracked, drag, extra, end, ahead):
+    """The function of times [s] to positions [m] and turn [rad], (times, 3), of a ball that lands
+    at time 0. During the contact, until `end`, it is a cubic between both flights.
     """
-    v_x1, v_y1, omega_1, v_x2, v_y2, omega_2, gap_time, gap_path, gap_turn = nine
+    v_x1, v_y1, omega_1, v_x2, v_y2, omega_2, gap_time, gap_path, gap_turn = tracked
     before = flight(v_x1, -v_y1, omega_1, drag, extra[0], -LONGEST)
     after = flight(v_x2, v_y2, omega_2, drag, extra[1], LONGEST)
     # The flight after, carried back into the contact.
@@ -158,14 +158,14 @@ def course(nine, drag, extra, end, ahead):
         arriving = s**2 * (s - 1.0) * rate_of_release * end
         return leaving + s**2 * (3.0 - 2.0 * s) * first + arriving
 
-    def place_and_turn(t):
+    def position_and_turn(t):
         t_column = t[:, None]
         rebounding = released(np.maximum(t, end))
         from_landing = np.where(t_column < end, in_contact(t), rebounding)
         of_centre = np.where(t_column < 0.0, incident(t), from_landing)
         return of_centre + np.array([0.0, RADIUS, 0.0])
 
-    return place_and_turn
+    return position_and_turn
 
 
 def waves(t, lasting, rng):
@@ -177,7 +177,7 @@ def waves(t, lasting, rng):
 
 
 def in_picture(camera, number, phase, of_ball, height):
-    """Times, x and y in the picture, and places of the ball, by frame."""
+    """Times (frames,) [s], x and y in the picture [m], and positions of the ball, by frame."""
     taken = (number + phase) * camera.clock / camera.fps
     t = taken
     cos = np.cos(camera.tilt)
@@ -213,12 +213,12 @@ def filmed(truth, camera, rng, contact=None, ahead=None):
     count = int(0.3 * camera.fps)
     number = np.arange(-count, count + 1)
     pieces = []
-    for k, nine in enumerate(truth):
+    for k, tracked in enumerate(truth):
         drag = camera.drag + DRAG_SHOT * rng.standard_normal()
         extra_lift = camera.lift_sd * rng.standard_normal(2)
-        end = nine[6] - 1e-4 if contact is None else contact[k]
+        end = tracked[6] - 1e-4 if contact is None else contact[k]
         swing = 0.0 if ahead is None else ahead[k]
-        of_ball = course(nine, drag, extra_lift, end, swing)
+        of_ball = course(tracked, drag, extra_lift, end, swing)
         t, x, y, places = in_picture(camera, number, rng.uniform(), of_ball, height)
         rows = frames_in_view(t, x, y, width, height)
         rows = rows[rng.uniform(size=rows.size) >= camera.lost]
@@ -251,8 +251,8 @@ def filmed(truth, camera, rng, contact=None, ahead=None):
 
 
 def scores(film, truth):
-    """Errors of the nine of impacts found (impacts, 9) over their stated sds, NaN where not
-    measured, and alone.
+    """Errors (impacts, 9) of the impacts of a film over their stated sds, and the errors
+    themselves, SI; NaN where not measured.
     """
     frame = film.impacts
     rows = truth[[int(name) - 1 for name in frame.index]]
