@@ -62,7 +62,7 @@ def test_the_result_of_lmfit_has_the_same_errors():
     table = table_of(REBOUND, labels=("surface",), count=14)
     problem = problem_of(table, scene_of(), pool={"mu": "surface"})
     point = best_fit(problem, np.random.default_rng(0))
-    result, _ = search._minimized(problem, point)
+    result, _ = search._minimize(problem, point)
     found = least_squares(problem, point)
     assert isinstance(result, lmfit.minimizer.MinimizerResult)
     assert "mu_a_" in lmfit.fit_report(result)
@@ -82,11 +82,11 @@ def test_slopes_are_those_of_the_residuals():
     def residuals_at(q):
         values = problem.values(q[None])
         point = {name: column[0] for name, column in values.items()}
-        residuals, _ = search._linear(problem, point)
+        residuals, _ = search._linearize(problem, point)
         return residuals
 
     wanted = approx_fprime(q, residuals_at, 1e-7 * width)
-    _, slopes = search._linear(problem, values)
+    _, slopes = search._linearize(problem, values)
     assert slopes.shape == (10 * 3 + 1 + 2, q.size)
     assert_allclose(slopes * width, wanted * width, atol=1e-4)
     # The rows of what the scene measured, too.

@@ -21,7 +21,7 @@ from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.inference.sampling.importance import RELIABLE, Student, importance, pareto_smoothed
 from fitball.inference.schema import Alternative, Constant, PointFit, Summary
-from fitball.inference.search.best_fit import gripping
+from fitball.inference.search.best_fit import raise_friction
 from fitball.inference.search.objective import Objective, descend
 from fitball.inference.summary import summarise
 from fitball.models.model import Model
@@ -184,7 +184,7 @@ def _starts(posed: Problem, point: PointFit) -> FloatArray:
                 block[:, k] = item.prior.value(item.prior.quantile(levels))
         blocks.append(block)
     starts = posed.prior.coordinate(np.unique(np.concatenate(blocks), axis=0))
-    gripped = gripping(posed, starts)[0]
+    gripped = raise_friction(posed, starts)[0]
     return np.unique(np.concatenate([starts, gripped]), axis=0)
 
 
