@@ -1,15 +1,15 @@
 """Generated parts, links, words and commands of README.md and docs/: `docs.py [--check] [--run]
 [PAGE ...]`.
 
-Without an option the generated parts are written from the code. `--check` says which are out of
-date and which links lead nowhere, and counts words. `--run` runs the pages, each in a folder that
-is empty at first (of --keep DIR):
+Without an option the generated parts are written from the code. `--check` names those that are out
+of date and links that lead nowhere, and counts words. `--run` runs the pages, each in a folder that
+is empty at first (in DIR with `--keep DIR`, where it stays):
 
     ```sh          in bash, must succeed; `sh exit=2` must end with that code; `sh show` is not run
     ```python      blocks of a page share their names; `python show` is not run
     ```csv a.csv   is written to that file, of any language
-    ```text        output: its lines that are not printed are named, no fault, since digits depend
-                   on the machine
+    ```text        output: lines that are not printed are listed, but are no fault, since digits
+                   depend on the machine
 
 Words are counted without generated parts and output, and without pages for developers.
 """
@@ -21,7 +21,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from fitball import cli
@@ -39,110 +39,126 @@ PAGES = [
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs/tutorials").glob("*.md")),
 ]
+# Limit of words in docs/, so that pages are shortened where others grow.
 MOST_WORDS = 16_000
+# A generated part of a page, with its name.
 _PART = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+# A fenced block: fence, language, the words after it, content.
 _FENCE = re.compile(r"^(`{3,})(\S*) ?(.*)\n((?:.*\n)*?)\1$", re.MULTILINE)
+# How the package says who carries a code, where the name of the call does not.
+_CARRIERS = {"fault": "Fault", "_fault": "Fault", "refusal": "Fault", "note": "Note"}
+# A code of an error, a fault or a note.
+_CODE = re.compile(r"[a-z]+(-[a-z]+)*")
+# Seconds after which a page that does not end has failed.
+PAGE_SECONDS = 3600
 # A page as a program: line n of the page is its line n, so that tracebacks lead there.
 _RUN = """import subprocess, sys
-def _sh(code, wanted):
+def _sh(code, exit_code):
     print("$ " + code.rstrip().replace("\\n", "\\n$ "), flush=True)
     shell = ["bash", "-euo", "pipefail", "-c", code]
-    got = subprocess.run(shell, stdout=subprocess.PIPE, text=True)
-    said.extend(got.stdout.splitlines())
-    print(got.stdout, flush=True)
-    if got.returncode != wanted:
-        raise SystemExit(f"exit code {got.returncode}, expected {wanted}: {code}")
-def _text(shown):
-    for line in set(shown.splitlines()) - set(said) if said else ():
+    process = subprocess.run(shell, stdout=subprocess.PIPE, text=True)
+    printed.extend(process.stdout.splitlines())
+    print(process.stdout, flush=True)
+    if process.returncode != exit_code:
+        raise SystemExit(f"exit code {process.returncode}, expected {exit_code}: {code}")
+def _text(block):
+    for line in set(block.splitlines()) - set(printed) if printed else ():
         print("NOT PRINTED NOW:", line)
-said = []
+printed = []
 names = {"__name__": "__main__", "_sh": _sh, "_text": _text}
 exec(compile(sys.argv[2], sys.argv[1], "exec"), names)
 """
 
 
 def table(heads: str, rows: Iterable[Iterable[object]]) -> str:
-    """A table of Markdown."""
+    """A table of Markdown with heads that are separated by `|`."""
     lines = [heads.split("|"), ["---"] * (heads.count("|") + 1), *rows]
     return "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
 
 
-def columns() -> str:
-    """Columns of numbers."""
+def columns_table() -> str:
+    """The table of columns of numbers."""
     rows = []
-    for one in COLUMNS.values():
-        unit, factor = ("deg", 57.29577951) if one.unit == "rad" else (one.unit, 1.0)
-        limits = " to ".join(f"{limit * factor:.4g}" for limit in one.limits)
-        rows.append((f"`{one.name}`", one.title, unit, limits, one.opposite))
+    for column in COLUMNS.values():
+        unit, factor = ("deg", 57.29577951) if column.unit == "rad" else (column.unit, 1.0)
+        limits = " to ".join(f"{limit * factor:.4g}" for limit in column.limits)
+        rows.append((f"`{column.name}`", column.title, unit, limits, column.opposite))
     return table("column|means|without a unit|limits|`--flip` reads it", rows)
 
 
-def units() -> str:
-    """Units, and how else they are spelled."""
+def units_table() -> str:
+    """The table of units, with the words by which people spell them."""
     words = {**spellings._WORDS, **spellings._WHOLE}
     rows = []
-    for si, every in spellings._UNITS.items():
-        for symbol, (above, below) in every.items():
-            others = ", ".join(
-                f"`{word}`" for word, meant in words.items() if meant == symbol != word
-            )
-            rows.append((f"`{symbol}`", f"{above / below:.8g} {si}", others))
+    for si, factors in spellings._UNITS.items():
+        for symbol, (above, below) in factors.items():
+            others = [word for word, meaning in words.items() if meaning == symbol != word]
+            spelled = ", ".join(f"`{word}`" for word in others)
+            rows.append((f"`{symbol}`", f"{above / below:.8g} {si}", spelled))
     return table("unit|is|also spelled", rows)
 
 
-def scene() -> str:
-    """Keys of scenes."""
+def scene_value(kind: object) -> str:
+    """What a key of a scene takes, in words."""
+    if isinstance(kind, scenes._Size):
+        # Limits that large are none.
+        if kind.low > -1e300:
+            return f"{kind.low:g} to {kind.high:g} {kind.unit}"
+        return "a number in SI"
+    if isinstance(kind, tuple):
+        return ", ".join(f"`{text}`" for text in kind) or "a text"
+    return "columns"
+
+
+def scene_table() -> str:
+    """The table of keys of scenes."""
     rows = []
-    for key, one in scenes._KEYS.items():
+    for key, kind in scenes._KEYS.items():
         section, _, name = key.partition(".")
-        if isinstance(one, scenes._Size):
-            takes = (
-                f"{one.low:g} to {one.high:g} {one.unit}" if one.low > -1e300 else "a number in SI"
-            )
-        else:
-            takes = (
-                ", ".join(f"`{text}`" for text in one) or "a text"
-                if isinstance(one, tuple)
-                else "columns"
-            )
-        rows.append((f"`[{section}]`", f"`{name or 'value, sd'}`", takes))
+        rows.append((f"`[{section}]`", f"`{name or 'value, sd'}`", scene_value(kind)))
     return table("section|key|takes", rows)
 
 
-def options() -> str:
-    """Arguments and options of all verbs."""
+def options_text() -> str:
+    """A section for each verb with a table of its arguments and options; then those of all."""
     shared = cli.help_of(cli.VERBS["calibrate"]).arguments
-    parts = []
+    sections = []
     for verb in cli.VERBS.values():
         words = cli.help_of(verb)
         rows = []
-        for name, one in cli.parameters_of(verb).items():
-            value, means = words.arguments.get(name) or shared.get(name) or ("", "")
-            flag = f"--{name.replace('_', '-')} " if one.kind is one.KEYWORD_ONLY else ""
-            rows += [(f"`{(flag + value).strip()}`", means)] * (name != "progress")
-        listed = [table("argument|means", rows).rstrip()] * bool(rows)
-        parts += [f"### {verb.__name__}", words.summary, *filter(None, [words.text]), *listed]
-    common = table("option|means", ((f"`--{name}`", means) for name, means in cli.COMMON.items()))
-    return "\n\n".join([*parts, "### Every verb", common])
+        for name, parameter in cli.parameters_of(verb).items():
+            # No option: the command line shows progress by itself.
+            if name == "progress":
+                continue
+            value, meaning = words.arguments.get(name) or shared.get(name) or ("", "")
+            is_option = parameter.kind is parameter.KEYWORD_ONLY
+            flag = f"--{name.replace('_', '-')} " if is_option else ""
+            rows.append((f"`{(flag + value).strip()}`", meaning))
+        sections += [f"### {verb.__name__}", words.summary]
+        if words.text:
+            sections.append(words.text)
+        if rows:
+            sections.append(table("argument|means", rows).rstrip())
+    common = [(f"`--{name}`", meaning) for name, meaning in cli.COMMON.items()]
+    return "\n\n".join([*sections, "### Every verb", table("option|means", common)])
 
 
-def parameters() -> str:
-    """Parameters of models, with their default priors."""
-    of = {name: {spec.name for spec in model(name).parameters} for name in MODELS}
+def parameters_table() -> str:
+    """The table of parameters of models, with their default priors."""
+    names_of = {name: {spec.name for spec in model(name).parameters} for name in MODELS}
     rows = []
-    for name, one in SPECS.items():
-        rest = (
-            "all, with an sd in the scene"
-            if name in BALL_PARAMETERS
-            else "two-mass with other options"
-        )
-        models = ", ".join(text for text, names in of.items() if name in names) or rest
-        rows.append((f"`{name}`", one.meaning, one.unit, f"`{one.prior}`", models))
+    for name, spec in SPECS.items():
+        models = ", ".join(text for text, names in names_of.items() if name in names)
+        if not models and name in BALL_PARAMETERS:
+            models = "all, with an sd in the scene"
+        elif not models:
+            models = "two-mass with other options"
+        rows.append((f"`{name}`", spec.meaning, spec.unit, f"`{spec.prior}`", models))
     return table("parameter|means|unit|default prior|models", rows)
 
 
-def families() -> str:
-    """Families of priors: the meaning is the first sentence of each class."""
+def families_table() -> str:
+    """The table of families of priors; their meaning is the first sentence of each class."""
     rows = []
     for family in FAMILIES.values():
         meaning = (family.__doc__ or "").partition(".")[0].replace("\n", " ")
@@ -150,89 +166,107 @@ def families() -> str:
     return table("prior|of|coordinate", rows)
 
 
-def priors() -> str:
-    """Published priors."""
+def priors_table() -> str:
+    """The table of published priors."""
     rows = []
     for row in published_priors():
         prior = f"`{row['distribution']}({row['value']}, {row['sd']})`"
-        rows.append(
-            (
-                f"`{row['parameter']}`",
-                f"`literature:{row['key']}`",
-                prior,
-                f"{row['source']}: {row['note']}",
-            )
-        )
+        source = f"{row['source']}: {row['note']}"
+        rows.append((f"`{row['parameter']}`", f"`literature:{row['key']}`", prior, source))
     return table("parameter|key|prior|source", rows)
 
 
-def codes() -> str:
-    """Codes of errors, faults and notes, as calls have them."""
-    found = dict[str, set[str]]()
-    calls = {"fault": "Fault", "_fault": "Fault", "refusal": "Fault", "note": "Note"}
-    for place in Path(cli.__file__).parent.rglob("*.py"):
-        for call in (
-            node
-            for node in ast.walk(ast.parse(place.read_text("utf-8")))
-            if isinstance(node, ast.Call)
-        ):
-            name = getattr(call.func, "id", getattr(call.func, "attr", ""))
-            texts = [
-                one.value
-                for one in call.args
-                if isinstance(one, ast.Constant) and isinstance(one.value, str)
-            ]
-            if (kind := calls.get(name, name)) in ("Fault", "Note") or kind.endswith("Error"):
-                found.setdefault(kind, set()).update(
-                    filter(re.compile(r"[a-z]+(-[a-z]+)*").fullmatch, texts[:2])
-                )
-    rows = (
-        (kind, ", ".join(f"`{one}`" for one in sorted(found[kind])))
-        for kind in sorted(found)
-        if found[kind]
-    )
+def codes_of_call(call: ast.Call) -> tuple[str, list[str]]:
+    """Who carries the code in a call, a class of errors, `Fault` or `Note`, and the texts among its
+    first arguments that look like a code; no texts of other calls.
+    """
+    name = getattr(call.func, "id", getattr(call.func, "attr", ""))
+    carrier = _CARRIERS.get(name, name)
+    if carrier not in ("Fault", "Note") and not carrier.endswith("Error"):
+        return carrier, []
+    constants = [argument.value for argument in call.args if isinstance(argument, ast.Constant)]
+    texts = [value for value in constants if isinstance(value, str)]
+    return carrier, [text for text in texts[:2] if _CODE.fullmatch(text)]
+
+
+def codes_table() -> str:
+    """The table of codes of errors, faults and notes, as calls in the package have them."""
+    codes_by_carrier = dict[str, set[str]]()
+    for path in Path(cli.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call):
+                carrier, codes = codes_of_call(node)
+                if codes:
+                    codes_by_carrier.setdefault(carrier, set()).update(codes)
+    rows = []
+    for carrier, of_carrier in sorted(codes_by_carrier.items()):
+        rows.append((carrier, ", ".join(f"`{code}`" for code in sorted(of_carrier))))
     return table("carried by|codes", rows)
 
 
-def generated(text: str) -> str:
-    """A page with its generated parts made anew."""
-    return _PART.sub(lambda part: part[1] + globals()[part[2]]() + part[3], text)
+# What writes a generated part, by the name that pages have for it.
+GENERATORS = {
+    "columns": columns_table,
+    "units": units_table,
+    "scene": scene_table,
+    "options": options_text,
+    "parameters": parameters_table,
+    "families": families_table,
+    "priors": priors_table,
+    "codes": codes_table,
+}
+
+
+def with_generated(text: str) -> str:
+    """A page whose generated parts are written anew."""
+    return _PART.sub(lambda match: match[1] + GENERATORS[match[2]]() + match[3], text)
 
 
 def anchors(page: Path) -> set[str]:
-    """Of headings, as forges make them."""
+    """The anchors of the headings of a page, as forges make them."""
     heads = re.findall(r"^#+ (.*)$", _FENCE.sub("", page.read_text("utf-8")), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
 
 def dead_links(page: Path, text: str) -> Iterator[str]:
-    """Links of a page to files and headings that are not there."""
-    for link in re.findall(r"\]\(([^()\s]+)\)", re.sub(r"`[^`\n]*`", "", _FENCE.sub("", text))):
+    """A fault for each link of a page to a file or heading that is not there."""
+    prose = re.sub(r"`[^`\n]*`", "", _FENCE.sub("", text))
+    for link in re.findall(r"\]\(([^()\s]+)\)", prose):
+        # Addresses of other sites are not looked up.
+        if re.match(r"\w+:", link):
+            continue
         name, _, anchor = link.partition("#")
-        place = page.parent / name if name else page
-        if not re.match(r"\w+:", link) and not (
-            place.exists() and (not anchor or anchor in anchors(place))
-        ):
+        target = page.parent / name if name else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
             yield f"no such place: {link}"
 
 
+def words_of(text: str) -> int:
+    """The number of words of a page, without generated parts and output."""
+    by_hand = _PART.sub("", text)
+    return len(_FENCE.sub(lambda block: "" if block[2] == "text" else block[0], by_hand).split())
+
+
 def check() -> int:
-    """Print the words of each page and what is wrong with it; the number of faults."""
-    bad = whole = 0
+    """Print the words of each page with its faults; the number of faults, with one for too many
+    words.
+    """
+    fault_count = 0
+    word_count = 0
     for page in PAGES:
         text = page.read_text("utf-8")
         name = page.relative_to(ROOT).as_posix()
-        faults = ["generated parts are out of date: run scripts/docs.py"] * (
-            generated(text) != text
-        )
-        faults += dead_links(page, text)
-        read = _FENCE.sub(lambda block: "" if block[2] == "text" else block[0], _PART.sub("", text))
-        words = len(read.split())
-        bad = bad + len(faults)
-        whole += words * ("/" in name and page.stem != "architecture")
+        faults = [*dead_links(page, text)]
+        if with_generated(text) != text:
+            faults.insert(0, "generated parts are out of date: run scripts/docs.py")
+        words = words_of(text)
+        fault_count += len(faults)
+        # Neither README.md nor the page for developers counts.
+        if "/" in name and page.stem != "architecture":
+            word_count += words
         print(f"{words:6} {name}", *faults, sep="\n       ")
-    print(f"{whole} words in docs/ of at most {MOST_WORDS}; {bad} faults")
-    return bad + (whole > MOST_WORDS)
+    print(f"{word_count} words in docs/ of at most {MOST_WORDS}; {fault_count} faults")
+    return fault_count + (word_count > MOST_WORDS)
 
 
 def run(page: Path, folder: Path) -> bool:
@@ -243,31 +277,40 @@ def run(page: Path, folder: Path) -> bool:
     for block in _FENCE.finditer(text):
         line = text.count("\n", 0, block.start()) + 1
         language = block[2]
-        more = block[3].strip()
+        options = block[3].strip()
         code = block[4]
-        if "." in more:
-            lines[line] = f"open({more!r}, 'w', encoding='utf-8').write({code!r})"
-        elif language == "python" and more != "show":
+        if "." in options:
+            lines[line] = f"open({options!r}, 'w', encoding='utf-8').write({code!r})"
+        elif language == "python" and options != "show":
             lines[line : line + code.count("\n")] = code.splitlines()
         elif language == "text":
             lines[line] = f"_text({code!r})"
-        elif language == "sh" and more != "show":
-            lines[line] = f"_sh({code!r}, {int(more.removeprefix('exit=') or 0)})"
+        elif language == "sh" and options != "show":
+            lines[line] = f"_sh({code!r}, {int(options.removeprefix('exit=') or 0)})"
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     command = [sys.executable, "-P", "-c", _RUN, str(page), "\n".join(lines)]
-    return (
-        subprocess.run(
-            command,
-            cwd=folder,
-            env={**os.environ, "PATH": path},
-            timeout=3600,
-        ).returncode
-        != 0
-    )
+    environment = {**os.environ, "PATH": path}
+    process = subprocess.run(command, cwd=folder, env=environment, timeout=PAGE_SECONDS)
+    return process.returncode != 0
+
+
+def run_pages(pages: Sequence[Path], keep: Path | None) -> int:
+    """Run pages, each in its folder of `keep` or of a folder that is removed; the number that
+    failed.
+    """
+    failed = []
+    with tempfile.TemporaryDirectory() as temporary:
+        for page in pages:
+            print(f"==== {page.stem}", flush=True)
+            folder = (keep or Path(temporary)).resolve() / page.stem
+            if run(page.resolve(), folder):
+                failed.append(page.stem)
+    print(f"{len(pages) - len(failed)} pages ran, failed: {', '.join(failed) or 'none'}")
+    return len(failed)
 
 
 def main() -> int:
-    """Write, check or run."""
+    """Write, check or run as the options say; 1 where something is wrong."""
     parser = argparse.ArgumentParser(
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -276,24 +319,16 @@ def main() -> int:
     parser.add_argument("--run", action="store_true")
     parser.add_argument("--keep", type=Path, metavar="DIR")
     parser.add_argument("pages", nargs="*", type=Path, metavar="PAGE", help="to run (default: all)")
-    asked = parser.parse_args()
-    bad = check() if asked.check else 0
-    failed = []
-    for page in () if asked.check or asked.run else PAGES:
-        page.write_text(generated(page.read_text("utf-8")), "utf-8")
-    with tempfile.TemporaryDirectory() as made:
-        for page in asked.pages or PAGES if asked.run else ():
-            print(f"==== {page.stem}", flush=True)
-            failed += [page.stem] * run(
-                page.resolve(),
-                (asked.keep or Path(made)).resolve() / page.stem,
-            )
-    if asked.run:
-        print(
-            f"{len(asked.pages or PAGES) - len(failed)} pages ran, failed: "
-            f"{', '.join(failed) or 'none'}"
-        )
-    return int(bad > 0 or bool(failed))
+    arguments = parser.parse_args()
+    bad = 0
+    if arguments.check:
+        bad += check()
+    if arguments.run:
+        bad += run_pages(arguments.pages or PAGES, arguments.keep)
+    if not arguments.check and not arguments.run:
+        for page in PAGES:
+            page.write_text(with_generated(page.read_text("utf-8")), "utf-8")
+    return int(bad > 0)
 
 
 if __name__ == "__main__":
