@@ -14,6 +14,7 @@ from fitball.base import itf
 from fitball.base.numbers import percent
 from fitball.data.scene import Scene
 from fitball.report import cite, fit_page, fit_tables, fit_words, lab, style
+from fitball.report.frame_rows import FrameRow
 from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_text
 
@@ -79,7 +80,8 @@ def test_what_moves_a_value_has_its_own_column(fit):
     assert rests["mu"] == "offset=contact (2.6 sd) and 1 more"
     assert rests["mu"].hint == "offset=contact; ball_radius"
     assert rests["e_x"] == ""
-    assert fit_tables.rests_on({"given": "model", "moved": np.nan}) == "model"
+    untried = FrameRow({"given": "model", "moved": np.nan})
+    assert fit_tables.rests_on(untried) == "model"
 
 
 def test_every_quantity_choice_and_impact_appears(fit):
@@ -176,13 +178,13 @@ def test_a_point_fit_has_best_values_and_profiles(point):
         (np.nan, np.nan, "20.70", ""),
         (0.05, 13500.0, "21", "[0.050, 13500]"),
     ):
-        row = {
+        cells = {
             "median": np.nan,
             "point": 20.7,
             "profile_low": low,
             "profile_high": high,
         }
-        assert fit_words.value_texts(row, unit_of(point, "mu")) == (value, interval)
+        assert fit_words.value_texts(FrameRow(cells), unit_of(point, "mu")) == (value, interval)
 
 
 def test_shares_that_are_not_all_are_never_all(fit):

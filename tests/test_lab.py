@@ -310,10 +310,10 @@ def test_drops_are_called_after_their_surface_where_there_are_several():
     frame = pd.DataFrame(
         {"drop_height [m]": 2.54, "rebound_height [m]": [1.39, 1.40, 1.41, 1.20, 1.21, 1.22]}
     )
-    lines = page.lines(made_fit(frame))
+    lines = page.sentences(made_fit(frame))
     assert any("Drop test, measured" in line for line in lines)
     surfaces = ["concrete"] * 3 + ["clay"] * 3
-    text = "\n".join(page.lines(made_fit(frame.assign(surface=surfaces)), most=9))
+    text = "\n".join(page.sentences(made_fit(frame.assign(surface=surfaces)), most=9))
     assert text.count("Drop test on clay, measured") == 1
     assert text.count("Drop test on concrete, measured") == 1
 
@@ -342,7 +342,7 @@ def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
         return hard if "hard" in name else clay
 
     monkeypatch.setattr(type(fit), "quantity", quantity)
-    lines = page.lines(fit)
+    lines = page.sentences(fit)
     assert len(lines) == 2
     assert "clay" in lines[0]
     assert "fast" in lines[0]
@@ -375,10 +375,10 @@ def test_ratings_by_the_model_are_called_after_what_differs(column, head, monkey
     monkeypatch.setattr(type(fit), "quantity", lambda *_: pace)
     block = page.section(fit).blocks[0]
     assert block.rows[0][head] == "A"
-    (line,) = page.lines(fit)
+    (line,) = page.sentences(fit)
     assert " of A, by the model" in line
     # The made fit's rating is extrapolated.
     assert "extrapolated" in line
     fit.__dict__["summary"] = fit.summary.assign(verdict="given")
-    (line,) = page.lines(fit)
+    (line,) = page.sentences(fit)
     assert "extrapolated" not in line

@@ -19,7 +19,8 @@ from fitball.inference.fitted import Fitted
 from fitball.inference.schema import Estimate
 from fitball.report.blocks import Report, Table, Text
 from fitball.report.cite import escaped
-from fitball.report.quantities import MAIN_KINDS, records, unit_of
+from fitball.report.frame_rows import frame_rows
+from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_markdown
 from fitball.version import __version__
 
@@ -137,22 +138,22 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
     """Rows of the parameters of model and levels and of what follows from them, then of the
     noise.
     """
-    for row in records(fit.summary):
-        if row["kind"] not in (*MAIN_KINDS, "noise"):
+    for row in frame_rows(fit.summary):
+        if row.text("kind") not in (*MAIN_KINDS, "noise"):
             continue
-        unit = unit_of(fit, row["name"])
-        name = row["name"]
-        sampled = bool(np.isfinite(row["median"])) and row["sd"] > 0.0
+        unit = unit_of(fit, row.text("name"))
+        name = row.text("name")
+        sampled = bool(np.isfinite(row.number("median"))) and row.number("sd") > 0.0
         # A few far draws make an sd that no reader expects after a plus-minus sign.
-        wide = 0.5 * (row["q84"] - row["q16"])
-        middle = row["median"] if sampled else row["point"]
+        wide = 0.5 * (row.number("q84") - row.number("q16"))
+        middle = row.number("median") if sampled else row.number("point")
         value, _, sd = unit.plus_minus(middle, wide).partition(" ± ")
-        interval = unit.interval(row["q025"], row["q975"]) if sampled else ""
-        mark = _MARKS.get(row["verdict"], ("", ""))[0]
+        interval = unit.interval(row.number("q025"), row.number("q975")) if sampled else ""
+        mark = _MARKS.get(row.text("verdict"), ("", ""))[0]
         yield _Row(
             name,
             fit.quantity(name).spec.symbol,
-            row["meaning"],
+            row.text("meaning"),
             value,
             sd,
             interval,

@@ -1,12 +1,9 @@
 """How pages and figures name quantities: unit, symbol, middle."""
 
-from typing import Any
-
 import numpy as np
 
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import DEG, M_PER_S, RAD_PER_S
-from fitball.base.files import with_index
 from fitball.base.numbers import Unit, percent
 from fitball.base.text import short, visible
 from fitball.base.values import DataFrame, FloatArray
@@ -56,12 +53,6 @@ def median_or_point(frame: DataFrame) -> FloatArray:
 def chance(share: float) -> str:
     """A probability counted among draws, which are never all that there are; empty for NaN."""
     return percent(float(np.clip(share, 1e-3, 1.0 - 1e-3)))
-
-
-def records(frame: DataFrame) -> list[dict[str, Any]]:
-    """The rows of a frame as mappings, with the index where that has a name."""
-    rows = with_index(frame).to_dict("records")
-    return [{str(name): cell for name, cell in row.items()} for row in rows]
 
 
 def first_rows(frame: DataFrame) -> DataFrame:

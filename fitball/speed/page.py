@@ -11,8 +11,8 @@ from fitball.base.findings import Findings
 from fitball.base.numbers import counted
 from fitball.base.values import DataFrame, Figure
 from fitball.report.blocks import Block, Picture, Report, Section, Table, Text
+from fitball.report.frame_rows import frame_rows
 from fitball.report.page import Page
-from fitball.report.quantities import records
 from fitball.report.style import (
     MODEL_COLOUR,
     SERIES_COLOURS,
@@ -75,14 +75,14 @@ def _fastest(rows: DataFrame) -> Table:
         good = rivals[rivals["largest_error"] <= error]
         if good.empty:
             continue
-        best = records(good.sort_values("microseconds"))[0]
+        best = frame_rows(good.sort_values("microseconds"))[0]
         cells.append(
             {
                 "error at most": f"{error:.0e}",
-                "fastest rival": best["solver"],
-                "setting": best["setting"],
-                "µs": PLAIN.number(best["microseconds"]),
-                "times fitball": f"{best['microseconds'] / ours:.1f}",
+                "fastest rival": best.text("solver"),
+                "setting": best.text("setting"),
+                "µs": PLAIN.number(best.number("microseconds")),
+                "times fitball": f"{best.number('microseconds') / ours:.1f}",
             }
         )
     title = f"The fastest rival within an error, {_MAIN} impacts"
@@ -93,13 +93,13 @@ def _table(rows: DataFrame) -> Table:
     """All measurements of a scene."""
     cells = [
         {
-            "solver": row["solver"],
-            "setting": row["setting"],
-            "µs a bounce": PLAIN.number(row["microseconds"]),
-            "largest error": f"{row['largest_error']:.1e}",
-            "median error": f"{row['median_error']:.1e}",
+            "solver": row.text("solver"),
+            "setting": row.text("setting"),
+            "µs a bounce": PLAIN.number(row.number("microseconds")),
+            "largest error": f"{row.number('largest_error'):.1e}",
+            "median error": f"{row.number('median_error'):.1e}",
         }
-        for row in records(rows)
+        for row in frame_rows(rows)
     ]
     return Table("", cells, left=("solver", "setting"))
 

@@ -17,8 +17,9 @@ from fitball.base.values import DataFrame, Figure
 from fitball.data.bundled import printed_table
 from fitball.models.specs import SPECS
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
+from fitball.report.frame_rows import frame_rows
 from fitball.report.page import Page
-from fitball.report.quantities import chance, records
+from fitball.report.quantities import chance
 from fitball.report.style import (
     MEASURED_COLOUR,
     SERIES_COLOURS,
@@ -135,17 +136,19 @@ def _reproduced(counts: DataFrame) -> Mark:
 
 def _claim(rankings: DataFrame) -> list[str]:
     """Whether Table 9's cases are the three best sets, and which sets fit equally well."""
-    rows = records(rankings[rankings["source"] == "recomputed"])
-    cases = sorted((row for row in rows if row["case"]), key=lambda row: str(row["case"]))
+    rows = frame_rows(rankings[rankings["source"] == "recomputed"])
+    of_cases = [row for row in rows if row.text("case")]
+    cases = sorted(of_cases, key=lambda row: row.text("case"))
     by_verdict: dict[str, list[str]] = {}
     for row in cases:
-        by_verdict.setdefault(_verdict(row["among_three"]), []).append(row["case"])
+        verdict = _verdict(row.number("among_three"))
+        by_verdict.setdefault(verdict, []).append(row.text("case"))
     sentences = []
     for verdict, numbers in by_verdict.items():
         noun = "case" if len(numbers) == 1 else "cases"
         sentences.append(f"{verdict} for {noun} {listed(numbers)}")
-    best = min(row["score"] for row in rows)
-    equal = [str(row["set"]) for row in rows if row["score"] <= (1.0 + _EQUAL_SCORES) * best]
+    best = min(row.number("score") for row in rows)
+    equal = [row.text("set") for row in rows if row.number("score") <= (1.0 + _EQUAL_SCORES) * best]
     return [
         "Table 9 claims that its cases are the three best of seven sets. Recomputed, this "
         f"{listed(sentences)}.",
@@ -195,8 +198,9 @@ def _ranking(rankings: DataFrame) -> Table:
             "M1/M": first["mass_ratio"],
             "K_y [lb/in]": str(first["k_y [lb/in]"]),
         }
-        for row in records(of_set):
-            cells[row["source"]] = f"{row['score']:.2f} ({percent(row['first'])})"
+        for row in frame_rows(of_set):
+            score, first_share = row.numbers("score", "first")
+            cells[row.text("source")] = f"{score:.2f} ({percent(first_share)})"
         rows.append(cells)
     return Table("Seven sets: score (first)", rows)
 
@@ -205,10 +209,10 @@ def _counts(counts: DataFrame) -> Table:
     """Rows that agree with print, a row an output."""
     heads = [head for head in map(str, counts) if head.startswith("within")]
     rows = []
-    for row in records(counts):
-        cells = {"table": row["table"], "output": row["output"], "rows": str(row["rows"])}
+    for row in frame_rows(counts):
+        cells = {name: row.text(name) for name in ("table", "output", "rows")}
         for head in heads:
-            cells[head] = fixed(row[head], 0)
+            cells[head] = fixed(row.number(head), 0)
         rows.append(cells)
     return Table("Rows that agree with print", rows, left=("table", "output"))
 
@@ -230,18 +234,18 @@ def _unexplained(rows: DataFrame) -> str:
 def _exceptions(frame: DataFrame) -> Table:
     """A row a velocity or spin of Appendix C that deviates, with its cause."""
     rows = []
-    for row in records(frame):
+    for row in frame_rows(frame):
         for name in SCALES:
-            kind, _, why = row[f"{name}_cause"].partition(": ")
+            kind, _, why = row.text(f"{name}_cause").partition(": ")
             if not kind:
                 continue
             rows.append(
                 {
-                    "row": f"{row['table']} case {row['case']}",
+                    "row": f"{row.text('table')} case {row.text('case')}",
                     "column": name,
-                    "printed": PLAIN.number(row[head_of(name)], 5),
-                    "computed": PLAIN.number(row[name], 5),
-                    "error [%]": fixed(row[f"{name}_error"], 2),
+                    "printed": PLAIN.number(row.number(head_of(name)), 5),
+                    "computed": PLAIN.number(row.number(name), 5),
+                    "error [%]": fixed(row.number(f"{name}_error"), 2),
                     "kind": kind,
                     "cause": why,
                 }
@@ -254,15 +258,15 @@ def _cases(frames: Mapping[str, DataFrame]) -> Table:
     """Rms errors of each set by each way of computing, and of each free fit."""
     ways = {"thesis": "computation of Chapter V", "exact": "its equations solved exactly"}
     rows = []
-    for row in records(frames["cases"]):
-        cells = {"of": row["case"], "by": ways[row["by"]]}
+    for row in frame_rows(frames["cases"]):
+        cells = {"of": row.text("case"), "by": ways[row.text("by")]}
         for name in JUDGED_OUTPUTS:
-            cells[head_of(name)] = fixed(row[head_of(name)], 2)
+            cells[head_of(name)] = fixed(row.number(head_of(name)), 2)
         rows.append(cells)
-    for row in records(frames["fits"]):
-        cells = {"of": "free fit", "by": row["model"]}
+    for row in frame_rows(frames["fits"]):
+        cells = {"of": "free fit", "by": row.text("model")}
         for name in SCALES:
-            cells[head_of(name)] = fixed(row[f"rms {name}"], 2)
+            cells[head_of(name)] = fixed(row.number(f"rms {name}"), 2)
         rows.append(cells)
     return Table("Rms errors on Wang's 21 impacts", rows, left=("of", "by"))
 
@@ -275,8 +279,9 @@ def _parameters(frame: DataFrame) -> Table:
         cells = {"": f"{_SYMBOLS.get(str(name), name)} {first['unit']}".strip()}
         for case in _cases_of(frame):
             cells[case] = PLAIN.number(first[case])
-        for row in records(of_parameter):
-            cells[row["model"]] = PLAIN.with_interval(row["median"], row["q025"], row["q975"])
+        for row in frame_rows(of_parameter):
+            median, low, high = row.numbers("median", "q025", "q975")
+            cells[row.text("model")] = PLAIN.with_interval(median, low, high)
         rows.append(cells)
     return Table("Free fits: median and 95 % interval, in the thesis's units", rows)
 
@@ -289,15 +294,16 @@ def _cases_of(frame: DataFrame) -> list[str]:
 def _places(frame: DataFrame) -> Table:
     """Where the cases lie in the free fits, a row a model and point."""
     rows = []
-    for row in records(frame):
-        tone = "poor" if row["level"] > _NAMED_REGION else ""
+    for row in frame_rows(frame):
+        level = row.number("level")
+        tone = "poor" if level > _NAMED_REGION else ""
         cells = {
-            "model": row["model"],
-            "point": row["point"],
-            "region": Mark(chance(row["level"]), tone),
+            "model": row.text("model"),
+            "point": row.text("point"),
+            "region": Mark(chance(level), tone),
         }
         for name, symbol in _SYMBOLS.items():
-            cells[f"{symbol} below"] = chance(row[f"{name}_below"])
+            cells[f"{symbol} below"] = chance(row.number(f"{name}_below"))
         rows.append(cells)
     return Table("Where the cases lie in free fits", rows, left=("model", "point"))
 
@@ -306,11 +312,12 @@ def _slips(frame: DataFrame) -> Table:
     """What changes without each slip, a row a slip."""
     heads = [head_of(name) for name in ("v_x2", "v_y2", "omega_2")]
     rows = []
-    for row in records(frame):
-        cells = {"slip": row["slip"], "where": row["where"]}
+    for row in frame_rows(frame):
+        cells = {"slip": row.text("slip"), "where": row.text("where")}
         for head in heads:
-            cells[f"{head} changes"] = PLAIN.number(row[head], 2) if row[head] else ""
-        cells["rows within 0.1 %"] = str(row["rows within 0.1 %"])
+            change = row.number(head)
+            cells[f"{head} changes"] = PLAIN.number(change, 2) if change else ""
+        cells["rows within 0.1 %"] = row.text("rows within 0.1 %")
         rows.append(cells)
     title = "Without one slip: rms change of the 147 rows, and rows that then agree with print"
     return Table(title, rows, left=("where",))

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from fitball.base.display_units import MM, MS
 from fitball.base.findings import Findings
 from fitball.base.values import DataFrame, Figure
-from fitball.report.quantities import records
+from fitball.report.frame_rows import frame_rows
 from fitball.report.style import (
     GUIDE_COLOUR,
     INK,
@@ -70,11 +70,11 @@ def draw_history(result: Findings) -> Figure:
         low, high = slip.get_ylim()
         slip.set_ylim(min(low, -_LEAST_SLIP), max(high, _LEAST_SLIP))
     for axis in axes.ravel():
-        for row in records(phases):
+        for row in frame_rows(phases):
             axis.axvspan(
-                MS.factor * row["start"],
-                MS.factor * row["end"],
-                color=_SHADES[row["phase"]],
+                MS.factor * row.number("start"),
+                MS.factor * row.number("end"),
+                color=_SHADES[row.text("phase")],
                 linewidth=0,
                 zorder=0,
             )
@@ -101,9 +101,9 @@ def _draw(axis: Any, frame: DataFrame, name: str, colour: str, factor: float = 1
 def _flights(axis: Any, frame: DataFrame, result: Findings, radius: float) -> None:
     """Draw velocity and surface speed in flight, where they jump at landing and release."""
     values = result.frames["outcome"].set_index("quantity")["value"]
-    before = result.frames["impact"].iloc[0]
+    before = frame_rows(result.frames["impact"])[0]
     ends = (
-        (0.0, before["v_x1"], before["omega_1"]),
+        (0.0, before.number("v_x1"), before.number("omega_1")),
         (frame["time"].iloc[-1], values["v_x2"], values["omega_2"]),
     )
     for time, speed, spin in ends:

@@ -29,7 +29,8 @@ from fitball.report.figures.shared import (
     series_styles,
     split_by_series,
 )
-from fitball.report.quantities import column_unit, figure_text, median_or_point, records
+from fitball.report.frame_rows import frame_rows
+from fitball.report.quantities import column_unit, figure_text, median_or_point
 from fitball.report.style import (
     FAINT,
     GUIDE_COLOUR,
@@ -355,9 +356,9 @@ def draw_regimes(fit: Fitted) -> Figure:
         )
         begin = begin + size
     ids = []
-    for row in records(shown):
-        angle = np.degrees(row["theta_1"])
-        ids.append(f"{figure_text(str(row['id']))}  {angle:.0f}°")
+    for row in frame_rows(shown):
+        angle = np.degrees(row.number("theta_1"))
+        ids.append(f"{figure_text(row.text('id'))}  {angle:.0f}°")
     axis.set_yticks(places, ids, fontsize=8.5)
     axis.set_ylim(count - 0.4, -0.6)
     axis.set_xlim(0.0, 1.0)

@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray
-from fitball.report.quantities import figure_text, records
+from fitball.report.frame_rows import frame_rows
+from fitball.report.quantities import figure_text
 from fitball.report.style import (
     MEASURED_COLOUR,
     MODEL_COLOUR,
@@ -35,26 +36,26 @@ class SeriesStyle(NamedTuple):
 
 def series_styles(curves: DataFrame) -> dict[int, SeriesStyle]:
     """Looks by series; the speed is named where speeds differ."""
-    rows = records(curves.groupby("series").first())
+    rows = frame_rows(curves.groupby("series").first())
     if len(rows) == 1:
         return {
-            int(rows[0]["series"]): SeriesStyle(
+            int(rows[0].count("series")): SeriesStyle(
                 MEASURED_COLOUR, "o", MODEL_COLOUR, "measured and model"
             )
         }
     by_series = {}
     several = curves["speed"].nunique() > 1
     for k, row in enumerate(rows):
-        words = [figure_text(row["name"])]
-        if np.isfinite(row["spin"]):
+        words = [figure_text(row.text("name"))]
+        if np.isfinite(row.number("spin")):
             # A zero without a sign.
-            words.append(f"{row['spin'] + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
+            words.append(f"{row.number('spin') + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
         if several:
-            words.append(f"{row['speed']:.3g} m/s")
+            words.append(f"{row.number('speed'):.3g} m/s")
         name = ", ".join(filter(None, words))
         colour = SERIES_COLOURS[k % len(SERIES_COLOURS)]
         marker = SERIES_MARKERS[k % len(SERIES_MARKERS)]
-        by_series[int(row["series"])] = SeriesStyle(colour, marker, colour, name)
+        by_series[row.count("series")] = SeriesStyle(colour, marker, colour, name)
     return by_series
 
 
