@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from fitball.inference.sampling.importance import (
-    RELIABLE,
+    RELIABLE_K,
     Student,
     effective_size,
     fit_mixture,
@@ -51,7 +51,7 @@ def test_moments_of_a_mixture():
     weights = np.exp(log_weights)
     assert weights.sum() == pytest.approx(1.0)
     assert effective_size(log_weights) >= 4000.0
-    assert k < RELIABLE
+    assert k < RELIABLE_K
     mean = 0.3 * NEAR + 0.7 * FAR
     square_near = SPREAD_NEAR + np.outer(NEAR, NEAR)
     square_far = SPREAD_FAR + np.outer(FAR, FAR)
@@ -77,7 +77,7 @@ def test_bounds_cost_draws_and_nothing_else():
     proposal = [Student(np.zeros(3), np.eye(3))]
     x, log_weights, k = importance(positive_normal, proposal, rng, 2000.0)
     assert np.all(x > 0.0)
-    assert k < RELIABLE
+    assert k < RELIABLE_K
     means = np.exp(log_weights) @ x
     exact = np.full(3, np.sqrt(2.0 / np.pi))
     assert_allclose(means, exact, atol=0.06)
@@ -95,7 +95,7 @@ def pareto_k_of_proposal(width):
 
 def test_a_bad_proposal_shows():
     # Ten times too narrow: the largest weights have no mean.
-    assert pareto_k_of_proposal(0.1) > RELIABLE
+    assert pareto_k_of_proposal(0.1) > RELIABLE_K
     # A good one.
     assert pareto_k_of_proposal(1.2) < 0.3
 

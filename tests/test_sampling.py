@@ -151,14 +151,14 @@ def test_a_long_chain_is_thinned_evenly(lessons, stored, monkeypatch):
     assert_allclose(draws.std(axis=0) / sds, 1.0, atol=0.1)
 
 
-def test_a_walker_that_the_others_left_behind():
+def test_a_walker_that_the_others_stuck_walkers():
     rng = np.random.default_rng(0)
     scores = -0.5 * rng.chisquare(5.0, (4, 80, 16))
-    assert not chains._left_behind(scores).any()
+    assert not chains._stuck_walkers(scores).any()
     scores[1, :, 3] -= 30.0
     # Low for a while is no reason.
     scores[2, :50, 5] -= 30.0
-    behind = np.argwhere(chains._left_behind(scores))
+    behind = np.argwhere(chains._stuck_walkers(scores))
     assert behind.tolist() == [[1, 3]]
 
 

@@ -16,7 +16,7 @@ from fitball.base.text import listed, one_line, short
 from fitball.base.values import Figure
 from fitball.batches.batched import Batched
 from fitball.batches.rows import DONE, ENDS
-from fitball.inference.sampling.importance import RELIABLE
+from fitball.inference.sampling.importance import RELIABLE_K
 from fitball.report import style
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
 from fitball.report.page import Page
@@ -133,7 +133,7 @@ def _population_table(batch: Batched) -> Table:
             cells[f"{head}, 95 %"] = f"{text} %" if relative else text
         cells["unit"] = unit.name
         cells[""] = ""
-        if population["pareto_k"] > RELIABLE:
+        if population["pareto_k"] > RELIABLE_K:
             hint = f"Pareto k {population['pareto_k']:.2f}"
             cells[""] = Mark("weights unreliable", "part", hint)
         rows.append(cells)

@@ -32,7 +32,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.judgement.first_order import first_order
 from fitball.inference.problem.build import problem_from_sources
 from fitball.inference.problem.problem import Problem
-from fitball.inference.sampling.importance import RELIABLE, importance
+from fitball.inference.sampling.importance import RELIABLE_K, importance
 from fitball.inference.search.best_fit import best_fit
 from fitball.models.types import Status
 
@@ -166,7 +166,7 @@ def intervals(problem: Problem) -> FloatArray:
         effort.stream("weights"),
         ENOUGH,
     )
-    if k > RELIABLE:
+    if k > RELIABLE_K:
         raise FitError("weights are unreliable", "weights")
     values = problem.prior.value(q)[:, [problem.free.index(name) for name in JUDGED]]
     shares = np.exp(weight)

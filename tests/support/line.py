@@ -39,7 +39,7 @@ def line_problem(count=12, seed=0, noise=SD, copies=1, **choices):
         table,
         Scene(),
         Choices("", **choices),
-        own=fitball.model_from(line),
+        user_model=fitball.model_from(line),
     )
 
 

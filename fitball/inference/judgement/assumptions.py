@@ -19,7 +19,7 @@ from fitball.inference.judgement.first_order import proposal
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem
-from fitball.inference.sampling.importance import RELIABLE, Student, importance, pareto_smoothed
+from fitball.inference.sampling.importance import RELIABLE_K, Student, importance, pareto_smoothed
 from fitball.inference.schema import Alternative, Constant, PointFit, Summary
 from fitball.inference.search.best_fit import raise_friction
 from fitball.inference.search.objective import Objective, descend
@@ -271,8 +271,8 @@ def _compared(
     if not len(x):
         text = f"{posed.forward.model.text} has no answer about its best values"
         raise FitError(text, "no-answer")
-    if choice and k > RELIABLE:
-        text = f"Pareto k is {fixed(k, 2)}, more than {RELIABLE}"
+    if choice and k > RELIABLE_K:
+        text = f"Pareto k is {fixed(k, 2)}, more than {RELIABLE_K}"
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
     weights = np.exp(pareto_smoothed(log_weights, 1.0)[0])
     x = x[systematic(weights, DRAWS, rng.uniform())]

@@ -1,69 +1,84 @@
-"""Effective sizes and nested R-hat, ensembles as superchains (Margossian et al. 2024), by ArviZ."""
+"""Effective sample sizes and nested R-hat (Margossian et al. 2024), computed by ArviZ."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Annotated, Protocol
 
 import numpy as np
 
 from fitball.base.values import FloatArray
 
-# Quantiles whose effective size is that of the tails.
+# The quantiles whose effective sizes are those of the tails: the ends of a 90 % interval.
 TAILS = (0.05, 0.95)
+
+
+class ArrayStatistics(Protocol):
+    """The statistics of ArviZ that fitball calls; those of chains `Mixing` calls by name."""
+
+    def psislw(
+        self,
+        ary: FloatArray,
+        r_eff: float,
+        axis: int,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pareto-smoothed log weights, and Pareto k, of minus the log ratios `ary`."""
 
 
 @dataclass(frozen=True)
 class Mixing:
-    """Effective sizes of bulk and tails, and rank-normalised nested R-hat, by name, of `chains`
-    (ensembles, steps, walkers, names); each is found when it is asked for. Walkers are the chains
-    of effective sizes; since those of one ensemble are not independent, R-hat compares ensembles.
+    """How well `chains` of the named parameters mix. Each statistic is computed when it is first
+    needed. Effective sizes are those of walkers. Since walkers of the same ensemble are not
+    independent, R-hat compares ensembles: they are its superchains.
     """
 
     names: Sequence[str]
-    chains: FloatArray
+    chains: Annotated[FloatArray, "ensembles steps walkers coordinates"]
 
     @cached_property
     def ess_bulk(self) -> Mapping[str, float]:
-        """By name."""
-        return self._each("ess", method="bulk")
+        """The effective sample size of the bulk of each parameter, by name."""
+        return self._by_name("ess", method="bulk")
 
     @cached_property
     def ess_tail(self) -> Mapping[str, float]:
-        """By name."""
-        return self._each("ess", method="tail", prob=TAILS)
+        """The effective sample size of the tails of each parameter, by name."""
+        return self._by_name("ess", method="tail", prob=TAILS)
 
     @cached_property
     def r_hat(self) -> Mapping[str, float]:
-        """By name; NaN of what never moved."""
-        return self._each(
-            "rhat_nested",
-            superchain_ids=np.repeat(np.arange(len(self.chains)), self.chains.shape[2]),
-        )
+        """The rank-normalised nested R-hat of each parameter, by name; NaN where no chain moved."""
+        ensemble_of_walker = np.repeat(np.arange(len(self.chains)), self.chains.shape[2])
+        return self._by_name("rhat_nested", superchain_ids=ensemble_of_walker)
 
-    def _each(self, statistic: str, **options: Any) -> Mapping[str, float]:
-        ensembles, steps, walkers, free = self.chains.shape
-        columns = self.chains.transpose(3, 0, 2, 1).reshape(free, ensembles * walkers, steps)
+    def _by_name(self, statistic: str, **options: object) -> Mapping[str, float]:
+        """A statistic of ArviZ for each parameter, by name."""
+        ensembles, steps, walkers, size = self.chains.shape
+        by_parameter = self.chains.transpose(3, 0, 2, 1).reshape(size, ensembles * walkers, steps)
         function = partial(getattr(arviz(), statistic), chain_axis=0, draw_axis=1, **options)
         with np.errstate(divide="ignore", invalid="ignore"):
             return {
-                name: float(function(own)) for name, own in zip(self.names, columns, strict=True)
+                name: float(function(chains))
+                for name, chains in zip(self.names, by_parameter, strict=True)
             }
 
     @property
-    def least(self) -> float:
-        """The smallest effective size."""
+    def smallest_ess(self) -> float:
+        """The smallest effective sample size, of bulk and tails of all parameters."""
         return min(*self.ess_bulk.values(), *self.ess_tail.values())
 
     def reached(self, ess: float, r_hat: float) -> bool:
-        """Whether every parameter has these; one that never moved has not."""
-        return self.least >= ess and all(one < r_hat for one in self.r_hat.values())
+        """Whether every parameter has an effective size of at least `ess` and an R-hat below
+        `r_hat`. A parameter that never moved has not.
+        """
+        return self.smallest_ess >= ess and all(value < r_hat for value in self.r_hat.values())
 
 
-def arviz() -> Any:
-    """Its statistics of plain arrays."""
+def arviz() -> ArrayStatistics:
+    """The statistics of ArviZ for plain arrays."""
     from arviz_stats.base.array import array_stats
 
-    return array_stats
+    statistics: ArrayStatistics = array_stats
+    return statistics

@@ -1,4 +1,4 @@
-"""Weighted draws: adaptive multiple importance sampling (Cornuet et al. 2012), Pareto smoothing.
+"""Weighted draws by adaptive multiple importance sampling (Cornuet et al. 2012); Pareto smoothing.
 
 Draws come from Student distributions that are fitted to them round by round, and all draws so far
 are weighted by the mixture of all proposals so far.
@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import lgamma, log, pi
+from typing import Annotated
 
 import numpy as np
 
@@ -17,89 +18,102 @@ from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
 from fitball.inference.sampling.convergence import arviz
 
-# Draws of a round, after which the proposal is fitted again.
-ROUND = 500
+# Draws of each round, after which the proposal is fitted again.
+DRAWS_OF_ROUND = 500
 # Rounds at most, unless many draws are wanted.
-ROUNDS = 16
-# How many times as many draws as are wanted may be made: weights cost some of them.
-LAVISH = 5.0
-# Effective draws a parameter from which the next proposal is fitted; where there are fewer the
+IMPORTANCE_ROUNDS = 16
+# Draws at most, over the effective draws that are wanted: unequal weights lower the effective size.
+MOST_DRAWS = 5.0
+# Effective draws for each parameter from which a proposal is fitted; where there are fewer, their
 # weights are flattened.
-SPANNING = 5.0
-# By so much in the exponent at each step of that.
-FLATTER = 0.8
-# And to this exponent at most, where all draws count nearly alike.
+DRAWS_A_PARAMETER = 5.0
+# Factor of the exponent of weights at each step of flattening.
+FLATTENING = 0.8
+# The exponent at which flattening ends: all draws then count nearly the same.
 FLATTEST = 0.05
 # Degrees of freedom of a fitted proposal: its tails are heavier than those of most posteriors.
-FREEDOM = 8.0
-# What a fitted proposal is wider than its draws, in squares: what is narrower has weights without
-# end.
+PROPOSAL_FREEDOM = 8.0
+# Variance of a fitted proposal over that of its draws: a proposal that is too narrow has weights
+# without limit.
 WIDENING = 1.1
-# Condition of correlations from which draws span no space but for rounding.
-CONDITION = 1e12
-# Parts of a proposal for chains: enough for a bent posterior, few enough to have draws each.
-PARTS = 6
-# Rounds of the EM that fits the parts; a proposal need not be exact.
-FITTING = 20
-# Draws that the parts are fitted to: more cost time and move them little.
-SEEN = 6_000
-# What keeps a part of few draws regular, as a share of the variance of all.
-REGULAR = 1e-6
+# Condition number of correlations above which draws do not span the space but for rounding.
+WORST_CONDITION = 1e12
+# Components of a proposal for chains: enough for a bent posterior, few enough that each has draws.
+COMPONENTS = 6
+# Rounds of the EM that fits the components; a proposal need not be exact.
+EM_ROUNDS = 20
+# Draws to which the components are fitted: more take time and move them little.
+DRAWS_FOR_EM = 6_000
+# Added variance of a component, over that of all draws: it keeps one with few draws regular.
+LEAST_VARIANCE = 1e-6
 # Pareto k up to which weights are reliable (Vehtari et al. 2024, JMLR 25, 72).
-RELIABLE = 0.7
-# Fewest draws in a tail to which a Pareto distribution is fitted.
+RELIABLE_K = 0.7
+# Fewest draws in a tail to which a Pareto distribution can be fitted.
 LEAST_TAIL = 5
 
 
 @dataclass(frozen=True)
 class Student:
-    """A multivariate t: `centre` (free,), lower `factor` (free, free) of its scale matrix, degrees
-    of `freedom`.
+    """A multivariate Student distribution of coordinates: its `centre`, the lower Cholesky `factor`
+    of its scale matrix, and its degrees of `freedom`.
     """
 
-    centre: FloatArray
-    factor: FloatArray
+    centre: Annotated[FloatArray, "coordinates"]
+    factor: Annotated[FloatArray, "coordinates coordinates"]
     freedom: float = 5.0
 
-    def draw(self, rng: np.random.Generator | np.random.RandomState, count: int) -> FloatArray:
-        """Coordinates (count, free)."""
+    def draw(
+        self,
+        rng: np.random.Generator | np.random.RandomState,
+        count: int,
+    ) -> Annotated[FloatArray, "draws coordinates"]:
+        """Coordinates of `count` random draws."""
         normal = rng.standard_normal((count, self.centre.size))
         stretch = np.sqrt(rng.chisquare(self.freedom, size=count) / self.freedom)
         return np.asarray(self.centre + normal @ self.factor.T / stretch[:, None])
 
-    def log_density(self, x: FloatArray) -> FloatArray:
-        """Normalised, (draws,), at coordinates (draws, free)."""
+    def log_density(
+        self,
+        x: Annotated[FloatArray, "draws coordinates"],
+    ) -> Annotated[FloatArray, "draws"]:
+        """The normalised log density at coordinates."""
         z = (x - self.centre) @ self.whitening
         power = 0.5 * (self.freedom + self.centre.size)
         square = np.sum(z * z, axis=1)
-        return np.asarray(self._at_centre - power * np.log1p(square / self.freedom))
+        return np.asarray(self._peak - power * np.log1p(square / self.freedom))
 
     @cached_property
-    def whitening(self) -> FloatArray:
-        """What makes deviations standard ones, (free, free): a chain asks for it at every step."""
+    def whitening(self) -> Annotated[FloatArray, "coordinates coordinates"]:
+        """The matrix that makes deviations, as rows, standard ones. It is kept, since chains need
+        it at every step.
+        """
         return np.asarray(np.linalg.inv(self.factor).T)
 
     @cached_property
-    def _at_centre(self) -> float:
+    def _peak(self) -> float:
+        """The log density at the centre."""
         nu = self.freedom
         size = self.centre.size
         constant = lgamma(0.5 * (nu + size)) - lgamma(0.5 * nu) - 0.5 * size * log(nu * pi)
         return float(constant - np.sum(np.log(np.diagonal(self.factor))))
 
 
-def fit_student(x: FloatArray, log_weights: FloatArray | None = None) -> Student | None:
-    """The Student distribution of draws (draws, free), equal or weighted; None where they do not
-    span the space.
+def fit_student(
+    x: Annotated[FloatArray, "draws coordinates"],
+    log_weights: Annotated[FloatArray, "draws"] | None = None,
+) -> Student | None:
+    """The Student distribution with the mean and the widened covariance of draws, which may have
+    weights; None where the draws do not span the space.
     """
     log_weights = np.zeros(len(x)) if log_weights is None else log_weights
     power = 1.0
     while True:
         weights = np.exp(power * (log_weights - log_weights.max()))
         weights /= weights.sum()
-        if 1.0 / np.sum(weights**2) >= SPANNING * x.shape[1] or power < FLATTEST:
+        if 1.0 / np.sum(weights**2) >= DRAWS_A_PARAMETER * x.shape[1] or power < FLATTEST:
             break
-        power *= FLATTER
-    # One draw that has all the weight spans nothing.
+        power *= FLATTENING
+    # A single draw with all the weight spans no space.
     if not np.sum(weights**2) < 1.0:
         return None
     covariance = np.atleast_2d(np.cov(x, rowvar=False, aweights=weights))
@@ -107,47 +121,50 @@ def fit_student(x: FloatArray, log_weights: FloatArray | None = None) -> Student
     if not np.all(scale > 0.0):
         return None
     correlation = covariance / np.outer(scale, scale)
-    if np.linalg.cond(correlation) > CONDITION:
+    if np.linalg.cond(correlation) > WORST_CONDITION:
         return None
     factor = np.asarray(np.linalg.cholesky(WIDENING * covariance), dtype=np.float64)
-    return Student(weights @ x, factor, FREEDOM)
+    return Student(weights @ x, factor, PROPOSAL_FREEDOM)
 
 
-def fit_mixture(x: FloatArray, rng: np.random.Generator) -> list[tuple[float, Student]]:
-    """Student distributions of parts of draws (draws, free) with their shares, by EM of normal ones
-    (Dempster, Laird and Rubin 1977): together they follow a bent posterior, or one at a wall,
-    closer than one does. Empty where the draws do not span the space.
+def fit_mixture(
+    x: Annotated[FloatArray, "draws coordinates"],
+    rng: np.random.Generator,
+) -> list[tuple[float, Student]]:
+    """A mixture of Student distributions for draws, with the share of each; empty where the draws
+    do not span the space. Normal components are fitted by EM (Dempster, Laird and Rubin 1977), and
+    then widened. A mixture follows a posterior that is bent, or ends at a wall, closer than a
+    single component does.
     """
-    x = x[evenly_spread(len(x), SEEN, down=True)]
-    whole = fit_student(x)
-    if whole is None:
+    x = x[evenly_spread(len(x), DRAWS_FOR_EM, down=True)]
+    single = fit_student(x)
+    if single is None:
         return []
-    # Of normal parts about the mean of all: units and scales of coordinates differ by powers of
-    # ten.
-    w = (x - whole.centre) @ whole.whitening
-    middles = w[rng.choice(len(w), PARTS, replace=False), None]
+    # Whitened, since units and scales of coordinates differ by powers of ten.
+    w = (x - single.centre) @ single.whitening
+    middles = w[rng.choice(len(w), COMPONENTS, replace=False), None]
     logs = -np.sum((w - middles) ** 2, axis=2)
-    parts = list[Student]()
-    for _ in range(FITTING):
+    components = list[Student]()
+    for _ in range(EM_ROUNDS):
         belongs = np.exp(logs - np.logaddexp.reduce(logs))
-        belongs = belongs[belongs.sum(axis=1) >= SPANNING * x.shape[1]]
+        belongs = belongs[belongs.sum(axis=1) >= DRAWS_A_PARAMETER * x.shape[1]]
         shares = belongs.mean(axis=1)
-        parts = []
+        components = []
         normal = list[FloatArray]()
         weights = belongs / belongs.sum(axis=1, keepdims=True)
         for share, weight in zip(shares, weights, strict=True):
             middle = weight @ w
             away = w - middle
             covariance = (weight * away.T) @ away
-            factor = np.linalg.cholesky(covariance + REGULAR * np.eye(x.shape[1]))
+            factor = np.linalg.cholesky(covariance + LEAST_VARIANCE * np.eye(x.shape[1]))
             z = away @ np.linalg.inv(factor).T
             size = np.sum(np.log(np.diagonal(factor)))
             normal.append(np.log(share) - size - 0.5 * np.sum(z * z, axis=1))
-            centre = whole.centre + whole.factor @ middle
-            wider = np.sqrt(WIDENING) * whole.factor @ factor
-            parts.append(Student(centre, wider, FREEDOM))
+            centre = single.centre + single.factor @ middle
+            wider = np.sqrt(WIDENING) * single.factor @ factor
+            components.append(Student(centre, wider, PROPOSAL_FREEDOM))
         logs = np.stack(normal)
-    return list(zip((shares / shares.sum()).tolist(), parts, strict=True))
+    return list(zip((shares / shares.sum()).tolist(), components, strict=True))
 
 
 def importance(
@@ -155,9 +172,17 @@ def importance(
     begin: Sequence[Student],
     rng: np.random.Generator,
     enough: float,
-) -> tuple[FloatArray, FloatArray, float]:
-    """Coordinates (draws, free) of a log density, until their effective size is `enough`; log
-    weights (draws,) that add up to one; Pareto k. No draws, and k infinite, where none is possible.
+) -> tuple[
+    Annotated[FloatArray, "draws coordinates"],
+    Annotated[FloatArray, "draws"],
+    float,
+]:
+    """Draws from a log density, a function from coordinates (draws, coordinates) to (draws,), until
+    their effective size is `enough` or there are too many.
+
+    `begin` are the first proposals. Results are the coordinates of the draws, their log weights,
+    which add up to one, and Pareto k. There are no draws, and k is infinite, where none is
+    possible.
     """
     used = list[tuple[float, Student]]()
     proposals = [*begin]
@@ -165,13 +190,13 @@ def importance(
     score = np.empty(0)
     mixed = np.empty(0)
     weights = score
-    for _ in range(max(ROUNDS, round(LAVISH * enough / ROUND))):
-        count = -(-ROUND // len(proposals))
+    for _ in range(max(IMPORTANCE_ROUNDS, round(MOST_DRAWS * enough / DRAWS_OF_ROUND))):
+        count = -(-DRAWS_OF_ROUND // len(proposals))
         new = np.concatenate([student.draw(rng, count) for student in proposals])
-        now = [(log(count), student) for student in proposals]
-        used += now
-        before = np.logaddexp(mixed, _mixture(now, x))
-        mixed = np.concatenate([before, _mixture(used, new)])
+        added = [(log(count), student) for student in proposals]
+        used += added
+        of_earlier_draws = np.logaddexp(mixed, _mixture(added, x))
+        mixed = np.concatenate([of_earlier_draws, _mixture(used, new)])
         x = np.concatenate([x, new])
         score = np.concatenate([score, log_density(new)])
         if not np.isfinite(score).any():
@@ -179,33 +204,40 @@ def importance(
         weights = _normalised(score - mixed)
         if effective_size(weights) >= enough:
             break
-        following = fit_student(x, weights)
-        proposals = proposals if following is None else [following]
+        proposal = fit_student(x, weights)
+        proposals = proposals if proposal is None else [proposal]
     possible = np.isfinite(score)
     if not possible.any():
         return x[possible], score[possible], np.inf
     return x[possible], weights[possible], pareto_smoothed(weights[possible], 1.0)[1]
 
 
-def effective_size(log_weights: FloatArray) -> float:
-    """Effective size of draws whose log weights add up to one (Kish)."""
+def effective_size(log_weights: Annotated[FloatArray, "draws"]) -> float:
+    """The effective sample size (Kish) of draws with log weights that add up to one."""
     return float(1.0 / np.sum(np.exp(2.0 * log_weights)))
 
 
 def _mixture(proposals: Sequence[tuple[float, Student]], x: FloatArray) -> FloatArray:
-    """Log density (draws,) of draws from all proposals, each with the logarithm of their number."""
+    """The log density (draws,) of draws from all proposals, but for their number. Each proposal has
+    the logarithm of the number of its draws.
+    """
     densities = [count + student.log_density(x) for count, student in proposals]
     return np.asarray(np.logaddexp.reduce(densities, axis=0))
 
 
 def _normalised(log_ratios: FloatArray) -> FloatArray:
+    """Log weights that add up to one."""
     return np.asarray(log_ratios - np.logaddexp.reduce(log_ratios))
 
 
-def pareto_smoothed(log_ratios: FloatArray, efficiency: float) -> tuple[FloatArray, float]:
-    """Pareto-smoothed log weights (draws,) that add up to one, and k (Vehtari et al. 2024), of
-    draws whose effective size over their number is `efficiency`. k is infinite where too few differ
-    for a tail, -infinite where all ratios are equal.
+def pareto_smoothed(
+    log_ratios: Annotated[FloatArray, "draws"],
+    efficiency: float,
+) -> tuple[Annotated[FloatArray, "draws"], float]:
+    """Pareto-smoothed log weights, which add up to one, and Pareto k (Vehtari et al. 2024).
+
+    `efficiency` is the effective size of the draws over their number. k is infinite where too few
+    ratios differ for a tail, and -infinite where all are equal.
     """
     size = int(min(log_ratios.size / 5.0, 3.0 * np.sqrt(log_ratios.size / efficiency)))
     tail = np.sort(log_ratios)[-size - 1 :]
