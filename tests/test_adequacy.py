@@ -500,7 +500,7 @@ def test_a_camera_that_is_off_is_named_with_its_size():
 
 def test_long_tables_are_tested_thinned(monkeypatch):
     """A sure pattern that is too small is no exception, and moves what is known all the same."""
-    monkeypatch.setattr(thinning, "LONG", 600)
+    monkeypatch.setattr(thinning, "LONG_ROWS", 600)
     table = table_with("constant", rows=1200)
     assert adequacy_of(table).answer == "describes"
     bias = 0.2 * (np.array(table.labels["group"]) == "clay")

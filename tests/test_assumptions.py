@@ -150,7 +150,7 @@ def with_outliers(table):
 def test_of_long_tables_a_part_says_the_same(monkeypatch):
     problem = problem_of(table_of(REBOUND, count=400), None, "grip-slip")
     of_all_rows = heavy_tails_of(problem).summaries
-    monkeypatch.setattr(module, "ALTERNATIVES", 100)
+    monkeypatch.setattr(module, "ALTERNATIVE_ROWS", 100)
     of_few_rows = heavy_tails_of(problem).summaries
     for name in ("mu", "cor_10", "offset"):
         exact = of_all_rows[name]

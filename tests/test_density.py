@@ -182,7 +182,7 @@ def test_parts_of_a_long_table_and_other_draws_change_nothing(errors, monkeypatc
     alone = [density.log_posterior(problem, row[None])[0] for row in q]
     assert_allclose(alone, at_once, rtol=1e-13)
     points = pointwise(problem, q, TIMED)
-    monkeypatch.setattr(density, "AT_ONCE", 50)
+    monkeypatch.setattr(density, "STATES_AT_ONCE", 50)
     assert len(list(density.row_blocks(problem, 7))) > 1
     in_parts = density.log_posterior(problem, q)
     assert_allclose(in_parts, at_once, rtol=1e-13)

@@ -176,7 +176,7 @@ def likelihood_and_prior(tree, draw):
 
 def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
     # Five parts of rows.
-    monkeypatch.setattr("fitball.inference.density.AT_ONCE", 2000)
+    monkeypatch.setattr("fitball.inference.density.STATES_AT_ONCE", 2000)
     timed = made_fit(scene=Scene(contact_time=ValueWithSd(4.5e-3, 2e-4)), model="two-mass")
     tree = timed.to_datatree()
     draw = (2, 4)

@@ -244,8 +244,8 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     problem = problem_of(table, scene_of(time=True), "two-mass", fix=NOISE)
     point = at(problem, truth_in(problem))
     exact = first_order(problem, point)
-    monkeypatch.setattr(module, "LONG", 100)
-    monkeypatch.setattr("fitball.inference.density.AT_ONCE", 4000)
+    monkeypatch.setattr(module, "LONG_ROWS", 100)
+    monkeypatch.setattr("fitball.inference.density.STATES_AT_ONCE", 4000)
     first = first_order(problem, point)
     assert len(first.residual) == 300
     assert first.share == 0.25

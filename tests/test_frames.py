@@ -105,7 +105,7 @@ def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monk
     assert most["id"].tolist() == impacts["id"].tolist()
     sd_of_cor = fit.draws.best["v_y_sd"][0] / impacts["v_y1"]
     assert_allclose(fit.balances["cor_sd"], sd_of_cor, rtol=1e-12)
-    monkeypatch.setattr(frames, "PREDICTED", 3)
+    monkeypatch.setattr(frames, "PREDICTED_ROWS", 3)
     thinned = frames.regimes_frame(fit.problem, fit.draws)
     assert thinned["row"].unique().tolist() == [0, 20, 39]
 

@@ -326,9 +326,9 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
             in_blocks = predictions(fit, table)
         pd.testing.assert_frame_equal(in_blocks, at_once, rtol=1e-12)
     monkeypatch.setattr(predictive, "_FEWEST", 40)
-    monkeypatch.setattr(predictive, "PREDICTED", 4)
+    monkeypatch.setattr(predictive, "PREDICTED_ROWS", 4)
     fewer = predictions(fit, table)
-    count = predictive.PREDICTING * 4 // 300
+    count = predictive.PREDICTION_DRAWS * 4 // 300
     chosen = (np.arange(count) * 400) // count
     values = {name: column[chosen] for name, column in fit.draws.values.items()}
     known = known_fit()
@@ -336,7 +336,7 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
         problem=fit.problem,
         draws=Draws(fit.draws.point, values, fit.draws.best),
     )
-    monkeypatch.setattr(predictive, "PREDICTED", 20_000)
+    monkeypatch.setattr(predictive, "PREDICTED_ROWS", 20_000)
     assert_array_equal(predictions(known, table)["q975"], fewer["q975"])
     assert len(values["mu"]) == count
     assert count < all_draws

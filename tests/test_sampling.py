@@ -78,7 +78,7 @@ def test_chains_have_the_moments_of_a_known_posterior(monkeypatch):
 
 def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
     problem = line_problem(copies=2)
-    monkeypatch.setattr(sampling, "LONG", 20)
+    monkeypatch.setattr(sampling, "LONG_ROWS", 20)
     posterior, found = sample(problem, begun(problem), Effort(), quiet)
     assert found.converged
     assert found.r_hat is None
@@ -99,7 +99,7 @@ def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
 def test_the_same_seed_gives_the_same_bytes(long, monkeypatch):
     problem = line_problem(copies=2)
     effort = Effort(seed=7, max_steps=100)
-    monkeypatch.setattr(sampling, "LONG", long)
+    monkeypatch.setattr(sampling, "LONG_ROWS", long)
     first, _ = sample(problem, begun(problem), effort, quiet)
     again, _ = sample(problem, begun(problem), effort, quiet)
     assert first.values.tobytes() == again.values.tobytes()

@@ -128,7 +128,7 @@ def test_impacts_that_do_not_count(monkeypatch):
     assert abs(cost[0] - cost[1]) > 0.1
     cost = objective.cost(start)
     gradient, _ = objective.linearised(start)
-    monkeypatch.setattr(density, "AT_ONCE", 50)
+    monkeypatch.setattr(density, "STATES_AT_ONCE", 50)
     in_parts, _ = objective.linearised(start)
     assert_allclose(objective.cost(start), cost, rtol=1e-12)
     assert_allclose(in_parts, gradient, rtol=1e-9, atol=1e-9)
@@ -297,7 +297,7 @@ def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):
     monkeypatch.setattr(search, "GROWTH", 2)
     lengths = [len(part.rows.y) for part in search._growing(line, seeded())]
     assert lengths == [6, 12, 24, 60]
-    monkeypatch.setattr(density, "AT_ONCE", 400)
+    monkeypatch.setattr(density, "STATES_AT_ONCE", 400)
     assert best_score(line) == pytest.approx(line_at_once, abs=1e-5)
     assert best_score(levels) == pytest.approx(levels_at_once, abs=1e-5)
 

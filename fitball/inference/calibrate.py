@@ -1,4 +1,4 @@
-"""The road: search, linearise, sample, search from the best draw, profile, judge, assemble."""
+"""A fit in its stages: search, sample, search from the best draw, linearise, profile, judge."""
 
 from __future__ import annotations
 
@@ -27,22 +27,36 @@ from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.least_squares import least_squares
 from fitball.models.model import Model
 
-# By how much a draw may lie above the best values before these are searched for again from it.
-_ABOVE = 0.01
+# By how much the log posterior of a draw may exceed that of the best values. At more these are
+# searched for again from the draw.
+_MOST_ABOVE_BEST = 0.01
 
 
 def calibrate(
     problem: Problem,
     effort: Effort,
     progress: Progress,
-    own: Model | None = None,
+    user_model: Model | None = None,
 ) -> Fitted:
-    """Fit a problem. Raises FitError, MachineError (`memory`), KeyboardInterrupt."""
+    """Fit a problem; `user_model` is its model if the user wrote that. `progress` gets each stage
+    with the share of it that is done.
+
+    Raises:
+        FitError: the model has no answer (`no-answer`), or sampling cannot start (`no-start`).
+        MachineError: there is too little memory (`memory`).
+        KeyboardInterrupt: the user stopped the fit.
+    """
     with enough_memory(), threads(effort.cores):
-        return _calibrate(problem, effort, progress, own)
+        return _calibrate(problem, effort, progress, user_model)
 
 
-def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model | None) -> Fitted:
+def _calibrate(
+    problem: Problem,
+    effort: Effort,
+    progress: Progress,
+    user_model: Model | None,
+) -> Fitted:
+    """The stages of a fit in turn, each of which is timed."""
     seconds: dict[str, float] = {}
 
     @contextmanager
@@ -62,7 +76,7 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
             posterior, diagnostics = sample(problem, begin, effort, progress)
             status = "converged" if diagnostics.converged else "not converged"
         with stage("searching"):
-            point = _beside(problem, point, posterior, effort)
+            point = _search_from_best_draw(problem, point, posterior, effort)
     with stage("judging"):
         first = first_order(problem, point)
         derived = problem.derived
@@ -70,13 +84,13 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         profiled, why = profiles(problem, optima)
         tested = adequacy(problem, point, first, derived)
     with stage("trying assumptions"):
-        # The same numbers whatever the seed: verdicts rest on them.
+        # The same random numbers whatever the seed: verdicts rest on them.
         tried, fitted = alternatives(problem, point, Effort().stream("assumptions"))
         held = constants(problem, first, derived)
     with stage("judging"):
-        # Half a degree of tilt where nothing is known of it moves values of most tables: no verdict
-        # rests on that.
-        names = {item.spec.name for item in problem.parameters}
+        # Where the scene states no tilt, half a degree is tried, which moves values of most tables:
+        # no verdict rests on that.
+        names = {parameter.spec.name for parameter in problem.parameters}
         sure = tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
         within = judge(problem, point, first, profiled, derived)
         judged = qualified(within, tested, given(tried, sure, fitted))
@@ -104,28 +118,28 @@ def _calibrate(problem: Problem, effort: Effort, progress: Progress, own: Model 
         alternatives=tried,
         constants=held,
         seconds=seconds,
-        own=own,
+        own=user_model,
     )
 
 
-def _beside(
+def _search_from_best_draw(
     problem: Problem,
     point: schema.PointFit,
     posterior: schema.Posterior,
     effort: Effort,
 ) -> schema.PointFit:
-    """The best values searched for again from the best draw, where that lies above them in what
-    searches raise.
+    """The best values, searched for again from the best draw if that has a higher density than
+    `point`. Densities are those of searches, with the smooth prior of levels.
     """
     values = posterior.values.reshape(-1, len(posterior.names))
     prior = problem.prior
     q = prior.coordinate(values)
     correction = prior.smooth.log_density(q) - prior.log_density(q)
     density = posterior.log_density.ravel() + correction
-    place = int(density.argmax())
-    if density[place] <= point.log_posterior[0] + _ABOVE:
+    highest = int(density.argmax())
+    if density[highest] <= point.log_posterior[0] + _MOST_ABOVE_BEST:
         return point
-    best = dict(zip(posterior.names, values[place].tolist(), strict=True))
+    best = dict(zip(posterior.names, values[highest].tolist(), strict=True))
     return best_fit(
         problem,
         effort.stream("search again"),

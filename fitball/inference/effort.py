@@ -1,6 +1,6 @@
-"""What a fit may cost, and every size that decides by the number of rows or draws."""
+"""What a fit may cost: effort by the user's options, and limits of rows and draws."""
 
-from typing import Any
+from typing import TypedDict
 from zlib import crc32
 
 import msgspec
@@ -8,31 +8,35 @@ import numpy as np
 
 from fitball.base.errors import ParameterError
 
-# Rows above which chains take too long: draws of an approximation are weighted instead, and tests
-# take evenly spread rows.
-LONG = 3_000
-# Rows above which profiles are left out: standard errors are then as good as they are.
-PROFILED = 300
-# Rows of a longer table, evenly spread, with which alternatives are fitted: each is a whole fit.
-ALTERNATIVES = 1_000
-# Rows above which fewer than PREDICTING draws predict, so that memory and time stay as they are.
-PREDICTED = 20_000
-# Draws of predictions: 100 of them are beyond either end of a 95 % interval.
-PREDICTING = 4_000
-# Draws at which derivatives are taken: a mean over them has 8 % of their spread as its error.
-DIFFERENTIATED = 160
-# Independent draws that sampling wants of each parameter: a median is known to 4 % of an sd.
+# Rows above which chains take too long: draws of an approximation are weighted instead, and
+# residual tests take evenly spread rows.
+LONG_ROWS = 3_000
+# Rows above which profiles are left out: standard errors are then as good.
+PROFILED_ROWS = 300
+# Rows at most, evenly spread, to which alternatives are fitted: each is a fit of its own.
+ALTERNATIVE_ROWS = 1_000
+# Rows above which predictions take fewer than PREDICTION_DRAWS: time and memory do not grow.
+PREDICTED_ROWS = 20_000
+# Draws of predictions: 100 of them lie beyond either end of a 95 % interval.
+PREDICTION_DRAWS = 4_000
+# Draws at which derivatives are taken: the error of a mean over them is 8 % of their spread.
+DERIVATIVE_DRAWS = 160
+# Effective draws of each parameter that end sampling: the error of a median is 4 % of an sd.
 TARGET_ESS = 1_000.0
-# The largest split R-hat of sampling, as Vehtari et al. 2021 recommend.
+# R-hat of each parameter below which sampling ends, as Vehtari et al. 2021 recommend.
 TARGET_R_HAT = 1.01
-# Draws times states that are evaluated at once: some twenty arrays of as many numbers live at a
-# time (80 MB).
-AT_ONCE = 500_000
+# Draws times states that are evaluated at once: some twenty arrays of as many numbers are then in
+# memory (80 MB).
+STATES_AT_ONCE = 500_000
 
 
 class Effort(msgspec.Struct, frozen=True):
-    """`seed` of all random numbers, `point_only`, `max_steps` of each ensemble, `cores` (None:
-    all). Raises ParameterError (`effort`).
+    """The effort of a fit: the `seed` of all random numbers, whether only the best values are
+    searched for (`point_only`), the most steps of each ensemble (`max_steps`), and the `cores` in
+    use (None: all).
+
+    Raises:
+        ParameterError: a number is not an int, or too small (`effort`).
     """
 
     seed: int = 1
@@ -50,13 +54,22 @@ class Effort(msgspec.Struct, frozen=True):
                 )
 
     def stream(self, purpose: str) -> np.random.Generator:
-        """Random numbers of "search", "chains", "predict" and so on: independent of what other
-        purposes drew, so a new stage moves no other. `SeedSequence(seed,
-        spawn_key=(crc32(purpose),))`.
+        """Random numbers for a purpose, such as "search", "chains" or "predict". They do not depend
+        on what other purposes drew: a new stage of a fit moves no other. They are those of
+        `SeedSequence(seed, spawn_key=(crc32(purpose),))`.
         """
         return np.random.default_rng(
             np.random.SeedSequence(self.seed, spawn_key=(crc32(purpose.encode()),))
         )
+
+
+class StatedEffort(TypedDict, total=False):
+    """The fields of an `Effort` that a user stated."""
+
+    seed: int
+    max_steps: int
+    point_only: bool
+    cores: int
 
 
 def stated_effort(
@@ -64,12 +77,17 @@ def stated_effort(
     max_steps: int | None,
     point_only: bool,
     cores: int,
-) -> dict[str, Any]:
-    """Those fields of an Effort that a user stated, by name; the rest is as it was, or default."""
-    fields: dict[str, int | bool | None] = {
-        "seed": seed,
-        "max_steps": max_steps,
-        "point_only": point_only or None,
-        "cores": cores or None,
-    }
-    return {name: value for name, value in fields.items() if value is not None}
+) -> StatedEffort:
+    """The fields of an `Effort` that a user stated; the others have defaults, or stay as they were
+    in a stored fit. A number that is None, or no `cores`, was not stated.
+    """
+    stated: StatedEffort = {}
+    if seed is not None:
+        stated["seed"] = seed
+    if max_steps is not None:
+        stated["max_steps"] = max_steps
+    if point_only:
+        stated["point_only"] = True
+    if cores:
+        stated["cores"] = cores
+    return stated

@@ -20,7 +20,7 @@ from fitball.data.table import ImpactTable
 from fitball.inference import frames, schema
 from fitball.inference.curves import curves_frame
 from fitball.inference.derived import Quantity, quantity_of
-from fitball.inference.effort import PREDICTING, Effort
+from fitball.inference.effort import PREDICTION_DRAWS, Effort
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.camera import CAMERA_SPECS
@@ -89,21 +89,21 @@ def draws_of(
     posterior: schema.Posterior | None,
     effort: Effort,
 ) -> Draws:
-    """Draws of every parameter, PREDICTING of them at most, with `mu[new]` and `mu_spread` of
+    """Draws of every parameter, PREDICTION_DRAWS of them at most, with `mu[new]` and `mu_spread` of
     leveled ones; no draws of a point fit.
     """
     point = fit.optima[0]
     best = {name: np.array([value]) for name, value in point.items()}
     # A level of which nothing was measured has no best value: the median of its prior, given the
     # best values of the others, takes its place.
-    q = np.repeat(problem.coordinates(point)[np.newaxis], PREDICTING, axis=0)
+    q = np.repeat(problem.coordinates(point)[np.newaxis], PREDICTION_DRAWS, axis=0)
     beyond = problem.prior.draw_new_levels(q, effort.stream("levels"))
     for name, draws in beyond.items():
         best[name] = np.asarray(np.median(draws, keepdims=True))
     if posterior is None:
         return Draws(point, {name: np.empty(0) for name in best}, best)
     chains = posterior.values.reshape(-1, len(posterior.names))
-    count = min(PREDICTING, len(chains))
+    count = min(PREDICTION_DRAWS, len(chains))
     chosen = chains[evenly_begun(len(chains), count)]
     values = dict(zip(posterior.names, chosen.T, strict=True))
     for name, value in point.items():

@@ -14,7 +14,7 @@ from fitball.base.selection import evenly_spread
 from fitball.base.values import BoolArray, DataFrame, FloatArray, Impacts, IntArray
 from fitball.data.balances import impact_balances
 from fitball.inference.curves import series
-from fitball.inference.effort import PREDICTED
+from fitball.inference.effort import PREDICTED_ROWS
 from fitball.inference.forward import Draws
 from fitball.inference.predictive import PredictionRequest, predict_impacts, regime_shares
 from fitball.inference.problem.problem import Problem
@@ -134,9 +134,9 @@ def regimes_frame(problem: Problem, draws: Draws) -> DataFrame:
     """The frame `regimes`: a row for each impact and sequence of slip and grip.
 
     `share` is that among some _REGIME_DRAWS draws with an answer, or of the best fit where there
-    are no draws. Of a long table it has PREDICTED impacts, evenly spread.
+    are no draws. Of a long table it has PREDICTED_ROWS impacts, evenly spread.
     """
-    rows = evenly_spread(len(problem.table), PREDICTED)
+    rows = evenly_spread(len(problem.table), PREDICTED_ROWS)
     thinned = {}
     for name, column in draws.values.items():
         step = max(1, len(column) // _REGIME_DRAWS)

@@ -15,7 +15,7 @@ from fitball.base.values import BoolArray, FloatArray, Impacts, IntArray
 from fitball.data.scene import ValueWithSd
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
-from fitball.inference.effort import AT_ONCE, LONG
+from fitball.inference.effort import LONG_ROWS, STATES_AT_ONCE
 from fitball.inference.fitted import Fitted
 from fitball.inference.forward import Values
 from fitball.inference.predictive import PredictionRequest
@@ -134,7 +134,7 @@ class Known:
         draws, unknowns = self.at.shape
         # Two bounces for each unknown and each error of a state, and one.
         bounces = draws * (2 * unknowns + 7)
-        pieces = -(-len(impacts) * bounces // AT_ONCE)
+        pieces = -(-len(impacts) * bounces // STATES_AT_ONCE)
         by_sensor: list[list[Look]] = [[] for _ in sensors]
         for part in np.array_split(np.arange(len(impacts)), min(pieces, len(impacts))):
             measured = _Measured(self, impacts.take(part), index[part], columns)
@@ -290,7 +290,7 @@ def _nearest(fit: Fitted, impacts: Impacts) -> IntArray:
         # One is like another.
         return np.full(len(impacts), complete[0])
     # Of a long table evenly spread ones.
-    complete = complete[evenly_spread(len(complete), LONG, down=True)]
+    complete = complete[evenly_spread(len(complete), LONG_ROWS, down=True)]
     measured = rows.states.take(complete)
     away = (
         (impacts.v_x1[:, None] - measured.v_x1) ** 2

@@ -140,7 +140,7 @@ def adequacy(
     derived: Sequence[Quantity] = (),
 ) -> Adequacy:
     """Test the residuals of a fit, and see what the patterns move, `derived` quantities too. Above
-    LONG rows those of `first`, which is thinned.
+    LONG_ROWS those of `first`, which is thinned.
     """
     fit = _residuals(problem, first)
     alone = [

@@ -14,7 +14,7 @@ from fitball.base.numbers import fixed
 from fitball.base.selection import evenly_spread, systematic
 from fitball.base.values import FloatArray
 from fitball.inference.density import cell_log_density, cell_slopes, log_posterior
-from fitball.inference.effort import ALTERNATIVES
+from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.judgement.first_order import proposal
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.build import build_problem
@@ -87,13 +87,13 @@ def alternatives(
 ) -> tuple[tuple[Alternative, ...], dict[str, Summary]]:
     """Every single change that makes a difference, and what the fit itself says in the same way, by
     weighted draws, so that `given` compares like with like and needs no chain. Of more than
-    ALTERNATIVES rows a part, evenly spread, on which the fit is made again: by how much an
+    ALTERNATIVE_ROWS a part, evenly spread, on which the fit is made again: by how much an
     alternative lies beside that, and is wider, it does so of all rows. Raises FitError
     (`no-answer`).
     """
     count = len(problem.rows.y)
     model = problem.forward.model
-    rows = evenly_spread(count, ALTERNATIVES)
+    rows = evenly_spread(count, ALTERNATIVE_ROWS)
     x = problem.coordinates(point.optima[0])
     base = _fitted(problem.on_rows(rows), x[None], rng)
     wider = np.ones(x.size)

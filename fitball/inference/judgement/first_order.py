@@ -25,7 +25,7 @@ from fitball.inference.density import (
 )
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
-from fitball.inference.effort import LONG
+from fitball.inference.effort import LONG_ROWS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.importance import Student
 from fitball.inference.schema import PointFit
@@ -47,9 +47,9 @@ class FirstOrder(NamedTuple):
     `traded` parameters with those they move with unnoticed; a `proposal`, noise included. K and
     root are in `sds` (parameters,) of priors, in coordinates.
 
-    Above LONG rows residual and slopes are of LONG evenly spread ones, each for `share` of all;
-    `root` is of all, by a streamed QR. With Student's t a residual is the score over its sd, so
-    that the same algebra holds.
+    Above LONG_ROWS residual and slopes are of LONG_ROWS evenly spread ones, each for `share` of
+    all; `root` is of all, by a streamed QR. With Student's t a residual is the score over its sd,
+    so that the same algebra holds.
     """
 
     columns: tuple[str, ...]
@@ -121,7 +121,7 @@ def first_order(problem: Problem, point: PointFit) -> FirstOrder:
     """The linearisation at the best values, with the prior that searches have."""
     x = problem.coordinates(point.optima[0])[None]
     count = len(problem.rows.y)
-    rows = evenly_spread(count, LONG)
+    rows = evenly_spread(count, LONG_ROWS)
     cells_of_rows = _measured(problem.on_rows(rows), x)
     fitted = np.flatnonzero([name not in problem.noises for name in problem.free])
     names = tuple(problem.free[k] for k in fitted)

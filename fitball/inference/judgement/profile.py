@@ -20,7 +20,7 @@ import numpy as np
 
 from fitball.base.priors import parse_prior
 from fitball.base.values import FloatArray
-from fitball.inference.effort import PROFILED
+from fitball.inference.effort import PROFILED_ROWS
 from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import Interval, Profile
 from fitball.inference.search.objective import Objective, descend
@@ -153,10 +153,10 @@ class _Path:
 
 def profiles(problem: Problem, optima: FloatArray) -> tuple[dict[str, Profile], str]:
     """Of the free parameters, from the coordinates of optima (optima, free); or why there are none
-    (more than PROFILED rows, or measurements that leave nothing of the noise).
+    (more than PROFILED_ROWS, or measurements that leave nothing of the noise).
     """
-    if len(problem.rows.y) > PROFILED:
-        as_good = f"Above {PROFILED} impacts standard errors are as good as profiles"
+    if len(problem.rows.y) > PROFILED_ROWS:
+        as_good = f"Above {PROFILED_ROWS} impacts standard errors are as good as profiles"
         return {}, f"{as_good}, which are left out."
     levels = drops(problem)
     if not levels:

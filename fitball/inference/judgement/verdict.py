@@ -16,7 +16,7 @@ from fitball.base.priors import ParameterSpec
 from fitball.base.text import listed
 from fitball.base.values import BoolArray, FloatArray
 from fitball.inference.derived import LAWS, Quantity, anchored
-from fitball.inference.effort import PROFILED
+from fitball.inference.effort import PROFILED_ROWS
 from fitball.inference.judgement.first_order import FirstOrder, gradients
 from fitball.inference.problem.problem import Problem, base_of
 from fitball.inference.schema import Adequacy, Interval, Judgement, PointFit, Profile, Verdict
@@ -199,7 +199,7 @@ def judge(
         if item.fixed is not None
     }
     noises = problem.noises
-    missing = not found and len(problem.rows.y) <= PROFILED
+    missing = not found and len(problem.rows.y) <= PROFILED_ROWS
     linear = _linear(problem, first, derived)
     far = anchored(problem.forward, problem.calibrated)
     for k, item in enumerate(problem.prior.parameters):
