@@ -41,7 +41,7 @@ def test_a_command_writes_a_fit_that_reads_back_and_an_older_one_is_kept(tmp_pat
     ]
     assert main(words) == 0
     assert "mu" in capsys.readouterr().out
-    names = {place.name for place in (tmp_path / "fit").iterdir()}
+    names = {path.name for path in (tmp_path / "fit").iterdir()}
     assert names >= {
         "report.html",
         "fit.json",
@@ -80,15 +80,15 @@ def test_what_values_rest_on_depends_on_no_seed_and_needs_no_chain():
 
 
 def test_check_prints_every_fault_as_json(tmp_path, capsys):
-    place = tmp_path / "broken.csv"
-    place.write_text("v_1,theta_1,v_y2\n17,much,5\n18,200,5\n")
-    assert main(["check", str(place), "--quiet"]) == 1
-    assert place.name in capsys.readouterr().out
-    assert main(["check", str(place), "--json"]) == 1
+    path = tmp_path / "broken.csv"
+    path.write_text("v_1,theta_1,v_y2\n17,much,5\n18,200,5\n")
+    assert main(["check", str(path), "--quiet"]) == 1
+    assert path.name in capsys.readouterr().out
+    assert main(["check", str(path), "--json"]) == 1
     faults = json.loads(capsys.readouterr().out)["frames"]["faults"]
     places = {(fault["row"], fault["column"]) for fault in faults}
     assert places >= {(1, "theta_1"), (2, "theta_1")}
-    assert main(["calibrate", str(place), "--out", str(tmp_path / "fit")]) == 2
+    assert main(["calibrate", str(path), "--out", str(tmp_path / "fit")]) == 2
     assert not (tmp_path / "fit").exists()
 
 

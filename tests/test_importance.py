@@ -100,23 +100,23 @@ def test_a_bad_proposal_shows():
     assert pareto_k_of_proposal(1.2) < 0.3
 
 
-def test_parts_follow_a_bent_distribution():
+def test_a_mixture_follows_a_bent_distribution():
     rng = np.random.default_rng(6)
     x = rng.standard_normal((8000, 2)) * [1.0, 0.2]
     x[:, 1] += x[:, 0] ** 2
     x *= 1e3
-    shares, parts = zip(*fit_mixture(x, rng), strict=True)
+    shares, students = zip(*fit_mixture(x, rng), strict=True)
     first, second = x.T
     log_first = stats.norm.logpdf(first, scale=1e3)
     log_second = stats.norm.logpdf(second, first**2 / 1e3, 200.0)
     truth = log_first + log_second
     by_single = fit_student(x).log_density(x)
-    densities = [np.exp(part.log_density(x)) for part in parts]
-    by_parts = np.log(np.array(shares) @ np.array(densities))
-    loss_of_parts = np.mean(truth - by_parts)
+    densities = [np.exp(student.log_density(x)) for student in students]
+    by_mixture = np.log(np.array(shares) @ np.array(densities))
+    loss_of_mixture = np.mean(truth - by_mixture)
     loss_of_single = np.mean(truth - by_single)
     assert sum(shares) == pytest.approx(1.0)
-    assert 0.0 < loss_of_parts < 0.3 * loss_of_single
+    assert 0.0 < loss_of_mixture < 0.3 * loss_of_single
     three_on_line = x[:3] * [1.0, 0.0]
     assert fit_mixture(three_on_line, rng) == []
 

@@ -16,14 +16,15 @@ from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.least_squares import least_squares
 
 
-def fitted(problem):
+def fit_of(problem):
+    """Least squares from the best fit."""
     return least_squares(problem, best_fit(problem, np.random.default_rng(0)))
 
 
 @pytest.mark.parametrize("noise", [SD, 5.0 * SD])
 def test_a_straight_line_as_curve_fit_has_it(noise):
     problem = line_problem(noise=noise)
-    found = fitted(problem)
+    result = fit_of(problem)
     x = problem.rows.states.v_x1
     y = problem.rows.y[:, 0]
     (slope, shift), covariance = curve_fit(
@@ -34,42 +35,42 @@ def test_a_straight_line_as_curve_fit_has_it(noise):
         absolute_sigma=False,
     )
     slope_error, shift_error = np.sqrt(np.diag(covariance))
-    assert found.values["slope"] == pytest.approx(slope, rel=1e-6)
-    assert found.values["shift"] == pytest.approx(shift, rel=1e-6)
+    assert result.values["slope"] == pytest.approx(slope, rel=1e-6)
+    assert result.values["shift"] == pytest.approx(shift, rel=1e-6)
     # Whatever noise was expected: they follow from how the measurements scatter.
-    assert found.stderr["slope"] == pytest.approx(slope_error, rel=1e-4)
-    assert found.stderr["shift"] == pytest.approx(shift_error, rel=1e-4)
+    assert result.stderr["slope"] == pytest.approx(slope_error, rel=1e-4)
+    assert result.stderr["shift"] == pytest.approx(shift_error, rel=1e-4)
     residuals = (y - slope * x - shift) / noise
     square = np.sum(residuals**2)
-    assert found.chi_square == pytest.approx(square, rel=1e-9)
-    assert found.degrees_of_freedom == x.size - 2
+    assert result.chi_square == pytest.approx(square, rel=1e-9)
+    assert result.degrees_of_freedom == x.size - 2
     aic = x.size * np.log(square / x.size) + 4.0
-    assert found.aic == pytest.approx(aic, rel=1e-9)
-    assert found.stderr["v_x_sd"] is None
-    assert found.missing["v_x_sd"].startswith("fixed")
+    assert result.aic == pytest.approx(aic, rel=1e-9)
+    assert result.stderr["v_x_sd"] is None
+    assert result.missing["v_x_sd"].startswith("fixed")
 
 
 def test_the_noise_is_taken_as_expected():
     problem = line_problem(noise=0.0)
-    found = fitted(problem)
-    assert found.values["v_x_sd"] == pytest.approx(0.25, rel=1e-6)
-    assert found.stderr["v_x_sd"] is None
-    expected = fitted(line_problem(noise=0.25))
-    assert found.chi_square == pytest.approx(expected.chi_square, rel=1e-6)
+    result = fit_of(problem)
+    assert result.values["v_x_sd"] == pytest.approx(0.25, rel=1e-6)
+    assert result.stderr["v_x_sd"] is None
+    expected = fit_of(line_problem(noise=0.25))
+    assert result.chi_square == pytest.approx(expected.chi_square, rel=1e-6)
 
 
 def test_the_result_of_lmfit_has_the_same_errors():
     table = table_of(REBOUND, labels=("surface",), count=14)
     problem = problem_of(table, scene_of(), pool={"mu": "surface"})
     point = best_fit(problem, np.random.default_rng(0))
-    result, _ = search._minimize(problem, point)
-    found = least_squares(problem, point)
-    assert isinstance(result, lmfit.minimizer.MinimizerResult)
-    assert "mu_a_" in lmfit.fit_report(result)
-    assert result.redchi == result.chisqr / result.nfree
-    assert result.params["mu_a_"].stderr == found.stderr["mu[a]"]
-    assert found.stderr["mu[a]"] > 0.0
-    assert found.degrees_of_freedom == 14 * 3 - 7
+    of_lmfit, _ = search._minimize(problem, point)
+    result = least_squares(problem, point)
+    assert isinstance(of_lmfit, lmfit.minimizer.MinimizerResult)
+    assert "mu_a_" in lmfit.fit_report(of_lmfit)
+    assert of_lmfit.redchi == of_lmfit.chisqr / of_lmfit.nfree
+    assert of_lmfit.params["mu_a_"].stderr == result.stderr["mu[a]"]
+    assert result.stderr["mu[a]"] > 0.0
+    assert result.degrees_of_freedom == 14 * 3 - 7
 
 
 def test_slopes_are_those_of_the_residuals():
@@ -96,28 +97,28 @@ def test_slopes_are_those_of_the_residuals():
 
 def test_what_the_scene_measured_counts():
     problem = problem_of(table_of(REBOUND), scene_of(ball=True))
-    found = fitted(problem)
-    mass_z = (found.values["ball_mass"] - 0.0577) / 2e-4
-    ratio_z = (found.values["inertia_ratio"] - 0.56) / 0.01
-    assert found.stderr["ball_mass"] < 3.0 * 2e-4
-    assert found.stderr["inertia_ratio"] < 3.0 * 0.01
-    q = problem.coordinates(found.values)
+    result = fit_of(problem)
+    mass_z = (result.values["ball_mass"] - 0.0577) / 2e-4
+    ratio_z = (result.values["inertia_ratio"] - 0.56) / 0.01
+    assert result.stderr["ball_mass"] < 3.0 * 2e-4
+    assert result.stderr["inertia_ratio"] < 3.0 * 0.01
+    q = problem.coordinates(result.values)
     z = cells(problem, q[None]).z
     square = np.sum(z**2) + mass_z**2 + ratio_z**2
-    assert found.chi_square == pytest.approx(square, rel=1e-9)
-    assert found.degrees_of_freedom == 30 + 2 - 7
+    assert result.chi_square == pytest.approx(square, rel=1e-9)
+    assert result.degrees_of_freedom == 30 + 2 - 7
 
 
 def test_no_error_on_a_bound_or_where_nothing_changes():
     prior = {"mu": "uniform(0.1, 0.5)"}
-    bound = fitted(problem_of(table_of(REBOUND), scene_of(), prior=prior))
+    bound = fit_of(problem_of(table_of(REBOUND), scene_of(), prior=prior))
     assert bound.values["mu"] == pytest.approx(0.5)
     assert bound.stderr["mu"] is None
-    fixed = fitted(problem_of(table_of(REBOUND), scene_of(), fix={"mu": 0.5}))
+    fixed = fit_of(problem_of(table_of(REBOUND), scene_of(), fix={"mu": 0.5}))
     for name in ("e_x", "offset", "cor_10", "cor_slope"):
         assert bound.stderr[name] == pytest.approx(fixed.stderr[name], rel=1e-3)
     # Fewer measurements than parameters.
-    few = fitted(problem_of(table_of(REBOUND, count=2), scene_of(), "two-mass"))
+    few = fit_of(problem_of(table_of(REBOUND, count=2), scene_of(), "two-mass"))
     assert few.degrees_of_freedom < 0
     assert {*few.missing} >= {"mass_ratio", "k_y", "k_theta"}
     # Friction where all impacts grip.
@@ -126,7 +127,7 @@ def test_no_error_on_a_bound_or_where_nothing_changes():
     table.values["v_x2"][:] *= 0.2
     table.values["omega_1"][:] = 0.0
     table.values["omega_2"][:] = 0.0
-    grip = fitted(problem_of(table, scene_of()))
+    grip = fit_of(problem_of(table, scene_of()))
     assert grip.stderr["mu"] is None
     assert grip.stderr["cor_10"] > 0.0
     assert {*grip.missing} == {"mu", "v_x_sd", "v_y_sd", "spin_sd"}

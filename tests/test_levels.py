@@ -242,13 +242,13 @@ def test_draws_of_a_problem_lie_within_the_bounds_and_have_new_levels():
     assert more["cor_10[new]"].min() > 0.0
     assert more["cor_10[new]"].max() <= 1.0
     impact = Impacts(np.array([14.0]), np.array([8.0]), np.array([0.0]))
-    found = problem.forward.rebound(
+    rebound = problem.forward.rebound(
         {**problem.values(q), **more},
         impact,
         np.full((1, 2), NEW_LEVEL),
     )
-    solved = found.status == 0
-    assert np.isfinite(found.v_y2[solved]).all()
+    solved = rebound.status == 0
+    assert np.isfinite(rebound.v_y2[solved]).all()
     assert np.mean(solved) > 0.9
 
 

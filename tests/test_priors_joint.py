@@ -41,14 +41,17 @@ SHAPED = {
 
 
 @pytest.mark.parametrize("priors", [PRIORS, SHAPED])
-def test_priors_together_are_those_of_scipy_one_by_one(priors):
+def test_the_joint_prior_is_the_sum_of_priors_by_scipy(priors):
     # The bounds cut off most of a prior far above them.
     problem = problem_of(table_of(REBOUND, "sd"), scene_of(), prior=priors, noise="student-t")
     q = problem.prior.draw(np.random.default_rng(1), 40)
     values = problem.prior.value(q)
-    items = [item for item in problem.parameters if item.fixed is None]
+    free = [parameter for parameter in problem.parameters if parameter.fixed is None]
     exact = [
-        sum(log_prior(one.spec, one.prior.text, v) for one, v in zip(items, row, strict=True))
+        sum(
+            log_prior(parameter.spec, parameter.prior.text, value)
+            for parameter, value in zip(free, row, strict=True)
+        )
         for row in values
     ]
     assert_allclose(problem.prior.log_density(q), exact, rtol=1e-9, atol=1e-9)
@@ -101,7 +104,7 @@ def test_evidence_is_the_priors_of_what_the_scene_measured_alone():
     assert np.all(gradient[:, k] != 0.0)
 
 
-def test_at_levels_a_prior_in_the_logit_gives_way_to_a_normal_one_of_values():
+def test_at_levels_a_normal_prior_of_values_replaces_one_in_the_logit():
     table = table_of(REBOUND, labels=("surface",), count=12)
     prior = {"cor_10": "beta(30, 10)", "mu": "gamma(9, 0.07)"}
     pool = {"cor_10": "surface", "mu": "surface"}
@@ -163,8 +166,8 @@ def test_noise_against_scipy_and_quadrature(kind):
     nu = np.array([2.0, 5.0, 90.0])
     values = {"degrees_of_freedom": nu}
     z = np.linspace(-30.0, 30.0, 121) * np.ones((3, 1))
-    law = [stats.norm if kind == "normal" else stats.t(one) for one in nu]
-    exact = np.array([own.logpdf(row) for own, row in zip(law, z, strict=True)])
+    laws = [stats.norm if kind == "normal" else stats.t(freedom) for freedom in nu]
+    exact = np.array([law.logpdf(row) for law, row in zip(laws, z, strict=True)])
     assert_allclose(noise.log_density(z, values), exact, rtol=1e-10)
     assert_allclose(
         noise.log_density(z[:, :, None, None], values)[..., 0, 0],
@@ -172,28 +175,28 @@ def test_noise_against_scipy_and_quadrature(kind):
         rtol=1e-10,
     )
     residual, rate = noise.residual(z, values)
-    middle = np.array([[own.logpdf(0.0)] for own in law])
+    middle = np.array([[law.logpdf(0.0)] for law in laws])
     assert_allclose(residual**2, 2.0 * (middle - exact), rtol=1e-9, atol=1e-12)
     above, below = (noise.residual(z + step, values)[0] for step in (1e-6, -1e-6))
     assert_allclose(rate, (above - below) / 2e-6, rtol=1e-7)
-    centre, scale = (np.broadcast_to(one, 3) for one in noise.information(values))
-    for k, own in enumerate(law):
+    centre, scale = (np.broadcast_to(share, 3) for share in noise.information(values))
+    for k, law in enumerate(laws):
 
-        def score(x, own=own):
-            return (own.logpdf(x + 1e-5) - own.logpdf(x - 1e-5)) / 2e-5
+        def score(x, law=law):
+            return (law.logpdf(x + 1e-5) - law.logpdf(x - 1e-5)) / 2e-5
 
-        on_centre = integrate.quad(lambda x, own=own: own.pdf(x) * score(x) ** 2, -np.inf, np.inf)[
-            0
-        ]
-        on_scale = integrate.quad(
-            lambda x, own=own: own.pdf(x) * (1.0 + x * score(x)) ** 2,
-            -np.inf,
-            np.inf,
-        )[0]
+        def on_centre_at(x, law=law, score=score):
+            return law.pdf(x) * score(x) ** 2
+
+        def on_scale_at(x, law=law, score=score):
+            return law.pdf(x) * (1.0 + x * score(x)) ** 2
+
+        on_centre, _ = integrate.quad(on_centre_at, -np.inf, np.inf)
+        on_scale, _ = integrate.quad(on_scale_at, -np.inf, np.inf)
         assert (centre[k], scale[k]) == pytest.approx((on_centre, on_scale), rel=1e-4)
     drawn = noise.draw(np.random.default_rng(4), (3, 4000), values)
     assert all(
-        stats.kstest(row, own.cdf).pvalue > 1e-3 for row, own in zip(drawn, law, strict=True)
+        stats.kstest(row, law.cdf).pvalue > 1e-3 for row, law in zip(drawn, laws, strict=True)
     )
     with pytest.raises(ParameterError) as caught:
         noise_kind("students")
@@ -239,14 +242,18 @@ def test_priors_that_nobody_chose():
         "ball_mass": "normal(0.0577, 0.0001)",
         "inertia_ratio": f"normal({3.5e-5 / square:.10g}, {7e-7 / square:.10g})",
     }
-    measured = {item.spec.name for item in problem.parameters if item.measured}
+    measured = {parameter.spec.name for parameter in problem.parameters if parameter.measured}
     assert measured == {"ball_mass", "inertia_ratio"}
     assert {note.code for note in problem.notes} >= {"unused-column", "assumed-ball"}
     held = problem_of(
         table_of(REBOUND),
         Scene(surface={"mu": 0.6}, measurement={"velocity_sd": 0.1}),
     )
-    fixed = {item.spec.name: item.fixed for item in held.parameters if item.fixed is not None}
+    fixed = {
+        parameter.spec.name: parameter.fixed
+        for parameter in held.parameters
+        if parameter.fixed is not None
+    }
     assert fixed == {"mu": 0.6, "v_x_sd": 0.1, "v_y_sd": 0.1}
 
 
@@ -282,7 +289,7 @@ def test_what_the_table_does_not_show_is_held():
         spinless,
         values={n: v for n, v in spinless.values.items() if n != "omega_1"},
     )
-    named = {item.spec.name: item for item in problem_of(spinless).parameters}
+    named = {parameter.spec.name: parameter for parameter in problem_of(spinless).parameters}
     assert named["offset"].fixed == 0.0
     assert "no-spin" in {n.code for n in problem_of(spinless).notes}
     assert problem_of(spinless, text="").forward.model.text == "brody"
@@ -291,14 +298,15 @@ def test_what_the_table_does_not_show_is_held():
     fallen = problem_of(drop, text="")
     assert not fallen.forward.model.tangential
     assert fallen.free == ("cor_10", "cor_slope", "v_y_sd")
-    assert {item.spec.name: item.fixed for item in fallen.parameters}["k_y"] == 2e4
+    stiffness = {parameter.spec.name: parameter for parameter in fallen.parameters}["k_y"]
+    assert stiffness.fixed == 2e4
     assert "k_y" in problem_of(drop, Scene(contact_time=ValueWithSd(5e-3, 5e-4)), text="").free
 
 
 def test_the_user_overrides_the_scene_and_a_stored_fit_the_defaults():
     table = table_of(REBOUND, labels=("surface",))
-    known = {"e_x": "normal(0.1, 0.1)", "k_theta": "lognormal(20, 1)"}
-    scene = Scene(prior=known, fix={"offset": 0.001}, pool={"mu": "none"})
+    priors = {"e_x": "normal(0.1, 0.1)", "k_theta": "lognormal(20, 1)"}
+    scene = Scene(prior=priors, fix={"offset": 0.001}, pool={"mu": "none"})
     problem = problem_of(table, scene, prior={"offset": "normal(0, 0.001)"}, fix={"e_x": 0.05})
     assert problem.prior_texts["offset"] == "normal(0, 0.001)"
     assert problem.prior_texts["e_x"] == "0.05"
@@ -361,13 +369,13 @@ def test_tables_that_cannot_be_fitted():
     assert problem_of(corr, fix={"v_x_sd": 0.0, "spin_sd": 0.0}).prior_texts["spin_sd"] == "0.0"
     # Whichever side of nothing rounding leaves.
     for sd in np.linspace(0.05, 0.3, 12):
-        given = made(
+        exact_errors = made(
             {"v_x1": [20.0, 21.0], "v_y1": 8.0, "v_x2": 15.0},
             {"v_x1": 0.13, "v_x2": sd},
             {("v_x1", "v_x2"): 1},
         )
         with pytest.raises(FitError):
-            row_errors(given, ("v_x2",), ("v_x2",))
+            row_errors(exact_errors, ("v_x2",), ("v_x2",))
     values = {"v_y1": [8.0, 9.0], "contact_time": 0.005}
     sds = {"v_y1": 0.1, "contact_time": 5e-6}
     fine = made(values, sds, {("v_y1", "contact_time"): 0.5})
@@ -380,36 +388,36 @@ def test_choices_for_another_model():
     fix = {"spin_sd": 5.0}
     pool = {"mu": "surface", "all": "none"}
     prior = {"mu_spread": "half-t(1, 4)", "tilt[a]": "normal(0, 1)"}
-    given = Choices(
+    choices = Choices(
         "two-mass",
         fix | {"k_y": 2e4},
         prior | {"eps_10": "normal(0, 1)"},
         pool | {"k_y": "ball"},
     )
-    kept = given.for_model("brody", [spec.name for spec in model("brody").parameters])
-    assert kept == Choices("brody", fix, prior, pool)
+    brody = choices.for_model("brody", [spec.name for spec in model("brody").parameters])
+    assert brody == Choices("brody", fix, prior, pool)
 
 
 def test_summaries_of_draws():
     rng = np.random.default_rng(6)
     draws = rng.standard_normal(20_000)
-    found = summarise(3.0 + 2.0 * draws, 2.9)
+    summary = summarise(3.0 + 2.0 * draws, 2.9)
     exact = 3.0 + 2.0 * stats.norm.ppf([0.025, 0.16, 0.5, 0.84, 0.975])
     assert_allclose(
-        [found.q025, found.q16, found.median, found.q84, found.q975],
+        [summary.q025, summary.q16, summary.median, summary.q84, summary.q975],
         exact,
         atol=0.08,
     )
-    assert found.point == 2.9
-    assert found.sd == pytest.approx(2.0, rel=0.02)
-    some = np.column_stack(
+    assert summary.point == 2.9
+    assert summary.sd == pytest.approx(2.0, rel=0.02)
+    with_gaps = np.column_stack(
         [draws, np.where(draws > 0.5, np.nan, draws), np.where(draws > -0.1, np.nan, draws)]
     )
-    made = bands(some)
-    assert np.isfinite(made[:, :2]).all()
-    assert np.isnan(made[:, 2]).all()
+    quantiles = bands(with_gaps)
+    assert np.isfinite(quantiles[:, :2]).all()
+    assert np.isnan(quantiles[:, 2]).all()
     assert_allclose(
-        made[:, 1],
+        quantiles[:, 1],
         np.quantile(draws[draws <= 0.5], [0.025, 0.16, 0.5, 0.84, 0.975]),
     )
     assert np.isnan(summarise(np.empty(0), 1.0).median)

@@ -65,9 +65,9 @@ def test_cost_is_minus_the_posterior_and_its_slopes_are_right(name):
     with_spike = np.any(cost != -density.log_posterior(problem, x))
     assert bool(with_spike) == (name == "levels")
     gradient, curvature = objective.linearised(x)
-    for row, found in zip(x, gradient, strict=True):
+    for row, slopes in zip(x, gradient, strict=True):
         wanted = gradient_of(objective.cost, row, problem)
-        assert_allclose(found, wanted, atol=2e-5 * np.abs(wanted).max())
+        assert_allclose(slopes, wanted, atol=2e-5 * np.abs(wanted).max())
     assert np.all(np.linalg.eigvalsh(curvature) > 0.0)
 
 
@@ -192,8 +192,8 @@ def test_steps_solve_the_quadratic_programme(seed):
     slope = rng.standard_normal(5)
     a = rng.standard_normal((7, 5))
     b = rng.uniform(-0.2, 0.5, 7)
-    found = constrained_step(curvature, slope, a, b)
-    assert np.all(a @ found <= b + 1e-9)
+    step = constrained_step(curvature, slope, a, b)
+    assert np.all(a @ step <= b + 1e-9)
     constraint = {
         "type": "ineq",
         "fun": lambda d: b - a @ d,
@@ -207,7 +207,7 @@ def test_steps_solve_the_quadratic_programme(seed):
         method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 500},
     )
-    assert_allclose(found, other.x, atol=1e-5)
+    assert_allclose(step, other.x, atol=1e-5)
     # At most -1 and at least -0.5 is nowhere.
     sides = np.array([a[0], -a[0]])
     ends = np.array([-1.0, 0.5])
@@ -217,16 +217,16 @@ def test_steps_solve_the_quadratic_programme(seed):
 @pytest.mark.parametrize("name", ["simple", "camera"])
 def test_no_maximum_of_scipy_is_higher(name):
     problem = form(name)
-    found = best_fit(problem, seeded())
+    point = best_fit(problem, seeded())
     width = problem.prior.width
-    begin = problem.coordinates(found.optima[0])
+    begin = problem.coordinates(point.optima[0])
 
     def cost(steps):
         q = begin + width * steps
         score = density.log_posterior(problem, q[None])[0]
         return -score if np.isfinite(score) else 1e10
 
-    assert -cost(np.zeros(begin.size)) == found.log_posterior[0]
+    assert -cost(np.zeros(begin.size)) == point.log_posterior[0]
     truth = (problem.coordinates(truth_of(problem)) - begin) / width
     options = {
         "maxfev": 1200,
@@ -235,18 +235,18 @@ def test_no_maximum_of_scipy_is_higher(name):
         "adaptive": True,
     }
     scipys = minimize(cost, truth, method="Nelder-Mead", options=options)
-    assert found.log_posterior[0] - 1.0 < -scipys.fun < found.log_posterior[0] + 1e-4
+    assert point.log_posterior[0] - 1.0 < -scipys.fun < point.log_posterior[0] + 1e-4
     (likelihood,), _ = density.log_likelihood(problem, begin[None])
-    assert found.log_likelihood == pytest.approx(likelihood, abs=1e-9)
+    assert point.log_likelihood == pytest.approx(likelihood, abs=1e-9)
     mean = density.cells(problem, begin[None]).mean[0]
     squares = (problem.rows.y - mean) ** 2
     rms = np.sqrt(np.nanmean(squares, axis=0))
     for wanted, observable in zip(rms, problem.observables, strict=True):
         name = observable.column.name
-        assert found.rms[name] == pytest.approx(wanted, rel=1e-12)
+        assert point.rms[name] == pytest.approx(wanted, rel=1e-12)
 
 
-def test_the_mode_in_which_all_impacts_grip_is_found():
+def test_the_mode_in_which_all_impacts_grip_is_reached():
     # Nothing there depends on friction, and searches from plain draws of the priors end elsewhere.
     table = table_of(REBOUND, count=20, seed=1)
     rng = seeded(101)
@@ -293,9 +293,9 @@ def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):
     levels = form("levels")
     line_at_once = best_score(line)
     levels_at_once = best_score(levels)
-    monkeypatch.setattr(search, "FIRST", 6)
-    monkeypatch.setattr(search, "GROWTH", 2)
-    lengths = [len(part.rows.y) for part in search._growing(line, seeded())]
+    monkeypatch.setattr(search, "FIRST_ROWS", 6)
+    monkeypatch.setattr(search, "ROWS_GROWTH", 2)
+    lengths = [len(stage.rows.y) for stage in search._stages(line, seeded())]
     assert lengths == [6, 12, 24, 60]
     monkeypatch.setattr(density, "STATES_AT_ONCE", 400)
     assert best_score(line) == pytest.approx(line_at_once, abs=1e-5)
@@ -312,16 +312,16 @@ def test_the_same_seed_gives_the_same_bytes_and_another_the_same_maximum():
     assert first.log_posterior[0] == pytest.approx(other.log_posterior[0], abs=1e-6)
 
 
-def test_a_better_place_known_beside_is_taken(monkeypatch):
+def test_a_better_further_start_is_taken(monkeypatch):
     problem = line_problem(noise=0.0)
-    found = best_fit(problem, seeded())
+    point = best_fit(problem, seeded())
 
     def no_search(_problem, x):
         return x, Objective(problem).cost(x)
 
     monkeypatch.setattr(search, "_optima", no_search)
-    again = best_fit(problem, seeded(), [found.optima[0]])
-    assert again.optima[-1] == pytest.approx(found.optima[0], rel=1e-12)
+    again = best_fit(problem, seeded(), [point.optima[0]])
+    assert again.optima[-1] == pytest.approx(point.optima[0], rel=1e-12)
 
 
 def test_a_model_without_an_answer():
@@ -342,7 +342,7 @@ def test_a_model_without_an_answer():
     assert np.isfinite(best_score(stated))
 
 
-def test_levels_that_differ_are_not_found_to_agree(monkeypatch):
+def test_levels_that_differ_do_not_agree_at_the_maximum(monkeypatch):
     """Two surfaces, 1.8 m/s apart: with its spike the prior has the highest density where both
     agree.
     """
