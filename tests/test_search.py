@@ -13,7 +13,7 @@ from support.line import exact, line_problem
 
 from fitball.base.errors import FitError
 from fitball.inference import density
-from fitball.inference.calibrate import _beside
+from fitball.inference.calibrate import _search_from_best_draw
 from fitball.inference.effort import Effort
 from fitball.inference.schema import Posterior
 from fitball.inference.search import best_fit as search
@@ -369,7 +369,7 @@ def test_levels_that_differ_do_not_agree_at_the_maximum(monkeypatch):
     assert height[0] > point.log_posterior[0] + 0.01
     values = problem.prior.value(agreeing[None])
     drawn = Posterior(problem.free, values[None, None], height[None, None])
-    assert _beside(problem, point, drawn, Effort()) is point
+    assert _search_from_best_draw(problem, point, drawn, Effort()) is point
     # Without the smooth prior the search goes where both agree.
     monkeypatch.setattr(type(problem.prior), "smooth", property(lambda prior: prior))
     assert difference_of_frictions() < 0.001
